@@ -1,0 +1,111 @@
+// Cluster: a decoded cluster in explicit form, and the patch of triangles that it grows from.
+//
+// A cluster is a set of nodes of the Multi-Triangulation that one tile of one round produced. Its
+// nodes consume in-triangles, which parents (coarser clusters) or the root create, and leave
+// out-triangles, which children consume or which belong to the full-resolution mesh.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "store/base/bytes.h"
+#include "store/base/geometry.h"
+#include "store/base/ids.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// A triangle slot's fate, in Cluster::removers and RootPiece::removers.
+inline constexpr uint32_t kDrain = kNone32;         // nobody removes it: full resolution
+inline constexpr uint32_t kChildFlag = 0x80000000u;  // | ordinal in `children`: a child removes it
+constexpr bool RemovedByNode(uint32_t remover) { return (remover & kChildFlag) == 0; }
+constexpr bool RemovedByChild(uint32_t remover) {
+  return (remover & kChildFlag) != 0 && remover != kDrain;
+}
+constexpr uint32_t ChildOrdinal(uint32_t remover) { return remover & ~kChildFlag; }
+
+// An arc to a child whose in-triangles coincide on the grid, so that sorting cannot place them.
+struct ExplicitArc {
+  uint32_t slot = 0;        // of the parent
+  uint32_t child_slot = 0;  // of the child
+  uint8_t rotation = 0;     // the child's first corner is the parent's corner `rotation`
+  friend bool operator==(const ExplicitArc&, const ExplicitArc&) = default;
+};
+
+// A triangle that a cluster consumes, as its parent knows it.
+struct InTriangle {
+  std::array<VertexIndex, 3> vertices;
+  std::array<Vec3i, 3> positions;
+  std::array<uint32_t, 3> parent_vertices;  // local vertices of the parent, to fetch attributes
+  uint32_t parent = 0;                      // ordinal, the caller's
+  uint32_t parent_slot = 0;
+};
+
+// Rotates each triangle so that its corners' positions read smallest, and sorts by them: the order
+// in which a child numbers its in-triangles without an index being stored. Returns false when two
+// triangles, or two rotations of one, cannot be told apart (see ExplicitArc).
+bool SortCanonically(std::vector<InTriangle>& triangles);
+
+// In-triangles in slot order and their corners, numbered by first occurrence.
+struct InPatch {
+  std::vector<std::array<uint32_t, 3>> triangles;  // local vertices
+  std::vector<Vec3i> positions;                    // of local vertices
+  std::vector<VertexIndex> vertices;               // of local vertices
+  Bytes rows;                                      // attributes of local vertices
+};
+
+// The explicit form. Local vertices: 0 .. external_vertices()-1 are the corners of in-triangles;
+// node i's vertex is external_vertices() + i. Slots: 0 .. in-triangles-1, then the star triangles
+// of node 0, of node 1, ... Star triangle j of node i is (i's vertex, ring[j], ring[j+1]); the ring
+// of an interior node is cyclic, that of a boundary node is open (one star triangle less).
+// Nodes are in an order that every parent precedes its children.
+struct Cluster {
+  InPatch in;  // positions and rows are extended by the nodes' own
+  std::vector<uint8_t> error_codes;     // per node
+  std::vector<uint32_t> ring_begin;     // nodes + 1
+  std::vector<uint32_t> ring_vertices;  // local
+  std::vector<uint32_t> star_begin;     // nodes + 1; slots
+  std::vector<uint32_t> hole_begin;     // nodes + 1
+  std::vector<uint32_t> hole_slots;     // slots that a node removes
+  std::vector<uint32_t> removers;       // per slot: node, kChildFlag | ordinal, or kDrain
+  std::vector<ClusterId> children;      // ascending
+  std::vector<ExplicitArc> explicit_arcs;  // ascending by slot
+
+  uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
+  uint32_t in_triangles() const { return static_cast<uint32_t>(in.triangles.size()); }
+  uint32_t external_vertices() const { return static_cast<uint32_t>(in.vertices.size()); }
+  uint32_t slots() const { return static_cast<uint32_t>(removers.size()); }
+  bool boundary(NodeIndex i) const {
+    return star_begin[i + 1] - star_begin[i] != ring_begin[i + 1] - ring_begin[i];
+  }
+  std::span<const uint32_t> ring(NodeIndex i) const {
+    return std::span(ring_vertices).subspan(ring_begin[i], ring_begin[i + 1] - ring_begin[i]);
+  }
+  std::span<const uint32_t> hole(NodeIndex i) const {
+    return std::span(hole_slots).subspan(hole_begin[i], hole_begin[i + 1] - hole_begin[i]);
+  }
+  Vec3i position(uint32_t local_vertex) const { return in.positions[local_vertex]; }
+  // Corners of star slot `slot` of node `i`, which created it.
+  std::array<uint32_t, 3> star_triangle(NodeIndex i, uint32_t slot) const {
+    const std::span<const uint32_t> r = ring(i);
+    const uint32_t j = slot - star_begin[i];
+    return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
+  }
+  size_t memory_bytes() const;
+};
+
+// A piece of the root mesh in explicit form. Slots are its triangles.
+struct RootPiece {
+  std::vector<std::array<uint32_t, 3>> triangles;  // local vertices
+  std::vector<Vec3i> positions;                    // of local vertices
+  std::vector<VertexIndex> vertices;               // of local vertices; < root vertices
+  Bytes rows;                                      // attributes of local vertices
+  std::vector<uint32_t> removers;                  // per triangle: kChildFlag | ordinal, or kDrain
+  std::vector<ClusterId> children;
+  std::vector<ExplicitArc> explicit_arcs;
+  size_t memory_bytes() const;
+};
+
+}  // namespace mtdb

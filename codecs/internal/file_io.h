@@ -1,0 +1,99 @@
+// Reading files in blocks with pread, and writing them so that they appear whole or not at all.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "store/base/bytes.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// An open regular file. Not mapped: mapped pages would count as memory of the process.
+class InputFile {
+ public:
+  // kNotFound, kIoError (a directory, a pipe, no permission).
+  static Result<std::unique_ptr<InputFile>> Open(const std::string& path);
+  ~InputFile();
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+
+  const std::string& path() const { return path_; }
+  uint64_t size_bytes() const { return size_bytes_; }
+  // Fills `out` from `offset` on and returns how much there was: less only at the end of the file.
+  Result<size_t> ReadAt(uint64_t offset, std::span<std::byte> out) const;
+
+ private:
+  InputFile(std::string path, int descriptor, uint64_t size_bytes)
+      : path_(std::move(path)), descriptor_(descriptor), size_bytes_(size_bytes) {}
+
+  std::string path_;
+  int descriptor_;
+  uint64_t size_bytes_;
+};
+
+// A forward cursor over binary data with a buffer of fixed size. `file` must outlive it.
+class BlockReader {
+ public:
+  static constexpr size_t kBufferBytes = size_t{1} << 20;
+
+  BlockReader(const InputFile& file, uint64_t offset);
+
+  // Makes at least `size_bytes` (<= kBufferBytes) unread bytes contiguous at data(). False when
+  // the file ends before, or when reading failed (status()).
+  bool Ensure(size_t size_bytes) { return size_bytes <= available() || Fill(size_bytes); }
+  const std::byte* data() const { return buffer_.data() + begin_; }
+  size_t available() const { return end_ - begin_; }
+  void Consume(size_t size_bytes) { begin_ += size_bytes; }
+  // Steps over bytes without reading them. False when the file ends before.
+  bool Skip(uint64_t size_bytes);
+
+  uint64_t offset() const { return file_end_ - available(); }  // of data() in the file
+  uint64_t remaining() const;                                  // from data() to the file's end
+  const Status& status() const { return status_; }
+
+ private:
+  bool Fill(size_t size_bytes);
+
+  const InputFile& file_;
+  std::vector<std::byte> buffer_;
+  size_t begin_ = 0;
+  size_t end_ = 0;
+  uint64_t file_end_;  // offset of the first byte that is not yet in the buffer
+  Status status_;
+};
+
+// Writes `path` under a temporary name beside it and renames it in Commit(); without Commit() the
+// temporary file is removed by the destructor. It survives the death of the process at any moment,
+// not a power failure: there is no fsync, as meshes can be made again.
+class AtomicFile {
+ public:
+  // kIoError, kNoSpace.
+  static Result<std::unique_ptr<AtomicFile>> Create(const std::string& path);
+  ~AtomicFile();
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+
+  Status Append(ByteSpan bytes);
+  Status Append(std::string_view text) { return Append(AsBytes(text)); }
+  Status Commit();
+  uint64_t bytes_written() const { return bytes_written_; }
+
+ private:
+  AtomicFile(std::string path, std::string temporary, int descriptor);
+  Status Flush();
+  Status WriteAll(ByteSpan bytes);
+
+  std::string path_;
+  std::string temporary_;
+  int descriptor_;
+  std::vector<std::byte> buffer_;
+  size_t buffered_ = 0;
+  uint64_t bytes_written_ = 0;
+};
+
+}  // namespace mtdb

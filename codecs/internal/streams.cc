@@ -1,0 +1,160 @@
+#include "codecs/internal/streams.h"
+
+#include <memory>
+
+#include "zstd.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr int kZstdLevel = 6;
+
+struct FreeCompressor {
+  void operator()(ZSTD_CCtx* c) const { ZSTD_freeCCtx(c); }
+};
+struct FreeDecompressor {
+  void operator()(ZSTD_DCtx* d) const { ZSTD_freeDCtx(d); }
+};
+
+// Contexts are costly to make and hold no state between calls; one per thread.
+ZSTD_CCtx* ThreadCompressor() {
+  thread_local std::unique_ptr<ZSTD_CCtx, FreeCompressor> context(ZSTD_createCCtx());
+  return context.get();
+}
+ZSTD_DCtx* ThreadDecompressor() {
+  thread_local std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context(ZSTD_createDCtx());
+  return context.get();
+}
+
+bool Known(StreamTag tag) {
+  switch (tag) {
+    case StreamTag::kHead:
+    case StreamTag::kAnchors:
+    case StreamTag::kHoles:
+    case StreamTag::kErrors:
+    case StreamTag::kResidualLow:
+    case StreamTag::kResidualMid:
+    case StreamTag::kResidualHigh:
+    case StreamTag::kArcs:
+    case StreamTag::kBoundary:
+    case StreamTag::kExplicitArcs:
+    case StreamTag::kRootVertices:
+    case StreamTag::kRootTriangles:
+    case StreamTag::kAttributes: return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+const char* StreamTagName(StreamTag tag) {
+  switch (tag) {
+    case StreamTag::kHead: return "head";
+    case StreamTag::kAnchors: return "anchors";
+    case StreamTag::kHoles: return "holes";
+    case StreamTag::kErrors: return "errors";
+    case StreamTag::kResidualLow: return "residual_low";
+    case StreamTag::kResidualMid: return "residual_mid";
+    case StreamTag::kResidualHigh: return "residual_high";
+    case StreamTag::kArcs: return "arcs";
+    case StreamTag::kBoundary: return "boundary";
+    case StreamTag::kExplicitArcs: return "explicit_arcs";
+    case StreamTag::kRootVertices: return "root_vertices";
+    case StreamTag::kRootTriangles: return "root_triangles";
+    case StreamTag::kAttributes: return "attributes";
+  }
+  return "unknown";
+}
+
+Bytes StreamWriter::Finish() const {
+  ByteWriter directory;
+  ByteWriter body;
+  uint64_t count = 0;
+  for (const auto& [tag, writer] : streams_) {
+    const Bytes& raw = writer.bytes();
+    if (raw.empty()) continue;
+    Bytes coded(ZSTD_compressBound(raw.size()));
+    ZSTD_CCtx* context = ThreadCompressor();
+    ZSTD_CCtx_reset(context, ZSTD_reset_session_and_parameters);
+    ZSTD_CCtx_setParameter(context, ZSTD_c_compressionLevel, kZstdLevel);
+    ZSTD_CCtx_setParameter(context, ZSTD_c_contentSizeFlag, 0);
+    ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 0);
+    const size_t size = ZSTD_compress2(context, coded.data(), coded.size(), raw.data(), raw.size());
+    MTDB_CHECK(!ZSTD_isError(size), "zstd refuses to compress");
+    const bool pays = size < raw.size();
+    directory.Put<uint8_t>(static_cast<uint8_t>(tag));
+    directory.PutVarint(raw.size());
+    directory.PutVarint(pays ? size : 0);  // 0: stored raw
+    body.PutBytes(pays ? ByteSpan(coded).first(size) : ByteSpan(raw));
+    ++count;
+  }
+  ByteWriter payload;
+  payload.PutVarint(count);
+  payload.PutBytes(directory.bytes());
+  payload.PutBytes(body.bytes());
+  return payload.Take();
+}
+
+Result<StreamReader> StreamReader::Open(ByteSpan payload, const std::string& where) {
+  const auto corrupt = [&](const std::string& what) {
+    return Corrupt(where + ": stream directory: " + what);
+  };
+  ByteReader reader(payload);
+  const uint64_t count = reader.GetVarint();
+  if (count > reader.remaining()) return corrupt("more streams than bytes");
+  struct Entry {
+    uint8_t tag;
+    uint64_t raw, coded;
+  };
+  std::vector<Entry> entries;
+  uint64_t total = 0;
+  for (uint64_t i = 0; i < count; ++i) {
+    Entry e{reader.Get<uint8_t>(), reader.GetVarint(), reader.GetVarint()};
+    if (reader.failed()) return corrupt("cut short");
+    if (e.raw > kMaxExpansion * payload.size() + 65536 ||
+        (total += e.raw) > kMaxExpansion * payload.size() + 65536) {
+      return corrupt("stream lengths beyond any payload of " + std::to_string(payload.size()) +
+                     " bytes");
+    }
+    entries.push_back(e);
+  }
+  StreamReader result;
+  for (const Entry& e : entries) {
+    const uint64_t stored = e.coded == 0 ? e.raw : e.coded;
+    const ByteSpan bytes = reader.GetBytes(stored);
+    if (reader.failed()) return corrupt("stream beyond the end of the payload");
+    const auto tag = static_cast<StreamTag>(e.tag);
+    if (!Known(tag)) {
+      if (e.tag & 0x80) {
+        return Status(StatusCode::kUnsupported,
+                      where + ": stream " + std::to_string(e.tag) +
+                          " must be understood, but is of a later version; use a newer mtdb");
+      }
+      continue;
+    }
+    if (result.streams_.contains(tag)) return corrupt("a stream occurs twice");
+    Bytes raw;
+    if (e.coded == 0) {
+      raw.assign(bytes.begin(), bytes.end());
+    } else {
+      raw.resize(e.raw);
+      const size_t size = ZSTD_decompressDCtx(ThreadDecompressor(), raw.data(), raw.size(),
+                                              bytes.data(), bytes.size());
+      if (ZSTD_isError(size) || size != e.raw) {
+        return corrupt(std::string("stream ") + StreamTagName(tag) + " does not decompress");
+      }
+    }
+    result.sizes_.push_back({tag, static_cast<uint32_t>(e.raw), static_cast<uint32_t>(stored)});
+    result.streams_.emplace(tag, std::move(raw));
+  }
+  if (reader.remaining() != 0) return corrupt("bytes left over at the end");
+  return result;
+}
+
+ByteReader StreamReader::stream(StreamTag tag) const {
+  const auto it = streams_.find(tag);
+  return ByteReader(it == streams_.end() ? ByteSpan() : ByteSpan(it->second));
+}
+
+}  // namespace mtdb

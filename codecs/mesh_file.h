@@ -1,0 +1,47 @@
+// Mesh files: readers and writers of PLY, OBJ, STL, OFF and (writing only) Draco.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// What a reader met beside vertices and triangles.
+struct MeshReadReport {
+  std::string format;                 // "PLY binary little endian", "STL ASCII", ...
+  uint64_t polygons = 0;              // faces of more than three corners, split into fans
+  uint64_t strips = 0;                // tristrips split
+  uint64_t short_faces = 0;           // faces of fewer than three corners, dropped
+  std::vector<std::string> ignored;   // elements and properties that mtdb does not carry
+};
+
+// Reads the file at `path` (by its content where it has a magic word, else by its extension) and
+// pushes it into `sink` in blocks. Memory: blocks, but for STL, whose vertices are joined by exact
+// position, and the vertex table of OBJ faces. Errors: kNotFound, kIoError, and kBadInput with
+// file, element number or line, what was expected and what was found; among them: non-finite
+// coordinates, vertex indices out of range, a count that the file is too short for, no vertices.
+Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report);
+
+// A sink that writes a file. The file appears under its name only when End() succeeded (it is
+// written beside it and renamed), so that a failed run leaves nothing half done.
+struct MeshWriteOptions {
+  int draco_position_bits = 16;  // .drc
+  int draco_level = 7;           // .drc: 0 fast .. 10 small
+};
+
+// By the extension of `path`: .ply (binary little endian; attributes), .obj, .stl (binary), .off,
+// .drc. kUnsupported for others. PLY, OBJ and OFF stream; STL keeps 12 bytes a vertex and .drc
+// the whole mesh. bytes_written() is valid after End().
+class MeshFileWriter : public MeshSink {
+ public:
+  virtual uint64_t bytes_written() const = 0;
+};
+Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
+                                                             const MeshWriteOptions& options = {});
+
+}  // namespace mtdb

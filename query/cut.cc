@@ -1,0 +1,18 @@
+#include "query/cut.h"
+
+#include <utility>
+
+#include "query/internal/cut_impl.h"
+
+namespace mtdb {
+
+Cut::Cut(std::unique_ptr<CutImpl> impl) : impl_(std::move(impl)) {}
+Cut::Cut(Cut&&) noexcept = default;
+Cut& Cut::operator=(Cut&&) noexcept = default;
+Cut::~Cut() = default;
+
+bool Cut::applied(ClusterId cluster, NodeIndex node) const { return impl_->applied(cluster, node); }
+const ExtractStats& Cut::stats() const { return impl_->stats(); }
+Status Cut::Emit(MeshSink& sink) { return impl_->Emit(sink); }
+
+}  // namespace mtdb

@@ -1,0 +1,55 @@
+// Bits: a fixed number of flags, packed.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+namespace mtdb {
+
+class Bits {
+ public:
+  Bits() = default;
+  explicit Bits(uint32_t size) : words_((size + 63) / 64, 0) {}
+
+  bool Test(uint32_t i) const { return (words_[i >> 6] >> (i & 63)) & 1; }
+  void Set(uint32_t i) { words_[i >> 6] |= uint64_t{1} << (i & 63); }
+  void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
+  void SetRange(uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end; ++i) Set(i);
+  }
+  uint32_t Count() const {
+    uint32_t n = 0;
+    for (const uint64_t w : words_) n += static_cast<uint32_t>(std::popcount(w));
+    return n;
+  }
+  // The number of set flags before each word, for Rank.
+  std::vector<uint32_t> Ranks() const {
+    std::vector<uint32_t> ranks;
+    ranks.reserve(words_.size());
+    uint32_t n = 0;
+    for (const uint64_t w : words_) {
+      ranks.push_back(n);
+      n += static_cast<uint32_t>(std::popcount(w));
+    }
+    return ranks;
+  }
+  uint32_t Rank(const std::vector<uint32_t>& ranks, uint32_t i) const {
+    const uint64_t below = words_[i >> 6] & ((uint64_t{1} << (i & 63)) - 1);
+    return ranks[i >> 6] + static_cast<uint32_t>(std::popcount(below));
+  }
+  // Calls f(i) for each set flag, ascending.
+  template <typename F>
+  void ForEach(F&& f) const {
+    for (uint32_t w = 0; w < words_.size(); ++w) {
+      for (uint64_t rest = words_[w]; rest != 0; rest &= rest - 1) {
+        f(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
+      }
+    }
+  }
+
+ private:
+  std::vector<uint64_t> words_;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,305 @@
+#include "query/internal/cut_impl.h"
+
+#include <chrono>
+#include <string>
+
+#include "query/internal/search.h"
+
+namespace mtdb {
+namespace {
+
+constexpr VertexIndex kUnset = ~VertexIndex{0};
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query)
+    : surface_(std::move(surface)),
+      index_(surface_->index()),
+      query_(query),
+      clip_(query.clip && query.region != nullptr && !query.region->whole()),
+      root_numbers_(index_.root_vertices()) {}
+
+bool CutImpl::WantsEverything() const {
+  const bool whole = query_.region == nullptr || query_.region->whole();
+  const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
+  const bool fits = !query_.max_triangles || *query_.max_triangles >= surface_->record().triangles;
+  return whole && full && fits;
+}
+
+Status CutImpl::Select() {
+  const Stopwatch watch;
+  everything_ = WantsEverything();
+  if (!everything_) {
+    Search search(*surface_->source(), surface_->cache(), query_, load_);
+    MTDB_RETURN_IF_ERROR(search.Run());
+    cut_ = search.TakeState();
+    if (clip_) MTDB_RETURN_IF_ERROR(MarkClipped());
+    MTDB_RETURN_IF_ERROR(NumberVertices());
+  }
+  FillStats();
+  stats_.seconds.load = load_.seconds;
+  stats_.seconds.select = watch.Seconds() - load_.seconds;
+  return Status::Ok();
+}
+
+void CutImpl::FillStats() {
+  const ObjectRecord& record = surface_->record();
+  stats_.clusters_total = index_.cluster_count();
+  stats_.clusters_read = load_.clusters_read;
+  stats_.bytes_read = load_.bytes_read;
+  stats_.error_bound = record.grid.cell_error();
+  if (everything_) {
+    stats_.triangles = stats_.active_triangles = record.triangles;
+    stats_.vertices = record.vertices;
+    stats_.nodes_applied = record.nodes;
+    stats_.clusters_used = index_.cluster_count();
+    return;
+  }
+  stats_.error_bound += record.grid.Error(cut_.largest_code());
+  stats_.nodes_applied = cut_.nodes_applied;
+  stats_.nodes_forced = cut_.nodes_forced;
+  for (const auto& s : cut_.states) stats_.clusters_used += s->applied_count > 0 ? 1 : 0;
+  stats_.vertices = root_numbers_.count();
+  if (!clip_) {
+    stats_.vertices += cut_.nodes_applied;
+    stats_.triangles = cut_.triangles;
+    stats_.active_triangles = cut_.active_triangles();
+    return;
+  }
+  for (const auto& s : cut_.states) {
+    stats_.vertices += s->used.Count();
+    stats_.triangles += s->kept.Count();
+  }
+  stats_.active_triangles = stats_.triangles;
+}
+
+bool CutImpl::applied(ClusterId cluster, NodeIndex node) const {
+  MTDB_CHECK(cluster.value < index_.cluster_count() && node < index_.cluster(cluster).nodes,
+             "no such node");
+  if (everything_) return true;
+  return cut_.state_of[cluster.value] != kNone32 && state(UnitId{cluster.value}).applied.Test(node);
+}
+
+// A triangle that meets the region is active, whatever its error.
+Status CutImpl::MarkClipped() {
+  const Grid& grid = surface_->record().grid;
+  root_used_ = Bits(static_cast<uint32_t>(index_.root_vertices()));
+  for (const auto& s : cut_.states) {
+    s->used = Bits(s->unit < index_.cluster_count() ? index_.cluster(ClusterId(s->unit)).nodes : 0);
+  }
+  for (const auto& each : cut_.states) {
+    UnitState& s = *each;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(s.unit, &load_));
+    s.kept = Bits(unit->own_slots());
+    const std::vector<Vec3i>& positions = unit->positions();
+    s.active.ForEach([&](uint32_t own) {
+      const uint32_t slot = own + s.first_own_slot;
+      const std::array<uint32_t, 3> corners =
+          unit->corners(slot, unit->is_root ? 0 : unit->creator(slot));
+      Triangle3d t;
+      for (size_t c = 0; c < 3; ++c) t[c] = grid.Position(positions[corners[c]]);
+      if (!query_.region->Within(t, 0)) return;
+      s.kept.Set(own);
+      for (const uint32_t local : corners) {
+        if (unit->is_root) {
+          root_used_.Set(static_cast<uint32_t>(unit->piece.vertices[local]));
+          continue;
+        }
+        const uint32_t external = unit->cluster.external_vertices();
+        if (local >= external) {
+          s.used.Set(local - external);
+          continue;
+        }
+        const VertexIndex v = unit->cluster.in.vertices[local];
+        const UnitId owner = unit->owners[local];
+        if (owner == kNone32) {
+          root_used_.Set(static_cast<uint32_t>(v));
+        } else {
+          state(owner).used.Set(static_cast<uint32_t>(v - index_.first_vertex(ClusterId(owner))));
+        }
+      }
+    });
+  }
+  return Status::Ok();
+}
+
+Status CutImpl::NumberVertices() {
+  for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
+    const UnitId id = index_.cluster_count() + r;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    for (const VertexIndex v : unit->piece.vertices) {
+      if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
+    }
+  }
+  if (!clip_ && root_numbers_.count() != index_.root_vertices()) {
+    return Corrupt(surface_->record().name + ": the root pieces have " +
+                   std::to_string(root_numbers_.count()) + " vertices, the index says " +
+                   std::to_string(index_.root_vertices()));
+  }
+  VertexIndex next = root_numbers_.count();
+  first_number_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
+  ranks_.resize(cut_.states.size());
+  for (UnitId c = 0; c < index_.cluster_count(); ++c) {
+    if (everything_) {
+      first_number_[c] = next;
+      next += index_.cluster(ClusterId(c)).nodes;
+    } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
+      first_number_[s] = next;
+      ranks_[s] = Nodes(cut_.state(s)).Ranks();
+      next += Nodes(cut_.state(s)).Count();
+    }
+  }
+  return Status::Ok();
+}
+
+VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
+  if (owner == kNone32) return root_numbers_.number(vertex);
+  const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(ClusterId(owner)));
+  if (everything_) return first_number_[owner] + node;
+  const uint32_t s = cut_.state_of[owner];
+  return first_number_[s] + Nodes(cut_.state(s)).Rank(ranks_[s], node);
+}
+
+Status CutImpl::Emit(MeshSink& sink) {
+  const Stopwatch watch;
+  const double load_before = load_.seconds;
+  const ObjectRecord& record = surface_->record();
+  if (everything_ && first_number_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
+  MeshHeader header;
+  header.attributes = record.attributes;
+  header.double_positions = record.double_positions;
+  header.vertex_count = stats_.vertices;
+  header.triangle_count = stats_.triangles;
+  MTDB_RETURN_IF_ERROR(sink.Begin(header));
+  BlockWriter out(sink, record.grid, record.attributes.row_bytes());
+  MTDB_RETURN_IF_ERROR(EmitVertices(out));
+  MTDB_RETURN_IF_ERROR(EmitTriangles(out));
+  if (out.vertices() != stats_.vertices || out.triangles() != stats_.triangles) {
+    return Corrupt(record.name + ": expected " + std::to_string(stats_.vertices) +
+                   " vertices and " + std::to_string(stats_.triangles) + " triangles, found " +
+                   std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
+  }
+  MTDB_RETURN_IF_ERROR(sink.End());
+  surface_->cache().Trim();
+  stats_.clusters_read = load_.clusters_read;
+  stats_.bytes_read = load_.bytes_read;
+  stats_.seconds.load = load_.seconds;
+  stats_.seconds.emit += watch.Seconds() - (load_.seconds - load_before);
+  return Status::Ok();
+}
+
+bool CutImpl::Skips(UnitId unit) const {
+  return !everything_ && (cut_.state_of[unit] == kNone32 || state(unit).applied_count == 0);
+}
+
+bool CutImpl::Emits(const LoadedUnit& unit, uint32_t own_slot) const {
+  if (everything_) return unit.removers()[own_slot + unit.first_own_slot()] == kDrain;
+  return Slots(state(unit.id)).Test(own_slot);
+}
+
+Status CutImpl::EmitVertices(BlockWriter& out) {
+  uint64_t next = 0;
+  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    MTDB_RETURN_IF_ERROR(EmitRootVertices(*unit, out, &next));
+  }
+  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
+    if (Skips(id)) continue;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    MTDB_RETURN_IF_ERROR(EmitClusterVertices(*unit, out));
+  }
+  return out.FlushVertices();
+}
+
+Status CutImpl::EmitTriangles(BlockWriter& out) {
+  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    MTDB_RETURN_IF_ERROR(EmitRootTriangles(*unit, out));
+  }
+  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
+    if (Skips(id)) continue;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    MTDB_RETURN_IF_ERROR(EmitClusterTriangles(*unit, out));
+  }
+  return out.FlushTriangles();
+}
+
+// A vertex that several pieces share is emitted with the first of them.
+Status CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
+  const RootPiece& piece = unit.piece;
+  const size_t row_bytes = surface_->record().attributes.row_bytes();
+  for (size_t i = 0; i < piece.vertices.size(); ++i) {
+    const VertexIndex v = piece.vertices[i];
+    if (clip_ && !root_used_.Test(static_cast<uint32_t>(v))) continue;
+    if (root_numbers_.number(v) != *next) continue;
+    MTDB_RETURN_IF_ERROR(out.AddVertex(piece.positions[i], piece.rows.data() + i * row_bytes));
+    ++*next;
+  }
+  return Status::Ok();
+}
+
+Status CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
+  const Cluster& cluster = unit.cluster;
+  const size_t row_bytes = surface_->record().attributes.row_bytes();
+  const uint32_t external = cluster.external_vertices();
+  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
+  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
+    if (nodes != nullptr && !nodes->Test(i)) continue;
+    MTDB_RETURN_IF_ERROR(out.AddVertex(cluster.position(external + i),
+                                       cluster.in.rows.data() + (external + i) * row_bytes));
+  }
+  return Status::Ok();
+}
+
+Status CutImpl::EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const {
+  const RootPiece& piece = unit.piece;
+  for (uint32_t slot = 0; slot < piece.triangles.size(); ++slot) {
+    if (!Emits(unit, slot)) continue;
+    TriangleVertices t;
+    for (size_t c = 0; c < 3; ++c) {
+      t[c] = root_numbers_.number(piece.vertices[piece.triangles[slot][c]]);
+    }
+    MTDB_RETURN_IF_ERROR(out.AddTriangle(t));
+  }
+  return Status::Ok();
+}
+
+Status CutImpl::EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out) {
+  const Cluster& cluster = unit.cluster;
+  const uint32_t external = cluster.external_vertices();
+  numbers_.assign(external + cluster.nodes(), kUnset);
+  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
+  VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
+  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
+    if (nodes == nullptr || nodes->Test(i)) numbers_[external + i] = next++;
+  }
+  const auto number = [&](uint32_t local) {
+    VertexIndex& n = numbers_[local];
+    if (n == kUnset) n = NumberOf(cluster.in.vertices[local], unit.owners[local]);
+    return n;
+  };
+  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
+    if (nodes != nullptr && !nodes->Test(i)) continue;
+    const std::span<const uint32_t> ring = cluster.ring(i);
+    const uint32_t begin = cluster.star_begin[i];
+    for (uint32_t slot = begin; slot < cluster.star_begin[i + 1]; ++slot) {
+      if (!Emits(unit, slot - cluster.in_triangles())) continue;
+      const uint32_t j = slot - begin;
+      MTDB_RETURN_IF_ERROR(out.AddTriangle({numbers_[external + i], number(ring[j]),
+                                            number(ring[j + 1 == ring.size() ? 0 : j + 1])}));
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace mtdb

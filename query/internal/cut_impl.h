@@ -1,0 +1,65 @@
+// CutImpl: what stands behind Cut: the selected nodes, the numbering of the output, the emission.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "query/cut.h"
+#include "query/internal/block_writer.h"
+#include "query/internal/cut_state.h"
+#include "query/internal/root_numbering.h"
+#include "query/query.h"
+#include "query/surface.h"
+
+namespace mtdb {
+
+class CutImpl {
+ public:
+  CutImpl(std::shared_ptr<const Surface> surface, const Query& query);
+
+  Status Select();
+  Status Emit(MeshSink& sink);
+  bool applied(ClusterId cluster, NodeIndex node) const;
+  const ExtractStats& stats() const { return stats_; }
+
+ private:
+  // The whole surface at full resolution needs no state: every node is applied, the drain is left.
+  bool WantsEverything() const;
+  void FillStats();
+  // Marks the triangles that meet the region, and their vertices.
+  Status MarkClipped();
+  Status NumberVertices();
+
+  Status EmitVertices(BlockWriter& out);
+  Status EmitTriangles(BlockWriter& out);
+  Status EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
+  Status EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
+  Status EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const;
+  Status EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out);
+  // The output's number of a vertex that another unit brings.
+  VertexIndex NumberOf(VertexIndex vertex, UnitId owner) const;
+
+  // True when nothing of this unit is in the output, so that it need not be loaded.
+  bool Skips(UnitId unit) const;
+  bool Emits(const LoadedUnit& unit, uint32_t own_slot) const;
+  const Bits& Nodes(const UnitState& state) const { return clip_ ? state.used : state.applied; }
+  const Bits& Slots(const UnitState& state) const { return clip_ ? state.kept : state.present; }
+  UnitState& state(UnitId unit) { return cut_.state(cut_.state_of[unit]); }
+  const UnitState& state(UnitId unit) const { return cut_.state(cut_.state_of[unit]); }
+
+  const std::shared_ptr<const Surface> surface_;
+  const ClusterIndex& index_;
+  const Query query_;
+  const bool clip_;
+  bool everything_ = false;
+  CutState cut_;
+  Bits root_used_;  // per root vertex, when clipped
+  RootNumbering root_numbers_;
+  std::vector<VertexIndex> first_number_;     // per state: the output's number of its first vertex
+  std::vector<std::vector<uint32_t>> ranks_;  // per state: of Nodes()
+  std::vector<VertexIndex> numbers_;          // scratch: per local vertex
+  LoadStats load_;
+  ExtractStats stats_;
+};
+
+}  // namespace mtdb

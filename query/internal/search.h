@@ -1,0 +1,110 @@
+// Search: finds the least cut that satisfies a query, from the root down.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <queue>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "query/cluster_cache.h"
+#include "query/internal/cut_state.h"
+#include "query/query.h"
+#include "store/base/status.h"
+#include "store/cluster_source.h"
+
+namespace mtdb {
+
+// Goes from cluster to cluster, coarsest first, and inside a cluster from triangle to triangle. A
+// cluster is loaded only when the index cannot prove that the triangles it removes are valid or
+// inactive. With a budget of triangles a priority queue takes the place of that order. One use.
+class Search {
+ public:
+  Search(const ClusterSource& source, ClusterCache& cache, const Query& query, LoadStats& stats);
+
+  Status Run();
+  CutState TakeState() { return std::move(cut_); }
+
+ private:
+  struct Target {
+    uint32_t state;
+    NodeIndex node;
+  };
+  struct Arc {
+    UnitId parent;
+    uint32_t slot;
+  };
+  // Work of the budgeted search: a node to apply, or a cluster to look into.
+  struct Entry {
+    uint8_t code;
+    bool look;  // into the cluster: before the nodes of the same code
+    UnitId unit;
+    NodeIndex node;
+    friend bool operator<(const Entry& a, const Entry& b) {  // a comes after b
+      if (a.code != b.code) return a.code < b.code;
+      if (a.look != b.look) return b.look;
+      if (a.unit != b.unit) return a.unit < b.unit;
+      return a.node > b.node;
+    }
+  };
+
+  Status ExamineRoot();
+  Status RunByClusters();
+  Status RunByError();
+  // Examines those in-triangles of a cluster that are present and have not been examined.
+  Status LookInto(UnitId unit);
+  void ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot);
+  void NoteLateArc(ClusterId child, UnitId parent, uint32_t slot);
+  // Applies the nodes of targets_, and those that become necessary on the way.
+  Status ApplyTargets();
+  // Lists the node's missing ancestors and itself in plan_, in an order that can be applied.
+  Status PlanClosure(Target target);
+  Status PushMissingParents(const LoadedUnit& unit, uint32_t state, NodeIndex node, bool* ready);
+  void DropPlan();
+  Status ApplyPlan();
+  Status ApplyNode(Target target, bool wanted);
+  void ExamineStar(Target target);
+  // An own slot whose remover is not in the same unit.
+  void ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t slot, NodeIndex creator);
+  void Want(uint32_t state, NodeIndex node, uint8_t code);
+  bool HasReason(const LoadedUnit& unit, NodeIndex node) const;
+
+  Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
+  bool Active(const Triangle3d& t, double error) const {
+    return whole_ || query_.region->Within(t, error);
+  }
+  bool Valid(const Triangle3d& t, double error) const {
+    return error <= (constant_ ? *constant_ : query_.threshold->Min(t, error));
+  }
+
+  Result<uint32_t> StateOf(UnitId unit);
+  Result<const LoadedUnit*> Pin(UnitState& state);
+  void ReleasePins(size_t limit_bytes);
+  Status Inconsistent(UnitId unit, const char* what) const;
+
+  const ClusterSource& source_;
+  const ClusterIndex& index_;
+  const Grid& grid_;
+  ClusterCache& cache_;
+  const Query& query_;
+  LoadStats& stats_;
+  const bool whole_;                      // no region
+  const std::optional<double> constant_;  // the threshold, where it is one number
+  const bool trivial_;                    // both: the geometry need not be looked at
+  std::array<double, 256> errors_;        // by code
+
+  CutState cut_;
+  Bits pending_;      // per cluster: to be looked into
+  Bits looked_into_;  // per cluster: once at least
+  std::unordered_map<UnitId, std::vector<Arc>> late_arcs_;
+  std::priority_queue<UnitId> pending_clusters_;
+  std::priority_queue<Entry> queue_;
+  std::vector<Target> targets_;
+  std::vector<Target> closure_;
+  std::vector<Target> plan_;
+  std::vector<uint32_t> pinned_states_;
+  size_t pinned_bytes_ = 0;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,317 @@
+#include "query/loaded_unit.h"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "codecs/cluster_codec.h"
+#include "codecs/root_codec.h"
+
+namespace mtdb {
+namespace {
+
+template <typename T>
+size_t VectorBytes(const std::vector<T>& v) {
+  return v.capacity() * sizeof(T);
+}
+
+// Gathers the in-triangles of one cluster from its parents.
+class Gatherer {
+ public:
+  Gatherer(const ClusterIndex& index, UnitId unit, const std::string& name)
+      : index_(index), unit_(unit), name_(name), entry_(index.cluster(ClusterId(unit))) {}
+
+  // Appends the parent's out-triangles that the cluster consumes, in slot order.
+  Status Add(uint32_t ordinal, const LoadedUnit& parent) {
+    const std::vector<ClusterId>& children = parent.children();
+    const auto it = std::lower_bound(children.begin(), children.end(), ClusterId(unit_));
+    if (it == children.end() || it->value != unit_) {
+      return Corrupt(name_ + ": unit " + std::to_string(parent.id) +
+                     " is a parent in the index, but does not name it as a child; rebuild");
+    }
+    const uint32_t wanted = kChildFlag | static_cast<uint32_t>(it - children.begin());
+    const std::vector<uint32_t>& removers = parent.removers();
+    const size_t before = triangles_.size();
+    NodeIndex node = 0;
+    for (uint32_t slot = parent.first_own_slot(); slot < removers.size(); ++slot) {
+      if (removers[slot] != wanted) continue;
+      if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
+      if (!parent.is_root) {
+        while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+      }
+      AddTriangle(ordinal, parent, slot, node);
+    }
+    if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
+    return Status::Ok();
+  }
+
+  // Puts the triangles in the order of the cluster's in-slots.
+  Result<std::vector<InTriangle>> Take() {
+    if (triangles_.size() != entry_.in_triangles) return WrongCount("fewer");
+    if (!entry_.explicit_arcs) {
+      if (!SortCanonically(triangles_)) {
+        return Corrupt(name_ + ": in-triangles coincide, but its parents name no slots; rebuild");
+      }
+      return std::move(triangles_);
+    }
+    std::vector<InTriangle> placed(triangles_.size());
+    std::vector<bool> taken(triangles_.size(), false);
+    for (size_t i = 0; i < triangles_.size(); ++i) {
+      const ExplicitArc& arc = arcs_[i];
+      if (arc.child_slot >= placed.size() || arc.rotation > 2 || taken[arc.child_slot]) {
+        return Corrupt(name_ + ": in-triangle " + std::to_string(arc.child_slot) + " of " +
+                       std::to_string(placed.size()) + " is out of range or claimed twice");
+      }
+      taken[arc.child_slot] = true;
+      InTriangle& t = placed[arc.child_slot];
+      t = triangles_[i];
+      for (int c = 0; c < 3; ++c) {
+        const int from = (c + arc.rotation) % 3;
+        t.vertices[c] = triangles_[i].vertices[from];
+        t.positions[c] = triangles_[i].positions[from];
+        t.parent_vertices[c] = triangles_[i].parent_vertices[from];
+      }
+    }
+    return placed;
+  }
+
+ private:
+  Status WrongCount(const char* relation) const {
+    return Corrupt(name_ + ": its parents leave " + relation + " than the " +
+                   std::to_string(entry_.in_triangles) + " in-triangles of the index");
+  }
+
+  void AddTriangle(uint32_t ordinal, const LoadedUnit& parent, uint32_t slot, NodeIndex node) {
+    InTriangle& t = triangles_.emplace_back();
+    t.parent_vertices = parent.corners(slot, node);
+    const std::vector<Vec3i>& positions = parent.positions();
+    for (int c = 0; c < 3; ++c) {
+      const uint32_t local = t.parent_vertices[c];
+      t.positions[c] = positions[local];
+      if (parent.is_root) {
+        t.vertices[c] = parent.piece.vertices[local];
+      } else {
+        const uint32_t external = parent.cluster.external_vertices();
+        t.vertices[c] = local < external
+                            ? parent.cluster.in.vertices[local]
+                            : index_.first_vertex(ClusterId(parent.id)) + (local - external);
+      }
+    }
+    t.parent = ordinal;
+    t.parent_slot = slot;
+  }
+
+  // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
+  Status AddArcs(const LoadedUnit& parent, uint32_t wanted, size_t before) {
+    const std::vector<uint32_t>& removers = parent.removers();
+    for (const ExplicitArc& arc : parent.explicit_arcs()) {
+      if (arc.slot >= removers.size() || removers[arc.slot] != wanted) continue;
+      const size_t i = arcs_.size();
+      if (i < before || i >= triangles_.size() || triangles_[i].parent_slot != arc.slot) break;
+      arcs_.push_back(arc);
+    }
+    if (arcs_.size() != triangles_.size()) {
+      return Corrupt(name_ + ": unit " + std::to_string(parent.id) +
+                     " does not name the slot of each of its in-triangles");
+    }
+    return Status::Ok();
+  }
+
+  const ClusterIndex& index_;
+  const UnitId unit_;
+  const std::string& name_;
+  const ClusterEntry& entry_;
+  std::vector<InTriangle> triangles_;
+  std::vector<ExplicitArc> arcs_;
+};
+
+// Copies the attributes of the patch's vertices from the parents.
+void FillRows(std::span<const InTriangle> triangles, std::span<const LoadedUnitPtr> parents,
+              size_t row_bytes, InPatch& patch) {
+  patch.rows.resize(patch.vertices.size() * row_bytes);
+  uint32_t next = 0;
+  for (size_t i = 0; i < triangles.size() && row_bytes > 0; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      if (patch.triangles[i][c] != next) continue;
+      const Bytes& rows = parents[triangles[i].parent]->rows();
+      std::memcpy(patch.rows.data() + next * row_bytes,
+                  rows.data() + triangles[i].parent_vertices[c] * row_bytes, row_bytes);
+      ++next;
+    }
+  }
+}
+
+// The cluster that inserts each vertex, or kNone32 for a root vertex.
+std::vector<UnitId> FindOwners(const ClusterIndex& index, std::span<const VertexIndex> vertices) {
+  std::vector<UnitId> owners(vertices.size(), kNone32);
+  UnitId hint = kNone32;
+  for (size_t i = 0; i < vertices.size(); ++i) {
+    const VertexIndex v = vertices[i];
+    if (v < index.root_vertices()) continue;
+    const auto owns = [&](UnitId c) {
+      return index.first_vertex(ClusterId(c)) <= v &&
+             v - index.first_vertex(ClusterId(c)) < index.cluster(ClusterId(c)).nodes;
+    };
+    if (hint == kNone32 || !owns(hint)) {
+      uint32_t low = 0;
+      uint32_t high = index.cluster_count();
+      while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        (index.first_vertex(ClusterId(middle)) <= v ? low : high) = middle;
+      }
+      hint = low;
+    }
+    owners[i] = hint;
+  }
+  return owners;
+}
+
+Status Mismatch(const std::string& name, const char* what, uint64_t expected, uint64_t found) {
+  return Corrupt(name + ": " + what + ": the index says " + std::to_string(expected) +
+                 ", the payload has " + std::to_string(found));
+}
+
+Status CheckChildren(const std::string& name, std::span<const ClusterId> indexed,
+                     std::span<const ClusterId> found) {
+  if (!std::equal(indexed.begin(), indexed.end(), found.begin(), found.end())) {
+    return Corrupt(name + ": its children differ from those in the index");
+  }
+  return Status::Ok();
+}
+
+Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t expected_out) {
+  const std::vector<uint32_t>& removers = unit.removers();
+  const uint32_t first_own = unit.first_own_slot();
+  uint32_t out = 0;
+  for (uint32_t slot = 0; slot < removers.size(); ++slot) {
+    const uint32_t r = removers[slot];
+    const bool legal = RemovedByNode(r)    ? r < unit.nodes()
+                       : slot < first_own  ? false
+                       : RemovedByChild(r) ? ChildOrdinal(r) < unit.children().size()
+                                           : true;
+    if (!legal) {
+      return Corrupt(name + ": triangle " + std::to_string(slot) + " is removed by " +
+                     std::to_string(r) + ", which does not exist");
+    }
+    if (!RemovedByNode(r)) ++out;
+  }
+  if (out != expected_out) return Mismatch(name, "out-triangles", expected_out, out);
+  return Status::Ok();
+}
+
+Status CheckCluster(const std::string& name, const ClusterIndex& index, const LoadedUnit& unit) {
+  const ClusterEntry& entry = index.cluster(ClusterId(unit.id));
+  const Cluster& c = unit.cluster;
+  if (c.nodes() != entry.nodes) return Mismatch(name, "nodes", entry.nodes, c.nodes());
+  if (c.in_triangles() != entry.in_triangles) {
+    return Mismatch(name, "in-triangles", entry.in_triangles, c.in_triangles());
+  }
+  for (const uint8_t code : c.error_codes) {
+    if (code < entry.error_code_min || code > entry.error_code_max) {
+      return Corrupt(name + ": error code " + std::to_string(code) + " is outside of the index's " +
+                     std::to_string(entry.error_code_min) + ".." +
+                     std::to_string(entry.error_code_max));
+    }
+  }
+  MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(ClusterId(unit.id)), c.children));
+  return CheckRemovers(name, unit, entry.out_triangles);
+}
+
+}  // namespace
+
+NodeIndex LoadedUnit::creator(uint32_t slot) const {
+  const std::vector<uint32_t>& begin = cluster.star_begin;
+  return static_cast<NodeIndex>(std::upper_bound(begin.begin(), begin.end(), slot) - begin.begin() -
+                                1);
+}
+
+uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
+  const auto p = std::find(parents.begin(), parents.end(), parent);
+  const std::pair key(static_cast<uint32_t>(p - parents.begin()), parent_slot);
+  const auto origin_of = [&](uint32_t slot) {
+    return std::pair(origins[slot].parent, origins[slot].slot);
+  };
+  const auto it =
+      std::lower_bound(by_origin.begin(), by_origin.end(), key,
+                       [&](uint32_t slot, const auto& k) { return origin_of(slot) < k; });
+  return it == by_origin.end() || origin_of(*it) != key ? kNone32 : *it;
+}
+
+size_t LoadedUnit::memory_bytes() const {
+  return sizeof(LoadedUnit) + (is_root ? piece.memory_bytes() : cluster.memory_bytes()) +
+         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) + VectorBytes(owners);
+}
+
+std::vector<UnitId> UnitParents(const ClusterIndex& index, UnitId unit) {
+  std::vector<UnitId> parents;
+  if (IsRootUnit(index, unit)) return parents;
+  for (const RootPieceId p : index.root_parents(ClusterId(unit))) {
+    parents.push_back(index.cluster_count() + p.value);
+  }
+  for (const ClusterId c : index.parents(ClusterId(unit))) parents.push_back(c.value);
+  return parents;
+}
+
+std::string UnitName(const ObjectRecord& record, UnitId unit) {
+  return unit < record.clusters
+             ? record.name + ": cluster " + std::to_string(unit)
+             : record.name + ": root piece " + std::to_string(unit - record.clusters);
+}
+
+Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& index, UnitId unit,
+                               ByteSpan payload, std::span<const LoadedUnitPtr> parents) {
+  const std::string name = UnitName(record, unit);
+  auto loaded = std::make_shared<LoadedUnit>();
+  loaded->id = unit;
+  if (IsRootUnit(index, unit)) {
+    const RootPieceId id(unit - index.cluster_count());
+    const RootPieceEntry& entry = index.root_piece(id);
+    loaded->is_root = true;
+    MTDB_ASSIGN_OR_RETURN(loaded->piece,
+                          DecodeRootPiece(payload, record.attributes, index.root_vertices(), name));
+    const RootPiece& piece = loaded->piece;
+    if (piece.triangles.size() != entry.triangles) {
+      return Mismatch(name, "triangles", entry.triangles, piece.triangles.size());
+    }
+    if (piece.vertices.size() != entry.vertices) {
+      return Mismatch(name, "vertices", entry.vertices, piece.vertices.size());
+    }
+    MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(id), piece.children));
+    MTDB_RETURN_IF_ERROR(CheckRemovers(name, *loaded, entry.triangles));
+    return LoadedUnitPtr(std::move(loaded));
+  }
+  const ClusterEntry& entry = index.cluster(ClusterId(unit));
+  loaded->parents = UnitParents(index, unit);
+  Gatherer gatherer(index, unit, name);
+  for (uint32_t i = 0; i < parents.size(); ++i) {
+    MTDB_RETURN_IF_ERROR(gatherer.Add(i, *parents[i]));
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::vector<InTriangle> triangles, gatherer.Take());
+  InPatch patch = MakeInPatch(triangles);
+  if (patch.vertices.size() != entry.external_vertices) {
+    return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
+  }
+  FillRows(triangles, parents, record.attributes.row_bytes(), patch);
+  MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
+                                                       entry.nodes, name));
+  MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
+  loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
+  loaded->origins.resize(triangles.size());
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    const InTriangle& t = triangles[i];
+    const LoadedUnit& parent = *parents[t.parent];
+    loaded->origins[i] = {t.parent, t.parent_slot,
+                          parent.is_root ? kNone32 : parent.creator(t.parent_slot)};
+  }
+  loaded->by_origin.resize(triangles.size());
+  std::iota(loaded->by_origin.begin(), loaded->by_origin.end(), 0u);
+  std::sort(loaded->by_origin.begin(), loaded->by_origin.end(), [&](uint32_t a, uint32_t b) {
+    const SlotOrigin& x = loaded->origins[a];
+    const SlotOrigin& y = loaded->origins[b];
+    return std::pair(x.parent, x.slot) < std::pair(y.parent, y.slot);
+  });
+  return LoadedUnitPtr(std::move(loaded));
+}
+
+}  // namespace mtdb

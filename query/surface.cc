@@ -1,0 +1,77 @@
+#include "query/surface.h"
+
+#include <string>
+#include <utility>
+
+#include "query/cluster_cache.h"
+#include "query/internal/cut_impl.h"
+
+namespace mtdb {
+namespace {
+
+// The index is trusted from here on: it must agree with the record and lead from larger ids to
+// smaller ones only.
+Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
+  const auto corrupt = [&](const std::string& what) {
+    return Corrupt(record.name + ": cluster index: " + what);
+  };
+  if (index.cluster_count() != record.clusters || index.root_piece_count() != record.root_pieces) {
+    return corrupt(std::to_string(index.cluster_count()) + " clusters and " +
+                   std::to_string(index.root_piece_count()) +
+                   " root pieces, but the catalog says " + std::to_string(record.clusters) +
+                   " and " + std::to_string(record.root_pieces));
+  }
+  if (index.root_vertices() != record.root_vertices || index.root_vertices() >= kNone32) {
+    return corrupt(std::to_string(index.root_vertices()) + " root vertices, but the catalog says " +
+                   std::to_string(record.root_vertices));
+  }
+  if (UnitCount(index) >= kChildFlag) return corrupt("too many clusters");
+  VertexIndex next = index.root_vertices();
+  for (uint32_t c = 0; c < index.cluster_count(); ++c) {
+    const ClusterId id(c);
+    const std::string name = "cluster " + std::to_string(c);
+    if (index.cluster(id).nodes == 0 || index.first_vertex(id) != next) {
+      return corrupt(name + " has no nodes or the wrong first vertex");
+    }
+    next += index.cluster(id).nodes;
+    for (const ClusterId p : index.parents(id)) {
+      if (p <= id || p.value >= index.cluster_count()) return corrupt(name + ": parent order");
+    }
+    for (const RootPieceId p : index.root_parents(id)) {
+      if (p.value >= index.root_piece_count()) return corrupt(name + ": root parent");
+    }
+  }
+  if (next != record.vertices) {
+    return corrupt(std::to_string(next) + " vertices, but the catalog says " +
+                   std::to_string(record.vertices));
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Surface::Surface(std::shared_ptr<ClusterSource> source, size_t cache_bytes)
+    : source_(std::move(source)), cache_(std::make_unique<ClusterCache>(source_, cache_bytes)) {}
+
+Surface::~Surface() = default;
+
+Result<std::shared_ptr<Surface>> Surface::Open(std::shared_ptr<ClusterSource> source,
+                                               const SurfaceOptions& options) {
+  MTDB_CHECK(source != nullptr, "a surface needs a source");
+  MTDB_RETURN_IF_ERROR(CheckIndex(source->record(), source->index()));
+  return std::shared_ptr<Surface>(new Surface(std::move(source), options.cache_bytes));
+}
+
+Result<Cut> Surface::Select(const Query& query) const {
+  auto impl = std::make_unique<CutImpl>(shared_from_this(), query);
+  MTDB_RETURN_IF_ERROR(impl->Select());
+  return Cut(std::move(impl));
+}
+
+Result<ExtractStats> Surface::Extract(const Query& query, MeshSink& sink) const {
+  MTDB_ASSIGN_OR_RETURN(Cut cut, Select(query));
+  MTDB_RETURN_IF_ERROR(cut.Emit(sink));
+  return cut.stats();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,59 @@
+// Surface: one object of a store, ready for queries. Start here.
+//
+//   auto database = mtdb::Database::Open("scans.mtdb");
+//   auto source = (*database)->OpenObject("statue");
+//   auto surface = mtdb::Surface::Open(*source);
+//   mtdb::Query query;
+//   query.region = mtdb::SphereRegion({0, 1.2, 0}, 0.3);
+//   query.threshold = mtdb::ConstantThreshold(0.001);
+//   mtdb::TriangleMesh mesh;
+//   mtdb::TriangleMeshSink sink(&mesh);
+//   auto stats = (*surface)->Extract(query, sink);
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "query/cut.h"
+#include "query/query.h"
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+#include "store/cluster_source.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+class ClusterCache;
+
+struct SurfaceOptions {
+  size_t cache_bytes = size_t{256} << 20;  // decoded clusters
+};
+
+// Safe for many threads, which share the cache. After De Floriani, Magillo, Puppo, "Efficient
+// implementation of Multi-Triangulations" (1998); clusters, and the search that goes from cluster
+// to cluster, are ours.
+class Surface : public std::enable_shared_from_this<Surface> {
+ public:
+  // Reads nothing yet but checks that the index is a DAG. Errors: kCorrupt.
+  static Result<std::shared_ptr<Surface>> Open(std::shared_ptr<ClusterSource> source,
+                                               const SurfaceOptions& options = {});
+  ~Surface();
+
+  const ObjectRecord& record() const { return source_->record(); }
+  const ClusterIndex& index() const { return source_->index(); }
+  const std::shared_ptr<ClusterSource>& source() const { return source_; }
+  ClusterCache& cache() const { return *cache_; }
+
+  // Finds the smallest cut for the query. Errors: those of reading clusters.
+  Result<Cut> Select(const Query& query) const;
+  // Select, then Emit. The whole surface at full resolution is streamed, cluster after cluster:
+  // memory does not depend on its size.
+  Result<ExtractStats> Extract(const Query& query, MeshSink& sink) const;
+
+ private:
+  Surface(std::shared_ptr<ClusterSource> source, size_t cache_bytes);
+  const std::shared_ptr<ClusterSource> source_;
+  const std::unique_ptr<ClusterCache> cache_;
+};
+
+}  // namespace mtdb

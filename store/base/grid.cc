@@ -1,0 +1,61 @@
+#include "store/base/grid.h"
+
+#include <bit>
+#include <cmath>
+
+namespace mtdb {
+
+int32_t OrderedFromFloat(float f) {
+  const auto bits = std::bit_cast<int32_t>(f);
+  return bits >= 0 ? bits : static_cast<int32_t>(static_cast<uint32_t>(bits) ^ 0x7fffffffu);
+}
+
+float FloatFromOrdered(int32_t i) {
+  return std::bit_cast<float>(i >= 0 ? i
+                                     : static_cast<int32_t>(static_cast<uint32_t>(i) ^ 0x7fffffffu));
+}
+
+Vec3i Grid::Quantize(Vec3d p) const {
+  if (mode == PositionMode::kLossless) {
+    return {OrderedFromFloat(static_cast<float>(p.x)), OrderedFromFloat(static_cast<float>(p.y)),
+            OrderedFromFloat(static_cast<float>(p.z))};
+  }
+  const auto round = [&](double v, double o) {
+    return static_cast<int32_t>(std::floor((v - o) / step + 0.5));
+  };
+  return {round(p.x, origin.x), round(p.y, origin.y), round(p.z, origin.z)};
+}
+
+Vec3d Grid::Position(Vec3i i) const {
+  if (mode == PositionMode::kLossless) {
+    return {FloatFromOrdered(i.x), FloatFromOrdered(i.y), FloatFromOrdered(i.z)};
+  }
+  return {origin.x + step * i.x, origin.y + step * i.y, origin.z + step * i.z};
+}
+
+double Grid::cell_error() const {
+  return mode == PositionMode::kLossless ? 0.0 : step * 0.8660254037844387 * 1.000001;
+}
+
+double Grid::Error(uint8_t code) const {
+  // 2^(i/8)
+  static constexpr double kEighths[kErrorStepsPerOctave] = {
+      1.0,                1.0905077326652577, 1.189207115002721,  1.2968395546510096,
+      1.4142135623730951, 1.5422108254079407, 1.681792830507429,  1.8340080864093424};
+  if (code == 0) return 0;
+  const int c = code - 1;
+  return std::ldexp(error_unit * kEighths[c % kErrorStepsPerOctave], c / kErrorStepsPerOctave);
+}
+
+uint8_t Grid::ErrorCode(double error) const {
+  if (!(error > 0)) return 0;
+  uint8_t low = 0;  // Error(low) < error
+  uint8_t high = 255;
+  while (high - low > 1) {
+    const auto middle = static_cast<uint8_t>((low + high) / 2);
+    (Error(middle) < error ? low : high) = middle;
+  }
+  return high;
+}
+
+}  // namespace mtdb

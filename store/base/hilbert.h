@@ -1,0 +1,39 @@
+// Hilbert order of three-dimensional grid points.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace mtdb {
+
+inline constexpr int kHilbertBits = 21;  // per axis; a code has 63 bits
+
+// The position of a point on the Hilbert curve through the cube of 2^21 points a side. Each
+// coordinate must be below 2^21. After J. Skilling, "Programming the Hilbert curve" (2004).
+constexpr uint64_t HilbertCode(std::array<uint32_t, 3> p) {
+  constexpr uint32_t kTop = 1u << (kHilbertBits - 1);
+  for (uint32_t q = kTop; q > 1; q >>= 1) {
+    const uint32_t low = q - 1;
+    for (int i = 0; i < 3; ++i) {
+      if (p[i] & q) {
+        p[0] ^= low;
+      } else {
+        const uint32_t t = (p[0] ^ p[i]) & low;
+        p[0] ^= t;
+        p[i] ^= t;
+      }
+    }
+  }
+  p[1] ^= p[0];
+  p[2] ^= p[1];
+  uint32_t t = 0;
+  for (uint32_t q = kTop; q > 1; q >>= 1)
+    if (p[2] & q) t ^= q - 1;
+  for (uint32_t& v : p) v ^= t;
+  uint64_t code = 0;
+  for (int bit = kHilbertBits - 1; bit >= 0; --bit)
+    for (int i = 0; i < 3; ++i) code = (code << 1) | ((p[i] >> bit) & 1u);
+  return code;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,42 @@
+// Identifiers that do not convert into each other, and the numbers that several layers share.
+#pragma once
+
+#include <compare>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+
+namespace mtdb {
+
+// An integer with a meaning. Explicit both ways: ClusterId{3}, id.value.
+template <typename Tag, typename Rep>
+struct StrongId {
+  using RepType = Rep;
+  Rep value = 0;
+  constexpr StrongId() = default;
+  constexpr explicit StrongId(Rep v) : value(v) {}
+  friend constexpr auto operator<=>(StrongId, StrongId) = default;
+};
+
+// An object of a store. Never reused within a store.
+using ObjectId = StrongId<struct ObjectTag, uint64_t>;
+// A cluster of an object, in the order in which the builder made them: finest round first, so that
+// a parent's id is larger than its child's.
+using ClusterId = StrongId<struct ClusterTag, uint32_t>;
+// A piece of the root mesh.
+using RootPieceId = StrongId<struct RootPieceTag, uint32_t>;
+// A node (update) within its cluster.
+using NodeIndex = uint32_t;
+// A vertex of an object: root vertices first, then cluster after cluster, node after node.
+using VertexIndex = uint64_t;
+
+inline constexpr uint32_t kNone32 = 0xffffffffu;
+
+}  // namespace mtdb
+
+template <typename Tag, typename Rep>
+struct std::hash<mtdb::StrongId<Tag, Rep>> {
+  size_t operator()(mtdb::StrongId<Tag, Rep> id) const noexcept {
+    return std::hash<Rep>{}(id.value);
+  }
+};

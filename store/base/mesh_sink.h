@@ -1,0 +1,66 @@
+// MeshSink: how a mesh travels through mtdb, block after block. File readers push into one, query
+// results go to one, file writers and TriangleMesh are ones.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "store/base/attributes.h"
+#include "store/base/bytes.h"
+#include "store/base/geometry.h"
+#include "store/base/ids.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+using TriangleVertices = std::array<VertexIndex, 3>;  // counter-clockwise from outside
+
+// What is known before the first vertex.
+struct MeshHeader {
+  AttributeLayout attributes;
+  bool double_positions = false;           // positions need more than float32
+  std::optional<uint64_t> vertex_count;    // always set by query results
+  std::optional<uint64_t> triangle_count;  // likewise
+};
+
+// Calls come in the order Begin, AddVertices/AddTriangles in any mixture, End. A triangle may name
+// a vertex that comes later, except from query results, which send all vertices first. Blocks are
+// at most some 64 Ki elements. The first error stops the producer, which returns it. Single thread.
+class MeshSink {
+ public:
+  virtual ~MeshSink() = default;
+  virtual Status Begin(const MeshHeader& header) = 0;
+  // `rows` holds positions.size() rows of header.attributes.row_bytes() bytes.
+  virtual Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) = 0;
+  virtual Status AddTriangles(std::span<const TriangleVertices> triangles) = 0;
+  virtual Status End() = 0;
+};
+
+// A mesh in memory.
+struct TriangleMesh {
+  MeshHeader header;
+  std::vector<Vec3d> positions;
+  std::vector<TriangleVertices> triangles;
+  Bytes rows;  // attributes, positions.size() * header.attributes.row_bytes() bytes
+};
+
+// Fills a TriangleMesh, which must outlive the sink.
+class TriangleMeshSink final : public MeshSink {
+ public:
+  explicit TriangleMeshSink(TriangleMesh* mesh) : mesh_(mesh) {}
+  Status Begin(const MeshHeader& header) override;
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override;
+  Status End() override;
+
+ private:
+  TriangleMesh* mesh_;
+};
+
+// Sends `mesh` through `sink` in blocks.
+Status SendMesh(const TriangleMesh& mesh, MeshSink& sink);
+
+}  // namespace mtdb

@@ -1,0 +1,78 @@
+#include "store/database.h"
+
+#include "store/internal/builder_lock.h"
+#include "store/internal/catalog.h"
+#include "store/internal/environment.h"
+#include "store/internal/object_reader.h"
+#include "store/internal/object_writer.h"
+#include "store/internal/test_hooks.h"
+
+namespace mtdb {
+
+Database::Database(std::shared_ptr<Environment> environment)
+    : environment_(std::move(environment)) {}
+
+Database::~Database() = default;
+
+Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
+                                                 const OpenOptions& options) {
+  MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
+  return std::shared_ptr<Database>(new Database(std::move(environment)));
+}
+
+const std::string& Database::path() const { return environment_->path(); }
+
+Result<uint64_t> Database::FileBytes() const { return environment_->file().Size(); }
+
+Result<std::vector<ObjectRecord>> Database::List() const {
+  MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());
+  MTDB_ASSIGN_OR_RETURN(CatalogListing listing, ListCatalog(snapshot));
+  return std::move(listing.objects);
+}
+
+Result<ObjectRecord> Database::Find(const std::string& name) const {
+  if (name.empty()) {
+    MTDB_ASSIGN_OR_RETURN(std::vector<ObjectRecord> all, List());
+    if (all.size() == 1) return std::move(all.front());
+    if (all.empty()) return NotFound(path() + ": the store holds no object");
+    std::string names;
+    for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
+    return InvalidArgument(path() + ": holds " + std::to_string(all.size()) + " objects (" + names +
+                           (all.size() > 5 ? ", ..." : "") + "); give a name");
+  }
+  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+  MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());
+  MTDB_ASSIGN_OR_RETURN(auto record, FindObject(snapshot, name));
+  if (!record) return NotFound(path() + ": no object " + name + "; see list");
+  return *std::move(record);
+}
+
+Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& name) const {
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, Find(name));
+  return ObjectReader::Open(environment_, record.name);
+}
+
+Result<std::unique_ptr<ObjectWriter>> Database::Create(const std::string& name, bool replace) {
+  return StoreObjectWriter::Create(environment_, name, replace);
+}
+
+Status Database::Remove(const std::string& name) {
+  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+  if (!environment_->writable()) {
+    return InvalidArgument(path() + ": opened for reading; open it writable");
+  }
+  ObjectId id;
+  std::optional<BuilderLock> lock;  // keeps another Create from doing the same work
+  MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
+    MTDB_ASSIGN_OR_RETURN(const auto record, FindObject(write, path(), name));
+    if (!record) return NotFound(path() + ": no object " + name + "; see list");
+    id = record->id;
+    lock.reset();
+    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->absolute_path(), id));
+    return MakeGarbage(write, *record);
+  }));
+  ReachTestPoint("removed");
+  return RemoveRemains(*environment_, id);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,82 @@
+// Database: one store file (LMDB, MDB_NOSUBDIR) of any number of objects. Start here.
+//
+// A reader sees an object whole or not at all: ObjectWriter writes in bounded transactions under
+// the state "building" and Publish() flips the catalog entry in one last transaction. Object ids
+// are never reused.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "store/base/ids.h"
+#include "store/base/status.h"
+#include "store/cluster_index.h"
+#include "store/cluster_source.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+class Environment;
+class ObjectWriter;
+
+struct OpenOptions {
+  bool writable = false;  // false: the file must exist and is not changed
+  bool create = true;     // with writable: makes the file when it is not there
+};
+
+// Safe for many threads, and for many processes on one file. One Database per file and process is
+// enough: opening a file that this process has open shares the environment.
+class Database {
+ public:
+  // Checks the size and both meta pages before LMDB sees the file; with `writable` also walks the
+  // tree pages, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError.
+  static Result<std::shared_ptr<Database>> Open(const std::string& path,
+                                                const OpenOptions& options = {});
+  ~Database();
+
+  const std::string& path() const;
+  // Size of the file in bytes.
+  Result<uint64_t> FileBytes() const;
+
+  // Published objects, by name.
+  Result<std::vector<ObjectRecord>> List() const;
+  // The object of that name; with an empty name, the store's only object.
+  Result<ObjectRecord> Find(const std::string& name) const;
+  // Loads the record and the cluster index.
+  Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name) const;
+
+  // Begins an object in the state "building". Fails with kAlreadyExists when `name` is published
+  // and not `replace`, with kBusy while a live process builds that name. What a dead builder left
+  // of that name is removed. Writable databases only.
+  Result<std::unique_ptr<ObjectWriter>> Create(const std::string& name, bool replace);
+
+  // Takes the object out of the catalog, then frees its pages in bounded transactions.
+  Status Remove(const std::string& name);
+
+ private:
+  explicit Database(std::shared_ptr<Environment> environment);
+  std::shared_ptr<Environment> environment_;
+};
+
+// Writes one object. Clusters come finest round first; within a round with ascending `hilbert`.
+// Destroyed before Publish(): what it wrote is removed. Single thread.
+class ObjectWriter {
+ public:
+  virtual ~ObjectWriter() = default;
+
+  // Returns the cluster's id: 0, 1, 2, ... `children` ascending and without repetition.
+  virtual Result<ClusterId> AddCluster(const ClusterEntry& entry,
+                                       std::span<const ClusterId> children, ByteSpan payload) = 0;
+  // After the last cluster. A piece's payload is at most 1 MiB.
+  virtual Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry,
+                                           std::span<const ClusterId> children,
+                                           ByteSpan payload) = 0;
+  // Writes the index and flips the catalog. `record` comes without id, name, payload_bytes,
+  // stored_bytes and digest; the published record is returned. A replaced object's pages are freed.
+  virtual Result<ObjectRecord> Publish(const ObjectRecord& record) = 0;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,25 @@
+// BuilderLock: tells a live builder from a dead one. An operating-system lock on one byte of the
+// store file per object id, dropped when its holder dies. See store/FORMAT.md, "Builder's lock".
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "store/base/ids.h"
+#include "store/base/status.h"
+#include "store/internal/store_file.h"
+
+namespace mtdb {
+
+class BuilderLock {
+ public:
+  // Nothing when somebody holds it, in this process or another. `path` is the store file's.
+  static Result<std::optional<BuilderLock>> TryAcquire(const std::string& path, ObjectId id);
+
+ private:
+  explicit BuilderLock(std::unique_ptr<StoreFile> file) : file_(std::move(file)) {}
+  std::unique_ptr<StoreFile> file_;  // an open file description of its own; closing it unlocks
+};
+
+}  // namespace mtdb

@@ -1,0 +1,181 @@
+#include "store/internal/catalog.h"
+
+#include <unistd.h>
+
+#include "store/internal/builder_lock.h"
+
+namespace mtdb {
+namespace {
+
+constexpr uint64_t kMaxRecordBytes = 64 << 20;
+constexpr uint64_t kKeysPerRemoval = 4096;
+constexpr uint64_t kBytesPerRemoval = 256 << 20;
+
+std::string EntryPlace(const std::string& path, ByteSpan key) {
+  const std::string at = path + ": catalog: ";
+  if (key.empty()) return at + "empty key";
+  const auto kind = static_cast<CatalogKind>(key[0]);
+  if (kind == CatalogKind::kObject) {
+    return at + "object " + std::string(AsString(key.subspan(1)));
+  }
+  ByteReader r(key.subspan(1));
+  const auto id = r.GetBigEndian<uint64_t>();
+  if (kind == CatalogKind::kBuilding) return at + "building object " + std::to_string(id);
+  if (kind == CatalogKind::kGarbage) return at + "removed object " + std::to_string(id);
+  return at + "superblock";
+}
+
+Result<ObjectRecord> DecodeObjectEntry(ByteSpan key, ByteSpan value, const std::string& where) {
+  MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kCatalog, key, value, where));
+  MTDB_ASSIGN_OR_RETURN(ObjectRecord record, DecodeObjectRecord(body, where));
+  if (record.name != AsString(key.subspan(1))) {
+    return Corrupt(where + ": expected a record of that name, found " + record.name);
+  }
+  return record;
+}
+
+Status AddEntry(const std::string& path, ByteSpan key, ByteSpan value, uint64_t next_object_id,
+                CatalogListing* listing) {
+  const std::string where = EntryPlace(path, key);
+  if (key.empty()) return Corrupt(where);
+  const auto kind = static_cast<CatalogKind>(key[0]);
+  ObjectId id;
+  switch (kind) {
+    case CatalogKind::kSuperblock:
+      if (key.size() != 1) return Corrupt(where + ": expected a key of 1 byte");
+      return Status::Ok();  // checked when the snapshot was taken
+    case CatalogKind::kBuilding:
+    case CatalogKind::kGarbage: {
+      if (key.size() != 9) return Corrupt(where + ": expected a key of 9 bytes");
+      ByteReader r(key.subspan(1));
+      id = ObjectId{r.GetBigEndian<uint64_t>()};
+      MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kCatalog, key, value, where));
+      MTDB_ASSIGN_OR_RETURN(PendingEntry entry, DecodePendingEntry(body, where));
+      auto& list = kind == CatalogKind::kBuilding ? listing->building : listing->garbage;
+      list.emplace_back(id, std::move(entry));
+      break;
+    }
+    case CatalogKind::kObject: {
+      MTDB_ASSIGN_OR_RETURN(ObjectRecord record, DecodeObjectEntry(key, value, where));
+      id = record.id;
+      listing->objects.push_back(std::move(record));
+      break;
+    }
+    default:
+      return Corrupt(where + ": entry kind " + std::to_string(static_cast<int>(kind)) +
+                     " is unknown");
+  }
+  if (id.value == 0 || id.value >= next_object_id) {
+    return Corrupt(where + ": expected an object id from 1 to " +
+                   std::to_string(next_object_id - 1) + ", found " + std::to_string(id.value));
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Status ListCatalogLeniently(const Snapshot& snapshot, CatalogListing* listing,
+                            const std::function<void(const Status&)>& fail) {
+  PageReader& pages = snapshot.pages();
+  return pages.Scan(
+      snapshot.tree(Table::kCatalog), {}, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+        const auto bytes = pages.ReadWhole(value, kMaxRecordBytes);
+        const Status status = bytes.ok() ? AddEntry(pages.file().path(), key, *bytes,
+                                                    snapshot.superblock().next_object_id, listing)
+                                         : bytes.status();
+        if (!status.ok()) fail(status);
+        return true;
+      });
+}
+
+Result<CatalogListing> ListCatalog(const Snapshot& snapshot) {
+  CatalogListing listing;
+  Status first = Status::Ok();
+  MTDB_RETURN_IF_ERROR(ListCatalogLeniently(snapshot, &listing, [&](const Status& status) {
+    if (first.ok()) first = status;
+  }));
+  MTDB_RETURN_IF_ERROR(first);
+  return listing;
+}
+
+Result<std::optional<ObjectRecord>> FindObject(const Snapshot& snapshot, const std::string& name) {
+  PageReader& pages = snapshot.pages();
+  const Bytes key = ObjectKey(name);
+  MTDB_ASSIGN_OR_RETURN(const auto value, pages.Find(snapshot.tree(Table::kCatalog), key));
+  if (!value) return std::optional<ObjectRecord>();
+  MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages.ReadWhole(*value, kMaxRecordBytes));
+  MTDB_ASSIGN_OR_RETURN(ObjectRecord record,
+                        DecodeObjectEntry(key, bytes, EntryPlace(pages.file().path(), key)));
+  return std::optional<ObjectRecord>(std::move(record));
+}
+
+Result<std::optional<ObjectRecord>> FindObject(WriteTransaction& write, const std::string& path,
+                                               const std::string& name) {
+  const Bytes key = ObjectKey(name);
+  MTDB_ASSIGN_OR_RETURN(const auto value, write.Get(Table::kCatalog, key));
+  if (!value) return std::optional<ObjectRecord>();
+  MTDB_ASSIGN_OR_RETURN(ObjectRecord record, DecodeObjectEntry(key, *value, EntryPlace(path, key)));
+  return std::optional<ObjectRecord>(std::move(record));
+}
+
+Status MakeGarbage(WriteTransaction& write, const ObjectRecord& record) {
+  const PendingEntry entry{record.name, static_cast<uint32_t>(::getpid())};
+  MTDB_RETURN_IF_ERROR(
+      write.PutSealed(Table::kCatalog, GarbageKey(record.id), EncodePendingEntry(entry)));
+  return write.Delete(Table::kCatalog, ObjectKey(record.name));
+}
+
+Status RemoveRemains(Environment& environment, ObjectId id) {
+  const Bytes prefix = ObjectPrefix(id);
+  for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
+    bool done = false;
+    while (!done) {
+      MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {
+        MTDB_ASSIGN_OR_RETURN(done,
+                              write.DeletePrefix(table, prefix, kKeysPerRemoval, kBytesPerRemoval));
+        return Status::Ok();
+      }));
+    }
+  }
+  return environment.Write([&](WriteTransaction& write) -> Status {
+    for (const Bytes& key : {BuildingKey(id), GarbageKey(id)}) {
+      const Status status = write.Delete(Table::kCatalog, key);
+      if (!status.ok() && status.code() != StatusCode::kNotFound) return status;
+    }
+    return Status::Ok();
+  });
+}
+
+Status RemoveDead(Environment& environment) {
+  std::vector<ObjectId> candidates;
+  {
+    MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment.BeginRead());
+    MTDB_ASSIGN_OR_RETURN(const CatalogListing listing, ListCatalog(snapshot));
+    for (const auto& [id, entry] : listing.building) candidates.push_back(id);
+    for (const auto& [id, entry] : listing.garbage) candidates.push_back(id);
+  }
+  for (const ObjectId id : candidates) {
+    MTDB_ASSIGN_OR_RETURN(const auto lock,
+                          BuilderLock::TryAcquire(environment.absolute_path(), id));
+    if (!lock) continue;
+    // A builder may have published between the listing and the lock.
+    bool still_there = false;
+    MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {
+      MTDB_ASSIGN_OR_RETURN(const auto building, write.Get(Table::kCatalog, BuildingKey(id)));
+      still_there = building.has_value();
+      MTDB_ASSIGN_OR_RETURN(const auto garbage, write.Get(Table::kCatalog, GarbageKey(id)));
+      still_there = still_there || garbage.has_value();
+      return Status::Ok();
+    }));
+    if (still_there) MTDB_RETURN_IF_ERROR(RemoveRemains(environment, id));
+  }
+  return Status::Ok();
+}
+
+Status CheckObjectName(const std::string& name) {
+  if (!name.empty() && name.size() <= kMaxNameBytes) return Status::Ok();
+  return InvalidArgument("object name: expected 1 to " + std::to_string(kMaxNameBytes) +
+                         " bytes, found " + std::to_string(name.size()));
+}
+
+}  // namespace mtdb

@@ -1,0 +1,59 @@
+// Keys of the four tables, and the checksum seeds that tie a value to its key. See store/FORMAT.md.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "store/base/bytes.h"
+#include "store/base/hash.h"
+#include "store/base/ids.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+enum class Table : uint8_t { kCatalog = 0, kClusters = 1, kIndex = 2, kRoot = 3 };
+inline constexpr std::array<const char*, 4> kTableNames = {"catalog", "clusters", "index", "root"};
+inline constexpr size_t kTables = kTableNames.size();
+
+enum class CatalogKind : uint8_t { kSuperblock = 0, kBuilding = 1, kGarbage = 2, kObject = 3 };
+enum class IndexKind : uint8_t { kClusters = 0, kRootPieces = 1 };
+
+inline constexpr size_t kChecksumBytes = 8;
+inline constexpr size_t kMaxNameBytes = 500;
+inline constexpr size_t kMaxRootPayloadBytes = size_t{1} << 20;
+inline constexpr uint32_t kIndexRowsPerValue = 512;
+
+inline constexpr size_t kClusterKeyBytes = 21;
+inline constexpr size_t kRootKeyBytes = 12;
+inline constexpr size_t kIndexKeyBytes = 13;
+
+Bytes SuperblockKey();
+Bytes BuildingKey(ObjectId id);
+Bytes GarbageKey(ObjectId id);
+Bytes ObjectKey(const std::string& name);
+Bytes ClusterKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence);
+Bytes RootKey(ObjectId id, uint32_t value);
+Bytes IndexKey(ObjectId id, IndexKind kind, uint32_t first_row);
+// The first 8 bytes of an object's keys in the tables clusters, index and root.
+Bytes ObjectPrefix(ObjectId id);
+
+// Mix(a, b, c, ...) of the format.
+template <typename... Rest>
+constexpr uint64_t MixAll(uint64_t first, Rest... rest) {
+  uint64_t m = Mix64(first);
+  ((m = Mix64(m ^ static_cast<uint64_t>(rest))), ...);
+  return m;
+}
+
+uint64_t ClusterSeed(ObjectId object, ClusterId cluster, uint8_t round, uint64_t hilbert);
+uint64_t RootSeed(ObjectId object, RootPieceId piece);
+// Values of the tables catalog and index.
+uint64_t ValueSeed(Table table, ByteSpan key);
+
+// checksum, body.
+Bytes SealValue(Table table, ByteSpan key, ByteSpan body);
+// The body of a sealed value; kCorrupt when the checksum is wrong. `where` names file and value.
+Result<ByteSpan> OpenValue(Table table, ByteSpan key, ByteSpan value, const std::string& where);
+
+}  // namespace mtdb

@@ -1,0 +1,44 @@
+// ObjectDigest: the order-free sum of 128 bits over an object's content, free of its id and name.
+// See store/FORMAT.md, "Digest of an object".
+#pragma once
+
+#include <cstdint>
+
+#include "store/base/bytes.h"
+#include "store/internal/keys.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+class ObjectDigest {
+ public:
+  void AddCluster(ClusterId id, uint8_t round, uint64_t hilbert, ByteSpan payload) {
+    low_ += Hash64(payload, MixAll('C', 1, id.value, round, hilbert));
+    high_ += Hash64(payload, MixAll('C', 2, id.value, round, hilbert));
+  }
+  void AddRootPiece(RootPieceId id, ByteSpan payload) {
+    low_ += Hash64(payload, MixAll('R', 1, id.value));
+    high_ += Hash64(payload, MixAll('R', 2, id.value));
+  }
+  void AddIndexValue(IndexKind kind, uint32_t first_row, ByteSpan body) {
+    low_ += Hash64(body, MixAll('I', 1, static_cast<uint8_t>(kind), first_row));
+    high_ += Hash64(body, MixAll('I', 2, static_cast<uint8_t>(kind), first_row));
+  }
+  void AddRecord(ObjectRecord record) {
+    record.id = ObjectId{1};
+    record.name = "x";
+    record.payload_bytes = record.stored_bytes = record.digest_low = record.digest_high = 0;
+    const Bytes bytes = EncodeObjectRecord(record);
+    low_ += Hash64(bytes, MixAll('K', 1));
+    high_ += Hash64(bytes, MixAll('K', 2));
+  }
+
+  uint64_t low() const { return low_; }
+  uint64_t high() const { return high_; }
+
+ private:
+  uint64_t low_ = 0;
+  uint64_t high_ = 0;
+};
+
+}  // namespace mtdb

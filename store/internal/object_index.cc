@@ -1,0 +1,109 @@
+#include "store/internal/object_index.h"
+
+#include <algorithm>
+
+#include "store/internal/index_codec.h"
+
+namespace mtdb {
+namespace {
+
+// 512 rows with all their children; a row of some 80 bytes may have thousands of them.
+constexpr uint64_t kMaxIndexValueBytes = 256 << 20;
+
+Status CheckIndex(const ClusterIndex& index, const std::string& where) {
+  uint64_t nodes = 0;
+  for (uint32_t i = 0; i < index.cluster_count(); ++i) {
+    const ClusterId id{i};
+    const uint8_t round = index.cluster(id).round;
+    nodes += index.cluster(id).nodes;
+    const PayloadLocation& location = index.location(id);
+    const bool begins = location.offset == 0;
+    if (i == 0) {
+      if (!begins || location.value != 0) return Corrupt(where + ": the first value is missing");
+    } else {
+      const ClusterId before{i - 1};
+      const PayloadLocation& previous = index.location(before);
+      if (index.cluster(before).round > round) {
+        return Corrupt(where + ": cluster " + std::to_string(i) + ": rounds must ascend");
+      }
+      if (index.cluster(before).round == round &&
+          index.cluster(before).hilbert > index.cluster(id).hilbert) {
+        return Corrupt(where + ": cluster " + std::to_string(i) + ": hilbert codes must ascend");
+      }
+      if (index.cluster(before).round != round && !begins) {
+        return Corrupt(where + ": cluster " + std::to_string(i) + ": a round begins a value");
+      }
+      if (location.value != previous.value + (begins ? 1 : 0) ||
+          (!begins && location.offset != previous.offset + kChecksumBytes + previous.length)) {
+        return Corrupt(where + ": cluster " + std::to_string(i) +
+                       ": expected its payload right after the one before");
+      }
+    }
+    for (const ClusterId child : index.children(id)) {
+      if (index.cluster(child).round >= round) {
+        return Corrupt(where + ": cluster " + std::to_string(i) + ": child " +
+                       std::to_string(child.value) + " is of round " +
+                       std::to_string(index.cluster(child).round) + ", expected below " +
+                       std::to_string(round));
+      }
+    }
+  }
+  for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
+    const PayloadLocation& location = index.location(RootPieceId{i});
+    const bool begins = location.offset == 0;
+    const PayloadLocation previous =
+        i == 0 ? PayloadLocation{kNone32, 0, 0} : index.location(RootPieceId{i - 1});
+    if (location.value != previous.value + (begins ? 1 : 0) || (i == 0 && !begins) ||
+        (!begins && location.offset != previous.offset + kChecksumBytes + previous.length)) {
+      return Corrupt(where + ": root piece " + std::to_string(i) +
+                     ": expected its payload right after the one before");
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+std::string ObjectPlace(const std::string& path, const ObjectRecord& record) {
+  return path + ": object " + std::to_string(record.id.value) + " (" + record.name + ")";
+}
+
+Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& record,
+                               const IndexValueReceiver& value_read) {
+  PageReader& pages = snapshot.pages();
+  const std::string where = ObjectPlace(pages.file().path(), record) + ": index";
+  ClusterIndex index;
+  for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
+    const uint32_t rows = kind == IndexKind::kClusters ? record.clusters : record.root_pieces;
+    for (uint32_t first = 0; first < rows;) {
+      const uint32_t count = std::min(kIndexRowsPerValue, rows - first);
+      const Bytes key = IndexKey(record.id, kind, first);
+      const std::string place = where + ": rows from " + std::to_string(first) +
+                                (kind == IndexKind::kClusters ? " (clusters)" : " (root pieces)");
+      MTDB_ASSIGN_OR_RETURN(const auto value, pages.Find(snapshot.tree(Table::kIndex), key));
+      if (!value) return Corrupt(place + ": missing");
+      MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages.ReadWhole(*value, kMaxIndexValueBytes));
+      MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kIndex, key, bytes, place));
+      MTDB_RETURN_IF_ERROR(DecodeIndexRows(body, kind, count, place, &index));
+      if (value_read) value_read(kind, first, body);
+      first += count;
+    }
+  }
+  MTDB_RETURN_IF_ERROR(CheckIndex(index, where));
+  index.Finish(record.root_vertices);
+  return index;
+}
+
+ValueKeys::ValueKeys(ObjectId id, const ClusterIndex& index) : id_(id) {
+  uint32_t sequence = 0;
+  for (uint32_t i = 0; i < index.cluster_count(); ++i) {
+    if (index.location(ClusterId{i}).offset != 0) continue;
+    const ClusterEntry& entry = index.cluster(ClusterId{i});
+    sequence = values_.empty() || values_.back().round != entry.round ? 0 : sequence + 1;
+    values_.push_back({entry.hilbert, sequence, entry.round});
+  }
+  const uint32_t pieces = index.root_piece_count();
+  if (pieces > 0) root_values_ = index.location(RootPieceId{pieces - 1}).value + 1;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,51 @@
+// Loading an object's index, and finding the keys of its values from it.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "store/base/bytes.h"
+#include "store/base/status.h"
+#include "store/cluster_index.h"
+#include "store/internal/environment.h"
+#include "store/internal/keys.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+// "a.mtdb: object 3 (bunny)": how messages name an object.
+std::string ObjectPlace(const std::string& path, const ObjectRecord& record);
+
+// Reads all rows that the record promises and checks the whole: counts, values numbered without
+// gaps, children of finer rounds only. `value_read` (may be empty) sees each value's body.
+using IndexValueReceiver = std::function<void(IndexKind kind, uint32_t first_row, ByteSpan body)>;
+Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& record,
+                               const IndexValueReceiver& value_read = {});
+
+// The keys of an object's values in the tables clusters and root. Immutable.
+class ValueKeys {
+ public:
+  ValueKeys(ObjectId id, const ClusterIndex& index);
+
+  uint32_t cluster_values() const { return static_cast<uint32_t>(values_.size()); }
+  uint32_t root_values() const { return root_values_; }
+  Bytes ClusterValueKey(uint32_t value) const {
+    const Value& v = values_[value];
+    return ClusterKey(id_, v.round, v.hilbert, v.sequence);
+  }
+  Bytes RootValueKey(uint32_t value) const { return RootKey(id_, value); }
+
+ private:
+  struct Value {
+    uint64_t hilbert = 0;
+    uint32_t sequence = 0;
+    uint8_t round = 0;
+  };
+  ObjectId id_;
+  std::vector<Value> values_;
+  uint32_t root_values_ = 0;
+};
+
+}  // namespace mtdb

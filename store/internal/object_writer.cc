@@ -1,0 +1,319 @@
+#include "store/internal/object_writer.h"
+
+#include <algorithm>
+#include <unistd.h>
+
+#include "store/internal/catalog.h"
+#include "store/internal/index_codec.h"
+#include "store/internal/test_hooks.h"
+#include "store/internal/value_packing.h"
+
+namespace mtdb {
+namespace {
+
+constexpr uint64_t kBytesPerTransaction = 32 << 20;
+constexpr uint64_t kMaxPayloadBytes = 1 << 30;
+
+Bytes MakeBlob(ByteSpan payload, uint64_t seed) {
+  ByteWriter w;
+  w.bytes().reserve(kChecksumBytes + payload.size());
+  w.Put(Hash64(payload, seed));
+  w.PutBytes(payload);
+  return w.Take();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ObjectWriter>> StoreObjectWriter::Create(
+    std::shared_ptr<Environment> environment, const std::string& name, bool replace) {
+  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+  if (!environment->writable()) {
+    return InvalidArgument(environment->path() + ": opened for reading; open it writable");
+  }
+  MTDB_RETURN_IF_ERROR(RemoveDead(*environment));
+  ObjectId id;
+  std::optional<BuilderLock> lock;
+  const Status status = environment->Write([&](WriteTransaction& write) -> Status {
+    const std::string& path = environment->path();
+    MTDB_ASSIGN_OR_RETURN(const auto published, FindObject(write, path, name));
+    if (published && !replace) {
+      return {StatusCode::kAlreadyExists,
+              path + ": object " + name + " is there; choose another name, or replace it"};
+    }
+    std::optional<uint32_t> builder;
+    const Status scanned = write.Scan(
+        Table::kCatalog, BuildingKey(ObjectId{0}),
+        [&](ByteSpan key, ByteSpan value) -> Result<bool> {
+          if (key.empty() || static_cast<CatalogKind>(key[0]) != CatalogKind::kBuilding)
+            return false;
+          const std::string where = path + ": catalog: building entry";
+          MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kCatalog, key, value, where));
+          MTDB_ASSIGN_OR_RETURN(const PendingEntry entry, DecodePendingEntry(body, where));
+          if (entry.name == name) builder = entry.process;
+          return !builder.has_value();
+        });
+    MTDB_RETURN_IF_ERROR(scanned);
+    // Dead ones were removed above; one that died since then counts as alive until the next try.
+    if (builder) {
+      return {StatusCode::kBusy, path + ": object " + name + " is being built by process " +
+                                     std::to_string(*builder) + "; wait for it, or stop it"};
+    }
+    id = ObjectId{write.superblock().next_object_id};
+    lock.reset();
+    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment->absolute_path(), id));
+    if (!lock) {
+      return {StatusCode::kBusy, path + ": object id " + std::to_string(id.value) +
+                                     " is locked by another process; try again"};
+    }
+    write.superblock().next_object_id = id.value + 1;
+    const PendingEntry entry{name, static_cast<uint32_t>(::getpid())};
+    return write.PutSealed(Table::kCatalog, BuildingKey(id), EncodePendingEntry(entry));
+  });
+  MTDB_RETURN_IF_ERROR(status);
+  ReachTestPoint("created");
+  return std::unique_ptr<ObjectWriter>(
+      new StoreObjectWriter(std::move(environment), name, replace, id, *std::move(lock)));
+}
+
+StoreObjectWriter::StoreObjectWriter(std::shared_ptr<Environment> environment, std::string name,
+                                     bool replace, ObjectId id, BuilderLock lock)
+    : environment_(std::move(environment)),
+      name_(std::move(name)),
+      replace_(replace),
+      id_(id),
+      lock_(std::move(lock)) {}
+
+StoreObjectWriter::~StoreObjectWriter() {
+  if (published_) return;
+  queue_.clear();
+  // What cannot be removed now goes at the next Create.
+  const Status status = RemoveRemains(*environment_, id_);
+  static_cast<void>(status);
+}
+
+Status StoreObjectWriter::CheckChildren(std::span<const ClusterId> children, uint32_t below) const {
+  for (size_t i = 0; i < children.size(); ++i) {
+    if (children[i].value >= below || (i > 0 && children[i] <= children[i - 1])) {
+      return InvalidArgument("object " + name_ + ": child " + std::to_string(children[i].value) +
+                             ": expected ascending ids of finer rounds, below " +
+                             std::to_string(below));
+    }
+  }
+  return Status::Ok();
+}
+
+Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
+                                                std::span<const ClusterId> children,
+                                                ByteSpan payload) {
+  MTDB_CHECK(!in_root_, "clusters come before root pieces");
+  const uint32_t id = index_.cluster_count() + static_cast<uint32_t>(waiting_.size());
+  const std::string place = "object " + name_ + ": cluster " + std::to_string(id) + ": ";
+  if (entry.round == 0 || entry.round < round_) {
+    return InvalidArgument(place + "expected a round from " +
+                           std::to_string(std::max<int>(round_, 1)) + ", found " +
+                           std::to_string(entry.round));
+  }
+  if (entry.round == round_ && entry.hilbert < hilbert_) {
+    return InvalidArgument(place + "hilbert codes of a round must ascend");
+  }
+  if (entry.nodes == 0 || entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
+    return InvalidArgument(place + "expected nodes, bounds and ordered error codes");
+  }
+  if (payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
+    return InvalidArgument(place + "expected a payload of at most 1 GiB, found " +
+                           std::to_string(payload.size()) + " bytes");
+  }
+  if (entry.round != round_) {
+    MTDB_RETURN_IF_ERROR(PackClusters(true));
+    round_ = entry.round;
+    round_begin_ = id;
+    values_of_round_ = 0;
+  }
+  MTDB_RETURN_IF_ERROR(CheckChildren(children, round_begin_));
+  hilbert_ = entry.hilbert;
+  Waiting w;
+  w.entry = entry;
+  w.children.assign(children.begin(), children.end());
+  w.blob = MakeBlob(payload, ClusterSeed(id_, ClusterId{id}, entry.round, entry.hilbert));
+  digest_.AddCluster(ClusterId{id}, entry.round, entry.hilbert, payload);
+  payload_bytes_ += payload.size();
+  waiting_bytes_.push_back(w.blob.size());
+  waiting_.push_back(std::move(w));
+  MTDB_RETURN_IF_ERROR(PackClusters(false));
+  return ClusterId{id};
+}
+
+Result<RootPieceId> StoreObjectWriter::AddRootPiece(const RootPieceEntry& entry,
+                                                    std::span<const ClusterId> children,
+                                                    ByteSpan payload) {
+  if (!in_root_) {
+    MTDB_RETURN_IF_ERROR(PackClusters(true));
+    in_root_ = true;
+  }
+  const uint32_t id = index_.root_piece_count() + static_cast<uint32_t>(waiting_.size());
+  if (payload.size() > kMaxRootPayloadBytes || entry.bounds.empty()) {
+    return InvalidArgument("object " + name_ + ": root piece " + std::to_string(id) +
+                           ": expected bounds and a payload of at most 1 MiB, found " +
+                           std::to_string(payload.size()) + " bytes");
+  }
+  MTDB_RETURN_IF_ERROR(CheckChildren(children, index_.cluster_count()));
+  Waiting w;
+  w.root_entry = entry;
+  w.children.assign(children.begin(), children.end());
+  w.blob = MakeBlob(payload, RootSeed(id_, RootPieceId{id}));
+  digest_.AddRootPiece(RootPieceId{id}, payload);
+  payload_bytes_ += payload.size();
+  waiting_bytes_.push_back(w.blob.size());
+  waiting_.push_back(std::move(w));
+  MTDB_RETURN_IF_ERROR(PackRootPieces(false));
+  return RootPieceId{id};
+}
+
+Status StoreObjectWriter::PackClusters(bool last) {
+  for (;;) {
+    const size_t count = BlobsOfNextValue(waiting_bytes_, last);
+    if (count == 0) return Status::Ok();
+    const Bytes key = ClusterKey(id_, round_, waiting_[0].entry.hilbert, values_of_round_);
+    Bytes value;
+    for (size_t i = 0; i < count; ++i) {
+      const Waiting& w = waiting_[i];
+      const PayloadLocation location{values_, static_cast<uint32_t>(value.size()),
+                                     static_cast<uint32_t>(w.blob.size() - kChecksumBytes)};
+      index_.AddCluster(w.entry, location, w.children);
+      value.insert(value.end(), w.blob.begin(), w.blob.end());
+    }
+    ++values_;
+    ++values_of_round_;
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
+    waiting_bytes_.erase(waiting_bytes_.begin(),
+                         waiting_bytes_.begin() + static_cast<ptrdiff_t>(count));
+    MTDB_RETURN_IF_ERROR(Queue(Table::kClusters, key, std::move(value)));
+  }
+}
+
+Status StoreObjectWriter::PackRootPieces(bool last) {
+  for (;;) {
+    const size_t count = BlobsOfNextValue(waiting_bytes_, last);
+    if (count == 0) return Status::Ok();
+    Bytes value;
+    for (size_t i = 0; i < count; ++i) {
+      const Waiting& w = waiting_[i];
+      const PayloadLocation location{root_values_, static_cast<uint32_t>(value.size()),
+                                     static_cast<uint32_t>(w.blob.size() - kChecksumBytes)};
+      index_.AddRootPiece(w.root_entry, location, w.children);
+      value.insert(value.end(), w.blob.begin(), w.blob.end());
+    }
+    const Bytes key = RootKey(id_, root_values_++);
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
+    waiting_bytes_.erase(waiting_bytes_.begin(),
+                         waiting_bytes_.begin() + static_cast<ptrdiff_t>(count));
+    MTDB_RETURN_IF_ERROR(Queue(Table::kRoot, key, std::move(value)));
+  }
+}
+
+Status StoreObjectWriter::QueueIndex() {
+  for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
+    const uint32_t rows =
+        kind == IndexKind::kClusters ? index_.cluster_count() : index_.root_piece_count();
+    for (uint32_t first = 0; first < rows; first += std::min(kIndexRowsPerValue, rows - first)) {
+      const uint32_t count = std::min(kIndexRowsPerValue, rows - first);
+      const Bytes body = EncodeIndexRows(index_, kind, first, count);
+      digest_.AddIndexValue(kind, first, body);
+      Bytes key = IndexKey(id_, kind, first);
+      Bytes value = SealValue(Table::kIndex, key, body);
+      MTDB_RETURN_IF_ERROR(Queue(Table::kIndex, std::move(key), std::move(value)));
+    }
+  }
+  return Status::Ok();
+}
+
+Status StoreObjectWriter::Queue(Table table, Bytes key, Bytes value) {
+  const uint32_t page_size = environment_->page_size();
+  const uint64_t node = kNodeHeaderBytes + key.size() + value.size();
+  if (node > MaxNodeBytes(page_size)) {
+    overflow_bytes_ += OverflowPages(value.size(), page_size) * page_size;
+    node_bytes_ += kNodeHeaderBytes + key.size() + 10;  // a page number, a place in the leaf
+  } else {
+    node_bytes_ += node + 2;
+  }
+  queued_bytes_ += value.size();
+  queue_.push_back({table, std::move(key), std::move(value)});
+  return queued_bytes_ < kBytesPerTransaction ? Status::Ok() : WriteQueue();
+}
+
+Status StoreObjectWriter::WriteQueue() {
+  if (queue_.empty()) return Status::Ok();
+  const Status status = environment_->Write([&](WriteTransaction& write) -> Status {
+    for (const QueuedValue& v : queue_) MTDB_RETURN_IF_ERROR(write.Put(v.table, v.key, v.value));
+    ReachTestPoint("values put");
+    return Status::Ok();
+  });
+  MTDB_RETURN_IF_ERROR(status);
+  queue_.clear();
+  queued_bytes_ = 0;
+  ReachTestPoint("values committed");
+  return Status::Ok();
+}
+
+Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
+  MTDB_CHECK(!published_, "an object is published once");
+  MTDB_RETURN_IF_ERROR(in_root_ ? PackRootPieces(true) : PackClusters(true));
+  ObjectRecord record = input;
+  record.id = id_;
+  record.name = name_;
+  if (record.clusters != index_.cluster_count() ||
+      record.root_pieces != index_.root_piece_count()) {
+    return InvalidArgument("object " + name_ + ": the record says " +
+                           std::to_string(record.clusters) + " clusters and " +
+                           std::to_string(record.root_pieces) + " root pieces, " +
+                           std::to_string(index_.cluster_count()) + " and " +
+                           std::to_string(index_.root_piece_count()) + " were added");
+  }
+  MTDB_RETURN_IF_ERROR(QueueIndex());
+  MTDB_RETURN_IF_ERROR(WriteQueue());
+  digest_.AddRecord(record);
+  record.payload_bytes = payload_bytes_;
+  record.stored_bytes = overflow_bytes_ + OverflowPages(node_bytes_, environment_->page_size()) *
+                                              environment_->page_size();
+  record.digest_low = digest_.low();
+  record.digest_high = digest_.high();
+  if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {
+    return InvalidArgument("object " + name_ + ": " + check.status().message());
+  }
+  ReachTestPoint("index committed");
+  std::optional<ObjectId> replaced;
+  MTDB_ASSIGN_OR_RETURN(record, FlipCatalog(std::move(record), &replaced));
+  published_ = true;
+  ReachTestPoint("published");
+  if (replaced) {
+    // The object is published whatever comes now; what is left goes at the next Create.
+    const Status status = RemoveRemains(*environment_, *replaced);
+    static_cast<void>(status);
+  }
+  return record;
+}
+
+Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,
+                                                    std::optional<ObjectId>* replaced) {
+  const Status status = environment_->Write([&](WriteTransaction& write) -> Status {
+    replaced->reset();
+    MTDB_ASSIGN_OR_RETURN(const auto old, FindObject(write, environment_->path(), name_));
+    if (old && !replace_) {
+      return {StatusCode::kAlreadyExists,
+              environment_->path() + ": object " + name_ + " was published meanwhile"};
+    }
+    if (old) {
+      MTDB_RETURN_IF_ERROR(MakeGarbage(write, *old));
+      *replaced = old->id;
+    }
+    MTDB_RETURN_IF_ERROR(write.Delete(Table::kCatalog, BuildingKey(id_)));
+    MTDB_RETURN_IF_ERROR(
+        write.PutSealed(Table::kCatalog, ObjectKey(name_), EncodeObjectRecord(record)));
+    ReachTestPoint("catalog put");
+    return Status::Ok();
+  });
+  MTDB_RETURN_IF_ERROR(status);
+  return record;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,79 @@
+// StoreObjectWriter: the ObjectWriter of a store file.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "store/database.h"
+#include "store/internal/builder_lock.h"
+#include "store/internal/environment.h"
+#include "store/internal/object_digest.h"
+
+namespace mtdb {
+
+class StoreObjectWriter final : public ObjectWriter {
+ public:
+  static Result<std::unique_ptr<ObjectWriter>> Create(std::shared_ptr<Environment> environment,
+                                                      const std::string& name, bool replace);
+  ~StoreObjectWriter() override;
+
+  Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
+                               ByteSpan payload) override;
+  Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry, std::span<const ClusterId> children,
+                                   ByteSpan payload) override;
+  Result<ObjectRecord> Publish(const ObjectRecord& record) override;
+
+ private:
+  // A cluster or root piece whose value is not complete yet.
+  struct Waiting {
+    ClusterEntry entry;
+    RootPieceEntry root_entry;
+    std::vector<ClusterId> children;
+    Bytes blob;
+  };
+  struct QueuedValue {
+    Table table = Table::kClusters;
+    Bytes key;
+    Bytes value;
+  };
+
+  StoreObjectWriter(std::shared_ptr<Environment> environment, std::string name, bool replace,
+                    ObjectId id, BuilderLock lock);
+
+  Status CheckChildren(std::span<const ClusterId> children, uint32_t below) const;
+  Status PackClusters(bool last);
+  Status PackRootPieces(bool last);
+  Status QueueIndex();
+  Status Queue(Table table, Bytes key, Bytes value);
+  Status WriteQueue();
+  Result<ObjectRecord> FlipCatalog(ObjectRecord record, std::optional<ObjectId>* replaced);
+
+  std::shared_ptr<Environment> environment_;
+  const std::string name_;
+  const bool replace_;
+  const ObjectId id_;
+  BuilderLock lock_;
+  bool published_ = false;
+
+  ClusterIndex index_;  // without what waits
+  std::vector<Waiting> waiting_;
+  std::vector<uint64_t> waiting_bytes_;  // of the blobs
+  bool in_root_ = false;                 // waiting_ holds root pieces
+  uint8_t round_ = 0;
+  uint32_t round_begin_ = 0;  // first cluster of round_
+  uint64_t hilbert_ = 0;
+  uint32_t values_ = 0;           // of clusters
+  uint32_t values_of_round_ = 0;  // likewise
+  uint32_t root_values_ = 0;
+
+  std::vector<QueuedValue> queue_;
+  uint64_t queued_bytes_ = 0;
+  uint64_t payload_bytes_ = 0;
+  uint64_t overflow_bytes_ = 0;
+  uint64_t node_bytes_ = 0;
+  ObjectDigest digest_;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,71 @@
+#include "store/internal/store_file.h"
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace mtdb {
+
+StoreFile::StoreFile(std::string path, int descriptor)
+    : path_(std::move(path)), descriptor_(descriptor) {}
+
+StoreFile::~StoreFile() { ::close(descriptor_); }
+
+Result<std::unique_ptr<StoreFile>> StoreFile::Open(const std::string& path, Access access) {
+  int flags = O_CLOEXEC | O_NONBLOCK;  // a pipe must not make us wait
+  if (access == Access::kRead) flags |= O_RDONLY;
+  if (access == Access::kReadWrite) flags |= O_RDWR;
+  if (access == Access::kCreate) flags |= O_RDWR | O_CREAT;
+  const int descriptor = ::open(path.c_str(), flags, 0644);
+  if (descriptor < 0) {
+    if (errno == ENOENT) {
+      return NotFound(path + ": no such file" +
+                      (access == Access::kCreate ? " or directory" : "; check the store's path"));
+    }
+    return IoError(path + ": cannot open: " + std::strerror(errno));
+  }
+  std::unique_ptr<StoreFile> file(new StoreFile(path, descriptor));
+  struct stat info {};
+  if (::fstat(descriptor, &info) != 0) {
+    return IoError(path + ": cannot stat: " + std::strerror(errno));
+  }
+  if (!S_ISREG(info.st_mode)) {
+    return InvalidArgument(path + ": not a regular file; a store is one file");
+  }
+  file->device_ = info.st_dev;
+  file->inode_ = info.st_ino;
+  return file;
+}
+
+Result<uint64_t> StoreFile::Size() const {
+  struct stat info {};
+  if (::fstat(descriptor_, &info) != 0) {
+    return IoError(path_ + ": cannot stat: " + std::strerror(errno));
+  }
+  return static_cast<uint64_t>(info.st_size);
+}
+
+Status StoreFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
+  size_t done = 0;
+  while (done < out.size()) {
+    const ssize_t n = ::pread(descriptor_, out.data() + done, out.size() - done,
+                              static_cast<off_t>(offset + done));
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      return IoError(path_ + ": offset " + std::to_string(offset) +
+                     ": cannot read: " + std::strerror(errno));
+    }
+    if (n == 0) {
+      return Corrupt(path_ + ": the file ends at byte " + std::to_string(offset + done) + ", but " +
+                     std::to_string(out.size()) + " bytes were expected at " +
+                     std::to_string(offset) + "; it was truncated: restore it from a copy");
+    }
+    done += static_cast<size_t>(n);
+  }
+  bytes_read_.fetch_add(out.size(), std::memory_order_relaxed);
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,98 @@
+// ObjectRecord: what the catalog says of an object. Layout in store/FORMAT.md.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "store/base/attributes.h"
+#include "store/base/bytes.h"
+#include "store/base/geometry.h"
+#include "store/base/grid.h"
+#include "store/base/ids.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// What the input was, and what of it could not be kept.
+struct InputReport {
+  uint64_t vertices = 0;               // as read
+  uint64_t triangles = 0;              // as read, polygons and strips split
+  uint64_t unreferenced_vertices = 0;  // dropped
+  uint64_t degenerate_triangles = 0;   // two equal vertex indices; dropped
+  uint64_t duplicate_triangles = 0;    // the same three vertices in the same orientation; dropped
+  uint64_t nonmanifold_edges = 0;      // kept, never simplified
+  uint64_t nonmanifold_vertices = 0;   // kept, never simplified; includes the ends of such edges
+  friend bool operator==(const InputReport&, const InputReport&) = default;
+};
+
+// One round of the build, finest first.
+struct RoundReport {
+  uint64_t triangles_in = 0;
+  uint64_t triangles_out = 0;
+  uint64_t tiles = 0;
+  uint64_t clusters = 0;
+  uint64_t nodes = 0;
+  uint64_t locked_vertices = 0;  // corners of tiles' seams, counted per tile
+  uint64_t stuck_topology = 0;   // vertices that no legal removal exists for
+  uint64_t stuck_degree = 0;     // vertices of more neighbours than max_degree
+  uint8_t error_code_max = 0;
+  friend bool operator==(const RoundReport&, const RoundReport&) = default;
+};
+
+enum class ErrorMeasure : uint8_t { kTwoSidedDistance = 0, kVertical = 1 };
+
+struct ObjectRecord {
+  ObjectId id;
+  std::string name;  // 1..500 bytes of UTF-8
+
+  Grid grid;
+  uint8_t bits = 0;  // of the longest side; 32 when lossless
+  ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
+  AttributeLayout attributes;
+  bool double_positions = false;  // the input's positions were doubles
+  Box3d bounds;                   // model units, of the stored positions
+  std::string units;              // as the user said, or empty
+  std::string georeference;       // WKT or EPSG code as the user said, or empty
+
+  InputReport input;
+  uint64_t vertices = 0;   // of the full-resolution mesh (the drain)
+  uint64_t triangles = 0;  // likewise
+  uint64_t components = 0;
+  uint64_t boundary_edges = 0;
+  uint64_t boundary_loops = 0;
+  int64_t euler_characteristic = 0;
+
+  uint64_t nodes = 0;
+  uint32_t clusters = 0;
+  uint32_t root_pieces = 0;
+  uint64_t root_vertices = 0;
+  uint64_t root_triangles = 0;
+  uint32_t depth = 0;          // longest path of nodes in the DAG
+  uint32_t max_degree = 0;     // largest number of star triangles' ring vertices of a node
+  uint8_t error_code_max = 0;  // of any node
+  std::vector<RoundReport> rounds;
+  uint32_t degree_limit = 0;    // build option
+  uint32_t tile_triangles = 0;  // build option
+
+  // Order-free sums over the full-resolution mesh on its grid (see store/FORMAT.md, "surface
+  // digest"): verify recomputes them from the nodes.
+  uint64_t surface_digest = 0;  // over triangles
+  uint64_t border_digest = 0;   // over directed edges without a partner
+
+  // Filled in by ObjectWriter::Publish.
+  uint64_t payload_bytes = 0;  // clusters and root pieces
+  uint64_t stored_bytes = 0;   // pages that the object occupies, in bytes
+  uint64_t digest_low = 0;     // 128 bits over keys and values, free of object id and name
+  uint64_t digest_high = 0;
+
+  double diagonal() const { return Diagonal(bounds); }
+  // First VertexIndex of a cluster's nodes is in ClusterIndex; the total is vertices.
+  std::string digest_hex() const;
+};
+
+Bytes EncodeObjectRecord(const ObjectRecord& record);
+// `where` names the record in messages.
+Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where);
+
+}  // namespace mtdb

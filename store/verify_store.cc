@@ -1,0 +1,244 @@
+#include "store/verify_store.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "store/internal/catalog.h"
+#include "store/internal/environment.h"
+#include "store/internal/object_digest.h"
+#include "store/internal/object_index.h"
+#include "store/internal/object_reader.h"
+#include "store/internal/page_walker.h"
+#include "store/internal/store_check.h"
+
+namespace mtdb {
+namespace {
+
+constexpr size_t kMaxFailures = 200;
+
+class StoreVerifier {
+ public:
+  StoreVerifier(const Snapshot& snapshot, CheckReport* report)
+      : snapshot_(snapshot), path_(snapshot.pages().file().path()), report_(report) {}
+
+  void Run(const std::string& object) {
+    CheckCatalog();
+    CheckPages();
+    CheckOwners();
+    size_t checked = 0;
+    for (const ObjectRecord& record : listing_.objects) {
+      if (!object.empty() && record.name != object) continue;
+      ++checked;
+      CheckObject(record);
+    }
+    if (!object.empty() && checked == 0) Fail(path_ + ": no object " + object + "; see list");
+  }
+
+ private:
+  void Fail(std::string message) {
+    if (report_->failures.size() < kMaxFailures) report_->failures.push_back(std::move(message));
+  }
+  void Fail(const Status& status) { Fail(status.message()); }
+  void Checked(std::string what) { report_->checks.push_back(std::move(what)); }
+
+  void CheckCatalog() {
+    const Status status =
+        ListCatalogLeniently(snapshot_, &listing_, [&](const Status& failure) { Fail(failure); });
+    if (!status.ok()) Fail(status);
+    for (const ObjectRecord& o : listing_.objects) AddOwner(o.id);
+    for (const auto& [id, entry] : listing_.building) AddOwner(id);
+    for (const auto& [id, entry] : listing_.garbage) AddOwner(id);
+    Checked("catalog: " + std::to_string(listing_.objects.size()) + " objects, " +
+            std::to_string(listing_.building.size()) + " being built, " +
+            std::to_string(listing_.garbage.size()) + " being removed");
+  }
+
+  void AddOwner(ObjectId id) {
+    if (!owners_.insert(id).second) {
+      Fail(path_ + ": catalog: object id " + std::to_string(id.value) + " is there twice");
+    }
+  }
+
+  void CheckPages() {
+    WalkOptions options;
+    options.may_be_stale = [&](Table table, ByteSpan key) {
+      if (table == Table::kCatalog) return true;
+      ByteReader r(key);
+      const ObjectId id{r.GetBigEndian<uint64_t>()};
+      return r.failed() || !owners_.contains(id);
+    };
+    WalkReport walk = WalkPages(snapshot_.pages(), options);
+    for (std::string& failure : walk.failures) Fail(std::move(failure));
+    Checked("pages: " + std::to_string(walk.tree_pages) + " of trees, " +
+            std::to_string(walk.overflow_pages) + " of values, " + std::to_string(walk.free_pages) +
+            " free, 2 meta");
+  }
+
+  // Every key belongs to an object of the catalog.
+  void CheckOwners() {
+    for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
+      std::set<ObjectId> strangers;
+      const Status status = snapshot_.pages().Scan(
+          snapshot_.tree(table), {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
+            ByteReader r(key);
+            const ObjectId id{r.GetBigEndian<uint64_t>()};
+            ++values_[{table, id}];
+            if (r.failed() || !owners_.contains(id)) strangers.insert(id);
+            return true;
+          });
+      const std::string place = path_ + ": " + kTableNames[static_cast<size_t>(table)] + ": ";
+      if (!status.ok()) Fail(status);
+      for (const ObjectId id : strangers) {
+        Fail(place + "values of object " + std::to_string(id.value) +
+             ", which is not in the catalog");
+      }
+    }
+    Checked("values belong to objects of the catalog");
+  }
+
+  void CheckObject(const ObjectRecord& record) {
+    const std::string place = ObjectPlace(path_, record);
+    ObjectDigest digest;
+    uint64_t index_values = 0;
+    const auto index =
+        LoadIndex(snapshot_, record, [&](IndexKind kind, uint32_t first, ByteSpan body) {
+          ++index_values;
+          digest.AddIndexValue(kind, first, body);
+        });
+    if (!index.ok()) {
+      Fail(index.status());
+      return;
+    }
+    const ValueKeys keys(record.id, *index);
+    CheckCount(place + ": values of its index", index_values, Table::kIndex, record.id);
+    CheckCount(place + ": values of its clusters", keys.cluster_values(), Table::kClusters,
+               record.id);
+    CheckCount(place + ": values of its root", keys.root_values(), Table::kRoot, record.id);
+    CheckCounts(record, *index, place);
+
+    uint64_t payload_bytes = 0;
+    bool whole = true;
+    for (uint32_t i = 0; i < index->cluster_count(); ++i) {
+      const ClusterId id{i};
+      const ClusterEntry& entry = index->cluster(id);
+      const PayloadLocation& location = index->location(id);
+      const bool ends_value =
+          i + 1 == index->cluster_count() || index->location(ClusterId{i + 1}).offset == 0;
+      const auto payload =
+          ReadPayload(Table::kClusters, keys.ClusterValueKey(location.value), location, ends_value,
+                      ClusterSeed(record.id, id, entry.round, entry.hilbert),
+                      place + ": cluster " + std::to_string(i));
+      whole = whole && payload.ok();
+      if (!payload.ok()) {
+        Fail(payload.status());
+        continue;
+      }
+      payload_bytes += payload->size();
+      digest.AddCluster(id, entry.round, entry.hilbert, *payload);
+    }
+    for (uint32_t i = 0; i < index->root_piece_count(); ++i) {
+      const RootPieceId id{i};
+      const PayloadLocation& location = index->location(id);
+      const bool ends_value =
+          i + 1 == index->root_piece_count() || index->location(RootPieceId{i + 1}).offset == 0;
+      const auto payload =
+          ReadPayload(Table::kRoot, keys.RootValueKey(location.value), location, ends_value,
+                      RootSeed(record.id, id), place + ": root piece " + std::to_string(i));
+      whole = whole && payload.ok();
+      if (!payload.ok()) {
+        Fail(payload.status());
+        continue;
+      }
+      payload_bytes += payload->size();
+      digest.AddRootPiece(id, *payload);
+    }
+    Checked(record.name + ": checksums of " + std::to_string(record.clusters) + " clusters and " +
+            std::to_string(record.root_pieces) + " root pieces");
+    if (!whole) return;
+    digest.AddRecord(record);
+    if (payload_bytes != record.payload_bytes) {
+      Fail(place + ": payload bytes: expected " + std::to_string(record.payload_bytes) +
+           " of its record, found " + std::to_string(payload_bytes));
+    }
+    if (digest.low() != record.digest_low || digest.high() != record.digest_high) {
+      Fail(place + ": digest: expected " + record.digest_hex() + " of its record, found another");
+    }
+    Checked(record.name + ": index, counts and digest");
+  }
+
+  void CheckCount(const std::string& what, uint64_t expected, Table table, ObjectId id) {
+    const auto it = values_.find({table, id});
+    const uint64_t found = it == values_.end() ? 0 : it->second;
+    if (found == expected) return;
+    Fail(what + ": expected " + std::to_string(expected) + ", found " + std::to_string(found));
+  }
+
+  void CheckCounts(const ObjectRecord& record, const ClusterIndex& index,
+                   const std::string& place) {
+    uint64_t nodes = 0;
+    for (uint32_t i = 0; i < index.cluster_count(); ++i) nodes += index.cluster(ClusterId{i}).nodes;
+    uint64_t triangles = 0;
+    for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
+      triangles += index.root_piece(RootPieceId{i}).triangles;
+    }
+    const auto compare = [&](const char* what, uint64_t expected, uint64_t found) {
+      if (expected == found) return;
+      Fail(place + ": " + what + ": expected " + std::to_string(expected) +
+           " of its record, found " + std::to_string(found) + " in its index");
+    };
+    compare("nodes", record.nodes, nodes);
+    compare("root triangles", record.root_triangles, triangles);
+  }
+
+  // As a reader reads it; besides, the last blob of a value must reach the value's end.
+  Result<Bytes> ReadPayload(Table table, const Bytes& key, const PayloadLocation& location,
+                            bool ends_value, uint64_t seed, const std::string& where) {
+    MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.pages().Find(snapshot_.tree(table), key));
+    if (!value) return Corrupt(where + ": its value is missing");
+    const uint64_t end = uint64_t{location.offset} + kChecksumBytes + location.length;
+    if (ends_value && end != value->size) {
+      return Corrupt(where + ": expected the value's end at byte " + std::to_string(end) +
+                     ", found " + std::to_string(value->size));
+    }
+    return ReadBlob(snapshot_.pages(), *value, location, seed, where);
+  }
+
+  const Snapshot& snapshot_;
+  const std::string path_;
+  CheckReport* report_;
+  CatalogListing listing_;
+  std::set<ObjectId> owners_;
+  std::map<std::pair<Table, ObjectId>, uint64_t> values_;
+};
+
+}  // namespace
+
+Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report) {
+  // A file that cannot even be opened as a store is a finding; a missing one is an error.
+  const auto environment = Environment::Open(path, {});
+  if (!environment.ok()) {
+    const StatusCode code = environment.status().code();
+    if (code != StatusCode::kCorrupt && code != StatusCode::kUnsupported) {
+      return environment.status();
+    }
+    report->failures.push_back(environment.status().message());
+    return Status::Ok();
+  }
+  // Even when this process has it open since before somebody changed it.
+  if (const Status status = CheckStoreFile((*environment)->file()); !status.ok()) {
+    report->failures.push_back(status.message());
+    return Status::Ok();
+  }
+  report->checks.push_back("meta pages, size of the file, superblock");
+  const auto snapshot = (*environment)->BeginRead(true);
+  if (!snapshot.ok()) {
+    if (snapshot.status().code() != StatusCode::kCorrupt) return snapshot.status();
+    report->failures.push_back(snapshot.status().message());
+    return Status::Ok();
+  }
+  StoreVerifier(*snapshot, report).Run(object);
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,162 @@
+// Draco's own decoder is the oracle of the .drc writer.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+
+#include "tests/codecs/mesh_file_testing.h"
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#include "draco/compression/decode.h"
+#pragma GCC diagnostic pop
+
+namespace mtdb {
+namespace {
+
+using testing::ColouredTetrahedron;
+using testing::ReadBytes;
+using testing::ScratchFolder;
+using testing::WriteMesh;
+
+std::unique_ptr<draco::Mesh> Decode(const std::string& path) {
+  const std::string bytes = ReadBytes(path);
+  draco::DecoderBuffer buffer;
+  buffer.Init(bytes.data(), bytes.size());
+  draco::Decoder decoder;
+  auto mesh = decoder.DecodeMeshFromBuffer(&buffer);
+  INFO(mesh.status().error_msg_string());
+  REQUIRE(mesh.ok());
+  return std::move(mesh).value();
+}
+
+// A wavy sheet of side * side vertices with colours.
+TriangleMesh Sheet(size_t side) {
+  TriangleMesh mesh;
+  for (const char* name : {"red", "green", "blue"}) {
+    mesh.header.attributes.attributes.push_back({name, ScalarType::kUint8});
+  }
+  for (size_t y = 0; y < side; ++y) {
+    for (size_t x = 0; x < side; ++x) {
+      mesh.positions.push_back({static_cast<double>(x), static_cast<double>(y),
+                                10 * std::sin(0.2 * static_cast<double>(x + 2 * y))});
+      for (const size_t c : {x, y, x + y}) mesh.rows.push_back(static_cast<std::byte>(c));
+    }
+  }
+  for (size_t y = 0; y + 1 < side; ++y) {
+    for (size_t x = 0; x + 1 < side; ++x) {
+      const VertexIndex a = y * side + x;
+      mesh.triangles.push_back({a, a + 1, a + side});
+      mesh.triangles.push_back({a + 1, a + side + 1, a + side});
+    }
+  }
+  return mesh;
+}
+
+TEST_CASE("Draco gives back positions within half a quantum, and colours exactly") {
+  const ScratchFolder folder;
+  constexpr size_t kSide = 40;
+  const TriangleMesh mesh = Sheet(kSide);
+  for (const int bits : {11, 16}) {
+    MeshWriteOptions options;
+    options.draco_position_bits = bits;
+    REQUIRE(WriteMesh(mesh, folder.Path("s.drc"), options).ok());
+    const std::unique_ptr<draco::Mesh> decoded = Decode(folder.Path("s.drc"));
+    REQUIRE(decoded->num_points() == mesh.positions.size());
+    REQUIRE(decoded->num_faces() == mesh.triangles.size());
+    const auto* const position = decoded->GetNamedAttribute(draco::GeometryAttribute::POSITION);
+    const auto* const colour = decoded->GetNamedAttribute(draco::GeometryAttribute::COLOR);
+    REQUIRE(colour != nullptr);
+    REQUIRE(colour->num_components() == 3);
+    const double quantum = (kSide - 1) / (std::ldexp(1.0, bits) - 1);
+    for (uint32_t i = 0; i < decoded->num_points(); ++i) {
+      const draco::PointIndex point(i);
+      float p[3];
+      uint8_t c[3];
+      position->GetMappedValue(point, p);
+      colour->GetMappedValue(point, c);
+      const auto x = static_cast<size_t>(std::lround(p[0]));
+      const auto y = static_cast<size_t>(std::lround(p[1]));
+      REQUIRE(std::max(x, y) < kSide);
+      const Vec3d q = mesh.positions[y * kSide + x];
+      for (int axis = 0; axis < 3; ++axis) {
+        REQUIRE(std::abs(p[axis] - q[axis]) <= quantum * 0.5 + 1e-5);
+      }
+      REQUIRE(c[0] == x);
+      REQUIRE(c[1] == y);
+      REQUIRE(c[2] == x + y);
+    }
+  }
+}
+
+TEST_CASE("Draco carries normals as such and other attributes with their names") {
+  const ScratchFolder folder;
+  TriangleMesh mesh = ColouredTetrahedron();
+  REQUIRE(WriteMesh(mesh, folder.Path("a.drc")).ok());
+  const std::unique_ptr<draco::Mesh> decoded = Decode(folder.Path("a.drc"));
+  REQUIRE(decoded->num_attributes() == 4);
+  REQUIRE(decoded->GetNamedAttribute(draco::GeometryAttribute::NORMAL) != nullptr);
+  REQUIRE(decoded->GetNamedAttribute(draco::GeometryAttribute::COLOR)->num_components() == 4);
+  const auto* const quality = decoded->GetNamedAttribute(draco::GeometryAttribute::GENERIC);
+  REQUIRE(quality != nullptr);
+  REQUIRE(quality->data_type() == draco::DT_FLOAT64);
+  std::vector<double> values;
+  for (uint32_t i = 0; i < decoded->num_points(); ++i) {
+    double value = 0;
+    quality->GetMappedValue(draco::PointIndex(i), &value);
+    values.push_back(value);
+  }
+  std::sort(values.begin(), values.end());
+  REQUIRE(values == std::vector<double>{1.0 / 4, 1.0 / 3, 1.0 / 2, 1.0});
+  REQUIRE(decoded->GetAttributeIdByMetadataEntry("name", "quality") >= 0);
+}
+
+TEST_CASE("Draco levels trade size for time, and both decode") {
+  const ScratchFolder folder;
+  const TriangleMesh mesh = Sheet(100);
+  std::map<int, size_t> sizes;
+  for (const int level : {0, 7, 10}) {
+    MeshWriteOptions options;
+    options.draco_level = level;
+    REQUIRE(WriteMesh(mesh, folder.Path("l.drc"), options).ok());
+    REQUIRE(Decode(folder.Path("l.drc"))->num_faces() == mesh.triangles.size());
+    sizes[level] = ReadBytes(folder.Path("l.drc")).size();
+  }
+  REQUIRE(sizes[10] < sizes[0]);
+  REQUIRE(sizes[7] < sizes[0]);
+}
+
+TEST_CASE("Draco options out of range and meshes that it cannot encode are refused") {
+  const ScratchFolder folder;
+  for (const auto& [bits, level] : {std::pair{0, 7}, {31, 7}, {16, -1}, {16, 11}}) {
+    MeshWriteOptions options;
+    options.draco_position_bits = bits;
+    options.draco_level = level;
+    REQUIRE(CreateMeshFileWriter(folder.Path("o.drc"), options).status().code() ==
+            StatusCode::kInvalidArgument);
+  }
+  TriangleMesh mesh = ColouredTetrahedron();
+  mesh.triangles.clear();
+  REQUIRE(WriteMesh(mesh, folder.Path("e.drc")).message().find("Draco holds 1 to") !=
+          std::string::npos);
+  mesh.triangles = {{1, 1, 2}};
+  const Status degenerate = WriteMesh(mesh, folder.Path("e.drc"));
+  REQUIRE(degenerate.code() == StatusCode::kInvalidArgument);
+  REQUIRE(degenerate.message().find("Draco cannot encode the mesh") != std::string::npos);
+  REQUIRE(folder.file_count() == 0);
+}
+
+TEST_CASE("Draco takes non-manifold meshes, and normals that are not finite") {
+  const ScratchFolder folder;
+  TriangleMesh mesh = ColouredTetrahedron();
+  mesh.triangles.push_back({0, 1, 3});
+  mesh.triangles.push_back({1, 0, 2});
+  mesh.triangles.push_back({2, 2, 3});
+  for (size_t i = 0; i < 12; ++i) mesh.rows[i] = std::byte{0xff};  // nan nan nan
+  REQUIRE(WriteMesh(mesh, folder.Path("n.drc")).ok());
+  REQUIRE(Decode(folder.Path("n.drc"))->num_faces() == 6);
+}
+
+}  // namespace
+}  // namespace mtdb

@@ -1,0 +1,150 @@
+// The definitions of query/query.h, run naively on the plain DAG; and random queries.
+#pragma once
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "query/query.h"
+#include "tests/query/mt_fixture.h"
+
+namespace mtdb::testing {
+
+class Oracle {
+ public:
+  Oracle(const MtFixture& fixture, const Query& query) : f_(fixture), query_(query) {
+    const Grid& grid = f_.source->record_.grid;
+    for (const InMemoryMt::Triangle& t : f_.mt.triangles) {
+      const uint8_t code = t.remover < 0 ? 0 : f_.mt.nodes[static_cast<size_t>(t.remover)].code;
+      const double e = grid.Error(code);
+      const Triangle3d corners = f_.Corners(t);
+      const bool active = query.region == nullptr || query.region->Within(corners, e);
+      const double limit = query.threshold == nullptr ? -1 : query.threshold->Min(corners, e);
+      active_.push_back(active);
+      wanted_.push_back(t.remover >= 0 && active && !(e <= limit));
+    }
+  }
+
+  bool active(uint32_t triangle) const { return active_[triangle]; }
+  // Active and invalid.
+  bool wanted(uint32_t triangle) const { return wanted_[triangle]; }
+  bool Valid(const std::vector<bool>& applied) const {
+    for (const uint32_t id : f_.mt.Mesh(applied)) {
+      if (wanted_[id]) return false;
+    }
+    return true;
+  }
+
+  // The definition, top down, in random order.
+  std::vector<bool> LeastCut(std::mt19937& random) const {
+    std::vector<bool> applied(f_.mt.nodes.size(), false);
+    for (;;) {
+      std::vector<uint32_t> invalid;
+      for (const uint32_t id : f_.mt.Mesh(applied)) {
+        if (wanted_[id]) invalid.push_back(id);
+      }
+      if (invalid.empty()) return applied;
+      const size_t pick = std::uniform_int_distribution<size_t>(0, invalid.size() - 1)(random);
+      f_.mt.Close(f_.mt.triangles[invalid[pick]].remover, applied);
+    }
+  }
+
+  // The intersection of all valid parent-closed sets, by enumeration of all sets.
+  std::vector<bool> LeastCutByEnumeration() const {
+    const size_t n = f_.mt.nodes.size();
+    std::vector<uint32_t> parents(n, 0);
+    for (size_t i = 0; i < n; ++i) {
+      for (const int p : f_.mt.Parents(static_cast<int>(i))) parents[i] |= 1u << p;
+    }
+    uint32_t least = (1u << n) - 1;
+    for (uint32_t set = 0; set < (1u << n); ++set) {
+      std::vector<bool> applied(n);
+      bool closed = true;
+      for (size_t i = 0; i < n; ++i) {
+        applied[i] = (set >> i) & 1;
+        closed &= !applied[i] || (parents[i] & ~set) == 0;
+      }
+      if (closed && Valid(applied)) least &= set;
+    }
+    std::vector<bool> applied(n);
+    for (size_t i = 0; i < n; ++i) applied[i] = (least >> i) & 1;
+    return applied;
+  }
+
+  // Largest error first, until the next node does not fit.
+  std::vector<bool> GreedyCut(uint64_t max_triangles) const {
+    std::vector<bool> applied(f_.mt.nodes.size(), false);
+    const auto rank = [&](uint32_t id) {
+      const InMemoryMt::Node& node = f_.mt.nodes[static_cast<size_t>(f_.mt.triangles[id].remover)];
+      return std::tuple(node.code, node.cluster.value, kNone32 - node.index);
+    };
+    for (;;) {
+      const std::vector<uint32_t> mesh = f_.mt.Mesh(applied);
+      uint32_t best = kNone32;
+      for (const uint32_t id : mesh) {
+        if (wanted_[id] && (best == kNone32 || rank(id) > rank(best))) best = id;
+      }
+      if (best == kNone32) return applied;
+      std::vector<bool> next = applied;
+      f_.mt.Close(f_.mt.triangles[best].remover, next);
+      if (f_.mt.Mesh(next).size() > max_triangles) return applied;
+      applied = next;
+    }
+  }
+
+ private:
+  const MtFixture& f_;
+  const Query query_;
+  std::vector<bool> active_;
+  std::vector<bool> wanted_;
+};
+
+// Regions: whole, box, sphere, union. Thresholds: full, constant, linear both ways, minimum.
+inline Query RandomQuery(const MtFixture& fixture, std::mt19937& random) {
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const Box3d& bounds = fixture.source->record_.bounds;
+  const double size = Diagonal(bounds);
+  const auto point = [&] {
+    Vec3d p;
+    for (int i = 0; i < 3; ++i) p[i] = uniform(bounds.min[i] - 0.1, bounds.max[i] + 0.1);
+    return p;
+  };
+  const auto simple_region = [&]() -> RegionPtr {
+    if (random() % 2 == 0) return SphereRegion(point(), size * uniform(0, 0.3));
+    Box3d box;
+    const Vec3d p = point();
+    box.Add(p);
+    box.Add(p + Vec3d{uniform(0, 0.4), uniform(0, 0.4), uniform(0, 0.4)} * size);
+    return BoxRegion(box);
+  };
+  const auto error = [&] {
+    return fixture.source->record_.grid.Error(static_cast<uint8_t>(random() % 110));
+  };
+  const auto simple_threshold = [&]() -> ThresholdPtr {
+    switch (random() % 5) {
+      case 0: return ConstantThreshold(0);
+      case 1: return LinearThreshold(point(), error() - 0.05, uniform(0, 0.2));
+      case 2: return LinearThreshold(point(), error(), -uniform(0, 0.2));
+      default: return ConstantThreshold(error());
+    }
+  };
+  Query query;
+  switch (random() % 5) {
+    case 0: break;
+    case 1: query.region = WholeRegion(); break;
+    case 2: query.region = UnionRegion({simple_region(), simple_region()}); break;
+    default: query.region = simple_region();
+  }
+  switch (random() % 6) {
+    case 0: break;
+    case 1: query.threshold = FullResolution(); break;
+    case 2: query.threshold = MinThreshold({simple_threshold(), simple_threshold()}); break;
+    case 3: query.threshold = random() % 8 == 0 ? CoarsestThreshold() : simple_threshold(); break;
+    default: query.threshold = simple_threshold();
+  }
+  return query;
+}
+
+}  // namespace mtdb::testing

@@ -1,0 +1,267 @@
+// Surfaces as their callers see them: streaming, caching, threads, bad sources.
+#include "query/surface.h"
+
+#include <catch2/catch.hpp>
+#include <thread>
+
+#include "query/cluster_cache.h"
+#include "query/verify_object.h"
+#include "tests/query/mt_fixture.h"
+#include "tests/query/oracle.h"
+#include "tests/support/mesh_check.h"
+
+namespace mtdb::testing {
+namespace {
+
+MtOptions Medium(uint32_t seed) {
+  MtOptions o;
+  o.shape = static_cast<Shape>(seed % 4);
+  o.resolution = 24;
+  o.rounds = 4;
+  o.tiles = 16;
+  o.attributes = true;
+  o.coincident = seed % 8 >= 4;
+  o.seed = seed;
+  return o;
+}
+
+std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{256} << 20) {
+  SurfaceOptions options;
+  options.cache_bytes = cache_bytes;
+  return Surface::Open(f.source, options).value();
+}
+
+TriangleMesh Extract(const Surface& surface, const Query& query, ExtractStats* stats = nullptr) {
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  Result<ExtractStats> result = surface.Extract(query, sink);
+  INFO(result.status().message());
+  REQUIRE(result.ok());
+  if (stats != nullptr) *stats = *result;
+  return mesh;
+}
+
+bool SameMesh(const TriangleMesh& a, const TriangleMesh& b) {
+  return a.positions == b.positions && a.triangles == b.triangles && a.rows == b.rows &&
+         a.header.vertex_count == b.header.vertex_count &&
+         a.header.triangle_count == b.header.triangle_count;
+}
+
+// A region that is all of space but does not say so: takes the general path.
+RegionPtr Everywhere(const MtFixture& f) {
+  Box3d box = f.source->record_.bounds;
+  box.min = box.min - Vec3d{1, 1, 1};
+  box.max = box.max + Vec3d{1, 1, 1};
+  return BoxRegion(box);
+}
+
+}  // namespace
+
+TEST_CASE("The streamed full resolution equals the input and the general path") {
+  for (uint32_t seed = 1; seed <= 8; ++seed) {
+    const MtFixture f = MakeMt(Medium(seed));
+    const ObjectRecord& record = f.source->record_;
+    ExtractStats streamed_stats;
+    ExtractStats general_stats;
+    const TriangleMesh streamed = Extract(*Open(f), Query{}, &streamed_stats);
+    Query query;
+    query.region = Everywhere(f);
+    const TriangleMesh general = Extract(*Open(f), query, &general_stats);
+    REQUIRE(SameMesh(streamed, general));
+    REQUIRE(streamed.triangles.size() == record.triangles);
+    REQUIRE(streamed.positions.size() == record.vertices);
+    REQUIRE(streamed_stats.active_triangles == general_stats.active_triangles);
+    REQUIRE(streamed_stats.nodes_applied == general_stats.nodes_applied);
+    REQUIRE(streamed_stats.clusters_used == general_stats.clusters_used);
+    REQUIRE(streamed_stats.error_bound == record.grid.cell_error());
+    REQUIRE(general_stats.error_bound == record.grid.cell_error());
+    REQUIRE(streamed_stats.clusters_read == record.clusters);
+    REQUIRE(CheckMesh(streamed).ok());
+  }
+}
+
+TEST_CASE("A budget below the root gives the root, and one above everything gives everything") {
+  const MtFixture f = MakeMt(Medium(2));
+  const auto surface = Open(f);
+  Query query;
+  query.max_triangles = 0;
+  ExtractStats stats;
+  REQUIRE(Extract(*surface, query, &stats).triangles.size() == f.source->record_.root_triangles);
+  REQUIRE(stats.nodes_applied == 0);
+  REQUIRE(stats.error_bound > 0.01);
+  query.max_triangles = f.source->record_.triangles;
+  REQUIRE(Extract(*surface, query, &stats).triangles.size() == f.source->record_.triangles);
+  REQUIRE(stats.error_bound == f.source->record_.grid.cell_error());
+}
+
+TEST_CASE("A query reads no cluster that the index proves unnecessary") {
+  const MtFixture f = MakeMt(Medium(3));
+  Query query;
+  query.threshold = CoarsestThreshold();
+  ExtractStats stats;
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.clusters_read == 0);
+  query.threshold = nullptr;
+  query.region = SphereRegion({100, 100, 100}, 1);
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.clusters_read == 0);
+  REQUIRE(stats.active_triangles == 0);
+  // A small ball at full resolution: some, not all.
+  MtOptions o = Medium(1);
+  o.code_max = 30;
+  const MtFixture fine = MakeMt(o);
+  query.region = SphereRegion(fine.Corners(fine.mt.triangles[fine.mt.root_triangles[0]])[0], 0.01);
+  Extract(*Open(fine), query, &stats);
+  REQUIRE(stats.clusters_used > 0);
+  REQUIRE(stats.clusters_read < stats.clusters_total);
+  const uint64_t cold = fine.source->reads_;
+  const auto surface = Open(fine);
+  Extract(*surface, query);
+  const uint64_t once = fine.source->reads_ - cold;
+  Extract(*surface, query, &stats);
+  REQUIRE(fine.source->reads_ - cold == once);  // all from the cache
+  REQUIRE(stats.clusters_read == 0);
+  REQUIRE(stats.bytes_read == 0);
+}
+
+TEST_CASE("A cache that holds almost nothing gives the same answers") {
+  std::mt19937 random(5);
+  for (uint32_t seed = 1; seed <= 6; ++seed) {
+    const MtFixture f = MakeMt(Medium(seed));
+    const auto large = Open(f);
+    for (const size_t budget : {size_t{0}, size_t{60000}}) {
+      const auto small = Open(f, budget);
+      for (int i = 0; i < 6; ++i) {
+        Query query = i == 0 ? Query{} : RandomQuery(f, random);
+        if (i == 5) query.max_triangles = 500;
+        REQUIRE(SameMesh(Extract(*small, query), Extract(*large, query)));
+        REQUIRE(small->cache().bytes() <= budget);
+      }
+      REQUIRE(small->cache().decoded() > 2 * UnitCount(f.source->index_));
+    }
+    REQUIRE(large->cache().decoded() == UnitCount(f.source->index_));
+  }
+}
+
+TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once") {
+  for (const size_t budget : {size_t{256} << 20, size_t{200000}, size_t{0}}) {
+    const MtFixture f = MakeMt(Medium(9));
+    std::mt19937 random(6);
+    std::vector<Query> queries{Query{}};
+    std::vector<TriangleMesh> expected;
+    for (int i = 0; i < 7; ++i) queries.push_back(RandomQuery(f, random));
+    queries[5].max_triangles = 400;
+    const auto alone = Open(f);
+    for (const Query& query : queries) expected.push_back(Extract(*alone, query));
+    const auto shared = Open(f, budget);
+    std::vector<std::thread> threads;
+    std::atomic<int> wrong{0};
+    for (size_t t = 0; t < 8; ++t) {
+      threads.emplace_back([&, t] {
+        for (size_t i = 0; i < 2 * queries.size(); ++i) {
+          const size_t q = (i + t) % queries.size();
+          TriangleMesh mesh;
+          TriangleMeshSink sink(&mesh);
+          if (!shared->Extract(queries[q], sink).ok() || !SameMesh(mesh, expected[q])) ++wrong;
+        }
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    REQUIRE(wrong == 0);
+    if (budget > 1000000) REQUIRE(shared->cache().decoded() == UnitCount(f.source->index_));
+    shared->cache().Trim();
+    REQUIRE(shared->cache().bytes() <= std::max(budget, size_t{1}));
+  }
+}
+
+TEST_CASE("An error of the source is the query's error, and the next query recovers") {
+  const MtFixture f = MakeMt(Medium(4));
+  const uint32_t clusters = f.source->record_.clusters;
+  for (const uint32_t bad : {0u, clusters / 2, clusters - 1, clusters}) {
+    const auto surface = Open(f);
+    f.source->on_read_ = [bad](uint32_t unit) {
+      return unit == bad ? IoError("disk gone") : Status::Ok();
+    };
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    const Result<ExtractStats> result = surface->Extract(Query{}, sink);
+    REQUIRE(!result.ok());
+    REQUIRE(result.status().code() == StatusCode::kIoError);
+    f.source->on_read_ = nullptr;
+    REQUIRE(Extract(*surface, Query{}).triangles.size() == f.source->record_.triangles);
+  }
+}
+
+TEST_CASE("An error of the sink stops the extraction") {
+  class FullSink final : public MeshSink {
+   public:
+    Status Begin(const MeshHeader&) override { return Status::Ok(); }
+    Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
+    Status AddTriangles(std::span<const TriangleVertices>) override {
+      return {StatusCode::kNoSpace, "full"};
+    }
+    Status End() override { return Status::Ok(); }
+  } sink;
+  const MtFixture f = MakeMt(Medium(4));
+  REQUIRE(Open(f)->Extract(Query{}, sink).status().code() == StatusCode::kNoSpace);
+}
+
+TEST_CASE("Damaged payloads give kCorrupt or another valid mesh, never a crash") {
+  std::mt19937 random(8);
+  uint64_t refused = 0;
+  for (uint32_t seed = 1; seed <= 8; ++seed) {
+    MtOptions o = Medium(seed);
+    o.resolution = 10;
+    o.tiles = 4;
+    const MtFixture f = MakeMt(o);
+    for (int i = 0; i < 60; ++i) {
+      const std::vector<Bytes> clusters = f.source->clusters_;
+      const std::vector<Bytes> roots = f.source->root_pieces_;
+      auto& values = random() % 4 == 0 ? f.source->root_pieces_ : f.source->clusters_;
+      Bytes& victim = values[random() % values.size()];
+      switch (random() % 4) {
+        case 0: victim.resize(random() % (victim.size() + 1)); break;
+        case 1: victim = values[random() % values.size()]; break;
+        case 2: victim.push_back(std::byte{1}); break;
+        default: victim[random() % victim.size()] ^= static_cast<std::byte>(1u << (random() % 8));
+      }
+      const auto surface = Open(f);
+      for (const Query& query : {Query{}, RandomQuery(f, random)}) {
+        TriangleMesh mesh;
+        TriangleMeshSink sink(&mesh);
+        const Result<ExtractStats> result = surface->Extract(query, sink);
+        if (!result.ok()) {
+          ++refused;
+          const StatusCode code = result.status().code();  // unsupported: a stream's tag changed
+          REQUIRE((code == StatusCode::kCorrupt || code == StatusCode::kUnsupported));
+          REQUIRE(result.status().message().find("fixture") != std::string::npos);
+        } else {
+          REQUIRE(CheckMesh(mesh).bad_indices == 0);
+        }
+      }
+      CheckReport report;
+      REQUIRE(VerifyObject(*surface, VerifyLevel::kFull, &report).ok());
+      REQUIRE(VerifyObject(*surface, VerifyLevel::kGlobal, &report).ok());
+      f.source->clusters_ = clusters;
+      f.source->root_pieces_ = roots;
+    }
+  }
+  REQUIRE(refused > 200);
+}
+
+TEST_CASE("An index that disagrees with the record or is no DAG is refused") {
+  const MtFixture f = MakeMt(Medium(4));
+  const ObjectRecord record = f.source->record_;
+  f.source->record_.clusters += 1;
+  REQUIRE(Surface::Open(f.source).status().code() == StatusCode::kCorrupt);
+  f.source->record_ = record;
+  f.source->record_.vertices += 1;
+  REQUIRE(Surface::Open(f.source).status().code() == StatusCode::kCorrupt);
+  f.source->record_ = record;
+  f.source->record_.triangles += 1;  // found out when streaming
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  REQUIRE(Open(f)->Extract(Query{}, sink).status().code() == StatusCode::kCorrupt);
+}
+
+}  // namespace mtdb::testing

@@ -1,0 +1,150 @@
+#include "store/object_record.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "tests/store/store_fixture.h"
+
+namespace mtdb::test {
+namespace {
+
+ObjectRecord FullRecord() {
+  ObjectRecord o = MakeObject({.seed = 4, .clusters = 300}).record;
+  o.id = ObjectId{77};
+  o.name = std::string("Lucy \xc3\xa9");
+  o.grid.mode = PositionMode::kLossless;
+  o.grid.origin = {1.5, -2e300, 3e-300};
+  o.grid.step = 0.125;
+  o.grid.error_unit = 1e-6;
+  o.bits = 32;
+  o.error_measure = ErrorMeasure::kVertical;
+  o.double_positions = true;
+  o.georeference = std::string("EPSG:25832");
+  o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}};
+  o.triangles = uint64_t{1} << 40;
+  o.components = 3;
+  o.boundary_edges = 100;
+  o.boundary_loops = 2;
+  o.euler_characteristic = -1234567890123;
+  o.depth = 82;
+  o.max_degree = 12;
+  o.error_code_max = 200;
+  o.degree_limit = 12;
+  o.tile_triangles = 8192;
+  o.surface_digest = 0x1122334455667788;
+  o.border_digest = 0x99aabbccddeeff00;
+  o.payload_bytes = 1 << 20;
+  o.stored_bytes = 1 << 21;
+  o.digest_low = 0x0123456789abcdef;
+  o.digest_high = 0xfedcba9876543210;
+  return o;
+}
+
+TEST_CASE("a record comes back from its bytes, and the bytes from the record", "[store]") {
+  for (const ObjectRecord& o : {FullRecord(), [] {
+                                  ObjectRecord least;
+                                  least.id = ObjectId{1};
+                                  least.name = std::string(500, 'n');
+                                  return least;
+                                }()}) {
+    const Bytes bytes = EncodeObjectRecord(o);
+    const auto decoded = DecodeObjectRecord(bytes, "r");
+    REQUIRE(decoded.status().message() == "");
+    CHECK(EncodeObjectRecord(*decoded) == bytes);
+    CHECK(decoded->id == o.id);
+    CHECK(decoded->name == o.name);
+    CHECK(decoded->grid == o.grid);
+    CHECK(decoded->bits == o.bits);
+    CHECK(decoded->error_measure == o.error_measure);
+    CHECK(decoded->attributes == o.attributes);
+    CHECK(decoded->double_positions == o.double_positions);
+    CHECK(decoded->bounds == o.bounds);
+    CHECK(decoded->units == o.units);
+    CHECK(decoded->georeference == o.georeference);
+    CHECK(decoded->input == o.input);
+    CHECK(decoded->vertices == o.vertices);
+    CHECK(decoded->triangles == o.triangles);
+    CHECK(decoded->components == o.components);
+    CHECK(decoded->boundary_edges == o.boundary_edges);
+    CHECK(decoded->boundary_loops == o.boundary_loops);
+    CHECK(decoded->euler_characteristic == o.euler_characteristic);
+    CHECK(decoded->nodes == o.nodes);
+    CHECK(decoded->clusters == o.clusters);
+    CHECK(decoded->root_pieces == o.root_pieces);
+    CHECK(decoded->root_vertices == o.root_vertices);
+    CHECK(decoded->root_triangles == o.root_triangles);
+    CHECK(decoded->depth == o.depth);
+    CHECK(decoded->max_degree == o.max_degree);
+    CHECK(decoded->error_code_max == o.error_code_max);
+    CHECK(decoded->rounds == o.rounds);
+    CHECK(decoded->degree_limit == o.degree_limit);
+    CHECK(decoded->tile_triangles == o.tile_triangles);
+    CHECK(decoded->surface_digest == o.surface_digest);
+    CHECK(decoded->border_digest == o.border_digest);
+    CHECK(decoded->payload_bytes == o.payload_bytes);
+    CHECK(decoded->stored_bytes == o.stored_bytes);
+    CHECK(decoded->digest_hex() == o.digest_hex());
+  }
+  CHECK(FullRecord().digest_hex() == "fedcba98765432100123456789abcdef");
+}
+
+TEST_CASE("every prefix of a record, and every longer record, fails", "[store]") {
+  Bytes bytes = EncodeObjectRecord(FullRecord());
+  for (size_t size = 0; size < bytes.size(); ++size) {
+    INFO(size);
+    const auto decoded = DecodeObjectRecord(ByteSpan(bytes).first(size), "r");
+    REQUIRE(!decoded.ok());
+    CHECK(decoded.status().code() == StatusCode::kCorrupt);
+  }
+  bytes.push_back(std::byte{0});
+  CHECK(!DecodeObjectRecord(bytes, "r").ok());
+}
+
+TEST_CASE("a changed record gives an error or another valid record, never more", "[store]") {
+  const Bytes bytes = EncodeObjectRecord(FullRecord());
+  std::mt19937_64 random(3);
+  for (int i = 0; i < 20000; ++i) {
+    Bytes changed = bytes;
+    for (uint64_t k = random() % 3 + 1; k > 0; --k) {
+      changed[random() % changed.size()] = static_cast<std::byte>(random());
+    }
+    const auto decoded = DecodeObjectRecord(changed, "r");
+    if (!decoded.ok()) continue;
+    // Varints may be longer than need be: compare what the bytes mean.
+    const auto again = DecodeObjectRecord(EncodeObjectRecord(*decoded), "r");
+    REQUIRE(again.ok());
+    REQUIRE(EncodeObjectRecord(*again) == EncodeObjectRecord(*decoded));
+  }
+}
+
+TEST_CASE("unknown sections are ignored or refused by their must-understand bit", "[store]") {
+  Bytes bytes = EncodeObjectRecord(FullRecord());
+  bytes[4] = static_cast<std::byte>(static_cast<uint8_t>(bytes[4]) + 1);  // one more section
+  Bytes optional = bytes;
+  for (const int b : {0x20, 2, 1, 2}) optional.push_back(static_cast<std::byte>(b));
+  CHECK(DecodeObjectRecord(optional, "r").ok());
+  Bytes required = bytes;
+  for (const int b : {0xa0, 2, 1, 2}) required.push_back(static_cast<std::byte>(b));
+  CHECK(DecodeObjectRecord(required, "r").status().code() == StatusCode::kUnsupported);
+  Bytes later = EncodeObjectRecord(FullRecord());
+  later[0] = std::byte{2};
+  CHECK(DecodeObjectRecord(later, "r").status().code() == StatusCode::kUnsupported);
+}
+
+TEST_CASE("numbers that are not finite are refused", "[store]") {
+  const double inf = std::numeric_limits<double>::infinity();
+  ObjectRecord o = FullRecord();
+  o.grid.origin.y = inf;
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+  o = FullRecord();
+  o.grid.step = std::nan("");
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+  o = FullRecord();
+  o.grid.step = 0;
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+}
+
+}  // namespace
+}  // namespace mtdb::test

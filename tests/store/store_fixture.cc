@@ -1,0 +1,195 @@
+#include "tests/store/store_fixture.h"
+
+#include <algorithm>
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <fstream>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace mtdb::test {
+
+TempDir::TempDir() {
+  static std::atomic<int> counter{0};
+  path_ = std::filesystem::temp_directory_path() /
+          ("mtdb_store_test_" + std::to_string(::getpid()) + "_" + std::to_string(counter++));
+  std::filesystem::create_directories(path_);
+}
+
+TempDir::~TempDir() {
+  std::error_code error;
+  std::filesystem::remove_all(path_, error);
+}
+
+namespace {
+
+Bytes RandomBytes(std::mt19937_64& random, size_t size) {
+  Bytes b(size);
+  for (std::byte& x : b) x = static_cast<std::byte>(random());
+  return b;
+}
+
+Box3i RandomBounds(std::mt19937_64& random) {
+  Box3i box;
+  for (int i = 0; i < 2; ++i) {
+    box.Add(Vec3i{static_cast<int32_t>(random()), static_cast<int32_t>(random()) >> 8,
+                  static_cast<int32_t>(random()) >> 20});
+  }
+  return box;
+}
+
+std::vector<ClusterId> RandomChildren(std::mt19937_64& random, uint32_t below) {
+  std::vector<ClusterId> children;
+  for (uint32_t c = 0; c < below; ++c) {
+    if (random() % 8 == 0) children.push_back(ClusterId{c});
+  }
+  return children;
+}
+
+}  // namespace
+
+SyntheticObject MakeObject(const SyntheticOptions& options) {
+  std::mt19937_64 random(options.seed);
+  SyntheticObject o;
+  uint8_t round = 1;
+  for (uint32_t count = options.clusters; count > 0; count /= 4, ++round) {
+    const auto finer = static_cast<uint32_t>(o.clusters.size());
+    uint64_t hilbert = random() % 1000;
+    RoundReport report;
+    for (uint32_t i = 0; i < count; ++i) {
+      SyntheticObject::Cluster c;
+      c.entry.round = round;
+      c.entry.hilbert = hilbert;
+      hilbert += random() % 3 == 0 ? 0 : random() % (uint64_t{1} << 40);
+      c.entry.bounds = RandomBounds(random);
+      c.entry.nodes = 1 + static_cast<uint32_t>(random() % 4000);
+      c.entry.in_triangles = static_cast<uint32_t>(random() % 9000);
+      c.entry.out_triangles = static_cast<uint32_t>(random() % 9000);
+      c.entry.external_vertices = static_cast<uint32_t>(random() % 900);
+      c.entry.error_code_min = static_cast<uint8_t>(random() % 100);
+      c.entry.error_code_max = static_cast<uint8_t>(c.entry.error_code_min + random() % 100);
+      c.entry.explicit_arcs = random() % 5 == 0;
+      c.children = RandomChildren(random, finer);
+      c.payload = RandomBytes(random, random() % (options.max_payload + 1));
+      o.record.nodes += c.entry.nodes;
+      report.nodes += c.entry.nodes;
+      o.clusters.push_back(std::move(c));
+    }
+    report.clusters = count;
+    o.record.rounds.push_back(report);
+  }
+  for (uint32_t i = 0; i < 1 + options.clusters / 16; ++i) {
+    SyntheticObject::RootPiece p;
+    p.entry.bounds = RandomBounds(random);
+    p.entry.triangles = static_cast<uint32_t>(random() % 9000);
+    p.entry.vertices = static_cast<uint32_t>(random() % 9000);
+    p.children = RandomChildren(random, static_cast<uint32_t>(o.clusters.size()));
+    p.payload = RandomBytes(random, random() % (options.max_payload + 1));
+    o.record.root_triangles += p.entry.triangles;
+    o.pieces.push_back(std::move(p));
+  }
+  o.record.clusters = static_cast<uint32_t>(o.clusters.size());
+  o.record.root_pieces = static_cast<uint32_t>(o.pieces.size());
+  o.record.root_vertices = 17;
+  o.record.vertices = 17 + o.record.nodes;
+  o.record.bounds.Add(Vec3d{0, 1, 2});
+  o.record.bounds.Add(Vec3d{3, 4, 5});
+  o.record.attributes.attributes = {{"red", ScalarType::kUint8}, {"quality", ScalarType::kFloat32}};
+  o.record.units = std::string("m");
+  return o;
+}
+
+Result<ObjectRecord> WriteObject(Database& database, const std::string& name,
+                                 const SyntheticObject& object, bool replace) {
+  MTDB_ASSIGN_OR_RETURN(const auto writer, database.Create(name, replace));
+  for (const auto& c : object.clusters) {
+    const auto id = writer->AddCluster(c.entry, c.children, c.payload);
+    if (!id.ok()) return id.status();
+  }
+  for (const auto& p : object.pieces) {
+    const auto id = writer->AddRootPiece(p.entry, p.children, p.payload);
+    if (!id.ok()) return id.status();
+  }
+  return writer->Publish(object.record);
+}
+
+Status CompareObject(ClusterSource& source, const SyntheticObject& object) {
+  const ClusterIndex& index = source.index();
+  const auto differs = [](const std::string& what) {
+    return InvalidArgument(std::string("differs: ").append(what));
+  };
+  if (index.cluster_count() != object.clusters.size()) return differs("cluster count");
+  if (index.root_piece_count() != object.pieces.size()) return differs("root piece count");
+  std::vector<ClusterId> ids;
+  for (uint32_t i = 0; i < index.cluster_count(); ++i) {
+    const auto& c = object.clusters[i];
+    const ClusterId id{i};
+    ids.push_back(id);
+    if (index.cluster(id) != c.entry) return differs("entry of cluster " + std::to_string(i));
+    if (!std::ranges::equal(index.children(id), c.children)) return differs("children");
+  }
+  std::vector<RootPieceId> pieces;
+  for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
+    const auto& p = object.pieces[i];
+    const RootPieceId id{i};
+    pieces.push_back(id);
+    if (index.root_piece(id) != p.entry) return differs("entry of root piece");
+    if (!std::ranges::equal(index.children(id), p.children)) return differs("root children");
+  }
+  size_t received = 0;
+  MTDB_RETURN_IF_ERROR(source.ReadClusters(ids, [&](ClusterId id, Bytes payload) {
+    ++received;
+    return payload == object.clusters[id.value].payload ? Status::Ok() : differs("payload");
+  }));
+  MTDB_RETURN_IF_ERROR(source.ReadRootPieces(pieces, [&](RootPieceId id, Bytes payload) {
+    ++received;
+    return payload == object.pieces[id.value].payload ? Status::Ok() : differs("root payload");
+  }));
+  return received == ids.size() + pieces.size() ? Status::Ok() : differs("number of payloads");
+}
+
+std::string VerifyFailures(const std::string& path, const std::string& object) {
+  CheckReport report;
+  const Status status = VerifyStore(path, object, &report);
+  std::string all;
+  if (!status.ok()) all += status.message() + "\n";
+  for (const std::string& f : report.failures) all += f + "\n";
+  return all;
+}
+
+Bytes ReadFile(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  const std::string s((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const ByteSpan b = AsBytes(s);
+  return Bytes(b.begin(), b.end());
+}
+
+void WriteFile(const std::string& path, ByteSpan bytes) {
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  out.write(reinterpret_cast<const char*>(bytes.data()),
+            static_cast<std::streamsize>(bytes.size()));
+}
+
+std::shared_ptr<Database> OpenWritable(const std::string& path) {
+  OpenOptions options;
+  options.writable = true;
+  auto database = Database::Open(path, options);
+  if (!database.ok()) FAIL(database.status().message());
+  return *database;
+}
+
+std::shared_ptr<Database> OpenReadOnly(const std::string& path) {
+  auto database = Database::Open(path);
+  if (!database.ok()) FAIL(database.status().message());
+  return *database;
+}
+
+int RunChild(const std::function<int()>& body) {
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(body());
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return status;
+}
+
+}  // namespace mtdb::test

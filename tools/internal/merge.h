@@ -1,0 +1,19 @@
+// Several input files, one mesh.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "codecs/mesh_file.h"
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// Reads all `paths` into `mesh`, one after the other, vertices not joined. An attribute is kept
+// when every file has it under that name and type; the others, and what the readers ignored, are
+// added to `notes`.
+Status ReadMeshes(const std::vector<std::string>& paths, TriangleMesh* mesh,
+                  std::vector<std::string>* notes);
+
+}  // namespace mtdb

@@ -1,0 +1,17 @@
+// What the verbs print with --json.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "query/cut.h"
+#include "store/object_record.h"
+#include "store/verify_store.h"
+
+namespace mtdb {
+
+// One object of `info`. `file_bytes` is the whole store's.
+nlohmann::ordered_json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
+nlohmann::ordered_json ChecksJson(const CheckReport& report);
+
+}  // namespace mtdb

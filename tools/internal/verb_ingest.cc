@@ -1,0 +1,112 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <iostream>
+
+#include "builder/build.h"
+#include "store/database.h"
+#include "tools/internal/arguments.h"
+#include "tools/internal/generate.h"
+#include "tools/internal/merge.h"
+#include "tools/internal/progress.h"
+#include "tools/internal/report_json.h"
+#include "tools/internal/verbs.h"
+
+namespace mtdb {
+
+namespace {
+
+uint64_t MachineMemory() {
+  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+         static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+std::string Describe(const BuildProgress& p) {
+  if (p.round == 0) return p.stage;
+  return "round " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
+         std::to_string(p.triangles_total) + " triangles";
+}
+
+void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
+  std::printf("%s: %llu triangles, %llu vertices, %llu components, %llu border edges\n",
+              r.name.c_str(), static_cast<unsigned long long>(r.triangles),
+              static_cast<unsigned long long>(r.vertices),
+              static_cast<unsigned long long>(r.components),
+              static_cast<unsigned long long>(r.boundary_edges));
+  const InputReport& in = r.input;
+  const auto note = [](uint64_t count, const char* what) {
+    if (count != 0) std::printf("  %llu %s\n", static_cast<unsigned long long>(count), what);
+  };
+  note(in.degenerate_triangles, "triangles with two equal vertices dropped");
+  note(in.duplicate_triangles, "duplicate triangles dropped");
+  note(in.unreferenced_vertices, "vertices without a triangle dropped");
+  note(in.nonmanifold_edges, "non-manifold edges kept, never simplified");
+  note(in.nonmanifold_vertices, "non-manifold vertices kept, never simplified");
+  for (size_t i = 0; i < r.rounds.size(); ++i) {
+    const RoundReport& round = r.rounds[i];
+    std::printf("  round %zu: %llu -> %llu triangles in %llu tiles, error up to %.3g\n", i + 1,
+                static_cast<unsigned long long>(round.triangles_in),
+                static_cast<unsigned long long>(round.triangles_out),
+                static_cast<unsigned long long>(round.tiles), r.grid.Error(round.error_code_max));
+  }
+  std::printf("  %u clusters, %llu nodes, root of %llu triangles, depth %u, %.1f bits per vertex\n",
+              r.clusters, static_cast<unsigned long long>(r.nodes),
+              static_cast<unsigned long long>(r.root_triangles), r.depth,
+              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
+  std::printf("  store: %.1f MB\n", static_cast<double>(file_bytes) / 1e6);
+}
+
+}  // namespace
+
+Status Ingest(const IngestArguments& arguments) {
+  uint64_t memory = MachineMemory() / 4;
+  if (!arguments.memory.empty()) {
+    MTDB_ASSIGN_OR_RETURN(memory, ParseSize(arguments.memory, "--memory"));
+  }
+  BuildOptions options;
+  options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
+  options.bits = arguments.bits;
+  options.step = arguments.step;
+  options.threads = arguments.threads;
+  options.memory_bytes = memory;
+  const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
+
+  ProgressLine progress(arguments.quiet || arguments.json);
+  progress.Update(0, "reading");
+  TriangleMesh mesh;
+  std::vector<std::string> notes;
+  MTDB_RETURN_IF_ERROR(ReadMeshes(arguments.inputs, &mesh, &notes));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, {.writable = true, .create = true}));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,
+                        database->Create(name, arguments.force));
+  Result<ObjectRecord> record =
+      BuildObject(std::move(mesh), options, *writer, [&](const BuildProgress& p) {
+        progress.Update(p.overall, Describe(p));
+        return Status::Ok();
+      });
+  progress.Finish();
+  if (!record.ok()) {
+    const bool about_input = record.status().code() == StatusCode::kBadInput;
+    return about_input ? Status(StatusCode::kBadInput,
+                                arguments.inputs[0] + ": " + record.status().message())
+                       : record.status();
+  }
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
+  if (arguments.json) {
+    nlohmann::ordered_json json = RecordJson(*record, file_bytes);
+    json["notes"] = notes;
+    std::cout << json.dump(2) << "\n";
+  } else if (!arguments.quiet) {
+    PrintSummary(*record, file_bytes);
+    for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
+  }
+  return Status::Ok();
+}
+
+Status Generate(const GenerateArguments& arguments) {
+  return GenerateFile(arguments.shape, {.triangles = arguments.triangles, .seed = arguments.seed},
+                      arguments.output);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,128 @@
+#include <cstdio>
+#include <iostream>
+
+#include "query/surface.h"
+#include "query/verify_object.h"
+#include "store/database.h"
+#include "store/verify_store.h"
+#include "tools/internal/report_json.h"
+#include "tools/internal/verbs.h"
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+unsigned long long U(uint64_t v) { return v; }
+
+void PrintInfo(const ObjectRecord& r) {
+  std::printf("%s\n", r.name.c_str());
+  std::printf("  surface      %llu triangles, %llu vertices, %llu components, %llu border edges\n",
+              U(r.triangles), U(r.vertices), U(r.components), U(r.boundary_edges));
+  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
+              r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
+              r.diagonal());
+  if (r.grid.mode == PositionMode::kLossless) {
+    std::printf("  positions    float32, lossless\n");
+  } else {
+    std::printf("  positions    %d bits, step %.6g\n", r.bits, r.grid.step);
+  }
+  for (const VertexAttribute& a : r.attributes.attributes) {
+    std::printf("  attribute    %s\n", a.name.c_str());
+  }
+  std::printf("  MT           %llu nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
+              U(r.nodes), r.clusters, r.depth, r.max_degree, r.rounds.size());
+  std::printf("  root         %llu triangles, error up to %.6g\n", U(r.root_triangles),
+              r.grid.Error(r.error_code_max));
+  std::printf("  size         %llu bytes, %.2f bits per vertex\n", U(r.stored_bytes),
+              r.vertices == 0 ? 0.0
+                              : 8.0 * static_cast<double>(r.stored_bytes) /
+                                    static_cast<double>(r.vertices));
+  std::printf("  digest       %s\n", r.digest_hex().c_str());
+}
+
+}  // namespace
+
+Status Info(const InspectArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
+  std::vector<ObjectRecord> records;
+  if (arguments.name.empty()) {
+    MTDB_ASSIGN_OR_RETURN(records, database->List());
+  } else {
+    MTDB_ASSIGN_OR_RETURN(ObjectRecord record, database->Find(arguments.name));
+    records.push_back(std::move(record));
+  }
+  if (arguments.json) {
+    Json objects = Json::array();
+    for (const ObjectRecord& r : records) objects.push_back(RecordJson(r, file_bytes));
+    std::cout << Json{{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}}
+                     .dump(2)
+              << "\n";
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : records) PrintInfo(r);
+  std::printf("store: %llu bytes, %zu objects\n", U(file_bytes), records.size());
+  return Status::Ok();
+}
+
+Status List(const InspectArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
+  if (arguments.json) {
+    Json objects = Json::array();
+    for (const ObjectRecord& r : records) {
+      objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
+    }
+    std::cout << Json{{"objects", objects}}.dump(2) << "\n";
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : records) {
+    std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
+  }
+  return Status::Ok();
+}
+
+Status Verify(const InspectArguments& arguments, bool* ok) {
+  CheckReport report;
+  MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report));
+  if (arguments.level != "fast" && report.ok()) {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store));
+    std::vector<std::string> names{arguments.name};
+    if (arguments.name.empty()) {
+      names.clear();
+      MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
+      for (const ObjectRecord& r : records) names.push_back(r.name);
+    }
+    for (const std::string& name : names) {
+      MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
+      MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                            Surface::Open(std::move(source)));
+      MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kFull, &report));
+      if (arguments.level == "global") {
+        MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kGlobal, &report));
+      }
+    }
+  }
+  *ok = report.ok();
+  if (arguments.json) {
+    std::cout << ChecksJson(report).dump(2) << "\n";
+    return Status::Ok();
+  }
+  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
+  for (const std::string& failure : report.failures) std::printf("FAILED: %s\n", failure.c_str());
+  std::printf("%s: %s\n", arguments.store.c_str(),
+              report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
+  return Status::Ok();
+}
+
+Status Remove(const InspectArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, {.writable = true, .create = false}));
+  return database->Remove(arguments.name);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,175 @@
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+
+#include "codecs/mesh_file.h"
+#include "query/surface.h"
+#include "store/database.h"
+#include "tools/internal/arguments.h"
+#include "tools/internal/render.h"
+#include "tools/internal/report_json.h"
+#include "tools/internal/verbs.h"
+
+namespace mtdb {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// Box and sphere together mean what lies in either.
+Result<RegionPtr> MakeRegion(const QueryArguments& arguments) {
+  std::vector<RegionPtr> regions;
+  if (!arguments.box.empty()) {
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(arguments.box, 6, "--box"));
+    const Box3d box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
+    if (box.empty()) {
+      return InvalidArgument("--box " + arguments.box +
+                             ": the first corner must not exceed the second");
+    }
+    regions.push_back(BoxRegion(box));
+  }
+  if (!arguments.sphere.empty()) {
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n,
+                          ParseNumbers(arguments.sphere, 4, "--sphere"));
+    if (n[3] < 0) return InvalidArgument("--sphere " + arguments.sphere + ": negative radius");
+    regions.push_back(SphereRegion({n[0], n[1], n[2]}, n[3]));
+  }
+  if (regions.empty()) return RegionPtr();
+  return regions.size() == 1 ? regions[0] : UnionRegion(std::move(regions));
+}
+
+Result<Query> MakeQuery(const QueryArguments& arguments, const ObjectRecord& record) {
+  Query query;
+  MTDB_ASSIGN_OR_RETURN(query.region, MakeRegion(arguments));
+  if (arguments.error) {
+    query.threshold = ConstantThreshold(*arguments.error);
+  } else if (arguments.error_relative) {
+    query.threshold = ConstantThreshold(*arguments.error_relative * record.diagonal());
+  }
+  query.max_triangles = arguments.triangles;
+  query.clip = arguments.clip;
+  if (query.clip && query.region == nullptr) {
+    return InvalidArgument("--clip: needs a region; give --box or --sphere");
+  }
+  return query;
+}
+
+Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
+  return Surface::Open(std::move(source));
+}
+
+void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
+                const ExtractStats& stats, double open_seconds, double write_seconds,
+                double total_seconds) {
+  if (arguments.json) {
+    const nlohmann::ordered_json json = {
+        {"object", record.name},
+        {"output", arguments.output},
+        {"triangles", stats.triangles},
+        {"vertices", stats.vertices},
+        {"active_triangles", stats.active_triangles},
+        {"error_bound", stats.error_bound},
+        {"nodes_applied", stats.nodes_applied},
+        {"nodes_forced", stats.nodes_forced},
+        {"clusters_read", stats.clusters_read},
+        {"clusters_used", stats.clusters_used},
+        {"clusters_total", stats.clusters_total},
+        {"bytes_read", stats.bytes_read},
+        {"seconds",
+         {{"open", open_seconds},
+          {"select", stats.seconds.select},
+          {"load", stats.seconds.load},
+          {"emit", std::max(0.0, stats.seconds.emit - write_seconds)},
+          {"write", write_seconds},
+          {"total", total_seconds}}}};
+    std::cout << json.dump(2) << "\n";
+    return;
+  }
+  std::printf("%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",
+              arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
+              static_cast<unsigned long long>(stats.vertices), stats.error_bound,
+              record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
+  std::printf("  read %llu of %llu clusters, %.1f KB; %.1f ms in all\n",
+              static_cast<unsigned long long>(stats.clusters_read),
+              static_cast<unsigned long long>(stats.clusters_total),
+              static_cast<double>(stats.bytes_read) / 1e3, 1e3 * total_seconds);
+}
+
+// Passes a mesh on to a writer and takes the time that the writer needs.
+class TimedSink final : public MeshSink {
+ public:
+  explicit TimedSink(MeshSink& sink) : sink_(sink) {}
+  Status Begin(const MeshHeader& header) override {
+    return Timed([&] { return sink_.Begin(header); });
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    return Timed([&] { return sink_.AddVertices(positions, rows); });
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    return Timed([&] { return sink_.AddTriangles(triangles); });
+  }
+  Status End() override {
+    return Timed([&] { return sink_.End(); });
+  }
+  double seconds() const { return seconds_; }
+
+ private:
+  template <typename Call>
+  Status Timed(Call&& call) {
+    const Clock::time_point begin = Clock::now();
+    Status status = call();
+    seconds_ += SecondsSince(begin);
+    return status;
+  }
+  MeshSink& sink_;
+  double seconds_ = 0;
+};
+
+}  // namespace
+
+Status ExtractVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
+                        CreateMeshFileWriter(arguments.output));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MTDB_ASSIGN_OR_RETURN(const Query query, MakeQuery(arguments, surface->record()));
+  const double open_seconds = SecondsSince(begin);
+  TimedSink sink(*writer);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  PrintStats(arguments, surface->record(), stats, open_seconds, sink.seconds(),
+             SecondsSince(begin));
+  return Status::Ok();
+}
+
+Status RenderVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  RenderOptions options;
+  MTDB_ASSIGN_OR_RETURN(const auto extent, ParseExtent(arguments.size, "--size"));
+  options.width = extent.first;
+  options.height = extent.second;
+  options.wireframe = arguments.wireframe;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MTDB_ASSIGN_OR_RETURN(const Query query, MakeQuery(arguments, surface->record()));
+  const double open_seconds = SecondsSince(begin);
+  // Pictures of one object share their frame, but for clipped ones.
+  if (!query.clip) options.frame = surface->record().bounds;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  const Clock::time_point drawn = Clock::now();
+  RenderImage image;
+  MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
+  MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
+  PrintStats(arguments, surface->record(), stats, open_seconds, SecondsSince(drawn),
+             SecondsSince(begin));
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,64 @@
+// The verbs of mtdb as functions. Each prints its result to standard output; an error is returned
+// and printed by main.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "store/base/status.h"
+
+namespace mtdb {
+
+struct IngestArguments {
+  std::vector<std::string> inputs;
+  std::string store;
+  std::string name;
+  int bits = 16;
+  std::optional<double> step;
+  bool lossless = false;
+  unsigned threads = 0;
+  std::string memory;  // empty: a quarter of the machine's
+  bool force = false, quiet = false, json = false;
+};
+Status Ingest(const IngestArguments& arguments);
+
+struct InspectArguments {
+  std::string store;
+  std::string name;
+  std::string level = "fast";  // verify
+  bool json = false;
+};
+Status Info(const InspectArguments& arguments);
+Status List(const InspectArguments& arguments);
+// `*ok` is false when a check failed; the Status is an error when nothing could be examined.
+Status Verify(const InspectArguments& arguments, bool* ok);
+Status Remove(const InspectArguments& arguments);
+
+struct QueryArguments {
+  std::string store;
+  std::string output;
+  std::string name;
+  bool full = false;
+  std::optional<double> error;           // model units
+  std::optional<double> error_relative;  // of the diagonal
+  std::optional<uint64_t> triangles;
+  std::string box, sphere;
+  bool clip = false;
+  bool json = false;
+  std::string size = "1200x900";  // render
+  bool wireframe = false;         // render
+};
+Status ExtractVerb(const QueryArguments& arguments);
+Status RenderVerb(const QueryArguments& arguments);
+
+struct GenerateArguments {
+  std::string shape;
+  std::string output;
+  uint64_t triangles = 0;
+  uint64_t seed = 1;
+};
+Status Generate(const GenerateArguments& arguments);
+
+}  // namespace mtdb
