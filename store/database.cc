@@ -38,7 +38,7 @@ Result<ObjectRecord> Database::Find(const std::string& name) const {
     std::string names;
     for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
     return InvalidArgument(path() + ": holds " + std::to_string(all.size()) + " objects (" + names +
-                           (all.size() > 5 ? ", ..." : "") + "); give a name");
+                           (all.size() > 5 ? ", ..." : "") + "); choose one by its name (--name)");
   }
   MTDB_RETURN_IF_ERROR(CheckObjectName(name));
   MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "store/base/ids.h"
+
 namespace mtdb {
 
 class Bits {
@@ -17,6 +19,17 @@ class Bits {
   void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
   void SetRange(uint32_t begin, uint32_t end) {
     for (uint32_t i = begin; i < end; ++i) Set(i);
+  }
+  // The first set flag at or after `i`, or kNone32.
+  uint32_t FirstFrom(uint32_t i) const {
+    uint32_t w = i >> 6;
+    if (w >= words_.size()) return kNone32;
+    uint64_t rest = words_[w] & (~uint64_t{0} << (i & 63));
+    while (rest == 0) {
+      if (++w == words_.size()) return kNone32;
+      rest = words_[w];
+    }
+    return w * 64 + static_cast<uint32_t>(std::countr_zero(rest));
   }
   uint32_t Count() const {
     uint32_t n = 0;

@@ -23,8 +23,10 @@ struct UnitState {
   Bits active;   // per own slot: present, examined and found within e(t) of the region
 
   // While searching.
-  Bits planned;  // per node: in the closure that is about to be applied
-  Bits exact;    // per own slot: examined with e(t) itself, not its cluster's largest
+  Bits wanted;  // per node: removes an active invalid triangle, and is not applied yet
+  uint32_t first_wanted = kNone32;  // no wanted node precedes it; kNone32: there is none
+  Bits planned;                     // per node: in the closure that is about to be applied
+  Bits exact;  // per own slot: examined with e(t) itself, not its cluster's largest
   LoadedUnitPtr pin;
 
   // When clipped: what is emitted.

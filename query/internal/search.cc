@@ -42,6 +42,7 @@ Status Search::Run() {
   MTDB_RETURN_IF_ERROR(query_.max_triangles ? RunByError() : RunByClusters());
   ReleasePins(0);
   for (const auto& state : cut_.states) {
+    state->wanted = Bits();
     state->planned = Bits();
     state->exact = Bits();
   }
@@ -144,12 +145,22 @@ void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot
   if (!Valid(t, errors_[code])) Want(state, node, code);
 }
 
+// Coarsest unit first, and within a unit in stored order, in which parents precede children: most
+// nodes find their parents applied.
 Status Search::ApplyTargets() {
-  while (!targets_.empty()) {
-    const Target target = targets_.back();
-    targets_.pop_back();
-    if (cut_.state(target.state).applied.Test(target.node)) continue;
-    MTDB_RETURN_IF_ERROR(PlanClosure(target));
+  while (!wanting_.empty()) {
+    const uint32_t s = wanting_.top().second;
+    UnitState& state = cut_.state(s);
+    const uint32_t node =
+        state.first_wanted == kNone32 ? kNone32 : state.wanted.FirstFrom(state.first_wanted);
+    state.first_wanted = node;
+    if (node == kNone32) {
+      wanting_.pop();
+      continue;
+    }
+    state.wanted.Clear(node);
+    if (state.applied.Test(node)) continue;
+    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
     MTDB_RETURN_IF_ERROR(ApplyPlan());
   }
   return Status::Ok();
@@ -327,7 +338,10 @@ void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
   if (query_.max_triangles) {
     queue_.push({code, false, cut_.state(state).unit, node});
   } else {
-    targets_.push_back({state, node});
+    UnitState& of = cut_.state(state);
+    of.wanted.Set(node);
+    if (of.first_wanted == kNone32) wanting_.emplace(of.unit, state);
+    of.first_wanted = std::min(of.first_wanted, node);
   }
 }
 
@@ -359,6 +373,7 @@ Result<uint32_t> Search::StateOf(UnitId unit) {
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(*state));
   state->first_own_slot = loaded->first_own_slot();
   state->applied = Bits(loaded->nodes());
+  state->wanted = Bits(loaded->nodes());
   state->planned = Bits(loaded->nodes());
   state->present = Bits(loaded->own_slots());
   state->active = Bits(loaded->own_slots());

@@ -56,7 +56,7 @@ class Search {
   Status LookInto(UnitId unit);
   void ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot);
   void NoteLateArc(ClusterId child, UnitId parent, uint32_t slot);
-  // Applies the nodes of targets_, and those that become necessary on the way.
+  // Applies the wanted nodes, and those that become wanted or necessary on the way.
   Status ApplyTargets();
   // Lists the node's missing ancestors and itself in plan_, in an order that can be applied.
   Status PlanClosure(Target target);
@@ -100,7 +100,7 @@ class Search {
   std::unordered_map<UnitId, std::vector<Arc>> late_arcs_;
   std::priority_queue<UnitId> pending_clusters_;
   std::priority_queue<Entry> queue_;
-  std::vector<Target> targets_;
+  std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states
   std::vector<Target> closure_;
   std::vector<Target> plan_;
   std::vector<uint32_t> pinned_states_;

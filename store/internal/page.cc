@@ -113,11 +113,12 @@ Result<std::shared_ptr<const Page>> Page::Decode(Bytes bytes, uint64_t number, K
       if (node_flags != 0 && node_flags != kNodeOverflow && node_flags != kNodeTree) {
         return fail(node_place + "flags", 0, node_flags);
       }
-      const bool large =
-          kNodeHeaderBytes + key_bytes + uint64_t{low} > MaxNodeBytes(static_cast<uint32_t>(size));
-      if (large != (node_flags == kNodeOverflow)) {
-        return Corrupt(place + node_place + "a value of " + std::to_string(low) + " bytes is" +
-                       (large ? " not" : "") + " on overflow pages");
+      // A value that was made smaller in its transaction may stay on overflow pages.
+      const bool large = node_flags == kNodeOverflow;
+      if (!large && kNodeHeaderBytes + key_bytes + uint64_t{low} >
+                        MaxNodeBytes(static_cast<uint32_t>(size))) {
+        return Corrupt(place + node_place + "expected a value of " + std::to_string(low) +
+                       " bytes on overflow pages");
       }
       end += large ? 8 : low;
       if (end > size) return fail(node_place + "end of the node at most", size, end);

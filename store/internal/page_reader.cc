@@ -60,16 +60,19 @@ Result<ValueRef> PageReader::Resolve(const std::shared_ptr<const Page>& page,
     value.file_offset = page->number() * meta_.page_size + node.value_offset;
     return value;
   }
-  const uint64_t pages = OverflowPages(value.size, meta_.page_size);
+  const uint64_t needed = OverflowPages(value.size, meta_.page_size);
   const uint64_t first = node.overflow_page;
-  if (first < kMetaPages || first > meta_.last_page || pages > meta_.last_page - first + 1) {
+  const auto fits = [&](uint64_t pages) {
+    return first >= kMetaPages && first <= meta_.last_page && pages <= meta_.last_page - first + 1;
+  };
+  if (!fits(needed)) {
     return Corrupt(file_->path() + ": page " + std::to_string(page->number()) + ": expected " +
-                   std::to_string(pages) + " overflow pages from 2 to " +
+                   std::to_string(needed) + " overflow pages from 2 to " +
                    std::to_string(meta_.last_page) + ", found page " + std::to_string(first));
   }
-  if ((first + pages) * meta_.page_size > file_bytes_) {
+  if ((first + needed) * meta_.page_size > file_bytes_) {
     return Corrupt(file_->path() + ": page " + std::to_string(first) + ": expected " +
-                   std::to_string(pages) + " overflow pages in a file of " +
+                   std::to_string(needed) + " overflow pages in a file of " +
                    std::to_string(file_bytes_) + " bytes; it was truncated");
   }
   std::array<std::byte, kPageHeaderBytes> bytes;
@@ -79,11 +82,13 @@ Result<ValueRef> PageReader::Resolve(const std::shared_ptr<const Page>& page,
   r.Get<uint16_t>();
   const auto flags = r.Get<uint16_t>();
   const auto run = r.Get<uint32_t>();
-  if (number != first || flags != kPageOverflow || run != pages) {
+  if (number != first || flags != kPageOverflow || run < needed || !fits(run)) {
     return Corrupt(file_->path() + ": page " + std::to_string(first) + ": expected the first of " +
-                   std::to_string(pages) + " overflow pages, found page " + std::to_string(number) +
-                   ", flags " + std::to_string(flags) + ", " + std::to_string(run) + " pages");
+                   std::to_string(needed) + " overflow pages, found page " +
+                   std::to_string(number) + ", flags " + std::to_string(flags) + ", " +
+                   std::to_string(run) + " pages");
   }
+  value.overflow_pages = run;
   value.file_offset = first * meta_.page_size + kPageHeaderBytes;
   return value;
 }

@@ -22,6 +22,7 @@ namespace mtdb {
 struct ValueRef {
   uint64_t size = 0;
   uint64_t file_offset = 0;
+  uint64_t overflow_pages = 0;       // that hold it, 0 when it lies within a leaf page
   std::shared_ptr<const Page> page;  // of a value within a leaf page, else null
   PageNode node;                     // valid while `page` is held
 };

@@ -200,7 +200,7 @@ class PageWalker {
         Fail(value.status().message() + " (" + TreeName(name) + ")");
         continue;
       }
-      if (large) TakeOverflow(node, name, counts);
+      if (large) TakeOverflow(node, value->overflow_pages, name, counts);
       if (name == kFreeTree) {
         CheckFreeList(node, *value, place);
       } else {
@@ -215,9 +215,8 @@ class PageWalker {
     return std::ranges::find(kTableNames, AsString(key)) != kTableNames.end();
   }
 
-  void TakeOverflow(const PageNode& node, int name, Counts* counts) {
+  void TakeOverflow(const PageNode& node, uint64_t run, int name, Counts* counts) {
     const uint32_t page_size = pages_.meta().page_size;
-    const uint64_t run = OverflowPages(node.value_bytes, page_size);
     for (uint64_t i = 0; i < run; ++i) {
       if (!Take(node.overflow_page + i, kOverflow, TreeName(name))) break;
     }

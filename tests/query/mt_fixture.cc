@@ -102,7 +102,7 @@ class MtBuilder {
     }
     MakeRoot();
     FillRecord();
-    return {std::move(mt_), source_};
+    return {std::move(mt_), std::move(rows_), source_};
   }
 
  private:

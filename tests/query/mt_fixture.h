@@ -78,6 +78,7 @@ class MemoryClusterSource final : public ClusterSource {
 
 struct MtFixture {
   InMemoryMt mt;
+  Bytes rows;  // attributes per vertex of mt, as MtOptions::attributes says
   std::shared_ptr<MemoryClusterSource> source;
 
   Triangle3d Corners(const InMemoryMt::Triangle& t) const {

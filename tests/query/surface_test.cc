@@ -1,7 +1,10 @@
 // Surfaces as their callers see them: streaming, caching, threads, bad sources.
 #include "query/surface.h"
 
+#include <array>
 #include <catch2/catch.hpp>
+#include <functional>
+#include <map>
 #include <thread>
 
 #include "query/cluster_cache.h"
@@ -77,6 +80,31 @@ TEST_CASE("The streamed full resolution equals the input and the general path") 
     REQUIRE(general_stats.error_bound == record.grid.cell_error());
     REQUIRE(streamed_stats.clusters_read == record.clusters);
     REQUIRE(CheckMesh(streamed).ok());
+  }
+}
+
+TEST_CASE("Vertices carry the attributes that they had in the input") {
+  MtOptions o = Medium(1);
+  o.coincident = false;
+  const MtFixture f = MakeMt(o);
+  const size_t row = f.source->record_.attributes.row_bytes();
+  REQUIRE(row == 5);
+  std::map<std::array<double, 3>, Bytes> expected;
+  for (size_t v = 0; v < f.mt.positions.size(); ++v) {
+    const Vec3d p = f.source->record_.grid.Position(f.mt.positions[v]);
+    const auto begin = f.rows.begin() + static_cast<std::ptrdiff_t>(v * row);
+    expected[{p.x, p.y, p.z}] = Bytes(begin, begin + static_cast<std::ptrdiff_t>(row));
+  }
+  Query query;
+  query.threshold = ConstantThreshold(0.05);
+  for (const Query& q : {Query{}, query}) {
+    const TriangleMesh mesh = Extract(*Open(f), q);
+    for (size_t v = 0; v < mesh.positions.size(); ++v) {
+      const Vec3d& p = mesh.positions[v];
+      const auto begin = mesh.rows.begin() + static_cast<std::ptrdiff_t>(v * row);
+      REQUIRE(expected.at({p.x, p.y, p.z}) ==
+              Bytes(begin, begin + static_cast<std::ptrdiff_t>(row)));
+    }
   }
 }
 
@@ -247,6 +275,49 @@ TEST_CASE("Damaged payloads give kCorrupt or another valid mesh, never a crash")
     }
   }
   REQUIRE(refused > 200);
+}
+
+TEST_CASE("An index that disagrees with a payload is found when the cluster is loaded") {
+  const MtFixture f = MakeMt(Medium(5));
+  const ClusterIndex index = f.source->index_;
+  const ObjectRecord record = f.source->record_;
+  const auto with_change = [&](const std::function<void(ClusterEntry&)>& change,
+                               const std::function<void(RootPieceEntry&)>& change_root) {
+    ClusterIndex out;
+    for (uint32_t c = 0; c < index.cluster_count(); ++c) {
+      ClusterEntry entry = index.cluster(ClusterId(c));
+      if (c == index.cluster_count() / 2) change(entry);
+      out.AddCluster(entry, {}, index.children(ClusterId(c)));
+    }
+    for (uint32_t r = 0; r < index.root_piece_count(); ++r) {
+      RootPieceEntry entry = index.root_piece(RootPieceId(r));
+      if (r == 0) change_root(entry);
+      out.AddRootPiece(entry, {}, index.children(RootPieceId(r)));
+    }
+    out.Finish(index.root_vertices());
+    return out;
+  };
+  const auto no_change = [](auto&) {};
+  std::vector<ClusterIndex> wrong;
+  for (const auto& change : std::vector<std::function<void(ClusterEntry&)>>{
+           [](ClusterEntry& e) { ++e.in_triangles; }, [](ClusterEntry& e) { --e.in_triangles; },
+           [](ClusterEntry& e) { ++e.out_triangles; }, [](ClusterEntry& e) { ++e.nodes; },
+           [](ClusterEntry& e) { ++e.external_vertices; },
+           [](ClusterEntry& e) { ++e.error_code_min; }, [](ClusterEntry& e) { --e.error_code_max; },
+           [](ClusterEntry& e) { e.explicit_arcs = !e.explicit_arcs; }}) {
+    wrong.push_back(with_change(change, no_change));
+  }
+  wrong.push_back(with_change(no_change, [](RootPieceEntry& e) { ++e.triangles; }));
+  wrong.push_back(with_change(no_change, [](RootPieceEntry& e) { ++e.vertices; }));
+  for (size_t i = 0; i < wrong.size(); ++i) {
+    f.source->index_ = wrong[i];
+    f.source->record_ = record;
+    if (i == 3) ++f.source->record_.vertices;
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    INFO(i);
+    REQUIRE(Open(f)->Extract(Query{}, sink).status().code() == StatusCode::kCorrupt);
+  }
 }
 
 TEST_CASE("An index that disagrees with the record or is no DAG is refused") {

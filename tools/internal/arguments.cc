@@ -1,12 +1,17 @@
 #include "tools/internal/arguments.h"
 
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <string_view>
+#include <vector>
 
 namespace mtdb {
 
 namespace {
+
+constexpr int kLargestExtent = 16384;
 
 // Parses all of `text`.
 template <typename T>
@@ -15,10 +20,14 @@ bool ParseWhole(std::string_view text, T* value) {
   return error == std::errc() && end == text.data() + text.size() && !text.empty();
 }
 
-}  // namespace
+Status Unexpected(const std::string& text, const std::string& expected) {
+  return InvalidArgument("expected " + expected + ", found '" + text + "'");
+}
 
+// "1,2,3" as exactly `count` finite numbers, which `form` describes.
 Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
-                                         const std::string& option) {
+                                         const std::string& form) {
+  const std::string expected = std::to_string(count) + " numbers " + form;
   std::vector<double> numbers;
   size_t begin = 0;
   while (begin <= text.size()) {
@@ -26,26 +35,53 @@ Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
     double value = 0;
     if (!ParseWhole(std::string_view(text).substr(begin, end - begin), &value) ||
         !std::isfinite(value)) {
-      return InvalidArgument(option + " " + text + ": expected " + std::to_string(count) +
-                             " numbers separated by commas");
+      return Unexpected(text, expected);
     }
     numbers.push_back(value);
     begin = end + 1;
   }
-  if (numbers.size() != count) {
-    return InvalidArgument(option + " " + text + ": expected " + std::to_string(count) +
-                           " numbers separated by commas, found " +
-                           std::to_string(numbers.size()));
-  }
+  if (numbers.size() != count) return Unexpected(text, expected);
   return numbers;
 }
 
-Result<uint64_t> ParseSize(const std::string& text, const std::string& option) {
+}  // namespace
+
+Result<double> ParseNonNegative(const std::string& text) {
+  double value = 0;
+  if (!ParseWhole(text, &value) || !std::isfinite(value) || value < 0) {
+    return Unexpected(text, "a number that is not negative");
+  }
+  return value;
+}
+
+Result<double> ParsePositive(const std::string& text) {
+  double value = 0;
+  if (!ParseWhole(text, &value) || !std::isfinite(value) || !(value > 0)) {
+    return Unexpected(text, "a positive number");
+  }
+  return value;
+}
+
+Result<Box3d> ParseBox(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
+  const Box3d box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
+  if (box.empty()) return Unexpected(text, "a first corner that does not exceed the second");
+  return box;
+}
+
+Result<Sphere> ParseSphere(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 4, "X,Y,Z,R"));
+  if (n[3] < 0) return Unexpected(text, "a radius that is not negative");
+  return Sphere{{n[0], n[1], n[2]}, n[3]};
+}
+
+Result<uint64_t> ParseSize(const std::string& text) {
+  constexpr std::string_view kSuffixes = "KMGT";
   std::string_view digits = text;
   int shift = 0;
   if (!digits.empty()) {
-    const std::string_view kSuffixes = "KMGT";
-    const auto at = kSuffixes.find(static_cast<char>(std::toupper(digits.back())));
+    const int last = std::toupper(static_cast<unsigned char>(digits.back()));
+    const auto at = kSuffixes.find(static_cast<char>(last));
     if (at != std::string_view::npos) {
       shift = 10 * (static_cast<int>(at) + 1);
       digits.remove_suffix(1);
@@ -53,20 +89,20 @@ Result<uint64_t> ParseSize(const std::string& text, const std::string& option) {
   }
   uint64_t value = 0;
   if (!ParseWhole(digits, &value) || value == 0 || value > (~uint64_t{0} >> shift)) {
-    return InvalidArgument(option + " " + text + ": expected a size such as 512M or 4G");
+    return Unexpected(text, "a size such as 512M or 4G");
   }
   return value << shift;
 }
 
-Result<std::pair<int, int>> ParseExtent(const std::string& text, const std::string& option) {
+Result<Extent> ParseExtent(const std::string& text) {
   const size_t x = text.find('x');
-  int width = 0;
-  int height = 0;
-  if (x == std::string::npos || !ParseWhole(std::string_view(text).substr(0, x), &width) ||
-      !ParseWhole(std::string_view(text).substr(x + 1), &height) || width < 1 || height < 1) {
-    return InvalidArgument(option + " " + text + ": expected pixels as WIDTHxHEIGHT");
+  Extent extent;
+  if (x == std::string::npos || !ParseWhole(std::string_view(text).substr(0, x), &extent.width) ||
+      !ParseWhole(std::string_view(text).substr(x + 1), &extent.height) || extent.width < 1 ||
+      extent.height < 1 || std::max(extent.width, extent.height) > kLargestExtent) {
+    return Unexpected(text, "pixels as WxH, each from 1 to " + std::to_string(kLargestExtent));
   }
-  return std::pair(width, height);
+  return extent;
 }
 
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }

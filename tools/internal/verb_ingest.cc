@@ -1,12 +1,11 @@
-#include <unistd.h>
-
 #include <cstdio>
 #include <iostream>
+#include <unistd.h>
 
 #include "builder/build.h"
-#include "store/database.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/generate.h"
+#include "tools/internal/late_writer.h"
 #include "tools/internal/merge.h"
 #include "tools/internal/progress.h"
 #include "tools/internal/report_json.h"
@@ -59,40 +58,36 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
 }  // namespace
 
 Status Ingest(const IngestArguments& arguments) {
-  uint64_t memory = MachineMemory() / 4;
-  if (!arguments.memory.empty()) {
-    MTDB_ASSIGN_OR_RETURN(memory, ParseSize(arguments.memory, "--memory"));
-  }
   BuildOptions options;
   options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
   options.bits = arguments.bits;
   options.step = arguments.step;
   options.threads = arguments.threads;
-  options.memory_bytes = memory;
+  options.memory_bytes = arguments.memory_bytes.value_or(MachineMemory() / 4);
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
 
+  LateWriter writer(arguments.store, name, arguments.force);
+  MTDB_RETURN_IF_ERROR(writer.Check());
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
   TriangleMesh mesh;
   std::vector<std::string> notes;
   MTDB_RETURN_IF_ERROR(ReadMeshes(arguments.inputs, &mesh, &notes));
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.store, {.writable = true, .create = true}));
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,
-                        database->Create(name, arguments.force));
   Result<ObjectRecord> record =
-      BuildObject(std::move(mesh), options, *writer, [&](const BuildProgress& p) {
+      BuildObject(std::move(mesh), options, writer, [&](const BuildProgress& p) {
         progress.Update(p.overall, Describe(p));
         return Status::Ok();
       });
   progress.Finish();
   if (!record.ok()) {
     const bool about_input = record.status().code() == StatusCode::kBadInput;
-    return about_input ? Status(StatusCode::kBadInput,
-                                arguments.inputs[0] + ": " + record.status().message())
-                       : record.status();
+    if (!about_input) return record.status();
+    const size_t others = arguments.inputs.size() - 1;
+    return BadInput(arguments.inputs[0] +
+                    (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " +
+                    record.status().message());
   }
-  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
   if (arguments.json) {
     nlohmann::ordered_json json = RecordJson(*record, file_bytes);
     json["notes"] = notes;

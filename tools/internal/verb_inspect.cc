@@ -35,17 +35,16 @@ void PrintInfo(const ObjectRecord& r) {
   std::printf("  root         %llu triangles, error up to %.6g\n", U(r.root_triangles),
               r.grid.Error(r.error_code_max));
   std::printf("  size         %llu bytes, %.2f bits per vertex\n", U(r.stored_bytes),
-              r.vertices == 0 ? 0.0
-                              : 8.0 * static_cast<double>(r.stored_bytes) /
-                                    static_cast<double>(r.vertices));
+              r.vertices == 0
+                  ? 0.0
+                  : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
   std::printf("  digest       %s\n", r.digest_hex().c_str());
 }
 
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
   std::vector<ObjectRecord> records;
   if (arguments.name.empty()) {
@@ -68,8 +67,7 @@ Status Info(const InspectArguments& arguments) {
 }
 
 Status List(const InspectArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
   if (arguments.json) {
     Json objects = Json::array();

@@ -5,7 +5,6 @@
 #include "codecs/mesh_file.h"
 #include "query/surface.h"
 #include "store/database.h"
-#include "tools/internal/arguments.h"
 #include "tools/internal/render.h"
 #include "tools/internal/report_json.h"
 #include "tools/internal/verbs.h"
@@ -20,30 +19,19 @@ double SecondsSince(Clock::time_point begin) {
 }
 
 // Box and sphere together mean what lies in either.
-Result<RegionPtr> MakeRegion(const QueryArguments& arguments) {
+RegionPtr MakeRegion(const QueryArguments& arguments) {
   std::vector<RegionPtr> regions;
-  if (!arguments.box.empty()) {
-    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(arguments.box, 6, "--box"));
-    const Box3d box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
-    if (box.empty()) {
-      return InvalidArgument("--box " + arguments.box +
-                             ": the first corner must not exceed the second");
-    }
-    regions.push_back(BoxRegion(box));
-  }
-  if (!arguments.sphere.empty()) {
-    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n,
-                          ParseNumbers(arguments.sphere, 4, "--sphere"));
-    if (n[3] < 0) return InvalidArgument("--sphere " + arguments.sphere + ": negative radius");
-    regions.push_back(SphereRegion({n[0], n[1], n[2]}, n[3]));
+  if (arguments.box) regions.push_back(BoxRegion(*arguments.box));
+  if (arguments.sphere) {
+    regions.push_back(SphereRegion(arguments.sphere->centre, arguments.sphere->radius));
   }
   if (regions.empty()) return RegionPtr();
   return regions.size() == 1 ? regions[0] : UnionRegion(std::move(regions));
 }
 
-Result<Query> MakeQuery(const QueryArguments& arguments, const ObjectRecord& record) {
+Query MakeQuery(const QueryArguments& arguments, const ObjectRecord& record) {
   Query query;
-  MTDB_ASSIGN_OR_RETURN(query.region, MakeRegion(arguments));
+  query.region = MakeRegion(arguments);
   if (arguments.error) {
     query.threshold = ConstantThreshold(*arguments.error);
   } else if (arguments.error_relative) {
@@ -51,15 +39,11 @@ Result<Query> MakeQuery(const QueryArguments& arguments, const ObjectRecord& rec
   }
   query.max_triangles = arguments.triangles;
   query.clip = arguments.clip;
-  if (query.clip && query.region == nullptr) {
-    return InvalidArgument("--clip: needs a region; give --box or --sphere");
-  }
   return query;
 }
 
 Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
                         database->OpenObject(arguments.name));
   return Surface::Open(std::move(source));
@@ -139,7 +123,7 @@ Status ExtractVerb(const QueryArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter(arguments.output));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, MakeQuery(arguments, surface->record()));
+  const Query query = MakeQuery(arguments, surface->record());
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
@@ -151,12 +135,14 @@ Status ExtractVerb(const QueryArguments& arguments) {
 Status RenderVerb(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
   RenderOptions options;
-  MTDB_ASSIGN_OR_RETURN(const auto extent, ParseExtent(arguments.size, "--size"));
-  options.width = extent.first;
-  options.height = extent.second;
+  if (!arguments.output.ends_with(".png")) {
+    return Unsupported(arguments.output + ": expected a name that ends in .png");
+  }
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
   options.wireframe = arguments.wireframe;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, MakeQuery(arguments, surface->record()));
+  const Query query = MakeQuery(arguments, surface->record());
   const double open_seconds = SecondsSince(begin);
   // Pictures of one object share their frame, but for clipped ones.
   if (!query.clip) options.frame = surface->record().bounds;

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "store/base/geometry.h"
 #include "store/base/status.h"
+#include "tools/internal/arguments.h"
 
 namespace mtdb {
 
@@ -19,7 +21,7 @@ struct IngestArguments {
   std::optional<double> step;
   bool lossless = false;
   unsigned threads = 0;
-  std::string memory;  // empty: a quarter of the machine's
+  std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
   bool force = false, quiet = false, json = false;
 };
 Status Ingest(const IngestArguments& arguments);
@@ -44,11 +46,12 @@ struct QueryArguments {
   std::optional<double> error;           // model units
   std::optional<double> error_relative;  // of the diagonal
   std::optional<uint64_t> triangles;
-  std::string box, sphere;
+  std::optional<Box3d> box;
+  std::optional<Sphere> sphere;
   bool clip = false;
   bool json = false;
-  std::string size = "1200x900";  // render
-  bool wireframe = false;         // render
+  Extent size{1200, 900};  // render
+  bool wireframe = false;  // render
 };
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);

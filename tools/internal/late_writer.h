@@ -1,0 +1,39 @@
+// LateWriter: an ObjectWriter whose store and object come to be with its first write, so that an
+// input that cannot be stored leaves no trace.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "store/database.h"
+
+namespace mtdb {
+
+class LateWriter final : public ObjectWriter {
+ public:
+  LateWriter(std::string store, std::string name, bool replace)
+      : store_(std::move(store)), name_(std::move(name)), replace_(replace) {}
+
+  // Says early what the first write would say: there is no such folder, the file is not a store,
+  // or it holds an object of that name, which must not be replaced.
+  Status Check() const;
+
+  Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
+                               ByteSpan payload) override;
+  Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry, std::span<const ClusterId> children,
+                                   ByteSpan payload) override;
+  Result<ObjectRecord> Publish(const ObjectRecord& record) override;
+
+  // After Publish().
+  Result<uint64_t> StoreBytes() const { return database_->FileBytes(); }
+
+ private:
+  Status Begin();
+  std::string store_;
+  std::string name_;
+  bool replace_;
+  std::shared_ptr<Database> database_;
+  std::unique_ptr<ObjectWriter> writer_;
+};
+
+}  // namespace mtdb
