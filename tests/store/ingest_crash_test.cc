@@ -95,6 +95,38 @@ TEST_CASE("a builder killed at any named point leaves a whole store", "[store]")
   CheckRecovery(path, kept, fresh);
 }
 
+// One value a cluster, so that an object's keys fill pages of the tree.
+SyntheticObject ManyValues(uint64_t seed) {
+  SyntheticObject o = MakeObject({.seed = seed, .clusters = 60, .max_payload = 100});
+  for (auto& c : o.clusters) c.payload.resize(70000, static_cast<std::byte>(seed));
+  return o;
+}
+
+TEST_CASE("a removal that is cut short leaves a whole store", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("a.mtdb");
+  const SyntheticObject kept = ManyValues(1);
+  const SyntheticObject passing = ManyValues(2);
+  for (int tables = 1; tables <= 3; ++tables) {
+    INFO("killed after " << tables << " tables");
+    const int status = RunChild([&] {
+      const auto database = Database::Open(path, {.writable = true});
+      if (!database.ok()) return 1;
+      if (!WriteObject(**database, "kept", kept, true).ok()) return 2;
+      if (!WriteObject(**database, "passing", passing).ok()) return 3;
+      if (!WriteObject(**database, "fresh", kept, true).ok()) return 4;
+      int left = tables;
+      TestPointHook() = [&](const char* reached) {
+        if (std::string("values removed") == reached && --left == 0) ::kill(::getpid(), SIGKILL);
+      };
+      return (*database)->Remove("passing").ok() ? 5 : 6;
+    });
+    REQUIRE(WIFSIGNALED(status));
+    CheckStore(path, kept, kept);
+    CheckRecovery(path, kept, kept);
+  }
+}
+
 TEST_CASE("a builder killed at a random moment leaves a whole store", "[store]") {
   const TempDir dir;
   const std::string path = dir.File("a.mtdb");
