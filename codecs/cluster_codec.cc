@@ -93,7 +93,8 @@ class ResidualReader {
     const size_t i = static_cast<size_t>(component) * nodes_ + node;
     uint32_t v = static_cast<uint32_t>(low_[i]) | (static_cast<uint32_t>(mid_[i]) << 8);
     if (!high_.empty()) {
-      v |= static_cast<uint32_t>(high_[2 * i]) << 16 | static_cast<uint32_t>(high_[2 * i + 1]) << 24;
+      v |= static_cast<uint32_t>(high_[2 * i]) << 16 | static_cast<uint32_t>(high_[2 * i + 1])
+                                                           << 24;
     }
     return v;
   }
@@ -436,9 +437,9 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     }
     const std::vector<uint32_t>& ring = patch.ring();
     const uint8_t fallback = i == 0 ? 0 : cluster.error_codes.back();
-    cluster.error_codes.push_back(static_cast<uint8_t>(
-        errors.Get<uint8_t>() +
-        PredictError(patch.hole(), slot_creator, cluster.error_codes, fallback)));
+    cluster.error_codes.push_back(
+        static_cast<uint8_t>(errors.Get<uint8_t>() + PredictError(patch.hole(), slot_creator,
+                                                                  cluster.error_codes, fallback)));
     const Vec3i q = PredictPosition(ring, cluster.in.positions);
     cluster.in.positions.push_back({AddWords(q.x, residuals.Get(i, 0)),
                                     AddWords(q.y, residuals.Get(i, 1)),

@@ -44,7 +44,7 @@ enum class ErrorMeasure : uint8_t { kTwoSidedDistance = 0, kVertical = 1 };
 
 struct ObjectRecord {
   ObjectId id;
-  std::string name;  // 1..500 bytes of UTF-8
+  std::string name;  // 1..500 bytes of UTF-8 without control characters
 
   Grid grid;
   uint8_t bits = 0;  // of the longest side; 32 when lossless

@@ -113,15 +113,25 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
   AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, mtdb::ParseSize,
-            "refuse to begin when more is needed, e.g. 4G (default: a quarter of the machine's)");
+            "use at most so much memory, the rest goes to temporary files, e.g. 1G; at least 256M "
+            "(default: a quarter of the machine's)");
+  verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
+      ->type_name("DIR");
   verb->add_flag("--force", a->force, "replace an object of that name");
   verb->add_flag("--quiet", a->quiet, "print nothing but errors");
   AddJson(verb, &a->json);
 }
 
+// One line, whatever names of files and objects are in it.
+void PrintError(std::string message) {
+  for (char& c : message) {
+    if (static_cast<unsigned char>(c) < ' ') c = '?';
+  }
+  std::fprintf(stderr, "mtdb: %s\n", message.c_str());
+}
+
 int Usage(const std::string& problem, const std::string& verb) {
-  std::fprintf(stderr, "mtdb: %s; see 'mtdb help%s'\n", problem.c_str(),
-               verb.empty() ? "" : (" " + verb).c_str());
+  PrintError(problem + "; see 'mtdb help" + (verb.empty() ? "" : " ") + verb + "'");
   return kExitUsage;
 }
 
@@ -233,7 +243,8 @@ int main(int argc, char** argv) {
     arguments.push_back("--help");
   }
   if (arguments[0].empty() || arguments[0][0] != '-') {
-    if (app.get_subcommand_no_throw(arguments[0]) == nullptr) {
+    const auto is_named = [&](const CLI::App* verb) { return verb->get_name() == arguments[0]; };
+    if (app.get_subcommands(is_named).empty()) {
       return Usage("no verb '" + arguments[0] + "'", "");
     }
   }
@@ -268,11 +279,11 @@ int main(int argc, char** argv) {
     status = mtdb::Generate(generate);
   }
   if (!status.ok()) {
-    std::fprintf(stderr, "mtdb: %s\n", status.message().c_str());
+    PrintError(status.message());
     return kExitError;
   }
-  if (std::fflush(stdout) != 0) {
-    std::fprintf(stderr, "mtdb: standard output cannot be written; is the disk full?\n");
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    PrintError("standard output cannot be written; is the disk full?");
     return kExitError;
   }
   return ok ? 0 : kExitError;

@@ -58,10 +58,23 @@ Status Search::ExamineRoot() {
     const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
     state.present.SetRange(0, triangles);
     cut_.triangles += triangles;
-    for (uint32_t slot = 0; slot < triangles; ++slot) ExamineOutSlot(*loaded, state, slot, 0);
+    if (MayBeActive(RootPieceId(r))) {
+      for (uint32_t slot = 0; slot < triangles; ++slot) ExamineOutSlot(*loaded, state, slot, 0);
+    }
     ReleasePins(cache_.budget_bytes() / kPinShare);
   }
   return Status::Ok();
+}
+
+bool Search::MayBeActive(RootPieceId piece) const {
+  if (whole_) return true;
+  uint8_t largest = 0;
+  for (const ClusterId child : index_.children(piece)) {
+    largest = std::max(largest, index_.cluster(child).error_code_max);
+  }
+  const Box3i& bounds = index_.root_piece(piece).bounds;
+  const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
+  return query_.region->BoxWithin(box, errors_[largest]);
 }
 
 Status Search::RunByClusters() {

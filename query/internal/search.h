@@ -50,6 +50,8 @@ class Search {
   };
 
   Status ExamineRoot();
+  // False when no triangle of the piece can be active.
+  bool MayBeActive(RootPieceId piece) const;
   Status RunByClusters();
   Status RunByError();
   // Examines those in-triangles of a cluster that are present and have not been examined.

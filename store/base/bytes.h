@@ -29,14 +29,14 @@ inline std::string_view AsString(ByteSpan b) {
 class ByteWriter {
  public:
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void Put(T value) {
     const size_t at = bytes_.size();
     bytes_.resize(at + sizeof(T));
     std::memcpy(bytes_.data() + at, &value, sizeof(T));
   }
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void PutBigEndian(T value) {
     std::byte b[sizeof(T)];
     std::memcpy(b, &value, sizeof(T));
@@ -76,8 +76,7 @@ class ByteReader {
   explicit ByteReader(ByteSpan bytes) : bytes_(bytes) {}
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T Get() {
+  requires std::is_arithmetic_v<T> T Get() {
     T value{};
     if (remaining() < sizeof(T)) {
       Fail();
@@ -88,8 +87,7 @@ class ByteReader {
     return value;
   }
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T GetBigEndian() {
+  requires std::is_arithmetic_v<T> T GetBigEndian() {
     T value{};
     if (remaining() < sizeof(T)) {
       Fail();

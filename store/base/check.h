@@ -8,8 +8,8 @@ namespace mtdb {
 
 }  // namespace mtdb
 
-#define MTDB_CHECK(condition, message)                                     \
-  do {                                                                     \
-    if (!(condition)) [[unlikely]]                                         \
-      ::mtdb::CheckFailed(__FILE__, __LINE__, #condition, message);        \
+#define MTDB_CHECK(condition, message)                              \
+  do {                                                              \
+    if (!(condition)) [[unlikely]]                                  \
+      ::mtdb::CheckFailed(__FILE__, __LINE__, #condition, message); \
   } while (false)

@@ -11,8 +11,8 @@ int32_t OrderedFromFloat(float f) {
 }
 
 float FloatFromOrdered(int32_t i) {
-  return std::bit_cast<float>(i >= 0 ? i
-                                     : static_cast<int32_t>(static_cast<uint32_t>(i) ^ 0x7fffffffu));
+  return std::bit_cast<float>(
+      i >= 0 ? i : static_cast<int32_t>(static_cast<uint32_t>(i) ^ 0x7fffffffu));
 }
 
 Vec3i Grid::Quantize(Vec3d p) const {
@@ -39,9 +39,14 @@ double Grid::cell_error() const {
 
 double Grid::Error(uint8_t code) const {
   // 2^(i/8)
-  static constexpr double kEighths[kErrorStepsPerOctave] = {
-      1.0,                1.0905077326652577, 1.189207115002721,  1.2968395546510096,
-      1.4142135623730951, 1.5422108254079407, 1.681792830507429,  1.8340080864093424};
+  static constexpr double kEighths[kErrorStepsPerOctave] = {1.0,
+                                                            1.0905077326652577,
+                                                            1.189207115002721,
+                                                            1.2968395546510096,
+                                                            1.4142135623730951,
+                                                            1.5422108254079407,
+                                                            1.681792830507429,
+                                                            1.8340080864093424};
   if (code == 0) return 0;
   const int c = code - 1;
   return std::ldexp(error_unit * kEighths[c % kErrorStepsPerOctave], c / kErrorStepsPerOctave);

@@ -47,7 +47,9 @@ class [[nodiscard]] Status {
   std::string message_;
 };
 
-inline Status InvalidArgument(std::string m) { return {StatusCode::kInvalidArgument, std::move(m)}; }
+inline Status InvalidArgument(std::string m) {
+  return {StatusCode::kInvalidArgument, std::move(m)};
+}
 inline Status NotFound(std::string m) { return {StatusCode::kNotFound, std::move(m)}; }
 inline Status BadInput(std::string m) { return {StatusCode::kBadInput, std::move(m)}; }
 inline Status Corrupt(std::string m) { return {StatusCode::kCorrupt, std::move(m)}; }
@@ -58,7 +60,7 @@ inline Status Unsupported(std::string m) { return {StatusCode::kUnsupported, std
 template <typename T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : value_(std::move(value)) {}  // NOLINT(google-explicit-constructor)
+  Result(T value) : value_(std::move(value)) {}         // NOLINT(google-explicit-constructor)
   Result(Status status) : status_(std::move(status)) {  // NOLINT(google-explicit-constructor)
     MTDB_CHECK(!status_.ok(), "a Result without a value needs an error");
   }
@@ -95,8 +97,8 @@ class [[nodiscard]] Result {
 }  // namespace mtdb
 
 // Returns from the enclosing function when `expr` (a Status) is an error.
-#define MTDB_RETURN_IF_ERROR(expr)                     \
-  do {                                                 \
+#define MTDB_RETURN_IF_ERROR(expr)                                                  \
+  do {                                                                              \
     if (::mtdb::Status mtdb_status = (expr); !mtdb_status.ok()) return mtdb_status; \
   } while (false)
 
@@ -104,8 +106,8 @@ class [[nodiscard]] Result {
 #define MTDB_CONCAT(a, b) MTDB_CONCAT_INNER(a, b)
 
 // `MTDB_ASSIGN_OR_RETURN(auto x, F())`: x = the value of F(), or returns F()'s error.
-#define MTDB_ASSIGN_OR_RETURN(lhs, expr)                         \
-  auto MTDB_CONCAT(mtdb_result_, __LINE__) = (expr);             \
-  if (!MTDB_CONCAT(mtdb_result_, __LINE__).ok())                 \
-    return MTDB_CONCAT(mtdb_result_, __LINE__).status();         \
+#define MTDB_ASSIGN_OR_RETURN(lhs, expr)                 \
+  auto MTDB_CONCAT(mtdb_result_, __LINE__) = (expr);     \
+  if (!MTDB_CONCAT(mtdb_result_, __LINE__).ok())         \
+    return MTDB_CONCAT(mtdb_result_, __LINE__).status(); \
   lhs = std::move(MTDB_CONCAT(mtdb_result_, __LINE__)).value()

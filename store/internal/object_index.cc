@@ -11,11 +11,9 @@ namespace {
 constexpr uint64_t kMaxIndexValueBytes = 256 << 20;
 
 Status CheckIndex(const ClusterIndex& index, const std::string& where) {
-  uint64_t nodes = 0;
   for (uint32_t i = 0; i < index.cluster_count(); ++i) {
     const ClusterId id{i};
     const uint8_t round = index.cluster(id).round;
-    nodes += index.cluster(id).nodes;
     const PayloadLocation& location = index.location(id);
     const bool begins = location.offset == 0;
     if (i == 0) {

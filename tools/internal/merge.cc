@@ -7,81 +7,131 @@ namespace mtdb {
 
 namespace {
 
-// Rows of `from` (layout `from_layout`) in `layout`, whose attributes are all in from_layout.
-Bytes Project(const Bytes& from, const AttributeLayout& from_layout,
-              const AttributeLayout& layout) {
-  const size_t from_row = from_layout.row_bytes();
-  const size_t row = layout.row_bytes();
-  const size_t count = from_row == 0 ? 0 : from.size() / from_row;
-  Bytes rows(count * row);
-  size_t offset = 0;
-  for (const VertexAttribute& a : layout.attributes) {
-    size_t from_offset = 0;
-    for (const VertexAttribute& b : from_layout.attributes) {
-      if (a == b) break;
-      from_offset += ScalarSize(b.type);
-    }
-    const size_t size = ScalarSize(a.type);
-    for (size_t i = 0; i < count; ++i) {
-      std::memcpy(rows.data() + i * row + offset, from.data() + i * from_row + from_offset, size);
-    }
-    offset += size;
+// Takes a file's header and stops its reader at the first block.
+class HeaderSink final : public MeshSink {
+ public:
+  Status Begin(const MeshHeader& header) override {
+    header_ = header;
+    return Status::Ok();
   }
-  return rows;
-}
+  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Stop(); }
+  Status AddTriangles(std::span<const TriangleVertices>) override { return Stop(); }
+  Status End() override { return Status::Ok(); }
+  const MeshHeader& header() const { return header_; }
 
-bool Has(const AttributeLayout& layout, const VertexAttribute& attribute) {
-  return std::find(layout.attributes.begin(), layout.attributes.end(), attribute) !=
-         layout.attributes.end();
-}
+ private:
+  static Status Stop() { return Status(StatusCode::kCancelled, "header read"); }
+  MeshHeader header_;
+};
+
+// Appends a file to the common mesh: vertices numbered on, rows cut to the common attributes.
+class PartSink final : public MeshSink {
+ public:
+  PartSink(MeshSink& sink, const AttributeLayout& common, VertexIndex first)
+      : sink_(sink), common_(common), first_(first) {}
+
+  Status Begin(const MeshHeader& header) override {
+    from_row_ = header.attributes.row_bytes();
+    for (const VertexAttribute& a : common_.attributes) {
+      size_t offset = 0;
+      for (const VertexAttribute& b : header.attributes.attributes) {
+        if (a == b) break;
+        offset += ScalarSize(b.type);
+      }
+      fields_.push_back({offset, ScalarSize(a.type)});
+    }
+    return Status::Ok();
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    rows_.clear();
+    for (size_t i = 0; i < positions.size(); ++i) {
+      for (const auto& [offset, size] : fields_) {
+        const std::byte* field = rows.data() + i * from_row_ + offset;
+        rows_.insert(rows_.end(), field, field + size);
+      }
+    }
+    count_ += positions.size();
+    return sink_.AddVertices(positions, rows_);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    triangles_.assign(triangles.begin(), triangles.end());
+    for (TriangleVertices& t : triangles_) {
+      for (VertexIndex& v : t) v += first_;
+    }
+    return sink_.AddTriangles(triangles_);
+  }
+  Status End() override { return Status::Ok(); }
+  uint64_t count() const { return count_; }
+
+ private:
+  MeshSink& sink_;
+  const AttributeLayout& common_;
+  VertexIndex first_;
+  uint64_t count_ = 0;
+  size_t from_row_ = 0;
+  std::vector<std::pair<size_t, size_t>> fields_;  // offset and size in a file's row
+  Bytes rows_;
+  std::vector<TriangleVertices> triangles_;
+};
 
 void DropMissing(AttributeLayout& layout, const AttributeLayout& other, const std::string& path,
                  std::vector<std::string>* notes) {
   std::erase_if(layout.attributes, [&](const VertexAttribute& a) {
-    if (Has(other, a)) return false;
+    const auto& there = other.attributes;
+    if (std::find(there.begin(), there.end(), a) != there.end()) return false;
     notes->push_back("attribute " + a.name + " dropped: " + path +
                      " has none of that name and type");
     return true;
   });
 }
 
+void Note(const std::string& path, const MeshReadReport& report, std::vector<std::string>* notes) {
+  for (const std::string& what : report.ignored) {
+    notes->push_back(path + ": not carried: " + what);
+  }
+  if (report.short_faces != 0) {
+    notes->push_back(path + ": " + std::to_string(report.short_faces) +
+                     " faces of fewer than three corners dropped");
+  }
+}
+
 }  // namespace
 
-Status ReadMeshes(const std::vector<std::string>& paths, TriangleMesh* mesh,
+Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
                   std::vector<std::string>* notes) {
-  for (size_t i = 0; i < paths.size(); ++i) {
-    TriangleMesh part;
-    TriangleMeshSink sink(&part);
+  if (paths.size() == 1) {
     MeshReadReport report;
-    MTDB_RETURN_IF_ERROR(ReadMeshFile(paths[i], sink, &report));
-    for (const std::string& what : report.ignored) {
-      notes->push_back(paths[i] + ": not carried: " + what);
-    }
-    if (report.short_faces != 0) {
-      notes->push_back(paths[i] + ": " + std::to_string(report.short_faces) +
-                       " faces of fewer than three corners dropped");
-    }
+    MTDB_RETURN_IF_ERROR(ReadMeshFile(paths[0], sink, &report));
+    Note(paths[0], report, notes);
+    return Status::Ok();
+  }
+  MeshHeader common;
+  for (size_t i = 0; i < paths.size(); ++i) {
+    HeaderSink header;
+    MeshReadReport report;
+    const Status status = ReadMeshFile(paths[i], header, &report);
+    if (!status.ok() && status.code() != StatusCode::kCancelled) return status;
+    const MeshHeader& h = header.header();
     if (i == 0) {
-      *mesh = std::move(part);
+      common.attributes = h.attributes;
+      common.double_positions = h.double_positions;
       continue;
     }
-    AttributeLayout common = mesh->header.attributes;
-    DropMissing(common, part.header.attributes, paths[i], notes);
-    AttributeLayout theirs = part.header.attributes;
-    DropMissing(theirs, common, paths[0], notes);
-    mesh->rows = Project(mesh->rows, mesh->header.attributes, common);
-    const Bytes rows = Project(part.rows, part.header.attributes, common);
-    mesh->rows.insert(mesh->rows.end(), rows.begin(), rows.end());
-    mesh->header.attributes = common;
-    mesh->header.double_positions |= part.header.double_positions;
-    const VertexIndex first = mesh->positions.size();
-    mesh->positions.insert(mesh->positions.end(), part.positions.begin(), part.positions.end());
-    for (TriangleVertices t : part.triangles) {
-      for (VertexIndex& v : t) v += first;
-      mesh->triangles.push_back(t);
-    }
+    DropMissing(common.attributes, h.attributes, paths[i], notes);
+    AttributeLayout theirs = h.attributes;
+    DropMissing(theirs, common.attributes, paths[0], notes);
+    common.double_positions |= h.double_positions;
   }
-  return Status::Ok();
+  MTDB_RETURN_IF_ERROR(sink.Begin(common));
+  VertexIndex first = 0;
+  for (const std::string& path : paths) {
+    PartSink part(sink, common.attributes, first);
+    MeshReadReport report;
+    MTDB_RETURN_IF_ERROR(ReadMeshFile(path, part, &report));
+    Note(path, report, notes);
+    first += part.count();
+  }
+  return sink.End();
 }
 
 }  // namespace mtdb

@@ -10,10 +10,10 @@
 
 namespace mtdb {
 
-// Reads all `paths` into `mesh`, one after the other, vertices not joined. An attribute is kept
-// when every file has it under that name and type; the others, and what the readers ignored, are
-// added to `notes`.
-Status ReadMeshes(const std::vector<std::string>& paths, TriangleMesh* mesh,
+// Reads all `paths` into `sink` as one mesh, one after the other, vertices not joined. An attribute
+// is kept when every file has it under that name and type; the others, and what the readers
+// ignored, are added to `notes`. Streams: a first look at each file's header, then the data.
+Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
                   std::vector<std::string>* notes);
 
 }  // namespace mtdb

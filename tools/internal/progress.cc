@@ -1,8 +1,7 @@
 #include "tools/internal/progress.h"
 
-#include <unistd.h>
-
 #include <cstdio>
+#include <unistd.h>
 
 namespace mtdb {
 

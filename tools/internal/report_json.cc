@@ -1,5 +1,7 @@
 #include "tools/internal/report_json.h"
 
+#include <cstdio>
+
 namespace mtdb {
 
 namespace {
@@ -76,8 +78,9 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"file_bytes", file_bytes},
       {"stored_bytes", r.stored_bytes},
       {"payload_bytes", r.payload_bytes},
-      {"bits_per_vertex",
-       r.vertices == 0 ? 0.0 : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices)},
+      {"bits_per_vertex", r.vertices == 0 ? 0.0
+                                          : 8.0 * static_cast<double>(r.stored_bytes) /
+                                                static_cast<double>(r.vertices)},
       {"error_max", r.grid.Error(r.error_code_max)},
   };
   return json;
@@ -85,6 +88,11 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
 
 Json ChecksJson(const CheckReport& report) {
   return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
+}
+
+void PrintJson(const Json& json) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::printf("%s\n", text.c_str());
 }
 
 }  // namespace mtdb

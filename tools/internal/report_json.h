@@ -13,5 +13,7 @@ namespace mtdb {
 // One object of `info`. `file_bytes` is the whole store's.
 nlohmann::ordered_json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
 nlohmann::ordered_json ChecksJson(const CheckReport& report);
+// To standard output. Bytes that are not UTF-8, which names of files may have, become U+FFFD.
+void PrintJson(const nlohmann::ordered_json& json);
 
 }  // namespace mtdb

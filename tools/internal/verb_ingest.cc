@@ -1,5 +1,6 @@
+#include <algorithm>
 #include <cstdio>
-#include <iostream>
+#include <filesystem>
 #include <unistd.h>
 
 #include "builder/build.h"
@@ -14,6 +15,12 @@
 namespace mtdb {
 
 namespace {
+
+// The folder that a path lies in.
+std::string Folder(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
 
 uint64_t MachineMemory() {
   return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) *
@@ -63,25 +70,29 @@ Status Ingest(const IngestArguments& arguments) {
   options.bits = arguments.bits;
   options.step = arguments.step;
   options.threads = arguments.threads;
-  options.memory_bytes = arguments.memory_bytes.value_or(MachineMemory() / 4);
+  options.memory_bytes =
+      arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
+  options.tmp_directory = arguments.tmp.empty() ? Folder(arguments.store) : arguments.tmp;
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
 
   LateWriter writer(arguments.store, name, arguments.force);
   MTDB_RETURN_IF_ERROR(writer.Check());
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
-  TriangleMesh mesh;
   std::vector<std::string> notes;
-  MTDB_RETURN_IF_ERROR(ReadMeshes(arguments.inputs, &mesh, &notes));
-  Result<ObjectRecord> record =
-      BuildObject(std::move(mesh), options, writer, [&](const BuildProgress& p) {
-        progress.Update(p.overall, Describe(p));
-        return Status::Ok();
-      });
+  const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
+  Result<ObjectRecord> record = BuildObject(read, options, writer, [&](const BuildProgress& p) {
+    progress.Update(p.overall, Describe(p));
+    return Status::Ok();
+  });
   progress.Finish();
   if (!record.ok()) {
-    const bool about_input = record.status().code() == StatusCode::kBadInput;
-    if (!about_input) return record.status();
+    // What the readers say begins with the file; what the builder finds does not.
+    const std::string& message = record.status().message();
+    const bool names_file =
+        std::any_of(arguments.inputs.begin(), arguments.inputs.end(),
+                    [&](const std::string& path) { return message.starts_with(path + ":"); });
+    if (record.status().code() != StatusCode::kBadInput || names_file) return record.status();
     const size_t others = arguments.inputs.size() - 1;
     return BadInput(arguments.inputs[0] +
                     (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " +
@@ -91,7 +102,7 @@ Status Ingest(const IngestArguments& arguments) {
   if (arguments.json) {
     nlohmann::ordered_json json = RecordJson(*record, file_bytes);
     json["notes"] = notes;
-    std::cout << json.dump(2) << "\n";
+    PrintJson(json);
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
     for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());

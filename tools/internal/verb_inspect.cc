@@ -1,5 +1,4 @@
 #include <cstdio>
-#include <iostream>
 
 #include "query/surface.h"
 #include "query/verify_object.h"
@@ -56,9 +55,7 @@ Status Info(const InspectArguments& arguments) {
   if (arguments.json) {
     Json objects = Json::array();
     for (const ObjectRecord& r : records) objects.push_back(RecordJson(r, file_bytes));
-    std::cout << Json{{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}}
-                     .dump(2)
-              << "\n";
+    PrintJson({{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
     return Status::Ok();
   }
   for (const ObjectRecord& r : records) PrintInfo(r);
@@ -74,7 +71,7 @@ Status List(const InspectArguments& arguments) {
     for (const ObjectRecord& r : records) {
       objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
     }
-    std::cout << Json{{"objects", objects}}.dump(2) << "\n";
+    PrintJson({{"objects", objects}});
     return Status::Ok();
   }
   for (const ObjectRecord& r : records) {
@@ -107,7 +104,7 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
   }
   *ok = report.ok();
   if (arguments.json) {
-    std::cout << ChecksJson(report).dump(2) << "\n";
+    PrintJson(ChecksJson(report));
     return Status::Ok();
   }
   for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());

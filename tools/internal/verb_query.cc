@@ -1,6 +1,5 @@
 #include <chrono>
 #include <cstdio>
-#include <iostream>
 
 #include "codecs/mesh_file.h"
 #include "query/surface.h"
@@ -73,7 +72,7 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
           {"emit", std::max(0.0, stats.seconds.emit - write_seconds)},
           {"write", write_seconds},
           {"total", total_seconds}}}};
-    std::cout << json.dump(2) << "\n";
+    PrintJson(json);
     return;
   }
   std::printf("%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",

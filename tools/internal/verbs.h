@@ -21,6 +21,7 @@ struct IngestArguments {
   std::optional<double> step;
   bool lossless = false;
   unsigned threads = 0;
+  std::string tmp;                       // folder of temporary files; empty: the store's
   std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
   bool force = false, quiet = false, json = false;
 };

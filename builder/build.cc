@@ -1,0 +1,370 @@
+#include "builder/build.h"
+
+#include <malloc.h>
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "builder/internal/corner_join.h"
+#include "builder/internal/decimator.h"
+#include "builder/internal/input_spool.h"
+#include "builder/internal/ordered_pipeline.h"
+#include "builder/internal/root_writer.h"
+#include "builder/internal/tile_cluster.h"
+#include "builder/internal/tiling.h"
+#include "builder/internal/triangle_sorter.h"
+#include "store/base/surface_digest.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr double kLeastProgress = 0.95;  // a round that leaves more than this is the last
+constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
+constexpr int kMaxGridBits = 24;
+constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
+// A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
+// not resemble the object any more, and the bound is loose there.
+constexpr double kLargestError = 1.0 / 16;
+// Shares of the whole work, for progress only.
+constexpr double kReadShare = 0.04;
+constexpr double kJoinShare = 0.12;
+
+Status CheckOptions(const BuildOptions& options) {
+  if (!options.step && (options.bits < 1 || options.bits > kMaxGridBits)) {
+    return InvalidArgument("bits " + std::to_string(options.bits) + ": must be 1 to 24");
+  }
+  if (options.step && !(*options.step > 0 && std::isfinite(*options.step))) {
+    return InvalidArgument("step: must be a positive number of model units");
+  }
+  if (options.degree_limit < 4 || options.degree_limit > 16) {
+    return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
+                           ": must be 4 to 16");
+  }
+  if (options.tile_triangles < 64 || options.tile_triangles > 65536 || options.reduction < 2) {
+    return InvalidArgument("tiles: 64 to 65536 triangles, reduced at least twofold");
+  }
+  if (options.memory_bytes < kLeastMemory) {
+    return InvalidArgument("memory: at least 256 MiB are needed, " +
+                           std::to_string(options.memory_bytes >> 20) + " MiB are allowed");
+  }
+  return Status::Ok();
+}
+
+// The grid that holds `bounds`; sets `*bits`.
+Result<Grid> MakeGrid(const Box3d& bounds, const BuildOptions& options, uint8_t* bits) {
+  Grid grid;
+  grid.mode = options.mode;
+  const Vec3d size = bounds.max - bounds.min;
+  const double longest = std::max({size.x, size.y, size.z});
+  if (options.mode == PositionMode::kLossless) {
+    grid.error_unit = std::max(Diagonal(bounds), 1e-30) * std::ldexp(1.0, -29);
+    *bits = 32;
+    return grid;
+  }
+  if (options.step) {
+    grid.step = *options.step;
+    // Multiples of the step, so that a grid given in model units keeps its lattice.
+    for (int i = 0; i < 3; ++i) grid.origin[i] = std::floor(bounds.min[i] / grid.step) * grid.step;
+  } else {
+    grid.step = longest > 0 ? longest / static_cast<double>((1u << options.bits) - 1) : 1.0;
+    grid.origin = bounds.min;
+  }
+  const double cells = longest / grid.step;
+  if (!(cells < (1 << kMaxGridBits))) {
+    return InvalidArgument("step " + std::to_string(grid.step) + ": the mesh is " +
+                           std::to_string(longest) +
+                           " long, more than 2^24 steps; choose a larger step, or store it "
+                           "lossless");
+  }
+  *bits = options.step ? static_cast<uint8_t>(std::max(1.0, std::ceil(std::log2(cells + 1))))
+                       : static_cast<uint8_t>(options.bits);
+  grid.error_unit = grid.step / 16;
+  return grid;
+}
+
+class Builder {
+ public:
+  Builder(const BuildOptions& options, ObjectWriter& writer, const ProgressCallback& progress)
+      : options_(options), writer_(writer), progress_(progress) {
+    threads_ = options.threads != 0 ? options.threads
+                                    : std::max(1u, std::thread::hardware_concurrency());
+    decimators_.resize(threads_);
+    space_.directory = options.tmp_directory;
+  }
+
+  Result<ObjectRecord> Run(const MeshProducer& input) {
+    MTDB_RETURN_IF_ERROR(CheckOptions(options_));
+    // The writer queues 32 MiB and LMDB copies them; tiles in flight take some 8 MiB a thread.
+    const uint64_t fixed = (uint64_t{128} << 20) + threads_ * (uint64_t{16} << 20);
+    memory_ = options_.memory_bytes > fixed + kLeastMemory / 4 ? options_.memory_bytes - fixed
+                                                               : kLeastMemory / 4;
+    std::unique_ptr<TriangleSorter> sorter;
+    MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
+    const double total = static_cast<double>(record_.triangles);
+    double done = kReadShare + kJoinShare;
+    for (uint32_t round = 1; round <= kMaxRounds; ++round) {
+      const uint64_t before = sorter->count();
+      // All rounds together take about reduction / (reduction - 1) times the first.
+      share_ = (0.98 - kReadShare - kJoinShare) * static_cast<double>(before) / total *
+               (options_.reduction - 1) / options_.reduction;
+      done_before_ = std::min(0.98, done);
+      MTDB_RETURN_IF_ERROR(RunRound(round, &sorter));
+      done += share_;
+      if (static_cast<double>(sorter->count()) > kLeastProgress * static_cast<double>(before)) {
+        break;
+      }
+    }
+    MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
+    MTDB_RETURN_IF_ERROR(Report("publish", 0, 0, 0, 1));
+    return writer_.Publish(record_);
+  }
+
+ private:
+  struct TileJob {
+    std::vector<TileTriangle> triangles;
+    Bytes rows;
+    uint64_t code = 0;
+    TileCluster cluster;
+    uint64_t locked_vertices = 0, stuck_topology = 0, stuck_degree = 0;
+  };
+
+  Status Report(const char* stage, uint32_t round, uint64_t done, uint64_t total, double overall) {
+    if (!progress_) return Status::Ok();
+    return progress_({stage, round, done, total, std::min(1.0, overall)});
+  }
+
+  std::unique_ptr<TriangleSorter> MakeSorter(uint32_t round, size_t memory_bytes) {
+    return std::make_unique<TriangleSorter>(
+        RoundCurve(record_.bounds, round), record_.grid,
+        TriangleSorter::Options{&space_, memory_bytes, record_.attributes.row_bytes(), threads_});
+  }
+
+  // Reads the mesh, classifies it, and leaves its triangles ready for round 1.
+  Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
+    MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
+    InputSpool input(&space_, memory_ / 4, options_.mode == PositionMode::kLossless);
+    MTDB_RETURN_IF_ERROR(produce(input));
+    MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
+    MTDB_RETURN_IF_ERROR(CheckDisk(input));
+    uint8_t bits = 0;
+    MTDB_ASSIGN_OR_RETURN(record_.grid, MakeGrid(input.bounds(), options_, &bits));
+    record_.bits = bits;
+    record_.attributes = input.header().attributes;
+    record_.double_positions = input.header().double_positions;
+    record_.degree_limit = options_.degree_limit;
+    record_.tile_triangles = options_.tile_triangles;
+    // The first round's curve needs bounds before the kept triangles' are known.
+    const Grid& grid = record_.grid;
+    record_.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
+                      grid.Position(grid.Quantize(input.bounds().max))};
+    *sorter = MakeSorter(1, memory_ / 2);
+
+    JoinTotals totals;
+    SurfaceDigest digest;
+    Box3i bounds;
+    uint64_t received = 0;
+    const auto receive = [&](const TileTriangle& t, const std::byte* rows) {
+      for (const Vec3i& p : t.positions) bounds.Add(p);
+      digest.AddTriangle(t.positions);
+      if ((++received & 0xfffff) == 0) {
+        const double part = static_cast<double>(received) / static_cast<double>(input.triangles());
+        MTDB_RETURN_IF_ERROR(Report("join", 0, received, input.triangles(),
+                                    kReadShare + kJoinShare * (0.5 + 0.5 * part)));
+      }
+      return (*sorter)->Add(t, rows);
+    };
+    const JoinOptions join{&space_, memory_ / 4, threads_};
+    MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
+    record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
+    largest_error_ = kLargestError * record_.diagonal() /
+                     (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
+    record_.input = input.report();
+    record_.input.unreferenced_vertices = totals.unreferenced_vertices;
+    record_.input.duplicate_triangles = totals.duplicate_triangles;
+    record_.input.nonmanifold_edges = totals.nonmanifold_edges;
+    record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
+    record_.vertices = totals.vertices;
+    record_.triangles = totals.triangles;
+    record_.boundary_edges = totals.boundary_edges;
+    record_.surface_digest = digest.surface_digest();
+    record_.border_digest = digest.border_digest();
+    return Status::Ok();
+  }
+
+  // What the temporary files will take at most, against what the file system has.
+  Status CheckDisk(const InputSpool& input) const {
+    const uint64_t record = sizeof(TileTriangle) + 8 + 3 * input.row_bytes();
+    const uint64_t corner = 12 + 13 + input.row_bytes();
+    const uint64_t need = input.triangles() * (3 * corner + record + record / options_.reduction);
+    if (need <= memory_) return Status::Ok();
+    struct statvfs fs;
+    if (statvfs(space_.directory.c_str(), &fs) != 0) {
+      return IoError(space_.directory + ": " + std::strerror(errno) +
+                     "; name a folder for temporary files with --tmp");
+    }
+    const uint64_t have = static_cast<uint64_t>(fs.f_bavail) * fs.f_frsize;
+    if (need > have) {
+      return Status(StatusCode::kNoSpace,
+                    space_.directory + ": temporary files need up to " +
+                        std::to_string(need >> 20) + " MiB, but only " +
+                        std::to_string(have >> 20) + " MiB are free; name another folder with "
+                        "--tmp, or allow more --memory");
+    }
+    return Status::Ok();
+  }
+
+  void Decimate(unsigned worker, uint32_t round, TileJob& job) {
+    DecimateOptions decimate;
+    decimate.degree_limit = options_.degree_limit;
+    decimate.largest_error = largest_error_;
+    decimate.target_triangles =
+        static_cast<uint32_t>(job.triangles.size()) / options_.reduction;
+    const TileResult result =
+        decimators_[worker].Decimate(job.triangles, record_.grid, decimate);
+    job.cluster =
+        MakeTileCluster(job.triangles, result, record_.grid, record_.attributes, job.rows);
+    job.cluster.entry.round = static_cast<uint8_t>(round);
+    job.cluster.entry.hilbert = job.code;
+    job.locked_vertices = result.locked_vertices;
+    job.stuck_topology = result.stuck_topology;
+    job.stuck_degree = result.stuck_degree;
+    std::vector<TileTriangle>().swap(job.triangles);
+    Bytes().swap(job.rows);
+  }
+
+  // Takes the triangles of `*sorter`, leaves the next round's there.
+  Status RunRound(uint32_t round, std::unique_ptr<TriangleSorter>* sorter) {
+    TriangleSorter& from = **sorter;
+    MTDB_RETURN_IF_ERROR(from.Finish());
+    const uint64_t count = from.count();
+    const uint64_t tiles =
+        std::max<uint64_t>(1, (count + options_.tile_triangles / 2) / options_.tile_triangles);
+    RoundReport report;
+    report.triangles_in = count;
+    report.tiles = tiles;
+    // While this round's runs are merged, the next round's records gather in the other half.
+    std::unique_ptr<TriangleSorter> next = MakeSorter(round + 1, memory_ / 2);
+    OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
+      Decimate(worker, round, job);
+    });
+    const size_t ahead = threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_);
+    uint64_t given = 0;
+    for (uint64_t taken = 0; taken < tiles; ++taken) {
+      while (given < tiles && pipeline.in_flight() < ahead) {
+        const auto [begin, end] = TileRange(count, tiles, given);
+        TileJob job;
+        MTDB_RETURN_IF_ERROR(from.Next(end - begin, &job.triangles, &job.rows, &job.code));
+        pipeline.Submit(std::move(job));
+        ++given;
+      }
+      TileJob job = pipeline.Take();
+      MTDB_RETURN_IF_ERROR(Append(job, report, *next));
+      if ((taken & 15) == 15 || taken + 1 == tiles) {
+        const uint64_t done = TileRange(count, tiles, taken).second;
+        MTDB_RETURN_IF_ERROR(
+            Report("round", round, done, count,
+                   done_before_ + share_ * static_cast<double>(done) / static_cast<double>(count)));
+      }
+    }
+    *sorter = std::move(next);
+    malloc_trim(0);
+    report.triangles_out = (*sorter)->count();
+    record_.rounds.push_back(report);
+    return Status::Ok();
+  }
+
+  Status Append(TileJob& job, RoundReport& report, TriangleSorter& next) {
+    TileCluster& cluster = job.cluster;
+    report.locked_vertices += job.locked_vertices;
+    report.stuck_topology += job.stuck_topology;
+    report.stuck_degree += job.stuck_degree;
+    uint32_t own = kNone32;
+    if (!cluster.empty) {
+      MTDB_ASSIGN_OR_RETURN(const ClusterId id,
+                            writer_.AddCluster(cluster.entry, cluster.encoded.children,
+                                               cluster.encoded.payload));
+      own = id.value;
+      ++report.clusters;
+      report.nodes += cluster.entry.nodes;
+      report.error_code_max = std::max(report.error_code_max, cluster.entry.error_code_max);
+      ++record_.clusters;
+      record_.nodes += cluster.entry.nodes;
+      record_.error_code_max = std::max(record_.error_code_max, cluster.entry.error_code_max);
+      record_.depth = std::max(record_.depth, cluster.height);
+      record_.max_degree = std::max(record_.max_degree, cluster.max_degree);
+    }
+    const size_t rows = 3 * record_.attributes.row_bytes();
+    for (size_t i = 0; i < cluster.triangles.size(); ++i) {
+      TileTriangle& t = cluster.triangles[i];
+      if (t.child == TileCluster::kOwnCluster) t.child = own;
+      MTDB_RETURN_IF_ERROR(next.Add(t, cluster.rows.data() + i * rows));
+    }
+    return Status::Ok();
+  }
+
+  Status WriteRoot(TriangleSorter& sorter) {
+    MTDB_RETURN_IF_ERROR(Report("root", 0, 0, sorter.count(), 0.98));
+    constexpr uint64_t kRootMemory = 64;  // bytes a triangle, see RootWriter
+    if (sorter.count() * kRootMemory > memory_) {
+      return Status(StatusCode::kBudgetExceeded,
+                    "the mesh cannot be simplified below " + std::to_string(sorter.count()) +
+                        " triangles (non-manifold places, or many small components); its root needs " +
+                        std::to_string((sorter.count() * kRootMemory) >> 20) +
+                        " MiB beside 200 MiB; allow more --memory");
+    }
+    MTDB_RETURN_IF_ERROR(sorter.Finish());
+    RootWriter root(record_.attributes, writer_);
+    for (uint64_t done = 0; done < sorter.count();) {
+      const uint64_t count =
+          std::min<uint64_t>(RootWriter::kPieceTriangles, sorter.count() - done);
+      std::vector<TileTriangle> triangles;
+      Bytes rows;
+      uint64_t code = 0;
+      MTDB_RETURN_IF_ERROR(sorter.Next(count, &triangles, &rows, &code));
+      MTDB_RETURN_IF_ERROR(root.AddPiece(triangles, rows));
+      done += count;
+    }
+    const RootTopology topology = root.Finish();
+    record_.root_pieces = topology.pieces;
+    record_.root_vertices = topology.vertices;
+    record_.root_triangles = topology.triangles;
+    record_.components = topology.components;
+    record_.boundary_loops = topology.border_loops;
+    record_.euler_characteristic = topology.euler_characteristic;
+    return Status::Ok();
+  }
+
+  const BuildOptions& options_;
+  ObjectWriter& writer_;
+  const ProgressCallback& progress_;
+  SpoolSpace space_;
+  unsigned threads_ = 1;
+  uint64_t memory_ = 0;  // for spools and sorters
+  std::vector<Decimator> decimators_;
+  ObjectRecord record_;
+  double largest_error_ = 0;  // work units
+  double done_before_ = 0;
+  double share_ = 0;
+};
+
+}  // namespace
+
+Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
+                                 ObjectWriter& writer, const ProgressCallback& progress) {
+  return Builder(options, writer, progress).Run(input);
+}
+
+Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,
+                                 ObjectWriter& writer, const ProgressCallback& progress) {
+  return BuildObject([&](MeshSink& sink) { return SendMesh(mesh, sink); }, options, writer,
+                     progress);
+}
+
+}  // namespace mtdb

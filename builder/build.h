@@ -1,0 +1,55 @@
+// BuildObject: from a triangle mesh to the Multi-Triangulation in a store. Start here.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "store/base/grid.h"
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+#include "store/database.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+struct BuildOptions {
+  PositionMode mode = PositionMode::kGrid;
+  int bits = 16;                // grid: cells along the longest side are 2^bits - 1; 1..24
+  std::optional<double> step;   // grid: model units, instead of bits
+  unsigned threads = 0;         // 0: one per core. The result does not depend on it
+  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB, and some
+  // 16 MiB more per thread above two. The result does not depend on it.
+  uint64_t memory_bytes = uint64_t{1} << 30;
+  std::string tmp_directory = ".";  // of temporary files, which have no names and go with the process
+  uint32_t degree_limit = 12;       // of a removed vertex; 4..16
+  uint32_t tile_triangles = 8192;
+  uint32_t reduction = 4;  // a round leaves about 1 / reduction of a tile's triangles
+};
+
+struct BuildProgress {
+  const char* stage = "";       // "read", "join", "round", "root", "publish"
+  uint32_t round = 0;           // 1 = finest; 0 outside rounds
+  uint64_t triangles_done = 0;  // of the stage
+  uint64_t triangles_total = 0;
+  double overall = 0;           // 0..1
+};
+// Called now and then, on the calling thread. An error cancels the build and is returned.
+using ProgressCallback = std::function<Status(const BuildProgress&)>;
+
+// Pushes the mesh into the sink: Begin, blocks of vertices and triangles, End.
+using MeshProducer = std::function<Status(MeshSink&)>;
+
+// Builds the MT of the mesh that `input` produces and publishes it through `writer`. What the mesh
+// has that cannot be kept is counted in the record's InputReport. Out of core: no step holds the
+// whole mesh, but for the root. Deterministic: the same mesh and options give the same keys and
+// values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32 when
+// lossless, indices out of range), kInvalidArgument (options), kNoSpace and kIoError (temporary
+// files), kBudgetExceeded (a root larger than memory), and what `input` and `writer` return.
+Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
+                                 ObjectWriter& writer, const ProgressCallback& progress = {});
+Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,
+                                 ObjectWriter& writer, const ProgressCallback& progress = {});
+
+}  // namespace mtdb

@@ -1,0 +1,293 @@
+#include "builder/internal/corner_join.h"
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+
+#include "builder/internal/parallel.h"
+
+namespace mtdb {
+
+namespace {
+
+// A corner at vertex v of triangle (v, a, b): a link edge of v.
+struct Corner {
+  uint32_t vertex, a, b;
+};
+constexpr uint8_t kFixed = 1;      // v is at a non-manifold vertex or edge
+constexpr uint8_t kBorder = 2;     // edge (v, a) is on the border
+constexpr uint8_t kDuplicate = 4;  // the triangle repeats an earlier one
+// Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
+constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + 1;
+
+// The link of one vertex. Reused, so that it keeps its memory.
+class Link {
+ public:
+  struct Counts {
+    uint64_t duplicates = 0;
+    uint64_t border_edges = 0;       // running away from the vertex
+    uint64_t nonmanifold_edges = 0;  // to a larger vertex
+    bool fixed = false;
+  };
+  // `places` index `corners` in the input's order; sets their `flags`.
+  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint8_t* flags) {
+    Counts counts;
+    edges_.clear();
+    for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
+    std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
+      return std::tie(x.a, x.b, x.place) < std::tie(y.a, y.b, y.place);
+    });
+    // Duplicates go; counted at the smallest of the three vertices.
+    size_t kept = 0;
+    for (size_t i = 0; i < edges_.size(); ++i) {
+      const Edge& e = edges_[i];
+      if (i > 0 && e.a == edges_[i - 1].a && e.b == edges_[i - 1].b) {
+        flags[e.place] |= kDuplicate;
+        const uint32_t v = corners[e.place].vertex;
+        counts.duplicates += v < e.a && v < e.b;
+      } else {
+        edges_[kept++] = e;
+      }
+    }
+    edges_.resize(kept);
+
+    // Neighbours with the number of link edges that begin and end there.
+    ends_.clear();
+    for (const Edge& e : edges_) {
+      ends_.push_back({e.a, true});
+      ends_.push_back({e.b, false});
+    }
+    std::sort(ends_.begin(), ends_.end());
+    const uint32_t v = corners[places[0]].vertex;
+    neighbours_.clear();
+    for (size_t i = 0; i < ends_.size();) {
+      Neighbour n{ends_[i].first, 0, 0};
+      for (; i < ends_.size() && ends_[i].first == n.vertex; ++i) {
+        (ends_[i].second ? n.out : n.in) += 1;
+      }
+      const bool border = n.out + n.in == 1;
+      const bool manifold = border || (n.out == 1 && n.in == 1);
+      if (!manifold) {
+        counts.fixed = true;
+        counts.nonmanifold_edges += v < n.vertex;
+      }
+      counts.border_edges += border && n.out == 1;
+      neighbours_.push_back(n);
+    }
+    for (const Edge& e : edges_) {
+      const Neighbour& n = At(e.a);
+      if (n.out == 1 && n.in == 0) flags[e.place] |= kBorder;
+    }
+    if (!counts.fixed && !edges_.empty()) counts.fixed = !OnePiece();
+    if (counts.fixed) {
+      for (const Edge& e : edges_) flags[e.place] |= kFixed;
+    }
+    return counts;
+  }
+
+ private:
+  struct Edge {
+    uint32_t a, b, place;
+  };
+  struct Neighbour {
+    uint32_t vertex;
+    uint32_t out, in;
+  };
+  const Neighbour& At(uint32_t vertex) const {
+    return *std::lower_bound(
+        neighbours_.begin(), neighbours_.end(), vertex,
+        [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
+  }
+  // Every neighbour has at most one edge in and one out: walks from the path's begin, if any.
+  bool OnePiece() const {
+    uint32_t start = edges_[0].a;
+    for (const Edge& e : edges_) {
+      if (At(e.a).in == 0) start = e.a;
+    }
+    size_t met = 0;
+    for (uint32_t x = start; met <= edges_.size();) {
+      const auto e = std::lower_bound(edges_.begin(), edges_.end(), x,
+                                      [](const Edge& edge, uint32_t y) { return edge.a < y; });
+      if (e == edges_.end() || e->a != x) break;
+      ++met;
+      x = e->b;
+      if (x == start) break;
+    }
+    return met == edges_.size();
+  }
+
+  std::vector<Edge> edges_;  // sorted by a
+  std::vector<std::pair<uint32_t, bool>> ends_;
+  std::vector<Neighbour> neighbours_;
+};
+
+class Join {
+ public:
+  Join(const InputSpool& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
+      : input_(input), grid_(grid), options_(options), totals_(totals) {
+    const uint64_t vertices = input.vertices();
+    const uint64_t triangles = input.triangles();
+    const uint64_t need = 3 * triangles * kCornerMemory +
+                          vertices * (sizeof(Vec3i) + input.row_bytes() + sizeof(uint32_t));
+    // Half of the memory for a range, the rest for spools.
+    const uint64_t ranges = std::min<uint64_t>(
+        {need / std::max<uint64_t>(options.memory_bytes / 2, 1) + 1, kMaxRanges, vertices});
+    range_ = (vertices + ranges - 1) / ranges;
+    const uint64_t count = (vertices + range_ - 1) / range_;
+    for (uint64_t r = 0; r < count; ++r) {
+      questions_.emplace_back(options.space, options.memory_bytes / 4 / count);
+      answers_.emplace_back(options.space, options.memory_bytes / 4 / count);
+    }
+  }
+
+  Status Run(const TriangleReceiver& receive) {
+    MTDB_RETURN_IF_ERROR(Ask());
+    for (size_t r = 0; r < questions_.size(); ++r) {
+      MTDB_RETURN_IF_ERROR(Answer(r));
+      questions_[r] = Spool(options_.space, 0);
+    }
+    return Collect(receive);
+  }
+
+ private:
+  static constexpr uint64_t kMaxRanges = 256;
+  size_t answer_bytes() const { return sizeof(Vec3i) + 1 + input_.row_bytes(); }
+
+  Status Ask() {
+    SpoolReader reader(&input_.triangle_spool());
+    for (uint64_t t = 0; t < input_.triangles(); ++t) {
+      const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
+      if (bytes == nullptr) return reader.status();
+      std::array<uint32_t, 3> v;
+      std::memcpy(v.data(), bytes, sizeof(v));
+      for (size_t c = 0; c < 3; ++c) {
+        const Corner corner{v[c], v[(c + 1) % 3], v[(c + 2) % 3]};
+        MTDB_RETURN_IF_ERROR(questions_[corner.vertex / range_].Append(&corner, sizeof(corner)));
+      }
+    }
+    for (Spool& q : questions_) MTDB_RETURN_IF_ERROR(q.Finish());
+    return Status::Ok();
+  }
+
+  Status Answer(size_t r) {
+    const uint64_t first = r * range_;
+    const auto vertices = static_cast<uint32_t>(std::min(range_, input_.vertices() - first));
+    const size_t row = input_.row_bytes();
+    std::vector<Vec3i> positions(vertices);
+    Bytes rows(vertices * row);
+    SpoolReader vertex_reader(&input_.vertex_spool(), first * input_.vertex_bytes(),
+                              (first + vertices) * input_.vertex_bytes());
+    for (uint32_t v = 0; v < vertices; ++v) {
+      const std::byte* bytes = vertex_reader.Next(input_.vertex_bytes());
+      if (bytes == nullptr) return vertex_reader.status();
+      positions[v] = grid_.Quantize(input_.Position(bytes));
+      std::memcpy(rows.data() + v * row, input_.Row(bytes), row);
+    }
+    const uint64_t count = questions_[r].size() / sizeof(Corner);
+    if (count >= kNone32) {
+      return Status(StatusCode::kBudgetExceeded,
+                    "some vertices have billions of triangles; such a mesh cannot be built");
+    }
+    const auto n = static_cast<uint32_t>(count);
+    std::vector<Corner> corners(n);
+    MTDB_RETURN_IF_ERROR(questions_[r].Read(0, corners.data(), n * sizeof(Corner)));
+    std::vector<uint32_t> begin(vertices + 1, 0);
+    for (const Corner& c : corners) ++begin[c.vertex - first + 1];
+    for (uint32_t v = 0; v < vertices; ++v) begin[v + 1] += begin[v];
+    std::vector<uint32_t> places(n);
+    {
+      for (uint32_t i = 0; i < n; ++i) places[begin[corners[i].vertex - first]++] = i;
+      for (uint32_t v = vertices; v > 0; --v) begin[v] = begin[v - 1];
+      begin[0] = 0;
+    }
+    std::vector<uint8_t> flags(n, 0);
+    constexpr uint32_t kBlock = 1 << 16;
+    const unsigned threads = options_.threads;
+    std::vector<Link> links(std::max(1u, threads));
+    std::vector<JoinTotals> parts(links.size());
+    ParallelFor((vertices + kBlock - 1) / kBlock, threads, [&](unsigned worker, size_t b) {
+      JoinTotals& part = parts[worker];
+      const auto end = static_cast<uint32_t>(std::min<uint64_t>(vertices, (b + 1) * kBlock));
+      for (auto v = static_cast<uint32_t>(b * kBlock); v < end; ++v) {
+        if (begin[v] == begin[v + 1]) {
+          ++part.unreferenced_vertices;
+          continue;
+        }
+        ++part.vertices;
+        const Link::Counts counts = links[worker].Analyse(
+            std::span(places).subspan(begin[v], begin[v + 1] - begin[v]), corners.data(),
+            flags.data());
+        part.duplicate_triangles += counts.duplicates;
+        part.boundary_edges += counts.border_edges;
+        part.nonmanifold_edges += counts.nonmanifold_edges;
+        part.nonmanifold_vertices += counts.fixed;
+      }
+    });
+    for (const JoinTotals& part : parts) {
+      totals_.vertices += part.vertices;
+      totals_.unreferenced_vertices += part.unreferenced_vertices;
+      totals_.duplicate_triangles += part.duplicate_triangles;
+      totals_.boundary_edges += part.boundary_edges;
+      totals_.nonmanifold_edges += part.nonmanifold_edges;
+      totals_.nonmanifold_vertices += part.nonmanifold_vertices;
+    }
+    Bytes answer(answer_bytes());
+    for (uint32_t i = 0; i < n; ++i) {
+      const uint64_t v = corners[i].vertex - first;
+      std::memcpy(answer.data(), &positions[v], sizeof(Vec3i));
+      answer[sizeof(Vec3i)] = static_cast<std::byte>(flags[i]);
+      std::memcpy(answer.data() + sizeof(Vec3i) + 1, rows.data() + v * row, row);
+      MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), answer.size()));
+    }
+    return answers_[r].Finish();
+  }
+
+  Status Collect(const TriangleReceiver& receive) {
+    SpoolReader reader(&input_.triangle_spool());
+    const size_t block =
+        std::clamp<size_t>(options_.memory_bytes / 4 / answers_.size(), 4096, Spool::kBlock);
+    std::vector<SpoolReader> answers;
+    for (const Spool& a : answers_) answers.emplace_back(&a, 0, ~uint64_t{0}, block);
+    const size_t row = input_.row_bytes();
+    Bytes rows(3 * row);
+    for (uint64_t t = 0; t < input_.triangles(); ++t) {
+      const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
+      if (bytes == nullptr) return reader.status();
+      TileTriangle triangle;
+      std::memcpy(triangle.vertices.data(), bytes, InputSpool::kTriangleBytes);
+      uint8_t all = 0;
+      for (size_t c = 0; c < 3; ++c) {
+        SpoolReader& from = answers[triangle.vertices[c] / range_];
+        const std::byte* answer = from.Next(answer_bytes());
+        if (answer == nullptr) return from.status();
+        std::memcpy(&triangle.positions[c], answer, sizeof(Vec3i));
+        const auto flags = static_cast<uint8_t>(answer[sizeof(Vec3i)]);
+        all |= flags;
+        triangle.fixed_corners |= static_cast<uint8_t>(((flags & kFixed) != 0) << c);
+        triangle.border_edges |= static_cast<uint8_t>(((flags & kBorder) != 0) << c);
+        std::memcpy(rows.data() + c * row, answer + sizeof(Vec3i) + 1, row);
+      }
+      if (all & kDuplicate) continue;
+      ++totals_.triangles;
+      MTDB_RETURN_IF_ERROR(receive(triangle, rows.data()));
+    }
+    return Status::Ok();
+  }
+
+  const InputSpool& input_;
+  const Grid& grid_;
+  const JoinOptions& options_;
+  JoinTotals& totals_;
+  uint64_t range_ = 1;             // vertices
+  std::vector<Spool> questions_;   // per range: Corner
+  std::vector<Spool> answers_;     // per range: position, flags, row
+};
+
+}  // namespace
+
+Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
+                   JoinTotals* totals, const TriangleReceiver& receive) {
+  return Join(input, grid, options, *totals).Run(receive);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,46 @@
+// CornerJoin: gives every triangle of the input its corners' positions, and says what kind of
+// surface it belongs to, in memory that does not depend on the input's size.
+#pragma once
+
+#include <functional>
+
+#include "builder/internal/input_spool.h"
+#include "builder/internal/tile.h"
+#include "store/base/grid.h"
+#include "store/base/status.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+struct JoinTotals {
+  uint64_t vertices = 0;         // referenced by a kept triangle
+  uint64_t triangles = 0;        // kept
+  uint64_t boundary_edges = 0;
+  uint64_t unreferenced_vertices = 0;
+  uint64_t duplicate_triangles = 0;
+  uint64_t nonmanifold_edges = 0;
+  uint64_t nonmanifold_vertices = 0;
+};
+
+struct JoinOptions {
+  const SpoolSpace* space = nullptr;
+  size_t memory_bytes = 0;
+  unsigned threads = 1;
+};
+
+// Vertices are cut into ranges of numbers that fit the memory. A first pass over the triangles
+// sends each corner, with the edge opposite to it, to the range of its vertex. Then, range by range,
+// the edges opposite to a vertex (its link) tell all about it:
+// - an edge vx occurs as often as x is an end of a link edge: once on the border, twice (once in
+//   each direction) inside a manifold; otherwise it is non-manifold, and so are its ends;
+// - a vertex whose link is not one path or cycle is non-manifold;
+// - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
+// The last pass over the triangles meets the answers in the order of the questions.
+//
+// Calls `receive` for each kept triangle, in the input's order, with the rows of its corners
+// (3 * row_bytes); vertices, positions, border_edges, fixed_corners are set.
+using TriangleReceiver = std::function<Status(const TileTriangle&, const std::byte* rows)>;
+Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
+                   JoinTotals* totals, const TriangleReceiver& receive);
+
+}  // namespace mtdb

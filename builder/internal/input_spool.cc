@@ -1,0 +1,100 @@
+#include "builder/internal/input_spool.h"
+
+#include <cmath>
+
+namespace mtdb {
+
+namespace {
+// Vertices are numbered in 32 bits while a mesh is built: some 8.5 billion triangles.
+constexpr uint64_t kMaxVertices = 0xfffffffeull;
+}  // namespace
+
+InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
+    : vertex_spool_(space, memory_bytes / 2),
+      triangle_spool_(space, memory_bytes / 2),
+      lossless_(lossless) {}
+
+Status InputSpool::Begin(const MeshHeader& header) {
+  MTDB_CHECK(!begun_, "a mesh begins once");
+  begun_ = true;
+  header_ = header;
+  position_bytes_ = header.double_positions ? 24 : 12;
+  row_bytes_ = header.attributes.row_bytes();
+  return Status::Ok();
+}
+
+Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) {
+  MTDB_CHECK(rows.size() == positions.size() * row_bytes_, "a row for each vertex");
+  for (size_t i = 0; i < positions.size(); ++i) {
+    const Vec3d p = positions[i];
+    const auto where = [&] { return "vertex " + std::to_string(report_.vertices); };
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
+      return BadInput(where() + ": coordinates are not finite");
+    }
+    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    if (lossless_ && Vec3d{f.x, f.y, f.z} != p) {
+      return BadInput(where() + ": a coordinate does not fit float32, so that --lossless would "
+                      "lose it; use --step or --bits");
+    }
+    bounds_.Add(p);
+    MTDB_RETURN_IF_ERROR(header_.double_positions ? vertex_spool_.Append(&p, 24)
+                                                  : vertex_spool_.Append(&f, 12));
+    if (row_bytes_ != 0) {
+      MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
+    }
+    if (++report_.vertices > kMaxVertices) {
+      return Status(StatusCode::kUnsupported, "more than 4294967294 vertices in one object; "
+                    "ingest the parts as objects of their own");
+    }
+  }
+  return Status::Ok();
+}
+
+Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
+  for (const TriangleVertices& t : triangles) {
+    for (const VertexIndex v : t) {
+      if (v > largest_index_) {
+        largest_index_ = v;
+        largest_at_ = report_.triangles;
+      }
+    }
+    ++report_.triangles;
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+      ++report_.degenerate_triangles;
+      continue;
+    }
+    const std::array<uint32_t, 3> narrow = {static_cast<uint32_t>(t[0]),
+                                            static_cast<uint32_t>(t[1]),
+                                            static_cast<uint32_t>(t[2])};
+    MTDB_RETURN_IF_ERROR(triangle_spool_.Append(narrow.data(), kTriangleBytes));
+  }
+  return Status::Ok();
+}
+
+Status InputSpool::End() {
+  if (report_.triangles != 0 && largest_index_ >= report_.vertices) {
+    return BadInput("triangle " + std::to_string(largest_at_) + ": vertex index " +
+                    std::to_string(largest_index_) + ", but the mesh has " +
+                    std::to_string(report_.vertices) + " vertices");
+  }
+  if (triangles() == 0) {
+    return BadInput("no triangle to keep: " + std::to_string(report_.triangles) + " read, " +
+                    std::to_string(report_.degenerate_triangles) +
+                    " of them with two equal vertices; mtdb stores surfaces");
+  }
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  return triangle_spool_.Finish();
+}
+
+Vec3d InputSpool::Position(const std::byte* vertex) const {
+  if (header_.double_positions) {
+    Vec3d p;
+    std::memcpy(&p, vertex, 24);
+    return p;
+  }
+  Vec3f p;
+  std::memcpy(&p, vertex, 12);
+  return {p.x, p.y, p.z};
+}
+
+}  // namespace mtdb

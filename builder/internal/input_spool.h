@@ -1,0 +1,54 @@
+// InputSpool: takes a mesh in, block after block, and keeps it on disk for the passes to come.
+#pragma once
+
+#include <string>
+
+#include "builder/internal/spool.h"
+#include "store/base/grid.h"
+#include "store/base/mesh_sink.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+// The input's vertices and triangles as they came; degenerate triangles are dropped and counted.
+// Errors: kBadInput (no vertex or triangle, a coordinate that is not finite, or does not fit float32 when
+// `lossless`, an index out of range), and those of Spool.
+class InputSpool final : public MeshSink {
+ public:
+  InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless);
+
+  Status Begin(const MeshHeader& header) override;
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override;
+  Status End() override;
+
+  const MeshHeader& header() const { return header_; }
+  uint64_t vertices() const { return report_.vertices; }
+  uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
+  const InputReport& report() const { return report_; }
+  const Box3d& bounds() const { return bounds_; }  // of all vertices, referenced or not
+  size_t row_bytes() const { return row_bytes_; }
+  // A vertex: position (3 float32 or 3 float64), then its row.
+  size_t vertex_bytes() const { return position_bytes_ + row_bytes_; }
+  const Spool& vertex_spool() const { return vertex_spool_; }
+  Vec3d Position(const std::byte* vertex) const;
+  const std::byte* Row(const std::byte* vertex) const { return vertex + position_bytes_; }
+  // A triangle: 3 uint32.
+  const Spool& triangle_spool() const { return triangle_spool_; }
+  static constexpr size_t kTriangleBytes = 12;
+
+ private:
+  MeshHeader header_;
+  Spool vertex_spool_;
+  Spool triangle_spool_;
+  InputReport report_;
+  Box3d bounds_;
+  bool lossless_;
+  bool begun_ = false;
+  size_t position_bytes_ = 12;
+  size_t row_bytes_ = 0;
+  VertexIndex largest_index_ = 0;
+  uint64_t largest_at_ = 0;
+};
+
+}  // namespace mtdb

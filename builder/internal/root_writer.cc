@@ -1,0 +1,99 @@
+#include "builder/internal/root_writer.h"
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+#include "codecs/root_codec.h"
+
+namespace mtdb {
+
+uint32_t RootWriter::Find(uint32_t v) {
+  while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
+  return v;
+}
+
+void RootWriter::Join(uint32_t a, uint32_t b) {
+  a = Find(a);
+  b = Find(b);
+  if (a != b) parent_[std::max(a, b)] = std::min(a, b);
+}
+
+Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows) {
+  const size_t row = attributes_.row_bytes();
+  RootPiece piece;
+  RootPieceEntry entry;
+  for (const TileTriangle& t : triangles) {
+    if (t.child != kNone32) piece.children.push_back(ClusterId(t.child));
+  }
+  std::sort(piece.children.begin(), piece.children.end());
+  piece.children.erase(std::unique(piece.children.begin(), piece.children.end()),
+                       piece.children.end());
+  std::unordered_map<uint32_t, uint32_t> local;
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    const TileTriangle& t = triangles[i];
+    auto& corners = piece.triangles.emplace_back();
+    std::array<uint32_t, 3> root;
+    for (size_t c = 0; c < 3; ++c) {
+      const auto next = static_cast<uint32_t>(root_vertex_.size());
+      root[c] = root_vertex_.try_emplace(t.vertices[c], next).first->second;
+      if (root[c] == parent_.size()) parent_.push_back(root[c]);
+      const auto [it, inserted] =
+          local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.positions.size()));
+      if (inserted) {
+        piece.positions.push_back(t.positions[c]);
+        piece.vertices.push_back(root[c]);
+        const auto at = rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
+        piece.rows.insert(piece.rows.end(), at, at + static_cast<std::ptrdiff_t>(row));
+        entry.bounds.Add(t.positions[c]);
+      }
+      corners[c] = it->second;
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const uint32_t a = root[c];
+      const uint32_t b = root[(c + 1) % 3];
+      edges_.emplace_back(std::min(a, b), std::max(a, b));
+      if (t.border_edges >> c & 1) border_.emplace_back(a, b);
+      Join(a, b);
+    }
+    uint32_t remover = kDrain;
+    if (t.child != kNone32) {
+      const auto at =
+          std::lower_bound(piece.children.begin(), piece.children.end(), ClusterId(t.child));
+      remover = kChildFlag | static_cast<uint32_t>(at - piece.children.begin());
+      if (t.explicit_arc) {
+        piece.explicit_arcs.push_back({static_cast<uint32_t>(i), t.child_slot, 0});
+      }
+    }
+    piece.removers.push_back(remover);
+  }
+  entry.triangles = static_cast<uint32_t>(piece.triangles.size());
+  entry.vertices = static_cast<uint32_t>(piece.positions.size());
+  const Result<RootPieceId> id =
+      writer_.AddRootPiece(entry, piece.children, EncodeRootPiece(piece, attributes_));
+  if (!id.ok()) return id.status();
+  topology_.triangles += triangles.size();
+  ++topology_.pieces;
+  return Status::Ok();
+}
+
+RootTopology RootWriter::Finish() {
+  const auto vertices = static_cast<uint32_t>(parent_.size());
+  topology_.vertices = vertices;
+  for (uint32_t v = 0; v < vertices; ++v) topology_.components += Find(v) == v;
+  std::sort(edges_.begin(), edges_.end());
+  const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
+  topology_.euler_characteristic = static_cast<int64_t>(vertices) - edges +
+                                   static_cast<int64_t>(topology_.triangles);
+  // The border's pieces: its edges' ends, joined.
+  std::iota(parent_.begin(), parent_.end(), 0);
+  std::vector<bool> on_border(vertices, false);
+  for (const auto& [a, b] : border_) {
+    Join(a, b);
+    on_border[a] = on_border[b] = true;
+  }
+  for (uint32_t v = 0; v < vertices; ++v) topology_.border_loops += on_border[v] && Find(v) == v;
+  return topology_;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,64 @@
+// TriangleSorter: an external sort of a round's triangles along its curve.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "builder/internal/spool.h"
+#include "builder/internal/tile.h"
+#include "builder/internal/tiling.h"
+#include "store/base/grid.h"
+
+namespace mtdb {
+
+// Collects triangles with the rows of their corners, then gives them back along the curve (ties by
+// vertices), whatever the memory. Sorted runs go to spools when they do not fit.
+class TriangleSorter {
+ public:
+  struct Options {
+    const SpoolSpace* space = nullptr;
+    size_t memory_bytes = 0;
+    size_t row_bytes = 0;  // of one vertex
+    unsigned threads = 1;
+  };
+  TriangleSorter(const RoundCurve& curve, const Grid& grid, const Options& options);
+
+  Status Add(const TileTriangle& triangle, const std::byte* rows);
+  uint64_t count() const { return count_; }
+  // After the last Add.
+  Status Finish();
+  // The next `count` triangles; appends to `triangles` and `rows`. `code` is the first one's.
+  Status Next(size_t count, std::vector<TileTriangle>* triangles, Bytes* rows, uint64_t* code);
+
+ private:
+  struct Key {
+    uint64_t code;
+    uint32_t index;
+  };
+  struct Run {
+    std::unique_ptr<Spool> spool;
+    std::unique_ptr<SpoolReader> reader;
+    const std::byte* record = nullptr;  // the next one; null at the end
+    uint64_t code = 0;
+    uint64_t left = 0;
+  };
+  size_t record_bytes() const { return sizeof(TileTriangle) + 3 * options_.row_bytes; }
+  const std::byte* Record(uint32_t i) const { return records_.data() + i * record_bytes(); }
+  void SortKeys();
+  Status SpillRun();
+  Status Advance(Run& run);
+  bool Before(const Run& a, const Run& b) const;
+
+  RoundCurve curve_;
+  Grid grid_;
+  Options options_;
+  size_t run_capacity_ = 0;  // records in memory at most
+  Bytes records_;            // the run in memory
+  std::vector<Key> keys_;
+  size_t next_key_ = 0;
+  std::vector<Run> runs_;
+  std::vector<uint32_t> heap_;  // of runs, the first record on top
+  uint64_t count_ = 0;
+};
+
+}  // namespace mtdb
