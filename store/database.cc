@@ -6,6 +6,7 @@
 #include "store/internal/object_reader.h"
 #include "store/internal/object_writer.h"
 #include "store/internal/test_hooks.h"
+#include "store/object_name.h"
 
 namespace mtdb {
 

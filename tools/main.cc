@@ -17,10 +17,25 @@ namespace {
 constexpr int kExitError = 1;
 constexpr int kExitUsage = 2;
 
+constexpr size_t kHelpColumn = 28;
+constexpr size_t kHelpWidth = 70;  // of the text in it
+
+std::string Wrap(const std::string& text) {
+  std::string wrapped;
+  size_t begin = 0;
+  while (text.size() - begin > kHelpWidth) {
+    const size_t space = text.rfind(' ', begin + kHelpWidth);
+    if (space == std::string::npos || space <= begin) break;
+    wrapped += text.substr(begin, space - begin) + "\n";
+    begin = space + 1;
+  }
+  return wrapped + text.substr(begin);
+}
+
 // Help without CLI11's notes on types, ranges and exclusions: the descriptions say it in words.
 class HelpFormatter : public CLI::Formatter {
  public:
-  HelpFormatter() { column_width(28); }
+  HelpFormatter() { column_width(kHelpColumn); }
   std::string make_option_opts(const CLI::Option* option) const override {
     if (option->get_type_size() == 0 || option->get_positional()) return "";
     const std::string type = option->get_type_name();
@@ -31,7 +46,7 @@ class HelpFormatter : public CLI::Formatter {
   }
   std::string make_option_desc(const CLI::Option* option) const override {
     const std::string text = option->get_default_str();
-    return option->get_description() + (text.empty() ? "" : " (default: " + text + ")");
+    return Wrap(option->get_description() + (text.empty() ? "" : " (default: " + text + ")"));
   }
   std::string make_footer(const CLI::App* app) const override {
     const std::string footer = app->get_footer();
@@ -71,10 +86,8 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a) {
                           "coarser: within E of the surface, in model units");
   auto* relative = AddParsed(verb, "--error-rel", "F", &a->error_relative, mtdb::ParseNonNegative,
                              "the same as a fraction of the bounding box's diagonal");
-  auto* triangles = verb->add_option("--triangles", a->triangles,
-                                     "at most N triangles, as accurate as they allow")
-                        ->type_name("N")
-                        ->check(CLI::PositiveNumber);
+  auto* triangles = AddParsed(verb, "--triangles", "N", &a->triangles, mtdb::ParseCount,
+                              "at most N triangles, as accurate as they allow");
   full->excludes(error)->excludes(relative)->excludes(triangles);
   error->excludes(relative);
   AddParsed(verb, "--box", "X0,Y0,Z0,X1,Y1,Z1", &a->box, mtdb::ParseBox,
@@ -146,8 +159,6 @@ int main(int argc, char** argv) {
   app.name("mtdb");
   app.formatter(std::make_shared<HelpFormatter>());
   app.get_formatter()->label("SUBCOMMAND", "VERB");
-  app.get_formatter()->label("Subcommands", "Verbs");
-  app.get_formatter()->label("[OPTIONS]", "[OPTIONS]");
   app.get_formatter()->label("Positionals", "Arguments");
   app.set_help_flag("-h,--help", "print this and exit");
   app.set_version_flag("--version", std::string("mtdb ") + MTDB_VERSION, "print the version");
@@ -157,6 +168,7 @@ int main(int argc, char** argv) {
       "Exit status: 0 success, 1 error, 2 wrong usage.");
   const auto add_verb = [&](const char* name, const char* description, const char* footer) {
     CLI::App* verb = app.add_subcommand(name, description);
+    verb->group("Verbs");
     verb->footer(footer);
     return verb;
   };
@@ -174,7 +186,7 @@ int main(int argc, char** argv) {
 
   mtdb::QueryArguments query;
   CLI::App* extract_verb =
-      add_verb("extract", "write a mesh: a region at an accuracy",
+      add_verb("extract", "write the mesh of a region at an accuracy",
                "Example: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip");
   extract_verb->add_option("STORE", query.store, "the store file")->required();
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .drc")
@@ -242,11 +254,13 @@ int main(int argc, char** argv) {
     arguments.resize(std::min<size_t>(arguments.size(), 1));
     arguments.push_back("--help");
   }
-  if (arguments[0].empty() || arguments[0][0] != '-') {
-    const auto is_named = [&](const CLI::App* verb) { return verb->get_name() == arguments[0]; };
-    if (app.get_subcommands(is_named).empty()) {
-      return Usage("no verb '" + arguments[0] + "'", "");
-    }
+  // CLI11 would only say that a verb is missing.
+  const std::string& first = arguments[0];
+  const auto is_named = [&](const CLI::App* verb) { return verb->get_name() == first; };
+  if (first.starts_with('-')) {
+    if (app.get_option_no_throw(first) == nullptr) return Usage("no option '" + first + "'", "");
+  } else if (app.get_subcommands(is_named).empty()) {
+    return Usage("no verb '" + first + "'", "");
   }
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));

@@ -9,6 +9,7 @@ namespace mtdb {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kStaleGrowth = 1.25;  // of a stale error, until it is evaluated again
 // Twice the area over the sum of squared edges, 1 for an equilateral triangle.
 double Shape(Vec3d a, Vec3d b, Vec3d c, Vec3d cross) {
   const double edges = SquaredLength(b - a) + SquaredLength(c - b) + SquaredLength(a - c);
@@ -88,6 +89,7 @@ void Decimator::Load(std::span<const TileTriangle> tile, const Grid& grid) {
   next_sample_.assign(vertex_count, kNone32);
   verdict_.assign(vertex_count, Verdict::kLegal);
   stamp_.assign(vertex_count, 0);
+  last_error_.assign(vertex_count, 0);
   kept_.resize(vertex_count);
   ring_mark_.assign(vertex_count, 0);
   heap_.clear();
@@ -168,8 +170,18 @@ bool Decimator::UsesExistingEdge(const Plan& plan) const {
 }
 
 template <typename TriangleCost>
-bool Decimator::Triangulate(Plan& plan, const TriangleCost& cost) {
+void Decimator::FillTriangleCosts(uint32_t k, const TriangleCost& cost) {
+  size_t next = 0;
+  for (uint32_t span = 2; span < k; ++span) {
+    for (uint32_t i = 0; i + span < k; ++i) {
+      for (uint32_t m = i + 1; m < i + span; ++m) triangle_costs_[next++] = cost(i, m, i + span);
+    }
+  }
+}
+
+bool Decimator::Triangulate(Plan& plan) {
   const uint32_t k = plan.k;
+  const double* cost = triangle_costs_.data();
   std::array<std::array<double, kMaxDegree>, kMaxDegree> best;
   std::array<std::array<uint8_t, kMaxDegree>, kMaxDegree> apex;
   for (uint32_t i = 0; i + 1 < k; ++i) best[i][i + 1] = 0;
@@ -178,12 +190,12 @@ bool Decimator::Triangulate(Plan& plan, const TriangleCost& cost) {
       const uint32_t j = i + span;
       best[i][j] = kInfinity;
       apex[i][j] = 0;
+      const double* costs = cost;
+      cost += span - 1;
       const bool closing = span == k - 1;  // the ring's own edge, or the new border edge
       if (!closing && (forbidden_[i][j] || edge_error_[i][j] < 0)) continue;
       for (uint32_t m = i + 1; m < j; ++m) {
-        const double parts = best[i][m] + best[m][j];
-        if (!(parts < best[i][j])) continue;
-        const double total = parts + cost(i, m, j);
+        const double total = best[i][m] + best[m][j] + *costs++;
         if (total < best[i][j]) {
           best[i][j] = total;
           apex[i][j] = static_cast<uint8_t>(m);
@@ -237,25 +249,36 @@ bool Decimator::EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan) {
     if (!round_.Faces(w, n)) return false;
   }
   if (plan.boundary && !round_.Faces(v, n)) return false;
-  // Curves of all edges that the hole could use.
-  for (uint32_t i = 0; i < k; ++i) {
-    for (uint32_t j = i + 2; j < k; ++j) {
-      if (i == 0 && j == k - 1) continue;
-      edge_error_[i][j] = forbidden_[i][j] ? -1 : round_.CurveError(ring_[i], ring_[j], n);
-    }
-  }
   const auto crossing = [&](uint32_t i, uint32_t m, uint32_t j) {
     return Cross(positions_[ring_[m]] - positions_[ring_[i]],
                  positions_[ring_[j]] - positions_[ring_[i]]);
   };
-  const bool found = Triangulate(plan, [&](uint32_t i, uint32_t m, uint32_t j) {
+  FillTriangleCosts(k, [&](uint32_t i, uint32_t m, uint32_t j) {
     const Vec3d cross = crossing(i, m, j);
     if (!(Dot(cross, n) > 0)) return kInfinity;
     const double shape =
         Shape(positions_[ring_[i]], positions_[ring_[m]], positions_[ring_[j]], cross);
     return shape_weight_ * (1 - shape);
   });
-  if (!found) return false;
+  // Curves are dear: an edge's is found when a best triangulation uses it, at no cost until then.
+  // When one uses known edges only, none is better.
+  std::array<uint16_t, kMaxDegree> known{};  // bit j of known[i]
+  for (uint32_t i = 0; i < k; ++i) {
+    for (uint32_t j = i + 2; j < k; ++j) {
+      if (i != 0 || j != k - 1) edge_error_[i][j] = 0;
+    }
+  }
+  for (bool complete = false; !complete;) {
+    if (!Triangulate(plan)) return false;
+    complete = true;
+    for (uint32_t t = 1; t < k - 2; ++t) {
+      const auto [i, m, j] = plan.triangles[t];
+      if (known[i] >> j & 1) continue;
+      known[i] = static_cast<uint16_t>(known[i] | 1u << j);
+      edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
+      complete = false;
+    }
+  }
   MeasureByOverlay(n, plan);
   return true;
 }
@@ -315,7 +338,7 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     }
   }
   const Vec3d pv = positions_[v];
-  const bool found = Triangulate(plan, [&](uint32_t i, uint32_t m, uint32_t j) {
+  FillTriangleCosts(k, [&](uint32_t i, uint32_t m, uint32_t j) {
     const Vec3d a = positions_[ring_[i]];
     const Vec3d b = positions_[ring_[m]];
     const Vec3d c = positions_[ring_[j]];
@@ -324,7 +347,7 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     const double turned = Dot(cross, n) > 0 ? 0 : 1e6;
     return size2 * (1 - Shape(a, b, c, cross) + turned) + SquaredDistancePointTriangle(pv, a, b, c);
   });
-  if (!found) return false;
+  if (!Triangulate(plan)) return false;
 
   // Star and hole by correspondence: v goes to its nearest triangle of the hole; a diagonal is
   // crossed by the spokes to the ring vertices on its far side.
@@ -465,6 +488,7 @@ bool Decimator::EdgesAreFree(bool boundary) const {
 }
 
 void Decimator::Push(uint32_t v, double error) {
+  last_error_[v] = error;
   heap_.push_back({error, v, ++stamp_[v]});
   std::push_heap(heap_.begin(), heap_.end(), [](const HeapEntry& a, const HeapEntry& b) {
     return a.error != b.error ? a.error > b.error : a.vertex > b.vertex;
@@ -575,7 +599,14 @@ void Decimator::Commit(uint32_t v, const Plan& plan) {
     sample_head_[id] = samples_[s];
   }
   removed_[v] = 1;
-  for (const uint32_t r : ring_) dirty_[r] = 1;
+  // The ring's errors are stale now, and mostly larger than they were: a guess keeps vertices from
+  // being evaluated long before their turn.
+  for (const uint32_t r : ring_) {
+    if (!dirty_[r] && !locked_[r] && verdict_[r] == Verdict::kLegal) {
+      Push(r, kStaleGrowth * last_error_[r]);
+    }
+    dirty_[r] = 1;
+  }
   live_triangles_ -= static_cast<uint32_t>(star_.size()) - count;
   result_.removals.push_back(removal);
 }

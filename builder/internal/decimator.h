@@ -70,9 +70,11 @@ class Decimator {
   bool Recall(uint32_t v, Plan& plan);
   void Keep(uint32_t v, const Plan& plan);
   bool EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan);
-  // Optimal triangulation of the ring's polygon over allowed edges; cost per triangle and edge.
+  // The triangulation of the ring's polygon of least cost: triangle_costs_, and edge_error_ squared
+  // for each allowed diagonal. Dynamic programming. False when there is none of finite cost.
+  bool Triangulate(Plan& plan);
   template <typename TriangleCost>
-  bool Triangulate(Plan& plan, const TriangleCost& cost);
+  void FillTriangleCosts(uint32_t k, const TriangleCost& cost);
   double BorderCurveError(uint32_t v, uint32_t from, uint32_t to) const;
   void Commit(uint32_t v, const Plan& plan);
   void Push(uint32_t v, double error);
@@ -95,6 +97,7 @@ class Decimator {
   std::vector<Verdict> verdict_;
   std::vector<KeptPlan> kept_;         // of vertices that are not dirty
   std::vector<uint32_t> stamp_;        // of the valid heap entry
+  std::vector<double> last_error_;     // of the valid heap entry
 
   // Triangles, current and past.
   std::vector<std::array<uint32_t, 3>> corners_;
@@ -120,6 +123,7 @@ class Decimator {
   std::vector<uint32_t> samples_;      // removed vertices of its star, and itself
   std::array<std::array<uint8_t, kMaxDegree>, kMaxDegree> forbidden_;
   std::array<std::array<double, kMaxDegree>, kMaxDegree> edge_error_;  // < 0: no curve
+  std::array<double, kMaxDegree*(kMaxDegree - 1) * (kMaxDegree - 2) / 6> triangle_costs_;
   std::vector<uint32_t> ring_mark_;
   std::vector<uint8_t> sample_triangle_;  // plan triangle of each sample
 

@@ -8,6 +8,16 @@ namespace mtdb {
 
 inline constexpr int kHilbertBits = 21;  // per axis; a code has 63 bits
 
+// Bit i of a 21-bit word moves to bit 3 * i.
+constexpr uint64_t SpreadBits(uint64_t x) {
+  x = (x | x << 32) & 0x001f00000000ffffull;
+  x = (x | x << 16) & 0x001f0000ff0000ffull;
+  x = (x | x << 8) & 0x100f00f00f00f00full;
+  x = (x | x << 4) & 0x10c30c30c30c30c3ull;
+  x = (x | x << 2) & 0x1249249249249249ull;
+  return x;
+}
+
 // The position of a point on the Hilbert curve through the cube of 2^21 points a side. Each
 // coordinate must be below 2^21. After J. Skilling, "Programming the Hilbert curve" (2004).
 constexpr uint64_t HilbertCode(std::array<uint32_t, 3> p) {
@@ -30,10 +40,7 @@ constexpr uint64_t HilbertCode(std::array<uint32_t, 3> p) {
   for (uint32_t q = kTop; q > 1; q >>= 1)
     if (p[2] & q) t ^= q - 1;
   for (uint32_t& v : p) v ^= t;
-  uint64_t code = 0;
-  for (int bit = kHilbertBits - 1; bit >= 0; --bit)
-    for (int i = 0; i < 3; ++i) code = (code << 1) | ((p[i] >> bit) & 1u);
-  return code;
+  return SpreadBits(p[0]) << 2 | SpreadBits(p[1]) << 1 | SpreadBits(p[2]);
 }
 
 }  // namespace mtdb

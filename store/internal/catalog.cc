@@ -12,26 +12,6 @@ constexpr uint64_t kMaxRecordBytes = 64 << 20;
 constexpr uint64_t kKeysPerRemoval = 4096;
 constexpr uint64_t kBytesPerRemoval = 256 << 20;
 
-// Where `text` is not UTF-8 (RFC 3629), or a control character; none when it is fine.
-std::optional<size_t> FirstBadByte(const std::string& text) {
-  for (size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i]);
-    const size_t size = lead < 0x80 ? 1 : lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;
-    constexpr uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
-    if (lead < 0x20 || lead == 0x7f || (lead >= 0x80 && lead < 0xc2) || lead > 0xf4) return i;
-    if (size > text.size() - i) return i;
-    uint32_t code = size == 1 ? lead : lead & (0x7fu >> size);
-    for (size_t k = 1; k < size; ++k) {
-      const auto next = static_cast<unsigned char>(text[i + k]);
-      if ((next & 0xc0) != 0x80) return i + k;
-      code = code << 6 | (next & 0x3fu);
-    }
-    if (code < kLeast[size] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return i;
-    i += size;
-  }
-  return std::nullopt;
-}
-
 std::string EntryPlace(const std::string& path, ByteSpan key) {
   const std::string at = path + ": catalog: ";
   if (key.empty()) return at + "empty key";
@@ -190,19 +170,6 @@ Status RemoveDead(Environment& environment) {
       return Status::Ok();
     }));
     if (still_there) MTDB_RETURN_IF_ERROR(RemoveRemains(environment, id));
-  }
-  return Status::Ok();
-}
-
-Status CheckObjectName(const std::string& name) {
-  if (name.empty() || name.size() > kMaxNameBytes) {
-    return InvalidArgument("object name: expected 1 to " + std::to_string(kMaxNameBytes) +
-                           " bytes, found " + std::to_string(name.size()));
-  }
-  if (const auto bad = FirstBadByte(name)) {
-    return InvalidArgument("object name: expected UTF-8 without control characters, found byte " +
-                           std::to_string(static_cast<unsigned char>(name[*bad])) + " at " +
-                           std::to_string(*bad) + "; choose another name");
   }
   return Status::Ok();
 }

@@ -42,7 +42,4 @@ Status RemoveRemains(Environment& environment, ObjectId id);
 // RemoveRemains for what dead builders and removers left. What live ones hold is skipped.
 Status RemoveDead(Environment& environment);
 
-// Checks a name: 1..500 bytes.
-Status CheckObjectName(const std::string& name);
-
 }  // namespace mtdb

@@ -81,7 +81,7 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
   registry.open[key] = environment;
   const std::unique_lock exclusive(environment->mutex_);
   lock.unlock();
-  Status status = environment->CheckBeforeOpen(options.writable);
+  Status status = environment->CheckBeforeOpen(options.writable && options.create);
   if (status.ok()) status = environment->OpenLmdb(options.writable, 0, true);
   if (!status.ok()) return status;
   return environment;
@@ -99,9 +99,9 @@ bool Environment::writable() const {
 
 // ---- opening ------------------------------------------------------------------------------------
 
-Status Environment::CheckBeforeOpen(bool writable) {
+Status Environment::CheckBeforeOpen(bool may_be_empty) {
   MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
-  if (bytes == 0 && writable) return Status::Ok();
+  if (bytes == 0 && may_be_empty) return Status::Ok();
   return CheckStoreFile(*file_);
 }
 

@@ -117,7 +117,7 @@ class Environment {
   void CloseLmdb();
   Status OpenTables();
   Status MakeWritable();
-  Status CheckBeforeOpen(bool writable);
+  Status CheckBeforeOpen(bool may_be_empty);
   Status Reopen();
   Status AdoptMapSize();
   Status GrowMap();

@@ -7,6 +7,7 @@
 #include "store/internal/index_codec.h"
 #include "store/internal/test_hooks.h"
 #include "store/internal/value_packing.h"
+#include "store/object_name.h"
 
 namespace mtdb {
 namespace {

@@ -62,6 +62,12 @@ Result<double> ParsePositive(const std::string& text) {
   return value;
 }
 
+Result<uint64_t> ParseCount(const std::string& text) {
+  uint64_t value = 0;
+  if (!ParseWhole(text, &value) || value == 0) return Unexpected(text, "a whole number above 0");
+  return value;
+}
+
 Result<Box3d> ParseBox(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
   const Box3d box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};

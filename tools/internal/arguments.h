@@ -21,6 +21,8 @@ struct Extent {
 // Finite numbers.
 Result<double> ParseNonNegative(const std::string& text);
 Result<double> ParsePositive(const std::string& text);
+// A whole number above 0.
+Result<uint64_t> ParseCount(const std::string& text);
 // "X0,Y0,Z0,X1,Y1,Z1": two corners, the first nowhere above the second. A flat box is one.
 Result<Box3d> ParseBox(const std::string& text);
 // "X,Y,Z,R"; the radius is not negative.

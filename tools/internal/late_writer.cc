@@ -2,9 +2,12 @@
 
 #include <filesystem>
 
+#include "store/object_name.h"
+
 namespace mtdb {
 
 Status LateWriter::Check() const {
+  MTDB_RETURN_IF_ERROR(CheckObjectName(name_));
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::absolute(store_, error).parent_path();
   if (!std::filesystem::is_directory(folder, error)) {

@@ -14,8 +14,8 @@ class LateWriter final : public ObjectWriter {
   LateWriter(std::string store, std::string name, bool replace)
       : store_(std::move(store)), name_(std::move(name)), replace_(replace) {}
 
-  // Says early what the first write would say: there is no such folder, the file is not a store,
-  // or it holds an object of that name, which must not be replaced.
+  // Says early what the first write would say: a bad name, no such folder, a file that is not a
+  // store, an object of that name, which must not be replaced.
   Status Check() const;
 
   Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
