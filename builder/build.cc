@@ -112,9 +112,10 @@ class Builder {
     for (uint32_t round = 1; round <= kMaxRounds; ++round) {
       const uint64_t before = sorter->count();
       // All rounds together take about reduction / (reduction - 1) times the first.
-      share_ = (0.98 - kReadShare - kJoinShare) * static_cast<double>(before) / total *
-               (options_.reduction - 1) / options_.reduction;
       done_before_ = std::min(0.98, done);
+      share_ = std::min(0.98 - done_before_, (0.98 - kReadShare - kJoinShare) *
+                                                 static_cast<double>(before) / total *
+                                                 (options_.reduction - 1) / options_.reduction);
       MTDB_RETURN_IF_ERROR(RunRound(round, &sorter));
       done += share_;
       if (static_cast<double>(sorter->count()) > kLeastProgress * static_cast<double>(before)) {

@@ -254,7 +254,12 @@ uint64_t SurfaceWalker::NewVertex(int edge_axis, int sample, BlockIndex block, i
            static_cast<double>(z * kBlock + sample / kLayer)};
   at[edge_axis] += std::clamp(a / (a - b), kLeastFraction, 1 - kLeastFraction);
   const Vec3d p = PointAt(at.x, at.y, at.z);
-  vertices_.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+  // g++ 12 leaves out the rounding of neighbours from double to float32 and back when it vectorises
+  // it; volatile keeps it.
+  volatile const auto x = static_cast<float>(p.x);
+  volatile const auto y = static_cast<float>(p.y);
+  volatile const auto z = static_cast<float>(p.z);
+  vertices_.push_back({x, y, z});
   return vertex_count_++;
 }
 
