@@ -14,11 +14,13 @@
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
 #include "builder/internal/input_spool.h"
+#include "builder/internal/journal.h"
 #include "builder/internal/ordered_pipeline.h"
 #include "builder/internal/root_writer.h"
 #include "builder/internal/tile_cluster.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
+#include "store/base/hash.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb {
@@ -124,7 +126,9 @@ class Builder {
     }
     MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
     MTDB_RETURN_IF_ERROR(Report("publish", 0, 0, 0, 1));
-    return writer_.Publish(record_);
+    Result<ObjectRecord> published = writer_.Publish(record_);
+    if (published.ok() && journal_ != nullptr) journal_->Remove();
+    return published;
   }
 
  private:
@@ -132,13 +136,13 @@ class Builder {
     std::vector<TileTriangle> triangles;
     Bytes rows;
     uint64_t code = 0;
-    TileCluster cluster;
-    uint64_t locked_vertices = 0, stuck_topology = 0, stuck_degree = 0;
+    TileOutcome outcome;
+    bool replayed = false;  // the outcome comes from the journal
   };
 
   Status Report(const char* stage, uint32_t round, uint64_t done, uint64_t total, double overall) {
     if (!progress_) return Status::Ok();
-    return progress_({stage, round, done, total, std::min(1.0, overall)});
+    return progress_({stage, round, done, total, std::min(1.0, overall), space_.file_bytes});
   }
 
   std::unique_ptr<TriangleSorter> MakeSorter(uint32_t round, size_t memory_bytes) {
@@ -196,6 +200,30 @@ class Builder {
     record_.boundary_edges = totals.boundary_edges;
     record_.surface_digest = digest.surface_digest();
     record_.border_digest = digest.border_digest();
+    return OpenJournal();
+  }
+
+  // What the build depends on: the input's surface and the options that shape the result.
+  Status OpenJournal() {
+    if (options_.journal_path.empty()) return Status::Ok();
+    ByteWriter w;
+    for (const uint64_t n :
+         {record_.surface_digest, record_.border_digest, record_.input.vertices,
+          record_.input.triangles, uint64_t{options_.degree_limit},
+          uint64_t{options_.tile_triangles}, uint64_t{options_.reduction},
+          static_cast<uint64_t>(record_.grid.mode)}) {
+      w.Put(n);
+    }
+    for (const double x : {record_.grid.origin.x, record_.grid.origin.y, record_.grid.origin.z,
+                           record_.grid.step, record_.grid.error_unit}) {
+      w.Put(x);
+    }
+    for (const VertexAttribute& a : record_.attributes.attributes) {
+      w.PutString(a.name);
+      w.Put(static_cast<uint8_t>(a.type));
+    }
+    MTDB_ASSIGN_OR_RETURN(journal_, Journal::Open(options_.journal_path, Hash64(w.bytes()),
+                                                  options_.resume));
     return Status::Ok();
   }
 
@@ -229,13 +257,14 @@ class Builder {
         static_cast<uint32_t>(job.triangles.size()) / options_.reduction;
     const TileResult result =
         decimators_[worker].Decimate(job.triangles, record_.grid, decimate);
-    job.cluster =
+    TileOutcome& outcome = job.outcome;
+    outcome.cluster =
         MakeTileCluster(job.triangles, result, record_.grid, record_.attributes, job.rows);
-    job.cluster.entry.round = static_cast<uint8_t>(round);
-    job.cluster.entry.hilbert = job.code;
-    job.locked_vertices = result.locked_vertices;
-    job.stuck_topology = result.stuck_topology;
-    job.stuck_degree = result.stuck_degree;
+    outcome.cluster.entry.round = static_cast<uint8_t>(round);
+    outcome.cluster.entry.hilbert = job.code;
+    outcome.locked_vertices = result.locked_vertices;
+    outcome.stuck_topology = result.stuck_topology;
+    outcome.stuck_degree = result.stuck_degree;
     std::vector<TileTriangle>().swap(job.triangles);
     Bytes().swap(job.rows);
   }
@@ -253,7 +282,7 @@ class Builder {
     // While this round's runs are merged, the next round's records gather in the other half.
     std::unique_ptr<TriangleSorter> next = MakeSorter(round + 1, memory_ / 2);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
-      Decimate(worker, round, job);
+      if (!job.replayed) Decimate(worker, round, job);
     });
     const size_t ahead = threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_);
     uint64_t given = 0;
@@ -261,12 +290,21 @@ class Builder {
       while (given < tiles && pipeline.in_flight() < ahead) {
         const auto [begin, end] = TileRange(count, tiles, given);
         TileJob job;
-        MTDB_RETURN_IF_ERROR(from.Next(end - begin, &job.triangles, &job.rows, &job.code));
+        if (journal_ != nullptr) {
+          MTDB_ASSIGN_OR_RETURN(std::optional<TileOutcome> known, journal_->Next());
+          job.replayed = known.has_value();
+          if (known) job.outcome = *std::move(known);
+        }
+        MTDB_RETURN_IF_ERROR(from.Next(end - begin, job.replayed ? nullptr : &job.triangles,
+                                       job.replayed ? nullptr : &job.rows, &job.code));
         pipeline.Submit(std::move(job));
         ++given;
       }
       TileJob job = pipeline.Take();
-      MTDB_RETURN_IF_ERROR(Append(job, report, *next));
+      if (journal_ != nullptr && !job.replayed) {
+        MTDB_RETURN_IF_ERROR(journal_->Append(job.outcome));
+      }
+      MTDB_RETURN_IF_ERROR(Append(job.outcome, report, *next));
       if ((taken & 15) == 15 || taken + 1 == tiles) {
         const uint64_t done = TileRange(count, tiles, taken).second;
         MTDB_RETURN_IF_ERROR(
@@ -281,11 +319,11 @@ class Builder {
     return Status::Ok();
   }
 
-  Status Append(TileJob& job, RoundReport& report, TriangleSorter& next) {
-    TileCluster& cluster = job.cluster;
-    report.locked_vertices += job.locked_vertices;
-    report.stuck_topology += job.stuck_topology;
-    report.stuck_degree += job.stuck_degree;
+  Status Append(TileOutcome& outcome, RoundReport& report, TriangleSorter& next) {
+    TileCluster& cluster = outcome.cluster;
+    report.locked_vertices += outcome.locked_vertices;
+    report.stuck_topology += outcome.stuck_topology;
+    report.stuck_degree += outcome.stuck_degree;
     uint32_t own = kNone32;
     if (!cluster.empty) {
       MTDB_ASSIGN_OR_RETURN(const ClusterId id,
@@ -346,6 +384,7 @@ class Builder {
   ObjectWriter& writer_;
   const ProgressCallback& progress_;
   SpoolSpace space_;
+  std::unique_ptr<Journal> journal_;
   unsigned threads_ = 1;
   uint64_t memory_ = 0;  // for spools and sorters
   std::vector<Decimator> decimators_;

@@ -23,6 +23,11 @@ struct BuildOptions {
   // 16 MiB more per thread above two. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
   std::string tmp_directory = ".";  // of temporary files, which have no names and go with the process
+  // Where finished tiles are noted down, so that the build can go on after an interruption; empty:
+  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published, or when the
+  // input or the options are at fault.
+  std::string journal_path;
+  bool resume = false;  // go on with what the journal holds, if it is there; see Journal
   uint32_t degree_limit = 12;       // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;
   uint32_t reduction = 4;  // a round leaves about 1 / reduction of a tile's triangles
@@ -34,6 +39,7 @@ struct BuildProgress {
   uint64_t triangles_done = 0;  // of the stage
   uint64_t triangles_total = 0;
   double overall = 0;           // 0..1
+  uint64_t tmp_bytes = 0;       // in temporary files
 };
 // Called now and then, on the calling thread. An error cancels the build and is returned.
 using ProgressCallback = std::function<Status(const BuildProgress&)>;

@@ -130,6 +130,7 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
             "(default: a quarter of the machine's)");
   verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
       ->type_name("DIR");
+  verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
   verb->add_flag("--force", a->force, "replace an object of that name");
   verb->add_flag("--quiet", a->quiet, "print nothing but errors");
   AddJson(verb, &a->json);

@@ -20,8 +20,13 @@ Status FileError(const std::string& directory, const char* what, int error) {
 
 }  // namespace
 
-Spool::~Spool() {
-  if (file_ >= 0) close(file_);
+Spool::~Spool() { Close(); }
+
+void Spool::Close() {
+  if (file_ < 0) return;
+  close(file_);
+  file_ = -1;
+  space_->file_bytes -= written_;
 }
 
 Spool::Spool(Spool&& other) noexcept
@@ -34,7 +39,7 @@ Spool::Spool(Spool&& other) noexcept
 
 Spool& Spool::operator=(Spool&& other) noexcept {
   if (this != &other) {
-    if (file_ >= 0) close(file_);
+    Close();
     space_ = other.space_;
     memory_bytes_ = other.memory_bytes_;
     buffer_ = std::move(other.buffer_);
@@ -55,6 +60,7 @@ Status Spool::Flush() {
     done += static_cast<size_t>(n);
   }
   written_ += done;
+  space_->file_bytes += done;
   buffer_.clear();
   return Status::Ok();
 }

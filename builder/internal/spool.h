@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -13,9 +14,10 @@
 
 namespace mtdb {
 
-// Where spools put their files. Holds no descriptor.
+// Where spools put their files, and how much they hold now.
 struct SpoolSpace {
   std::string directory;  // must exist
+  mutable std::atomic<uint64_t> file_bytes{0};
 };
 
 class Spool {
@@ -45,6 +47,7 @@ class Spool {
   static constexpr size_t kBlock = size_t{1} << 20;
 
  private:
+  void Close();
   size_t buffer_limit() const { return file_ < 0 ? memory_bytes_ : kBlock; }
   Status Spill(size_t next);
   Status Flush();

@@ -119,10 +119,11 @@ Status TriangleSorter::Finish() {
 Status TriangleSorter::Next(size_t count, std::vector<TileTriangle>* triangles, Bytes* rows,
                             uint64_t* code) {
   const auto append = [&](const std::byte* record) {
+    if (triangles == nullptr) return;
     std::memcpy(&triangles->emplace_back(), record, sizeof(TileTriangle));
     rows->insert(rows->end(), record + sizeof(TileTriangle), record + record_bytes());
   };
-  triangles->reserve(triangles->size() + count);
+  if (triangles != nullptr) triangles->reserve(triangles->size() + count);
   for (size_t i = 0; i < count; ++i) {
     if (runs_.empty()) {
       MTDB_CHECK(next_key_ < keys_.size(), "more triangles asked for than were added");

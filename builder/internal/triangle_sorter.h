@@ -27,7 +27,8 @@ class TriangleSorter {
   uint64_t count() const { return count_; }
   // After the last Add.
   Status Finish();
-  // The next `count` triangles; appends to `triangles` and `rows`. `code` is the first one's.
+  // The next `count` triangles; appends to `triangles` and `rows`, or skips them where these are
+  // null. `code` is the first one's.
   Status Next(size_t count, std::vector<TileTriangle>* triangles, Bytes* rows, uint64_t* code);
 
  private:

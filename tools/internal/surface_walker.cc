@@ -256,10 +256,10 @@ uint64_t SurfaceWalker::NewVertex(int edge_axis, int sample, BlockIndex block, i
   const Vec3d p = PointAt(at.x, at.y, at.z);
   // g++ 12 leaves out the rounding of neighbours from double to float32 and back when it vectorises
   // it; volatile keeps it.
-  volatile const auto x = static_cast<float>(p.x);
-  volatile const auto y = static_cast<float>(p.y);
-  volatile const auto z = static_cast<float>(p.z);
-  vertices_.push_back({x, y, z});
+  volatile const auto px = static_cast<float>(p.x);
+  volatile const auto py = static_cast<float>(p.y);
+  volatile const auto pz = static_cast<float>(p.z);
+  vertices_.push_back({px, py, pz});
   return vertex_count_++;
 }
 

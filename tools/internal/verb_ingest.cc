@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <unistd.h>
 
 #include "builder/build.h"
+#include "store/base/hash.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/generate.h"
 #include "tools/internal/late_writer.h"
@@ -27,10 +30,35 @@ uint64_t MachineMemory() {
          static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
 }
 
+// Resident memory now, in bytes; 0 where the system does not tell.
+uint64_t ResidentBytes() {
+  uint64_t pages = 0;
+  std::ifstream statm("/proc/self/statm");
+  statm >> pages >> pages;
+  return pages * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
 std::string Describe(const BuildProgress& p) {
-  if (p.round == 0) return p.stage;
-  return "round " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
-         std::to_string(p.triangles_total) + " triangles";
+  std::string text = p.stage;
+  if (p.round != 0) {
+    text += " " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
+            std::to_string(p.triangles_total) + " triangles";
+  }
+  text += "; " + std::to_string(ResidentBytes() >> 20) + " MiB memory, " +
+          std::to_string(p.tmp_bytes >> 20) + " MiB temporary";
+  return text;
+}
+
+// Set by Ctrl-C.
+volatile std::sig_atomic_t g_interrupted = 0;
+
+// Where the finished tiles of this object are noted down.
+std::string JournalPath(const std::string& folder, const std::string& store,
+                        const std::string& name) {
+  char hash[17];
+  std::snprintf(hash, sizeof(hash), "%016llx",
+                static_cast<unsigned long long>(Hash64(AsBytes(name))));
+  return folder + "/" + std::filesystem::path(store).filename().string() + "." + hash + ".journal";
 }
 
 void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
@@ -75,6 +103,11 @@ Status Ingest(const IngestArguments& arguments) {
   options.tmp_directory = arguments.tmp.empty() ? Folder(arguments.store) : arguments.tmp;
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
 
+  options.journal_path = JournalPath(options.tmp_directory, arguments.store, name);
+  options.resume = arguments.resume;
+  std::signal(SIGINT, [](int) { g_interrupted = 1; });
+  std::signal(SIGTERM, [](int) { g_interrupted = 1; });
+
   LateWriter writer(arguments.store, name, arguments.force);
   MTDB_RETURN_IF_ERROR(writer.Check());
   ProgressLine progress(arguments.quiet || arguments.json);
@@ -82,11 +115,20 @@ Status Ingest(const IngestArguments& arguments) {
   std::vector<std::string> notes;
   const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
   Result<ObjectRecord> record = BuildObject(read, options, writer, [&](const BuildProgress& p) {
+    if (g_interrupted != 0) return Status(StatusCode::kCancelled, "interrupted");
     progress.Update(p.overall, Describe(p));
     return Status::Ok();
   });
   progress.Finish();
   if (!record.ok()) {
+    const StatusCode code = record.status().code();
+    std::error_code error;
+    if ((code == StatusCode::kCancelled || code == StatusCode::kNoSpace ||
+         code == StatusCode::kIoError) &&
+        std::filesystem::exists(options.journal_path, error)) {
+      return Status(code, record.status().message() +
+                              "; the same command with --resume goes on where it stopped");
+    }
     // What the readers say begins with the file; what the builder finds does not.
     const std::string& message = record.status().message();
     const bool names_file =

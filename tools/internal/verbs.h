@@ -23,6 +23,7 @@ struct IngestArguments {
   unsigned threads = 0;
   std::string tmp;                       // folder of temporary files; empty: the store's
   std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
+  bool resume = false;
   bool force = false, quiet = false, json = false;
 };
 Status Ingest(const IngestArguments& arguments);
