@@ -4,7 +4,6 @@
 #include <CGAL/AABB_tree.h>
 #include <CGAL/AABB_triangle_primitive.h>
 #include <CGAL/Simple_cartesian.h>
-
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -34,8 +33,8 @@ std::vector<Vec3d> Samples(const TriangleMesh& mesh, uint64_t count, uint64_t se
   std::uniform_real_distribution<double> uniform(0, 1);
   for (uint64_t i = 0; i < count; ++i) {
     const auto at = std::lower_bound(area_sum.begin(), area_sum.end(), uniform(random) * total);
-    const size_t f = std::min<size_t>(static_cast<size_t>(at - area_sum.begin()),
-                                      area_sum.size() - 1);
+    const size_t f =
+        std::min<size_t>(static_cast<size_t>(at - area_sum.begin()), area_sum.size() - 1);
     const TriangleVertices& t = mesh.triangles[f];
     const double r = std::sqrt(uniform(random));
     const double s = uniform(random);

@@ -6,7 +6,6 @@
 #include <CGAL/Simple_cartesian.h>
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/boost/graph/helpers.h>
-
 #include <iterator>
 #include <vector>
 

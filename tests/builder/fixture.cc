@@ -1,13 +1,12 @@
 #include "tests/builder/fixture.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <filesystem>
 #include <set>
+#include <unistd.h>
 
 #include "codecs/mesh_file.h"
 #include "query/verify_object.h"
@@ -62,7 +61,9 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
                                const TriangleMesh& mesh, const BuildOptions& options,
                                const ProgressCallback& progress) {
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer, database.Create(name, false));
-  return BuildObject(mesh, options, *writer, progress);
+  BuildOptions here = options;
+  here.tmp_directory = std::filesystem::temp_directory_path().string();
+  return BuildObject(mesh, here, *writer, progress);
 }
 
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
@@ -74,8 +75,7 @@ BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
   built.record = *record;
   CheckReport report;
   REQUIRE(VerifyStore(built.store->path(), "", &report).ok());
-  built.surface =
-      Surface::Open(built.store->database().OpenObject("object").value()).value();
+  built.surface = Surface::Open(built.store->database().OpenObject("object").value()).value();
   for (const VerifyLevel level : {VerifyLevel::kFull, VerifyLevel::kGlobal}) {
     REQUIRE(VerifyObject(*built.surface, level, &report).ok());
   }
@@ -115,6 +115,17 @@ std::optional<TriangleMesh> LoadSharedMesh(const std::string& file) {
   INFO(status.message());
   REQUIRE(status.ok());
   return mesh;
+}
+
+void RoundToFloat32(TriangleMesh* mesh) {
+  for (Vec3d& p : mesh->positions) {
+    for (int i = 0; i < 3; ++i) {
+      // g++ 12 leaves the rounding out where it vectorises it; volatile keeps it.
+      volatile auto rounded = static_cast<float>(p[i]);
+      p[i] = rounded;
+    }
+  }
+  mesh->header.double_positions = false;
 }
 
 void NumberVertices(TriangleMesh* mesh) {

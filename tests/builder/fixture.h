@@ -51,6 +51,9 @@ TriangleMesh MakeTerrain(uint64_t triangles, uint64_t seed = 1);
 // A mesh of the directory of test data beside the repository; nothing, and a warning, without it.
 std::optional<TriangleMesh> LoadSharedMesh(const std::string& file);
 
+// Makes each coordinate a float32 value.
+void RoundToFloat32(TriangleMesh* mesh);
+
 // Adds the attribute "id", each vertex's number, so that what comes back can be told apart even
 // where positions coincide.
 void NumberVertices(TriangleMesh* mesh);

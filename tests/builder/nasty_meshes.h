@@ -11,8 +11,8 @@ namespace mtdb::testing {
 
 struct NastyMesh {
   std::string name;
-  TriangleMesh mesh;       // vertices numbered (see NumberVertices)
-  InputReport report;      // expected; vertices and triangles are those of the mesh
+  TriangleMesh mesh;   // vertices numbered (see NumberVertices), float32 coordinates
+  InputReport report;  // expected; vertices and triangles are those of the mesh
   uint64_t components = 0;
   uint64_t boundary_edges = 0;
 };

@@ -137,7 +137,7 @@ std::vector<MtOptions> SmallMts() {
         o.coincident = coincident;
         o.attributes = code_max == 60;
         o.code_max = code_max;
-        o.root_pieces = static_cast<int>(1 + seed % 3);
+        o.root_pieces = static_cast<int>(1 + seed % 6);
         o.seed = seed++;
         all.push_back(o);
       }

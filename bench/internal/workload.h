@@ -1,0 +1,49 @@
+// What the benchmarks share: temporary stores, generated meshes, what the process has used.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "builder/build.h"
+#include "query/surface.h"
+#include "store/base/mesh_sink.h"
+#include "store/database.h"
+
+namespace mtdb {
+
+// A store in a temporary file that goes away. Programs of this folder stop at the first error.
+class BenchStore {
+ public:
+  BenchStore();
+  ~BenchStore();
+  BenchStore(const BenchStore&) = delete;
+  BenchStore& operator=(const BenchStore&) = delete;
+
+  ObjectRecord Build(const std::string& name, const TriangleMesh& mesh,
+                     const BuildOptions& options);
+  // Reads what Build wrote: a new handle, an empty cache.
+  std::shared_ptr<Surface> OpenSurface(const std::string& name) const;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+  std::shared_ptr<Database> database_;
+};
+
+// Made once per size and kept.
+const TriangleMesh& Sculpture(uint64_t triangles);
+
+// The mesh of a query.
+TriangleMesh ExtractMesh(const Surface& surface, const Query& query, ExtractStats* stats);
+
+// Bytes of the mesh as a Draco file, with positions of `bits` and Draco's slowest level.
+uint64_t DracoBytes(const TriangleMesh& mesh, int bits);
+
+// Seconds of all threads of the process so far.
+double ProcessCpuSeconds();
+// Largest resident set since ResetPeakMemory(), in bytes; 0 where the system does not tell.
+uint64_t PeakMemoryBytes();
+void ResetPeakMemory();
+
+}  // namespace mtdb

@@ -1,0 +1,85 @@
+// The error of a cut is a promise about the distance between surfaces, and not a loose one.
+#include <catch2/catch.hpp>
+
+#include "bench/internal/hausdorff.h"
+#include "tests/builder/fixture.h"
+#include "tests/builder/nasty_meshes.h"
+
+namespace mtdb::testing {
+namespace {
+
+// Measures uniform cuts at `count` thresholds, from below two grid steps upwards by factors.
+void RequireBounds(const TriangleMesh& mesh, const BuiltObject& built, int count,
+                   uint64_t samples) {
+  const double step = built.record.grid.step;
+  double threshold = 1.5 * step;
+  const double largest = built.record.grid.Error(built.record.error_code_max);
+  const double factor = std::pow(0.5 * largest / threshold, 1.0 / (count - 1));
+  for (int i = 0; i < count; ++i, threshold *= factor) {
+    Query query;
+    query.threshold = ConstantThreshold(threshold);
+    ExtractStats stats;
+    const TriangleMesh cut = Extract(*built.surface, query, &stats);
+    const double measured = SymmetricHausdorff(mesh, cut, samples);
+    CAPTURE(threshold / step, stats.triangles, stats.error_bound / step, measured / step);
+    CHECK(stats.error_bound <= threshold + built.record.grid.cell_error());
+    CHECK(measured <= stats.error_bound);
+    if (threshold > 8 * step) CHECK(measured >= 0.5 * stats.error_bound);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("Measured distances stay below the bound and above half of it: a sculpture") {
+  const TriangleMesh mesh = MakeSculpture(50000);
+  RequireBounds(mesh, Build(mesh), 8, 30000);
+}
+
+TEST_CASE("Measured distances stay below the bound and above half of it: a terrain") {
+  const TriangleMesh mesh = MakeTerrain(50000);
+  RequireBounds(mesh, Build(mesh), 8, 30000);
+}
+
+TEST_CASE("Measured distances stay below the bound and above half of it: a scan") {
+  if (const std::optional<TriangleMesh> mesh = LoadSharedMesh("bunny.ply")) {
+    RequireBounds(*mesh, Build(*mesh), 8, 30000);
+  }
+}
+
+TEST_CASE("The bound holds for folded, rough and coarsely quantised surfaces") {
+  const auto check = [](const TriangleMesh& mesh, const BuildOptions& options) {
+    const BuiltObject built = Build(mesh, options);
+    for (const double share : {0.001, 0.01, 0.05, 0.2, 1.0}) {
+      Query query;
+      query.threshold = ConstantThreshold(share * built.record.diagonal() / 16);
+      ExtractStats stats;
+      const TriangleMesh cut = Extract(*built.surface, query, &stats);
+      CAPTURE(share, stats.triangles);
+      CHECK(SymmetricHausdorff(mesh, cut, 10000) <= stats.error_bound);
+    }
+  };
+  BuildOptions options;
+  options.tile_triangles = 512;
+  check(MakeSheet(40, 0.3), options);  // slopes far beyond 60 degrees: projections fold
+  check(MakeSheet(40, 2), options);
+  std::mt19937 random(8);
+  TriangleMesh crumpled = MakeSheet(40, 0);
+  std::uniform_real_distribution<double> shift(-0.04, 0.04);
+  for (Vec3d& p : crumpled.positions) p += Vec3d{shift(random), shift(random), shift(random)};
+  check(crumpled, options);
+  options.bits = 5;
+  check(MakeSculpture(6000), options);
+}
+
+TEST_CASE("Surfaces without curvature cost no error") {
+  BuildOptions options;
+  options.step = 1.0 / 128;  // so that the grid keeps the border straight
+  const BuiltObject built = Build(MakeSheet(64, 0), options);
+  Query query;
+  query.threshold = ConstantThreshold(built.record.grid.error_unit);
+  ExtractStats stats;
+  Extract(*built.surface, query, &stats);
+  REQUIRE(stats.triangles < 100);
+}
+
+}  // namespace mtdb::testing

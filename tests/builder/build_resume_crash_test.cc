@@ -1,0 +1,176 @@
+// Builds that are killed at every stage go on and end as if nothing had happened.
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "store/verify_store.h"
+#include "tests/builder/fixture.h"
+
+namespace mtdb::testing {
+
+namespace {
+
+// A folder of its own for store and journal, removed with the object.
+struct Folder {
+  Folder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "mtdb-resume-XXXXXX").string();
+    REQUIRE(mkdtemp(pattern.data()) != nullptr);
+    path = pattern;
+  }
+  ~Folder() { std::filesystem::remove_all(path); }
+  std::string store() const { return path + "/a.mtdb"; }
+  std::string journal() const { return path + "/a.journal"; }
+  std::string path;
+};
+
+BuildOptions Options(const Folder& folder, bool resume) {
+  BuildOptions options;
+  options.tile_triangles = 512;
+  options.threads = 2;
+  options.tmp_directory = folder.path;
+  options.journal_path = folder.journal();
+  options.resume = resume;
+  return options;
+}
+
+Result<ObjectRecord> BuildOnce(const Folder& folder, const TriangleMesh& mesh,
+                               const BuildOptions& options, const ProgressCallback& progress = {}) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(folder.store(), {.writable = true, .create = true}));
+  return BuildInto(*database, "a", mesh, options, progress);
+}
+
+// Builds in a child process that is killed when its progress is reported for the `calls`-th time.
+// False when the build ended before that.
+bool BuildAndDie(const Folder& folder, const TriangleMesh& mesh, bool resume, int calls) {
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    int left = calls;
+    const auto record = BuildOnce(folder, mesh, Options(folder, resume), [&](const BuildProgress&) {
+      if (--left == 0) raise(SIGKILL);
+      return Status::Ok();
+    });
+    _exit(record.ok() ? 0 : 1);
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  if (WIFSIGNALED(status)) return true;
+  REQUIRE(WEXITSTATUS(status) == 0);
+  return false;
+}
+
+}  // namespace
+
+TEST_CASE("A build killed at any stage goes on to the same object") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  const std::string expected = [&] {
+    Folder folder;
+    return BuildOnce(folder, mesh, Options(folder, false)).value().digest_hex();
+  }();
+  // Tiles of 512 make some 50 tiles: progress is reported at each stage and a few times a round.
+  bool killed = true;
+  for (int calls = 1; killed; calls += 2) {
+    INFO("killed at report " << calls);
+    Folder folder;
+    killed = BuildAndDie(folder, mesh, false, calls);
+    if (!killed) break;
+    BuildAndDie(folder, mesh, true, 3);  // and once more, early
+    const auto record = BuildOnce(folder, mesh, Options(folder, true));
+    REQUIRE(record.ok());
+    REQUIRE(record->digest_hex() == expected);
+    REQUIRE_FALSE(std::filesystem::exists(folder.journal()));
+    CheckReport report;
+    REQUIRE(VerifyStore(folder.store(), "", &report).ok());
+    REQUIRE(report.failures == std::vector<std::string>{});
+  }
+}
+
+TEST_CASE("Going on does not decimate again what is done") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  Folder folder;
+  REQUIRE(BuildAndDie(folder, mesh, false, 6));
+  const auto before = std::filesystem::file_size(folder.journal());
+  REQUIRE(before > 20000);
+  uint64_t at_first_report = 0;
+  const auto record = BuildOnce(folder, mesh, Options(folder, true), [&](const BuildProgress& p) {
+    if (p.round != 0 && at_first_report == 0) {
+      at_first_report = std::filesystem::file_size(folder.journal());
+    }
+    return Status::Ok();
+  });
+  REQUIRE(record.ok());
+  // Nothing was appended while the finished tiles were replayed.
+  REQUIRE(at_first_report <= before);
+}
+
+TEST_CASE("A journal with a torn or damaged end serves up to there") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  std::string expected;
+  {
+    Folder folder;
+    expected = BuildOnce(folder, mesh, Options(folder, false)).value().digest_hex();
+  }
+  for (const double part : {0.0001, 0.3, 0.77, 0.999}) {
+    for (const bool flip : {false, true}) {
+      Folder folder;
+      REQUIRE(BuildAndDie(folder, mesh, false, 8));
+      const auto size = std::filesystem::file_size(folder.journal());
+      const auto at = static_cast<uint64_t>(part * static_cast<double>(size));
+      if (flip) {
+        std::fstream file(folder.journal(), std::ios::in | std::ios::out | std::ios::binary);
+        // Behind the header, which tells builds apart.
+        const auto place = static_cast<std::streamoff>(std::max<uint64_t>(at, 30));
+        file.seekg(place);
+        const int byte = file.get();
+        file.seekp(place);
+        file.put(static_cast<char>(byte ^ 0x10));
+      } else {
+        std::filesystem::resize_file(folder.journal(), at);
+      }
+      const auto record = BuildOnce(folder, mesh, Options(folder, true));
+      REQUIRE(record.ok());
+      REQUIRE(record->digest_hex() == expected);
+    }
+  }
+}
+
+TEST_CASE("A journal of another input or other options is refused, and kept") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  Folder folder;
+  REQUIRE(BuildAndDie(folder, mesh, false, 6));
+  BuildOptions other = Options(folder, true);
+  other.bits = 14;
+  auto record = BuildOnce(folder, mesh, other);
+  REQUIRE(record.status().code() == StatusCode::kInvalidArgument);
+  REQUIRE(record.status().message().find("--resume") != std::string::npos);
+  record = BuildOnce(folder, MakeSculpture(20000, 2), Options(folder, true));
+  REQUIRE(record.status().code() == StatusCode::kInvalidArgument);
+  REQUIRE(BuildOnce(folder, mesh, Options(folder, true)).ok());
+}
+
+TEST_CASE("A full disk stops the build, and it goes on when there is room") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  Folder folder;
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{300000, 300000};  // bytes in any file
+    setrlimit(RLIMIT_FSIZE, &limit);
+    const auto record = BuildOnce(folder, mesh, Options(folder, false));
+    _exit(record.status().code() == StatusCode::kNoSpace ? 7 : 1);
+  }
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  REQUIRE(WIFEXITED(status));
+  REQUIRE(WEXITSTATUS(status) == 7);
+  REQUIRE(BuildOnce(folder, mesh, Options(folder, true)).ok());
+}
+
+}  // namespace mtdb::testing

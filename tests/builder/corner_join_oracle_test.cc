@@ -1,0 +1,180 @@
+// The corner join against the definitions of input_oracle.h, on random triangle soups, with memory
+// for everything and with next to none.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <filesystem>
+#include <random>
+
+#include "builder/internal/corner_join.h"
+#include "tests/builder/fixture.h"
+#include "tests/builder/input_oracle.h"
+
+namespace mtdb::testing {
+namespace {
+
+const SpoolSpace& Space() {
+  static const SpoolSpace kSpace{std::filesystem::temp_directory_path().string()};
+  return kSpace;
+}
+
+// The smallest index first, as the oracle has it; flags follow.
+TileTriangle Rotated(TileTriangle t) {
+  for (int turn = 0; turn < 2 && (t.vertices[0] > t.vertices[1] || t.vertices[0] > t.vertices[2]);
+       ++turn) {
+    t.vertices = {t.vertices[1], t.vertices[2], t.vertices[0]};
+    t.positions = {t.positions[1], t.positions[2], t.positions[0]};
+    t.border_edges = static_cast<uint8_t>((t.border_edges >> 1) | (t.border_edges & 1) << 2);
+    t.fixed_corners = static_cast<uint8_t>((t.fixed_corners >> 1) | (t.fixed_corners & 1) << 2);
+  }
+  return t;
+}
+
+void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned threads) {
+  const InputOracle oracle(mesh.triangles, mesh.positions.size());
+  InputSpool input(&Space(), memory_bytes, false);
+  const Status sent = SendMesh(mesh, input);
+  if (oracle.kept.empty()) {
+    REQUIRE(sent.code() == StatusCode::kBadInput);
+    return;
+  }
+  REQUIRE(sent.ok());
+  REQUIRE(input.report().degenerate_triangles == oracle.report.degenerate_triangles);
+  Grid grid;
+  grid.step = 1e-3;
+  JoinTotals totals;
+  std::vector<TileTriangle> found;
+  bool rows_fit = true;
+  const size_t row = mesh.header.attributes.row_bytes();
+  const Status joined = JoinCorners(
+      input, grid, {&Space(), memory_bytes, threads}, &totals,
+      [&](const TileTriangle& t, const std::byte* rows) {
+        for (size_t c = 0; c < 3; ++c) {
+          rows_fit &= row == 0 ||
+                      std::memcmp(rows + c * row, mesh.rows.data() + t.vertices[c] * row, row) == 0;
+          rows_fit &= t.positions[c] == grid.Quantize(mesh.positions[t.vertices[c]]);
+        }
+        found.push_back(Rotated(t));
+        return Status::Ok();
+      });
+  INFO(joined.message());
+  REQUIRE(joined.ok());
+  REQUIRE(rows_fit);
+  REQUIRE(totals.vertices == oracle.at.size());
+  REQUIRE(totals.triangles == oracle.kept.size());
+  REQUIRE(totals.boundary_edges == oracle.BorderEdges());
+  REQUIRE(totals.unreferenced_vertices == oracle.report.unreferenced_vertices);
+  REQUIRE(totals.duplicate_triangles == oracle.report.duplicate_triangles);
+  REQUIRE(totals.nonmanifold_edges == oracle.report.nonmanifold_edges);
+  REQUIRE(totals.nonmanifold_vertices == oracle.report.nonmanifold_vertices);
+  const std::vector<TileTriangle> expected = ClassifiedTriangles(mesh, grid);
+  REQUIRE(found.size() == expected.size());
+  for (size_t i = 0; i < expected.size(); ++i) {
+    INFO("triangle " << i);
+    REQUIRE(found[i].vertices == expected[i].vertices);  // the input's order
+    REQUIRE(found[i].border_edges == expected[i].border_edges);
+    REQUIRE(found[i].fixed_corners == expected[i].fixed_corners);
+    REQUIRE(found[i].child == kNone32);
+  }
+}
+
+TriangleMesh WithVertices(uint64_t count, std::mt19937& random) {
+  TriangleMesh mesh;
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  for (uint64_t v = 0; v < count; ++v) {
+    mesh.positions.push_back({uniform(random), uniform(random), uniform(random)});
+  }
+  if (random() % 2 == 0) NumberVertices(&mesh);
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("Random soups are classified as the definitions say") {
+  std::mt19937 random(1);
+  for (int i = 0; i < 3000; ++i) {
+    INFO("soup " << i);
+    const uint64_t vertices = 3 + random() % 10;
+    TriangleMesh soup = WithVertices(vertices, random);
+    soup.triangles.resize(random() % 25);
+    for (TriangleVertices& t : soup.triangles) {
+      t = {random() % vertices, random() % vertices, random() % vertices};
+    }
+    RequireAgreement(soup, i % 2 == 0 ? 1 << 20 : 64, 1 + i % 3);
+  }
+}
+
+TEST_CASE("Manifold pieces with few faults are classified as the definitions say") {
+  std::mt19937 random(2);
+  for (int i = 0; i < 400; ++i) {
+    INFO("mesh " << i);
+    // A torus of 4 x 4 cells, renumbered, some triangles gone, turned, or glued by a vertex.
+    TriangleMesh mesh = WithVertices(20, random);
+    std::vector<VertexIndex> number(20);
+    for (size_t v = 0; v < number.size(); ++v) number[v] = v;
+    std::shuffle(number.begin(), number.end(), random);
+    std::vector<TriangleVertices>& list = mesh.triangles;
+    for (size_t y = 0; y < 4; ++y) {
+      for (size_t x = 0; x < 4; ++x) {
+        const size_t r = (x + 1) % 4;
+        const size_t u = (y + 1) % 4;
+        list.push_back({number[4 * y + x], number[4 * y + r], number[4 * u + r]});
+        list.push_back({number[4 * y + x], number[4 * u + r], number[4 * u + x]});
+      }
+    }
+    std::shuffle(list.begin(), list.end(), random);
+    list.resize(list.size() - random() % 12);
+    if (random() % 3 == 0) std::swap(list[0][0], list[0][1]);
+    if (random() % 3 == 0) {
+      const VertexIndex from = random() % 20;
+      const VertexIndex to = random() % 20;
+      for (TriangleVertices& t : list) std::replace(t.begin(), t.end(), from, to);
+    }
+    RequireAgreement(mesh, i % 2 == 0 ? 1 << 20 : 200, 1 + i % 3);
+  }
+}
+
+TEST_CASE("A surface larger than the memory is classified as the definitions say") {
+  TriangleMesh mesh = MakeTerrain(20000);
+  std::mt19937 random(3);
+  for (int i = 0; i < 60; ++i) {
+    TriangleVertices& t = mesh.triangles[random() % mesh.triangles.size()];
+    switch (random() % 3) {
+      case 0: std::swap(t[0], t[1]); break;
+      case 1: t[random() % 3] = random() % mesh.positions.size(); break;
+      default: t = mesh.triangles[random() % mesh.triangles.size()];
+    }
+  }
+  std::shuffle(mesh.triangles.begin(), mesh.triangles.end(), random);
+  NumberVertices(&mesh);
+  for (const size_t memory : {size_t{64} << 20, size_t{100000}}) {
+    RequireAgreement(mesh, memory, 1);
+    RequireAgreement(mesh, memory, 4);
+  }
+}
+
+TEST_CASE("An index out of range is named") {
+  TriangleMesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}, {2, 1, 3}};
+  InputSpool input(&Space(), 1 << 20, false);
+  const Status status = SendMesh(mesh, input);
+  REQUIRE(status.code() == StatusCode::kBadInput);
+  REQUIRE(status.message() == "triangle 1: vertex index 3, but the mesh has 3 vertices");
+}
+
+TEST_CASE("An error of the receiver ends the join") {
+  const TriangleMesh mesh = MakeTerrain(1000);
+  InputSpool input(&Space(), 1 << 20, false);
+  REQUIRE(SendMesh(mesh, input).ok());
+  JoinTotals totals;
+  int calls = 0;
+  const Status status = JoinCorners(input, Grid{}, {&Space(), 1 << 20, 2}, &totals,
+                                    [&](const TileTriangle&, const std::byte*) {
+                                      return ++calls == 17 ? IoError("stop") : Status::Ok();
+                                    });
+  REQUIRE(status.code() == StatusCode::kIoError);
+  REQUIRE(calls == 17);
+}
+
+}  // namespace mtdb::testing

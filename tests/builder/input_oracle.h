@@ -1,0 +1,40 @@
+// InputOracle: the definitions of what an input mesh is, edge by edge and vertex by vertex, counted
+// naively. The oracle of the corner join, and the source of tiles for tests of the decimator.
+#pragma once
+
+#include <map>
+#include <set>
+#include <vector>
+
+#include "builder/internal/tile.h"
+#include "store/base/grid.h"
+#include "store/base/mesh_sink.h"
+#include "store/object_record.h"
+
+namespace mtdb::testing {
+
+struct InputOracle {
+  using Edge = std::pair<VertexIndex, VertexIndex>;  // smaller end first
+  static Edge Between(VertexIndex a, VertexIndex b) { return {std::min(a, b), std::max(a, b)}; }
+
+  InputOracle(const std::vector<TriangleVertices>& input, uint64_t vertex_count);
+
+  // One triangle, or two that run along it in opposite directions.
+  bool IsManifold(const Edge& edge) const;
+  bool IsBorder(const Edge& edge) const { return uses.at(edge).size() == 1; }
+  uint64_t BorderEdges() const;
+
+  std::vector<TriangleVertices> kept;  // in the input's order, the smallest index first
+  InputReport report;
+  std::map<Edge, std::vector<int>> uses;          // +1: runs from the smaller end to the larger; -1
+  std::map<VertexIndex, std::vector<size_t>> at;  // kept triangles at a vertex
+  std::set<VertexIndex> fixed;                    // at a non-manifold place
+
+ private:
+  size_t Fans(VertexIndex v) const;
+};
+
+// The kept triangles with flags and positions, as the builder's first round gets them.
+std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Grid& grid);
+
+}  // namespace mtdb::testing

@@ -1,0 +1,210 @@
+// RoundMesh's curves against dense sampling of the surface that they lie on.
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "builder/internal/round_mesh.h"
+
+namespace mtdb::testing {
+namespace {
+
+struct Surface3 {
+  std::vector<Vec3d> positions;
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<float> errors;
+};
+
+// A height field of n x n jittered cells, then turned so that "up" is `up`.
+Surface3 RandomHeightField(int n, double height, Vec3d up, std::mt19937& random) {
+  std::uniform_real_distribution<double> jitter(-0.3, 0.3);
+  const Vec3d e = std::abs(up.x) < 0.7 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+  Vec3d u = Cross(e, up);
+  u = u * (1 / Length(u));
+  const Vec3d w = Cross(up, u);
+  Surface3 s;
+  for (int j = 0; j <= n; ++j) {
+    for (int i = 0; i <= n; ++i) {
+      s.positions.push_back(u * (i + jitter(random)) + w * (j + jitter(random)) +
+                            up * (height * jitter(random)));
+    }
+  }
+  const auto at = [n](int i, int j) { return static_cast<uint32_t>(j * (n + 1) + i); };
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      if (random() % 2 == 0) {
+        s.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+        s.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      } else {
+        s.triangles.push_back({at(i, j), at(i + 1, j), at(i, j + 1)});
+        s.triangles.push_back({at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
+      }
+    }
+  }
+  s.errors.assign(s.triangles.size(), 0);
+  return s;
+}
+
+// Largest distance to the segment ab, plus error, of points of the surface that are seen along
+// `up` on ab. Negative when a point of ab has no surface behind it.
+double SampledCurveError(const Surface3& s, uint32_t a, uint32_t b, Vec3d up, int samples) {
+  const Vec3d pa = s.positions[a], pb = s.positions[b];
+  double largest = 0;
+  for (int i = 0; i <= samples; ++i) {
+    const Vec3d p = pa + (pb - pa) * (static_cast<double>(i) / samples);
+    bool found = false;
+    for (size_t t = 0; t < s.triangles.size(); ++t) {
+      const Vec3d q0 = s.positions[s.triangles[t][0]];
+      const Vec3d q1 = s.positions[s.triangles[t][1]];
+      const Vec3d q2 = s.positions[s.triangles[t][2]];
+      const double w0 = Dot(Cross(q1 - p, q2 - p), up);
+      const double w1 = Dot(Cross(q2 - p, q0 - p), up);
+      const double w2 = Dot(Cross(q0 - p, q1 - p), up);
+      const double least = std::min({w0, w1, w2});
+      if (least < -1e-9 || w0 + w1 + w2 <= 0) continue;
+      found = true;
+      const Vec3d q = (q0 * w0 + q1 * w1 + q2 * w2) * (1 / (w0 + w1 + w2));
+      // A triangle that is only touched does not bring its error along.
+      const double error = least > 1e-6 ? static_cast<double>(s.errors[t]) : 0;
+      largest = std::max(largest, std::sqrt(SquaredDistancePointSegment(q, pa, pb)) + error);
+    }
+    if (!found) return -1;
+  }
+  return largest;
+}
+
+}  // namespace
+
+TEST_CASE("The curve error of an edge is the largest distance along its curve") {
+  std::mt19937 random(1);
+  constexpr int kCells = 9;
+  int measured = 0;
+  for (int field = 0; field < 12; ++field) {
+    Vec3d up{0, 0, 1};
+    if (field % 2 == 1) up = Vec3d{0.48, -0.6, 0.64};
+    Surface3 s = RandomHeightField(kCells, field < 6 ? 1.0 : 6.0, up, random);
+    const bool with_errors = field % 3 == 2;
+    if (with_errors) {
+      for (float& e : s.errors) e = static_cast<float>(random() % 100) * 0.01f;
+    }
+    RoundMesh mesh;
+    mesh.Build(s.triangles, s.positions, s.errors);
+    for (int i = 0; i < 60; ++i) {
+      const auto a = static_cast<uint32_t>(random() % s.positions.size());
+      const auto b = static_cast<uint32_t>(random() % s.positions.size());
+      if (a == b) continue;
+      const double bound = mesh.CurveError(a, b, up);
+      const double sampled = SampledCurveError(s, a, b, up, 400);
+      if (bound < 0) continue;  // the outline is not convex: no path, or one that leaves it
+      REQUIRE(sampled >= 0);
+      REQUIRE(bound >= sampled - 1e-7);
+      // Where errors jump, a crossing takes the larger side; without them the bound is tight.
+      if (!with_errors) REQUIRE(bound <= sampled * 1.05 + 0.05);
+      ++measured;
+    }
+  }
+  REQUIRE(measured > 500);
+}
+
+TEST_CASE("An edge of the input has no distance to itself, but its triangles' errors") {
+  std::mt19937 random(2);
+  Surface3 s = RandomHeightField(6, 1, {0, 0, 1}, random);
+  for (size_t t = 0; t < s.errors.size(); ++t) s.errors[t] = static_cast<float>(t % 7);
+  RoundMesh mesh;
+  mesh.Build(s.triangles, s.positions, s.errors);
+  for (uint32_t h = 0; h < 3 * mesh.triangle_count(); ++h) {
+    const uint32_t a = s.triangles[h / 3][h % 3];
+    const uint32_t b = s.triangles[h / 3][(h + 1) % 3];
+    double expected = s.errors[h / 3];
+    if (const uint32_t o = mesh.opposite(h); o != kNone32) {
+      expected = std::max(expected, static_cast<double>(s.errors[o / 3]));
+    }
+    REQUIRE(mesh.CurveError(a, b, {0, 0, 1}) == expected);
+    REQUIRE(mesh.CurveError(b, a, {0, 0, 1}) == expected);
+  }
+}
+
+TEST_CASE("There is no curve across a hole, out of the tile, or through a turned triangle") {
+  std::mt19937 random(3);
+  Surface3 s = RandomHeightField(8, 0.5, {0, 0, 1}, random);
+  const auto at = [](uint32_t i, uint32_t j) { return j * 9 + i; };
+  RoundMesh mesh;
+  mesh.Build(s.triangles, s.positions, s.errors);
+  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) >= 0);
+  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, -1}) < 0);  // everything is turned away
+  Surface3 fold = s;
+  fold.positions[at(4, 4)] += Vec3d{3, 0, 2};  // hangs over
+  mesh.Build(fold.triangles, fold.positions, fold.errors);
+  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) < 0);
+  REQUIRE(!mesh.Faces(at(4, 4), {0, 0, 1}));
+  REQUIRE(mesh.Faces(at(1, 1), {0, 0, 1}));
+  REQUIRE(!mesh.Faces(at(1, 1), {0, 0, -1}));
+  Surface3 hole = s;
+  std::erase_if(hole.triangles, [&](const std::array<uint32_t, 3>& t) {
+    return t[0] == at(4, 4) || t[1] == at(4, 4) || t[2] == at(4, 4);
+  });
+  hole.errors.resize(hole.triangles.size());
+  mesh.Build(hole.triangles, hole.positions, hole.errors);
+  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) < 0);
+  Surface3 bay = s;
+  for (uint32_t i = 0; i <= 8; ++i) bay.positions[at(i, 0)].y = i == 0 || i == 8 ? -0.3 : 0.3;
+  mesh.Build(bay.triangles, bay.positions, bay.errors);
+  REQUIRE(mesh.CurveError(at(0, 0), at(8, 0), {0, 0, 1}) < 0);  // leaves at once
+}
+
+TEST_CASE("A vertex faces a direction when all of its triangles do") {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const Surface3 s = RandomHeightField(8, 4, {0, 0, 1}, random);
+  RoundMesh mesh;
+  mesh.Build(s.triangles, s.positions, s.errors);
+  int yes = 0;
+  int no = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const Vec3d d{uniform(random), uniform(random), uniform(random) + 0.5};
+    const Vec3d n = d * (1 / Length(d));
+    const auto v = static_cast<uint32_t>(random() % s.positions.size());
+    bool expected = true;
+    for (const auto& t : s.triangles) {
+      if (t[0] != v && t[1] != v && t[2] != v) continue;
+      expected &=
+          Dot(Cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]),
+              n) > 0;
+    }
+    REQUIRE(mesh.Faces(v, n) == expected);
+    ++(expected ? yes : no);
+  }
+  REQUIRE(yes > 200);
+  REQUIRE(no > 200);
+}
+
+TEST_CASE("Half-edges are paired once, and never where an edge is used twice in one direction") {
+  std::mt19937 random(5);
+  for (int i = 0; i < 500; ++i) {
+    const auto vertices = static_cast<uint32_t>(4 + random() % 8);
+    std::vector<std::array<uint32_t, 3>> soup;
+    for (size_t t = 0; t < 1 + random() % 20; ++t) {
+      const auto a = static_cast<uint32_t>(random() % vertices);
+      const auto b = static_cast<uint32_t>(random() % vertices);
+      const auto c = static_cast<uint32_t>(random() % vertices);
+      if (a != b && b != c && c != a) soup.push_back({a, b, c});
+    }
+    std::vector<uint32_t> opposite;
+    PairHalfEdges(soup, vertices, opposite);
+    REQUIRE(opposite.size() == 3 * soup.size());
+    const auto from = [&](uint32_t h) { return soup[h / 3][h % 3]; };
+    const auto to = [&](uint32_t h) { return soup[h / 3][(h + 1) % 3]; };
+    for (uint32_t h = 0; h < opposite.size(); ++h) {
+      uint32_t same = 0;
+      uint32_t reverse = 0;
+      uint32_t twin = kNone32;
+      for (uint32_t g = 0; g < opposite.size(); ++g) {
+        same += from(g) == from(h) && to(g) == to(h);
+        if (from(g) != to(h) || to(g) != from(h)) continue;
+        ++reverse;
+        twin = g;
+      }
+      REQUIRE(opposite[h] == (same == 1 && reverse == 1 ? twin : kNone32));
+    }
+  }
+}
+
+}  // namespace mtdb::testing

@@ -1,0 +1,233 @@
+// The layers of mtdb hold: every #include of the project is read and held against the drawing
+//
+//     base <- codecs    base <- store    {store, codecs} <- query    {store, codecs} <- builder
+//     all <- tools, tests, bench
+//
+// and against the rules on who may see which library.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace mtdb::test {
+namespace {
+
+constexpr size_t kMaxLines = 800;
+const std::set<std::string> kFolders{"store", "codecs", "query", "builder",
+                                     "tools", "tests",  "bench"};
+
+// By layer, the layers that it may include.
+const std::map<std::string, std::set<std::string>> kMayInclude{
+    {"base", {"base"}},
+    {"codecs", {"base", "codecs"}},
+    {"store", {"base", "store"}},
+    {"query", {"base", "store", "codecs", "query"}},
+    {"builder", {"base", "store", "codecs", "builder"}},
+    {"tools", {"base", "store", "codecs", "query", "builder", "tools"}},
+    {"tests", {"base", "store", "codecs", "query", "builder", "tools", "tests", "bench"}},
+    {"bench", {"base", "store", "codecs", "query", "builder", "tools", "tests", "bench"}},
+};
+
+// By how an #include begins, the folders whose files may have it.
+const std::map<std::string, std::set<std::string>> kLibraryUsers{
+    {"lmdb", {"store/internal/", "tests/store/"}},
+    {"xxhash", {"store/base/"}},
+    {"CGAL/", {"builder/", "tests/", "bench/"}},
+    {"draco/", {"codecs/", "tests/", "bench/"}},
+    {"zstd", {"codecs/", "tests/", "bench/"}},
+    {"zdict", {"codecs/", "tests/", "bench/"}},
+    {"embree", {"tools/", "tests/", "bench/"}},
+    {"png", {"tools/", "tests/"}},
+    {"CLI/", {"tools/"}},
+    {"nlohmann/", {"tools/", "tests/", "bench/"}},
+    {"meshoptimizer", {"tests/", "bench/"}},
+    {"benchmark/", {"bench/"}},
+    {"catch2/", {"tests/"}},
+};
+
+// What reads and writes files, which base does not do.
+const std::set<std::string> kFileHeaders{"fstream", "filesystem", "fcntl.h", "unistd.h"};
+
+std::string LayerOf(const std::string& path) {
+  if (path.starts_with("store/base/")) return "base";
+  const std::string folder = path.substr(0, path.find('/'));
+  return kFolders.contains(folder) && folder != path ? folder : "";
+}
+
+// "builder" for builder/internal/x.h; empty for a public header.
+std::string OwnerOfInternal(const std::string& path) {
+  const size_t at = path.find("/internal/");
+  return at == std::string::npos ? "" : path.substr(0, at);
+}
+
+bool MaySeeInternal(const std::string& file, const std::string& owner) {
+  return file.starts_with(owner + "/") || file.starts_with("tests/" + owner + "/") ||
+         file.starts_with("bench/");
+}
+
+// What is between the quotes or brackets of an #include line; empty for other lines.
+std::string IncludedBy(const std::string& line) {
+  const size_t hash = line.find_first_not_of(" \t");
+  if (hash == std::string::npos || line[hash] != '#') return "";
+  const size_t word = line.find_first_not_of(" \t", hash + 1);
+  if (word == std::string::npos || line.compare(word, 7, "include") != 0) return "";
+  const size_t begin = line.find_first_of("<\"", word + 7);
+  if (begin == std::string::npos) return "";
+  const size_t end = line.find_first_of(">\"", begin + 1);
+  return end == std::string::npos ? "" : line.substr(begin + 1, end - begin - 1);
+}
+
+// What is wrong with `included` in `file` (a path from the root); empty when nothing is. `headers`
+// are all headers of the project.
+std::string Wrong(const std::string& file, const std::string& included,
+                  const std::set<std::string>& headers) {
+  const std::string layer = LayerOf(file);
+  const std::string target = LayerOf(included);
+  if (!target.empty()) {
+    if (!headers.contains(included)) return "there is no such header";
+    if (!kMayInclude.at(layer).contains(target)) return layer + " must not know " + target;
+    const std::string owner = OwnerOfInternal(included);
+    if (!owner.empty() && !MaySeeInternal(file, owner)) return "private to " + owner;
+    return "";
+  }
+  for (const auto& [library, users] : kLibraryUsers) {
+    if (!included.starts_with(library)) continue;
+    const bool allowed = std::any_of(users.begin(), users.end(), [&](const std::string& folder) {
+      return file.starts_with(folder);
+    });
+    return allowed ? "" : "this library is not for " + layer;
+  }
+  if (layer == "base" && (kFileHeaders.contains(included) || included.starts_with("sys/"))) {
+    return "base does no file I/O";
+  }
+  const size_t folder = file.rfind('/') + 1;
+  if (headers.contains(file.substr(0, folder) + included))
+    return "include it by path from the root";
+  return "";
+}
+
+using Sources = std::map<std::string, std::string>;  // path from the root -> text
+
+std::vector<std::string> FindViolations(const Sources& sources) {
+  std::set<std::string> headers;
+  for (const auto& [path, text] : sources) {
+    if (path.ends_with(".h")) headers.insert(path);
+  }
+  std::vector<std::string> violations;
+  for (const auto& [path, text] : sources) {
+    std::istringstream lines(text);
+    std::string line;
+    size_t number = 0;
+    while (std::getline(lines, line)) {
+      ++number;
+      const std::string included = IncludedBy(line);
+      if (included.empty()) continue;
+      const std::string wrong = Wrong(path, included, headers);
+      if (wrong.empty()) continue;
+      violations.push_back(path + ":" + std::to_string(number) + ": " + included + ": " + wrong);
+    }
+    if (number > kMaxLines) {
+      violations.push_back(path + ": " + std::to_string(number) + " lines, at most " +
+                           std::to_string(kMaxLines));
+    }
+  }
+  return violations;
+}
+
+TEST_CASE("every include of the project points the right way", "[layers]") {
+  const std::filesystem::path root = MTDB_SOURCE_DIR;
+  Sources sources;
+  for (const std::string& folder : kFolders) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const std::string extension = entry.path().extension().string();
+      if (extension != ".h" && extension != ".cc") continue;
+      std::ifstream in(entry.path());
+      sources[entry.path().lexically_relative(root).generic_string()] = {
+          std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    }
+  }
+  CHECK(sources.size() > 100);
+  for (const std::string& violation : FindViolations(sources)) FAIL_CHECK(violation);
+}
+
+TEST_CASE("the checker of includes finds what is wrong", "[layers]") {
+  const Sources good{
+      {"store/base/ids.h", "#include <cstdint>\n"},
+      {"store/database.h", "#include \"store/base/ids.h\"\n"},
+      {"store/internal/page.h", "  #  include <lmdb.h>\n#include \"store/database.h\"\n"},
+      {"codecs/mesh.h", "#include <zstd.h>\n#include \"store/base/ids.h\"\n"},
+      {"codecs/internal/rans.h", "// #include \"query/cut.h\" is only text here\n"},
+      {"query/cut.h", "#include \"codecs/mesh.h\"\n#include \"store/database.h\"\n"},
+      {"builder/build.h", "#include \"codecs/mesh.h\"\n#include \"store/database.h\"\n"},
+      {"tools/main.cc", "#include \"query/cut.h\"\n#include \"builder/build.h\"\n"},
+      {"tests/codecs/rans_test.cc",
+       "#include <catch2/catch.hpp>\n"
+       "#include \"codecs/internal/rans.h\"\n"},
+      {"bench/codecs_bench.cc", "#include \"codecs/internal/rans.h\"\n#include <CGAL/Kernel.h>\n"},
+  };
+  CHECK(FindViolations(good).empty());
+
+  const std::vector<std::pair<std::string, std::string>> planted{
+      {"store/base/ids.h", "store/database.h"},
+      {"store/base/ids.h", "codecs/mesh.h"},
+      {"store/base/ids.h", "fstream"},
+      {"store/base/ids.h", "sys/stat.h"},
+      {"store/database.h", "codecs/mesh.h"},
+      {"store/database.h", "query/cut.h"},
+      {"store/database.h", "builder/build.h"},
+      {"store/database.h", "lmdb.h"},
+      {"store/database.h", "zstd.h"},
+      {"codecs/mesh.h", "store/database.h"},
+      {"codecs/mesh.h", "query/cut.h"},
+      {"codecs/mesh.h", "lmdb.h"},
+      {"codecs/mesh.h", "CGAL/Kernel.h"},
+      {"query/cut.h", "builder/build.h"},
+      {"query/cut.h", "tools/main.h"},
+      {"query/cut.h", "codecs/internal/rans.h"},
+      {"query/cut.h", "store/internal/page.h"},
+      {"query/cut.h", "CGAL/Kernel.h"},
+      {"query/cut.h", "draco/mesh/mesh.h"},
+      {"builder/build.h", "query/cut.h"},
+      {"builder/build.h", "store/internal/page.h"},
+      {"builder/build.h", "tests/support/mesh_check.h"},
+      {"tools/main.cc", "store/internal/page.h"},
+      {"tools/main.cc", "lmdb.h"},
+      {"tools/main.cc", "catch2/catch.hpp"},
+      {"tests/query/cut_test.cc", "store/internal/page.h"},
+      {"tests/query/cut_test.cc", "lmdb.h"},
+      {"tests/query/cut_test.cc", "query/no_such_header.h"},
+      {"codecs/internal/patch.h", "rans.h"},
+      {"bench/codecs_bench.cc", "catch2/catch.hpp"},
+  };
+  for (const auto& [file, included] : planted) {
+    for (const char* form : {"#include \"\"\n", "# include <>"}) {
+      std::string line = form;
+      line.insert(line.find_first_of("\"<") + 1, included);
+      Sources sources = good;
+      sources["tools/main.h"];
+      sources["tests/support/mesh_check.h"];
+      sources[file] += line;
+      INFO(file << " includes " << included);
+      const auto violations = FindViolations(sources);
+      REQUIRE(violations.size() == 1);
+      CHECK(violations[0].starts_with(file + ":"));
+      CHECK(violations[0].find(included) != std::string::npos);
+    }
+  }
+
+  Sources lengthy = good;
+  for (size_t i = 0; i < kMaxLines; ++i) lengthy["query/cut.cc"] += "\n";
+  CHECK(FindViolations(lengthy).empty());
+  lengthy["query/cut.cc"] += "\n";
+  REQUIRE(FindViolations(lengthy).size() == 1);
+  CHECK(FindViolations(lengthy)[0] == "query/cut.cc: 801 lines, at most 800");
+}
+
+}  // namespace
+}  // namespace mtdb::test
