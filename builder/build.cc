@@ -1,14 +1,15 @@
 #include "builder/build.h"
 
-#include <malloc.h>
-#include <sys/statvfs.h>
-
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
+#include <ctime>
+#include <malloc.h>
 #include <memory>
 #include <string>
+#include <sys/statvfs.h>
 #include <thread>
 
 #include "builder/internal/corner_join.h"
@@ -93,10 +94,11 @@ Result<Grid> MakeGrid(const Box3d& bounds, const BuildOptions& options, uint8_t*
 
 class Builder {
  public:
-  Builder(const BuildOptions& options, ObjectWriter& writer, const ProgressCallback& progress)
-      : options_(options), writer_(writer), progress_(progress) {
-    threads_ = options.threads != 0 ? options.threads
-                                    : std::max(1u, std::thread::hardware_concurrency());
+  Builder(const BuildOptions& options, ObjectWriter& writer, const ProgressCallback& progress,
+          BuildReport* report)
+      : options_(options), writer_(writer), progress_(progress), report_(report) {
+    threads_ =
+        options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     decimators_.resize(threads_);
     space_.directory = options.tmp_directory;
   }
@@ -127,6 +129,7 @@ class Builder {
     MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
     MTDB_RETURN_IF_ERROR(Report("publish", 0, 0, 0, 1));
     Result<ObjectRecord> published = writer_.Publish(record_);
+    CountStage("publish", 0);
     if (published.ok() && journal_ != nullptr) journal_->Remove();
     return published;
   }
@@ -141,8 +144,29 @@ class Builder {
   };
 
   Status Report(const char* stage, uint32_t round, uint64_t done, uint64_t total, double overall) {
+    CountStage(stage, round);
     if (!progress_) return Status::Ok();
     return progress_({stage, round, done, total, std::min(1.0, overall), space_.file_bytes});
+  }
+
+  // Adds the time since the last report to the stage that was reported then.
+  void CountStage(const char* stage, uint32_t round) {
+    const auto now = std::chrono::steady_clock::now();
+    timespec cpu{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
+    const double cpu_now =
+        static_cast<double>(cpu.tv_sec) + 1e-9 * static_cast<double>(cpu.tv_nsec);
+    if (!costs_.empty()) {
+      costs_.back().seconds += std::chrono::duration<double>(now - stage_begin_).count();
+      costs_.back().cpu_seconds += cpu_now - stage_begin_cpu_;
+      costs_.back().tmp_bytes = std::max<uint64_t>(costs_.back().tmp_bytes, space_.file_bytes);
+    }
+    stage_begin_ = now;
+    stage_begin_cpu_ = cpu_now;
+    std::string name = stage;
+    if (round != 0) name += " " + std::to_string(round);
+    if (costs_.empty() || costs_.back().stage != name) costs_.push_back({name, 0, 0, 0});
+    if (report_ != nullptr) report_->stages = costs_;
   }
 
   std::unique_ptr<TriangleSorter> MakeSorter(uint32_t round, size_t memory_bytes) {
@@ -188,8 +212,8 @@ class Builder {
     const JoinOptions join{&space_, memory_ / 4, threads_};
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
     record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
-    largest_error_ = kLargestError * record_.diagonal() /
-                     (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
+    largest_error_ =
+        kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
     record_.input = input.report();
     record_.input.unreferenced_vertices = totals.unreferenced_vertices;
     record_.input.duplicate_triangles = totals.duplicate_triangles;
@@ -207,11 +231,10 @@ class Builder {
   Status OpenJournal() {
     if (options_.journal_path.empty()) return Status::Ok();
     ByteWriter w;
-    for (const uint64_t n :
-         {record_.surface_digest, record_.border_digest, record_.input.vertices,
-          record_.input.triangles, uint64_t{options_.degree_limit},
-          uint64_t{options_.tile_triangles}, uint64_t{options_.reduction},
-          static_cast<uint64_t>(record_.grid.mode)}) {
+    for (const uint64_t n : {record_.surface_digest, record_.border_digest, record_.input.vertices,
+                             record_.input.triangles, uint64_t{options_.degree_limit},
+                             uint64_t{options_.tile_triangles}, uint64_t{options_.reduction},
+                             static_cast<uint64_t>(record_.grid.mode)}) {
       w.Put(n);
     }
     for (const double x : {record_.grid.origin.x, record_.grid.origin.y, record_.grid.origin.z,
@@ -222,8 +245,8 @@ class Builder {
       w.PutString(a.name);
       w.Put(static_cast<uint8_t>(a.type));
     }
-    MTDB_ASSIGN_OR_RETURN(journal_, Journal::Open(options_.journal_path, Hash64(w.bytes()),
-                                                  options_.resume));
+    MTDB_ASSIGN_OR_RETURN(journal_,
+                          Journal::Open(options_.journal_path, Hash64(w.bytes()), options_.resume));
     return Status::Ok();
   }
 
@@ -240,11 +263,11 @@ class Builder {
     }
     const uint64_t have = static_cast<uint64_t>(fs.f_bavail) * fs.f_frsize;
     if (need > have) {
-      return Status(StatusCode::kNoSpace,
-                    space_.directory + ": temporary files need up to " +
-                        std::to_string(need >> 20) + " MiB, but only " +
-                        std::to_string(have >> 20) + " MiB are free; name another folder with "
-                        "--tmp, or allow more --memory");
+      return Status(StatusCode::kNoSpace, space_.directory + ": temporary files need up to " +
+                                              std::to_string(need >> 20) + " MiB, but only " +
+                                              std::to_string(have >> 20) +
+                                              " MiB are free; name another folder with "
+                                              "--tmp, or allow more --memory");
     }
     return Status::Ok();
   }
@@ -253,10 +276,8 @@ class Builder {
     DecimateOptions decimate;
     decimate.degree_limit = options_.degree_limit;
     decimate.largest_error = largest_error_;
-    decimate.target_triangles =
-        static_cast<uint32_t>(job.triangles.size()) / options_.reduction;
-    const TileResult result =
-        decimators_[worker].Decimate(job.triangles, record_.grid, decimate);
+    decimate.target_triangles = static_cast<uint32_t>(job.triangles.size()) / options_.reduction;
+    const TileResult result = decimators_[worker].Decimate(job.triangles, record_.grid, decimate);
     TileOutcome& outcome = job.outcome;
     outcome.cluster =
         MakeTileCluster(job.triangles, result, record_.grid, record_.attributes, job.rows);
@@ -326,9 +347,9 @@ class Builder {
     report.stuck_degree += outcome.stuck_degree;
     uint32_t own = kNone32;
     if (!cluster.empty) {
-      MTDB_ASSIGN_OR_RETURN(const ClusterId id,
-                            writer_.AddCluster(cluster.entry, cluster.encoded.children,
-                                               cluster.encoded.payload));
+      MTDB_ASSIGN_OR_RETURN(
+          const ClusterId id,
+          writer_.AddCluster(cluster.entry, cluster.encoded.children, cluster.encoded.payload));
       own = id.value;
       ++report.clusters;
       report.nodes += cluster.entry.nodes;
@@ -352,17 +373,17 @@ class Builder {
     MTDB_RETURN_IF_ERROR(Report("root", 0, 0, sorter.count(), 0.98));
     constexpr uint64_t kRootMemory = 64;  // bytes a triangle, see RootWriter
     if (sorter.count() * kRootMemory > memory_) {
-      return Status(StatusCode::kBudgetExceeded,
-                    "the mesh cannot be simplified below " + std::to_string(sorter.count()) +
-                        " triangles (non-manifold places, or many small components); its root needs " +
-                        std::to_string((sorter.count() * kRootMemory) >> 20) +
-                        " MiB beside 200 MiB; allow more --memory");
+      return Status(
+          StatusCode::kBudgetExceeded,
+          "the mesh cannot be simplified below " + std::to_string(sorter.count()) +
+              " triangles (non-manifold places, or many small components); its root needs " +
+              std::to_string((sorter.count() * kRootMemory) >> 20) +
+              " MiB beside 200 MiB; allow more --memory");
     }
     MTDB_RETURN_IF_ERROR(sorter.Finish());
     RootWriter root(record_.attributes, writer_);
     for (uint64_t done = 0; done < sorter.count();) {
-      const uint64_t count =
-          std::min<uint64_t>(RootWriter::kPieceTriangles, sorter.count() - done);
+      const uint64_t count = std::min<uint64_t>(RootWriter::kPieceTriangles, sorter.count() - done);
       std::vector<TileTriangle> triangles;
       Bytes rows;
       uint64_t code = 0;
@@ -383,6 +404,10 @@ class Builder {
   const BuildOptions& options_;
   ObjectWriter& writer_;
   const ProgressCallback& progress_;
+  BuildReport* report_;
+  std::vector<StageCost> costs_;
+  std::chrono::steady_clock::time_point stage_begin_;
+  double stage_begin_cpu_ = 0;
   SpoolSpace space_;
   std::unique_ptr<Journal> journal_;
   unsigned threads_ = 1;
@@ -397,8 +422,9 @@ class Builder {
 }  // namespace
 
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
-                                 ObjectWriter& writer, const ProgressCallback& progress) {
-  return Builder(options, writer, progress).Run(input);
+                                 ObjectWriter& writer, const ProgressCallback& progress,
+                                 BuildReport* report) {
+  return Builder(options, writer, progress, report).Run(input);
 }
 
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "store/base/grid.h"
 #include "store/base/mesh_sink.h"
@@ -16,19 +17,20 @@ namespace mtdb {
 
 struct BuildOptions {
   PositionMode mode = PositionMode::kGrid;
-  int bits = 16;                // grid: cells along the longest side are 2^bits - 1; 1..24
-  std::optional<double> step;   // grid: model units, instead of bits
-  unsigned threads = 0;         // 0: one per core. The result does not depend on it
+  int bits = 16;               // grid: cells along the longest side are 2^bits - 1; 1..24
+  std::optional<double> step;  // grid: model units, instead of bits
+  unsigned threads = 0;        // 0: one per core. The result does not depend on it
   // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB, and some
   // 16 MiB more per thread above two. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
-  std::string tmp_directory = ".";  // of temporary files, which have no names and go with the process
+  std::string tmp_directory =
+      ".";  // of temporary files, which have no names and go with the process
   // Where finished tiles are noted down, so that the build can go on after an interruption; empty:
   // nowhere. Takes some 25 bytes a triangle. Removed when the object is published, or when the
   // input or the options are at fault.
   std::string journal_path;
-  bool resume = false;  // go on with what the journal holds, if it is there; see Journal
-  uint32_t degree_limit = 12;       // of a removed vertex; 4..16
+  bool resume = false;         // go on with what the journal holds, if it is there; see Journal
+  uint32_t degree_limit = 12;  // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;
   uint32_t reduction = 4;  // a round leaves about 1 / reduction of a tile's triangles
 };
@@ -38,11 +40,22 @@ struct BuildProgress {
   uint32_t round = 0;           // 1 = finest; 0 outside rounds
   uint64_t triangles_done = 0;  // of the stage
   uint64_t triangles_total = 0;
-  double overall = 0;           // 0..1
-  uint64_t tmp_bytes = 0;       // in temporary files
+  double overall = 0;      // 0..1
+  uint64_t tmp_bytes = 0;  // in temporary files
 };
 // Called now and then, on the calling thread. An error cancels the build and is returned.
 using ProgressCallback = std::function<Status(const BuildProgress&)>;
+
+// What a stage took; not in the record, which is the same however fast the machine is.
+struct StageCost {
+  std::string stage;       // "read", "join", "round 1", ..., "root", "publish"
+  double seconds = 0;      // wall
+  double cpu_seconds = 0;  // of all threads
+  uint64_t tmp_bytes = 0;  // largest size of the temporary files at the stage's reports
+};
+struct BuildReport {
+  std::vector<StageCost> stages;
+};
 
 // Pushes the mesh into the sink: Begin, blocks of vertices and triangles, End.
 using MeshProducer = std::function<Status(MeshSink&)>;
@@ -50,11 +63,13 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // Builds the MT of the mesh that `input` produces and publishes it through `writer`. What the mesh
 // has that cannot be kept is counted in the record's InputReport. Out of core: no step holds the
 // whole mesh, but for the root. Deterministic: the same mesh and options give the same keys and
-// values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32 when
-// lossless, indices out of range), kInvalidArgument (options), kNoSpace and kIoError (temporary
-// files), kBudgetExceeded (a root larger than memory), and what `input` and `writer` return.
+// values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32
+// when lossless, indices out of range), kInvalidArgument (options), kNoSpace and kIoError
+// (temporary files), kBudgetExceeded (a root larger than memory), and what `input` and `writer`
+// return. `report`, when given, says where the time went.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
-                                 ObjectWriter& writer, const ProgressCallback& progress = {});
+                                 ObjectWriter& writer, const ProgressCallback& progress = {},
+                                 BuildReport* report = nullptr);
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {});
 

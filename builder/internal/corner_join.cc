@@ -94,9 +94,8 @@ class Link {
     uint32_t out, in;
   };
   const Neighbour& At(uint32_t vertex) const {
-    return *std::lower_bound(
-        neighbours_.begin(), neighbours_.end(), vertex,
-        [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
+    return *std::lower_bound(neighbours_.begin(), neighbours_.end(), vertex,
+                             [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
   }
   // Every neighbour has at most one edge in and one out: walks from the path's begin, if any.
   bool OnePiece() const {
@@ -214,9 +213,9 @@ class Join {
           continue;
         }
         ++part.vertices;
-        const Link::Counts counts = links[worker].Analyse(
-            std::span(places).subspan(begin[v], begin[v + 1] - begin[v]), corners.data(),
-            flags.data());
+        const Link::Counts counts =
+            links[worker].Analyse(std::span(places).subspan(begin[v], begin[v + 1] - begin[v]),
+                                  corners.data(), flags.data());
         part.duplicate_triangles += counts.duplicates;
         part.boundary_edges += counts.border_edges;
         part.nonmanifold_edges += counts.nonmanifold_edges;
@@ -278,9 +277,9 @@ class Join {
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
-  uint64_t range_ = 1;             // vertices
-  std::vector<Spool> questions_;   // per range: Corner
-  std::vector<Spool> answers_;     // per range: position, flags, row
+  uint64_t range_ = 1;            // vertices
+  std::vector<Spool> questions_;  // per range: Corner
+  std::vector<Spool> answers_;    // per range: position, flags, row
 };
 
 }  // namespace

@@ -13,8 +13,8 @@
 namespace mtdb {
 
 struct JoinTotals {
-  uint64_t vertices = 0;         // referenced by a kept triangle
-  uint64_t triangles = 0;        // kept
+  uint64_t vertices = 0;   // referenced by a kept triangle
+  uint64_t triangles = 0;  // kept
   uint64_t boundary_edges = 0;
   uint64_t unreferenced_vertices = 0;
   uint64_t duplicate_triangles = 0;
@@ -29,8 +29,8 @@ struct JoinOptions {
 };
 
 // Vertices are cut into ranges of numbers that fit the memory. A first pass over the triangles
-// sends each corner, with the edge opposite to it, to the range of its vertex. Then, range by range,
-// the edges opposite to a vertex (its link) tell all about it:
+// sends each corner, with the edge opposite to it, to the range of its vertex. Then, range by
+// range, the edges opposite to a vertex (its link) tell all about it:
 // - an edge vx occurs as often as x is an end of a link edge: once on the border, twice (once in
 //   each direction) inside a manifold; otherwise it is non-manifold, and so are its ends;
 // - a vertex whose link is not one path or cycle is non-manifold;

@@ -260,27 +260,83 @@ bool Decimator::EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan) {
         Shape(positions_[ring_[i]], positions_[ring_[m]], positions_[ring_[j]], cross);
     return shape_weight_ * (1 - shape);
   });
-  // Curves are dear: an edge's is found when a best triangulation uses it, at no cost until then.
-  // When one uses known edges only, none is better.
+  // Curves are dear: guess the errors of all edges, find those of the edges that the best
+  // triangulation uses, and try again with what is known by then.
+  GuessEdgeErrors(k, n);
   std::array<uint16_t, kMaxDegree> known{};  // bit j of known[i]
-  for (uint32_t i = 0; i < k; ++i) {
-    for (uint32_t j = i + 2; j < k; ++j) {
-      if (i != 0 || j != k - 1) edge_error_[i][j] = 0;
-    }
-  }
-  for (bool complete = false; !complete;) {
+  const auto find_curve = [&](uint32_t i, uint32_t j) {
+    if (known[i] >> j & 1 || forbidden_[i][j]) return;
+    known[i] = static_cast<uint16_t>(known[i] | 1u << j);
+    edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
+  };
+  constexpr int kGuesses = 2;
+  for (int attempt = 0; attempt < kGuesses; ++attempt) {
     if (!Triangulate(plan)) return false;
-    complete = true;
+    bool complete = true;
     for (uint32_t t = 1; t < k - 2; ++t) {
       const auto [i, m, j] = plan.triangles[t];
       if (known[i] >> j & 1) continue;
-      known[i] = static_cast<uint16_t>(known[i] | 1u << j);
-      edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
+      find_curve(i, j);
       complete = false;
     }
+    if (complete) {
+      MeasureByOverlay(n, plan);
+      return true;
+    }
   }
-  MeasureByOverlay(n, plan);
-  return true;
+  // Then among known edges only; among all when these do not suffice.
+  for (const bool all : {false, true}) {
+    for (uint32_t i = 0; i < k; ++i) {
+      for (uint32_t j = i + 2; j < k; ++j) {
+        if (i == 0 && j == k - 1) continue;
+        if (all) {
+          find_curve(i, j);
+        } else if (!(known[i] >> j & 1)) {
+          edge_error_[i][j] = -1;
+        }
+      }
+    }
+    if (Triangulate(plan)) {
+      MeasureByOverlay(n, plan);
+      return true;
+    }
+  }
+  return false;
+}
+
+void Decimator::GuessEdgeErrors(uint32_t k, Vec3d n) {
+  // In the hole's frame: two coordinates across n, and the height along it.
+  const Vec3d across = std::abs(n.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+  const Vec3d e1 = Cross(n, across);
+  const Vec3d e2 = Cross(n, e1);  // as long as e1; lengths across n cancel out
+  const Vec3d origin = positions_[ring_[0]];
+  const auto in_frame = [&](uint32_t v) {
+    const Vec3d p = positions_[v] - origin;
+    return Vec3d{Dot(p, e1), Dot(p, e2), Dot(p, n)};
+  };
+  std::array<Vec3d, kMaxDegree> ring;
+  for (uint32_t i = 0; i < k; ++i) ring[i] = in_frame(ring_[i]);
+  frame_samples_.clear();
+  for (const uint32_t w : samples_) frame_samples_.push_back(in_frame(w));
+  for (uint32_t i = 0; i < k; ++i) {
+    for (uint32_t j = i + 2; j < k; ++j) {
+      if (i == 0 && j == k - 1) continue;
+      // How far samples near the edge's line stand off it; nearer ones count more.
+      const Vec3d d = ring[j] - ring[i];
+      const double length2 = d.x * d.x + d.y * d.y;
+      double guess = 0;
+      for (const Vec3d& w : frame_samples_) {
+        const double x = w.x - ring[i].x;
+        const double y = w.y - ring[i].y;
+        const double t = x * d.x + y * d.y;
+        if (t <= 0 || t >= length2) continue;
+        const double side = x * d.y - y * d.x;  // lateral distance times the edge's length
+        const double off = std::abs((w.z - ring[i].z) * length2 - t * d.z);
+        guess = std::max(guess, off * (length2 * length2 - 4 * side * side));
+      }
+      edge_error_[i][j] = length2 > 0 ? guess / (length2 * length2 * length2) : 0;
+    }
+  }
 }
 
 void Decimator::MeasureByOverlay(Vec3d n, Plan& plan) {
@@ -374,9 +430,9 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     for (uint32_t r = 0; r < k; ++r) {
       const bool between = r > i && r < j;
       if (r == i || r == j || between == home_between) continue;
-      delta2 = std::max(delta2, SquaredDistanceSegmentSegment(pv, positions_[ring_[r]],
-                                                              positions_[ring_[i]],
-                                                              positions_[ring_[j]]));
+      delta2 = std::max(
+          delta2, SquaredDistanceSegmentSegment(pv, positions_[ring_[r]], positions_[ring_[i]],
+                                                positions_[ring_[j]]));
     }
   }
   double star_error = 0;
@@ -392,9 +448,8 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     double least = kInfinity;
     for (uint32_t t = 0; t < count; ++t) {
       const auto [i, m, j] = plan.triangles[t];
-      const double d =
-          SquaredDistancePointTriangle(positions_[samples_[s]], positions_[ring_[i]],
-                                       positions_[ring_[m]], positions_[ring_[j]]);
+      const double d = SquaredDistancePointTriangle(positions_[samples_[s]], positions_[ring_[i]],
+                                                    positions_[ring_[m]], positions_[ring_[j]]);
       if (d < least) {
         least = d;
         sample_triangle_[s] = static_cast<uint8_t>(t);
@@ -543,8 +598,8 @@ void Decimator::Commit(uint32_t v, const Plan& plan) {
     const auto [i, m, j] = plan.triangles[t];
     const uint32_t id = first + t;
     corners_[id] = {ring_[i], ring_[m], ring_[j]};
-    errors_[id] = std::nextafter(static_cast<float>(plan.errors[t]),
-                                 std::numeric_limits<float>::infinity());
+    errors_[id] =
+        std::nextafter(static_cast<float>(plan.errors[t]), std::numeric_limits<float>::infinity());
     result_.holes.push_back(id);
     const std::array<std::pair<uint32_t, uint32_t>, 3> edges = {
         std::pair<uint32_t, uint32_t>{i, m}, {m, j}, {j, i}};

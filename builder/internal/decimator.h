@@ -61,6 +61,8 @@ class Decimator {
   // Fills samples_ and returns the star's normal, not normalised.
   Vec3d CollectSamples(uint32_t v, bool boundary);
   bool EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan);
+  // Fills edge_error_ with guesses, from the samples that lie near an edge.
+  void GuessEdgeErrors(uint32_t k, Vec3d n);
   // Errors of the plan's triangles, from the curves of its edges and from the samples.
   void MeasureByOverlay(Vec3d n, Plan& plan);
   // False when the new border edge exists already, or the new triangle would close a tetrahedron.
@@ -90,14 +92,14 @@ class Decimator {
   // Vertices.
   std::vector<uint32_t> vertices_;
   std::vector<Vec3i> grid_positions_;
-  std::vector<Vec3d> positions_;       // work units
-  std::vector<uint32_t> half_edge_;    // outgoing; of a border vertex the one on the border
+  std::vector<Vec3d> positions_;     // work units
+  std::vector<uint32_t> half_edge_;  // outgoing; of a border vertex the one on the border
   std::vector<uint8_t> locked_, fixed_, on_border_, removed_, dirty_;
   std::vector<uint32_t> next_sample_;  // list of removed vertices
   std::vector<Verdict> verdict_;
-  std::vector<KeptPlan> kept_;         // of vertices that are not dirty
-  std::vector<uint32_t> stamp_;        // of the valid heap entry
-  std::vector<double> last_error_;     // of the valid heap entry
+  std::vector<KeptPlan> kept_;      // of vertices that are not dirty
+  std::vector<uint32_t> stamp_;     // of the valid heap entry
+  std::vector<double> last_error_;  // of the valid heap entry
 
   // Triangles, current and past.
   std::vector<std::array<uint32_t, 3>> corners_;
@@ -107,7 +109,7 @@ class Decimator {
   // Half-edges.
   std::vector<uint32_t> opposite_;
   std::vector<double> curve_error_;
-  std::vector<uint32_t> chain_head_;   // of border edges: removed border vertices on its curve
+  std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
 
   struct HeapEntry {
     double error;
@@ -118,13 +120,14 @@ class Decimator {
 
   // Of the vertex under evaluation.
   std::vector<uint32_t> ring_, star_;
-  std::vector<uint32_t> ring_edges_;   // half-edge of the star from ring_[j] to ring_[j + 1]
-  double shape_weight_ = 0;            // of a triangle's shape beside squared errors
-  std::vector<uint32_t> samples_;      // removed vertices of its star, and itself
+  std::vector<uint32_t> ring_edges_;  // half-edge of the star from ring_[j] to ring_[j + 1]
+  double shape_weight_ = 0;           // of a triangle's shape beside squared errors
+  std::vector<uint32_t> samples_;     // removed vertices of its star, and itself
   std::array<std::array<uint8_t, kMaxDegree>, kMaxDegree> forbidden_;
   std::array<std::array<double, kMaxDegree>, kMaxDegree> edge_error_;  // < 0: no curve
   std::array<double, kMaxDegree*(kMaxDegree - 1) * (kMaxDegree - 2) / 6> triangle_costs_;
   std::vector<uint32_t> ring_mark_;
+  std::vector<Vec3d> frame_samples_;
   std::vector<uint8_t> sample_triangle_;  // plan triangle of each sample
 
   TileResult result_;

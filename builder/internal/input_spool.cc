@@ -33,7 +33,8 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     }
     const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
     if (lossless_ && Vec3d{f.x, f.y, f.z} != p) {
-      return BadInput(where() + ": a coordinate does not fit float32, so that --lossless would "
+      return BadInput(where() +
+                      ": a coordinate does not fit float32, so that --lossless would "
                       "lose it; use --step or --bits");
     }
     bounds_.Add(p);
@@ -43,7 +44,8 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
       MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
     }
     if (++report_.vertices > kMaxVertices) {
-      return Status(StatusCode::kUnsupported, "more than 4294967294 vertices in one object; "
+      return Status(StatusCode::kUnsupported,
+                    "more than 4294967294 vertices in one object; "
                     "ingest the parts as objects of their own");
     }
   }
@@ -63,9 +65,8 @@ Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
       ++report_.degenerate_triangles;
       continue;
     }
-    const std::array<uint32_t, 3> narrow = {static_cast<uint32_t>(t[0]),
-                                            static_cast<uint32_t>(t[1]),
-                                            static_cast<uint32_t>(t[2])};
+    const std::array<uint32_t, 3> narrow = {
+        static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])};
     MTDB_RETURN_IF_ERROR(triangle_spool_.Append(narrow.data(), kTriangleBytes));
   }
   return Status::Ok();

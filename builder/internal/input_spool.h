@@ -11,8 +11,8 @@
 namespace mtdb {
 
 // The input's vertices and triangles as they came; degenerate triangles are dropped and counted.
-// Errors: kBadInput (no vertex or triangle, a coordinate that is not finite, or does not fit float32 when
-// `lossless`, an index out of range), and those of Spool.
+// Errors: kBadInput (no vertex or triangle, a coordinate that is not finite, or does not fit
+// float32 when `lossless`, an index out of range), and those of Spool.
 class InputSpool final : public MeshSink {
  public:
   InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless);

@@ -1,12 +1,11 @@
 #include "builder/internal/journal.h"
 
+#include <cerrno>
+#include <cstring>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <cerrno>
-#include <cstring>
 
 #include "store/base/hash.h"
 
@@ -113,7 +112,8 @@ Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, uint64_t
     char found[kHeaderBytes];
     if (!ReadAt(file, 0, found, kHeaderBytes)) return journal->Error("cannot be read", EIO);
     if (std::memcmp(found, header, kHeaderBytes) != 0) {
-      return InvalidArgument(path + ": the interrupted build had another input or other options; "
+      return InvalidArgument(path +
+                             ": the interrupted build had another input or other options; "
                              "repeat them, or begin anew without --resume");
     }
     journal->size_ = size;
@@ -177,8 +177,8 @@ Status Journal::Append(const TileOutcome& outcome) {
 Status Journal::Write(ByteSpan bytes) {
   size_t done = 0;
   while (done < bytes.size()) {
-    const ssize_t n = pwrite(file_, bytes.data() + done, bytes.size() - done,
-                             static_cast<off_t>(at_ + done));
+    const ssize_t n =
+        pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(at_ + done));
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return Error("cannot be written", n == 0 ? EIO : errno);
     done += static_cast<size_t>(n);

@@ -1,8 +1,8 @@
 // Journal: the finished tiles of a build, so that an interrupted one need not do them again.
 //
-// A build is deterministic, so its journal is just the list of its tiles' results in order. Going on
-// means to read the input again, to take the results that are there instead of decimating, and to
-// append from then on. Records carry checksums: a torn end is cut off.
+// A build is deterministic, so its journal is just the list of its tiles' results in order. Going
+// on means to read the input again, to take the results that are there instead of decimating, and
+// to append from then on. Records carry checksums: a torn end is cut off.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@ struct TileOutcome {
 class Journal {
  public:
   // Opens `path` for the build with this fingerprint (of input and options). With `resume`, a
-  // journal of another build is kInvalidArgument and none at all begins a new one; without, what is there
-  // is overwritten. kBusy when another process has it open.
+  // journal of another build is kInvalidArgument and none at all begins a new one; without, what is
+  // there is overwritten. kBusy when another process has it open.
   static Result<std::unique_ptr<Journal>> Open(const std::string& path, uint64_t fingerprint,
                                                bool resume);
   ~Journal();

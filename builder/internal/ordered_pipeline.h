@@ -84,10 +84,10 @@ class OrderedPipeline {
   std::function<void(unsigned, Job&)> work_;
   std::mutex mutex_;
   std::condition_variable wake_, finished_;
-  std::deque<Slot*> waiting_;              // guarded by mutex_
-  bool stop_ = false;                      // guarded by mutex_
+  std::deque<Slot*> waiting_;               // guarded by mutex_
+  bool stop_ = false;                       // guarded by mutex_
   std::deque<std::unique_ptr<Slot>> jobs_;  // in order; the caller's thread only
-  std::vector<std::jthread> threads_;      // last: joined first
+  std::vector<std::jthread> threads_;       // last: joined first
 };
 
 }  // namespace mtdb

@@ -83,8 +83,8 @@ RootTopology RootWriter::Finish() {
   for (uint32_t v = 0; v < vertices; ++v) topology_.components += Find(v) == v;
   std::sort(edges_.begin(), edges_.end());
   const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
-  topology_.euler_characteristic = static_cast<int64_t>(vertices) - edges +
-                                   static_cast<int64_t>(topology_.triangles);
+  topology_.euler_characteristic =
+      static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(topology_.triangles);
   // The border's pieces: its edges' ends, joined.
   std::iota(parent_.begin(), parent_.end(), 0);
   std::vector<bool> on_border(vertices, false);

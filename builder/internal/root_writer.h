@@ -15,7 +15,7 @@ namespace mtdb {
 struct RootTopology {
   uint64_t vertices = 0;
   uint64_t triangles = 0;
-  uint64_t components = 0;  // connected by vertices
+  uint64_t components = 0;    // connected by vertices
   uint64_t border_loops = 0;  // connected pieces of the border
   int64_t euler_characteristic = 0;
   uint32_t pieces = 0;
@@ -38,7 +38,7 @@ class RootWriter {
   std::unordered_map<uint32_t, uint32_t> root_vertex_;  // the input's number -> the root's
   std::vector<std::pair<uint32_t, uint32_t>> edges_;    // of root vertices, smaller first
   std::vector<std::pair<uint32_t, uint32_t>> border_;
-  std::vector<uint32_t> parent_;                        // of root vertices: union-find
+  std::vector<uint32_t> parent_;  // of root vertices: union-find
   RootTopology topology_;
 
   uint32_t Find(uint32_t v);

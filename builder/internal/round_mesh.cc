@@ -72,12 +72,12 @@ void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
   std::vector<uint32_t> at(outgoing_begin_.begin(), outgoing_begin_.end() - 1);
   for (uint32_t h = 0; h < 3 * n; ++h) outgoing_[at[origin_[h]]++] = h;
   PairHalfEdges(triangles, vertex_count, opposite_);
-  // Each vertex's half-edges in counter-clockwise order, fan after fan, so that a neighbour that two
-  // triangles share is looked at once.
+  // Each vertex's half-edges in counter-clockwise order, fan after fan, so that a neighbour that
+  // two triangles share is looked at once.
   std::vector<uint32_t> fan;
   for (uint32_t v = 0; v < vertex_count; ++v) {
-    const std::span<uint32_t> out =
-        std::span(outgoing_).subspan(outgoing_begin_[v], outgoing_begin_[v + 1] - outgoing_begin_[v]);
+    const std::span<uint32_t> out = std::span(outgoing_).subspan(
+        outgoing_begin_[v], outgoing_begin_[v + 1] - outgoing_begin_[v]);
     fan.clear();
     const auto follow = [&](uint32_t first) {
       uint32_t h = first;

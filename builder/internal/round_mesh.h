@@ -43,11 +43,11 @@ class RoundMesh {
   double CurveError(uint32_t a, uint32_t b, Vec3d n) const;
 
  private:
-  std::vector<uint32_t> origin_;     // per half-edge
-  std::vector<uint32_t> opposite_;   // per half-edge, kNone32 at the tile's rim
-  std::vector<Vec3d> positions_;     // per vertex
-  std::vector<Vec3d> normals_;       // per triangle, not normalised
-  std::vector<float> errors_;        // per triangle
+  std::vector<uint32_t> origin_;    // per half-edge
+  std::vector<uint32_t> opposite_;  // per half-edge, kNone32 at the tile's rim
+  std::vector<Vec3d> positions_;    // per vertex
+  std::vector<Vec3d> normals_;      // per triangle, not normalised
+  std::vector<float> errors_;       // per triangle
   std::vector<uint32_t> outgoing_begin_, outgoing_;
   std::vector<double> vertex_errors_;
   struct Cone {

@@ -1,10 +1,9 @@
 #include "builder/internal/spool.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstdlib>
+#include <fcntl.h>
+#include <unistd.h>
 #include <utility>
 
 namespace mtdb {
@@ -109,8 +108,8 @@ bool SpoolReader::Refill(size_t size) {
   MTDB_CHECK(remaining() >= size, "a read beyond the end of a spool");
   const size_t kept = buffer_.size() - at_;
   std::memmove(buffer_.data(), buffer_.data() + at_, kept);
-  const auto fresh = static_cast<size_t>(
-      std::min<uint64_t>(end_ - next_, std::max(block_, size) - kept));
+  const auto fresh =
+      static_cast<size_t>(std::min<uint64_t>(end_ - next_, std::max(block_, size) - kept));
   buffer_.resize(kept + fresh);
   at_ = 0;
   status_ = spool_->Read(next_, buffer_.data() + kept, fresh);

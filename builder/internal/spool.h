@@ -54,7 +54,7 @@ class Spool {
 
   const SpoolSpace* space_;
   size_t memory_bytes_;
-  Bytes buffer_;       // all bytes while file_ < 0, else those not written yet
+  Bytes buffer_;  // all bytes while file_ < 0, else those not written yet
   int file_ = -1;
   uint64_t size_ = 0;
   uint64_t written_ = 0;

@@ -13,16 +13,16 @@ namespace mtdb {
 // A triangle of a round's mesh. It carries everything that a later round needs, so that rounds can
 // stream: no table of the whole mesh is consulted.
 struct TileTriangle {
-  std::array<uint32_t, 3> vertices;     // the input's numbering
-  std::array<Vec3i, 3> positions;       // grid
-  float error = 0;                      // work units: bound on its distance to the input surface
+  std::array<uint32_t, 3> vertices;  // the input's numbering
+  std::array<Vec3i, 3> positions;    // grid
+  float error = 0;                   // work units: bound on its distance to the input surface
   // The node that removes it lies in this cluster, at this in-slot; kNone32: full resolution.
   uint32_t child = kNone32;
   uint32_t child_slot = 0;
-  uint32_t height = 0;          // longest path of nodes from it to the drain
-  uint8_t border_edges = 0;     // bit i: edge (i, i+1) lies on the surface's border
-  uint8_t fixed_corners = 0;    // bit i: corner i is at a non-manifold vertex or edge
-  bool explicit_arc = false;    // the child needs slot and rotation named
+  uint32_t height = 0;        // longest path of nodes from it to the drain
+  uint8_t border_edges = 0;   // bit i: edge (i, i+1) lies on the surface's border
+  uint8_t fixed_corners = 0;  // bit i: corner i is at a non-manifold vertex or edge
+  bool explicit_arc = false;  // the child needs slot and rotation named
 };
 static_assert(sizeof(TileTriangle) == 68);
 
@@ -30,22 +30,22 @@ static_assert(sizeof(TileTriangle) == 68);
 struct Removal {
   uint32_t vertex = 0;  // local
   bool boundary = false;
-  double error = 0;                          // work units; bound for its whole hole
-  uint32_t hole_begin = 0, hole_count = 0;   // ranges in TileResult::holes
-  uint32_t star_begin = 0, star_count = 0;   // ranges in TileResult::stars
+  double error = 0;                         // work units; bound for its whole hole
+  uint32_t hole_begin = 0, hole_count = 0;  // ranges in TileResult::holes
+  uint32_t star_begin = 0, star_count = 0;  // ranges in TileResult::stars
 };
 
 // What decimating a tile leaves. Local triangles: the input's, then the created ones.
 struct TileResult {
-  std::vector<uint32_t> vertices;                   // of local vertices: the input's numbering
-  std::vector<uint32_t> first_corner;               // likewise: 3 * input triangle + corner
-  std::vector<Vec3i> positions;                     // of local vertices
-  std::vector<std::array<uint32_t, 3>> triangles;   // all local triangles
-  std::vector<float> errors;                        // of all local triangles
-  std::vector<uint8_t> border_edges;                // likewise
-  std::vector<uint8_t> alive;                       // likewise
-  std::vector<uint8_t> fixed;                       // of local vertices: never removed anywhere
-  std::vector<Removal> removals;                    // in order of removal
+  std::vector<uint32_t> vertices;                  // of local vertices: the input's numbering
+  std::vector<uint32_t> first_corner;              // likewise: 3 * input triangle + corner
+  std::vector<Vec3i> positions;                    // of local vertices
+  std::vector<std::array<uint32_t, 3>> triangles;  // all local triangles
+  std::vector<float> errors;                       // of all local triangles
+  std::vector<uint8_t> border_edges;               // likewise
+  std::vector<uint8_t> alive;                      // likewise
+  std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
+  std::vector<Removal> removals;                   // in order of removal
   std::vector<uint32_t> holes, stars;
   uint64_t locked_vertices = 0;
   uint64_t stuck_topology = 0;

@@ -19,15 +19,14 @@ struct TileCluster {
   // The simplified tile. Those that this cluster's nodes remove have child == kOwnCluster, to be
   // replaced once the cluster has its id.
   std::vector<TileTriangle> triangles;
-  Bytes rows;  // of their corners, 3 a triangle
-  uint32_t height = 0;      // longest path of nodes from one of its nodes to the drain
+  Bytes rows;           // of their corners, 3 a triangle
+  uint32_t height = 0;  // longest path of nodes from one of its nodes to the drain
   uint32_t max_degree = 0;
   static constexpr uint32_t kOwnCluster = 0xfffffffe;
 };
 
 // `rows` holds the attributes of the tile's corners, 3 rows a triangle.
 TileCluster MakeTileCluster(std::span<const TileTriangle> tile, const TileResult& result,
-                            const Grid& grid, const AttributeLayout& attributes,
-                            const Bytes& rows);
+                            const Grid& grid, const AttributeLayout& attributes, const Bytes& rows);
 
 }  // namespace mtdb

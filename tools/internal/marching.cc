@@ -129,12 +129,12 @@ MarchingCase MakeCase(unsigned inside) {
 }  // namespace
 
 const std::array<MarchingCase, 256>& MarchingCases() {
-  static const std::array<MarchingCase, 256> cases = [] {
+  static const std::array<MarchingCase, 256> kCases = [] {
     std::array<MarchingCase, 256> all;
     for (unsigned i = 0; i < 256; ++i) all[i] = MakeCase(i);
     return all;
   }();
-  return cases;
+  return kCases;
 }
 
 }  // namespace mtdb

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
@@ -38,12 +39,14 @@ uint64_t ResidentBytes() {
   return pages * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
 }
 
-std::string Describe(const BuildProgress& p) {
+// Says where the build is; `rate` is of the stage, in triangles a second.
+std::string Describe(const BuildProgress& p, double rate) {
   std::string text = p.stage;
   if (p.round != 0) {
     text += " " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
             std::to_string(p.triangles_total) + " triangles";
   }
+  if (rate > 0) text += ", " + std::to_string(static_cast<uint64_t>(rate / 1000)) + " k/s";
   text += "; " + std::to_string(ResidentBytes() >> 20) + " MiB memory, " +
           std::to_string(p.tmp_bytes >> 20) + " MiB temporary";
   return text;
@@ -59,6 +62,41 @@ std::string JournalPath(const std::string& folder, const std::string& store,
   std::snprintf(hash, sizeof(hash), "%016llx",
                 static_cast<unsigned long long>(Hash64(AsBytes(name))));
   return folder + "/" + std::filesystem::path(store).filename().string() + "." + hash + ".journal";
+}
+
+// The rate of the current stage, from one report to the next.
+class StageRate {
+ public:
+  double Update(const BuildProgress& p) {
+    const auto now = std::chrono::steady_clock::now();
+    if (p.stage != stage_ || p.round != round_) {
+      stage_ = p.stage;
+      round_ = p.round;
+      begin_ = now;
+      first_ = p.triangles_done;
+    }
+    const double seconds = std::chrono::duration<double>(now - begin_).count();
+    return seconds > 0.05 ? static_cast<double>(p.triangles_done - first_) / seconds : 0;
+  }
+
+ private:
+  std::string stage_;
+  uint32_t round_ = 0;
+  uint64_t first_ = 0;
+  std::chrono::steady_clock::time_point begin_;
+};
+
+void PrintStages(const BuildReport& report, const ObjectRecord& r) {
+  double cpu = 0;
+  for (const StageCost& s : report.stages) {
+    std::printf("  %-9s %8.2f s, %8.2f s of processors, %llu MiB temporary\n", s.stage.c_str(),
+                s.seconds, s.cpu_seconds, static_cast<unsigned long long>(s.tmp_bytes >> 20));
+    cpu += s.cpu_seconds;
+  }
+  if (cpu > 0) {
+    std::printf("  %.3f million triangles per processor second\n",
+                1e-6 * static_cast<double>(r.triangles) / cpu);
+  }
 }
 
 void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
@@ -78,10 +116,16 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.nonmanifold_vertices, "non-manifold vertices kept, never simplified");
   for (size_t i = 0; i < r.rounds.size(); ++i) {
     const RoundReport& round = r.rounds[i];
-    std::printf("  round %zu: %llu -> %llu triangles in %llu tiles, error up to %.3g\n", i + 1,
-                static_cast<unsigned long long>(round.triangles_in),
-                static_cast<unsigned long long>(round.triangles_out),
-                static_cast<unsigned long long>(round.tiles), r.grid.Error(round.error_code_max));
+    std::printf(
+        "  round %zu: %llu -> %llu triangles, %llu tiles, %llu clusters, error up to %.3g; stuck: "
+        "%llu by topology, %llu by degree, %llu on seams\n",
+        i + 1, static_cast<unsigned long long>(round.triangles_in),
+        static_cast<unsigned long long>(round.triangles_out),
+        static_cast<unsigned long long>(round.tiles),
+        static_cast<unsigned long long>(round.clusters), r.grid.Error(round.error_code_max),
+        static_cast<unsigned long long>(round.stuck_topology),
+        static_cast<unsigned long long>(round.stuck_degree),
+        static_cast<unsigned long long>(round.locked_vertices));
   }
   std::printf("  %u clusters, %llu nodes, root of %llu triangles, depth %u, %.1f bits per vertex\n",
               r.clusters, static_cast<unsigned long long>(r.nodes),
@@ -114,11 +158,14 @@ Status Ingest(const IngestArguments& arguments) {
   progress.Update(0, "reading");
   std::vector<std::string> notes;
   const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
-  Result<ObjectRecord> record = BuildObject(read, options, writer, [&](const BuildProgress& p) {
+  BuildReport report;
+  StageRate rate;
+  const auto on_progress = [&](const BuildProgress& p) {
     if (g_interrupted != 0) return Status(StatusCode::kCancelled, "interrupted");
-    progress.Update(p.overall, Describe(p));
+    progress.Update(p.overall, Describe(p, rate.Update(p)));
     return Status::Ok();
-  });
+  };
+  Result<ObjectRecord> record = BuildObject(read, options, writer, on_progress, &report);
   progress.Finish();
   if (!record.ok()) {
     const StatusCode code = record.status().code();
@@ -144,9 +191,16 @@ Status Ingest(const IngestArguments& arguments) {
   if (arguments.json) {
     nlohmann::ordered_json json = RecordJson(*record, file_bytes);
     json["notes"] = notes;
+    for (const StageCost& stage : report.stages) {
+      json["stages"].push_back({{"stage", stage.stage},
+                                {"seconds", stage.seconds},
+                                {"cpu_seconds", stage.cpu_seconds},
+                                {"tmp_bytes", stage.tmp_bytes}});
+    }
     PrintJson(json);
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
+    PrintStages(report, *record);
     for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
   }
   return Status::Ok();

@@ -82,6 +82,14 @@ Status List(const InspectArguments& arguments) {
 
 Status Verify(const InspectArguments& arguments, bool* ok) {
   CheckReport report;
+  if (!arguments.name.empty()) {
+    // A name that is not there is a mistake of the caller, unless the catalog is damaged.
+    const auto database = Database::Open(arguments.store);
+    if (database.ok()) {
+      const auto found = (*database)->Find(arguments.name);
+      if (found.status().code() == StatusCode::kNotFound) return found.status();
+    }
+  }
   MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report));
   if (arguments.level != "fast" && report.ok()) {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
