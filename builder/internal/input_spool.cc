@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "builder/internal/soup_join.h"
+
 namespace mtdb {
 
 namespace {
@@ -10,8 +12,11 @@ constexpr uint64_t kMaxVertices = 0xfffffffeull;
 }  // namespace
 
 InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
-    : vertex_spool_(space, memory_bytes / 2),
-      triangle_spool_(space, memory_bytes / 2),
+    : space_(space),
+      memory_bytes_(memory_bytes),
+      soup_spool_(space, memory_bytes / 4),
+      vertex_spool_(space, memory_bytes / 4),
+      triangle_spool_(space, memory_bytes / 4),
       lossless_(lossless) {}
 
 Status InputSpool::Begin(const MeshHeader& header) {
@@ -38,6 +43,11 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
                       "lose it; use --step or --bits");
     }
     bounds_.Add(p);
+    if (header_.soup) {
+      ++report_.vertices;
+      MTDB_RETURN_IF_ERROR(soup_spool_.Append(&f, 12));
+      continue;
+    }
     MTDB_RETURN_IF_ERROR(header_.double_positions ? vertex_spool_.Append(&p, 24)
                                                   : vertex_spool_.Append(&f, 12));
     if (row_bytes_ != 0) {
@@ -52,6 +62,14 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
   return Status::Ok();
 }
 
+Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
+  if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+    ++report_.degenerate_triangles;
+    return Status::Ok();
+  }
+  return triangle_spool_.Append(t.data(), kTriangleBytes);
+}
+
 Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
   for (const TriangleVertices& t : triangles) {
     for (const VertexIndex v : t) {
@@ -61,13 +79,9 @@ Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
       }
     }
     ++report_.triangles;
-    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
-      ++report_.degenerate_triangles;
-      continue;
-    }
-    const std::array<uint32_t, 3> narrow = {
-        static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])};
-    MTDB_RETURN_IF_ERROR(triangle_spool_.Append(narrow.data(), kTriangleBytes));
+    if (header_.soup) continue;  // their corners are all that there is to know
+    MTDB_RETURN_IF_ERROR(AppendTriangle(
+        {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])}));
   }
   return Status::Ok();
 }
@@ -77,6 +91,14 @@ Status InputSpool::End() {
     return BadInput("triangle " + std::to_string(largest_at_) + ": vertex index " +
                     std::to_string(largest_index_) + ", but the mesh has " +
                     std::to_string(report_.vertices) + " vertices");
+  }
+  if (header_.soup) {
+    MTDB_RETURN_IF_ERROR(soup_spool_.Finish());
+    MTDB_ASSIGN_OR_RETURN(
+        report_.vertices,
+        JoinSoup(soup_spool_, space_, memory_bytes_ / 4, &vertex_spool_,
+                 [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t); }));
+    soup_spool_ = Spool(space_, 0);
   }
   if (triangles() == 0) {
     return BadInput("no triangle to keep: " + std::to_string(report_.triangles) + " read, " +

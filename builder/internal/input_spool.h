@@ -21,6 +21,7 @@ class InputSpool final : public MeshSink {
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
   Status AddTriangles(std::span<const TriangleVertices> triangles) override;
   Status End() override;
+  bool joins_soup() const override { return true; }
 
   const MeshHeader& header() const { return header_; }
   uint64_t vertices() const { return report_.vertices; }
@@ -38,7 +39,12 @@ class InputSpool final : public MeshSink {
   static constexpr size_t kTriangleBytes = 12;
 
  private:
+  Status AppendTriangle(const std::array<uint32_t, 3>& t);
+
   MeshHeader header_;
+  const SpoolSpace* space_;
+  size_t memory_bytes_;
+  Spool soup_spool_;  // corners of a soup: 3 float32
   Spool vertex_spool_;
   Spool triangle_spool_;
   InputReport report_;

@@ -16,13 +16,24 @@ namespace {
 constexpr size_t kHeaderBytes = 84;    // 80 of any text, and the count
 constexpr size_t kTriangleBytes = 50;  // normal, three corners, two bytes
 
-// Joins corners and sends what is new.
+// Joins corners and sends what is new, or sends all where the sink joins them.
 class SoupEmitter {
  public:
-  explicit SoupEmitter(MeshSink& sink) : emitter_(sink) {}
+  explicit SoupEmitter(MeshSink& sink) : emitter_(sink), raw_(sink.joins_soup()) {}
 
-  Status Begin(const MeshHeader& header) { return emitter_.Begin(header); }
+  Status Begin(MeshHeader header) {
+    header.soup = raw_;
+    return emitter_.Begin(header);
+  }
   Status AddTriangle(const std::string& path, const std::array<Vec3f, 3>& corners) {
+    empty_ = false;
+    if (raw_) {
+      for (const Vec3f& p : corners) {
+        MTDB_RETURN_IF_ERROR(emitter_.AddVertex({p.x, p.y, p.z}, {}));
+      }
+      next_ += 3;
+      return emitter_.AddTriangle(next_ - 3, next_ - 2, next_ - 1);
+    }
     TriangleVertices triangle{};
     for (size_t i = 0; i < 3; ++i) {
       if (joiner_.size() == VertexJoiner::kMaxVertices) {
@@ -38,10 +49,13 @@ class SoupEmitter {
     return emitter_.AddTriangle(triangle[0], triangle[1], triangle[2]);
   }
   Status End() { return emitter_.End(); }
-  bool empty() const { return joiner_.size() == 0; }
+  bool empty() const { return empty_; }
 
  private:
   MeshEmitter emitter_;
+  const bool raw_;
+  VertexIndex next_ = 0;
+  bool empty_ = true;
   VertexJoiner joiner_;
 };
 

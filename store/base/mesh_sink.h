@@ -22,6 +22,7 @@ using TriangleVertices = std::array<VertexIndex, 3>;  // counter-clockwise from 
 struct MeshHeader {
   AttributeLayout attributes;
   bool double_positions = false;           // positions need more than float32
+  bool soup = false;                       // see MeshSink::joins_soup
   std::optional<uint64_t> vertex_count;    // always set by query results
   std::optional<uint64_t> triangle_count;  // likewise
 };
@@ -37,6 +38,10 @@ class MeshSink {
   virtual Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) = 0;
   virtual Status AddTriangles(std::span<const TriangleVertices> triangles) = 0;
   virtual Status End() = 0;
+  // True when the sink gives vertices of equal position one number itself. Formats without shared
+  // vertices are then sent with header.soup: three vertices for each triangle, in its order, and
+  // the triangles (0, 1, 2), (3, 4, 5), ...; else their readers join the vertices in memory.
+  virtual bool joins_soup() const { return false; }
 };
 
 // A mesh in memory.

@@ -44,7 +44,7 @@ const std::map<std::string, std::set<std::string>> kLibraryUsers{
     {"zdict", {"codecs/", "tests/", "bench/"}},
     {"embree", {"tools/", "tests/", "bench/"}},
     {"png", {"tools/", "tests/"}},
-    {"CLI/", {"tools/"}},
+    {"CLI/", {"tools/", "bench/"}},
     {"nlohmann/", {"tools/", "tests/", "bench/"}},
     {"meshoptimizer", {"tests/", "bench/"}},
     {"benchmark/", {"bench/"}},

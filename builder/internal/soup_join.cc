@@ -1,0 +1,199 @@
+#include "builder/internal/soup_join.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <vector>
+
+#include "store/base/geometry.h"
+#include "store/base/hash.h"
+#include "store/base/ids.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr size_t kCornerBytes = sizeof(Vec3f);
+// A part's memory per corner: its position, and two slots of the table in the worst case.
+constexpr size_t kPartMemory = kCornerBytes + 2 * sizeof(uint32_t);
+constexpr uint64_t kMaxParts = 256;
+constexpr uint64_t kMaxVertices = 0xfffffffeull;
+
+Vec3f Normalized(const std::byte* bytes) {
+  Vec3f p;
+  std::memcpy(&p, bytes, sizeof(p));
+  return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};  // -0 + 0 = +0
+}
+
+uint64_t HashOf(Vec3f p) {
+  const uint64_t xy = uint64_t{std::bit_cast<uint32_t>(p.x)} << 32 | std::bit_cast<uint32_t>(p.y);
+  return Mix64(Mix64(xy) ^ std::bit_cast<uint32_t>(p.z));
+}
+
+class SoupJoin {
+ public:
+  SoupJoin(const Spool& soup, const SpoolSpace* space, size_t memory_bytes)
+      : soup_(soup), space_(space) {
+    const uint64_t corners = soup.size() / kCornerBytes;
+    parts_ = std::min(kMaxParts, corners * kPartMemory / std::max<size_t>(memory_bytes / 2, 1) + 1);
+    part_memory_ = memory_bytes / 2 / parts_ / 4;
+  }
+
+  Result<uint64_t> Run(Spool* vertices,
+                       const std::function<Status(const std::array<uint32_t, 3>&)>& receive) {
+    MTDB_RETURN_IF_ERROR(Spread());
+    MTDB_RETURN_IF_ERROR(Group());
+    MTDB_ASSIGN_OR_RETURN(const uint64_t count, Number(vertices));
+    MTDB_RETURN_IF_ERROR(Translate());
+    SpoolReader reader(&soup_);
+    std::vector<SpoolReader> numbers = Readers(numbers_);
+    for (uint64_t left = soup_.size() / kCornerBytes / 3; left > 0; --left) {
+      std::array<uint32_t, 3> t;
+      for (uint32_t& v : t) {
+        const std::byte* corner = reader.Next(kCornerBytes);
+        if (corner == nullptr) return reader.status();
+        SpoolReader& from = numbers[Part(Normalized(corner))];
+        const std::byte* number = from.Next(sizeof(v));
+        if (number == nullptr) return from.status();
+        std::memcpy(&v, number, sizeof(v));
+      }
+      MTDB_RETURN_IF_ERROR(receive(t));
+    }
+    return count;
+  }
+
+ private:
+  uint64_t Part(Vec3f p) const { return (HashOf(p) >> 40) % parts_; }
+
+  std::vector<Spool> Spools() const {
+    std::vector<Spool> spools;
+    for (uint64_t r = 0; r < parts_; ++r) spools.emplace_back(space_, part_memory_);
+    return spools;
+  }
+  std::vector<SpoolReader> Readers(const std::vector<Spool>& spools) const {
+    const size_t block = std::clamp<size_t>(part_memory_, 4096, Spool::kBlock);
+    std::vector<SpoolReader> readers;
+    for (const Spool& s : spools) readers.emplace_back(&s, 0, ~uint64_t{0}, block);
+    return readers;
+  }
+  static Status FinishAll(std::vector<Spool>& spools) {
+    for (Spool& s : spools) MTDB_RETURN_IF_ERROR(s.Finish());
+    return Status::Ok();
+  }
+
+  // Corners to the parts of their positions.
+  Status Spread() {
+    positions_ = Spools();
+    SpoolReader reader(&soup_);
+    while (reader.remaining() != 0) {
+      const std::byte* corner = reader.Next(kCornerBytes);
+      if (corner == nullptr) return reader.status();
+      const Vec3f p = Normalized(corner);
+      MTDB_RETURN_IF_ERROR(positions_[Part(p)].Append(&p, kCornerBytes));
+    }
+    return FinishAll(positions_);
+  }
+
+  // Within a part, equal positions get a number of the part's own, in the order of first sight.
+  Status Group() {
+    groups_ = Spools();
+    std::vector<Vec3f> known;
+    std::vector<uint32_t> slots;
+    for (uint64_t r = 0; r < parts_; ++r) {
+      known.clear();
+      const uint64_t corners = positions_[r].size() / kCornerBytes;
+      if (corners >= kNone32) {
+        return Status(
+            StatusCode::kBudgetExceeded,
+            "billions of corners have positions of one hash; such a mesh cannot be built");
+      }
+      slots.assign(std::bit_ceil(corners + corners / 2 + 2), kNone32);
+      SpoolReader reader(&positions_[r]);
+      for (uint64_t i = 0; i < corners; ++i) {
+        const std::byte* bytes = reader.Next(kCornerBytes);
+        if (bytes == nullptr) return reader.status();
+        Vec3f p;
+        std::memcpy(&p, bytes, sizeof(p));
+        size_t slot = HashOf(p) & (slots.size() - 1);
+        while (slots[slot] != kNone32 && known[slots[slot]] != p) {
+          slot = (slot + 1) & (slots.size() - 1);
+        }
+        if (slots[slot] == kNone32) {
+          slots[slot] = static_cast<uint32_t>(known.size());
+          known.push_back(p);
+        }
+        MTDB_RETURN_IF_ERROR(groups_[r].Append(&slots[slot], sizeof(uint32_t)));
+      }
+      positions_[r] = Spool(space_, 0);
+    }
+    return FinishAll(groups_);
+  }
+
+  // The soup's order decides the vertices' numbers: a part's group is new when its number is.
+  Result<uint64_t> Number(Spool* vertices) {
+    first_numbers_ = Spools();
+    std::vector<SpoolReader> groups = Readers(groups_);
+    std::vector<uint32_t> seen(parts_, 0);
+    SpoolReader reader(&soup_);
+    uint64_t count = 0;
+    while (reader.remaining() != 0) {
+      const std::byte* corner = reader.Next(kCornerBytes);
+      if (corner == nullptr) return reader.status();
+      const Vec3f p = Normalized(corner);
+      const uint64_t r = Part(p);
+      const std::byte* bytes = groups[r].Next(sizeof(uint32_t));
+      if (bytes == nullptr) return groups[r].status();
+      uint32_t group = 0;
+      std::memcpy(&group, bytes, sizeof(group));
+      if (group != seen[r]) continue;
+      ++seen[r];
+      if (count == kMaxVertices) {
+        return Status(StatusCode::kUnsupported,
+                      "more than 4294967294 vertices in one object; ingest the parts as objects of "
+                      "their own");
+      }
+      const auto number = static_cast<uint32_t>(count++);
+      MTDB_RETURN_IF_ERROR(vertices->Append(&p, kCornerBytes));
+      MTDB_RETURN_IF_ERROR(first_numbers_[r].Append(&number, sizeof(number)));
+    }
+    MTDB_RETURN_IF_ERROR(FinishAll(first_numbers_));
+    return count;
+  }
+
+  // Group numbers to vertex numbers, part by part.
+  Status Translate() {
+    numbers_ = Spools();
+    std::vector<uint32_t> number_of;
+    for (uint64_t r = 0; r < parts_; ++r) {
+      number_of.resize(first_numbers_[r].size() / sizeof(uint32_t));
+      MTDB_RETURN_IF_ERROR(
+          first_numbers_[r].Read(0, number_of.data(), number_of.size() * sizeof(uint32_t)));
+      SpoolReader reader(&groups_[r]);
+      while (reader.remaining() != 0) {
+        const std::byte* bytes = reader.Next(sizeof(uint32_t));
+        if (bytes == nullptr) return reader.status();
+        uint32_t group = 0;
+        std::memcpy(&group, bytes, sizeof(group));
+        MTDB_RETURN_IF_ERROR(numbers_[r].Append(&number_of[group], sizeof(uint32_t)));
+      }
+      groups_[r] = Spool(space_, 0);
+    }
+    return FinishAll(numbers_);
+  }
+
+  const Spool& soup_;
+  const SpoolSpace* space_;
+  uint64_t parts_ = 1;
+  size_t part_memory_ = 0;
+  std::vector<Spool> positions_, groups_, first_numbers_, numbers_;  // per part
+};
+
+}  // namespace
+
+Result<uint64_t> JoinSoup(const Spool& soup, const SpoolSpace* space, size_t memory_bytes,
+                          Spool* vertices,
+                          const std::function<Status(const std::array<uint32_t, 3>&)>& receive) {
+  return SoupJoin(soup, space, memory_bytes).Run(vertices, receive);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,23 @@
+// JoinSoup: numbers the corners of a triangle soup by exact position, out of core.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+
+#include "builder/internal/spool.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// `soup` holds corners of 3 float32, three a triangle. Equal positions (-0 equals +0) become one
+// vertex; vertices are numbered in the order of first sight and appended to `vertices` (12 bytes
+// each). `receive` gets each triangle in its order. Returns the number of vertices.
+//
+// Positions are spread over parts by their hash, so that a part fits in memory; every stream is
+// written and read front to back.
+Result<uint64_t> JoinSoup(const Spool& soup, const SpoolSpace* space, size_t memory_bytes,
+                          Spool* vertices,
+                          const std::function<Status(const std::array<uint32_t, 3>&)>& receive);
+
+}  // namespace mtdb
