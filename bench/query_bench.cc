@@ -34,7 +34,7 @@ const BenchStore& Store() {
 // Around a vertex of the surface, of a side that holds about 1 % of the triangles.
 Query BoxQuery(const ObjectRecord& record) {
   const Vec3d centre = Sculpture(kTriangles).positions[Sculpture(kTriangles).positions.size() / 3];
-  const double half = 0.03 * record.diagonal();
+  const double half = 0.045 * record.diagonal();
   Box3d box;
   box.Add(centre - Vec3d{half, half, half});
   box.Add(centre + Vec3d{half, half, half});
