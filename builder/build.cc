@@ -81,8 +81,9 @@ Result<Grid> MakeGrid(const Box3d& bounds, const BuildOptions& options, uint8_t*
   }
   const double cells = longest / grid.step;
   if (!(cells < (1 << kMaxGridBits))) {
-    return InvalidArgument("--step: the mesh is more than 2^24 steps long; choose a larger step, or "
-                           "store it --lossless");
+    return InvalidArgument(
+        "--step: the mesh is more than 2^24 steps long; choose a larger step, or "
+        "store it --lossless");
   }
   *bits = options.step ? static_cast<uint8_t>(std::max(1.0, std::ceil(std::log2(cells + 1))))
                        : static_cast<uint8_t>(options.bits);

@@ -68,7 +68,7 @@ Status Spool::Spill(size_t next) {
   if (file_ < 0) {
     file_ = open(space_->directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (file_ < 0) {  // a file system without O_TMPFILE
-      std::string name = space_->directory + "/mtdb-XXXXXX";
+      std::string name = space_->directory + "/mtdb-" + std::string(6, 'X');
       file_ = mkostemp(name.data(), O_CLOEXEC);
       if (file_ < 0) return FileError(space_->directory, "create", errno);
       unlink(name.c_str());

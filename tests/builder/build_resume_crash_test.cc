@@ -10,29 +10,23 @@
 
 #include "store/verify_store.h"
 #include "tests/builder/fixture.h"
+#include "tests/support/temporary_folder.h"
 
 namespace mtdb::testing {
 
 namespace {
 
-// A folder of its own for store and journal, removed with the object.
-struct Folder {
-  Folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "mtdb-resume-XXXXXX").string();
-    REQUIRE(mkdtemp(pattern.data()) != nullptr);
-    path = pattern;
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::string store() const { return path + "/a.mtdb"; }
-  std::string journal() const { return path + "/a.journal"; }
-  std::string path;
+// Where a test's store and journal lie.
+struct Folder : TemporaryFolder {
+  std::string store() const { return path() + "/a.mtdb"; }
+  std::string journal() const { return path() + "/a.journal"; }
 };
 
 BuildOptions Options(const Folder& folder, bool resume) {
   BuildOptions options;
   options.tile_triangles = 512;
   options.threads = 2;
-  options.tmp_directory = folder.path;
+  options.tmp_directory = folder.path();
   options.journal_path = folder.journal();
   options.resume = resume;
   return options;

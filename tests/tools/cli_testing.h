@@ -17,6 +17,7 @@
 
 #include "codecs/mesh_file.h"
 #include "store/base/mesh_sink.h"
+#include "tests/support/temporary_folder.h"
 
 namespace mtdb::test {
 
@@ -26,21 +27,10 @@ using Arguments = std::vector<std::string>;
 // Files of one test case; removed with it.
 class Folder {
  public:
-  Folder() {
-    std::string path = (std::filesystem::temp_directory_path() / "mtdb_cli_XXXXXX").string();
-    REQUIRE(::mkdtemp(path.data()) != nullptr);
-    path_ = path;
-  }
-  ~Folder() {
-    std::error_code error;
-    std::filesystem::remove_all(path_, error);
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  std::string File(const std::string& name) const { return (path_ / name).string(); }
+  std::string File(const std::string& name) const { return folder_.path() + "/" + name; }
 
  private:
-  std::filesystem::path path_;
+  mtdb::testing::TemporaryFolder folder_;
 };
 
 // Empty when it is no file.

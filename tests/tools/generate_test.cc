@@ -17,6 +17,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
 #include "tools/internal/marching.h"
 #include "tools/internal/noise.h"
 
@@ -163,22 +164,13 @@ class VertexGrid {
   std::map<std::array<int64_t, 3>, std::vector<size_t>> cells_;
 };
 
-class TemporaryFolder {
+class Folder : public testing::TemporaryFolder {
  public:
-  TemporaryFolder() {
-    char name[] = "/tmp/mtdb_generate_XXXXXX";
-    REQUIRE(mkdtemp(name) != nullptr);
-    path_ = name;
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  std::string File(const std::string& name) const { return path_ + "/" + name; }
+  std::string File(const std::string& name) const { return path() + "/" + name; }
   size_t FileCount() const {
-    const std::filesystem::directory_iterator files(path_);
+    const std::filesystem::directory_iterator files(path());
     return static_cast<size_t>(std::distance(begin(files), end(files)));
   }
-
- private:
-  std::string path_;
 };
 
 std::string Contents(const std::string& path) {
@@ -303,7 +295,7 @@ TEST_CASE("the terrain is a manifold disc with one border") {
 }
 
 TEST_CASE("the same options give the same bytes, another seed others") {
-  const TemporaryFolder folder;
+  const Folder folder;
   for (const char* shape : {"sculpture", "terrain"}) {
     REQUIRE(GenerateFile(shape, {20'000, 4}, folder.File("a.ply")).ok());
     REQUIRE(GenerateFile(shape, {20'000, 4}, folder.File("b.ply")).ok());
@@ -316,7 +308,7 @@ TEST_CASE("the same options give the same bytes, another seed others") {
 }
 
 TEST_CASE("the file holds the mesh that the sink gets") {
-  const TemporaryFolder folder;
+  const Folder folder;
   const std::string path = folder.File("s.ply");
   REQUIRE(GenerateFile("sculpture", {5'000, 1}, path).ok());
   const TriangleMesh mesh = Make("sculpture", 5'000);
@@ -338,7 +330,7 @@ TEST_CASE("the file holds the mesh that the sink gets") {
 }
 
 TEST_CASE("wrong requests and unwritable paths are refused and leave nothing") {
-  const TemporaryFolder folder;
+  const Folder folder;
   const std::string path = folder.File("x.ply");
   CHECK(GenerateFile("teapot", {1000, 1}, path).code() == StatusCode::kInvalidArgument);
   CHECK(GenerateFile("sculpture", {99, 1}, path).code() == StatusCode::kInvalidArgument);

@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
+
 namespace mtdb {
 namespace {
 
@@ -207,9 +209,8 @@ TEST_CASE("looking straight down and meshes of no extent are drawn") {
 }
 
 TEST_CASE("libpng reads back the picture that was written") {
-  char folder[] = "/tmp/mtdb_render_XXXXXX";
-  REQUIRE(mkdtemp(folder) != nullptr);
-  const std::string path = std::string(folder) + "/a.png";
+  const testing::TemporaryFolder folder;
+  const std::string path = folder.path() + "/a.png";
   const RenderImage image = Render(OneTriangle(), Small());
   REQUIRE(WritePng(path, image).ok());
   CHECK_FALSE(std::filesystem::exists(path + ".part"));
@@ -222,7 +223,6 @@ TEST_CASE("libpng reads back the picture that was written") {
   std::vector<uint8_t> back(PNG_IMAGE_SIZE(png));
   REQUIRE(png_image_finish_read(&png, nullptr, back.data(), 0, nullptr) != 0);
   CHECK(back == image.rgb);
-  std::filesystem::remove_all(folder);
 }
 
 TEST_CASE("a picture that cannot be written names its path") {
