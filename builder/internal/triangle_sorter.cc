@@ -39,7 +39,7 @@ Status TriangleSorter::Add(const TileTriangle& triangle, const std::byte* rows) 
   if (keys_.size() == keys_.capacity()) {
     keys_.reserve(std::min(run_capacity_, keys_.capacity() + keys_.capacity() / 2 + 64));
   }
-  keys_.push_back({curve_.Code(triangle, grid_), static_cast<uint32_t>(keys_.size())});
+  keys_.push_back({0, static_cast<uint32_t>(keys_.size())});  // SortKeys finds the code
   const auto* bytes = reinterpret_cast<const std::byte*>(&triangle);
   records_.insert(records_.end(), bytes, bytes + sizeof(triangle));
   records_.insert(records_.end(), rows, rows + 3 * options_.row_bytes);
@@ -58,8 +58,14 @@ void TriangleSorter::SortKeys() {
   const auto bound = [&](size_t p) {
     return keys_.begin() + static_cast<std::ptrdiff_t>(n * std::min(p, parts) / parts);
   };
-  ParallelFor(parts, options_.threads,
-              [&](unsigned, size_t p) { std::sort(bound(p), bound(p + 1), before); });
+  ParallelFor(parts, options_.threads, [&](unsigned, size_t p) {
+    for (auto key = bound(p); key != bound(p + 1); ++key) {
+      TileTriangle triangle;
+      std::memcpy(&triangle, Record(key->index), sizeof(triangle));
+      key->code = curve_.Code(triangle, grid_);
+    }
+    std::sort(bound(p), bound(p + 1), before);
+  });
   for (size_t width = 1; width < parts; width *= 2) {
     for (size_t p = 0; p + width < parts; p += 2 * width) {
       std::inplace_merge(bound(p), bound(p + width), bound(p + 2 * width), before);
