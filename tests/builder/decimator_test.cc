@@ -261,6 +261,15 @@ TEST_CASE("Each removal's error bounds the sampled distance, both ways") {
   check(MakeSheet(20, 0.02), 1, 10, 0);
   check(MakeSheet(20, 0.3), 1, 10, 0);  // folds
   check(MakeSheet(20, 0.3), 1, 5, 1);
+  // Paper crumpled along its own plane: overhangs everywhere.
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> shift(-0.06, 0.06);
+  for (uint32_t seed = 1; seed <= 6; ++seed) {
+    TriangleMesh crumpled = MakeSheet(20, 0.01, seed);
+    for (Vec3d& p : crumpled.positions)
+      p += Vec3d{shift(random), shift(random), 0.3 * shift(random)};
+    check(crumpled, 1, 12, 0);
+  }
 }
 
 TEST_CASE("Errors that a tile brings along are part of what its removals promise") {
