@@ -66,9 +66,11 @@ std::string OwnerOfInternal(const std::string& path) {
   return at == std::string::npos ? "" : path.substr(0, at);
 }
 
+// A folder's own files and tests; benchmarks; and all tests what makes and measures meshes.
 bool MaySeeInternal(const std::string& file, const std::string& owner) {
   return file.starts_with(owner + "/") || file.starts_with("tests/" + owner + "/") ||
-         file.starts_with("bench/");
+         file.starts_with("bench/") ||
+         (file.starts_with("tests/") && (owner == "tools" || owner == "bench"));
 }
 
 // What is between the quotes or brackets of an #include line; empty for other lines.
