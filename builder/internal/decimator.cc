@@ -9,7 +9,7 @@ namespace mtdb {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kStaleGrowth = 1.25;  // of a stale error, until it is evaluated again
+constexpr double kStaleGrowth = 1.08;  // of a stale error, until it is evaluated again
 // Twice the area over the sum of squared edges, 1 for an equilateral triangle.
 double Shape(Vec3d a, Vec3d b, Vec3d c, Vec3d cross) {
   const double edges = SquaredLength(b - a) + SquaredLength(c - b) + SquaredLength(a - c);

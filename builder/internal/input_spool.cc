@@ -42,7 +42,6 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
                       ": a coordinate does not fit float32, so that --lossless would "
                       "lose it; use --step or --bits");
     }
-    bounds_.Add(p);
     if (header_.soup) {
       ++report_.vertices;
       MTDB_RETURN_IF_ERROR(soup_spool_.Append(&f, 12));
@@ -70,6 +69,26 @@ Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
   return triangle_spool_.Append(t.data(), kTriangleBytes);
 }
 
+// A stray vertex must not make the grid coarser.
+Status InputSpool::FindBounds() {
+  std::vector<bool> referenced(report_.vertices, false);
+  SpoolReader triangle_reader(&triangle_spool_);
+  for (uint64_t left = triangles(); left > 0; --left) {
+    const std::byte* bytes = triangle_reader.Next(kTriangleBytes);
+    if (bytes == nullptr) return triangle_reader.status();
+    std::array<uint32_t, 3> t;
+    std::memcpy(t.data(), bytes, kTriangleBytes);
+    for (const uint32_t v : t) referenced[v] = true;
+  }
+  SpoolReader vertex_reader(&vertex_spool_);
+  for (uint64_t v = 0; v < report_.vertices; ++v) {
+    const std::byte* bytes = vertex_reader.Next(vertex_bytes());
+    if (bytes == nullptr) return vertex_reader.status();
+    if (referenced[v]) bounds_.Add(Position(bytes));
+  }
+  return Status::Ok();
+}
+
 Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
   for (const TriangleVertices& t : triangles) {
     for (const VertexIndex v : t) {
@@ -79,7 +98,8 @@ Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
       }
     }
     ++report_.triangles;
-    if (header_.soup) continue;  // their corners are all that there is to know
+    if (header_.soup) continue;                   // their corners are all that there is to know
+    if (largest_index_ > kMaxVertices) continue;  // an error, at End()
     MTDB_RETURN_IF_ERROR(AppendTriangle(
         {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])}));
   }
@@ -106,7 +126,8 @@ Status InputSpool::End() {
                     " of them with two equal vertices; mtdb stores surfaces");
   }
   MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
-  return triangle_spool_.Finish();
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  return FindBounds();
 }
 
 Vec3d InputSpool::Position(const std::byte* vertex) const {

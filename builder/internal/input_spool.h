@@ -27,7 +27,7 @@ class InputSpool final : public MeshSink {
   uint64_t vertices() const { return report_.vertices; }
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
   const InputReport& report() const { return report_; }
-  const Box3d& bounds() const { return bounds_; }  // of all vertices, referenced or not
+  const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
   size_t row_bytes() const { return row_bytes_; }
   // A vertex: position (3 float32 or 3 float64), then its row.
   size_t vertex_bytes() const { return position_bytes_ + row_bytes_; }
@@ -48,6 +48,8 @@ class InputSpool final : public MeshSink {
   Spool vertex_spool_;
   Spool triangle_spool_;
   InputReport report_;
+  Status FindBounds();
+
   Box3d bounds_;
   bool lossless_;
   bool begun_ = false;
