@@ -10,10 +10,11 @@ namespace mtdb {
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStaleGrowth = 1.08;  // of a stale error, until it is evaluated again
-// Twice the area over the sum of squared edges, 1 for an equilateral triangle.
+// How well a triangle is shaped: its squared area over the square of its summed squared edges, 1 for
+// an equilateral one.
 double Shape(Vec3d a, Vec3d b, Vec3d c, Vec3d cross) {
   const double edges = SquaredLength(b - a) + SquaredLength(c - b) + SquaredLength(a - c);
-  return edges > 0 ? 3.4641016151377544 * Length(cross) / edges : 0;
+  return edges > 0 ? 12 * SquaredLength(cross) / (edges * edges) : 0;
 }
 }  // namespace
 
@@ -90,6 +91,7 @@ void Decimator::Load(std::span<const TileTriangle> tile, const Grid& grid) {
   verdict_.assign(vertex_count, Verdict::kLegal);
   stamp_.assign(vertex_count, 0);
   last_error_.assign(vertex_count, 0);
+  careful_.assign(vertex_count, 0);
   kept_.resize(vertex_count);
   ring_mark_.assign(vertex_count, 0);
   heap_.clear();
@@ -260,48 +262,27 @@ bool Decimator::EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan) {
         Shape(positions_[ring_[i]], positions_[ring_[m]], positions_[ring_[j]], cross);
     return shape_weight_ * (1 - shape);
   });
-  // Curves are dear: guess the errors of all edges, find those of the edges that the best
-  // triangulation uses, and try again with what is known by then.
+  // Curves are dear: the triangulation is chosen by guesses of its edges' errors, and only the
+  // curves of the edges that it uses are found. Where one of them has none, all are.
   GuessEdgeErrors(k, n);
-  std::array<uint16_t, kMaxDegree> known{};  // bit j of known[i]
-  const auto find_curve = [&](uint32_t i, uint32_t j) {
-    if (known[i] >> j & 1 || forbidden_[i][j]) return;
-    known[i] = static_cast<uint16_t>(known[i] | 1u << j);
+  if (!Triangulate(plan)) return false;
+  bool usable = true;
+  for (uint32_t t = 1; t < k - 2; ++t) {
+    const auto [i, m, j] = plan.triangles[t];
     edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
-  };
-  constexpr int kGuesses = 2;
-  for (int attempt = 0; attempt < kGuesses; ++attempt) {
-    if (!Triangulate(plan)) return false;
-    bool complete = true;
-    for (uint32_t t = 1; t < k - 2; ++t) {
-      const auto [i, m, j] = plan.triangles[t];
-      if (known[i] >> j & 1) continue;
-      find_curve(i, j);
-      complete = false;
-    }
-    if (complete) {
-      MeasureByOverlay(n, plan);
-      return true;
-    }
+    usable &= edge_error_[i][j] >= 0;
   }
-  // Then among known edges only; among all when these do not suffice.
-  for (const bool all : {false, true}) {
+  if (!usable) {
     for (uint32_t i = 0; i < k; ++i) {
       for (uint32_t j = i + 2; j < k; ++j) {
-        if (i == 0 && j == k - 1) continue;
-        if (all) {
-          find_curve(i, j);
-        } else if (!(known[i] >> j & 1)) {
-          edge_error_[i][j] = -1;
-        }
+        if ((i == 0 && j == k - 1) || forbidden_[i][j]) continue;
+        edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
       }
     }
-    if (Triangulate(plan)) {
-      MeasureByOverlay(n, plan);
-      return true;
-    }
+    if (!Triangulate(plan)) return false;
   }
-  return false;
+  MeasureByOverlay(n, plan);
+  return true;
 }
 
 void Decimator::GuessEdgeErrors(uint32_t k, Vec3d n) {
@@ -475,13 +456,9 @@ Decimator::Verdict Decimator::Evaluate(uint32_t v, Plan& plan) {
   double height = 0;
   for (const uint32_t r : ring_) height += Dot(positions_[r] - positions_[v], n);
   shape_weight_ = 0.05 * height * height / (k * k) + 1e-9 * length;
-  // That a diagonal exists already is rare: look for it in the plan, and only then plan again.
-  for (const bool existing : {false, true}) {
-    MarkForbiddenEdges(existing);
-    if (!(length > 0 && EvaluateByOverlay(v, n, plan)) && !EvaluateConservatively(v, n, plan)) {
-      return Verdict::kTopology;
-    }
-    if (existing || !UsesExistingEdge(plan)) break;
+  MarkForbiddenEdges(careful_[v]);
+  if (!(length > 0 && EvaluateByOverlay(v, n, plan)) && !EvaluateConservatively(v, n, plan)) {
+    return Verdict::kTopology;
   }
   Keep(v, plan);
   return Verdict::kLegal;
@@ -519,7 +496,7 @@ bool Decimator::Recall(uint32_t v, Plan& plan) {
     if (t > 0) edge_error_[plan.triangles[t][0]][plan.triangles[t][2]] = kept.edge_errors[t];
   }
   // A removal elsewhere may have joined two vertices of the ring since.
-  if (!EdgesAreFree(plan.boundary) || UsesExistingEdge(plan)) return false;
+  if (!EdgesAreFree(plan.boundary)) return false;
   if (plan.boundary) edge_error_[0][plan.k - 1] = BorderCurveError(v, ring_[plan.k - 1], ring_[0]);
   const Vec3d normal = CollectSamples(v, plan.boundary);
   MeasureByOverlay(normal * (1 / Length(normal)), plan);
@@ -701,6 +678,13 @@ TileResult Decimator::Decimate(std::span<const TileTriangle> tile, const Grid& g
       }
     }
     if (plan.error > options_.largest_error) continue;
+    if (UsesExistingEdge(plan)) {
+      // Rare, and found out here only: plan again without the edges that exist.
+      careful_[v] = 1;
+      verdict_[v] = Evaluate(v, plan);
+      if (verdict_[v] == Verdict::kLegal) Push(v, plan.error);
+      continue;
+    }
     Commit(v, plan);
     // A neighbour that was stuck may be free now.
     for (const uint32_t r : std::vector<uint32_t>(ring_)) {

@@ -95,6 +95,7 @@ class Decimator {
   std::vector<Vec3d> positions_;     // work units
   std::vector<uint32_t> half_edge_;  // outgoing; of a border vertex the one on the border
   std::vector<uint8_t> locked_, fixed_, on_border_, removed_, dirty_;
+  std::vector<uint8_t> careful_;       // a plan used an edge that exists: look for them first
   std::vector<uint32_t> next_sample_;  // list of removed vertices
   std::vector<Verdict> verdict_;
   std::vector<KeptPlan> kept_;      // of vertices that are not dirty

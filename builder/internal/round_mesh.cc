@@ -13,39 +13,44 @@ constexpr uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
                    std::vector<uint32_t>& opposite) {
   // Buckets by smaller end; within a bucket (a handful of edges) all pairs are compared.
+  struct Use {
+    uint32_t larger;
+    uint32_t half_edge;
+    bool forward;  // from the smaller end to the larger
+  };
   const auto n = static_cast<uint32_t>(3 * triangles.size());
   opposite.assign(n, kNone32);
   std::vector<uint32_t> begin(vertex_count + 1, 0);
-  const auto ends = [&](uint32_t h) {
-    const auto& t = triangles[h / 3];
-    return std::pair(t[h % 3], t[(h + 1) % 3]);
-  };
-  for (uint32_t h = 0; h < n; ++h) {
-    const auto [a, b] = ends(h);
-    ++begin[std::min(a, b) + 1];
+  for (const auto& t : triangles) {
+    for (size_t c = 0; c < 3; ++c) ++begin[std::min(t[c], t[c == 2 ? 0 : c + 1]) + 1];
   }
   for (uint32_t v = 0; v < vertex_count; ++v) begin[v + 1] += begin[v];
-  std::vector<uint32_t> bucket(n);
+  std::vector<Use> uses(n);
   std::vector<uint32_t> at(begin.begin(), begin.end() - 1);
-  for (uint32_t h = 0; h < n; ++h) {
-    const auto [a, b] = ends(h);
-    bucket[at[std::min(a, b)]++] = h;
+  uint32_t h = 0;
+  for (const auto& t : triangles) {
+    for (size_t c = 0; c < 3; ++c, ++h) {
+      const uint32_t a = t[c];
+      const uint32_t b = t[c == 2 ? 0 : c + 1];
+      uses[at[std::min(a, b)]++] = {std::max(a, b), h, a < b};
+    }
   }
   for (uint32_t v = 0; v < vertex_count; ++v) {
-    for (uint32_t i = begin[v]; i < begin[v + 1]; ++i) {
-      const auto [a, b] = ends(bucket[i]);
+    const auto bucket = std::span(uses).subspan(begin[v], begin[v + 1] - begin[v]);
+    for (const Use& use : bucket) {
       uint32_t twin = kNone32;
       int forward = 0;
       int backward = 0;
-      for (uint32_t j = begin[v]; j < begin[v + 1]; ++j) {
-        const auto [c, d] = ends(bucket[j]);
-        forward += a == c && b == d;
-        if (a == d && b == c) {
+      for (const Use& other : bucket) {
+        if (other.larger != use.larger) continue;
+        if (other.forward == use.forward) {
+          ++forward;
+        } else {
           ++backward;
-          twin = bucket[j];
+          twin = other.half_edge;
         }
       }
-      if (forward == 1 && backward == 1) opposite[bucket[i]] = twin;
+      if (forward == 1 && backward == 1) opposite[use.half_edge] = twin;
     }
   }
 }

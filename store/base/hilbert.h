@@ -21,24 +21,22 @@ constexpr uint64_t SpreadBits(uint64_t x) {
 // The position of a point on the Hilbert curve through the cube of 2^21 points a side. Each
 // coordinate must be below 2^21. After J. Skilling, "Programming the Hilbert curve" (2004).
 constexpr uint64_t HilbertCode(std::array<uint32_t, 3> p) {
-  constexpr uint32_t kTop = 1u << (kHilbertBits - 1);
-  for (uint32_t q = kTop; q > 1; q >>= 1) {
-    const uint32_t low = q - 1;
-    for (int i = 0; i < 3; ++i) {
-      if (p[i] & q) {
-        p[0] ^= low;
-      } else {
-        const uint32_t t = (p[0] ^ p[i]) & low;
-        p[0] ^= t;
-        p[i] ^= t;
-      }
+  for (int bit = kHilbertBits - 1; bit > 0; --bit) {
+    const uint32_t low = (1u << bit) - 1;
+    for (uint32_t& v : p) {
+      // A set bit inverts p[0] below it; a clear one exchanges p[0] and v there. No branches.
+      const uint32_t set = 0u - (v >> bit & 1u);
+      const uint32_t exchange = (p[0] ^ v) & low & ~set;
+      p[0] ^= exchange | (low & set);
+      if (&v != &p[0]) v ^= exchange;
     }
   }
   p[1] ^= p[0];
   p[2] ^= p[1];
   uint32_t t = 0;
-  for (uint32_t q = kTop; q > 1; q >>= 1)
-    if (p[2] & q) t ^= q - 1;
+  for (int bit = kHilbertBits - 1; bit > 0; --bit) {
+    t ^= ((1u << bit) - 1) & (0u - (p[2] >> bit & 1u));
+  }
   for (uint32_t& v : p) v ^= t;
   return SpreadBits(p[0]) << 2 | SpreadBits(p[1]) << 1 | SpreadBits(p[2]);
 }
