@@ -10,8 +10,8 @@ namespace mtdb {
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStaleGrowth = 1.08;  // of a stale error, until it is evaluated again
-// How well a triangle is shaped: its squared area over the square of its summed squared edges, 1 for
-// an equilateral one.
+// How well a triangle is shaped: its squared area over the square of its summed squared edges, 1
+// for an equilateral one.
 double Shape(Vec3d a, Vec3d b, Vec3d c, Vec3d cross) {
   const double edges = SquaredLength(b - a) + SquaredLength(c - b) + SquaredLength(a - c);
   return edges > 0 ? 12 * SquaredLength(cross) / (edges * edges) : 0;
