@@ -2,48 +2,82 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "store/base/hash.h"
 
 namespace mtdb {
 
-Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles, size_t expected_slots) {
-  const size_t n = in_triangles.size();
-  origin_.reserve(3 * expected_slots);
-  opposite_.reserve(3 * expected_slots);
-  removers_.reserve(expected_slots);
-  for (const auto& t : in_triangles) origin_.insert(origin_.end(), t.begin(), t.end());
-  opposite_.assign(3 * n, kNone32);
-  removers_.assign(n, kNone32);
+int Exponent(double x) {
+  const int biased = static_cast<int>(std::bit_cast<uint64_t>(x) >> 52 & 0x7ff);
+  return biased < 1023 ? 0 : biased - 1023;
+}
 
-  // Pairs each directed edge with its reverse. An edge that occurs twice in one direction is
-  // non-manifold: it pairs with nothing.
-  const size_t capacity = std::bit_ceil(6 * n + 2);
+Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles,
+             const std::vector<Vec3d>& points, size_t expected_slots)
+    : points_(points) {
+  triangles_.reserve(expected_slots);
+  for (const auto& corners : in_triangles) {
+    Triangle& t = triangles_.emplace_back();
+    t.corners = corners;
+    t.opposite = {kNone32, kNone32, kNone32};
+    t.remover = kNone32;
+    std::array<double, 3> squared;
+    for (size_t i = 0; i < 3; ++i) {
+      squared[i] = SquaredLength(points_[corners[i == 2 ? 0 : i + 1]] - points_[corners[i]]);
+    }
+    SetShape(t, squared);
+  }
+  PairEdges();
+}
+
+// Pairs each directed edge with its reverse. An edge that occurs twice in one direction is
+// non-manifold: it pairs with nothing.
+void Patch::PairEdges() {
+  const auto n = static_cast<uint32_t>(triangles_.size());
   struct Entry {
     uint64_t edge = ~0ull;
     uint32_t half_edge = kNone32;
     bool repeated = false;
   };
+  const size_t capacity = std::bit_ceil(6 * size_t{n} + 2);
   std::vector<Entry> table(capacity);
   const auto find = [&](uint64_t edge) -> Entry& {
     size_t i = Mix64(edge) & (capacity - 1);
     while (table[i].edge != ~0ull && table[i].edge != edge) i = (i + 1) & (capacity - 1);
     return table[i];
   };
-  const auto edge_of = [&](uint32_t h) {
-    return (static_cast<uint64_t>(origin_[h]) << 32) | origin_[Next(h)];
+  const auto edge_of = [&](uint32_t slot, size_t i) {
+    const auto& c = triangles_[slot].corners;
+    return (static_cast<uint64_t>(c[i]) << 32) | c[i == 2 ? 0 : i + 1];
   };
-  for (uint32_t h = 0; h < 3 * n; ++h) {
-    Entry& e = find(edge_of(h));
-    e.repeated |= e.half_edge != kNone32;
-    e.edge = edge_of(h);
-    e.half_edge = h;
+  for (uint32_t slot = 0; slot < n; ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) {
+      Entry& e = find(edge_of(slot, i));
+      e.repeated |= e.half_edge != kNone32;
+      e.edge = edge_of(slot, i);
+      e.half_edge = 4 * slot + i;
+    }
   }
-  for (uint32_t h = 0; h < 3 * n; ++h) {
-    const uint64_t edge = edge_of(h);
-    const Entry& e = find(edge);
-    const Entry& twin = find((edge << 32) | (edge >> 32));
-    if (!e.repeated && twin.half_edge != kNone32 && !twin.repeated) opposite_[h] = twin.half_edge;
+  for (uint32_t slot = 0; slot < n; ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint64_t edge = edge_of(slot, i);
+      const Entry& twin = find((edge << 32) | (edge >> 32));
+      if (twin.half_edge == kNone32 || twin.repeated || find(edge).repeated) continue;
+      triangles_[slot].opposite[i] = twin.half_edge;
+    }
+  }
+}
+
+void Patch::SetShape(Triangle& t, const std::array<double, 3>& squared) {
+  const double sum = squared[0] + squared[1] - squared[2];
+  const double area = std::sqrt(std::max(4 * squared[0] * squared[1] - sum * sum, 1.0));
+  const double scale = 8 / area;  // `area` is four times the triangle's
+  for (size_t i = 0; i < 3; ++i) {
+    const double others = squared[(i + 1) % 3] + squared[(i + 2) % 3] - squared[i];
+    const double cotangent = std::min<double>(kMaxCotangent, others * scale);
+    t.cotangent[i] = static_cast<int8_t>(std::floor(std::max<double>(-kMaxCotangent, cotangent)));
+    t.length[i] = static_cast<uint8_t>(Exponent(squared[i]));
   }
 }
 
@@ -57,23 +91,24 @@ void Patch::InsertStar(uint32_t vertex, bool boundary) {
   const auto k = static_cast<uint32_t>(ring_.size());
   const uint32_t count = boundary ? k - 1 : k;
   const uint32_t first = slots();
-  removers_.resize(first + count, kNone32);
-  origin_.resize(3 * (first + count));
-  opposite_.resize(3 * (first + count), kNone32);
+  const Vec3d apex = points_[vertex];
+  spokes_.resize(k);
+  for (uint32_t j = 0; j < k; ++j) spokes_[j] = SquaredLength(points_[ring_[j]] - apex);
+  triangles_.resize(first + count);
   for (uint32_t j = 0; j < count; ++j) {
-    const uint32_t h = 3 * (first + j);
-    origin_[h] = vertex;
-    origin_[h + 1] = ring_[j];
-    origin_[h + 2] = ring_[j + 1 == k ? 0 : j + 1];
-    Link(h + 1, outer_[j]);
-    if (j > 0) Link(h, 3 * (first + j - 1) + 2);
+    const uint32_t after = j + 1 == k ? 0 : j + 1;
+    Triangle& t = triangles_[first + j];
+    t.corners = {vertex, ring_[j], ring_[after]};
+    t.remover = kNone32;
+    t.opposite = {4 * (first + j - 1) + 2, kNone32, 4 * (first + j + 1)};
+    const double edge = SquaredLength(points_[ring_[after]] - points_[ring_[j]]);
+    SetShape(t, {spokes_[j], edge, spokes_[after]});
+    Link(4 * (first + j) + 1, outer_[j]);
   }
-  if (boundary) {
-    // The split edge's neighbour, if any, is a neighbour no more.
-    if (outer_[k - 1] != kNone32) opposite_[outer_[k - 1]] = kNone32;
-  } else {
-    Link(3 * first, 3 * (first + count - 1) + 2);
-  }
+  triangles_[first].opposite[0] = boundary ? kNone32 : 4 * (first + count - 1) + 2;
+  triangles_[first + count - 1].opposite[2] = boundary ? kNone32 : 4 * first;
+  // A split edge's neighbour, if any, is a neighbour no more.
+  if (boundary && outer_[k - 1] != kNone32) Link(outer_[k - 1], kNone32);
 }
 
 }  // namespace mtdb
