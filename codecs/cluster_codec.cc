@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "codecs/internal/attribute_coder.h"
 #include "codecs/internal/cluster_model.h"
@@ -19,21 +20,43 @@ int32_t Sum(int32_t expected, int32_t residual) {
   return static_cast<int32_t>(static_cast<uint32_t>(expected) + static_cast<uint32_t>(residual));
 }
 
-Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model, const HoleFrame& frame,
+[[gnu::always_inline]] inline Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model, const HoleFrame& frame,
                    size_t ring_class, bool scaled_by_error, uint8_t code) {
   Vec3i p;
   const Expectation u = frame.ExpectU();
   p[frame.axis_u()] = Sum(u.value, model.CodeScaled(coder, 0, ring_class, u.variance, 0));
   const Expectation v = frame.ExpectV(p[frame.axis_u()]);
   p[frame.axis_v()] = Sum(v.value, model.CodeScaled(coder, 1, ring_class, v.variance, 0));
-  const Expectation n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
+  const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
   const int32_t residual =
       scaled_by_error
-          ? model.CodeWithin(coder, ring_class, ErrorInCells(code) * frame.slant(), 0)
-          : model.CodeScaled(coder, 2, ring_class, n.variance, 0);
-  p[frame.axis_n()] = Sum(n.value, residual);
+          ? model.CodeWithin(coder, ring_class, kErrorInCells[code] * frame.slant(), 0)
+          : model.CodeScaled(coder, 2, ring_class, frame.unevenness(), 0);
+  p[frame.axis_n()] = Sum(n, residual);
   return p;
 }
+
+// Appends ranges of at most kMaxRing numbers, by copying whole blocks.
+class RangeAppender {
+ public:
+  RangeAppender(std::vector<uint32_t>& out, size_t expected) : out_(out) {
+    out_.resize(expected + kMaxRing);
+  }
+  // `from` has kMaxRing readable entries. Returns how many were appended in all.
+  uint32_t Append(const uint32_t* from, size_t count) {
+    if (size_ + kMaxRing > out_.size()) out_.resize(out_.size() + out_.size() / 2 + kMaxRing);
+    constexpr size_t kBlock = 12;
+    std::memcpy(out_.data() + size_, from, kBlock * sizeof(uint32_t));
+    if (count > kBlock) std::memcpy(out_.data() + size_, from, kMaxRing * sizeof(uint32_t));
+    size_ += count;
+    return static_cast<uint32_t>(size_);
+  }
+  void Finish() { out_.resize(size_); }
+
+ private:
+  std::vector<uint32_t>& out_;
+  size_t size_ = 0;
+};
 
 }  // namespace
 
@@ -106,28 +129,21 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
   cluster.in.positions.reserve(external + n);
   cluster.in.rows.reserve((external + n) * row);
   cluster.error_codes.reserve(n);
-  for (auto* begins : {&cluster.ring_begin, &cluster.star_begin, &cluster.hole_begin}) {
-    begins->reserve(n + 1);
-  }
-  cluster.ring_vertices.reserve(6ull * n);
-  cluster.hole_slots.reserve(4ull * n);
-  cluster.ring_begin.push_back(0);
-  cluster.star_begin.push_back(in_count);
-  cluster.hole_begin.push_back(0);
+  cluster.ring_begin.resize(n + 1ull);
+  cluster.star_begin.resize(n + 1ull);
+  cluster.hole_begin.resize(n + 1ull);
+  cluster.star_begin[0] = in_count;
+  RangeAppender ring_vertices(cluster.ring_vertices, 6ull * n);
+  RangeAppender hole_slots(cluster.hole_slots, 4ull * n);
 
-  std::vector<Vec3d> points;
-  points.reserve(external + n);
-  for (const Vec3i& p : cluster.in.positions) points.push_back(ToDouble(p));
-  Patch patch(cluster.in.triangles, points, in_count + 6ull * n);
-  std::vector<uint32_t> slot_creator(in_count, kNone32);
-  slot_creator.reserve(in_count + 6ull * n);
+  Patch patch(cluster.in.triangles, cluster.in.positions, in_count + 6ull * n);
   uint32_t slot = 0;
   for (uint32_t i = 0; i < n; ++slot) {
     if (slot >= patch.slots()) return corrupt("fewer anchors than nodes");
     if (!topology_model.CodeAnchor(topology, patch, slot, false)) continue;
     if (patch.remover(slot) != kNone32) return corrupt("anchor is not alive");
-    if (!patch.WalkHole(slot, i, kMaxRing, [&](uint32_t h, uint32_t o) {
-          return topology_model.CodeTake(topology, patch, patch.hole().size(), h, o, false);
+    if (!patch.WalkHole(slot, i, [&](uint32_t count, uint32_t h, uint32_t o) {
+          return topology_model.CodeTake(topology, patch, count, h, o, false);
         })) {
       return corrupt("hole of node " + std::to_string(i) + " is too large");
     }
@@ -136,34 +152,32 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     const bool is_boundary = split != kNone32;
     if (is_boundary && split >= patch.ring().size()) return corrupt("split edge beyond the ring");
     if (is_boundary) patch.RotateRing(split);
-    const std::vector<uint32_t>& ring = patch.ring();
+    const std::span<const uint32_t> ring = patch.ring();
     const PredictedError prediction =
-        PredictError(patch.hole(), slot_creator, cluster.error_codes);
+        PredictError(patch, in_count, cluster.error_codes);
     const uint8_t code = error_model.Code(errors, patch.hole().size(), prediction.fallback,
                                           prediction.code, 0);
     cluster.error_codes.push_back(code);
-    const HoleFrame frame(patch, points, is_boundary);
+    const HoleFrame frame(patch, is_boundary);
     const Vec3i p =
         DecodeVertex(positions, position_model, frame,
                      PositionModel::RingClass(ring.size(), is_boundary),
                      flags & kFlagScaledByError, code);
     cluster.in.positions.push_back(p);
-    points.push_back(ToDouble(p));
     if (row != 0) {
       cluster.in.rows.resize((external + i + 1ull) * row);
       attribute_coder.Decode(attribute_stream, ring, cluster.in.rows,
                              cluster.in.rows.data() + (external + i) * row);
     }
-    patch.InsertStar(external + i, is_boundary);
-    slot_creator.resize(patch.slots(), i);
-    cluster.ring_vertices.insert(cluster.ring_vertices.end(), ring.begin(), ring.end());
-    cluster.hole_slots.insert(cluster.hole_slots.end(), patch.hole().begin(), patch.hole().end());
-    cluster.ring_begin.push_back(static_cast<uint32_t>(cluster.ring_vertices.size()));
-    cluster.hole_begin.push_back(static_cast<uint32_t>(cluster.hole_slots.size()));
-    cluster.star_begin.push_back(patch.slots());
+    patch.InsertStar(external + i, is_boundary, code);
+    cluster.ring_begin[i + 1] = ring_vertices.Append(patch.ring_data(), ring.size());
+    cluster.hole_begin[i + 1] = hole_slots.Append(patch.hole_data(), patch.hole().size());
+    cluster.star_begin[i + 1] = patch.slots();
     ++i;
     if (topology.overrun() || positions.overrun()) return corrupt("coded streams cut short");
   }
+  ring_vertices.Finish();
+  hole_slots.Finish();
   if (!topology.Done()) return corrupt("topology: does not end where it should");
   if (!errors.Done()) return corrupt("errors: do not end where they should");
   if (!positions.Done()) return corrupt("positions: do not end where they should");

@@ -28,13 +28,13 @@ int32_t Difference(int32_t value, int32_t expected) {
 VertexResidual MeasureVertex(const HoleFrame& frame, Vec3i p) {
   const Expectation u = frame.ExpectU();
   const Expectation v = frame.ExpectV(p[frame.axis_u()]);
-  const Expectation n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
+  const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
   return {Difference(p[frame.axis_u()], u.value),
           Difference(p[frame.axis_v()], v.value),
-          Difference(p[frame.axis_n()], n.value),
+          Difference(p[frame.axis_n()], n),
           u.variance,
           v.variance,
-          n.variance,
+          frame.unevenness(),
           frame.slant(),
           0};
 }
@@ -46,7 +46,7 @@ bool ErrorsBoundHeights(const std::vector<VertexResidual>& residuals,
   size_t within = 0;
   for (size_t i = 0; i < residuals.size(); ++i) {
     const VertexResidual& r = residuals[i];
-    within += std::abs(static_cast<double>(r.n)) <= ErrorInCells(codes[i]) * r.slant + 1;
+    within += std::abs(static_cast<double>(r.n)) <= kErrorInCells[codes[i]] * r.slant + 1;
   }
   return within * 10 >= residuals.size() * 9;
 }
@@ -63,7 +63,7 @@ int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& 
       longest = std::max(longest, SquaredLength(ToDouble(updates.positions[c[(i + 1) % 3]]) -
                                                 ToDouble(updates.positions[c[i]])));
     }
-    sum += static_cast<uint64_t>(Exponent(longest));
+    sum += static_cast<uint64_t>(ExponentOf(longest));
     ++count;
   }
   return count == 0 ? 0 : static_cast<int>((sum + count / 2) / count);
@@ -112,9 +112,8 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   AttributeCoder attribute_coder(attributes);
   const size_t row = attribute_coder.row_bytes();
   std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
-  std::vector<Vec3d> points;
-  points.reserve(result.external_vertices + node_count);
-  for (const Vec3i& p : patch_in.positions) points.push_back(ToDouble(p));
+  std::vector<Vec3i> positions = patch_in.positions;
+  positions.reserve(result.external_vertices + node_count);
   Bytes rows;
   const auto append_row = [&](uint64_t vertex) {
     const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
@@ -126,7 +125,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   }
 
   // Replay, choosing the order of the nodes on the way.
-  Patch patch(patch_in.triangles, points, triangle_count);
+  Patch patch(patch_in.triangles, positions, triangle_count);
   std::vector<uint32_t> slot_triangle = result.in_triangles;
   std::vector<uint32_t> slot_creator(in.size(), kNone32);
   std::vector<uint32_t> waiting(node_count);  // hole triangles not visited yet
@@ -152,16 +151,16 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     if (!is_anchor) continue;
     const ClusterUpdates::Node& node = updates.nodes[i];
     const auto stored = static_cast<uint32_t>(codes.size());
-    const bool walked = patch.WalkHole(slot, stored, kMaxRing, [&](uint32_t h, uint32_t o) {
+    const bool walked = patch.WalkHole(slot, stored, [&](uint32_t count, uint32_t h, uint32_t o) {
       const bool take = remover[slot_triangle[o >> 2]] == i;
-      return topology_model.CodeTake(topology, patch, patch.hole().size(), h, o, take);
+      return topology_model.CodeTake(topology, patch, count, h, o, take);
     });
     MTDB_CHECK(walked && patch.hole().size() == node.hole_count, "a hole is not a disc");
 
     uint32_t split_edge = kNone32;
     if (node.boundary) {
       // The split edge is the one whose ends are not joined by a star triangle.
-      const std::vector<uint32_t>& ring = patch.ring();
+      const std::span<const uint32_t> ring = patch.ring();
       size_t split = ring.size();
       for (size_t j = 0; j < ring.size(); ++j) {
         const uint32_t a = ring[j];
@@ -184,13 +183,13 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     if (any_boundary) CodeSplitEdge(topology, topology_model, patch, split_edge);
     if (node.boundary) patch.RotateRing(split_edge);
 
-    const PredictedError prediction = PredictError(patch.hole(), slot_creator, codes);
+    const PredictedError prediction = PredictError(patch, static_cast<uint32_t>(in.size()), codes);
     error_model.Code(errors, patch.hole().size(), prediction.fallback, prediction.code,
                      node.error_code);
     codes.push_back(node.error_code);
 
     const Vec3i p = updates.positions[node.vertex];
-    const HoleFrame frame(patch, points, node.boundary);
+    const HoleFrame frame(patch, node.boundary);
     residuals.push_back(MeasureVertex(frame, p));
     residuals.back().ring_class =
         static_cast<uint32_t>(PositionModel::RingClass(patch.ring().size(), node.boundary));
@@ -200,13 +199,13 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
       append_row(node.vertex);
     }
     const uint32_t vertex = result.external_vertices + stored;
-    points.push_back(ToDouble(p));
+    positions.push_back(p);
     stored_vertex[node.vertex] = vertex;
     result.node_order.push_back(i);
 
     // Which triangle of the builder is which star triangle: by its ring edge.
-    patch.InsertStar(vertex, node.boundary);
-    const std::vector<uint32_t>& ring = patch.ring();
+    patch.InsertStar(vertex, node.boundary, node.error_code);
+    const std::span<const uint32_t> ring = patch.ring();
     for (uint32_t j = 0; j < node.star_count; ++j) {
       const uint32_t a = ring[j];
       uint32_t match = kNone32;
@@ -271,7 +270,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     position_model.CodeScaled(position_stream, 0, r.ring_class, r.variance_u, r.u);
     position_model.CodeScaled(position_stream, 1, r.ring_class, r.variance_v, r.v);
     if (scaled_by_error) {
-      position_model.CodeWithin(position_stream, r.ring_class, ErrorInCells(codes[i]) * r.slant,
+      position_model.CodeWithin(position_stream, r.ring_class, kErrorInCells[codes[i]] * r.slant,
                                 r.n);
     } else {
       position_model.CodeScaled(position_stream, 2, r.ring_class, r.variance_n, r.n);

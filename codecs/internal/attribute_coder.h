@@ -34,7 +34,7 @@ class AttributeCoder {
   struct Field {
     ScalarType type;
     size_t offset;
-    std::array<std::array<AdaptiveSymbol, kLengthSymbols>, kPreviousClasses> length;
+    std::array<std::array<FastAdaptiveSymbol, kLengthSymbols>, kPreviousClasses> length;
   };
   template <typename Coder>
   static uint64_t CodeWord(Coder& coder, Field& field, size_t& previous, uint64_t zigzag);

@@ -15,6 +15,12 @@
 
 namespace mtdb {
 
+// floor(log2(x)) for x >= 1, and 0 below.
+inline int ExponentOf(double x) {
+  const int biased = static_cast<int>(std::bit_cast<uint64_t>(x) >> 52);
+  return biased < 1023 ? 0 : biased - 1023;
+}
+
 // ---- topology: anchors, holes, split edges ----
 
 class TopologyModel {
@@ -23,25 +29,24 @@ class TopologyModel {
 
   // Is `slot` the anchor of a node? Every slot that is not beyond the last anchor is asked.
   template <typename Coder>
-  bool CodeAnchor(Coder& coder, const Patch& patch, uint32_t slot, bool value) {
+  [[gnu::always_inline]] bool CodeAnchor(Coder& coder, const Patch& patch, uint32_t slot, bool value) {
     return coder.Bit(anchor_[AnchorContext(patch, slot)], value);
   }
   // Does the hole, `taken` triangles by now, cross its half-edge h to that of o?
   template <typename Coder>
-  bool CodeTake(Coder& coder, const Patch& patch, size_t taken, uint32_t h, uint32_t o,
+  [[gnu::always_inline]] bool CodeTake(Coder& coder, const Patch& patch, size_t taken, uint32_t h, uint32_t o,
                 bool value) {
     const size_t count = std::min<size_t>(taken - 1, kTakenClasses - 1);
     const auto& t = patch.triangle(h >> 2);
-    const size_t cotangent = CotangentClass(Cotangents(patch, h, o));
-    return coder.Bit(
-        take_[(count * kLengthClasses + LengthClass(t.length[h & 3])) * kCotangentClasses +
-              cotangent],
-        value);
+    const size_t sharpness = SharpnessClass(Sharpness(t, patch, h & 3, o));
+    const size_t length = LengthClass(t.length[h & 3]);
+    return coder.Bit(take_[(count * kLengthClasses + length) * kSharpnessClasses + sharpness],
+                     value);
   }
   // The ring edge that a boundary node splits: kNone32 when the node is none, else its rank, the
   // `open` edges with nothing beyond them before the `closed` ones.
   template <typename Coder>
-  uint32_t CodeSplit(Coder& coder, uint32_t open, uint32_t closed, uint32_t value) {
+  [[gnu::always_inline]] uint32_t CodeSplit(Coder& coder, uint32_t open, uint32_t closed, uint32_t value) {
     if (!coder.Bit(boundary_[std::min<uint32_t>(open, 3)], value != kNone32)) return kNone32;
     const bool is_open = open > 0 && (closed == 0 || coder.Bit(open_, value < open));
     const uint32_t first = is_open ? 0 : open;
@@ -50,37 +55,38 @@ class TopologyModel {
   }
 
   static constexpr size_t kLengthClasses = 8;
-  static constexpr size_t kCotangentClasses = 8;
+  static constexpr size_t kSharpnessClasses = 8;
   static constexpr size_t kTakenClasses = 6;
   static constexpr size_t kAnchorContexts =
-      kLengthClasses + 3 * kCotangentClasses * kLengthClasses;
-  static constexpr size_t kTakeContexts = kTakenClasses * kLengthClasses * kCotangentClasses;
+      kLengthClasses + 3 * kSharpnessClasses * kLengthClasses;
+  static constexpr size_t kTakeContexts = kTakenClasses * kLengthClasses * kSharpnessClasses;
 
  private:
   size_t LengthClass(int exponent) const {
     return static_cast<size_t>(std::clamp(exponent - lowest_length_, 0, int{kLengthClasses} - 1));
   }
-  // Of the sum of the two cotangents that face an edge: negative when it is not Delaunay.
-  static size_t CotangentClass(int sum) {
-    return static_cast<size_t>(std::clamp((sum >> 2) + 3, 0, int{kCotangentClasses} - 1));
+  // Of the sum of what the two corners that face an edge measure: low when the edge is long and
+  // thin, that is, when it is far from Delaunay.
+  static size_t SharpnessClass(int sum) {
+    return static_cast<size_t>(std::clamp((sum >> 4) + 3, 0, int{kSharpnessClasses} - 1));
   }
-  static int Cotangents(const Patch& patch, uint32_t h, uint32_t o) {
-    return patch.triangle(h >> 2).cotangent[h & 3] + patch.triangle(o >> 2).cotangent[o & 3];
+  static int Sharpness(const Patch::Triangle& t, const Patch& patch, uint32_t i, uint32_t o) {
+    return t.sharpness[i] + patch.triangle(o >> 2).sharpness[o & 3];
   }
   size_t AnchorContext(const Patch& patch, uint32_t slot) const {
     const Patch::Triangle& t = patch.triangle(slot);
     size_t neighbours = 0;
-    int least = 4 * Patch::kMaxCotangent;
+    int least = 128;
     for (uint32_t i = 0; i < 3; ++i) {
       const uint32_t o = t.opposite[i];
-      if (o == kNone32 || o >> 2 > slot || patch.remover(o >> 2) != kNone32) continue;
+      if (o >> 2 > slot || patch.remover(o >> 2) != kNone32) continue;
       ++neighbours;
-      least = std::min(least, Cotangents(patch, 4 * slot + i, o));
+      least = std::min(least, Sharpness(t, patch, i, o));
     }
-    const size_t length = LengthClass(std::max({t.length[0], t.length[1], t.length[2]}));
+    const size_t length = LengthClass(t.longest);
     if (neighbours == 0) return length;
     return kLengthClasses +
-           ((neighbours - 1) * kCotangentClasses + CotangentClass(least)) * kLengthClasses + length;
+           ((neighbours - 1) * kSharpnessClasses + SharpnessClass(least)) * kLengthClasses + length;
   }
 
   int lowest_length_;
@@ -98,12 +104,12 @@ class ErrorModel {
   // The error code of a node whose hole has `hole` triangles, made by nodes of this cluster whose
   // least code is `prediction` (`fallback`: by none, and the prediction is the previous code).
   template <typename Coder>
-  uint8_t Code(Coder& coder, size_t hole, bool fallback, uint8_t prediction, uint8_t value) {
+  [[gnu::always_inline]] uint8_t Code(Coder& coder, size_t hole, bool fallback, uint8_t prediction, uint8_t value) {
     const uint32_t difference = static_cast<uint32_t>(prediction) + kUp - value;
     const size_t context = std::min<size_t>(hole - 1, kHoleClasses - 1) * 2 + (fallback ? 1 : 0);
     const uint32_t high = coder.Symbol(high_[context], std::min(difference >> 2, kEscape));
     if (high == kEscape) return static_cast<uint8_t>(coder.Raw(8, value));
-    auto& low = low_[high];
+    AdaptiveBit* low = &low_[3 * high];
     const bool top = coder.Bit(low[0], difference & 2);
     const bool bottom = coder.Bit(low[top ? 2 : 1], difference & 1);
     return static_cast<uint8_t>(prediction + kUp - (high << 2 | (top ? 2u : 0u) | (bottom ? 1u : 0u)));
@@ -115,7 +121,7 @@ class ErrorModel {
 
  private:
   std::array<AdaptiveSymbol, 2 * kHoleClasses> high_;
-  std::array<std::array<AdaptiveBit, 3>, 16> low_;
+  std::array<AdaptiveBit, 3 * 16> low_;
 };
 
 // ---- positions ----
@@ -125,9 +131,9 @@ class PositionModel {
   PositionModel();
   // The residual of coordinate `which` (0 u, 1 v, 2 n).
   template <typename Coder>
-  int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class, double variance,
+  [[gnu::always_inline]] int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class, double variance,
                      int32_t value) {
-    const int exponent = Exponent(variance);
+    const int exponent = ExponentOf(variance);
     const int shift = std::max(0, exponent / 2 - 4);
     const size_t scale = static_cast<size_t>(exponent < 8 ? exponent : 8 + (exponent & 1));
     AdaptiveSymbol& model = scaled_[(which * kRingClasses + ring_class) * kScales + scale];
@@ -142,10 +148,10 @@ class PositionModel {
   }
   // The residual along n of a vertex that is hardly farther than `limit` from its hole.
   template <typename Coder>
-  int32_t CodeWithin(Coder& coder, size_t ring_class, double limit, int32_t value) {
+  [[gnu::always_inline]] int32_t CodeWithin(Coder& coder, size_t ring_class, double limit, int32_t value) {
     const double width = limit + 1;
     const auto bound = [&](uint32_t q) { return static_cast<uint32_t>(width * q / 16); };
-    const auto scale = static_cast<size_t>(std::min(Exponent(width), int{kLimits} - 1));
+    const auto scale = static_cast<size_t>(std::min(ExponentOf(width), int{kLimits} - 1));
     const uint32_t magnitude = Magnitude(value);
     uint32_t bin = kEscape;
     while (bound(bin) > magnitude) --bin;

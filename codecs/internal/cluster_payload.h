@@ -6,10 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "codecs/cluster_codec.h"
 #include "codecs/internal/cluster_model.h"
 #include "codecs/internal/patch.h"
-#include "store/base/grid.h"
 #include "store/base/ids.h"
 
 namespace mtdb {
@@ -18,17 +16,24 @@ inline constexpr uint8_t kFlagBoundary = 1;       // some node is a boundary nod
 inline constexpr uint8_t kFlagScaledByError = 2;  // errors bound the residuals along n
 inline constexpr uint8_t kKnownFlags = kFlagBoundary | kFlagScaledByError;
 
-// The error of a code in grid cells, as Grid has it (error_unit = step / 16).
-inline double ErrorInCells(uint8_t code) {
-  static const std::vector<double> table = [] {
-    Grid grid;
-    grid.error_unit = 1.0 / 16;
-    std::vector<double> t(256);
-    for (size_t c = 0; c < t.size(); ++c) t[c] = grid.Error(static_cast<uint8_t>(c));
-    return t;
-  }();
-  return table[code];
-}
+// The error of a code in grid cells, as Grid has it for error_unit = step / 16.
+inline constexpr auto kErrorInCells = [] {
+  constexpr double kEighths[8] = {1.0,
+                                  1.0905077326652577,
+                                  1.189207115002721,
+                                  1.2968395546510096,
+                                  1.4142135623730951,
+                                  1.5422108254079407,
+                                  1.681792830507429,
+                                  1.8340080864093424};
+  std::array<double, 256> cells{};
+  double octave = 1.0 / 16;
+  for (size_t c = 1; c < cells.size(); ++c) {
+    cells[c] = octave * kEighths[(c - 1) % 8];
+    if (c % 8 == 0) octave *= 2;
+  }
+  return cells;
+}();
 
 struct PredictedError {
   uint8_t code;
@@ -36,35 +41,36 @@ struct PredictedError {
 };
 
 // The least error code among the nodes of this cluster that made the hole's triangles.
-inline PredictedError PredictError(const std::vector<uint32_t>& hole,
-                                   const std::vector<uint32_t>& creators,
+inline PredictedError PredictError(const Patch& patch, uint32_t in_triangles,
                                    const std::vector<uint8_t>& codes) {
   uint32_t best = 256;
-  for (const uint32_t slot : hole) {
-    if (creators[slot] != kNone32) best = std::min<uint32_t>(best, codes[creators[slot]]);
+  for (const uint32_t slot : patch.hole()) {
+    if (slot >= in_triangles) best = std::min<uint32_t>(best, patch.triangle(slot).error_code);
   }
   if (best < 256) return {static_cast<uint8_t>(best), false};
   return {codes.empty() ? uint8_t{0} : codes.back(), true};
 }
 
 // Codes which ring edge a node splits; kNone32: none, the node is interior. A result beyond the
-// ring is an error of the bytes.
+// ring is an error of the bytes. Edges with nothing beyond them come first.
 template <typename Coder>
-uint32_t CodeSplitEdge(Coder& coder, TopologyModel& model, const Patch& patch, uint32_t edge) {
+[[gnu::always_inline]] inline uint32_t CodeSplitEdge(Coder& coder, TopologyModel& model,
+                                                     const Patch& patch, uint32_t edge) {
   const auto k = static_cast<uint32_t>(patch.ring().size());
-  std::array<uint32_t, kMaxRing> ranked{};
-  uint32_t open = 0;
-  for (uint32_t j = 0; j < k; ++j) {
-    if (patch.open_edge(j)) ranked[open++] = j;
+  const uint32_t open = patch.open_edges();
+  uint32_t rank = kNone32;
+  if (edge != kNone32) {
+    rank = patch.open_edge(edge) ? 0 : open;
+    for (uint32_t j = 0; j < edge; ++j) rank += patch.open_edge(j) == patch.open_edge(edge);
   }
-  uint32_t next = open;
+  rank = model.CodeSplit(coder, open, k - open, rank);
+  if (rank >= k) return rank;
+  const bool wants_open = rank < open;
+  uint32_t left = wants_open ? rank : rank - open;
   for (uint32_t j = 0; j < k; ++j) {
-    if (!patch.open_edge(j)) ranked[next++] = j;
+    if (patch.open_edge(j) == wants_open && left-- == 0) return j;
   }
-  const auto at = std::find(ranked.begin(), ranked.begin() + k, edge);
-  const auto rank = edge == kNone32 ? kNone32 : static_cast<uint32_t>(at - ranked.begin());
-  const uint32_t result = model.CodeSplit(coder, open, k - open, rank);
-  return result < k ? ranked[result] : result;
+  return k;
 }
 
 }  // namespace mtdb

@@ -9,9 +9,8 @@
 // here, so that every machine predicts the same bits (no contraction, no reassociation).
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <span>
-#include <vector>
 
 #include "codecs/internal/patch.h"
 #include "store/base/geometry.h"
@@ -26,26 +25,29 @@ struct Expectation {
 
 class HoleFrame {
  public:
-  HoleFrame(const Patch& patch, const std::vector<Vec3d>& points, bool boundary);
+  HoleFrame(const Patch& patch, bool boundary);
 
   int axis_u() const { return u_; }
   int axis_v() const { return v_; }
   int axis_n() const { return n_; }
   Expectation ExpectU() const;
   Expectation ExpectV(int32_t u) const;
-  // The variance is that of the ring about the hole's plane, along n.
-  Expectation ExpectN(int32_t u, int32_t v) const;
+  int32_t ExpectN(int32_t u, int32_t v) const;
   // How much longer a step along n is than its part along the hole's normal; 1 .. sqrt(3).
-  double slant() const { return slant_; }
+  double slant() const;
+  // The square of the ring's deviation from the hole's plane, along n.
+  double unevenness() const;
 
  private:
-  const Patch& patch_;
-  const std::vector<Vec3d>& points_;
+  // Coordinates of the ring, relative to mean_, and of the corners of the hole's triangles. Plain
+  // arrays, since those of Vec3d would be cleared for each node.
+  double ring_[kMaxRing][3];
+  double hole_[kMaxRing][3][3];
+  size_t ring_count_, hole_count_;
   Vec3d mean_;    // the predicted point
   Vec3d normal_;  // of the ring, not of unit length
   int u_ = 0, v_ = 1, n_ = 2;
-  double slant_ = 1;
-  double uu_ = 0, vv_ = 0, nn_ = 0, slope_ = 0;
+  double uu_ = 0, vv_ = 0, slope_ = 0;
 };
 
 }  // namespace mtdb

@@ -8,13 +8,11 @@
 #include <span>
 #include <vector>
 
+#include "codecs/cluster_codec.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 
 namespace mtdb {
-
-// The binary exponent of x: floor(log2(x)) for x >= 1, and 0 below.
-int Exponent(double x);
 
 // Slots are visited in ascending order. A node is inserted when the last-created triangle of its
 // hole is visited (its anchor), so that every slot is visited exactly once, alive, and the whole
@@ -27,66 +25,79 @@ class Patch {
     std::array<uint32_t, 3> corners;
     std::array<uint32_t, 3> opposite;  // twin of each half-edge, or kNone32
     uint32_t remover;                  // node, or kNone32 while alive
-    // Per half-edge: 8 times the cotangent of the angle that faces it, rounded down and clamped to
-    // +-kMaxCotangent; the exponent of its squared length.
-    std::array<int8_t, 3> cotangent;
-    std::array<uint8_t, 3> length;
+    // Per half-edge, how sharp the corner is that faces it: 64 for a needle, 32 for an equilateral
+    // triangle, 0 for a right angle, -64 for a flat corner.
+    std::array<int8_t, 3> sharpness;
+    std::array<uint8_t, 3> length;  // per half-edge: exponent of its squared length
+    uint8_t longest;                // the greatest of `length`
+    uint8_t error_code;             // of the node that made it; unused for in-triangles
   };
-  static constexpr int kMaxCotangent = 100;
 
-  // `points` are the positions of local vertices; it grows by one before each InsertStar and must
-  // outlive the patch.
-  Patch(std::span<const std::array<uint32_t, 3>> in_triangles, const std::vector<Vec3d>& points,
+  // `positions` of local vertices grow by one before each InsertStar, and outlive the patch.
+  Patch(std::span<const std::array<uint32_t, 3>> in_triangles, const std::vector<Vec3i>& positions,
         size_t expected_slots);
 
   uint32_t slots() const { return static_cast<uint32_t>(triangles_.size()); }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
   uint32_t remover(uint32_t slot) const { return triangles_[slot].remover; }
+  Vec3d point(uint32_t vertex) const { return ToDouble(positions_[vertex]); }
 
   // The hole of node `node`, anchored at `anchor` (alive), by depth-first search across edges.
-  // Asks `take(h, o)` for each neighbour that could belong to it: alive and at or below the anchor;
-  // h is the half-edge of the hole, o its twin. Fills hole() and ring(), marks the hole's slots as
-  // removed by `node`. Returns false when the ring would exceed `max_ring`.
+  // Asks `take(count, h, o)` for each neighbour that could belong to it: alive and at or below the anchor;
+  // the hole has `count` triangles so far, h is its half-edge, o the twin. Fills hole() and ring(), marks the hole's slots as
+  // removed by `node`. Returns false when the ring would exceed kMaxRing.
   template <typename Take>
-  bool WalkHole(uint32_t anchor, uint32_t node, uint32_t max_ring, Take&& take) {
-    hole_.clear();
-    ring_.clear();
-    outer_.clear();
-    stack_.clear();
-    hole_.push_back(anchor);
-    triangles_[anchor].remover = node;
-    stack_.insert(stack_.end(), {4 * anchor + 2, 4 * anchor + 1, 4 * anchor});
-    while (!stack_.empty()) {
-      const uint32_t h = stack_.back();
-      stack_.pop_back();
-      const Triangle& t = triangles_[h >> 2];
+  [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Take&& take) {
+    uint32_t stack[kMaxRing];  // of half-edges; never more than the ring will have
+    uint32_t depth = 3;
+    uint32_t holes = 1;
+    uint32_t rings = 0;
+    stack[0] = 4 * anchor + 2;
+    stack[1] = 4 * anchor + 1;
+    stack[2] = 4 * anchor;
+    Triangle* const triangles = triangles_.data();
+    hole_[0] = anchor;
+    triangles[anchor].remover = node;
+    while (depth > 0) {
+      const uint32_t h = stack[--depth];
+      const Triangle& t = triangles[h >> 2];
       const uint32_t o = t.opposite[h & 3];
-      if (o != kNone32) {
-        const uint32_t slot = o >> 2;
-        if (slot <= anchor && triangles_[slot].remover == kNone32 && take(h, o)) {
-          if (hole_.size() + 2 >= max_ring) return false;
-          hole_.push_back(slot);
-          triangles_[slot].remover = node;
-          stack_.push_back(Next(Next(o)));
-          stack_.push_back(Next(o));
-          continue;
-        }
+      const uint32_t slot = o >> 2;
+      if (slot <= anchor && triangles[slot].remover == kNone32 && take(holes, h, o)) {
+        if (holes + 2 >= kMaxRing) return false;
+        hole_[holes++] = slot;
+        triangles[slot].remover = node;
+        stack[depth++] = Next(Next(o));
+        stack[depth++] = Next(o);
+        continue;
       }
-      ring_.push_back(t.corners[h & 3]);
-      outer_.push_back(o);
+      ring_[rings] = t.corners[h & 3];
+      outer_[rings++] = o;
     }
+    hole_count_ = holes;
+    ring_count_ = rings;
     return true;
   }
 
-  const std::vector<uint32_t>& hole() const { return hole_; }
+  std::span<const uint32_t> hole() const { return {hole_.data(), hole_count_}; }
+  // All of kMaxRing entries, of which ring() and hole() are the first.
+  const uint32_t* ring_data() const { return ring_.data(); }
+  const uint32_t* hole_data() const { return hole_.data(); }
   // Counter-clockwise around the hole; edge j runs from ring[j] to ring[j+1].
-  const std::vector<uint32_t>& ring() const { return ring_; }
+  std::span<const uint32_t> ring() const { return {ring_.data(), ring_count_}; }
   // True when no triangle lies beyond ring edge j.
   bool open_edge(size_t j) const { return outer_[j] == kNone32; }
   // Rotates the ring so that edge `split` becomes the last one.
   void RotateRing(size_t split);
-  // Adds the star of `vertex`: one triangle per ring edge, but for the last edge when `boundary`.
-  void InsertStar(uint32_t vertex, bool boundary);
+  // How many ring edges have nothing beyond them.
+  uint32_t open_edges() const {
+    uint32_t count = 0;
+    for (uint32_t j = 0; j < ring_count_; ++j) count += outer_[j] == kNone32;
+    return count;
+  }
+  // Adds the star of `vertex`, made by a node with that error code: one triangle per ring edge, but
+  // for the last edge when `boundary`.
+  void InsertStar(uint32_t vertex, bool boundary, uint8_t error_code);
 
   static uint32_t Next(uint32_t h) { return (h & 3) == 2 ? h - 2 : h + 1; }
 
@@ -95,14 +106,13 @@ class Patch {
     triangles_[a >> 2].opposite[a & 3] = b;
     if (b != kNone32) triangles_[b >> 2].opposite[b & 3] = a;
   }
-  // Fills in cotangents and lengths from the squared lengths of the half-edges.
-  static void SetShape(Triangle& t, const std::array<double, 3>& squared);
   void PairEdges();
 
-  const std::vector<Vec3d>& points_;
+  const std::vector<Vec3i>& positions_;
   std::vector<Triangle> triangles_;
-  std::vector<uint32_t> hole_, ring_, outer_, stack_;
-  std::vector<double> spokes_;  // scratch of InsertStar
+  std::array<uint32_t, kMaxRing> hole_{}, ring_{}, outer_{};
+  uint32_t hole_count_ = 0;
+  uint32_t ring_count_ = 0;
 };
 
 }  // namespace mtdb

@@ -34,13 +34,17 @@ struct AdaptiveBit {
   // In 1 .. kProbabilityOne - 1.
   uint32_t one() const { return (static_cast<uint32_t>(fast) + slow) >> 2; }
   void Update(bool bit) {
-    fast = Step(fast, bit, kFastRate);
-    slow = Step(slow, bit, kSlowRate);
+    fast = Step<kFastRate>(fast, bit);
+    slow = Step<kSlowRate>(slow, bit);
   }
 
  private:
-  static uint16_t Step(uint16_t p, bool bit, int rate) {
-    return static_cast<uint16_t>(bit ? p + ((0xffff - p) >> rate) : p - (p >> rate));
+  // Towards 0xffff or 2^rate - 1, so that neither value becomes impossible. Without a branch: bits
+  // that are hard to predict are what an entropy coder sees.
+  template <int kRate>
+  static uint16_t Step(uint16_t p, bool bit) {
+    const int32_t target = (0xffff & -static_cast<int32_t>(bit)) | ((1 << kRate) - 1);
+    return static_cast<uint16_t>(p + ((target - p) >> kRate));
   }
 };
 
@@ -58,9 +62,9 @@ inline constexpr auto kSymbolTargets = [] {
 
 // The cumulative distribution of symbols 0..15: symbol s has the interval [below[s], below[s + 1]),
 // where below[16] stands for kProbabilityOne. Never empty, whatever the updates.
-struct AdaptiveSymbol {
+template <int kRate>
+struct AdaptiveSymbolOfRate {
   static constexpr uint32_t kSymbols = 16;
-  static constexpr int kRate = 6;
   std::array<int16_t, 16> below = {0,     2048,  4096,  6144,  8192,  10240, 12288, 14336,
                                    16384, 18432, 20480, 22528, 24576, 26624, 28672, 30720};
 
@@ -104,6 +108,9 @@ struct AdaptiveSymbol {
 #endif
 };
 
+using AdaptiveSymbol = AdaptiveSymbolOfRate<7>;      // with good priors
+using FastAdaptiveSymbol = AdaptiveSymbolOfRate<5>;  // without
+
 inline constexpr uint64_t kRansLow = uint64_t{1} << 31;
 
 // Collects what is to be coded; Finish() codes it backwards.
@@ -115,7 +122,8 @@ class RansEncoder {
     model.Update(bit);
     return bit;
   }
-  uint32_t Symbol(AdaptiveSymbol& model, uint32_t s) {
+  template <typename Model>
+  uint32_t Symbol(Model& model, uint32_t s) {
     Add(model.begin(s), model.end(s) - model.begin(s));
     model.Update(s);
     return s;
@@ -155,15 +163,18 @@ class RansDecoder {
     state_ = static_cast<uint64_t>(Word()) << 32;
     state_ |= Word();
   }
-  bool Bit(AdaptiveBit& model, bool = false) {
+  [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
     const uint32_t one = model.one();
     const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
     const bool bit = at < one;
-    Take(bit ? 0 : one, bit ? one : kProbabilityOne - one, at);
+    const uint32_t zero = static_cast<uint32_t>(bit) - 1;  // all ones when the bit is 0
+    const uint32_t begin = one & zero;
+    Take(begin, one + ((kProbabilityOne - 2 * one) & zero), at);
     model.Update(bit);
     return bit;
   }
-  uint32_t Symbol(AdaptiveSymbol& model, uint32_t = 0) {
+  template <typename Model>
+  [[gnu::always_inline]] uint32_t Symbol(Model& model, uint32_t = 0) {
     const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
     const uint32_t s = model.Find(at);
     const uint32_t begin = model.begin(s);
@@ -171,7 +182,7 @@ class RansDecoder {
     model.Update(s);
     return s;
   }
-  uint32_t Raw(int count, uint32_t = 0) {
+  [[gnu::always_inline]] uint32_t Raw(int count, uint32_t = 0) {
     uint32_t bits = 0;
     int shift = 0;
     for (int left = count; left > 0; left -= 16) {
