@@ -142,8 +142,8 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     if (slot >= patch.slots()) return corrupt("fewer anchors than nodes");
     if (!topology_model.CodeAnchor(topology, patch, slot, false)) continue;
     if (patch.remover(slot) != kNone32) return corrupt("anchor is not alive");
-    if (!patch.WalkHole(slot, i, [&](uint32_t count, uint32_t h, uint32_t o) {
-          return topology_model.CodeTake(topology, patch, count, h, o, false);
+    if (!patch.WalkHole(slot, i, [&](uint32_t count, const Patch::Triangle& t, uint32_t edge) {
+          return topology_model.CodeTake(topology, count, t, edge, false);
         })) {
       return corrupt("hole of node " + std::to_string(i) + " is too large");
     }
@@ -158,7 +158,7 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     const uint8_t code = error_model.Code(errors, patch.hole().size(), prediction.fallback,
                                           prediction.code, 0);
     cluster.error_codes.push_back(code);
-    const HoleFrame frame(patch, is_boundary);
+    const HoleFrame frame(patch, cluster.in.positions, is_boundary);
     const Vec3i p =
         DecodeVertex(positions, position_model, frame,
                      PositionModel::RingClass(ring.size(), is_boundary),
@@ -169,7 +169,7 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
       attribute_coder.Decode(attribute_stream, ring, cluster.in.rows,
                              cluster.in.rows.data() + (external + i) * row);
     }
-    patch.InsertStar(external + i, is_boundary, code);
+    patch.InsertStar(external + i, p, frame.ring(), is_boundary, code);
     cluster.ring_begin[i + 1] = ring_vertices.Append(patch.ring_data(), ring.size());
     cluster.hole_begin[i + 1] = hole_slots.Append(patch.hole_data(), patch.hole().size());
     cluster.star_begin[i + 1] = patch.slots();
@@ -183,19 +183,17 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
   if (!positions.Done()) return corrupt("positions: do not end where they should");
   if (!attribute_stream.Done()) return corrupt("attributes: do not end where they should");
 
-  cluster.removers.resize(patch.slots());
-  for (uint32_t s = 0; s < patch.slots(); ++s) {
-    cluster.removers[s] = patch.remover(s);
-    if (cluster.removers[s] != kNone32) continue;
-    if (s < in_count) return corrupt("in-triangle that no node removes");
-    cluster.removers[s] = kDrain;
+  for (uint32_t s = 0; s < in_count; ++s) {
+    if (patch.remover(s) == kNone32) return corrupt("in-triangle that no node removes");
   }
+  static_assert(kDrain == kNone32);
+  cluster.removers = patch.removers();
   RansDecoder arcs(streams.bytes(StreamTag::kArcs));
   if (child_count > 0) {
     const bool listed = ArcModel().Code(
         arcs, patch, in_count, static_cast<uint32_t>(child_count), [](uint32_t) { return 0u; },
         [&](uint32_t s, uint32_t arc) {
-          cluster.removers[s] = arc == child_count ? kDrain : kChildFlag | arc;
+          if (arc != child_count) cluster.removers[s] = kChildFlag | arc;
         });
     if (!listed) return corrupt("arc to a child that is not listed");
   }

@@ -17,7 +17,7 @@ namespace {
 // What is coded about a node's vertex, kept until it is known how to code n.
 struct VertexResidual {
   int32_t u, v, n;
-  double variance_u, variance_v, variance_n, slant;
+  float variance_u, variance_v, variance_n, slant;
   uint32_t ring_class;
 };
 
@@ -46,7 +46,7 @@ bool ErrorsBoundHeights(const std::vector<VertexResidual>& residuals,
   size_t within = 0;
   for (size_t i = 0; i < residuals.size(); ++i) {
     const VertexResidual& r = residuals[i];
-    within += std::abs(static_cast<double>(r.n)) <= kErrorInCells[codes[i]] * r.slant + 1;
+    within += std::abs(static_cast<float>(r.n)) <= kErrorInCells[codes[i]] * r.slant + 1;
   }
   return within * 10 >= residuals.size() * 9;
 }
@@ -63,7 +63,7 @@ int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& 
       longest = std::max(longest, SquaredLength(ToDouble(updates.positions[c[(i + 1) % 3]]) -
                                                 ToDouble(updates.positions[c[i]])));
     }
-    sum += static_cast<uint64_t>(ExponentOf(longest));
+    sum += static_cast<uint64_t>(ExponentOf(static_cast<float>(longest)));
     ++count;
   }
   return count == 0 ? 0 : static_cast<int>((sum + count / 2) / count);
@@ -151,10 +151,11 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     if (!is_anchor) continue;
     const ClusterUpdates::Node& node = updates.nodes[i];
     const auto stored = static_cast<uint32_t>(codes.size());
-    const bool walked = patch.WalkHole(slot, stored, [&](uint32_t count, uint32_t h, uint32_t o) {
-      const bool take = remover[slot_triangle[o >> 2]] == i;
-      return topology_model.CodeTake(topology, patch, count, h, o, take);
-    });
+    const bool walked = patch.WalkHole(
+        slot, stored, [&](uint32_t count, const Patch::Triangle& t, uint32_t i_edge) {
+          const bool take = remover[slot_triangle[t.opposite[i_edge] >> 2]] == i;
+          return topology_model.CodeTake(topology, count, t, i_edge, take);
+        });
     MTDB_CHECK(walked && patch.hole().size() == node.hole_count, "a hole is not a disc");
 
     uint32_t split_edge = kNone32;
@@ -189,7 +190,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     codes.push_back(node.error_code);
 
     const Vec3i p = updates.positions[node.vertex];
-    const HoleFrame frame(patch, node.boundary);
+    const HoleFrame frame(patch, positions, node.boundary);
     residuals.push_back(MeasureVertex(frame, p));
     residuals.back().ring_class =
         static_cast<uint32_t>(PositionModel::RingClass(patch.ring().size(), node.boundary));
@@ -204,7 +205,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     result.node_order.push_back(i);
 
     // Which triangle of the builder is which star triangle: by its ring edge.
-    patch.InsertStar(vertex, node.boundary, node.error_code);
+    patch.InsertStar(vertex, p, frame.ring(), node.boundary, node.error_code);
     const std::span<const uint32_t> ring = patch.ring();
     for (uint32_t j = 0; j < node.star_count; ++j) {
       const uint32_t a = ring[j];

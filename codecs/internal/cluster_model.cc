@@ -8,7 +8,7 @@ namespace {
 
 template <size_t kCount>
 void Start(std::array<AdaptiveBit, kCount>& models, const uint16_t (&priors)[kCount]) {
-  for (size_t i = 0; i < kCount; ++i) models[i].fast = models[i].slow = priors[i];
+  for (size_t i = 0; i < kCount; ++i) models[i].probability = priors[i];
 }
 
 template <size_t kCount>
@@ -18,7 +18,12 @@ void Start(std::array<AdaptiveSymbol, kCount>& models, const int16_t (&priors)[k
 
 }  // namespace
 
-TopologyModel::TopologyModel(int reference_length) : lowest_length_(reference_length - 3) {
+TopologyModel::TopologyModel(int reference_length) {
+  for (int exponent = 0; exponent < static_cast<int>(length_class_.size()); ++exponent) {
+    const int above = exponent - (reference_length - 3);
+    length_class_[static_cast<size_t>(exponent)] =
+        static_cast<uint8_t>(std::clamp(above, 0, int{kLengthClasses} - 1));
+  }
   Start(anchor_, kAnchorPriors);
   Start(take_, kTakePriors);
   Start(boundary_, kBoundaryPriors);

@@ -16,9 +16,9 @@
 namespace mtdb {
 
 // floor(log2(x)) for x >= 1, and 0 below.
-inline int ExponentOf(double x) {
-  const int biased = static_cast<int>(std::bit_cast<uint64_t>(x) >> 52);
-  return biased < 1023 ? 0 : biased - 1023;
+inline int ExponentOf(float x) {
+  const int biased = static_cast<int>(std::bit_cast<uint32_t>(x) >> 23);
+  return biased < 127 ? 0 : biased - 127;
 }
 
 // ---- topology: anchors, holes, split edges ----
@@ -30,17 +30,15 @@ class TopologyModel {
   // Is `slot` the anchor of a node? Every slot that is not beyond the last anchor is asked.
   template <typename Coder>
   [[gnu::always_inline]] bool CodeAnchor(Coder& coder, const Patch& patch, uint32_t slot, bool value) {
-    return coder.Bit(anchor_[AnchorContext(patch, slot)], value);
+    return coder.Bit(anchor_[AnchorContext(patch.triangle(slot), slot)], value);
   }
-  // Does the hole, `taken` triangles by now, cross its half-edge h to that of o?
+  // Does the hole, of `taken` triangles by now, go on across half-edge i of its triangle t?
   template <typename Coder>
-  [[gnu::always_inline]] bool CodeTake(Coder& coder, const Patch& patch, size_t taken, uint32_t h, uint32_t o,
-                bool value) {
+  [[gnu::always_inline]] bool CodeTake(Coder& coder, size_t taken, const Patch::Triangle& t,
+                                       size_t i, bool value) {
     const size_t count = std::min<size_t>(taken - 1, kTakenClasses - 1);
-    const auto& t = patch.triangle(h >> 2);
-    const size_t sharpness = SharpnessClass(Sharpness(t, patch, h & 3, o));
-    const size_t length = LengthClass(t.length[h & 3]);
-    return coder.Bit(take_[(count * kLengthClasses + length) * kSharpnessClasses + sharpness],
+    return coder.Bit(take_[(count * kLengthClasses + length_class_[t.length[i]]) * kSharpnessClasses +
+                           kSharpnessClass[t.both[i]]],
                      value);
   }
   // The ring edge that a boundary node splits: kNone32 when the node is none, else its rank, the
@@ -57,39 +55,33 @@ class TopologyModel {
   static constexpr size_t kLengthClasses = 8;
   static constexpr size_t kSharpnessClasses = 8;
   static constexpr size_t kTakenClasses = 6;
-  static constexpr size_t kAnchorContexts =
-      kLengthClasses + 3 * kSharpnessClasses * kLengthClasses;
+  static constexpr size_t kAnchorContexts = 4 * kSharpnessClasses * kLengthClasses;
   static constexpr size_t kTakeContexts = kTakenClasses * kLengthClasses * kSharpnessClasses;
 
  private:
-  size_t LengthClass(int exponent) const {
-    return static_cast<size_t>(std::clamp(exponent - lowest_length_, 0, int{kLengthClasses} - 1));
-  }
-  // Of the sum of what the two corners that face an edge measure: low when the edge is long and
-  // thin, that is, when it is far from Delaunay.
-  static size_t SharpnessClass(int sum) {
-    return static_cast<size_t>(std::clamp((sum >> 4) + 3, 0, int{kSharpnessClasses} - 1));
-  }
-  static int Sharpness(const Patch::Triangle& t, const Patch& patch, uint32_t i, uint32_t o) {
-    return t.sharpness[i] + patch.triangle(o >> 2).sharpness[o & 3];
-  }
-  size_t AnchorContext(const Patch& patch, uint32_t slot) const {
-    const Patch::Triangle& t = patch.triangle(slot);
-    size_t neighbours = 0;
-    int least = 128;
-    for (uint32_t i = 0; i < 3; ++i) {
-      const uint32_t o = t.opposite[i];
-      if (o >> 2 > slot || patch.remover(o >> 2) != kNone32) continue;
-      ++neighbours;
-      least = std::min(least, Sharpness(t, patch, i, o));
+  // Of Patch::Triangle::both: low when an edge is long and thin triangles lie on both sides, that
+  // is, when it is far from Delaunay.
+  static constexpr auto kSharpnessClass = [] {
+    std::array<uint8_t, 256> classes{};
+    for (int both = 0; both < 256; ++both) {
+      const int value = (both - Patch::kBothZero) / 16 - (both < Patch::kBothZero ? 1 : 0) + 3;
+      classes[static_cast<size_t>(both)] =
+          static_cast<uint8_t>(std::clamp(value, 0, int{kSharpnessClasses} - 1));
     }
-    const size_t length = LengthClass(t.longest);
-    if (neighbours == 0) return length;
-    return kLengthClasses +
-           ((neighbours - 1) * kSharpnessClasses + SharpnessClass(least)) * kLengthClasses + length;
+    return classes;
+  }();
+  size_t AnchorContext(const Patch::Triangle& t, uint32_t slot) const {
+    const uint32_t v0 = t.opposite[0] >> 2 < slot;
+    const uint32_t v1 = t.opposite[1] >> 2 < slot;
+    const uint32_t v2 = t.opposite[2] >> 2 < slot;
+    // Those not visited count as the sharpest.
+    const uint32_t least = std::min(std::min(t.both[0] | ((v0 - 1) & 0xff), t.both[1] | ((v1 - 1) & 0xff)),
+                                    t.both[2] | ((v2 - 1) & 0xff));
+    return ((v0 + v1 + v2) * kSharpnessClasses + kSharpnessClass[least]) * kLengthClasses +
+           length_class_[t.longest];
   }
 
-  int lowest_length_;
+  std::array<uint8_t, 160> length_class_;  // of exponents
   std::array<AdaptiveBit, kAnchorContexts> anchor_;
   std::array<AdaptiveBit, kTakeContexts> take_;
   std::array<AdaptiveBit, 4> boundary_;
@@ -131,7 +123,7 @@ class PositionModel {
   PositionModel();
   // The residual of coordinate `which` (0 u, 1 v, 2 n).
   template <typename Coder>
-  [[gnu::always_inline]] int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class, double variance,
+  [[gnu::always_inline]] int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class, float variance,
                      int32_t value) {
     const int exponent = ExponentOf(variance);
     const int shift = std::max(0, exponent / 2 - 4);
@@ -148,9 +140,9 @@ class PositionModel {
   }
   // The residual along n of a vertex that is hardly farther than `limit` from its hole.
   template <typename Coder>
-  [[gnu::always_inline]] int32_t CodeWithin(Coder& coder, size_t ring_class, double limit, int32_t value) {
-    const double width = limit + 1;
-    const auto bound = [&](uint32_t q) { return static_cast<uint32_t>(width * q / 16); };
+  [[gnu::always_inline]] int32_t CodeWithin(Coder& coder, size_t ring_class, float limit, int32_t value) {
+    const float width = limit + 1;
+    const auto bound = [&](uint32_t q) { return static_cast<uint32_t>(width * (static_cast<float>(q) * 0.0625f)); };
     const auto scale = static_cast<size_t>(std::min(ExponentOf(width), int{kLimits} - 1));
     const uint32_t magnitude = Magnitude(value);
     uint32_t bin = kEscape;
@@ -232,7 +224,7 @@ bool ArcModel::Code(Coder& coder, const Patch& patch, uint32_t first_own, uint32
       size_t known = 0;
       uint32_t candidates[2] = {kNone32, kNone32};
       for (const uint32_t o : patch.triangle(slot).opposite) {
-        if (o == kNone32 || o >> 2 < first_own || patch.remover(o >> 2) != kNone32) continue;
+        if (o == kNone32 || o >> 2 < first_own) continue;
         uint32_t& arc = arcs[o >> 2];
         if (arc == kUnseen) {
           arc = kQueued;

@@ -18,16 +18,10 @@ inline constexpr uint8_t kKnownFlags = kFlagBoundary | kFlagScaledByError;
 
 // The error of a code in grid cells, as Grid has it for error_unit = step / 16.
 inline constexpr auto kErrorInCells = [] {
-  constexpr double kEighths[8] = {1.0,
-                                  1.0905077326652577,
-                                  1.189207115002721,
-                                  1.2968395546510096,
-                                  1.4142135623730951,
-                                  1.5422108254079407,
-                                  1.681792830507429,
-                                  1.8340080864093424};
-  std::array<double, 256> cells{};
-  double octave = 1.0 / 16;
+  constexpr float kEighths[8] = {1.0f,        1.09050773f, 1.18920712f, 1.29683955f,
+                                 1.41421356f, 1.54221083f, 1.68179283f, 1.83400809f};
+  std::array<float, 256> cells{};
+  float octave = 1.0f / 16;
   for (size_t c = 1; c < cells.size(); ++c) {
     cells[c] = octave * kEighths[(c - 1) % 8];
     if (c % 8 == 0) octave *= 2;

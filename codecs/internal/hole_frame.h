@@ -5,13 +5,16 @@
 // known (v by the ring's regression line, n by the hole's own surface above (u, v)), which makes
 // the three residuals as independent as those in a rotated frame, by shears alone.
 //
-// All numbers are IEEE binary64 and each operation is correctly rounded and in the order written
-// here, so that every machine predicts the same bits (no contraction, no reassociation).
+// Numbers are IEEE binary32, relative to the ring's first vertex; each operation is rounded
+// correctly and done in the order of codecs/FORMAT.md, so that every machine predicts the same bits
+// (no contraction, no reassociation).
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <span>
+#include <vector>
 
+#include "codecs/cluster_codec.h"
 #include "codecs/internal/patch.h"
 #include "store/base/geometry.h"
 
@@ -20,12 +23,13 @@ namespace mtdb {
 // Of one coordinate: where it is expected, and the square of the deviation to expect.
 struct Expectation {
   int32_t value = 0;
-  double variance = 0;
+  float variance = 0;
 };
 
 class HoleFrame {
  public:
-  HoleFrame(const Patch& patch, bool boundary);
+  // `patch` has walked a hole; a boundary node's ring is rotated. Refers to `patch`.
+  HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary);
 
   int axis_u() const { return u_; }
   int axis_v() const { return v_; }
@@ -34,20 +38,19 @@ class HoleFrame {
   Expectation ExpectV(int32_t u) const;
   int32_t ExpectN(int32_t u, int32_t v) const;
   // How much longer a step along n is than its part along the hole's normal; 1 .. sqrt(3).
-  double slant() const;
+  float slant() const;
   // The square of the ring's deviation from the hole's plane, along n.
-  double unevenness() const;
+  float unevenness() const;
+  const RingPoints& ring() const { return ring_; }
 
  private:
-  // Coordinates of the ring, relative to mean_, and of the corners of the hole's triangles. Plain
-  // arrays, since those of Vec3d would be cleared for each node.
-  double ring_[kMaxRing][3];
-  double hole_[kMaxRing][3][3];
-  size_t ring_count_, hole_count_;
-  Vec3d mean_;    // the predicted point
-  Vec3d normal_;  // of the ring, not of unit length
-  int u_ = 0, v_ = 1, n_ = 2;
-  double uu_ = 0, vv_ = 0, slope_ = 0;
+  const Patch& patch_;
+  const std::vector<Vec3i>& positions_;
+  RingPoints ring_;
+  float mean_[3];    // the predicted point
+  float normal_[3];  // of the ring, not of unit length
+  float uu_, vv_, slope_;
+  int u_, v_, n_;
 };
 
 }  // namespace mtdb

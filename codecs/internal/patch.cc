@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstddef>
+#include <cstring>
 
 #include "store/base/hash.h"
 
@@ -13,7 +15,7 @@ namespace {
 // the first of them faces. The fraction lies in [0, 2], since the square of a sum is at most twice
 // the sum of the squares.
 inline int32_t Sharpness(float facing, float b, float c) {
-  return 64 - static_cast<int32_t>(64 * facing / (b + c + 1e-30f));
+  return 60 - static_cast<int32_t>(60 * facing / (b + c + 1e-30f));
 }
 
 // floor(log2(x)) for x >= 1, and 0 below.
@@ -31,40 +33,80 @@ void SetShape(Patch::Triangle& t, float first, float second, float third) {
   t.longest = std::max({t.length[0], t.length[1], t.length[2]});
 }
 
-// The shapes of a star's triangles, four at a time. Squared lengths: spoke[j] of the edge to ring
-// vertex j, edge[j] of ring edge j; the ends are padded.
-struct StarShape {
-  static constexpr size_t kSize = kMaxRing + 8;
-  float spoke[kSize], edge[kSize];
-  int32_t sharpness[3][kSize], spoke_length[kSize], edge_length[kSize];
+inline float Squared(float x, float y, float z) { return x * x + y * y + z * z; }
 
-  void Compute(uint32_t count) {
-    for (uint32_t j = 0; j < (count + 3) / 4 * 4; ++j) {
+float SquaredDistance(Vec3i a, Vec3i b) {
+  return Squared(RingPoints::Offset(b.x, a.x), RingPoints::Offset(b.y, a.y),
+                 RingPoints::Offset(b.z, a.z));
+}
+
+// The shapes of a star's triangles. Squared lengths: spoke[j] of the edge to ring vertex j, edge[j]
+// of ring edge j. The results are bytes of Patch::Triangle, four in a word: sharpness and 0; both
+// (but for the ring edge) and longest; length and 0. Loops run to multiples of four, for the
+// compiler's sake.
+struct StarShape {
+  static constexpr size_t kSize = RingPoints::kSize;
+  float spoke[kSize], edge[kSize];
+  int32_t sharpness[3][kSize + 1], length[kSize];  // of a spoke's corners: sharpness[2] from 1
+  uint32_t sharpness_word[kSize], both_word[kSize], length_word[kSize];
+
+  void Compute(const RingPoints& ring, Vec3i apex) {
+    const uint32_t count = ring.count;
+    const float x = RingPoints::Offset(apex.x, ring.base.x);
+    const float y = RingPoints::Offset(apex.y, ring.base.y);
+    const float z = RingPoints::Offset(apex.z, ring.base.z);
+    for (uint32_t j = 0; j < (count + 4) / 4 * 4; ++j) {
+      spoke[j] = Squared(ring.at[0][j] - x, ring.at[1][j] - y, ring.at[2][j] - z);
+      edge[j] = Squared(ring.at[0][j + 1] - ring.at[0][j], ring.at[1][j + 1] - ring.at[1][j],
+                        ring.at[2][j + 1] - ring.at[2][j]);
+      length[j] = Exponent(spoke[j]);
+    }
+    const uint32_t padded = (count + 3) / 4 * 4;
+    spoke[padded] = padded == count ? spoke[0] : spoke[padded];
+    length[padded] = Exponent(spoke[padded]);
+    for (uint32_t j = 0; j < padded; ++j) {
       sharpness[0][j] = Sharpness(spoke[j], edge[j], spoke[j + 1]);
       sharpness[1][j] = Sharpness(edge[j], spoke[j + 1], spoke[j]);
-      sharpness[2][j] = Sharpness(spoke[j + 1], spoke[j], edge[j]);
-      edge_length[j] = Exponent(edge[j]);
+      sharpness[2][j + 1] = Sharpness(spoke[j + 1], spoke[j], edge[j]);
     }
-    for (uint32_t j = 0; j < (count + 4) / 4 * 4; ++j) spoke_length[j] = Exponent(spoke[j]);
+    sharpness[0][count] = sharpness[0][0];
+    sharpness[2][0] = sharpness[2][count];
+    for (uint32_t j = 0; j < padded; ++j) {
+      const int32_t a = length[j];
+      const int32_t b = Exponent(edge[j]);
+      const int32_t c = length[j + 1];
+      int32_t longest = a > b ? a : b;
+      longest = longest > c ? longest : c;
+      length_word[j] = static_cast<uint32_t>(a | b << 8 | c << 16);
+      sharpness_word[j] =
+          static_cast<uint32_t>((sharpness[0][j] & 0xff) | (sharpness[1][j] & 0xff) << 8 |
+                                (sharpness[2][j + 1] & 0xff) << 16);
+      const int32_t first = Patch::kBothZero + sharpness[0][j] + sharpness[2][j];
+      const int32_t third = Patch::kBothZero + sharpness[2][j + 1] + sharpness[0][j + 1];
+      both_word[j] =
+          static_cast<uint32_t>(first | Patch::kBothZero << 8 | third << 16 | longest << 24);
+    }
   }
 };
 
 }  // namespace
 
 Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles,
-             const std::vector<Vec3i>& positions, size_t expected_slots)
-    : positions_(positions) {
+             const std::vector<Vec3i>& positions, size_t expected_slots) {
   triangles_.reserve(expected_slots);
+  removers_.reserve(expected_slots);
+  removers_.resize(in_triangles.size(), kNone32);
   for (const auto& corners : in_triangles) {
     Triangle& t = triangles_.emplace_back();
     t.corners = corners;
     t.opposite = {kNone32, kNone32, kNone32};
-    t.remover = kNone32;
-    const Vec3d a = point(corners[0]);
-    const Vec3d b = point(corners[1]);
-    const Vec3d c = point(corners[2]);
-    SetShape(t, static_cast<float>(SquaredLength(b - a)), static_cast<float>(SquaredLength(c - b)),
-             static_cast<float>(SquaredLength(a - c)));
+    t.both = {kBothZero, kBothZero, kBothZero};
+    t.error_code = 0;
+    t.unused = 0;
+    const Vec3i a = positions[corners[0]];
+    const Vec3i b = positions[corners[1]];
+    const Vec3i c = positions[corners[2]];
+    SetShape(t, SquaredDistance(a, b), SquaredDistance(b, c), SquaredDistance(c, a));
   }
   PairEdges();
 }
@@ -110,7 +152,12 @@ void Patch::PairEdges() {
         repeated = true;
       } else if (e.backward == 0) {
         e.backward = 1;
-        Link(e.half_edge, 4 * slot + i);
+        Triangle& t = triangles_[slot];
+        Triangle& other = triangles_[e.half_edge >> 2];
+        t.opposite[i] = e.half_edge;
+        other.opposite[e.half_edge & 3] = 4 * slot + i;
+        t.both[i] = other.both[e.half_edge & 3] =
+            static_cast<uint8_t>(kBothZero + t.sharpness[i] + other.sharpness[e.half_edge & 3]);
       } else {
         e.backward = 2;
         repeated = true;
@@ -132,42 +179,39 @@ void Patch::RotateRing(size_t split) {
   std::rotate(outer_.begin(), outer_.begin() + middle, outer_.begin() + ring_count_);
 }
 
-void Patch::InsertStar(uint32_t vertex, bool boundary, uint8_t error_code) {
+void Patch::InsertStar(uint32_t vertex, Vec3i apex, const RingPoints& points, bool boundary,
+                       uint8_t error_code) {
   const uint32_t k = ring_count_;
   const uint32_t count = boundary ? k - 1 : k;
   const uint32_t first = slots();
-  const Vec3d apex = point(vertex);
   StarShape shape;
-  Vec3d last = point(ring_[k - 1]);
-  for (uint32_t j = 0; j < k; ++j) {
-    const Vec3d p = point(ring_[j]);
-    shape.spoke[j] = static_cast<float>(SquaredLength(p - apex));
-    shape.edge[j == 0 ? k - 1 : j - 1] = static_cast<float>(SquaredLength(p - last));
-    last = p;
-  }
-  shape.spoke[k] = shape.spoke[0];
-  for (uint32_t j = k; j < k + 4; ++j) shape.spoke[j + 1] = shape.edge[j] = 0;
-  shape.Compute(k);
+  shape.Compute(points, apex);
+  const uint32_t code = static_cast<uint32_t>(error_code) << 24;
   triangles_.resize(first + count);
+  removers_.resize(first + count, kNone32);
   for (uint32_t j = 0; j < count; ++j) {
     const uint32_t slot = first + j;
+    const uint32_t after = j + 1 == k ? 0 : j + 1;
+    const uint32_t before = j == 0 ? k - 1 : j - 1;
+    const uint32_t o = outer_[j];
     Triangle& t = triangles_[slot];
-    t.corners = {vertex, ring_[j], ring_[j + 1 == k ? 0 : j + 1]};
-    t.opposite = {4 * (slot - 1) + 2, outer_[j], 4 * (slot + 1)};
-    t.remover = kNone32;
-    const auto a = static_cast<uint8_t>(shape.spoke_length[j]);
-    const auto b = static_cast<uint8_t>(shape.edge_length[j]);
-    const auto c = static_cast<uint8_t>(shape.spoke_length[j + 1 == k ? 0 : j + 1]);
-    for (size_t i = 0; i < 3; ++i) t.sharpness[i] = static_cast<int8_t>(shape.sharpness[i][j]);
-    t.length = {a, b, c};
-    t.longest = std::max(std::max(a, b), c);
-    t.error_code = error_code;
-    if (outer_[j] != kNone32) triangles_[outer_[j] >> 2].opposite[outer_[j] & 3] = 4 * slot + 1;
+    t.corners = {vertex, ring_[j], ring_[after]};
+    t.opposite = {4 * (first + before) + 2, o, 4 * (first + after)};
+    const uint32_t words[3] = {shape.sharpness_word[j] | code, shape.both_word[j],
+                               shape.length_word[j]};
+    static_assert(offsetof(Triangle, length) == offsetof(Triangle, sharpness) + 8);
+    std::memcpy(&t.sharpness, words, sizeof(words));
+    if (o == kNone32) continue;
+    Triangle& other = triangles_[o >> 2];
+    other.opposite[o & 3] = 4 * slot + 1;
+    other.both[o & 3] = t.both[1] =
+        static_cast<uint8_t>(kBothZero + shape.sharpness[1][j] + other.sharpness[o & 3]);
   }
-  triangles_[first].opposite[0] = boundary ? kNone32 : 4 * (first + count - 1) + 2;
-  triangles_[first + count - 1].opposite[2] = boundary ? kNone32 : 4 * first;
+  if (!boundary) return;
+  triangles_[first].opposite[0] = kNone32;
+  triangles_[first + count - 1].opposite[2] = kNone32;
   // A split edge's neighbour, if any, is a neighbour no more.
-  if (boundary && outer_[k - 1] != kNone32) Link(outer_[k - 1], kNone32);
+  if (const uint32_t o = outer_[k - 1]; o != kNone32) triangles_[o >> 2].opposite[o & 3] = kNone32;
 }
 
 }  // namespace mtdb

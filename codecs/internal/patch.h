@@ -3,6 +3,7 @@
 // bit means the same to both.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -14,38 +15,67 @@
 
 namespace mtdb {
 
+// The points of a ring, relative to its first one, axis by axis and padded with zeros: what lies
+// behind the last vertex is the first one again.
+struct RingPoints {
+  static constexpr size_t kSize = kMaxRing + 8;
+  uint32_t count;
+  Vec3i base;
+  float at[3][kSize];
+
+  // Differences wrap around, so that they always fit.
+  static float Offset(int32_t to, int32_t from) {
+    return static_cast<float>(
+        static_cast<int32_t>(static_cast<uint32_t>(to) - static_cast<uint32_t>(from)));
+  }
+  void Gather(std::span<const uint32_t> ring, const std::vector<Vec3i>& positions) {
+    count = static_cast<uint32_t>(ring.size());
+    base = positions[ring[0]];
+    for (uint32_t j = 0; j < count; ++j) {
+      const Vec3i& p = positions[ring[j]];
+      for (int i = 0; i < 3; ++i) at[i][j] = Offset(p[i], base[i]);
+    }
+    for (auto& axis : at) std::fill_n(axis + count, 8, 0.0f);
+  }
+};
+
 // Slots are visited in ascending order. A node is inserted when the last-created triangle of its
 // hole is visited (its anchor), so that every slot is visited exactly once, alive, and the whole
 // hole lies at or below the anchor.
 //
-// Half-edge 4 * slot + i leaves corner i of the slot's triangle for corner i + 1.
+// Half-edge 4 * slot + i leaves corner i of the slot's triangle for corner i + 1. What lies across
+// an edge of a triangle that is alive, is alive: a node's star takes the place of its hole at once.
 class Patch {
  public:
   struct Triangle {
     std::array<uint32_t, 3> corners;
     std::array<uint32_t, 3> opposite;  // twin of each half-edge, or kNone32
-    uint32_t remover;                  // node, or kNone32 while alive
-    // Per half-edge, how sharp the corner is that faces it: 64 for a needle, 32 for an equilateral
-    // triangle, 0 for a right angle, -64 for a flat corner.
+    // Per half-edge, how sharp the corner is that faces it: 60 for a needle, 30 for an equilateral
+    // triangle, 0 for a right angle, -60 for a flat corner.
     std::array<int8_t, 3> sharpness;
-    std::array<uint8_t, 3> length;  // per half-edge: exponent of its squared length
-    uint8_t longest;                // the greatest of `length`
     uint8_t error_code;             // of the node that made it; unused for in-triangles
+    std::array<uint8_t, 3> both;    // kBothZero + the sum of the two corners that face the edge
+    uint8_t longest;                // the greatest of `length`
+    std::array<uint8_t, 3> length;  // per half-edge: exponent of its squared length
+    uint8_t unused;
   };
+  static_assert(sizeof(Triangle) == 36);
+  static constexpr int kBothZero = 128;
 
-  // `positions` of local vertices grow by one before each InsertStar, and outlive the patch.
   Patch(std::span<const std::array<uint32_t, 3>> in_triangles, const std::vector<Vec3i>& positions,
         size_t expected_slots);
 
   uint32_t slots() const { return static_cast<uint32_t>(triangles_.size()); }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
-  uint32_t remover(uint32_t slot) const { return triangles_[slot].remover; }
-  Vec3d point(uint32_t vertex) const { return ToDouble(positions_[vertex]); }
+  // Per slot: the node that removed it, or kNone32 while alive.
+  std::vector<uint32_t>& removers() { return removers_; }
+  uint32_t remover(uint32_t slot) const { return removers_[slot]; }
 
   // The hole of node `node`, anchored at `anchor` (alive), by depth-first search across edges.
-  // Asks `take(count, h, o)` for each neighbour that could belong to it: alive and at or below the anchor;
-  // the hole has `count` triangles so far, h is its half-edge, o the twin. Fills hole() and ring(), marks the hole's slots as
-  // removed by `node`. Returns false when the ring would exceed kMaxRing.
+  // Asks `take(count, t, i)` for each neighbour that could belong to it, below the anchor: the hole
+  // has `count` triangles so far, and the neighbour lies across half-edge i of its triangle t. Fills
+  // hole() and ring(), marks the hole's slots as removed by `node`. Returns false when the ring
+  // would exceed kMaxRing or the hole runs into itself.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Take&& take) {
     uint32_t stack[kMaxRing];  // of half-edges; never more than the ring will have
@@ -55,18 +85,19 @@ class Patch {
     stack[0] = 4 * anchor + 2;
     stack[1] = 4 * anchor + 1;
     stack[2] = 4 * anchor;
-    Triangle* const triangles = triangles_.data();
+    const Triangle* const triangles = triangles_.data();
+    uint32_t* const removers = removers_.data();
     hole_[0] = anchor;
-    triangles[anchor].remover = node;
+    removers[anchor] = node;
     while (depth > 0) {
       const uint32_t h = stack[--depth];
       const Triangle& t = triangles[h >> 2];
       const uint32_t o = t.opposite[h & 3];
       const uint32_t slot = o >> 2;
-      if (slot <= anchor && triangles[slot].remover == kNone32 && take(holes, h, o)) {
-        if (holes + 2 >= kMaxRing) return false;
+      if (slot < anchor && take(holes, t, h & 3)) {
+        if (holes + 2 >= kMaxRing || removers[slot] != kNone32) return false;
         hole_[holes++] = slot;
-        triangles[slot].remover = node;
+        removers[slot] = node;
         stack[depth++] = Next(Next(o));
         stack[depth++] = Next(o);
         continue;
@@ -95,21 +126,18 @@ class Patch {
     for (uint32_t j = 0; j < ring_count_; ++j) count += outer_[j] == kNone32;
     return count;
   }
-  // Adds the star of `vertex`, made by a node with that error code: one triangle per ring edge, but
-  // for the last edge when `boundary`.
-  void InsertStar(uint32_t vertex, bool boundary, uint8_t error_code);
+  // Adds the star of `vertex` at `apex`, made by a node with that error code: one triangle per ring
+  // edge, but for the last edge when `boundary`. `points` are the ring's.
+  void InsertStar(uint32_t vertex, Vec3i apex, const RingPoints& points, bool boundary,
+                  uint8_t error_code);
 
   static uint32_t Next(uint32_t h) { return (h & 3) == 2 ? h - 2 : h + 1; }
 
  private:
-  void Link(uint32_t a, uint32_t b) {
-    triangles_[a >> 2].opposite[a & 3] = b;
-    if (b != kNone32) triangles_[b >> 2].opposite[b & 3] = a;
-  }
   void PairEdges();
 
-  const std::vector<Vec3i>& positions_;
   std::vector<Triangle> triangles_;
+  std::vector<uint32_t> removers_;
   std::array<uint32_t, kMaxRing> hole_{}, ring_{}, outer_{};
   uint32_t hole_count_ = 0;
   uint32_t ring_count_ = 0;

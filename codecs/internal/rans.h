@@ -24,27 +24,18 @@ namespace mtdb {
 inline constexpr int kProbabilityBits = 15;
 inline constexpr uint32_t kProbabilityOne = 1u << kProbabilityBits;
 
-// The probability of a one, as the mean of a fast and a slow estimate.
+// The probability of a one, in 1/65536.
 struct AdaptiveBit {
-  static constexpr int kFastRate = 5;
-  static constexpr int kSlowRate = 7;
-  uint16_t fast = 0x8000;
-  uint16_t slow = 0x8000;
+  static constexpr int kRate = 6;
+  uint16_t probability = 0x8000;
 
   // In 1 .. kProbabilityOne - 1.
-  uint32_t one() const { return (static_cast<uint32_t>(fast) + slow) >> 2; }
-  void Update(bool bit) {
-    fast = Step<kFastRate>(fast, bit);
-    slow = Step<kSlowRate>(slow, bit);
-  }
-
- private:
-  // Towards 0xffff or 2^rate - 1, so that neither value becomes impossible. Without a branch: bits
+  uint32_t one() const { return probability >> 1; }
+  // Towards 0xffff or 2^kRate - 1, so that neither value becomes impossible. Without a branch: bits
   // that are hard to predict are what an entropy coder sees.
-  template <int kRate>
-  static uint16_t Step(uint16_t p, bool bit) {
+  void Update(bool bit) {
     const int32_t target = (0xffff & -static_cast<int32_t>(bit)) | ((1 << kRate) - 1);
-    return static_cast<uint16_t>(p + ((target - p) >> kRate));
+    probability = static_cast<uint16_t>(probability + ((target - probability) >> kRate));
   }
 };
 
