@@ -18,7 +18,7 @@
 namespace mtdb {
 
 // A triangle slot's fate, in Cluster::removers and RootPiece::removers.
-inline constexpr uint32_t kDrain = kNone32;         // nobody removes it: full resolution
+inline constexpr uint32_t kDrain = kNone32;          // nobody removes it: full resolution
 inline constexpr uint32_t kChildFlag = 0x80000000u;  // | ordinal in `children`: a child removes it
 constexpr bool RemovedByNode(uint32_t remover) { return (remover & kChildFlag) == 0; }
 constexpr bool RemovedByChild(uint32_t remover) {
@@ -62,15 +62,15 @@ struct InPatch {
 // of an interior node is cyclic, that of a boundary node is open (one star triangle less).
 // Nodes are in an order that every parent precedes its children.
 struct Cluster {
-  InPatch in;  // positions and rows are extended by the nodes' own
-  std::vector<uint8_t> error_codes;     // per node
-  std::vector<uint32_t> ring_begin;     // nodes + 1
-  std::vector<uint32_t> ring_vertices;  // local
-  std::vector<uint32_t> star_begin;     // nodes + 1; slots
-  std::vector<uint32_t> hole_begin;     // nodes + 1
-  std::vector<uint32_t> hole_slots;     // slots that a node removes
-  std::vector<uint32_t> removers;       // per slot: node, kChildFlag | ordinal, or kDrain
-  std::vector<ClusterId> children;      // ascending
+  InPatch in;                              // positions and rows are extended by the nodes' own
+  std::vector<uint8_t> error_codes;        // per node
+  std::vector<uint32_t> ring_begin;        // nodes + 1
+  std::vector<uint32_t> ring_vertices;     // local
+  std::vector<uint32_t> star_begin;        // nodes + 1; slots
+  std::vector<uint32_t> hole_begin;        // nodes + 1
+  std::vector<uint32_t> hole_slots;        // slots that a node removes
+  std::vector<uint32_t> removers;          // per slot: node, kChildFlag | ordinal, or kDrain
+  std::vector<ClusterId> children;         // ascending
   std::vector<ExplicitArc> explicit_arcs;  // ascending by slot
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }

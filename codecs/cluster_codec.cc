@@ -20,8 +20,12 @@ int32_t Sum(int32_t expected, int32_t residual) {
   return static_cast<int32_t>(static_cast<uint32_t>(expected) + static_cast<uint32_t>(residual));
 }
 
-[[gnu::always_inline]] inline Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model, const HoleFrame& frame,
-                   size_t ring_class, bool scaled_by_error, uint8_t code) {
+// No node takes less than an eighth of a bit; a bound on the memory that hostile bytes can ask for.
+constexpr uint64_t kMaxNodesPerByte = 64;
+
+[[gnu::always_inline]] inline Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model,
+                                                 const HoleFrame& frame, size_t ring_class,
+                                                 bool scaled_by_error, uint8_t code) {
   Vec3i p;
   const Expectation u = frame.ExpectU();
   p[frame.axis_u()] = Sum(u.value, model.CodeScaled(coder, 0, ring_class, u.variance, 0));
@@ -29,9 +33,8 @@ int32_t Sum(int32_t expected, int32_t residual) {
   p[frame.axis_v()] = Sum(v.value, model.CodeScaled(coder, 1, ring_class, v.variance, 0));
   const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
   const int32_t residual =
-      scaled_by_error
-          ? model.CodeWithin(coder, ring_class, kErrorInCells[code] * frame.slant(), 0)
-          : model.CodeScaled(coder, 2, ring_class, frame.unevenness(), 0);
+      scaled_by_error ? model.CodeWithin(coder, ring_class, kErrorInCells[code] * frame.slant(), 0)
+                      : model.CodeScaled(coder, 2, ring_class, frame.unevenness(), 0);
   p[frame.axis_n()] = Sum(n, residual);
   return p;
 }
@@ -100,6 +103,8 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     return corrupt("head: " + std::to_string(node_count) + " nodes, but the index says " +
                    std::to_string(node_limit));
   }
+  if (node_count / kMaxNodesPerByte > payload.size())
+    return corrupt("head: nodes beyond the bytes");
   Cluster cluster;
   uint64_t child = 0;
   for (uint64_t i = 0; i < child_count; ++i) {
@@ -137,6 +142,7 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
   RangeAppender hole_slots(cluster.hole_slots, 4ull * n);
 
   Patch patch(cluster.in.triangles, cluster.in.positions, in_count + 6ull * n);
+  std::vector<uint32_t> last_ring(external + n, kNone32);  // per vertex: the last node around it
   uint32_t slot = 0;
   for (uint32_t i = 0; i < n; ++slot) {
     if (slot >= patch.slots()) return corrupt("fewer anchors than nodes");
@@ -153,16 +159,18 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     if (is_boundary && split >= patch.ring().size()) return corrupt("split edge beyond the ring");
     if (is_boundary) patch.RotateRing(split);
     const std::span<const uint32_t> ring = patch.ring();
-    const PredictedError prediction =
-        PredictError(patch, in_count, cluster.error_codes);
-    const uint8_t code = error_model.Code(errors, patch.hole().size(), prediction.fallback,
-                                          prediction.code, 0);
+    for (const uint32_t v : ring) {
+      if (last_ring[v] == i) return corrupt("hole of node " + std::to_string(i) + " is no disc");
+      last_ring[v] = i;
+    }
+    const PredictedError prediction = PredictError(patch, in_count, cluster.error_codes);
+    const uint8_t code =
+        error_model.Code(errors, patch.hole().size(), prediction.fallback, prediction.code, 0);
     cluster.error_codes.push_back(code);
     const HoleFrame frame(patch, cluster.in.positions, is_boundary);
-    const Vec3i p =
-        DecodeVertex(positions, position_model, frame,
-                     PositionModel::RingClass(ring.size(), is_boundary),
-                     flags & kFlagScaledByError, code);
+    const Vec3i p = DecodeVertex(positions, position_model, frame,
+                                 PositionModel::RingClass(ring.size(), is_boundary),
+                                 flags & kFlagScaledByError, code);
     cluster.in.positions.push_back(p);
     if (row != 0) {
       cluster.in.rows.resize((external + i + 1ull) * row);

@@ -13,11 +13,11 @@ namespace mtdb {
 
 // What a reader met beside vertices and triangles.
 struct MeshReadReport {
-  std::string format;                 // "PLY binary little endian", "STL ASCII", ...
-  uint64_t polygons = 0;              // faces of more than three corners, split into fans
-  uint64_t strips = 0;                // tristrips split
-  uint64_t short_faces = 0;           // faces of fewer than three corners, dropped
-  std::vector<std::string> ignored;   // elements and properties that mtdb does not carry
+  std::string format;                // "PLY binary little endian", "STL ASCII", ...
+  uint64_t polygons = 0;             // faces of more than three corners, split into fans
+  uint64_t strips = 0;               // tristrips split
+  uint64_t short_faces = 0;          // faces of fewer than three corners, dropped
+  std::vector<std::string> ignored;  // elements and properties that mtdb does not carry
 };
 
 // Reads the file at `path` (by its content where it has a magic word, else by its extension) and

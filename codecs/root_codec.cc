@@ -26,8 +26,8 @@ Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes)
     vertices.PutSignedVarint(vertex - last_vertex - 1);
     last_vertex = vertex;
     for (int c = 0; c < 3; ++c) {
-      vertices.PutVarint(ZigZag(static_cast<uint32_t>(piece.positions[i][c]) -
-                                static_cast<uint32_t>(last[c])));
+      vertices.PutVarint(
+          ZigZag(static_cast<uint32_t>(piece.positions[i][c]) - static_cast<uint32_t>(last[c])));
     }
     last = piece.positions[i];
   }

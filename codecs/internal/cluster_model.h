@@ -15,10 +15,11 @@
 
 namespace mtdb {
 
-// floor(log2(x)) for x >= 1, and 0 below.
+// floor(log2(x)) for x >= 1, and 0 below; at most kMaxExponent, whatever hostile positions give.
+inline constexpr int kMaxExponent = 70;
 inline int ExponentOf(float x) {
-  const int biased = static_cast<int>(std::bit_cast<uint32_t>(x) >> 23);
-  return biased < 127 ? 0 : biased - 127;
+  const int exponent = static_cast<int>(std::bit_cast<uint32_t>(x) >> 23 & 0xff) - 127;
+  return std::min(std::max(exponent, 0), kMaxExponent);
 }
 
 // ---- topology: anchors, holes, split edges ----
@@ -29,7 +30,8 @@ class TopologyModel {
 
   // Is `slot` the anchor of a node? Every slot that is not beyond the last anchor is asked.
   template <typename Coder>
-  [[gnu::always_inline]] bool CodeAnchor(Coder& coder, const Patch& patch, uint32_t slot, bool value) {
+  [[gnu::always_inline]] bool CodeAnchor(Coder& coder, const Patch& patch, uint32_t slot,
+                                         bool value) {
     return coder.Bit(anchor_[AnchorContext(patch.triangle(slot), slot)], value);
   }
   // Does the hole, of `taken` triangles by now, go on across half-edge i of its triangle t?
@@ -37,14 +39,16 @@ class TopologyModel {
   [[gnu::always_inline]] bool CodeTake(Coder& coder, size_t taken, const Patch::Triangle& t,
                                        size_t i, bool value) {
     const size_t count = std::min<size_t>(taken - 1, kTakenClasses - 1);
-    return coder.Bit(take_[(count * kLengthClasses + length_class_[t.length[i]]) * kSharpnessClasses +
-                           kSharpnessClass[t.both[i]]],
-                     value);
+    return coder.Bit(
+        take_[(count * kLengthClasses + length_class_[t.length[i]]) * kSharpnessClasses +
+              kSharpnessClass[t.both[i]]],
+        value);
   }
   // The ring edge that a boundary node splits: kNone32 when the node is none, else its rank, the
   // `open` edges with nothing beyond them before the `closed` ones.
   template <typename Coder>
-  [[gnu::always_inline]] uint32_t CodeSplit(Coder& coder, uint32_t open, uint32_t closed, uint32_t value) {
+  [[gnu::always_inline]] uint32_t CodeSplit(Coder& coder, uint32_t open, uint32_t closed,
+                                            uint32_t value) {
     if (!coder.Bit(boundary_[std::min<uint32_t>(open, 3)], value != kNone32)) return kNone32;
     const bool is_open = open > 0 && (closed == 0 || coder.Bit(open_, value < open));
     const uint32_t first = is_open ? 0 : open;
@@ -75,8 +79,9 @@ class TopologyModel {
     const uint32_t v1 = t.opposite[1] >> 2 < slot;
     const uint32_t v2 = t.opposite[2] >> 2 < slot;
     // Those not visited count as the sharpest.
-    const uint32_t least = std::min(std::min(t.both[0] | ((v0 - 1) & 0xff), t.both[1] | ((v1 - 1) & 0xff)),
-                                    t.both[2] | ((v2 - 1) & 0xff));
+    const uint32_t least =
+        std::min(std::min(t.both[0] | ((v0 - 1) & 0xff), t.both[1] | ((v1 - 1) & 0xff)),
+                 t.both[2] | ((v2 - 1) & 0xff));
     return ((v0 + v1 + v2) * kSharpnessClasses + kSharpnessClass[least]) * kLengthClasses +
            length_class_[t.longest];
   }
@@ -96,7 +101,8 @@ class ErrorModel {
   // The error code of a node whose hole has `hole` triangles, made by nodes of this cluster whose
   // least code is `prediction` (`fallback`: by none, and the prediction is the previous code).
   template <typename Coder>
-  [[gnu::always_inline]] uint8_t Code(Coder& coder, size_t hole, bool fallback, uint8_t prediction, uint8_t value) {
+  [[gnu::always_inline]] uint8_t Code(Coder& coder, size_t hole, bool fallback, uint8_t prediction,
+                                      uint8_t value) {
     const uint32_t difference = static_cast<uint32_t>(prediction) + kUp - value;
     const size_t context = std::min<size_t>(hole - 1, kHoleClasses - 1) * 2 + (fallback ? 1 : 0);
     const uint32_t high = coder.Symbol(high_[context], std::min(difference >> 2, kEscape));
@@ -104,7 +110,8 @@ class ErrorModel {
     AdaptiveBit* low = &low_[3 * high];
     const bool top = coder.Bit(low[0], difference & 2);
     const bool bottom = coder.Bit(low[top ? 2 : 1], difference & 1);
-    return static_cast<uint8_t>(prediction + kUp - (high << 2 | (top ? 2u : 0u) | (bottom ? 1u : 0u)));
+    return static_cast<uint8_t>(prediction + kUp -
+                                (high << 2 | (top ? 2u : 0u) | (bottom ? 1u : 0u)));
   }
 
   static constexpr size_t kHoleClasses = 6;
@@ -123,8 +130,8 @@ class PositionModel {
   PositionModel();
   // The residual of coordinate `which` (0 u, 1 v, 2 n).
   template <typename Coder>
-  [[gnu::always_inline]] int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class, float variance,
-                     int32_t value) {
+  [[gnu::always_inline]] int32_t CodeScaled(Coder& coder, size_t which, size_t ring_class,
+                                            float variance, int32_t value) {
     const int exponent = ExponentOf(variance);
     const int shift = std::max(0, exponent / 2 - 4);
     const size_t scale = static_cast<size_t>(exponent < 8 ? exponent : 8 + (exponent & 1));
@@ -134,15 +141,18 @@ class PositionModel {
     uint64_t q = coder.Symbol(model, std::min(quotient, kEscape));
     if (q == kEscape) q += CodeRawNumber(coder, quotient - kEscape);
     if (q == 0 && shift == 0) return 0;
-    const uint32_t low = coder.Raw(
-        shift + 1, (magnitude & ((1u << shift) - 1)) << 1 | (value < 0 ? 1u : 0u));
+    const uint32_t low =
+        coder.Raw(shift + 1, (magnitude & ((1u << shift) - 1)) << 1 | (value < 0 ? 1u : 0u));
     return Signed(static_cast<uint32_t>(q << shift) | low >> 1, low & 1);
   }
   // The residual along n of a vertex that is hardly farther than `limit` from its hole.
   template <typename Coder>
-  [[gnu::always_inline]] int32_t CodeWithin(Coder& coder, size_t ring_class, float limit, int32_t value) {
+  [[gnu::always_inline]] int32_t CodeWithin(Coder& coder, size_t ring_class, float limit,
+                                            int32_t value) {
     const float width = limit + 1;
-    const auto bound = [&](uint32_t q) { return static_cast<uint32_t>(width * (static_cast<float>(q) * 0.0625f)); };
+    const auto bound = [&](uint32_t q) {
+      return static_cast<uint32_t>(width * (static_cast<float>(q) * 0.0625f));
+    };
     const auto scale = static_cast<size_t>(std::min(ExponentOf(width), int{kLimits} - 1));
     const uint32_t magnitude = Magnitude(value);
     uint32_t bin = kEscape;
@@ -231,8 +241,10 @@ bool ArcModel::Code(Coder& coder, const Patch& patch, uint32_t first_own, uint32
           queue.push_back(o >> 2);
         } else if (arc != kQueued) {
           ++known;
-          if (candidates[0] == kNone32) candidates[0] = arc;
-          else if (arc != candidates[0]) candidates[1] = arc;
+          if (candidates[0] == kNone32)
+            candidates[0] = arc;
+          else if (arc != candidates[0])
+            candidates[1] = arc;
         }
       }
       const uint32_t value = get(slot);

@@ -9,9 +9,11 @@ namespace mtdb {
 
 namespace {
 
-// floor(x + 1/2), for x that is clamped to +-2^30.
+// floor(x + 1/2), for x that is clamped to +-2^30; not a number counts as the least.
 int32_t Round(float x) {
-  const float up = std::min(std::max(x, -1073741824.0f), 1073741824.0f) + 0.5f;
+  constexpr float kLimit = 1073741824.0f;
+  const float above = x > -kLimit ? x : -kLimit;
+  const float up = (above < kLimit ? above : kLimit) + 0.5f;
   const auto truncated = static_cast<int32_t>(up);
   return truncated - (static_cast<float>(truncated) > up ? 1 : 0);
 }
@@ -92,9 +94,7 @@ HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bo
   vv_ = std::max(vv - slope_ * uv, 0.0f);
 }
 
-Expectation HoleFrame::ExpectU() const {
-  return {Shift(ring_.base[u_], Round(mean_[u_])), uu_};
-}
+Expectation HoleFrame::ExpectU() const { return {Shift(ring_.base[u_], Round(mean_[u_])), uu_}; }
 
 Expectation HoleFrame::ExpectV(int32_t u) const {
   const float du = RingPoints::Offset(u, ring_.base[u_]);

@@ -12,10 +12,11 @@ namespace mtdb {
 namespace {
 
 // `facing`, `b` and `c` are squared lengths of a triangle's edges; the sharpness of the corner that
-// the first of them faces. The fraction lies in [0, 2], since the square of a sum is at most twice
-// the sum of the squares.
+// the first of them faces. The fraction is at most 2, since the square of a sum is at most twice
+// the sum of the squares; differences that wrap around may break that rule.
 inline int32_t Sharpness(float facing, float b, float c) {
-  return 60 - static_cast<int32_t>(60 * facing / (b + c + 1e-30f));
+  const float fraction = 60 * facing / (b + c + 1e-30f);
+  return 60 - static_cast<int32_t>(fraction < 120 ? fraction : 120);
 }
 
 // floor(log2(x)) for x >= 1, and 0 below.
@@ -55,15 +56,13 @@ struct StarShape {
     const float x = RingPoints::Offset(apex.x, ring.base.x);
     const float y = RingPoints::Offset(apex.y, ring.base.y);
     const float z = RingPoints::Offset(apex.z, ring.base.z);
-    for (uint32_t j = 0; j < (count + 4) / 4 * 4; ++j) {
+    const uint32_t padded = (count + 3) / 4 * 4;
+    for (uint32_t j = 0; j < padded + 4; ++j) {
       spoke[j] = Squared(ring.at[0][j] - x, ring.at[1][j] - y, ring.at[2][j] - z);
       edge[j] = Squared(ring.at[0][j + 1] - ring.at[0][j], ring.at[1][j + 1] - ring.at[1][j],
                         ring.at[2][j + 1] - ring.at[2][j]);
       length[j] = Exponent(spoke[j]);
     }
-    const uint32_t padded = (count + 3) / 4 * 4;
-    spoke[padded] = padded == count ? spoke[0] : spoke[padded];
-    length[padded] = Exponent(spoke[padded]);
     for (uint32_t j = 0; j < padded; ++j) {
       sharpness[0][j] = Sharpness(spoke[j], edge[j], spoke[j + 1]);
       sharpness[1][j] = Sharpness(edge[j], spoke[j + 1], spoke[j]);

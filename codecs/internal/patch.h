@@ -73,9 +73,9 @@ class Patch {
 
   // The hole of node `node`, anchored at `anchor` (alive), by depth-first search across edges.
   // Asks `take(count, t, i)` for each neighbour that could belong to it, below the anchor: the hole
-  // has `count` triangles so far, and the neighbour lies across half-edge i of its triangle t. Fills
-  // hole() and ring(), marks the hole's slots as removed by `node`. Returns false when the ring
-  // would exceed kMaxRing or the hole runs into itself.
+  // has `count` triangles so far, and the neighbour lies across half-edge i of its triangle t.
+  // Fills hole() and ring(), marks the hole's slots as removed by `node`. Returns false when the
+  // ring would exceed kMaxRing or the hole runs into itself.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Take&& take) {
     uint32_t stack[kMaxRing];  // of half-edges; never more than the ring will have

@@ -67,8 +67,8 @@ struct AdaptiveSymbolOfRate {
   // The symbol whose interval holds `at`.
   uint32_t Find(uint32_t at) const {
     const __m128i value = _mm_set1_epi16(static_cast<int16_t>(at));
-    const __m128i above = _mm_packs_epi16(_mm_cmpgt_epi16(Lanes(0), value),
-                                          _mm_cmpgt_epi16(Lanes(8), value));
+    const __m128i above =
+        _mm_packs_epi16(_mm_cmpgt_epi16(Lanes(0), value), _mm_cmpgt_epi16(Lanes(8), value));
     const auto mask = static_cast<uint32_t>(_mm_movemask_epi8(above)) | 0x10000u;
     return static_cast<uint32_t>(std::countr_zero(mask)) - 1;
   }
@@ -124,8 +124,8 @@ class RansEncoder {
     uint32_t rest = bits;
     for (int left = count; left > 0; left -= 16) {
       const int n = left < 16 ? left : 16;
-      log_.push_back({static_cast<uint16_t>(rest & ((1u << n) - 1)),
-                      static_cast<uint16_t>(kRawFlag | n)});
+      log_.push_back(
+          {static_cast<uint16_t>(rest & ((1u << n) - 1)), static_cast<uint16_t>(kRawFlag | n)});
       rest >>= 16;
     }
     return bits;

@@ -69,7 +69,8 @@ Bytes StreamWriter::Finish() const {
     ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 0);
     const size_t size = ZSTD_compress2(context, frame.data(), frame.size(), raw.data(), raw.size());
     MTDB_CHECK(!ZSTD_isError(size), "zstd refuses to compress");
-    const bool pays = size < raw.size();
+    // A reader refuses a frame that expands too far, so that hostile bytes cannot take much memory.
+    const bool pays = size < raw.size() && raw.size() / StreamReader::kMaxExpansion < size;
     put(tag, raw.size(), pays ? size : 0, pays ? ByteSpan(frame).first(size) : ByteSpan(raw));
   }
   for (const auto& [tag, bytes] : coded_) {
@@ -94,14 +95,13 @@ Result<StreamReader> StreamReader::Open(ByteSpan payload, const std::string& whe
     uint64_t raw, coded;
   };
   std::vector<Entry> entries;
-  uint64_t total = 0;
   for (uint64_t i = 0; i < count; ++i) {
     Entry e{reader.Get<uint8_t>(), reader.GetVarint(), reader.GetVarint()};
     if (reader.failed()) return corrupt("cut short");
-    if (e.raw > kMaxExpansion * payload.size() + 65536 ||
-        (total += e.raw) > kMaxExpansion * payload.size() + 65536) {
-      return corrupt("stream lengths beyond any payload of " + std::to_string(payload.size()) +
-                     " bytes");
+    if (e.raw == 0) return corrupt("an empty stream is listed");
+    if (e.coded != 0 && e.raw / kMaxExpansion >= e.coded) {
+      return corrupt("a frame of " + std::to_string(e.coded) + " bytes cannot hold " +
+                     std::to_string(e.raw));
     }
     entries.push_back(e);
   }

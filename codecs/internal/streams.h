@@ -43,9 +43,11 @@ class StreamWriter {
 
 class StreamReader {
  public:
-  // Decodes all streams; those stored as they are stay in `payload`, which must outlive the reader. Bounded: the raw lengths together may be at most
-  // kMaxExpansion * payload.size() + 64 KiB.
-  static constexpr uint64_t kMaxExpansion = 4096;
+  StreamReader(StreamReader&&) = default;
+  StreamReader& operator=(StreamReader&&) = default;
+  // Decodes all streams; those stored as they are stay in `payload`, which must outlive the reader.
+  // Bounded: a frame expands to at most kMaxExpansion times its length.
+  static constexpr uint64_t kMaxExpansion = 256;
   static Result<StreamReader> Open(ByteSpan payload, const std::string& where);
   // Empty when absent.
   ByteSpan bytes(StreamTag tag) const;
@@ -59,6 +61,7 @@ class StreamReader {
   const std::vector<Size>& sizes() const { return sizes_; }
 
  private:
+  StreamReader() = default;
   struct Stream {
     StreamTag tag;
     ByteSpan bytes;
