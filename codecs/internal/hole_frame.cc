@@ -50,7 +50,6 @@ HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bo
 
   // Sums over the ring, four vertices at a time.
   const Float4 zero = {0, 0, 0, 0};
-  const Float4 mean[3] = {zero + mean_[0], zero + mean_[1], zero + mean_[2]};
   Float4 cross[3] = {zero, zero, zero};
   Float4 sums[3] = {zero, zero, zero};
   Float4 squares[3] = {zero, zero, zero};   // xx yy zz
