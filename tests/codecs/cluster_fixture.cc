@@ -157,8 +157,9 @@ void AddAttributes(ClusterFixture& fixture, uint32_t seed) {
   const ScalarType types[] = {ScalarType::kInt8,    ScalarType::kUint8,  ScalarType::kInt16,
                               ScalarType::kUint16,  ScalarType::kInt32,  ScalarType::kUint32,
                               ScalarType::kFloat32, ScalarType::kFloat64};
+  int n = 0;
   for (const ScalarType type : types) {
-    fixture.attributes.attributes.push_back({"a" + std::to_string(static_cast<int>(type)), type});
+    fixture.attributes.attributes.push_back({std::string(1, static_cast<char>('a' + n++)), type});
   }
   std::mt19937 random(seed);
   const size_t row = fixture.attributes.row_bytes();
