@@ -1,6 +1,7 @@
 #include "codecs/internal/hole_frame.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "codecs/internal/float4.h"
@@ -24,26 +25,35 @@ int32_t Shift(int32_t base, int32_t offset) {
 
 }  // namespace
 
-HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary)
-    : patch_(patch), positions_(positions) {
+HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary) {
   const std::span<const uint32_t> ring = patch.ring();
   const auto k = static_cast<uint32_t>(ring.size());
   ring_.Gather(ring, positions);
 
+  uint32_t sum[3] = {0, 0, 0};
+  const std::span<const uint32_t> hole = patch.hole();
+  hole_count_ = static_cast<uint32_t>(hole.size());
+  for (uint32_t h = 0; h < hole_count_; ++h) {
+    const auto& corners = patch.triangle(hole[h]).corners;
+    for (size_t c = 0; c < 3; ++c) {
+      const Vec3i& p = positions[corners[c]];
+      for (int i = 0; i < 3; ++i) {
+        hole_[i][c][h] = p[i];
+        sum[i] += static_cast<uint32_t>(p[i]);
+      }
+    }
+  }
+  for (auto& axis : hole_) {
+    for (auto& corner : axis) std::fill_n(corner + hole_count_, 3, 0);
+  }
   if (boundary) {
     for (size_t i = 0; i < 3; ++i) mean_[i] = ring_.at[i][k - 1] * 0.5f;
   } else {
     // Each ring vertex counts as often as hole triangles meet there.
-    uint32_t sum[3] = {0, 0, 0};
-    for (const uint32_t slot : patch.hole()) {
-      for (const uint32_t v : patch.triangle(slot).corners) {
-        for (int i = 0; i < 3; ++i) sum[i] += static_cast<uint32_t>(positions[v][i]);
-      }
-    }
-    const auto count = static_cast<uint32_t>(3 * patch.hole().size());
-    const float inverse = 1 / static_cast<float>(count);
+    const uint32_t times = 3 * hole_count_;
+    const float inverse = 1 / static_cast<float>(times);
     for (int i = 0; i < 3; ++i) {
-      const uint32_t base = count * static_cast<uint32_t>(ring_.base[i]);
+      const uint32_t base = times * static_cast<uint32_t>(ring_.base[i]);
       mean_[i] = static_cast<float>(static_cast<int32_t>(sum[i] - base)) * inverse;
     }
   }
@@ -58,8 +68,8 @@ HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bo
     Float4 p[3];
     Float4 q[3];
     for (size_t i = 0; i < 3; ++i) {
-      p[i] = Load4(ring_.at[i] + j);
-      q[i] = Load4(ring_.at[i] + j + 1);
+      p[i] = Load4<Float4>(ring_.at[i] + j);
+      q[i] = Load4<Float4>(ring_.at[i] + j + 1);
     }
     for (size_t i = 0; i < 3; ++i) {
       const size_t a = i == 2 ? 0 : i + 1;
@@ -101,26 +111,35 @@ Expectation HoleFrame::ExpectV(int32_t u) const {
 }
 
 int32_t HoleFrame::ExpectN(int32_t u, int32_t v) const {
-  // The hole triangle above (u, v), by the areas of the three triangles that (u, v) cuts it into.
-  const bool positive = normal_[n_] > 0;
-  for (const uint32_t slot : patch_.hole()) {
-    const auto& corners = patch_.triangle(slot).corners;
-    const Vec3i& a = positions_[corners[0]];
-    const Vec3i& b = positions_[corners[1]];
-    const Vec3i& c = positions_[corners[2]];
-    const float au = RingPoints::Offset(a[u_], u), av = RingPoints::Offset(a[v_], v);
-    const float bu = RingPoints::Offset(b[u_], u), bv = RingPoints::Offset(b[v_], v);
-    const float cu = RingPoints::Offset(c[u_], u), cv = RingPoints::Offset(c[v_], v);
-    const float wa = bu * cv - bv * cu;
-    const float wb = cu * av - cv * au;
-    const float wc = au * bv - av * bu;
-    const float low = std::min(std::min(wa, wb), wc);
-    const float high = std::max(std::max(wa, wb), wc);
-    const float area = wa + wb + wc;
-    if ((positive ? low < 0 : high > 0) || area == 0) continue;
-    const float bn = RingPoints::Offset(b[n_], a[n_]);
-    const float cn = RingPoints::Offset(c[n_], a[n_]);
-    return Shift(a[n_], Round((wb * bn + wc * cn) / area));
+  // The hole triangle above (u, v), by the areas of the three triangles that (u, v) cuts it into;
+  // four hole triangles at a time.
+  const Word4 zero = {0, 0, 0, 0};
+  const auto offset = [&](int axis, size_t corner, uint32_t h, Word4 from) {
+    return ToFloat(reinterpret_cast<Int4>(Load4<Word4>(hole_[axis][corner] + h) - from));
+  };
+  const float sign = normal_[n_] > 0 ? 1.0f : -1.0f;
+  for (uint32_t h = 0; h < hole_count_; h += 4) {
+    const Word4 from_u = zero + static_cast<uint32_t>(u);
+    const Word4 from_v = zero + static_cast<uint32_t>(v);
+    const Float4 au = offset(u_, 0, h, from_u), av = offset(v_, 0, h, from_v);
+    const Float4 bu = offset(u_, 1, h, from_u), bv = offset(v_, 1, h, from_v);
+    const Float4 cu = offset(u_, 2, h, from_u), cv = offset(v_, 2, h, from_v);
+    const Float4 wa = bu * cv - bv * cu;
+    const Float4 wb = cu * av - cv * au;
+    const Float4 wc = au * bv - av * bu;
+    const Float4 area = wa + wb + wc;
+    const Float4 least = Min4(Min4(wa * sign, wb * sign), wc * sign);
+    const Int4 inside = (least >= 0) & (area != 0);
+    const uint32_t lanes =
+        static_cast<uint32_t>(inside[0] & 1) | static_cast<uint32_t>(inside[1] & 2) |
+        static_cast<uint32_t>(inside[2] & 4) | static_cast<uint32_t>(inside[3] & 8);
+    if (lanes == 0) continue;
+    const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
+    if (h + lane >= hole_count_) break;  // padding
+    const int32_t an = hole_[n_][0][h + lane];
+    const float bn = RingPoints::Offset(hole_[n_][1][h + lane], an);
+    const float cn = RingPoints::Offset(hole_[n_][2][h + lane], an);
+    return Shift(an, Round((wb[lane] * bn + wc[lane] * cn) / area[lane]));
   }
   float height = mean_[n_];
   if (normal_[n_] != 0) {

@@ -28,7 +28,7 @@ struct Expectation {
 
 class HoleFrame {
  public:
-  // `patch` has walked a hole; a boundary node's ring is rotated. Refers to `patch`.
+  // `patch` has walked a hole; a boundary node's ring is rotated.
   HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary);
 
   int axis_u() const { return u_; }
@@ -44,9 +44,10 @@ class HoleFrame {
   const RingPoints& ring() const { return ring_; }
 
  private:
-  const Patch& patch_;
-  const std::vector<Vec3i>& positions_;
   RingPoints ring_;
+  // Of the hole's triangles: by axis, corner, triangle; padded with zeros to a multiple of four.
+  int32_t hole_[3][3][kMaxRing + 4];
+  uint32_t hole_count_;
   float mean_[3];    // the predicted point
   float normal_[3];  // of the ring, not of unit length
   float uu_, vv_, slope_;

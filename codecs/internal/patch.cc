@@ -4,8 +4,10 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
+#include <memory>
+#include <utility>
 
-#include "store/base/hash.h"
+#include "codecs/internal/float4.h"
 
 namespace mtdb {
 
@@ -41,62 +43,63 @@ float SquaredDistance(Vec3i a, Vec3i b) {
                  RingPoints::Offset(b.z, a.z));
 }
 
-// The shapes of a star's triangles. Squared lengths: spoke[j] of the edge to ring vertex j, edge[j]
-// of ring edge j. The results are bytes of Patch::Triangle, four in a word: sharpness and 0; both
-// (but for the ring edge) and longest; length and 0. Loops run to multiples of four, for the
-// compiler's sake.
-struct StarShape {
-  static constexpr size_t kSize = RingPoints::kSize;
-  float spoke[kSize], edge[kSize];
-  int32_t sharpness[3][kSize + 1], length[kSize];  // of a spoke's corners: sharpness[2] from 1
-  uint32_t sharpness_word[kSize], both_word[kSize], length_word[kSize];
+Int4 Sharpness4(Float4 facing, Float4 b, Float4 c) {
+  const Float4 fraction = 60 * facing / (b + c + 1e-30f);
+  return 60 - ToInt(Min4(fraction, Float4{120, 120, 120, 120}));
+}
 
-  void Compute(const RingPoints& ring, Vec3i apex) {
-    const uint32_t count = ring.count;
-    const float x = RingPoints::Offset(apex.x, ring.base.x);
-    const float y = RingPoints::Offset(apex.y, ring.base.y);
-    const float z = RingPoints::Offset(apex.z, ring.base.z);
-    const uint32_t padded = (count + 3) / 4 * 4;
-    for (uint32_t j = 0; j < padded + 4; ++j) {
-      spoke[j] = Squared(ring.at[0][j] - x, ring.at[1][j] - y, ring.at[2][j] - z);
-      edge[j] = Squared(ring.at[0][j + 1] - ring.at[0][j], ring.at[1][j + 1] - ring.at[1][j],
-                        ring.at[2][j + 1] - ring.at[2][j]);
-      length[j] = Exponent(spoke[j]);
-    }
-    for (uint32_t j = 0; j < padded; ++j) {
-      sharpness[0][j] = Sharpness(spoke[j], edge[j], spoke[j + 1]);
-      sharpness[1][j] = Sharpness(edge[j], spoke[j + 1], spoke[j]);
-      sharpness[2][j + 1] = Sharpness(spoke[j + 1], spoke[j], edge[j]);
-    }
-    sharpness[0][count] = sharpness[0][0];
-    sharpness[2][0] = sharpness[2][count];
-    for (uint32_t j = 0; j < padded; ++j) {
-      const int32_t a = length[j];
-      const int32_t b = Exponent(edge[j]);
-      const int32_t c = length[j + 1];
-      int32_t longest = a > b ? a : b;
-      longest = longest > c ? longest : c;
-      length_word[j] = static_cast<uint32_t>(a | b << 8 | c << 16);
-      sharpness_word[j] =
-          static_cast<uint32_t>((sharpness[0][j] & 0xff) | (sharpness[1][j] & 0xff) << 8 |
-                                (sharpness[2][j + 1] & 0xff) << 16);
-      const int32_t first = Patch::kBothZero + sharpness[0][j] + sharpness[2][j];
-      const int32_t third = Patch::kBothZero + sharpness[2][j + 1] + sharpness[0][j + 1];
-      both_word[j] =
-          static_cast<uint32_t>(first | Patch::kBothZero << 8 | third << 16 | longest << 24);
+Int4 Exponent4(Float4 x) {
+  Int4 bits;
+  std::memcpy(&bits, &x, sizeof(bits));
+  return Max4((bits >> 23) - 127, Int4{0, 0, 0, 0});
+}
+
+// The shapes of a star's triangles, as bytes of Patch::Triangle, four in a word: sharpness and 0;
+// length and 0. The loop runs to a multiple of four.
+struct StarShape {
+  int32_t sharpness[3][RingPoints::kSize];
+  uint32_t sharpness_word[RingPoints::kSize], length_word[RingPoints::kSize];
+  uint32_t longest_word[RingPoints::kSize];  // longest << 24
+
+  StarShape(const RingPoints& ring, Vec3i apex) {
+    const float ax = RingPoints::Offset(apex.x, ring.base.x);
+    const float ay = RingPoints::Offset(apex.y, ring.base.y);
+    const float az = RingPoints::Offset(apex.z, ring.base.z);
+    for (uint32_t j = 0; j < ring.count; j += 4) {
+      const auto px = Load4<Float4>(ring.at[0] + j), qx = Load4<Float4>(ring.at[0] + j + 1);
+      const auto py = Load4<Float4>(ring.at[1] + j), qy = Load4<Float4>(ring.at[1] + j + 1);
+      const auto pz = Load4<Float4>(ring.at[2] + j), qz = Load4<Float4>(ring.at[2] + j + 1);
+      const Float4 first = Squared4(px - ax, py - ay, pz - az);  // squared lengths
+      const Float4 second = Squared4(qx - px, qy - py, qz - pz);
+      const Float4 third = Squared4(qx - ax, qy - ay, qz - az);
+      const Int4 s0 = Sharpness4(first, second, third);
+      const Int4 s1 = Sharpness4(second, third, first);
+      const Int4 s2 = Sharpness4(third, first, second);
+      Store4(sharpness[0] + j, s0);
+      Store4(sharpness[1] + j, s1);
+      Store4(sharpness[2] + j, s2);
+      Store4(sharpness_word + j, (s0 & 0xff) | (s1 & 0xff) << 8 | (s2 & 0xff) << 16);
+      const Int4 a = Exponent4(first);
+      const Int4 b = Exponent4(second);
+      const Int4 c = Exponent4(third);
+      Store4(length_word + j, a | b << 8 | c << 16);
+      Store4(longest_word + j, Max4(Max4(a, b), c) << 24);
     }
   }
+  static Float4 Squared4(Float4 x, Float4 y, Float4 z) { return x * x + y * y + z * z; }
 };
 
 }  // namespace
 
 Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles,
              const std::vector<Vec3i>& positions, size_t expected_slots) {
-  triangles_.reserve(expected_slots);
   removers_.reserve(expected_slots);
+  capacity_ = std::max(expected_slots, in_triangles.size());
+  triangles_ = std::make_unique_for_overwrite<Triangle[]>(capacity_);
   removers_.resize(in_triangles.size(), kNone32);
-  for (const auto& corners : in_triangles) {
-    Triangle& t = triangles_.emplace_back();
+  for (size_t slot = 0; slot < in_triangles.size(); ++slot) {
+    const auto& corners = in_triangles[slot];
+    Triangle& t = triangles_[slot];
     t.corners = corners;
     t.opposite = {kNone32, kNone32, kNone32};
     t.both = {kBothZero, kBothZero, kBothZero};
@@ -113,7 +116,7 @@ Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles,
 // Pairs each directed edge with its reverse. An edge that occurs twice in one direction is
 // non-manifold: it pairs with nothing.
 void Patch::PairEdges() {
-  const auto n = static_cast<uint32_t>(triangles_.size());
+  const uint32_t n = slots();
   // Open addressing by undirected edge: its first half-edge, and how often each direction occurs.
   struct Entry {
     uint32_t half_edge = kNone32;
@@ -172,6 +175,17 @@ void Patch::PairEdges() {
   }
 }
 
+// Makes room for `count` more slots, alive.
+void Patch::Grow(uint32_t count) {
+  const size_t before = removers_.size();
+  removers_.resize(before + count, kNone32);
+  if (removers_.size() <= capacity_) return;
+  capacity_ = removers_.size() + removers_.size() / 2;
+  auto larger = std::make_unique_for_overwrite<Triangle[]>(capacity_);
+  std::copy_n(triangles_.get(), before, larger.get());
+  triangles_ = std::move(larger);
+}
+
 void Patch::RotateRing(size_t split) {
   const size_t middle = split + 1 == ring_count_ ? 0 : split + 1;
   std::rotate(ring_.begin(), ring_.begin() + middle, ring_.begin() + ring_count_);
@@ -183,11 +197,9 @@ void Patch::InsertStar(uint32_t vertex, Vec3i apex, const RingPoints& points, bo
   const uint32_t k = ring_count_;
   const uint32_t count = boundary ? k - 1 : k;
   const uint32_t first = slots();
-  StarShape shape;
-  shape.Compute(points, apex);
+  const StarShape shape(points, apex);
   const uint32_t code = static_cast<uint32_t>(error_code) << 24;
-  triangles_.resize(first + count);
-  removers_.resize(first + count, kNone32);
+  Grow(count);
   for (uint32_t j = 0; j < count; ++j) {
     const uint32_t slot = first + j;
     const uint32_t after = j + 1 == k ? 0 : j + 1;
@@ -196,15 +208,22 @@ void Patch::InsertStar(uint32_t vertex, Vec3i apex, const RingPoints& points, bo
     Triangle& t = triangles_[slot];
     t.corners = {vertex, ring_[j], ring_[after]};
     t.opposite = {4 * (first + before) + 2, o, 4 * (first + after)};
-    const uint32_t words[3] = {shape.sharpness_word[j] | code, shape.both_word[j],
-                               shape.length_word[j]};
+    const int32_t first_both = kBothZero + shape.sharpness[0][j] + shape.sharpness[2][before];
+    const int32_t third_both = kBothZero + shape.sharpness[2][j] + shape.sharpness[0][after];
+    int32_t second_both = kBothZero;
+    if (o != kNone32) {
+      Triangle& other = triangles_[o >> 2];
+      other.opposite[o & 3] = 4 * slot + 1;
+      second_both += shape.sharpness[1][j] + other.sharpness[o & 3];
+      other.both[o & 3] = static_cast<uint8_t>(second_both);
+    }
+    const uint32_t words[3] = {
+        shape.sharpness_word[j] | code,
+        static_cast<uint32_t>(first_both | second_both << 8 | third_both << 16) |
+            shape.longest_word[j],
+        shape.length_word[j]};
     static_assert(offsetof(Triangle, length) == offsetof(Triangle, sharpness) + 8);
     std::memcpy(&t.sharpness, words, sizeof(words));
-    if (o == kNone32) continue;
-    Triangle& other = triangles_[o >> 2];
-    other.opposite[o & 3] = 4 * slot + 1;
-    other.both[o & 3] = t.both[1] =
-        static_cast<uint8_t>(kBothZero + shape.sharpness[1][j] + other.sharpness[o & 3]);
   }
   if (!boundary) return;
   triangles_[first].opposite[0] = kNone32;

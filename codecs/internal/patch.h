@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -65,7 +66,7 @@ class Patch {
   Patch(std::span<const std::array<uint32_t, 3>> in_triangles, const std::vector<Vec3i>& positions,
         size_t expected_slots);
 
-  uint32_t slots() const { return static_cast<uint32_t>(triangles_.size()); }
+  uint32_t slots() const { return static_cast<uint32_t>(removers_.size()); }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
   // Per slot: the node that removed it, or kNone32 while alive.
   std::vector<uint32_t>& removers() { return removers_; }
@@ -85,7 +86,7 @@ class Patch {
     stack[0] = 4 * anchor + 2;
     stack[1] = 4 * anchor + 1;
     stack[2] = 4 * anchor;
-    const Triangle* const triangles = triangles_.data();
+    const Triangle* const triangles = triangles_.get();
     uint32_t* const removers = removers_.data();
     hole_[0] = anchor;
     removers[anchor] = node;
@@ -135,8 +136,10 @@ class Patch {
 
  private:
   void PairEdges();
+  void Grow(uint32_t count);
 
-  std::vector<Triangle> triangles_;
+  std::unique_ptr<Triangle[]> triangles_;  // slots() of capacity_
+  size_t capacity_ = 0;
   std::vector<uint32_t> removers_;
   std::array<uint32_t, kMaxRing> hole_{}, ring_{}, outer_{};
   uint32_t hole_count_ = 0;

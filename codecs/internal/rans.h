@@ -174,16 +174,9 @@ class RansDecoder {
     return s;
   }
   [[gnu::always_inline]] uint32_t Raw(int count, uint32_t = 0) {
-    uint32_t bits = 0;
-    int shift = 0;
-    for (int left = count; left > 0; left -= 16) {
-      const int n = left < 16 ? left : 16;
-      bits |= (static_cast<uint32_t>(state_) & ((1u << n) - 1)) << shift;
-      state_ >>= n;
-      Refill();
-      shift += 16;
-    }
-    return bits;
+    if (count <= 16) return RawBits(count);
+    const uint32_t low = RawBits(16);
+    return low | RawBits(count - 16) << 16;
   }
   // True when everything was read and the decoder is back where the encoder began.
   bool Done() const { return !overrun_ && next_ == end_ && state_ == kRansLow; }
@@ -191,6 +184,12 @@ class RansDecoder {
   bool overrun() const { return overrun_; }
 
  private:
+  uint32_t RawBits(int count) {
+    const uint32_t bits = static_cast<uint32_t>(state_) & ((1u << count) - 1);
+    state_ >>= count;
+    Refill();
+    return bits;
+  }
   void Take(uint32_t begin, uint32_t size, uint32_t at) {
     state_ = size * (state_ >> kProbabilityBits) + at - begin;
     Refill();
