@@ -3,336 +3,65 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <unordered_map>
 
+#include "codecs/internal/attribute_coder.h"
+#include "codecs/internal/cluster_model.h"
+#include "codecs/internal/cluster_payload.h"
+#include "codecs/internal/hole_frame.h"
 #include "codecs/internal/patch.h"
-#include "codecs/internal/predictor.h"
+#include "codecs/internal/rans.h"
 #include "codecs/internal/streams.h"
 
 namespace mtdb {
 
 namespace {
 
-constexpr uint8_t kFlagBoundary = 1;  // some node is a boundary node
-constexpr uint8_t kKnownFlags = kFlagBoundary;
+int32_t Sum(int32_t expected, int32_t residual) {
+  return static_cast<int32_t>(static_cast<uint32_t>(expected) + static_cast<uint32_t>(residual));
+}
 
-// A hole's code: one bit per neighbour that could belong to it, in the order of Patch::WalkHole,
-// low bits first, padded with zeros to whole bytes.
-class BitWriter {
+// No node takes less than an eighth of a bit; a bound on the memory that hostile bytes can ask for.
+constexpr uint64_t kMaxNodesPerByte = 64;
+
+[[gnu::always_inline]] inline Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model,
+                                                 const HoleFrame& frame, size_t ring_class,
+                                                 bool scaled_by_error, uint8_t code) {
+  Vec3i p;
+  const Expectation u = frame.ExpectU();
+  p[frame.axis_u()] = Sum(u.value, model.CodeScaled(coder, 0, ring_class, u.variance, 0));
+  const Expectation v = frame.ExpectV(p[frame.axis_u()]);
+  p[frame.axis_v()] = Sum(v.value, model.CodeScaled(coder, 1, ring_class, v.variance, 0));
+  const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
+  const int32_t residual =
+      scaled_by_error ? model.CodeWithin(coder, ring_class, kErrorInCells[code] * frame.slant(), 0)
+                      : model.CodeScaled(coder, 2, ring_class, frame.unevenness(), 0);
+  p[frame.axis_n()] = Sum(n, residual);
+  return p;
+}
+
+// Appends ranges of at most kMaxRing numbers, by copying whole blocks.
+class RangeAppender {
  public:
-  void Put(bool bit) { bits_ |= static_cast<uint64_t>(bit) << count_++; }
-  void FlushTo(ByteWriter& out) {
-    for (int i = 0; i < count_; i += 8) out.Put<uint8_t>(static_cast<uint8_t>(bits_ >> i));
-    bits_ = 0;
-    count_ = 0;
+  RangeAppender(std::vector<uint32_t>& out, size_t expected) : out_(out) {
+    out_.resize(expected + kMaxRing);
   }
+  // `from` has kMaxRing readable entries. Returns how many were appended in all.
+  uint32_t Append(const uint32_t* from, size_t count) {
+    if (size_ + kMaxRing > out_.size()) out_.resize(out_.size() + out_.size() / 2 + kMaxRing);
+    constexpr size_t kBlock = 12;
+    std::memcpy(out_.data() + size_, from, kBlock * sizeof(uint32_t));
+    if (count > kBlock) std::memcpy(out_.data() + size_, from, kMaxRing * sizeof(uint32_t));
+    size_ += count;
+    return static_cast<uint32_t>(size_);
+  }
+  void Finish() { out_.resize(size_); }
 
  private:
-  uint64_t bits_ = 0;  // a ring of at most kMaxRing vertices has at most 2 * kMaxRing - 3 bits
-  int count_ = 0;
+  std::vector<uint32_t>& out_;
+  size_t size_ = 0;
 };
-static_assert(2 * kMaxRing - 3 <= 64);
-
-class BitReader {
- public:
-  explicit BitReader(ByteReader& in) : in_(in) {}
-  bool Get() {
-    if (count_ == 0) {
-      bits_ = in_.Get<uint8_t>();
-      count_ = 8;
-    }
-    const bool bit = bits_ & 1;
-    bits_ >>= 1;
-    --count_;
-    return bit;
-  }
-
- private:
-  ByteReader& in_;
-  uint32_t bits_ = 0;
-  int count_ = 0;
-};
-
-struct Residual {
-  uint32_t x, y, z;
-};
-
-void PutResiduals(const std::vector<Residual>& residuals, StreamWriter& streams) {
-  ByteWriter& low = streams.stream(StreamTag::kResidualLow);
-  ByteWriter& mid = streams.stream(StreamTag::kResidualMid);
-  ByteWriter& high = streams.stream(StreamTag::kResidualHigh);
-  bool any_high = false;
-  for (const uint32_t Residual::*c : {&Residual::x, &Residual::y, &Residual::z}) {
-    for (const Residual& r : residuals) {
-      low.Put<uint8_t>(static_cast<uint8_t>(r.*c));
-      mid.Put<uint8_t>(static_cast<uint8_t>(r.*c >> 8));
-      any_high |= (r.*c >> 16) != 0;
-    }
-  }
-  if (!any_high) return;
-  for (const uint32_t Residual::*c : {&Residual::x, &Residual::y, &Residual::z})
-    for (const Residual& r : residuals) high.Put<uint16_t>(static_cast<uint16_t>(r.*c >> 16));
-}
-
-// The three residual streams of `nodes` nodes; random access by node.
-class ResidualReader {
- public:
-  ResidualReader(const StreamReader& streams, uint32_t nodes) : nodes_(nodes) {
-    ByteReader low = streams.stream(StreamTag::kResidualLow);
-    ByteReader mid = streams.stream(StreamTag::kResidualMid);
-    ByteReader high = streams.stream(StreamTag::kResidualHigh);
-    const uint64_t n = 3ull * nodes;
-    low_ = low.GetBytes(n);
-    mid_ = mid.GetBytes(n);
-    if (high.remaining() != 0) high_ = high.GetBytes(2 * n);
-    ok_ = !low.failed() && !mid.failed() && !high.failed() && low.remaining() == 0 &&
-          mid.remaining() == 0 && high.remaining() == 0;
-  }
-  bool ok() const { return ok_; }
-  uint32_t Get(uint32_t node, uint32_t component) const {
-    const size_t i = static_cast<size_t>(component) * nodes_ + node;
-    uint32_t v = static_cast<uint32_t>(low_[i]) | (static_cast<uint32_t>(mid_[i]) << 8);
-    if (!high_.empty()) {
-      v |= static_cast<uint32_t>(high_[2 * i]) << 16 | static_cast<uint32_t>(high_[2 * i + 1])
-                                                           << 24;
-    }
-    return v;
-  }
-
- private:
-  ByteSpan low_, mid_, high_;
-  uint32_t nodes_;
-  bool ok_ = false;
-};
-
-// The smallest error code among the nodes of this cluster that created the hole's triangles, or
-// `fallback` when all came from elsewhere.
-uint8_t PredictError(const std::vector<uint32_t>& hole, const std::vector<uint32_t>& creators,
-                     const std::vector<uint8_t>& codes, uint8_t fallback) {
-  int best = 256;
-  for (const uint32_t slot : hole) {
-    if (creators[slot] != kNone32) best = std::min<int>(best, codes[creators[slot]]);
-  }
-  return best == 256 ? fallback : static_cast<uint8_t>(best);
-}
-
-uint32_t SubtractWords(int32_t a, int32_t b) {
-  return ZigZag(static_cast<uint32_t>(a) - static_cast<uint32_t>(b));
-}
-int32_t AddWords(int32_t prediction, uint32_t residual) {
-  return static_cast<int32_t>(static_cast<uint32_t>(prediction) + UnZigZag(residual));
-}
 
 }  // namespace
-
-EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
-  const auto node_count = static_cast<uint32_t>(updates.nodes.size());
-  const size_t triangle_count = updates.triangles.size();
-  MTDB_CHECK(node_count > 0, "a cluster needs nodes");
-  EncodedCluster result;
-
-  // Who removes and who creates each triangle.
-  std::vector<uint32_t> remover(triangle_count, kNone32);
-  std::vector<uint32_t> creator(triangle_count, kNone32);
-  for (uint32_t i = 0; i < node_count; ++i) {
-    const ClusterUpdates::Node& node = updates.nodes[i];
-    for (uint32_t j = 0; j < node.hole_count; ++j) remover[updates.holes[node.hole_begin + j]] = i;
-    for (uint32_t j = 0; j < node.star_count; ++j) creator[updates.stars[node.star_begin + j]] = i;
-  }
-
-  // In-triangles in canonical order. parent_slot carries the triangle, parent_vertices its corners.
-  std::vector<InTriangle> in;
-  for (uint32_t t = 0; t < triangle_count; ++t) {
-    if (remover[t] == kNone32 || creator[t] != kNone32) continue;
-    InTriangle& entry = in.emplace_back();
-    for (size_t c = 0; c < 3; ++c) {
-      entry.vertices[c] = updates.triangles[t][c];
-      entry.positions[c] = updates.positions[updates.triangles[t][c]];
-      entry.parent_vertices[c] = updates.triangles[t][c];
-    }
-    entry.parent_slot = t;
-  }
-  result.explicit_arcs = !SortCanonically(in);
-  for (const InTriangle& t : in) {
-    result.in_triangles.push_back(t.parent_slot);
-    const auto& corners = updates.triangles[t.parent_slot];
-    const auto first = std::find(corners.begin(), corners.end(), t.parent_vertices[0]);
-    result.in_rotations.push_back(static_cast<uint8_t>(first - corners.begin()));
-  }
-  InPatch patch_in = MakeInPatch(in);
-  result.external_vertices = static_cast<uint32_t>(patch_in.vertices.size());
-
-  // Vertex numbers of the stored cluster; rows and positions in that numbering.
-  const AttributePredictor predictor(attributes);
-  const size_t row = predictor.row_bytes();
-  std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
-  std::vector<Vec3i> positions = patch_in.positions;
-  Bytes rows;
-  const auto append_row = [&](uint64_t vertex) {
-    const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
-    rows.insert(rows.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
-  };
-  for (uint32_t v = 0; v < result.external_vertices; ++v) {
-    stored_vertex[patch_in.vertices[v]] = v;
-    append_row(patch_in.vertices[v]);
-  }
-
-  // Replay, choosing the order of the nodes on the way.
-  Patch patch(patch_in.triangles, triangle_count);
-  std::vector<uint32_t> slot_triangle = result.in_triangles;
-  std::vector<uint32_t> slot_creator(in.size(), kNone32);
-  std::vector<uint32_t> waiting(node_count);  // hole triangles not visited yet
-  for (uint32_t i = 0; i < node_count; ++i) waiting[i] = updates.nodes[i].hole_count;
-
-  StreamWriter streams;
-  ByteWriter& anchors = streams.stream(StreamTag::kAnchors);
-  ByteWriter& holes = streams.stream(StreamTag::kHoles);
-  ByteWriter& errors = streams.stream(StreamTag::kErrors);
-  ByteWriter& boundary = streams.stream(StreamTag::kBoundary);
-  std::vector<Residual> residuals;
-  std::vector<uint8_t> codes;
-  Bytes attribute_residuals;
-  bool any_boundary = false;
-  uint64_t gap = 0;
-  BitWriter bits;
-  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
-    const uint32_t i = remover[slot_triangle[slot]];
-    if (i == kNone32 || --waiting[i] != 0) {
-      ++gap;
-      continue;
-    }
-    const ClusterUpdates::Node& node = updates.nodes[i];
-    const auto stored = static_cast<uint32_t>(codes.size());
-    anchors.PutVarint(gap);
-    gap = 0;
-    const bool walked = patch.WalkHole(slot, stored, kMaxRing, [&](uint32_t neighbour) {
-      const bool take = remover[slot_triangle[neighbour]] == i;
-      bits.Put(take);
-      return take;
-    });
-    MTDB_CHECK(walked && patch.hole().size() == node.hole_count, "a hole is not a disc");
-    bits.FlushTo(holes);
-
-    if (node.boundary) {
-      // The split edge is the one whose ends are not joined by a star triangle.
-      any_boundary = true;
-      const std::vector<uint32_t>& ring = patch.ring();
-      size_t split = ring.size();
-      for (size_t j = 0; j < ring.size(); ++j) {
-        const uint32_t a = ring[j];
-        const uint32_t b = ring[j + 1 == ring.size() ? 0 : j + 1];
-        bool found = false;
-        for (uint32_t s = 0; s < node.star_count && !found; ++s) {
-          const auto& t = updates.triangles[updates.stars[node.star_begin + s]];
-          for (size_t c = 0; c < 3; ++c) {
-            found |= stored_vertex[t[c]] == a && stored_vertex[t[(c + 1) % 3]] == b;
-          }
-        }
-        if (!found) {
-          MTDB_CHECK(split == ring.size(), "a boundary node splits one edge");
-          split = j;
-        }
-      }
-      MTDB_CHECK(split < ring.size(), "a boundary node splits an edge");
-      boundary.PutVarint(split + 1);
-      patch.RotateRing(split);
-    } else {
-      boundary.PutVarint(0);
-    }
-
-    const uint8_t fallback = codes.empty() ? 0 : codes.back();
-    errors.Put<uint8_t>(static_cast<uint8_t>(
-        node.error_code - PredictError(patch.hole(), slot_creator, codes, fallback)));
-    codes.push_back(node.error_code);
-
-    const Vec3i p = updates.positions[node.vertex];
-    const Vec3i q = PredictPosition(patch.ring(), positions);
-    residuals.push_back(
-        {SubtractWords(p.x, q.x), SubtractWords(p.y, q.y), SubtractWords(p.z, q.z)});
-    if (row != 0) {
-      attribute_residuals.resize((stored + 1) * row);
-      predictor.Encode(patch.ring(), rows, updates.rows.data() + node.vertex * row,
-                       attribute_residuals.data() + stored * row);
-      append_row(node.vertex);
-    }
-    const uint32_t vertex = result.external_vertices + stored;
-    positions.push_back(p);
-    stored_vertex[node.vertex] = vertex;
-    result.node_order.push_back(i);
-
-    // Which triangle of the builder is which star triangle: by its ring edge.
-    patch.InsertStar(vertex, node.boundary);
-    const std::vector<uint32_t>& ring = patch.ring();
-    for (uint32_t j = 0; j < node.star_count; ++j) {
-      const uint32_t a = ring[j];
-      uint32_t match = kNone32;
-      for (uint32_t s = 0; s < node.star_count; ++s) {
-        const uint32_t t = updates.stars[node.star_begin + s];
-        for (size_t c = 0; c < 3; ++c) {
-          if (updates.triangles[t][c] == node.vertex &&
-              stored_vertex[updates.triangles[t][(c + 1) % 3]] == a) {
-            match = t;
-          }
-        }
-      }
-      MTDB_CHECK(match != kNone32, "the star does not fit its hole");
-      slot_triangle.push_back(match);
-      slot_creator.push_back(stored);
-    }
-  }
-  MTDB_CHECK(codes.size() == node_count, "the updates of a cluster form a cycle");
-  if (!any_boundary) boundary.bytes().clear();
-
-  // Arcs: for each out-triangle, in slot order, 0 for the drain or the child's ordinal + 1.
-  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
-    if (patch.remover(slot) != kNone32) continue;
-    const ClusterId child = updates.consumers[slot_triangle[slot]].child;
-    if (child.value != kNone32) result.children.push_back(child);
-  }
-  std::sort(result.children.begin(), result.children.end());
-  result.children.erase(std::unique(result.children.begin(), result.children.end()),
-                        result.children.end());
-  ByteWriter& arcs = streams.stream(StreamTag::kArcs);
-  ByteWriter& explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint32_t last_explicit = 0;
-  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
-    if (patch.remover(slot) != kNone32) continue;
-    ++result.out_triangles;
-    const ClusterUpdates::Consumer& consumer = updates.consumers[slot_triangle[slot]];
-    if (consumer.child.value == kNone32) {
-      arcs.PutVarint(0);
-      continue;
-    }
-    const auto at =
-        std::lower_bound(result.children.begin(), result.children.end(), consumer.child);
-    arcs.PutVarint(static_cast<uint64_t>(at - result.children.begin()) + 1);
-    if (!consumer.explicit_arc) continue;
-    // The builder's corner 0 is the child's first corner; find it among the star triangle's.
-    const auto& t = updates.triangles[slot_triangle[slot]];
-    const uint32_t vertex = updates.nodes[result.node_order[slot_creator[slot]]].vertex;
-    const auto apex = std::find(t.begin(), t.end(), vertex) - t.begin();
-    explicit_arcs.PutVarint(slot - last_explicit);
-    explicit_arcs.PutVarint(consumer.child_slot);
-    explicit_arcs.Put<uint8_t>(static_cast<uint8_t>((3 - apex) % 3));
-    last_explicit = slot;
-  }
-
-  ByteWriter& head = streams.stream(StreamTag::kHead);
-  head.Put<uint8_t>(any_boundary ? kFlagBoundary : 0);
-  head.PutVarint(node_count);
-  head.PutVarint(result.children.size());
-  uint32_t previous = 0;
-  for (const ClusterId child : result.children) {
-    head.PutVarint(child.value - previous);
-    previous = child.value;
-  }
-  PutResiduals(residuals, streams);
-  if (row != 0) {
-    streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(attribute_residuals, row));
-  }
-  result.payload = streams.Finish();
-  return result;
-}
 
 InPatch MakeInPatch(std::span<const InTriangle> triangles) {
   InPatch patch;
@@ -365,6 +94,7 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
 
   ByteReader head = streams.stream(StreamTag::kHead);
   const auto flags = head.Get<uint8_t>();
+  const auto reference_length = head.Get<uint8_t>();
   const uint64_t node_count = head.GetVarint();
   const uint64_t child_count = head.GetVarint();
   if (head.failed() || child_count > head.remaining()) return corrupt("head: cut short");
@@ -373,6 +103,8 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
     return corrupt("head: " + std::to_string(node_count) + " nodes, but the index says " +
                    std::to_string(node_limit));
   }
+  if (node_count / kMaxNodesPerByte > payload.size())
+    return corrupt("head: nodes beyond the bytes");
   Cluster cluster;
   uint64_t child = 0;
   for (uint64_t i = 0; i < child_count; ++i) {
@@ -385,18 +117,15 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
   if (head.failed() || head.remaining() != 0) return corrupt("head: wrong length");
 
   const auto n = static_cast<uint32_t>(node_count);
-  ByteReader anchors = streams.stream(StreamTag::kAnchors);
-  ByteReader holes = streams.stream(StreamTag::kHoles);
-  ByteReader errors = streams.stream(StreamTag::kErrors);
-  ByteReader boundary = streams.stream(StreamTag::kBoundary);
-  const ResidualReader residuals(streams, n);
-  if (!residuals.ok()) return corrupt("residuals: wrong length");
-  if (errors.remaining() != n) return corrupt("errors: wrong length");
-  const AttributePredictor predictor(attributes);
-  const size_t row = predictor.row_bytes();
-  ByteReader attribute_stream = streams.stream(StreamTag::kAttributes);
-  if (attribute_stream.remaining() != n * row) return corrupt("attributes: wrong length");
-  const Bytes attribute_residuals = JoinPlanes(attribute_stream.GetBytes(n * row), row);
+  RansDecoder topology(streams.bytes(StreamTag::kTopology));
+  RansDecoder errors(streams.bytes(StreamTag::kErrors));
+  RansDecoder positions(streams.bytes(StreamTag::kPositions));
+  RansDecoder attribute_stream(streams.bytes(StreamTag::kAttributes));
+  TopologyModel topology_model(reference_length);
+  ErrorModel error_model;
+  PositionModel position_model;
+  AttributeCoder attribute_coder(attributes);
+  const size_t row = attribute_coder.row_bytes();
   if (in.rows.size() != in.positions.size() * row) return corrupt("rows of corners missing");
 
   cluster.in = std::move(in);
@@ -405,84 +134,90 @@ Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayou
   cluster.in.positions.reserve(external + n);
   cluster.in.rows.reserve((external + n) * row);
   cluster.error_codes.reserve(n);
-  for (auto* begins : {&cluster.ring_begin, &cluster.star_begin, &cluster.hole_begin}) {
-    begins->reserve(n + 1);
-  }
-  cluster.ring_vertices.reserve(6ull * n);
-  cluster.hole_slots.reserve(4ull * n);
-  cluster.ring_begin.push_back(0);
-  cluster.star_begin.push_back(in_count);
-  cluster.hole_begin.push_back(0);
+  cluster.ring_begin.resize(n + 1ull);
+  cluster.star_begin.resize(n + 1ull);
+  cluster.hole_begin.resize(n + 1ull);
+  cluster.star_begin[0] = in_count;
+  RangeAppender ring_vertices(cluster.ring_vertices, 6ull * n);
+  RangeAppender hole_slots(cluster.hole_slots, 4ull * n);
 
-  Patch patch(cluster.in.triangles, in_count + 6ull * n);
-  std::vector<uint32_t> slot_creator(in_count, kNone32);
-  slot_creator.reserve(in_count + 6ull * n);
-  uint64_t next_anchor = 0;
-  for (uint32_t i = 0; i < n; ++i) {
-    next_anchor += anchors.GetVarint();
-    if (anchors.failed() || next_anchor >= patch.slots()) return corrupt("anchor beyond the patch");
-    const auto anchor = static_cast<uint32_t>(next_anchor++);
-    if (patch.remover(anchor) != kNone32) return corrupt("anchor is not alive");
-    BitReader bits(holes);
-    if (!patch.WalkHole(anchor, i, kMaxRing, [&](uint32_t) { return bits.Get(); }) ||
-        holes.failed()) {
-      return corrupt("hole of node " + std::to_string(i) + " too large or cut short");
+  Patch patch(cluster.in.triangles, cluster.in.positions, in_count + 6ull * n);
+  std::vector<uint32_t> last_ring(external + n, kNone32);  // per vertex: the last node around it
+  uint32_t slot = 0;
+  for (uint32_t i = 0; i < n; ++slot) {
+    if (slot >= patch.slots()) return corrupt("fewer anchors than nodes");
+    if (!topology_model.CodeAnchor(topology, patch, slot, false)) continue;
+    if (patch.remover(slot) != kNone32) return corrupt("anchor is not alive");
+    if (!patch.WalkHole(slot, i, [&](uint32_t count, const Patch::Triangle& t, uint32_t edge) {
+          return topology_model.CodeTake(topology, count, t, edge, false);
+        })) {
+      return corrupt("hole of node " + std::to_string(i) + " is too large");
     }
-    bool is_boundary = false;
-    if (flags & kFlagBoundary) {
-      const uint64_t split = boundary.GetVarint();
-      if (split > patch.ring().size() || boundary.failed()) return corrupt("split edge");
-      is_boundary = split != 0;
-      if (is_boundary) patch.RotateRing(split - 1);
+    uint32_t split = kNone32;
+    if (flags & kFlagBoundary) split = CodeSplitEdge(topology, topology_model, patch, kNone32);
+    const bool is_boundary = split != kNone32;
+    if (is_boundary && split >= patch.ring().size()) return corrupt("split edge beyond the ring");
+    if (is_boundary) patch.RotateRing(split);
+    const std::span<const uint32_t> ring = patch.ring();
+    for (const uint32_t v : ring) {
+      if (last_ring[v] == i) return corrupt("hole of node " + std::to_string(i) + " is no disc");
+      last_ring[v] = i;
     }
-    const std::vector<uint32_t>& ring = patch.ring();
-    const uint8_t fallback = i == 0 ? 0 : cluster.error_codes.back();
-    cluster.error_codes.push_back(
-        static_cast<uint8_t>(errors.Get<uint8_t>() + PredictError(patch.hole(), slot_creator,
-                                                                  cluster.error_codes, fallback)));
-    const Vec3i q = PredictPosition(ring, cluster.in.positions);
-    cluster.in.positions.push_back({AddWords(q.x, residuals.Get(i, 0)),
-                                    AddWords(q.y, residuals.Get(i, 1)),
-                                    AddWords(q.z, residuals.Get(i, 2))});
+    const PredictedError prediction = PredictError(patch, in_count, cluster.error_codes);
+    const uint8_t code =
+        error_model.Code(errors, patch.hole().size(), prediction.fallback, prediction.code, 0);
+    cluster.error_codes.push_back(code);
+    const HoleFrame frame(patch, cluster.in.positions, is_boundary);
+    const Vec3i p = DecodeVertex(positions, position_model, frame,
+                                 PositionModel::RingClass(ring.size(), is_boundary),
+                                 flags & kFlagScaledByError, code);
+    cluster.in.positions.push_back(p);
     if (row != 0) {
       cluster.in.rows.resize((external + i + 1ull) * row);
-      predictor.Decode(ring, cluster.in.rows, attribute_residuals.data() + i * row,
-                       cluster.in.rows.data() + (external + i) * row);
+      attribute_coder.Decode(attribute_stream, ring, cluster.in.rows,
+                             cluster.in.rows.data() + (external + i) * row);
     }
-    patch.InsertStar(external + i, is_boundary);
-    slot_creator.resize(patch.slots(), i);
-    cluster.ring_vertices.insert(cluster.ring_vertices.end(), ring.begin(), ring.end());
-    cluster.hole_slots.insert(cluster.hole_slots.end(), patch.hole().begin(), patch.hole().end());
-    cluster.ring_begin.push_back(static_cast<uint32_t>(cluster.ring_vertices.size()));
-    cluster.hole_begin.push_back(static_cast<uint32_t>(cluster.hole_slots.size()));
-    cluster.star_begin.push_back(patch.slots());
+    patch.InsertStar(external + i, p, frame.ring(), is_boundary, code);
+    cluster.ring_begin[i + 1] = ring_vertices.Append(patch.ring_data(), ring.size());
+    cluster.hole_begin[i + 1] = hole_slots.Append(patch.hole_data(), patch.hole().size());
+    cluster.star_begin[i + 1] = patch.slots();
+    ++i;
+    if (topology.overrun() || positions.overrun()) return corrupt("coded streams cut short");
   }
-  if (anchors.remaining() != 0 || holes.remaining() != 0 || boundary.remaining() != 0) {
-    return corrupt("bytes left over after the last node");
-  }
+  ring_vertices.Finish();
+  hole_slots.Finish();
+  if (!topology.Done()) return corrupt("topology: does not end where it should");
+  if (!errors.Done()) return corrupt("errors: do not end where they should");
+  if (!positions.Done()) return corrupt("positions: do not end where they should");
+  if (!attribute_stream.Done()) return corrupt("attributes: do not end where they should");
 
-  cluster.removers = std::move(patch.removers());
-  ByteReader arcs = streams.stream(StreamTag::kArcs);
-  for (uint32_t slot = 0; slot < cluster.slots(); ++slot) {
-    if (cluster.removers[slot] != kNone32) continue;
-    if (slot < in_count) return corrupt("in-triangle that no node removes");
-    const uint64_t arc = arcs.GetVarint();
-    if (arc > child_count) return corrupt("arc to a child that is not listed");
-    cluster.removers[slot] = arc == 0 ? kDrain : kChildFlag | static_cast<uint32_t>(arc - 1);
+  for (uint32_t s = 0; s < in_count; ++s) {
+    if (patch.remover(s) == kNone32) return corrupt("in-triangle that no node removes");
   }
-  if (arcs.failed() || arcs.remaining() != 0) return corrupt("arcs: wrong length");
+  static_assert(kDrain == kNone32);
+  cluster.removers = patch.removers();
+  RansDecoder arcs(streams.bytes(StreamTag::kArcs));
+  if (child_count > 0) {
+    const bool listed = ArcModel().Code(
+        arcs, patch, in_count, static_cast<uint32_t>(child_count), [](uint32_t) { return 0u; },
+        [&](uint32_t s, uint32_t arc) {
+          if (arc != child_count) cluster.removers[s] = kChildFlag | arc;
+        });
+    if (!listed) return corrupt("arc to a child that is not listed");
+  }
+  if (!arcs.Done()) return corrupt("arcs: do not end where they should");
   ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint64_t slot = 0;
+  uint64_t explicit_slot = 0;
   while (explicit_arcs.remaining() != 0) {
-    slot += explicit_arcs.GetVarint();
+    explicit_slot += explicit_arcs.GetVarint();
     const uint64_t child_slot = explicit_arcs.GetVarint();
     const auto rotation = explicit_arcs.Get<uint8_t>();
-    if (explicit_arcs.failed() || slot >= cluster.slots() || child_slot >= kNone32 ||
-        rotation > 2 || !RemovedByChild(cluster.removers[slot])) {
+    if (explicit_arcs.failed() || explicit_slot >= cluster.slots() || child_slot >= kNone32 ||
+        rotation > 2 || !RemovedByChild(cluster.removers[explicit_slot])) {
       return corrupt("explicit arc out of range");
     }
     cluster.explicit_arcs.push_back(
-        {static_cast<uint32_t>(slot), static_cast<uint32_t>(child_slot), rotation});
+        {static_cast<uint32_t>(explicit_slot), static_cast<uint32_t>(child_slot), rotation});
   }
   return cluster;
 }

@@ -1,6 +1,6 @@
 #include "codecs/root_codec.h"
 
-#include "codecs/internal/predictor.h"
+#include "codecs/internal/attribute_coder.h"
 #include "codecs/internal/streams.h"
 
 namespace mtdb {

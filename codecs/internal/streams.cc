@@ -1,6 +1,7 @@
 #include "codecs/internal/streams.h"
 
 #include <memory>
+#include <string_view>
 
 #include "zstd.h"
 
@@ -27,38 +28,17 @@ ZSTD_DCtx* ThreadDecompressor() {
   return context.get();
 }
 
-bool Known(StreamTag tag) {
-  switch (tag) {
-    case StreamTag::kHead:
-    case StreamTag::kAnchors:
-    case StreamTag::kHoles:
-    case StreamTag::kErrors:
-    case StreamTag::kResidualLow:
-    case StreamTag::kResidualMid:
-    case StreamTag::kResidualHigh:
-    case StreamTag::kArcs:
-    case StreamTag::kBoundary:
-    case StreamTag::kExplicitArcs:
-    case StreamTag::kRootVertices:
-    case StreamTag::kRootTriangles:
-    case StreamTag::kAttributes: return true;
-  }
-  return false;
-}
+bool Known(StreamTag tag) { return std::string_view(StreamTagName(tag)) != "unknown"; }
 
 }  // namespace
 
 const char* StreamTagName(StreamTag tag) {
   switch (tag) {
     case StreamTag::kHead: return "head";
-    case StreamTag::kAnchors: return "anchors";
-    case StreamTag::kHoles: return "holes";
+    case StreamTag::kTopology: return "topology";
     case StreamTag::kErrors: return "errors";
-    case StreamTag::kResidualLow: return "residual_low";
-    case StreamTag::kResidualMid: return "residual_mid";
-    case StreamTag::kResidualHigh: return "residual_high";
+    case StreamTag::kPositions: return "positions";
     case StreamTag::kArcs: return "arcs";
-    case StreamTag::kBoundary: return "boundary";
     case StreamTag::kExplicitArcs: return "explicit_arcs";
     case StreamTag::kRootVertices: return "root_vertices";
     case StreamTag::kRootTriangles: return "root_triangles";
@@ -71,23 +51,30 @@ Bytes StreamWriter::Finish() const {
   ByteWriter directory;
   ByteWriter body;
   uint64_t count = 0;
+  const auto put = [&](StreamTag tag, size_t raw_bytes, size_t frame_bytes, ByteSpan bytes) {
+    directory.Put<uint8_t>(static_cast<uint8_t>(tag));
+    directory.PutVarint(raw_bytes);
+    directory.PutVarint(frame_bytes);  // 0: stored as it is
+    body.PutBytes(bytes);
+    ++count;
+  };
   for (const auto& [tag, writer] : streams_) {
     const Bytes& raw = writer.bytes();
     if (raw.empty()) continue;
-    Bytes coded(ZSTD_compressBound(raw.size()));
+    Bytes frame(ZSTD_compressBound(raw.size()));
     ZSTD_CCtx* context = ThreadCompressor();
     ZSTD_CCtx_reset(context, ZSTD_reset_session_and_parameters);
     ZSTD_CCtx_setParameter(context, ZSTD_c_compressionLevel, kZstdLevel);
     ZSTD_CCtx_setParameter(context, ZSTD_c_contentSizeFlag, 0);
     ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 0);
-    const size_t size = ZSTD_compress2(context, coded.data(), coded.size(), raw.data(), raw.size());
+    const size_t size = ZSTD_compress2(context, frame.data(), frame.size(), raw.data(), raw.size());
     MTDB_CHECK(!ZSTD_isError(size), "zstd refuses to compress");
-    const bool pays = size < raw.size();
-    directory.Put<uint8_t>(static_cast<uint8_t>(tag));
-    directory.PutVarint(raw.size());
-    directory.PutVarint(pays ? size : 0);  // 0: stored raw
-    body.PutBytes(pays ? ByteSpan(coded).first(size) : ByteSpan(raw));
-    ++count;
+    // A reader refuses a frame that expands too far, so that hostile bytes cannot take much memory.
+    const bool pays = size < raw.size() && raw.size() / StreamReader::kMaxExpansion < size;
+    put(tag, raw.size(), pays ? size : 0, pays ? ByteSpan(frame).first(size) : ByteSpan(raw));
+  }
+  for (const auto& [tag, bytes] : coded_) {
+    if (!bytes.empty()) put(tag, bytes.size(), 0, bytes);
   }
   ByteWriter payload;
   payload.PutVarint(count);
@@ -108,14 +95,13 @@ Result<StreamReader> StreamReader::Open(ByteSpan payload, const std::string& whe
     uint64_t raw, coded;
   };
   std::vector<Entry> entries;
-  uint64_t total = 0;
   for (uint64_t i = 0; i < count; ++i) {
     Entry e{reader.Get<uint8_t>(), reader.GetVarint(), reader.GetVarint()};
     if (reader.failed()) return corrupt("cut short");
-    if (e.raw > kMaxExpansion * payload.size() + 65536 ||
-        (total += e.raw) > kMaxExpansion * payload.size() + 65536) {
-      return corrupt("stream lengths beyond any payload of " + std::to_string(payload.size()) +
-                     " bytes");
+    if (e.raw == 0) return corrupt("an empty stream is listed");
+    if (e.coded != 0 && e.raw / kMaxExpansion >= e.coded) {
+      return corrupt("a frame of " + std::to_string(e.coded) + " bytes cannot hold " +
+                     std::to_string(e.raw));
     }
     entries.push_back(e);
   }
@@ -133,28 +119,29 @@ Result<StreamReader> StreamReader::Open(ByteSpan payload, const std::string& whe
       }
       continue;
     }
-    if (result.streams_.contains(tag)) return corrupt("a stream occurs twice");
-    Bytes raw;
-    if (e.coded == 0) {
-      raw.assign(bytes.begin(), bytes.end());
-    } else {
-      raw.resize(e.raw);
+    if (!result.bytes(tag).empty()) return corrupt("a stream occurs twice");
+    ByteSpan raw_bytes = bytes;
+    if (e.coded != 0) {
+      Bytes raw(e.raw);
       const size_t size = ZSTD_decompressDCtx(ThreadDecompressor(), raw.data(), raw.size(),
                                               bytes.data(), bytes.size());
       if (ZSTD_isError(size) || size != e.raw) {
         return corrupt(std::string("stream ") + StreamTagName(tag) + " does not decompress");
       }
+      raw_bytes = result.expanded_.emplace_back(std::move(raw));
     }
     result.sizes_.push_back({tag, static_cast<uint32_t>(e.raw), static_cast<uint32_t>(stored)});
-    result.streams_.emplace(tag, std::move(raw));
+    result.streams_.push_back({tag, raw_bytes});
   }
   if (reader.remaining() != 0) return corrupt("bytes left over at the end");
   return result;
 }
 
-ByteReader StreamReader::stream(StreamTag tag) const {
-  const auto it = streams_.find(tag);
-  return ByteReader(it == streams_.end() ? ByteSpan() : ByteSpan(it->second));
+ByteSpan StreamReader::bytes(StreamTag tag) const {
+  for (const Stream& s : streams_) {
+    if (s.tag == tag) return s.bytes;
+  }
+  return {};
 }
 
 }  // namespace mtdb

@@ -1,5 +1,5 @@
-// Stream directory of a payload: named byte streams, each stored raw or as a zstd frame,
-// whichever is shorter. Layout in codecs/FORMAT.md.
+// Stream directory of a payload: named byte streams, each stored as it is or as a zstd frame.
+// Layout in codecs/FORMAT.md.
 #pragma once
 
 #include <cstdint>
@@ -16,39 +16,42 @@ namespace mtdb {
 // (0x80) refuses the payload; without it, it skips the stream.
 enum class StreamTag : uint8_t {
   kHead = 0x80,
-  kAnchors = 0x81,
-  kHoles = 0x82,
-  kErrors = 0x83,
-  kResidualLow = 0x84,
-  kResidualMid = 0x85,
-  kResidualHigh = 0x86,
-  kArcs = 0x87,
-  kBoundary = 0x88,
-  kExplicitArcs = 0x89,
-  kRootVertices = 0x8a,
-  kRootTriangles = 0x8b,
+  kTopology = 0x81,
+  kErrors = 0x82,
+  kPositions = 0x83,
+  kArcs = 0x84,
+  kExplicitArcs = 0x85,
+  kRootVertices = 0x86,
+  kRootTriangles = 0x87,
   kAttributes = 0x10,
 };
 const char* StreamTagName(StreamTag tag);
 
 class StreamWriter {
  public:
+  // A stream of plain bytes: stored as they are or as a zstd frame, whichever is shorter.
   ByteWriter& stream(StreamTag tag) { return streams_[tag]; }
+  // A stream whose bytes are coded already.
+  void AddCoded(StreamTag tag, Bytes bytes) { coded_[tag] = std::move(bytes); }
   // Empty streams are left out.
   Bytes Finish() const;
 
  private:
   std::map<StreamTag, ByteWriter> streams_;
+  std::map<StreamTag, Bytes> coded_;
 };
 
 class StreamReader {
  public:
-  // Decodes all streams. Bounded: the raw lengths together may be at most
-  // kMaxExpansion * payload.size() + 64 KiB.
-  static constexpr uint64_t kMaxExpansion = 4096;
+  StreamReader(StreamReader&&) = default;
+  StreamReader& operator=(StreamReader&&) = default;
+  // Decodes all streams; those stored as they are stay in `payload`, which must outlive the reader.
+  // Bounded: a frame expands to at most kMaxExpansion times its length.
+  static constexpr uint64_t kMaxExpansion = 256;
   static Result<StreamReader> Open(ByteSpan payload, const std::string& where);
   // Empty when absent.
-  ByteReader stream(StreamTag tag) const;
+  ByteSpan bytes(StreamTag tag) const;
+  ByteReader stream(StreamTag tag) const { return ByteReader(bytes(tag)); }
 
   struct Size {
     StreamTag tag;
@@ -58,7 +61,13 @@ class StreamReader {
   const std::vector<Size>& sizes() const { return sizes_; }
 
  private:
-  std::map<StreamTag, Bytes> streams_;
+  StreamReader() = default;
+  struct Stream {
+    StreamTag tag;
+    ByteSpan bytes;
+  };
+  std::vector<Stream> streams_;
+  std::vector<Bytes> expanded_;
   std::vector<Size> sizes_;
 };
 

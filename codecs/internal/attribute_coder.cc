@@ -1,5 +1,6 @@
-#include "codecs/internal/predictor.h"
+#include "codecs/internal/attribute_coder.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -8,14 +9,6 @@
 namespace mtdb {
 
 namespace {
-
-int32_t RoundedMean(int64_t sum, int64_t count) {
-  const int64_t numerator = 2 * sum + count;
-  const int64_t denominator = 2 * count;
-  int64_t q = numerator / denominator;
-  if (numerator % denominator < 0) --q;
-  return static_cast<int32_t>(q);
-}
 
 // A type's values as unsigned words in the same order, so that close values have small residuals.
 template <typename T>
@@ -69,33 +62,20 @@ T MeanOfRing(std::span<const uint32_t> ring, const Bytes& rows, size_t row_bytes
 
 }  // namespace
 
-Vec3i PredictPosition(std::span<const uint32_t> ring, const std::vector<Vec3i>& positions) {
-  int64_t x = 0;
-  int64_t y = 0;
-  int64_t z = 0;
-  for (const uint32_t v : ring) {
-    x += positions[v].x;
-    y += positions[v].y;
-    z += positions[v].z;
-  }
-  const auto n = static_cast<int64_t>(ring.size());
-  return {RoundedMean(x, n), RoundedMean(y, n), RoundedMean(z, n)};
-}
-
-AttributePredictor::AttributePredictor(const AttributeLayout& layout) {
+AttributeCoder::AttributeCoder(const AttributeLayout& layout) {
   for (const VertexAttribute& a : layout.attributes) {
-    fields_.push_back({a.type, row_bytes_});
+    fields_.push_back({a.type, row_bytes_, {}});
     row_bytes_ += ScalarSize(a.type);
   }
 }
 
-template <typename Combine>
-void AttributePredictor::Apply(std::span<const uint32_t> ring, const Bytes& rows,
-                               const std::byte* in, std::byte* out, Combine combine) const {
-  for (const Field& f : fields_) {
+// Visits each field with the mean of the ring's values, of the field's type.
+template <typename Visit>
+void AttributeCoder::ForEachField(std::span<const uint32_t> ring, const Bytes& rows,
+                                  Visit&& visit) {
+  for (Field& f : fields_) {
     const auto run = [&]<typename T>(T) {
-      const T mean = MeanOfRing<T>(ring, rows, row_bytes_, f.offset);
-      combine.template operator()<T>(mean, in + f.offset, out + f.offset);
+      visit(f, MeanOfRing<T>(ring, rows, row_bytes_, f.offset));
     };
     switch (f.type) {
       case ScalarType::kInt8: run(int8_t{}); break;
@@ -110,26 +90,53 @@ void AttributePredictor::Apply(std::span<const uint32_t> ring, const Bytes& rows
   }
 }
 
-void AttributePredictor::Encode(std::span<const uint32_t> ring, const Bytes& rows,
-                                const std::byte* row, std::byte* residual) const {
-  Apply(ring, rows, row, residual, []<typename T>(T mean, const std::byte* in, std::byte* out) {
+// `previous` is the class of the residual before this one in the row.
+template <typename Coder>
+uint64_t AttributeCoder::CodeWord(Coder& coder, Field& field, size_t& previous, uint64_t zigzag) {
+  auto& models = field.length[previous];
+  auto left = static_cast<uint32_t>(std::bit_width(zigzag));
+  uint32_t length = 0;
+  for (size_t i = 0; i < kLengthSymbols; ++i) {
+    const uint32_t s = coder.Symbol(models[i], std::min(left, 15u));
+    length += s;
+    left -= s;
+    if (s < 15) break;
+  }
+  length = std::min(length, 64u);
+  previous = length == 0 ? 1 : length <= 3 ? 2 : 3;
+  if (length <= 1) return length;
+  const int low = std::min(static_cast<int>(length) - 1, 32);
+  uint64_t word = coder.Raw(low, static_cast<uint32_t>(zigzag & ((uint64_t{1} << low) - 1)));
+  if (length > 33) {
+    const int high = static_cast<int>(length) - 33;
+    const auto top = static_cast<uint32_t>((zigzag >> 32) & ((uint64_t{1} << high) - 1));
+    word |= static_cast<uint64_t>(coder.Raw(high, top)) << 32;
+  }
+  return word | uint64_t{1} << (length - 1);
+}
+
+void AttributeCoder::Encode(RansEncoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
+                            const std::byte* row) {
+  size_t previous = 0;
+  ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
     using Word = decltype(ToWord(T{}));
-    const auto d = static_cast<Word>(ToWord(Load<T>(in)) - ToWord(mean));
+    const auto d = static_cast<Word>(ToWord(Load<T>(row + f.offset)) - ToWord(mean));
     const auto zigzag = static_cast<Word>(
         static_cast<Word>(d << 1) ^ static_cast<Word>((d >> (sizeof(T) * 8 - 1)) ? ~Word{0} : 0));
-    std::memcpy(out, &zigzag, sizeof(T));
+    CodeWord(coder, f, previous, zigzag);
   });
 }
 
-void AttributePredictor::Decode(std::span<const uint32_t> ring, const Bytes& rows,
-                                const std::byte* residual, std::byte* row) const {
-  Apply(ring, rows, residual, row, []<typename T>(T mean, const std::byte* in, std::byte* out) {
+void AttributeCoder::Decode(RansDecoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
+                            std::byte* row) {
+  size_t previous = 0;
+  ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
     using Word = decltype(ToWord(T{}));
-    const auto zigzag = Load<Word>(in);
+    const auto zigzag = static_cast<Word>(CodeWord(coder, f, previous, 0));
     const auto d = static_cast<Word>(static_cast<Word>(zigzag >> 1) ^
                                      static_cast<Word>((zigzag & 1) ? ~Word{0} : 0));
     const T value = FromWord<T>(static_cast<Word>(ToWord(mean) + d));
-    std::memcpy(out, &value, sizeof(T));
+    std::memcpy(row + f.offset, &value, sizeof(T));
   });
 }
 

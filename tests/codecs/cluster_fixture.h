@@ -1,0 +1,42 @@
+// Small clusters for the codec's tests: a surface is decimated by random legal vertex removals.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "codecs/cluster_codec.h"
+
+namespace mtdb::testing {
+
+enum class Surface { kTorus, kSheet };  // the second has a border
+enum class Numbers { kGrid, kLossless, kWild, kCoincident };
+
+struct ClusterOptions {
+  Surface surface = Surface::kTorus;
+  int side = 20;  // vertices along a side
+  Numbers numbers = Numbers::kGrid;
+  bool attributes = false;
+  bool pierced = false;  // a triangle is missing, and removing one of its corners closes the gap
+  int children = 3;
+  double keep = 0.3;  // share of vertices that stay
+  uint32_t seed = 1;
+};
+
+struct ClusterFixture {
+  ClusterUpdates updates;
+  AttributeLayout attributes;
+};
+
+ClusterFixture MakeCluster(const ClusterOptions& options);
+
+// The in-patch that a loader would gather from the parents.
+InPatch MakeIn(const ClusterFixture& fixture, const EncodedCluster& encoded);
+
+// The decoded cluster as the updates that it came from, but for the order of things.
+ClusterUpdates ToUpdates(const Cluster& cluster);
+
+// Empty when `cluster` says what `fixture` says, else what differs.
+std::string Difference(const ClusterFixture& fixture, const EncodedCluster& encoded,
+                       const Cluster& cluster);
+
+}  // namespace mtdb::testing

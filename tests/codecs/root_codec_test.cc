@@ -1,0 +1,68 @@
+#include "codecs/root_codec.h"
+
+#include <catch2/catch.hpp>
+#include <random>
+
+namespace mtdb {
+namespace {
+
+RootPiece MakePiece(const AttributeLayout& attributes) {
+  std::mt19937 random(4);
+  RootPiece piece;
+  for (uint32_t t = 0; t < 100; ++t) {
+    if (t == 0)
+      piece.triangles.push_back({0, 1, 2});
+    else
+      piece.triangles.push_back({t, t + 1, t + 2});
+    piece.removers.push_back(t % 3 == 0 ? kDrain : kChildFlag | t % 2);
+    if (t % 10 == 1 && t % 3 != 0)
+      piece.explicit_arcs.push_back({t, t * 7, static_cast<uint8_t>(t % 3)});
+  }
+  for (uint32_t v = 0; v < 102; ++v) {
+    piece.positions.push_back({static_cast<int32_t>(random()), static_cast<int32_t>(10 * v), -5});
+    piece.vertices.push_back(v * 3 % 200);
+    for (size_t i = 0; i < attributes.row_bytes(); ++i) {
+      piece.rows.push_back(static_cast<std::byte>(random()));
+    }
+  }
+  piece.children = {ClusterId(4), ClusterId(9)};
+  return piece;
+}
+
+TEST_CASE("a root piece comes back as it was") {
+  for (const AttributeLayout& layout :
+       {AttributeLayout{},
+        AttributeLayout{{{"q", ScalarType::kFloat32}, {"i", ScalarType::kInt8}}}}) {
+    const RootPiece piece = MakePiece(layout);
+    const Bytes payload = EncodeRootPiece(piece, layout);
+    const Result<RootPiece> back = DecodeRootPiece(payload, layout, 200, "test");
+    REQUIRE(back.ok());
+    REQUIRE(back->triangles == piece.triangles);
+    REQUIRE(back->positions == piece.positions);
+    REQUIRE(back->vertices == piece.vertices);
+    REQUIRE(back->rows == piece.rows);
+    REQUIRE(back->removers == piece.removers);
+    REQUIRE(back->children == piece.children);
+    REQUIRE(back->explicit_arcs == piece.explicit_arcs);
+    REQUIRE(EncodeRootPiece(*back, layout) == payload);
+    REQUIRE_FALSE(DecodeRootPiece(payload, layout, 150, "test").ok());
+  }
+}
+
+TEST_CASE("a damaged root piece is refused or read, never a crash") {
+  const AttributeLayout layout{{{"q", ScalarType::kUint16}}};
+  const Bytes payload = EncodeRootPiece(MakePiece(layout), layout);
+  for (size_t n = 0; n < payload.size(); ++n) {
+    REQUIRE_FALSE(DecodeRootPiece(ByteSpan(payload).first(n), layout, 200, "test").ok());
+  }
+  std::mt19937 random(6);
+  for (int i = 0; i < 3000; ++i) {
+    Bytes bad = payload;
+    bad[random() % bad.size()] ^= static_cast<std::byte>(1 + random() % 255);
+    const Result<RootPiece> piece = DecodeRootPiece(bad, layout, 200, "test");
+    if (piece.ok()) REQUIRE(piece->positions.size() <= 200);
+  }
+}
+
+}  // namespace
+}  // namespace mtdb

@@ -1,0 +1,41 @@
+// libFuzzer target: a payload against fixed in-patches, as a reader with a damaged store would
+// meet it. The first byte chooses the patch.
+#include <cstddef>
+#include <cstdint>
+
+#include "codecs/cluster_codec.h"
+#include "tests/codecs/cluster_fixture.h"
+
+using mtdb::testing::ClusterFixture;
+using mtdb::testing::MakeCluster;
+
+namespace {
+
+struct Target {
+  explicit Target(const mtdb::testing::ClusterOptions& options)
+      : fixture(MakeCluster(options)),
+        in(mtdb::testing::MakeIn(fixture,
+                                 mtdb::EncodeCluster(fixture.updates, fixture.attributes))) {}
+  ClusterFixture fixture;
+  mtdb::InPatch in;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using mtdb::testing::Numbers;
+  using mtdb::testing::Surface;
+  static const Target targets[] = {
+      Target({.side = 8}),
+      Target({.surface = Surface::kSheet, .side = 8, .pierced = true}),
+      Target({.side = 8, .numbers = Numbers::kWild, .attributes = true}),
+  };
+  if (size == 0) return 0;
+  const Target& target = targets[data[0] % 3];
+  const auto payload = mtdb::ByteSpan(reinterpret_cast<const std::byte*>(data), size).subspan(1);
+  const auto nodes = static_cast<uint32_t>(target.fixture.updates.nodes.size());
+  const auto cluster =
+      mtdb::DecodeCluster(payload, target.in, target.fixture.attributes, nodes, "fuzz");
+  if (cluster.ok() && cluster->nodes() > nodes) __builtin_trap();
+  return 0;
+}
