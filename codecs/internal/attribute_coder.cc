@@ -64,7 +64,7 @@ T MeanOfRing(std::span<const uint32_t> ring, const Bytes& rows, size_t row_bytes
 
 AttributeCoder::AttributeCoder(const AttributeLayout& layout) {
   for (const VertexAttribute& a : layout.attributes) {
-    fields_.push_back({a.type, row_bytes_, {}});
+    fields_.push_back({a.type, row_bytes_, {}, {}});
     row_bytes_ += ScalarSize(a.type);
   }
 }
@@ -90,7 +90,8 @@ void AttributeCoder::ForEachField(std::span<const uint32_t> ring, const Bytes& r
   }
 }
 
-// `previous` is the class of the residual before this one in the row.
+// `previous` is the class of the residual before this one in the row: its length, at most 7, and 8
+// at the start of the row.
 template <typename Coder>
 uint64_t AttributeCoder::CodeWord(Coder& coder, Field& field, size_t& previous, uint64_t zigzag) {
   auto& models = field.length[previous];
@@ -103,21 +104,26 @@ uint64_t AttributeCoder::CodeWord(Coder& coder, Field& field, size_t& previous, 
     if (s < 15) break;
   }
   length = std::min(length, 64u);
-  previous = length == 0 ? 1 : length <= 3 ? 2 : 3;
+  previous = std::min(length, 7u);
   if (length <= 1) return length;
-  const int low = std::min(static_cast<int>(length) - 1, 32);
-  uint64_t word = coder.Raw(low, static_cast<uint32_t>(zigzag & ((uint64_t{1} << low) - 1)));
-  if (length > 33) {
-    const int high = static_cast<int>(length) - 33;
-    const auto top = static_cast<uint32_t>((zigzag >> 32) & ((uint64_t{1} << high) - 1));
-    word |= static_cast<uint64_t>(coder.Raw(high, top)) << 32;
+  // The two bits below the top one have models, since short differences are likelier.
+  auto low = static_cast<int>(length) - 1;
+  uint64_t word = 1;
+  for (int i = 0; i < 2 && low > 0; ++i) {
+    --low;
+    AdaptiveBit& model = field.top[length][word - 1];
+    word = word << 1 | (coder.Bit(model, zigzag >> low & 1) ? 1 : 0);
   }
-  return word | uint64_t{1} << (length - 1);
+  for (; low > 32; low -= 32) {
+    word = word << 32 | coder.Raw(32, static_cast<uint32_t>(zigzag >> (low - 32)));
+  }
+  const uint64_t mask = (uint64_t{1} << low) - 1;
+  return word << low | coder.Raw(low, static_cast<uint32_t>(zigzag & mask));
 }
 
 void AttributeCoder::Encode(RansEncoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
                             const std::byte* row) {
-  size_t previous = 0;
+  size_t previous = kPreviousClasses - 1;
   ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
     using Word = decltype(ToWord(T{}));
     const auto d = static_cast<Word>(ToWord(Load<T>(row + f.offset)) - ToWord(mean));
@@ -129,7 +135,7 @@ void AttributeCoder::Encode(RansEncoder& coder, std::span<const uint32_t> ring, 
 
 void AttributeCoder::Decode(RansDecoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
                             std::byte* row) {
-  size_t previous = 0;
+  size_t previous = kPreviousClasses - 1;
   ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
     using Word = decltype(ToWord(T{}));
     const auto zigzag = static_cast<Word>(CodeWord(coder, f, previous, 0));

@@ -29,12 +29,13 @@ class AttributeCoder {
               std::byte* row);
 
  private:
-  static constexpr size_t kPreviousClasses = 4;
+  static constexpr size_t kPreviousClasses = 9;
   static constexpr size_t kLengthSymbols = 5;  // 15 and more to come, each
   struct Field {
     ScalarType type;
     size_t offset;
     std::array<std::array<FastAdaptiveSymbol, kLengthSymbols>, kPreviousClasses> length;
+    std::array<std::array<AdaptiveBit, 3>, 65> top;
   };
   template <typename Coder>
   static uint64_t CodeWord(Coder& coder, Field& field, size_t& previous, uint64_t zigzag);
