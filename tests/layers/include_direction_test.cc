@@ -119,7 +119,7 @@ using Sources = std::map<std::string, std::string>;  // path from the root -> te
 std::vector<std::string> FindViolations(const Sources& sources) {
   std::set<std::string> headers;
   for (const auto& [path, text] : sources) {
-    if (path.ends_with(".h")) headers.insert(path);
+    if (path.ends_with(".h") || path.ends_with(".inc")) headers.insert(path);
   }
   std::vector<std::string> violations;
   for (const auto& [path, text] : sources) {
@@ -148,7 +148,7 @@ TEST_CASE("every include of the project points the right way", "[layers]") {
   for (const std::string& folder : kFolders) {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
       const std::string extension = entry.path().extension().string();
-      if (extension != ".h" && extension != ".cc") continue;
+      if (extension != ".h" && extension != ".cc" && extension != ".inc") continue;
       std::ifstream in(entry.path());
       sources[entry.path().lexically_relative(root).generic_string()] = {
           std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
