@@ -25,13 +25,13 @@ struct Target {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using mtdb::testing::Numbers;
   using mtdb::testing::Surface;
-  static const Target targets[] = {
+  static const Target kTargets[] = {
       Target({.side = 8}),
       Target({.surface = Surface::kSheet, .side = 8, .pierced = true}),
       Target({.side = 8, .numbers = Numbers::kWild, .attributes = true}),
   };
   if (size == 0) return 0;
-  const Target& target = targets[data[0] % 3];
+  const Target& target = kTargets[data[0] % 3];
   const auto payload = mtdb::ByteSpan(reinterpret_cast<const std::byte*>(data), size).subspan(1);
   const auto nodes = static_cast<uint32_t>(target.fixture.updates.nodes.size());
   const auto cluster =
