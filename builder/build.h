@@ -20,8 +20,8 @@ struct BuildOptions {
   int bits = 16;               // grid: cells along the longest side are 2^bits - 1; 1..24
   std::optional<double> step;  // grid: model units, instead of bits
   unsigned threads = 0;        // 0: one per core. The result does not depend on it
-  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB, and some
-  // 16 MiB more per thread above two. The result does not depend on it.
+  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB; a
+  // thread takes some 16 MiB of it. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
   std::string tmp_directory =
       ".";  // of temporary files, which have no names and go with the process

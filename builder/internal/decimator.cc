@@ -522,9 +522,7 @@ bool Decimator::EdgesAreFree(bool boundary) const {
 void Decimator::Push(uint32_t v, double error) {
   last_error_[v] = error;
   heap_.push_back({error, v, ++stamp_[v]});
-  std::push_heap(heap_.begin(), heap_.end(), [](const HeapEntry& a, const HeapEntry& b) {
-    return a.error != b.error ? a.error > b.error : a.vertex > b.vertex;
-  });
+  std::push_heap(heap_.begin(), heap_.end(), HeapEntry::Later);
 }
 
 void Decimator::Commit(uint32_t v, const Plan& plan) {
@@ -539,7 +537,6 @@ void Decimator::Commit(uint32_t v, const Plan& plan) {
   removal.star_count = static_cast<uint32_t>(star_.size());
   removal.hole_begin = static_cast<uint32_t>(result_.holes.size());
   removal.hole_count = count;
-  result_.conservative += plan.conservative;
 
   bool tainted = plan.conservative;
   for (const uint32_t t : star_) {
@@ -649,9 +646,6 @@ TileResult Decimator::Decimate(std::span<const TileTriangle> tile, const Grid& g
   options_.degree_limit = std::min(options.degree_limit, kMaxDegree);
   Load(tile, grid);
   const auto vertex_count = static_cast<uint32_t>(vertices_.size());
-  const auto later = [](const HeapEntry& a, const HeapEntry& b) {
-    return a.error != b.error ? a.error > b.error : a.vertex > b.vertex;
-  };
   Plan plan;
   for (uint32_t v = 0; v < vertex_count; ++v) {
     if (locked_[v]) {
@@ -662,7 +656,7 @@ TileResult Decimator::Decimate(std::span<const TileTriangle> tile, const Grid& g
     if (verdict_[v] == Verdict::kLegal) Push(v, plan.error);
   }
   while (live_triangles_ > options_.target_triangles && !heap_.empty()) {
-    std::pop_heap(heap_.begin(), heap_.end(), later);
+    std::pop_heap(heap_.begin(), heap_.end(), HeapEntry::Later);
     const HeapEntry top = heap_.back();
     heap_.pop_back();
     const uint32_t v = top.vertex;

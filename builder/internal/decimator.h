@@ -24,8 +24,7 @@ struct DecimateOptions {
 // surface (see RoundMesh). Deterministic. Reuse one object per thread: it keeps its memory.
 class Decimator {
  public:
-  // `positions[i]` in work units is the i-th local vertex's, in the order of TileResult::vertices,
-  // computed from the grid by `grid`.
+  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
   TileResult Decimate(std::span<const TileTriangle> tile, const Grid& grid,
                       const DecimateOptions& options);
 
@@ -116,6 +115,10 @@ class Decimator {
     double error;
     uint32_t vertex;
     uint32_t stamp;
+    // Orders the heap: the smallest error on top, ties by vertex.
+    static bool Later(const HeapEntry& a, const HeapEntry& b) {
+      return a.error != b.error ? a.error > b.error : a.vertex > b.vertex;
+    }
   };
   std::vector<HeapEntry> heap_;
 

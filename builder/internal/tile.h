@@ -50,7 +50,6 @@ struct TileResult {
   uint64_t locked_vertices = 0;
   uint64_t stuck_topology = 0;
   uint64_t stuck_degree = 0;
-  uint64_t conservative = 0;  // removals whose error is the conservative bound
 };
 
 }  // namespace mtdb
