@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace mtdb {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr float kNotQueued = -1;
 constexpr double kStaleGrowth = 1.08;  // of a stale error, until it is evaluated again
 // How well a triangle is shaped: its squared area over the square of its summed squared edges, 1
 // for an equilateral one.
@@ -89,7 +91,6 @@ void Decimator::Load(std::span<const TileTriangle> tile, const Grid& grid) {
   dirty_.assign(vertex_count, 0);
   next_sample_.assign(vertex_count, kNone32);
   verdict_.assign(vertex_count, Verdict::kLegal);
-  stamp_.assign(vertex_count, 0);
   last_error_.assign(vertex_count, 0);
   careful_.assign(vertex_count, 0);
   kept_.resize(vertex_count);
@@ -124,7 +125,7 @@ void Decimator::MarkForbiddenEdges(bool existing) {
   const auto k = static_cast<uint32_t>(ring_.size());
   for (uint32_t i = 0; i < k; ++i) {
     for (uint32_t j = 0; j < k; ++j) {
-      forbidden_[i][j] = locked_[ring_[i]] && locked_[ring_[j]];
+      hole_.forbidden[i][j] = locked_[ring_[i]] && locked_[ring_[j]];
     }
   }
   if (!existing) return;
@@ -136,13 +137,13 @@ void Decimator::MarkForbiddenEdges(bool existing) {
     uint32_t h = first;
     do {
       if (const uint32_t j = ring_mark_[Origin(Next(h))]; j != 0) {
-        forbidden_[i][j - 1] = forbidden_[j - 1][i] = 1;
+        hole_.forbidden[i][j - 1] = hole_.forbidden[j - 1][i] = 1;
       }
       const uint32_t last = Previous(h);
       h = opposite_[last];
       if (h == kNone32) {
         if (const uint32_t j = ring_mark_[Origin(last)]; j != 0) {
-          forbidden_[i][j - 1] = forbidden_[j - 1][i] = 1;
+          hole_.forbidden[i][j - 1] = hole_.forbidden[j - 1][i] = 1;
         }
       }
     } while (h != first && h != kNone32);
@@ -171,58 +172,6 @@ bool Decimator::UsesExistingEdge(const Plan& plan) const {
   return false;
 }
 
-template <typename TriangleCost>
-void Decimator::FillTriangleCosts(uint32_t k, const TriangleCost& cost) {
-  size_t next = 0;
-  for (uint32_t span = 2; span < k; ++span) {
-    for (uint32_t i = 0; i + span < k; ++i) {
-      for (uint32_t m = i + 1; m < i + span; ++m) triangle_costs_[next++] = cost(i, m, i + span);
-    }
-  }
-}
-
-bool Decimator::Triangulate(Plan& plan) {
-  const uint32_t k = plan.k;
-  const double* cost = triangle_costs_.data();
-  std::array<std::array<double, kMaxDegree>, kMaxDegree> best;
-  std::array<std::array<uint8_t, kMaxDegree>, kMaxDegree> apex;
-  for (uint32_t i = 0; i + 1 < k; ++i) best[i][i + 1] = 0;
-  for (uint32_t span = 2; span < k; ++span) {
-    for (uint32_t i = 0; i + span < k; ++i) {
-      const uint32_t j = i + span;
-      best[i][j] = kInfinity;
-      apex[i][j] = 0;
-      const double* costs = cost;
-      cost += span - 1;
-      const bool closing = span == k - 1;  // the ring's own edge, or the new border edge
-      if (!closing && (forbidden_[i][j] || edge_error_[i][j] < 0)) continue;
-      for (uint32_t m = i + 1; m < j; ++m) {
-        const double total = best[i][m] + best[m][j] + *costs++;
-        if (total < best[i][j]) {
-          best[i][j] = total;
-          apex[i][j] = static_cast<uint8_t>(m);
-        }
-      }
-      const double e = edge_error_[i][j];
-      if (!closing || plan.boundary) best[i][j] += e * e;
-    }
-  }
-  if (!(best[0][k - 1] < kInfinity)) return false;
-  uint32_t count = 0;
-  std::array<std::pair<uint8_t, uint8_t>, 2 * kMaxDegree> stack;
-  uint32_t depth = 0;
-  stack[depth++] = {0, static_cast<uint8_t>(k - 1)};
-  while (depth > 0) {
-    const auto [i, j] = stack[--depth];
-    if (j - i < 2) continue;
-    const uint8_t m = apex[i][j];
-    plan.triangles[count++] = {i, m, j};
-    stack[depth++] = {i, m};
-    stack[depth++] = {m, j};
-  }
-  return true;
-}
-
 double Decimator::BorderCurveError(uint32_t v, uint32_t from, uint32_t to) const {
   // The curve of the border edge that replaces from-v-to is the chain of border vertices removed
   // between them; the accumulated error along it is that of the vertices on it.
@@ -243,90 +192,57 @@ double Decimator::BorderCurveError(uint32_t v, uint32_t from, uint32_t to) const
 }
 
 bool Decimator::EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan) {
-  const uint32_t k = plan.k;
+  bool fresh = !plan.boundary && samples_.size() == 1;  // v's star is of the round's input
   for (const uint32_t t : star_) {
     if (tainted_[t]) return false;
+    fresh &= t < round_.triangle_count();
   }
   for (const uint32_t w : samples_) {
     if (!round_.Faces(w, n)) return false;
   }
   if (plan.boundary && !round_.Faces(v, n)) return false;
-  const auto crossing = [&](uint32_t i, uint32_t m, uint32_t j) {
-    return Cross(positions_[ring_[m]] - positions_[ring_[i]],
-                 positions_[ring_[j]] - positions_[ring_[i]]);
+  hole_.SetShapeCosts(shape_weight_);
+  const auto measure = [&](uint32_t i, uint32_t j) {
+    hole_.edge_error[i][j] = round_.CurveError(ring_[i], ring_[j], n);
   };
-  FillTriangleCosts(k, [&](uint32_t i, uint32_t m, uint32_t j) {
-    const Vec3d cross = crossing(i, m, j);
-    if (!(Dot(cross, n) > 0)) return kInfinity;
-    const double shape =
-        Shape(positions_[ring_[i]], positions_[ring_[m]], positions_[ring_[j]], cross);
-    return shape_weight_ * (1 - shape);
-  });
-  // Curves are dear: the triangulation is chosen by guesses of its edges' errors, and only the
-  // curves of the edges that it uses are found. Where one of them has none, all are.
-  GuessEdgeErrors(k, n);
-  if (!Triangulate(plan)) return false;
-  bool usable = true;
-  for (uint32_t t = 1; t < k - 2; ++t) {
-    const auto [i, m, j] = plan.triangles[t];
-    edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
-    usable &= edge_error_[i][j] >= 0;
-  }
-  if (!usable) {
-    for (uint32_t i = 0; i < k; ++i) {
-      for (uint32_t j = i + 2; j < k; ++j) {
-        if ((i == 0 && j == k - 1) || forbidden_[i][j]) continue;
-        edge_error_[i][j] = round_.CurveError(ring_[i], ring_[j], n);
-      }
+  if (fresh) {
+    const uint32_t k = plan.k;
+    std::array<double, kMaxDegree> spoke_error;
+    for (uint32_t m = 0; m < k; ++m) {
+      spoke_error[m] = std::max(errors_[star_[m]], errors_[star_[m == 0 ? k - 1 : m - 1]]);
     }
-    if (!Triangulate(plan)) return false;
+    hole_.MeasureEdgeErrors(frame_samples_[0], spoke_error);
+    hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) {
+      if (hole_.edge_error[i][j] == HoleTriangulation::kUnknown) measure(i, j);
+    });
+    if (!hole_.Find(plan.triangles)) return false;
+  } else {
+    // Curves are dear: the triangulation is chosen by guesses of its edges' errors, and only the
+    // curves of the edges that it uses are found. Where one of them has none, all are.
+    hole_.GuessEdgeErrors(frame_samples_);
+    if (!hole_.Find(plan.triangles)) return false;
+    bool usable = true;
+    for (uint32_t t = 1; t < plan.k - 2; ++t) {
+      const auto [i, m, j] = plan.triangles[t];
+      measure(i, j);
+      usable &= hole_.edge_error[i][j] >= 0;
+    }
+    if (!usable) {
+      hole_.ForEachDiagonal(measure);
+      if (!hole_.Find(plan.triangles)) return false;
+    }
   }
-  MeasureByOverlay(n, plan);
+  MeasureByOverlay(plan);
   return true;
 }
 
-void Decimator::GuessEdgeErrors(uint32_t k, Vec3d n) {
-  // In the hole's frame: two coordinates across n, and the height along it.
-  const Vec3d across = std::abs(n.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
-  const Vec3d e1 = Cross(n, across);
-  const Vec3d e2 = Cross(n, e1);  // as long as e1; lengths across n cancel out
-  const Vec3d origin = positions_[ring_[0]];
-  const auto in_frame = [&](uint32_t v) {
-    const Vec3d p = positions_[v] - origin;
-    return Vec3d{Dot(p, e1), Dot(p, e2), Dot(p, n)};
-  };
-  std::array<Vec3d, kMaxDegree> ring;
-  for (uint32_t i = 0; i < k; ++i) ring[i] = in_frame(ring_[i]);
-  frame_samples_.clear();
-  for (const uint32_t w : samples_) frame_samples_.push_back(in_frame(w));
-  for (uint32_t i = 0; i < k; ++i) {
-    for (uint32_t j = i + 2; j < k; ++j) {
-      if (i == 0 && j == k - 1) continue;
-      // How far samples near the edge's line stand off it; nearer ones count more.
-      const Vec3d d = ring[j] - ring[i];
-      const double length2 = d.x * d.x + d.y * d.y;
-      double guess = 0;
-      for (const Vec3d& w : frame_samples_) {
-        const double x = w.x - ring[i].x;
-        const double y = w.y - ring[i].y;
-        const double t = x * d.x + y * d.y;
-        if (t <= 0 || t >= length2) continue;
-        const double side = x * d.y - y * d.x;  // lateral distance times the edge's length
-        const double off = std::abs((w.z - ring[i].z) * length2 - t * d.z);
-        guess = std::max(guess, off * (length2 * length2 - 4 * side * side));
-      }
-      edge_error_[i][j] = length2 > 0 ? guess / (length2 * length2 * length2) : 0;
-    }
-  }
-}
-
-void Decimator::MeasureByOverlay(Vec3d n, Plan& plan) {
+void Decimator::MeasureByOverlay(Plan& plan) {
   const uint32_t k = plan.k;
   const uint32_t count = k - 2;
   const auto curve = [&](uint32_t a, uint32_t b) {  // a < b, ring positions
     if (b == a + 1) return curve_error_[ring_edges_[a]];
     if (a == 0 && b == k - 1 && !plan.boundary) return curve_error_[ring_edges_[b]];
-    return edge_error_[a][b];
+    return hole_.edge_error[a][b];
   };
   for (uint32_t t = 0; t < count; ++t) {
     const auto [i, m, j] = plan.triangles[t];
@@ -336,27 +252,26 @@ void Decimator::MeasureByOverlay(Vec3d n, Plan& plan) {
   // diagonals. The triangles form a tree, listed from its root, so that this ends.
   sample_triangle_.resize(samples_.size());
   for (size_t s = 0; s < samples_.size(); ++s) {
-    const Vec3d p = positions_[samples_[s]];
+    const Vec3d p = frame_samples_[s];
     uint32_t t = 0;
     for (;;) {
       const auto [i, m, j] = plan.triangles[t];
       const auto beyond = [&](uint32_t a, uint32_t b) {
-        if (b < a + 2) return false;
-        const Vec3d pa = positions_[ring_[a]];
-        return Dot(Cross(positions_[ring_[b]] - pa, n), p - pa) > 0;  // right of a -> b
+        return b >= a + 2 && hole_.IsRightOf(p, a, b);
       };
-      uint32_t next = kNone32;
-      for (uint32_t u = t + 1; u < count && next == kNone32; ++u) {
-        const auto [ui, um, uj] = plan.triangles[u];
-        if ((ui == i && uj == m && beyond(i, m)) || (ui == m && uj == j && beyond(m, j))) next = u;
-      }
-      if (next == kNone32) break;
-      t = next;
+      const bool first = beyond(i, m);
+      const bool second = !first && beyond(m, j);
+      if (!first && !second) break;
+      const uint32_t from = first ? i : m;
+      const uint32_t to = first ? m : j;
+      do {
+        ++t;
+      } while (plan.triangles[t][0] != from || plan.triangles[t][2] != to);
     }
     sample_triangle_[s] = static_cast<uint8_t>(t);
     const auto [i, m, j] = plan.triangles[t];
-    const double distance = std::sqrt(SquaredDistancePointTriangle(
-        p, positions_[ring_[i]], positions_[ring_[m]], positions_[ring_[j]]));
+    const double distance =
+        std::sqrt(SquaredDistancePointTriangle(p, hole_.ring[i], hole_.ring[m], hole_.ring[j]));
     plan.errors[t] = std::max(plan.errors[t], distance + round_.vertex_error(samples_[s]));
   }
   plan.error = 0;
@@ -369,13 +284,10 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
   double size2 = 0;
   for (uint32_t i = 0; i < k; ++i) {
     size2 = std::max(size2, SquaredLength(positions_[ring_[i]] - positions_[v]));
-    for (uint32_t j = i + 2; j < k; ++j) {
-      if (i == 0 && j == k - 1) continue;
-      edge_error_[i][j] = 0;
-    }
   }
+  hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole_.edge_error[i][j] = 0; });
   const Vec3d pv = positions_[v];
-  FillTriangleCosts(k, [&](uint32_t i, uint32_t m, uint32_t j) {
+  hole_.SetCosts([&](uint32_t i, uint32_t m, uint32_t j) {
     const Vec3d a = positions_[ring_[i]];
     const Vec3d b = positions_[ring_[m]];
     const Vec3d c = positions_[ring_[j]];
@@ -384,7 +296,7 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     const double turned = Dot(cross, n) > 0 ? 0 : 1e6;
     return size2 * (1 - Shape(a, b, c, cross) + turned) + SquaredDistancePointTriangle(pv, a, b, c);
   });
-  if (!Triangulate(plan)) return false;
+  if (!hole_.Find(plan.triangles)) return false;
 
   // Star and hole by correspondence: v goes to its nearest triangle of the hole; a diagonal is
   // crossed by the spokes to the ring vertices on its far side.
@@ -422,7 +334,7 @@ bool Decimator::EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan) {
     for (uint32_t c = 0; c < 3; ++c) star_error = std::max(star_error, curve_error_[3 * t + c]);
   }
   plan.error = std::sqrt(delta2) + star_error;
-  if (plan.boundary) plan.error = std::max(plan.error, edge_error_[0][k - 1]);
+  if (plan.boundary) plan.error = std::max(plan.error, hole_.edge_error[0][k - 1]);
   plan.errors.fill(plan.error);
   sample_triangle_.resize(samples_.size());
   for (size_t s = 0; s < samples_.size(); ++s) {
@@ -448,10 +360,11 @@ Decimator::Verdict Decimator::Evaluate(uint32_t v, Plan& plan) {
   plan.boundary = on_border_[v];
   if (k < 3) return Verdict::kTopology;
   if (!EdgesAreFree(plan.boundary)) return Verdict::kTopology;
-  if (plan.boundary) edge_error_[0][k - 1] = BorderCurveError(v, ring_[k - 1], ring_[0]);
+  if (plan.boundary) hole_.edge_error[0][k - 1] = BorderCurveError(v, ring_[k - 1], ring_[0]);
   const Vec3d normal = CollectSamples(v, plan.boundary);
   const double length = Length(normal);
   const Vec3d n = length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1};
+  SetFrame(plan, n);
   // How far v stands out of its ring: the scale at which shapes may matter.
   double height = 0;
   for (const uint32_t r : ring_) height += Dot(positions_[r] - positions_[v], n);
@@ -476,13 +389,30 @@ Vec3d Decimator::CollectSamples(uint32_t v, bool boundary) {
   return normal;
 }
 
+void Decimator::SetFrame(const Plan& plan, Vec3d n) {
+  hole_.k = plan.k;
+  hole_.boundary = plan.boundary;
+  const Vec3d across = std::abs(n.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+  const Vec3d y = Cross(n, across);
+  const Vec3d e2 = y * (1 / Length(y));
+  const Vec3d e1 = Cross(e2, n);
+  const Vec3d origin = positions_[ring_[0]];
+  const auto in_frame = [&](uint32_t v) {
+    const Vec3d p = positions_[v] - origin;
+    return Vec3d{Dot(p, e1), Dot(p, e2), Dot(p, n)};
+  };
+  for (uint32_t i = 0; i < plan.k; ++i) hole_.ring[i] = in_frame(ring_[i]);
+  frame_samples_.clear();
+  for (const uint32_t w : samples_) frame_samples_.push_back(in_frame(w));
+}
+
 void Decimator::Keep(uint32_t v, const Plan& plan) {
   KeptPlan& kept = kept_[v];
   kept.valid = !plan.conservative;
   if (!kept.valid) return;
   for (uint32_t t = 0; t < plan.k - 2; ++t) {
     kept.triangles[t] = plan.triangles[t];
-    if (t > 0) kept.edge_errors[t] = edge_error_[plan.triangles[t][0]][plan.triangles[t][2]];
+    if (t > 0) kept.edge_errors[t] = hole_.edge_error[plan.triangles[t][0]][plan.triangles[t][2]];
   }
 }
 
@@ -493,13 +423,15 @@ bool Decimator::Recall(uint32_t v, Plan& plan) {
   plan.boundary = on_border_[v];
   for (uint32_t t = 0; t < plan.k - 2; ++t) {
     plan.triangles[t] = kept.triangles[t];
-    if (t > 0) edge_error_[plan.triangles[t][0]][plan.triangles[t][2]] = kept.edge_errors[t];
+    if (t > 0) hole_.edge_error[plan.triangles[t][0]][plan.triangles[t][2]] = kept.edge_errors[t];
   }
   // A removal elsewhere may have joined two vertices of the ring since.
   if (!EdgesAreFree(plan.boundary)) return false;
-  if (plan.boundary) edge_error_[0][plan.k - 1] = BorderCurveError(v, ring_[plan.k - 1], ring_[0]);
+  if (plan.boundary)
+    hole_.edge_error[0][plan.k - 1] = BorderCurveError(v, ring_[plan.k - 1], ring_[0]);
   const Vec3d normal = CollectSamples(v, plan.boundary);
-  MeasureByOverlay(normal * (1 / Length(normal)), plan);
+  SetFrame(plan, normal * (1 / Length(normal)));
+  MeasureByOverlay(plan);
   return true;
 }
 
@@ -520,9 +452,9 @@ bool Decimator::EdgesAreFree(bool boundary) const {
 }
 
 void Decimator::Push(uint32_t v, double error) {
-  last_error_[v] = error;
-  heap_.push_back({error, v, ++stamp_[v]});
-  std::push_heap(heap_.begin(), heap_.end(), HeapEntry::Later);
+  last_error_[v] = static_cast<float>(error);
+  heap_.push_back(HeapKey(v));
+  std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
 }
 
 void Decimator::Commit(uint32_t v, const Plan& plan) {
@@ -590,13 +522,13 @@ void Decimator::Commit(uint32_t v, const Plan& plan) {
         border_[id] |= static_cast<uint8_t>(IsBorderEdge(old) << c);
       } else if (a == k - 1 && b == 0) {
         // The new border edge.
-        curve_error_[h] = edge_error_[0][k - 1];
+        curve_error_[h] = hole_.edge_error[0][k - 1];
         chain_head_[h] = new_chain;
         border_[id] |= static_cast<uint8_t>(1 << c);
       } else {
         const uint32_t lo = std::min(a, b);
         const uint32_t hi = std::max(a, b);
-        curve_error_[h] = plan.conservative ? plan.error : edge_error_[lo][hi];
+        curve_error_[h] = plan.conservative ? plan.error : hole_.edge_error[lo][hi];
         (a > b ? open[lo][hi] : open[hi][lo]) = h;
       }
     }
@@ -656,17 +588,19 @@ TileResult Decimator::Decimate(std::span<const TileTriangle> tile, const Grid& g
     if (verdict_[v] == Verdict::kLegal) Push(v, plan.error);
   }
   while (live_triangles_ > options_.target_triangles && !heap_.empty()) {
-    std::pop_heap(heap_.begin(), heap_.end(), HeapEntry::Later);
-    const HeapEntry top = heap_.back();
+    std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
+    const uint64_t top = heap_.back();
     heap_.pop_back();
-    const uint32_t v = top.vertex;
-    if (removed_[v] || top.stamp != stamp_[v]) continue;
+    const auto v = static_cast<uint32_t>(top);
+    if (removed_[v] || top != HeapKey(v)) continue;
+    last_error_[v] = kNotQueued;  // an older entry may be the same
     if (dirty_[v] || !kept_[v].valid || !Recall(v, plan)) {
       verdict_[v] = Evaluate(v, plan);
       const bool was_dirty = dirty_[v];
       dirty_[v] = 0;
       if (verdict_[v] != Verdict::kLegal) continue;
-      if (was_dirty && !heap_.empty() && plan.error > heap_.front().error) {
+      if (was_dirty && !heap_.empty() &&
+          static_cast<float>(plan.error) > HeapError(heap_.front())) {
         Push(v, plan.error);
         continue;
       }

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "builder/internal/hole_triangulation.h"
 #include "builder/internal/round_mesh.h"
 #include "builder/internal/tile.h"
 #include "store/base/grid.h"
@@ -29,7 +31,7 @@ class Decimator {
                       const DecimateOptions& options);
 
  private:
-  static constexpr uint32_t kMaxDegree = 16;
+  static constexpr uint32_t kMaxDegree = HoleTriangulation::kMaxRing;
 
   // The triangulated hole that a removal would leave, and its error.
   struct Plan {
@@ -37,8 +39,8 @@ class Decimator {
     bool boundary = false;
     bool conservative = false;
     double error = 0;
-    std::array<std::array<uint8_t, 3>, kMaxDegree> triangles;  // k - 2, ring positions
-    std::array<double, kMaxDegree> errors;                     // of the triangles
+    HoleTriangulation::Triangles triangles;
+    std::array<double, kMaxDegree> errors;  // of the triangles
   };
   // The part of a plan by overlay that is dear to find again.
   struct KeptPlan {
@@ -51,7 +53,8 @@ class Decimator {
   void Load(std::span<const TileTriangle> tile, const Grid& grid);
   // Fills ring_, star_. False when the vertex has too many neighbours.
   bool CollectRing(uint32_t v);
-  // Fills forbidden_: edges between two locked vertices and, when `existing`, edges that are there.
+  // Fills hole_.forbidden: edges between two locked vertices and, when `existing`, edges that are
+  // there.
   void MarkForbiddenEdges(bool existing);
   // True when a diagonal of the plan is an edge of the mesh already.
   bool UsesExistingEdge(const Plan& plan) const;
@@ -59,11 +62,11 @@ class Decimator {
   Verdict Evaluate(uint32_t v, Plan& plan);
   // Fills samples_ and returns the star's normal, not normalised.
   Vec3d CollectSamples(uint32_t v, bool boundary);
+  // Fills the hole's ring and frame_samples_; `n` is the star's unit normal.
+  void SetFrame(const Plan& plan, Vec3d n);
   bool EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan);
-  // Fills edge_error_ with guesses, from the samples that lie near an edge.
-  void GuessEdgeErrors(uint32_t k, Vec3d n);
   // Errors of the plan's triangles, from the curves of its edges and from the samples.
-  void MeasureByOverlay(Vec3d n, Plan& plan);
+  void MeasureByOverlay(Plan& plan);
   // False when the new border edge exists already, or the new triangle would close a tetrahedron.
   bool EdgesAreFree(bool boundary) const;
   // Redoes what Commit needs of an evaluation whose plan was kept: the star of `v` is as it was.
@@ -71,11 +74,6 @@ class Decimator {
   bool Recall(uint32_t v, Plan& plan);
   void Keep(uint32_t v, const Plan& plan);
   bool EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan);
-  // The triangulation of the ring's polygon of least cost: triangle_costs_, and edge_error_ squared
-  // for each allowed diagonal. Dynamic programming. False when there is none of finite cost.
-  bool Triangulate(Plan& plan);
-  template <typename TriangleCost>
-  void FillTriangleCosts(uint32_t k, const TriangleCost& cost);
   double BorderCurveError(uint32_t v, uint32_t from, uint32_t to) const;
   void Commit(uint32_t v, const Plan& plan);
   void Push(uint32_t v, double error);
@@ -97,9 +95,8 @@ class Decimator {
   std::vector<uint8_t> careful_;       // a plan used an edge that exists: look for them first
   std::vector<uint32_t> next_sample_;  // list of removed vertices
   std::vector<Verdict> verdict_;
-  std::vector<KeptPlan> kept_;      // of vertices that are not dirty
-  std::vector<uint32_t> stamp_;     // of the valid heap entry
-  std::vector<double> last_error_;  // of the valid heap entry
+  std::vector<KeptPlan> kept_;     // of vertices that are not dirty
+  std::vector<float> last_error_;  // where the queue holds it
 
   // Triangles, current and past.
   std::vector<std::array<uint32_t, 3>> corners_;
@@ -111,27 +108,24 @@ class Decimator {
   std::vector<double> curve_error_;
   std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
 
-  struct HeapEntry {
-    double error;
-    uint32_t vertex;
-    uint32_t stamp;
-    // Orders the heap: the smallest error on top, ties by vertex.
-    static bool Later(const HeapEntry& a, const HeapEntry& b) {
-      return a.error != b.error ? a.error > b.error : a.vertex > b.vertex;
-    }
-  };
-  std::vector<HeapEntry> heap_;
+  // The queue: the bits of a vertex's last error above its number, the smallest on top. An entry
+  // that differs from its vertex's HeapKey is void.
+  uint64_t HeapKey(uint32_t v) const {
+    return uint64_t{std::bit_cast<uint32_t>(last_error_[v])} << 32 | v;
+  }
+  static float HeapError(uint64_t key) {
+    return std::bit_cast<float>(static_cast<uint32_t>(key >> 32));
+  }
+  std::vector<uint64_t> heap_;
 
   // Of the vertex under evaluation.
   std::vector<uint32_t> ring_, star_;
   std::vector<uint32_t> ring_edges_;  // half-edge of the star from ring_[j] to ring_[j + 1]
   double shape_weight_ = 0;           // of a triangle's shape beside squared errors
   std::vector<uint32_t> samples_;     // removed vertices of its star, and itself
-  std::array<std::array<uint8_t, kMaxDegree>, kMaxDegree> forbidden_;
-  std::array<std::array<double, kMaxDegree>, kMaxDegree> edge_error_;  // < 0: no curve
-  std::array<double, kMaxDegree*(kMaxDegree - 1) * (kMaxDegree - 2) / 6> triangle_costs_;
+  HoleTriangulation hole_;
   std::vector<uint32_t> ring_mark_;
-  std::vector<Vec3d> frame_samples_;
+  std::vector<Vec3d> frame_samples_;      // positions of samples_ in the hole's frame
   std::vector<uint8_t> sample_triangle_;  // plan triangle of each sample
 
   TileResult result_;
