@@ -11,6 +11,7 @@
 #include <string>
 #include <sys/statvfs.h>
 #include <thread>
+#include <utility>
 
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
@@ -135,11 +136,18 @@ class Builder {
 
  private:
   struct TileJob {
-    std::vector<TileTriangle> triangles;
-    Bytes rows;
+    TriangleBlock tile;
     uint64_t code = 0;
     TileOutcome outcome;
-    bool replayed = false;  // the outcome comes from the journal
+    bool replayed = false;        // the outcome comes from the journal
+    std::vector<uint64_t> codes;  // of the outcome's triangles, on the next round's curve
+  };
+  // A part of the joined input.
+  struct JoinedBlock {
+    TriangleBlock block;
+    std::vector<uint64_t> codes;
+    SurfaceDigest digest;
+    Box3i bounds;
   };
 
   Status Report(const char* stage, uint32_t round, uint64_t done, uint64_t total, double overall) {
@@ -168,11 +176,12 @@ class Builder {
     if (report_ != nullptr) report_->stages = costs_;
   }
 
-  std::unique_ptr<TriangleSorter> MakeSorter(uint32_t round, size_t memory_bytes) {
+  std::unique_ptr<TriangleSorter> MakeSorter(size_t memory_bytes) {
     return std::make_unique<TriangleSorter>(
-        RoundCurve(record_.bounds, round), record_.grid,
         TriangleSorter::Options{&space_, memory_bytes, record_.attributes.row_bytes(), threads_});
   }
+  // Blocks or tiles that are given to a pipeline ahead of the one that is taken.
+  size_t ahead() const { return threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_); }
 
   // Reads the mesh, classifies it, and leaves its triangles ready for round 1.
   Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
@@ -192,24 +201,39 @@ class Builder {
     const Grid& grid = record_.grid;
     record_.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
                       grid.Position(grid.Quantize(input.bounds().max))};
-    *sorter = MakeSorter(1, memory_ / 2);
+    *sorter = MakeSorter(memory_ / 2);
 
     JoinTotals totals;
     SurfaceDigest digest;
     Box3i bounds;
-    uint64_t received = 0;
-    const auto receive = [&](const TileTriangle& t, const std::byte* rows) {
-      for (const Vec3i& p : t.positions) bounds.Add(p);
-      digest.AddTriangle(t.positions);
-      if ((++received & 0xfffff) == 0) {
-        const double part = static_cast<double>(received) / static_cast<double>(input.triangles());
-        MTDB_RETURN_IF_ERROR(Report("join", 0, received, input.triangles(),
-                                    kReadShare + kJoinShare * (0.5 + 0.5 * part)));
+    const RoundCurve curve(record_.bounds, 1);
+    OrderedPipeline<JoinedBlock> pipeline(threads_, [&](unsigned, JoinedBlock& joined) {
+      joined.codes = curve.Codes(joined.block.triangles, grid);
+      for (const TileTriangle& t : joined.block.triangles) {
+        for (const Vec3i& p : t.positions) joined.bounds.Add(p);
+        joined.digest.AddTriangle(t.positions);
       }
-      return (*sorter)->Add(t, rows);
+    });
+    uint64_t taken = 0;
+    const auto take = [&] {
+      const JoinedBlock joined = pipeline.Take();
+      digest.Merge(joined.digest);
+      bounds.Add(joined.bounds);
+      MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, **sorter));
+      const uint64_t before = std::exchange(taken, taken + joined.codes.size());
+      if (before >> 20 == taken >> 20) return Status::Ok();
+      const double part = static_cast<double>(taken) / static_cast<double>(input.triangles());
+      return Report("join", 0, taken, input.triangles(),
+                    kReadShare + kJoinShare * (0.5 + 0.5 * part));
     };
     const JoinOptions join{&space_, memory_ / 4, threads_};
+    const auto receive = [&](TriangleBlock block) {
+      if (pipeline.in_flight() == ahead()) MTDB_RETURN_IF_ERROR(take());
+      pipeline.Submit({std::move(block), {}, {}, {}});
+      return Status::Ok();
+    };
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
+    while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
     record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
     largest_error_ =
         kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
@@ -271,22 +295,31 @@ class Builder {
     return Status::Ok();
   }
 
+  static Status AddAll(const TriangleBlock& block, std::span<const uint64_t> codes,
+                       TriangleSorter& sorter) {
+    const size_t rows = block.triangles.empty() ? 0 : block.rows.size() / block.triangles.size();
+    for (size_t i = 0; i < block.triangles.size(); ++i) {
+      MTDB_RETURN_IF_ERROR(sorter.Add(block.triangles[i], block.rows.data() + i * rows, codes[i]));
+    }
+    return Status::Ok();
+  }
+
   void Decimate(unsigned worker, uint32_t round, TileJob& job) {
     DecimateOptions decimate;
     decimate.degree_limit = options_.degree_limit;
     decimate.largest_error = largest_error_;
-    decimate.target_triangles = static_cast<uint32_t>(job.triangles.size()) / options_.reduction;
-    const TileResult result = decimators_[worker].Decimate(job.triangles, record_.grid, decimate);
+    decimate.target_triangles =
+        static_cast<uint32_t>(job.tile.triangles.size()) / options_.reduction;
+    const TileResult result =
+        decimators_[worker].Decimate(job.tile.triangles, record_.grid, decimate);
     TileOutcome& outcome = job.outcome;
-    outcome.cluster =
-        MakeTileCluster(job.triangles, result, record_.grid, record_.attributes, job.rows);
+    outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes);
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
     outcome.cluster.entry.hilbert = job.code;
     outcome.locked_vertices = result.locked_vertices;
     outcome.stuck_topology = result.stuck_topology;
     outcome.stuck_degree = result.stuck_degree;
-    std::vector<TileTriangle>().swap(job.triangles);
-    Bytes().swap(job.rows);
+    job.tile = TriangleBlock{};
   }
 
   // Takes the triangles of `*sorter`, leaves the next round's there.
@@ -300,14 +333,15 @@ class Builder {
     report.triangles_in = count;
     report.tiles = tiles;
     // While this round's runs are merged, the next round's records gather in the other half.
-    std::unique_ptr<TriangleSorter> next = MakeSorter(round + 1, memory_ / 2);
+    std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 2);
+    const RoundCurve curve(record_.bounds, round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
       if (!job.replayed) Decimate(worker, round, job);
+      job.codes = curve.Codes(job.outcome.cluster.left.triangles, record_.grid);
     });
-    const size_t ahead = threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_);
     uint64_t given = 0;
     for (uint64_t taken = 0; taken < tiles; ++taken) {
-      while (given < tiles && pipeline.in_flight() < ahead) {
+      while (given < tiles && pipeline.in_flight() < ahead()) {
         const auto [begin, end] = TileRange(count, tiles, given);
         TileJob job;
         if (journal_ != nullptr) {
@@ -315,8 +349,7 @@ class Builder {
           job.replayed = known.has_value();
           if (known) job.outcome = *std::move(known);
         }
-        MTDB_RETURN_IF_ERROR(from.Next(end - begin, job.replayed ? nullptr : &job.triangles,
-                                       job.replayed ? nullptr : &job.rows, &job.code));
+        MTDB_RETURN_IF_ERROR(from.Next(end - begin, job.replayed ? nullptr : &job.tile, &job.code));
         pipeline.Submit(std::move(job));
         ++given;
       }
@@ -324,7 +357,7 @@ class Builder {
       if (journal_ != nullptr && !job.replayed) {
         MTDB_RETURN_IF_ERROR(journal_->Append(job.outcome));
       }
-      MTDB_RETURN_IF_ERROR(Append(job.outcome, report, *next));
+      MTDB_RETURN_IF_ERROR(Append(job, report, *next));
       if ((taken & 15) == 15 || taken + 1 == tiles) {
         const uint64_t done = TileRange(count, tiles, taken).second;
         MTDB_RETURN_IF_ERROR(
@@ -339,8 +372,9 @@ class Builder {
     return Status::Ok();
   }
 
-  Status Append(TileOutcome& outcome, RoundReport& report, TriangleSorter& next) {
-    TileCluster& cluster = outcome.cluster;
+  Status Append(TileJob& job, RoundReport& report, TriangleSorter& next) {
+    const TileOutcome& outcome = job.outcome;
+    TileCluster& cluster = job.outcome.cluster;
     report.locked_vertices += outcome.locked_vertices;
     report.stuck_topology += outcome.stuck_topology;
     report.stuck_degree += outcome.stuck_degree;
@@ -359,13 +393,10 @@ class Builder {
       record_.depth = std::max(record_.depth, cluster.height);
       record_.max_degree = std::max(record_.max_degree, cluster.max_degree);
     }
-    const size_t rows = 3 * record_.attributes.row_bytes();
-    for (size_t i = 0; i < cluster.triangles.size(); ++i) {
-      TileTriangle& t = cluster.triangles[i];
+    for (TileTriangle& t : cluster.left.triangles) {
       if (t.child == TileCluster::kOwnCluster) t.child = own;
-      MTDB_RETURN_IF_ERROR(next.Add(t, cluster.rows.data() + i * rows));
     }
-    return Status::Ok();
+    return AddAll(cluster.left, job.codes, next);
   }
 
   Status WriteRoot(TriangleSorter& sorter) {
@@ -383,11 +414,10 @@ class Builder {
     RootWriter root(record_.attributes, writer_);
     for (uint64_t done = 0; done < sorter.count();) {
       const uint64_t count = std::min<uint64_t>(RootWriter::kPieceTriangles, sorter.count() - done);
-      std::vector<TileTriangle> triangles;
-      Bytes rows;
+      TriangleBlock piece;
       uint64_t code = 0;
-      MTDB_RETURN_IF_ERROR(sorter.Next(count, &triangles, &rows, &code));
-      MTDB_RETURN_IF_ERROR(root.AddPiece(triangles, rows));
+      MTDB_RETURN_IF_ERROR(sorter.Next(count, &piece, &code));
+      MTDB_RETURN_IF_ERROR(root.AddPiece(piece.triangles, piece.rows));
       done += count;
     }
     const RootTopology topology = root.Finish();

@@ -1,8 +1,7 @@
 #include "builder/internal/corner_join.h"
 
 #include <algorithm>
-#include <atomic>
-#include <memory>
+#include <utility>
 
 #include "builder/internal/parallel.h"
 
@@ -34,6 +33,7 @@ class Link {
     Counts counts;
     edges_.clear();
     for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
+    if (OneCycle()) return counts;
     std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
       return std::tie(x.a, x.b, x.place) < std::tie(y.a, y.b, y.place);
     });
@@ -93,6 +93,20 @@ class Link {
     uint32_t vertex;
     uint32_t out, in;
   };
+  // True when the edges, in any order, are one cycle: most vertices. A walk that returns to its
+  // first edge after as many steps as there are edges has met each once, and no two begin alike.
+  bool OneCycle() const {
+    constexpr size_t kFew = 16;  // all pairs are compared
+    if (edges_.size() > kFew) return false;
+    size_t at = 0;
+    for (size_t step = 1;; ++step) {
+      const uint32_t next = edges_[at].b;
+      for (at = 0; at < edges_.size() && edges_[at].a != next;) ++at;
+      if (at == edges_.size()) return false;
+      if (at == 0) return step == edges_.size();
+      if (step == edges_.size()) return false;
+    }
+  }
   const Neighbour& At(uint32_t vertex) const {
     return *std::lower_bound(neighbours_.begin(), neighbours_.end(), vertex,
                              [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
@@ -128,28 +142,58 @@ class Join {
     const uint64_t triangles = input.triangles();
     const uint64_t need = 3 * triangles * kCornerMemory +
                           vertices * (sizeof(Vec3i) + input.row_bytes() + sizeof(uint32_t));
-    // Half of the memory for a range, the rest for spools.
-    const uint64_t ranges = std::min<uint64_t>(
-        {need / std::max<uint64_t>(options.memory_bytes / 2, 1) + 1, kMaxRanges, vertices});
-    range_ = (vertices + ranges - 1) / ranges;
-    const uint64_t count = (vertices + range_ - 1) / range_;
+    // Half of the memory for the ranges at work, the rest for spools. A range is a power of two,
+    // and small enough that its tables stay near the processor.
+    const unsigned threads = std::max(1u, options.threads);
+    const uint64_t room = std::max<uint64_t>(options.memory_bytes / 2, 1);
+    const uint64_t ranges =
+        std::max({need / (room / threads + 1) + 1, need / kHandyRange + 1, uint64_t{1}});
+    range_bits_ = 0;
+    while ((vertices >> range_bits_) >= std::min(ranges, kMaxRanges)) ++range_bits_;
+    const uint64_t count = ((vertices - 1) >> range_bits_) + 1;
+    workers_ = static_cast<unsigned>(std::clamp<uint64_t>(room / (need / count + 1), 1, threads));
     for (uint64_t r = 0; r < count; ++r) {
       questions_.emplace_back(options.space, options.memory_bytes / 4 / count);
       answers_.emplace_back(options.space, options.memory_bytes / 4 / count);
     }
   }
 
-  Status Run(const TriangleReceiver& receive) {
+  Status Run(const BlockReceiver& receive) {
     MTDB_RETURN_IF_ERROR(Ask());
-    for (size_t r = 0; r < questions_.size(); ++r) {
-      MTDB_RETURN_IF_ERROR(Answer(r));
+    std::vector<Status> statuses(workers_);
+    std::vector<Worker> workers(workers_);
+    ParallelFor(questions_.size(), workers_, [&](unsigned worker, size_t r) {
+      if (!statuses[worker].ok()) return;
+      statuses[worker] = Answer(r, workers[worker]);
       questions_[r] = Spool(options_.space, 0);
+    });
+    for (const Status& status : statuses) MTDB_RETURN_IF_ERROR(status);
+    for (const Worker& worker : workers) {
+      const JoinTotals& part = worker.totals;
+      totals_.vertices += part.vertices;
+      totals_.unreferenced_vertices += part.unreferenced_vertices;
+      totals_.duplicate_triangles += part.duplicate_triangles;
+      totals_.boundary_edges += part.boundary_edges;
+      totals_.nonmanifold_edges += part.nonmanifold_edges;
+      totals_.nonmanifold_vertices += part.nonmanifold_vertices;
     }
     return Collect(receive);
   }
 
  private:
   static constexpr uint64_t kMaxRanges = 256;
+  static constexpr uint64_t kHandyRange = uint64_t{16} << 20;  // bytes of its tables
+  static constexpr size_t kBlockTriangles = 8192;
+  // What a thread keeps from range to range.
+  struct Worker {
+    Link link;
+    JoinTotals totals;
+    std::vector<Vec3i> positions;
+    Bytes rows;
+    std::vector<Corner> corners;
+    std::vector<uint32_t> begin, places;
+    std::vector<uint8_t> flags;
+  };
   size_t answer_bytes() const { return sizeof(Vec3i) + 1 + input_.row_bytes(); }
 
   Status Ask() {
@@ -161,26 +205,28 @@ class Join {
       std::memcpy(v.data(), bytes, sizeof(v));
       for (size_t c = 0; c < 3; ++c) {
         const Corner corner{v[c], v[(c + 1) % 3], v[(c + 2) % 3]};
-        MTDB_RETURN_IF_ERROR(questions_[corner.vertex / range_].Append(&corner, sizeof(corner)));
+        MTDB_RETURN_IF_ERROR(
+            questions_[corner.vertex >> range_bits_].Append(&corner, sizeof(corner)));
       }
     }
     for (Spool& q : questions_) MTDB_RETURN_IF_ERROR(q.Finish());
     return Status::Ok();
   }
 
-  Status Answer(size_t r) {
-    const uint64_t first = r * range_;
-    const auto vertices = static_cast<uint32_t>(std::min(range_, input_.vertices() - first));
+  Status Answer(size_t r, Worker& w) {
+    const uint64_t first = uint64_t{r} << range_bits_;
+    const auto vertices =
+        static_cast<uint32_t>(std::min(uint64_t{1} << range_bits_, input_.vertices() - first));
     const size_t row = input_.row_bytes();
-    std::vector<Vec3i> positions(vertices);
-    Bytes rows(vertices * row);
+    w.positions.resize(vertices);
+    w.rows.resize(vertices * row);
     SpoolReader vertex_reader(&input_.vertex_spool(), first * input_.vertex_bytes(),
                               (first + vertices) * input_.vertex_bytes());
     for (uint32_t v = 0; v < vertices; ++v) {
       const std::byte* bytes = vertex_reader.Next(input_.vertex_bytes());
       if (bytes == nullptr) return vertex_reader.status();
-      positions[v] = grid_.Quantize(input_.Position(bytes));
-      std::memcpy(rows.data() + v * row, input_.Row(bytes), row);
+      w.positions[v] = grid_.Quantize(input_.Position(bytes));
+      std::copy_n(input_.Row(bytes), row, w.rows.data() + v * row);
     }
     const uint64_t count = questions_[r].size() / sizeof(Corner);
     if (count >= kNone32) {
@@ -188,75 +234,60 @@ class Join {
                     "some vertices have billions of triangles; such a mesh cannot be built");
     }
     const auto n = static_cast<uint32_t>(count);
-    std::vector<Corner> corners(n);
-    MTDB_RETURN_IF_ERROR(questions_[r].Read(0, corners.data(), n * sizeof(Corner)));
-    std::vector<uint32_t> begin(vertices + 1, 0);
-    for (const Corner& c : corners) ++begin[c.vertex - first + 1];
-    for (uint32_t v = 0; v < vertices; ++v) begin[v + 1] += begin[v];
-    std::vector<uint32_t> places(n);
-    {
-      for (uint32_t i = 0; i < n; ++i) places[begin[corners[i].vertex - first]++] = i;
-      for (uint32_t v = vertices; v > 0; --v) begin[v] = begin[v - 1];
-      begin[0] = 0;
-    }
-    std::vector<uint8_t> flags(n, 0);
-    constexpr uint32_t kBlock = 1 << 16;
-    const unsigned threads = options_.threads;
-    std::vector<Link> links(std::max(1u, threads));
-    std::vector<JoinTotals> parts(links.size());
-    ParallelFor((vertices + kBlock - 1) / kBlock, threads, [&](unsigned worker, size_t b) {
-      JoinTotals& part = parts[worker];
-      const auto end = static_cast<uint32_t>(std::min<uint64_t>(vertices, (b + 1) * kBlock));
-      for (auto v = static_cast<uint32_t>(b * kBlock); v < end; ++v) {
-        if (begin[v] == begin[v + 1]) {
-          ++part.unreferenced_vertices;
-          continue;
-        }
-        ++part.vertices;
-        const Link::Counts counts =
-            links[worker].Analyse(std::span(places).subspan(begin[v], begin[v + 1] - begin[v]),
-                                  corners.data(), flags.data());
-        part.duplicate_triangles += counts.duplicates;
-        part.boundary_edges += counts.border_edges;
-        part.nonmanifold_edges += counts.nonmanifold_edges;
-        part.nonmanifold_vertices += counts.fixed;
+    w.corners.resize(n);
+    MTDB_RETURN_IF_ERROR(questions_[r].Read(0, w.corners.data(), n * sizeof(Corner)));
+    // Places of each vertex's corners: counted, summed up, filled from the back.
+    w.begin.assign(vertices + 1, 0);
+    for (const Corner& c : w.corners) ++w.begin[c.vertex - first];
+    for (uint32_t v = 0; v < vertices; ++v) w.begin[v + 1] += w.begin[v];
+    w.places.resize(n);
+    for (uint32_t i = n; i-- > 0;) w.places[--w.begin[w.corners[i].vertex - first]] = i;
+    w.flags.assign(n, 0);
+    for (uint32_t v = 0; v < vertices; ++v) {
+      if (w.begin[v] == w.begin[v + 1]) {
+        ++w.totals.unreferenced_vertices;
+        continue;
       }
-    });
-    for (const JoinTotals& part : parts) {
-      totals_.vertices += part.vertices;
-      totals_.unreferenced_vertices += part.unreferenced_vertices;
-      totals_.duplicate_triangles += part.duplicate_triangles;
-      totals_.boundary_edges += part.boundary_edges;
-      totals_.nonmanifold_edges += part.nonmanifold_edges;
-      totals_.nonmanifold_vertices += part.nonmanifold_vertices;
+      ++w.totals.vertices;
+      const Link::Counts counts =
+          w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
+                         w.corners.data(), w.flags.data());
+      w.totals.duplicate_triangles += counts.duplicates;
+      w.totals.boundary_edges += counts.border_edges;
+      w.totals.nonmanifold_edges += counts.nonmanifold_edges;
+      w.totals.nonmanifold_vertices += counts.fixed;
     }
     Bytes answer(answer_bytes());
     for (uint32_t i = 0; i < n; ++i) {
-      const uint64_t v = corners[i].vertex - first;
-      std::memcpy(answer.data(), &positions[v], sizeof(Vec3i));
-      answer[sizeof(Vec3i)] = static_cast<std::byte>(flags[i]);
-      std::memcpy(answer.data() + sizeof(Vec3i) + 1, rows.data() + v * row, row);
+      const uint64_t v = w.corners[i].vertex - first;
+      std::memcpy(answer.data(), &w.positions[v], sizeof(Vec3i));
+      answer[sizeof(Vec3i)] = static_cast<std::byte>(w.flags[i]);
+      std::copy_n(w.rows.data() + v * row, row, answer.data() + sizeof(Vec3i) + 1);
       MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), answer.size()));
     }
     return answers_[r].Finish();
   }
 
-  Status Collect(const TriangleReceiver& receive) {
+  Status Collect(const BlockReceiver& receive) {
     SpoolReader reader(&input_.triangle_spool());
     const size_t block =
         std::clamp<size_t>(options_.memory_bytes / 4 / answers_.size(), 4096, Spool::kBlock);
     std::vector<SpoolReader> answers;
     for (const Spool& a : answers_) answers.emplace_back(&a, 0, ~uint64_t{0}, block);
     const size_t row = input_.row_bytes();
-    Bytes rows(3 * row);
+    TriangleBlock out;
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
       const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
       if (bytes == nullptr) return reader.status();
-      TileTriangle triangle;
+      if (out.triangles.empty()) {
+        out.triangles.reserve(kBlockTriangles);
+        out.rows.reserve(3 * row * kBlockTriangles);
+      }
+      TileTriangle& triangle = out.triangles.emplace_back();
       std::memcpy(triangle.vertices.data(), bytes, InputSpool::kTriangleBytes);
       uint8_t all = 0;
       for (size_t c = 0; c < 3; ++c) {
-        SpoolReader& from = answers[triangle.vertices[c] / range_];
+        SpoolReader& from = answers[triangle.vertices[c] >> range_bits_];
         const std::byte* answer = from.Next(answer_bytes());
         if (answer == nullptr) return from.status();
         std::memcpy(&triangle.positions[c], answer, sizeof(Vec3i));
@@ -264,20 +295,27 @@ class Join {
         all |= flags;
         triangle.fixed_corners |= static_cast<uint8_t>(((flags & kFixed) != 0) << c);
         triangle.border_edges |= static_cast<uint8_t>(((flags & kBorder) != 0) << c);
-        std::memcpy(rows.data() + c * row, answer + sizeof(Vec3i) + 1, row);
+        out.rows.insert(out.rows.end(), answer + sizeof(Vec3i) + 1, answer + answer_bytes());
       }
-      if (all & kDuplicate) continue;
+      if (all & kDuplicate) {
+        out.triangles.pop_back();
+        out.rows.resize(out.rows.size() - 3 * row);
+        continue;
+      }
       ++totals_.triangles;
-      MTDB_RETURN_IF_ERROR(receive(triangle, rows.data()));
+      if (out.triangles.size() == kBlockTriangles) {
+        MTDB_RETURN_IF_ERROR(receive(std::exchange(out, TriangleBlock{})));
+      }
     }
-    return Status::Ok();
+    return out.triangles.empty() ? Status::Ok() : receive(std::move(out));
   }
 
   const InputSpool& input_;
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
-  uint64_t range_ = 1;            // vertices
+  int range_bits_ = 0;            // of the number of vertices in a range
+  unsigned workers_ = 1;          // ranges at work at a time
   std::vector<Spool> questions_;  // per range: Corner
   std::vector<Spool> answers_;    // per range: position, flags, row
 };
@@ -285,7 +323,7 @@ class Join {
 }  // namespace
 
 Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
-                   JoinTotals* totals, const TriangleReceiver& receive) {
+                   JoinTotals* totals, const BlockReceiver& receive) {
   return Join(input, grid, options, *totals).Run(receive);
 }
 

@@ -37,10 +37,10 @@ struct JoinOptions {
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions.
 //
-// Calls `receive` for each kept triangle, in the input's order, with the rows of its corners
-// (3 * row_bytes); vertices, positions, border_edges, fixed_corners are set.
-using TriangleReceiver = std::function<Status(const TileTriangle&, const std::byte* rows)>;
+// Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
+// border_edges, fixed_corners are set.
+using BlockReceiver = std::function<Status(TriangleBlock)>;
 Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
-                   JoinTotals* totals, const TriangleReceiver& receive);
+                   JoinTotals* totals, const BlockReceiver& receive);
 
 }  // namespace mtdb

@@ -38,10 +38,10 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   for (const ClusterId child : c.encoded.children) w.PutVarint(child.value);
   w.PutVarint(c.encoded.payload.size());
   w.PutBytes(c.encoded.payload);
-  w.PutVarint(c.triangles.size());
-  w.PutBytes(std::as_bytes(std::span(c.triangles)));
-  w.PutVarint(c.rows.size());
-  w.PutBytes(c.rows);
+  w.PutVarint(c.left.triangles.size());
+  w.PutBytes(std::as_bytes(std::span(c.left.triangles)));
+  w.PutVarint(c.left.rows.size());
+  w.PutBytes(c.left.rows);
 }
 
 // False when the bytes are not an outcome.
@@ -73,10 +73,10 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   const uint64_t triangles = r.GetVarint();
   if (triangles > r.remaining() / sizeof(TileTriangle)) return false;
   const ByteSpan raw = r.GetBytes(triangles * sizeof(TileTriangle));
-  c.triangles.resize(triangles);
-  std::memcpy(c.triangles.data(), raw.data(), raw.size());
+  c.left.triangles.resize(triangles);
+  std::memcpy(c.left.triangles.data(), raw.data(), raw.size());
   const ByteSpan rows = r.GetBytes(r.GetVarint());
-  c.rows.assign(rows.begin(), rows.end());
+  c.left.rows.assign(rows.begin(), rows.end());
   return !r.failed() && r.remaining() == 0;
 }
 

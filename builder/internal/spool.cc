@@ -31,7 +31,8 @@ void Spool::Close() {
 Spool::Spool(Spool&& other) noexcept
     : space_(other.space_),
       memory_bytes_(other.memory_bytes_),
-      buffer_(std::move(other.buffer_)),
+      chunks_(std::move(other.chunks_)),
+      free_(std::exchange(other.free_, 0)),
       file_(std::exchange(other.file_, -1)),
       size_(other.size_),
       written_(other.written_) {}
@@ -41,7 +42,8 @@ Spool& Spool::operator=(Spool&& other) noexcept {
     Close();
     space_ = other.space_;
     memory_bytes_ = other.memory_bytes_;
-    buffer_ = std::move(other.buffer_);
+    chunks_ = std::move(other.chunks_);
+    free_ = std::exchange(other.free_, 0);
     file_ = std::exchange(other.file_, -1);
     size_ = other.size_;
     written_ = other.written_;
@@ -49,57 +51,88 @@ Spool& Spool::operator=(Spool&& other) noexcept {
   return *this;
 }
 
-Status Spool::Flush() {
-  size_t done = 0;
-  while (done < buffer_.size()) {
-    const ssize_t n = pwrite(file_, buffer_.data() + done, buffer_.size() - done,
-                             static_cast<off_t>(written_ + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return FileError(space_->directory, "write", n == 0 ? EIO : errno);
-    done += static_cast<size_t>(n);
+Status Spool::AppendAcross(const std::byte* data, size_t size) {
+  while (size > 0) {
+    if (free_ == 0) MTDB_RETURN_IF_ERROR(NextChunk());
+    const size_t part = std::min(size, free_);
+    std::memcpy(chunks_.back().get() + (kChunk - free_), data, part);
+    free_ -= part;
+    size_ += part;
+    data += part;
+    size -= part;
   }
-  written_ += done;
-  space_->file_bytes += done;
-  buffer_.clear();
   return Status::Ok();
 }
 
-Status Spool::Spill(size_t next) {
-  if (file_ < 0) {
-    file_ = open(space_->directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    if (file_ < 0) {  // a file system without O_TMPFILE
-      std::string name = space_->directory + "/mtdb-" + std::string(6, 'X');
-      file_ = mkostemp(name.data(), O_CLOEXEC);
-      if (file_ < 0) return FileError(space_->directory, "create", errno);
-      unlink(name.c_str());
+Status Spool::NextChunk() {
+  const bool full = (chunks_.size() + 1) * kChunk > std::max(memory_bytes_, kChunk);
+  if (file_ < 0 && full) MTDB_RETURN_IF_ERROR(CreateFile());
+  if (file_ >= 0 && !chunks_.empty()) {
+    MTDB_RETURN_IF_ERROR(Flush(kChunk));
+    chunks_.resize(1);
+  } else {
+    chunks_.push_back(std::make_unique_for_overwrite<std::byte[]>(kChunk));
+  }
+  free_ = kChunk;
+  return Status::Ok();
+}
+
+Status Spool::CreateFile() {
+  file_ = open(space_->directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (file_ < 0) {  // a file system without O_TMPFILE
+    std::string name = space_->directory + "/mtdb-" + std::string(6, 'X');
+    file_ = mkostemp(name.data(), O_CLOEXEC);
+    if (file_ < 0) return FileError(space_->directory, "create", errno);
+    unlink(name.c_str());
+  }
+  return Status::Ok();
+}
+
+Status Spool::Flush(size_t last_bytes) {
+  for (const auto& chunk : chunks_) {
+    const size_t size = &chunk == &chunks_.back() ? last_bytes : kChunk;
+    for (size_t done = 0; done < size;) {
+      const ssize_t n =
+          pwrite(file_, chunk.get() + done, size - done, static_cast<off_t>(written_));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return FileError(space_->directory, "write", n == 0 ? EIO : errno);
+      done += static_cast<size_t>(n);
+      written_ += static_cast<size_t>(n);
+      space_->file_bytes += static_cast<size_t>(n);
     }
   }
-  MTDB_RETURN_IF_ERROR(Flush());
-  if (buffer_.capacity() > 2 * kBlock) Bytes().swap(buffer_);
-  buffer_.reserve(std::max(kBlock, next));
   return Status::Ok();
 }
 
 Status Spool::Finish() {
   if (file_ < 0) return Status::Ok();
-  MTDB_RETURN_IF_ERROR(Flush());
-  Bytes().swap(buffer_);
+  MTDB_RETURN_IF_ERROR(Flush(kChunk - free_));
+  chunks_.clear();
+  free_ = 0;
   return Status::Ok();
 }
 
 Status Spool::Read(uint64_t offset, void* data, size_t size) const {
   MTDB_CHECK(offset + size <= size_, "a read beyond the end of a spool");
+  auto* to = static_cast<std::byte*>(data);
   if (file_ < 0) {
-    std::memcpy(data, buffer_.data() + offset, size);
+    while (size > 0) {
+      const size_t at = offset % kChunk;
+      const size_t part = std::min(size, kChunk - at);
+      std::memcpy(to, chunks_[offset / kChunk].get() + at, part);
+      to += part;
+      offset += part;
+      size -= part;
+    }
     return Status::Ok();
   }
-  size_t done = 0;
-  while (done < size) {
-    const ssize_t n = pread(file_, static_cast<std::byte*>(data) + done, size - done,
-                            static_cast<off_t>(offset + done));
+  while (size > 0) {
+    const ssize_t n = pread(file_, to, size, static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return FileError(space_->directory, "read", n == 0 ? EIO : errno);
-    done += static_cast<size_t>(n);
+    to += n;
+    offset += static_cast<uint64_t>(n);
+    size -= static_cast<size_t>(n);
   }
   return Status::Ok();
 }

@@ -7,7 +7,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "store/base/bytes.h"
 #include "store/base/status.h"
@@ -22,8 +24,8 @@ struct SpoolSpace {
 
 class Spool {
  public:
-  // Up to `memory_bytes` are kept in memory; a file is made when more is written. After that,
-  // memory holds a write buffer of at most kBlock bytes.
+  // Up to `memory_bytes`, and in any case kChunk, are kept in memory; a file is made when more is
+  // written. After that, memory holds one chunk.
   Spool(const SpoolSpace* space, size_t memory_bytes)
       : space_(space), memory_bytes_(memory_bytes) {}
   ~Spool();
@@ -32,9 +34,9 @@ class Spool {
 
   // Errors: kNoSpace, kIoError, naming the directory.
   Status Append(const void* data, size_t size) {
-    if (buffer_.size() + size > buffer_limit()) MTDB_RETURN_IF_ERROR(Spill(size));
-    const auto* begin = static_cast<const std::byte*>(data);
-    buffer_.insert(buffer_.end(), begin, begin + size);
+    if (size > free_) return AppendAcross(static_cast<const std::byte*>(data), size);
+    std::memcpy(chunks_.back().get() + (kChunk - free_), data, size);
+    free_ -= size;
     size_ += size;
     return Status::Ok();
   }
@@ -44,17 +46,22 @@ class Spool {
   // Copies [offset, offset + size) out. Any number of threads after Finish().
   Status Read(uint64_t offset, void* data, size_t size) const;
 
-  static constexpr size_t kBlock = size_t{1} << 20;
+  static constexpr size_t kChunk = size_t{1} << 18;
+  static constexpr size_t kBlock = size_t{1} << 20;  // that readers take at once
 
  private:
   void Close();
-  size_t buffer_limit() const { return file_ < 0 ? memory_bytes_ : kBlock; }
-  Status Spill(size_t next);
-  Status Flush();
+  Status AppendAcross(const std::byte* data, size_t size);
+  // Makes room in the last chunk.
+  Status NextChunk();
+  Status CreateFile();
+  // Writes the chunks to the file; `last_bytes` of the last one.
+  Status Flush(size_t last_bytes);
 
   const SpoolSpace* space_;
   size_t memory_bytes_;
-  Bytes buffer_;  // all bytes while file_ < 0, else those not written yet
+  std::vector<std::unique_ptr<std::byte[]>> chunks_;  // all, or the one not written yet
+  size_t free_ = 0;                                   // in the last chunk
   int file_ = -1;
   uint64_t size_ = 0;
   uint64_t written_ = 0;

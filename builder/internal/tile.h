@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 
@@ -25,6 +26,12 @@ struct TileTriangle {
   bool explicit_arc = false;  // the child needs slot and rotation named
 };
 static_assert(sizeof(TileTriangle) == 68);
+
+// Some triangles, with the attribute rows of their corners (three a triangle).
+struct TriangleBlock {
+  std::vector<TileTriangle> triangles;
+  Bytes rows;
+};
 
 // A vertex removal, to be read backwards as a node.
 struct Removal {

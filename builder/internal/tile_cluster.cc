@@ -4,16 +4,16 @@
 
 namespace mtdb {
 
-TileCluster MakeTileCluster(std::span<const TileTriangle> tile, const TileResult& result,
-                            const Grid& grid, const AttributeLayout& attributes,
-                            const Bytes& rows) {
+TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
+                            const AttributeLayout& attributes) {
   TileCluster cluster;
+  const std::vector<TileTriangle>& tile = input.triangles;
   const auto input_count = static_cast<uint32_t>(tile.size());
   const double model_units = grid.mode == PositionMode::kGrid ? grid.step : 1.0;
 
   const size_t row = attributes.row_bytes();
   const auto append_row = [&](Bytes& to, uint64_t corner) {
-    const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
+    const auto begin = input.rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
     to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
   };
 
@@ -63,7 +63,7 @@ TileCluster MakeTileCluster(std::span<const TileTriangle> tile, const TileResult
     for (uint32_t slot = 0; slot < cluster.encoded.in_triangles.size(); ++slot) {
       const uint32_t t = cluster.encoded.in_triangles[slot];
       const uint32_t rotation = cluster.encoded.in_rotations[slot];
-      TileTriangle& out = cluster.triangles.emplace_back();
+      TileTriangle& out = cluster.left.triangles.emplace_back();
       for (uint32_t c = 0; c < 3; ++c) {
         const uint32_t from = (c + rotation) % 3;
         const uint32_t v = result.triangles[t][from];
@@ -71,7 +71,7 @@ TileCluster MakeTileCluster(std::span<const TileTriangle> tile, const TileResult
         out.positions[c] = result.positions[v];
         out.border_edges |= static_cast<uint8_t>((result.border_edges[t] >> from & 1) << c);
         out.fixed_corners |= static_cast<uint8_t>(result.fixed[v] << c);
-        append_row(cluster.rows, result.first_corner[v]);
+        append_row(cluster.left.rows, result.first_corner[v]);
       }
       out.error = result.errors[t];
       out.child = TileCluster::kOwnCluster;
@@ -82,8 +82,8 @@ TileCluster MakeTileCluster(std::span<const TileTriangle> tile, const TileResult
   }
   for (uint32_t t = 0; t < input_count; ++t) {
     if (!result.alive[t]) continue;
-    cluster.triangles.push_back(tile[t]);
-    for (uint32_t c = 0; c < 3; ++c) append_row(cluster.rows, 3 * t + c);
+    cluster.left.triangles.push_back(tile[t]);
+    for (uint32_t c = 0; c < 3; ++c) append_row(cluster.left.rows, 3 * t + c);
   }
   return cluster;
 }

@@ -37,4 +37,11 @@ uint64_t RoundCurve::Code(const TileTriangle& t, const Grid& grid) const {
   return HilbertCode(cell);
 }
 
+std::vector<uint64_t> RoundCurve::Codes(std::span<const TileTriangle> triangles,
+                                        const Grid& grid) const {
+  std::vector<uint64_t> codes(triangles.size());
+  for (size_t i = 0; i < codes.size(); ++i) codes[i] = Code(triangles[i], grid);
+  return codes;
+}
+
 }  // namespace mtdb

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,7 @@ class RoundCurve {
   RoundCurve(const Box3d& bounds, uint32_t round);
   // The code of a triangle's centre.
   uint64_t Code(const TileTriangle& triangle, const Grid& grid) const;
+  std::vector<uint64_t> Codes(std::span<const TileTriangle> triangles, const Grid& grid) const;
 
  private:
   Vec3d min_;

@@ -23,68 +23,67 @@ bool VerticesBefore(const std::byte* a, const std::byte* b) {
 
 }  // namespace
 
-TriangleSorter::TriangleSorter(const RoundCurve& curve, const Grid& grid, const Options& options)
-    : curve_(curve), grid_(grid), options_(options) {
+TriangleSorter::TriangleSorter(const Options& options) : options_(options) {
   run_capacity_ = std::clamp<size_t>(options.memory_bytes / (record_bytes() + sizeof(Key)), 16384,
                                      size_t{1} << 31);
 }
 
-Status TriangleSorter::Add(const TileTriangle& triangle, const std::byte* rows) {
+Status TriangleSorter::Add(const TileTriangle& triangle, const std::byte* rows, uint64_t code) {
   if (keys_.size() >= run_capacity_) MTDB_RETURN_IF_ERROR(SpillRun());
-  if (records_.capacity() - records_.size() < record_bytes()) {
-    // Grow by half: doubling would overshoot the memory.
-    records_.reserve(std::min(run_capacity_ * record_bytes(),
-                              records_.capacity() + records_.capacity() / 2 + 64 * record_bytes()));
+  const auto index = static_cast<uint32_t>(keys_.size());
+  if (index == chunks_.size() * kChunkRecords) {
+    chunks_.push_back(std::make_unique_for_overwrite<std::byte[]>(kChunkRecords * record_bytes()));
   }
-  if (keys_.size() == keys_.capacity()) {
+  if (keys_.size() == keys_.capacity()) {  // doubling would overshoot the memory
     keys_.reserve(std::min(run_capacity_, keys_.capacity() + keys_.capacity() / 2 + 64));
   }
-  keys_.push_back({0, static_cast<uint32_t>(keys_.size())});  // SortKeys finds the code
-  const auto* bytes = reinterpret_cast<const std::byte*>(&triangle);
-  records_.insert(records_.end(), bytes, bytes + sizeof(triangle));
-  records_.insert(records_.end(), rows, rows + 3 * options_.row_bytes);
+  keys_.push_back({code, index});
+  std::byte* record = Record(index);
+  std::memcpy(record, &triangle, sizeof(triangle));
+  std::copy_n(rows, 3 * options_.row_bytes, record + sizeof(triangle));
   ++count_;
   return Status::Ok();
 }
 
-void TriangleSorter::SortKeys() {
-  const auto before = [&](const Key& a, const Key& b) {
-    return a.code != b.code ? a.code < b.code : VerticesBefore(Record(a.index), Record(b.index));
-  };
-  // Parts sorted in parallel, then merged pair by pair.
-  const size_t n = keys_.size();
-  constexpr size_t kLeastPart = 32768;
-  const size_t parts = std::clamp<size_t>(n / kLeastPart, 1, options_.threads);
-  const auto bound = [&](size_t p) {
-    return keys_.begin() + static_cast<std::ptrdiff_t>(n * std::min(p, parts) / parts);
-  };
-  ParallelFor(parts, options_.threads, [&](unsigned, size_t p) {
-    for (auto key = bound(p); key != bound(p + 1); ++key) {
-      TileTriangle triangle;
-      std::memcpy(&triangle, Record(key->index), sizeof(triangle));
-      key->code = curve_.Code(triangle, grid_);
-    }
-    std::sort(bound(p), bound(p + 1), before);
-  });
-  for (size_t width = 1; width < parts; width *= 2) {
-    for (size_t p = 0; p + width < parts; p += 2 * width) {
-      std::inplace_merge(bound(p), bound(p + width), bound(p + 2 * width), before);
-    }
-  }
+bool TriangleSorter::KeyBefore::operator()(const Key& a, const Key& b) const {
+  return a.code != b.code ? a.code < b.code
+                          : VerticesBefore(sorter->Record(a.index), sorter->Record(b.index));
 }
 
+std::vector<size_t> TriangleSorter::SortParts() {
+  constexpr size_t kLeastPart = 32768;
+  const size_t parts = std::clamp<size_t>(keys_.size() / kLeastPart, 1, options_.threads);
+  std::vector<size_t> bounds;
+  for (size_t p = 0; p <= parts; ++p) bounds.push_back(keys_.size() * p / parts);
+  ParallelFor(parts, options_.threads, [&](unsigned, size_t p) {
+    std::sort(keys_.begin() + static_cast<std::ptrdiff_t>(bounds[p]),
+              keys_.begin() + static_cast<std::ptrdiff_t>(bounds[p + 1]), KeyBefore{this});
+  });
+  return bounds;
+}
+
+// Each part is a run of its own.
 Status TriangleSorter::SpillRun() {
-  SortKeys();
-  Run& run = runs_.emplace_back();
-  run.spool = std::make_unique<Spool>(options_.space, 0);
-  run.left = keys_.size();
-  for (const Key& key : keys_) {
-    MTDB_RETURN_IF_ERROR(run.spool->Append(&key.code, kCodeBytes));
-    MTDB_RETURN_IF_ERROR(run.spool->Append(Record(key.index), record_bytes()));
-  }
+  const std::vector<size_t> bounds = SortParts();
+  const size_t parts = bounds.size() - 1;
+  std::vector<Status> statuses(parts);
+  const size_t first = runs_.size();
+  runs_.resize(first + parts);
+  ParallelFor(parts, options_.threads, [&](unsigned, size_t p) {
+    const auto write = [&](Run& run) {
+      run.spool = std::make_unique<Spool>(options_.space, 0);
+      run.left = bounds[p + 1] - bounds[p];
+      for (size_t i = bounds[p]; i < bounds[p + 1]; ++i) {
+        MTDB_RETURN_IF_ERROR(run.spool->Append(&keys_[i].code, kCodeBytes));
+        MTDB_RETURN_IF_ERROR(run.spool->Append(Record(keys_[i].index), record_bytes()));
+      }
+      return run.spool->Finish();
+    };
+    statuses[p] = write(runs_[first + p]);
+  });
+  for (const Status& status : statuses) MTDB_RETURN_IF_ERROR(status);
   keys_.clear();
-  records_.clear();
-  return run.spool->Finish();
+  return Status::Ok();
 }
 
 Status TriangleSorter::Advance(Run& run) {
@@ -104,11 +103,15 @@ bool TriangleSorter::Before(const Run& a, const Run& b) const {
 
 Status TriangleSorter::Finish() {
   if (runs_.empty()) {
-    SortKeys();
+    const std::vector<size_t> bounds = SortParts();
+    const auto at = [&](size_t i) { return keys_.begin() + static_cast<std::ptrdiff_t>(i); };
+    for (size_t p = 1; p + 1 < bounds.size(); ++p) {
+      std::inplace_merge(at(0), at(bounds[p]), at(bounds[p + 1]), KeyBefore{this});
+    }
     return Status::Ok();
   }
   if (!keys_.empty()) MTDB_RETURN_IF_ERROR(SpillRun());
-  Bytes().swap(records_);
+  chunks_.clear();
   std::vector<Key>().swap(keys_);
   const size_t block =
       std::clamp<size_t>(options_.memory_bytes / 2 / runs_.size(), 65536, 4 * Spool::kBlock);
@@ -122,14 +125,16 @@ Status TriangleSorter::Finish() {
   return Status::Ok();
 }
 
-Status TriangleSorter::Next(size_t count, std::vector<TileTriangle>* triangles, Bytes* rows,
-                            uint64_t* code) {
+Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) {
   const auto append = [&](const std::byte* record) {
-    if (triangles == nullptr) return;
-    std::memcpy(&triangles->emplace_back(), record, sizeof(TileTriangle));
-    rows->insert(rows->end(), record + sizeof(TileTriangle), record + record_bytes());
+    if (block == nullptr) return;
+    std::memcpy(&block->triangles.emplace_back(), record, sizeof(TileTriangle));
+    block->rows.insert(block->rows.end(), record + sizeof(TileTriangle), record + record_bytes());
   };
-  if (triangles != nullptr) triangles->reserve(triangles->size() + count);
+  if (block != nullptr) {
+    block->triangles.reserve(block->triangles.size() + count);
+    block->rows.reserve(block->rows.size() + count * 3 * options_.row_bytes);
+  }
   for (size_t i = 0; i < count; ++i) {
     if (runs_.empty()) {
       MTDB_CHECK(next_key_ < keys_.size(), "more triangles asked for than were added");

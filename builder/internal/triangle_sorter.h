@@ -6,8 +6,6 @@
 
 #include "builder/internal/spool.h"
 #include "builder/internal/tile.h"
-#include "builder/internal/tiling.h"
-#include "store/base/grid.h"
 
 namespace mtdb {
 
@@ -21,20 +19,25 @@ class TriangleSorter {
     size_t row_bytes = 0;  // of one vertex
     unsigned threads = 1;
   };
-  TriangleSorter(const RoundCurve& curve, const Grid& grid, const Options& options);
+  explicit TriangleSorter(const Options& options);
 
-  Status Add(const TileTriangle& triangle, const std::byte* rows);
+  // `code` is the triangle's on the round's curve; `rows` those of its corners.
+  Status Add(const TileTriangle& triangle, const std::byte* rows, uint64_t code);
   uint64_t count() const { return count_; }
   // After the last Add.
   Status Finish();
-  // The next `count` triangles; appends to `triangles` and `rows`, or skips them where these are
-  // null. `code` is the first one's.
-  Status Next(size_t count, std::vector<TileTriangle>* triangles, Bytes* rows, uint64_t* code);
+  // Appends the next `count` triangles to `block`, or skips them when it is null. `code` is the
+  // first one's.
+  Status Next(size_t count, TriangleBlock* block, uint64_t* code);
 
  private:
   struct Key {
     uint64_t code;
     uint32_t index;
+  };
+  struct KeyBefore {
+    const TriangleSorter* sorter;
+    bool operator()(const Key& a, const Key& b) const;
   };
   struct Run {
     std::unique_ptr<Spool> spool;
@@ -44,17 +47,20 @@ class TriangleSorter {
     uint64_t left = 0;
   };
   size_t record_bytes() const { return sizeof(TileTriangle) + 3 * options_.row_bytes; }
-  const std::byte* Record(uint32_t i) const { return records_.data() + i * record_bytes(); }
-  void SortKeys();
+  std::byte* Record(uint32_t i) const {
+    return chunks_[i / kChunkRecords].get() + (i % kChunkRecords) * record_bytes();
+  }
+  // Sorts parts of the keys, on several threads; returns the parts' bounds.
+  std::vector<size_t> SortParts();
   Status SpillRun();
   Status Advance(Run& run);
   bool Before(const Run& a, const Run& b) const;
 
-  RoundCurve curve_;
-  Grid grid_;
+  static constexpr size_t kChunkRecords = 4096;
+
   Options options_;
-  size_t run_capacity_ = 0;  // records in memory at most
-  Bytes records_;            // the run in memory
+  size_t run_capacity_ = 0;                           // records in memory at most
+  std::vector<std::unique_ptr<std::byte[]>> chunks_;  // of records: the run in memory
   std::vector<Key> keys_;
   size_t next_key_ = 0;
   std::vector<Run> runs_;

@@ -47,14 +47,17 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   bool rows_fit = true;
   const size_t row = mesh.header.attributes.row_bytes();
   const Status joined = JoinCorners(
-      input, grid, {&Space(), memory_bytes, threads}, &totals,
-      [&](const TileTriangle& t, const std::byte* rows) {
-        for (size_t c = 0; c < 3; ++c) {
-          rows_fit &= row == 0 ||
-                      std::memcmp(rows + c * row, mesh.rows.data() + t.vertices[c] * row, row) == 0;
-          rows_fit &= t.positions[c] == grid.Quantize(mesh.positions[t.vertices[c]]);
+      input, grid, {&Space(), memory_bytes, threads}, &totals, [&](const TriangleBlock& block) {
+        rows_fit &= block.rows.size() == 3 * row * block.triangles.size();
+        const std::byte* rows = block.rows.data();
+        for (const TileTriangle& t : block.triangles) {
+          for (size_t c = 0; c < 3; ++c, rows += row) {
+            rows_fit &=
+                row == 0 || std::memcmp(rows, mesh.rows.data() + t.vertices[c] * row, row) == 0;
+            rows_fit &= t.positions[c] == grid.Quantize(mesh.positions[t.vertices[c]]);
+          }
+          found.push_back(Rotated(t));
         }
-        found.push_back(Rotated(t));
         return Status::Ok();
       });
   INFO(joined.message());
@@ -164,17 +167,16 @@ TEST_CASE("An index out of range is named") {
 }
 
 TEST_CASE("An error of the receiver ends the join") {
-  const TriangleMesh mesh = MakeTerrain(1000);
+  const TriangleMesh mesh = MakeTerrain(40000);
   InputSpool input(&Space(), 1 << 20, false);
   REQUIRE(SendMesh(mesh, input).ok());
   JoinTotals totals;
   int calls = 0;
-  const Status status = JoinCorners(input, Grid{}, {&Space(), 1 << 20, 2}, &totals,
-                                    [&](const TileTriangle&, const std::byte*) {
-                                      return ++calls == 17 ? IoError("stop") : Status::Ok();
-                                    });
+  const Status status = JoinCorners(
+      input, Grid{}, {&Space(), 1 << 20, 2}, &totals,
+      [&](const TriangleBlock&) { return ++calls == 2 ? IoError("stop") : Status::Ok(); });
   REQUIRE(status.code() == StatusCode::kIoError);
-  REQUIRE(calls == 17);
+  REQUIRE(calls == 2);
 }
 
 }  // namespace mtdb::testing

@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <random>
 
+#include "builder/internal/tiling.h"
+
 namespace mtdb::testing {
 namespace {
 
@@ -48,11 +50,11 @@ TEST_CASE("Sorting is a permutation in order of codes, ties by vertices, for any
         const auto threads = static_cast<unsigned>(memory % 3 + 1);
         INFO(places << " places, " << count << " triangles, memory " << memory);
         std::shuffle(input.begin(), input.end(), std::mt19937(threads));
-        TriangleSorter sorter(curve, grid, {&space, memory, kRow, threads});
+        TriangleSorter sorter({&space, memory, kRow, threads});
         for (const TileTriangle& t : input) {
           std::array<std::byte, 3 * kRow> rows;
           rows.fill(static_cast<std::byte>(t.vertices[0]));
-          REQUIRE(sorter.Add(t, rows.data()).ok());
+          REQUIRE(sorter.Add(t, rows.data(), curve.Code(t, grid)).ok());
         }
         REQUIRE(sorter.count() == count);
         REQUIRE(sorter.Finish().ok());
@@ -61,10 +63,10 @@ TEST_CASE("Sorting is a permutation in order of codes, ties by vertices, for any
         uint64_t last_code = 0;
         for (size_t done = 0; done < count;) {
           const size_t take = std::min<size_t>(count - done, 1 + (done * 7919) % 3000);
-          std::vector<TileTriangle> block;
-          Bytes rows;
+          TriangleBlock read;
           uint64_t code = 0;
-          REQUIRE(sorter.Next(take, &block, &rows, &code).ok());
+          REQUIRE(sorter.Next(take, &read, &code).ok());
+          const auto& [block, rows] = read;
           REQUIRE(block.size() == take);
           REQUIRE(rows.size() == take * 3 * kRow);
           good &= code == curve.Code(block[0], grid);
