@@ -11,6 +11,7 @@ namespace mtdb {
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNotQueued = -1;
+constexpr double kFirstGuess = 0.4;    // of a vertex's error, by its height over its neighbours
 constexpr double kStaleGrowth = 1.08;  // of a stale error, until it is evaluated again
 // How well a triangle is shaped: its squared area over the square of its summed squared edges, 1
 // for an equilateral one.
@@ -579,13 +580,14 @@ TileResult Decimator::Decimate(std::span<const TileTriangle> tile, const Grid& g
   Load(tile, grid);
   const auto vertex_count = static_cast<uint32_t>(vertices_.size());
   Plan plan;
+  // Vertices are evaluated when their turn comes; a guess that is mostly low decides when.
   for (uint32_t v = 0; v < vertex_count; ++v) {
     if (locked_[v]) {
       ++result_.locked_vertices;
       continue;
     }
-    verdict_[v] = Evaluate(v, plan);
-    if (verdict_[v] == Verdict::kLegal) Push(v, plan.error);
+    dirty_[v] = 1;
+    Push(v, kFirstGuess * round_.Height(v) + round_.vertex_error(v));
   }
   while (live_triangles_ > options_.target_triangles && !heap_.empty()) {
     std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());

@@ -123,6 +123,16 @@ void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
   }
 }
 
+double RoundMesh::Height(uint32_t vertex) const {
+  const std::span<const uint32_t> out = half_edges_from(vertex);
+  const Vec3d axis = cones_[vertex].axis;
+  double sum = 0;
+  for (const uint32_t h : out) {
+    sum += Dot(positions_[origin_[Next(h)]] - positions_[vertex], axis);
+  }
+  return std::abs(sum) / static_cast<double>(out.size());
+}
+
 bool RoundMesh::Faces(uint32_t vertex, Vec3d n) const {
   const Cone& cone = cones_[vertex];
   if (Dot(cone.axis, n) > cone.sine) return true;

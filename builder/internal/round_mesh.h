@@ -34,6 +34,8 @@ class RoundMesh {
   }
   // Largest accumulated error around a vertex.
   double vertex_error(uint32_t vertex) const { return vertex_errors_[vertex]; }
+  // How far a vertex stands off the mean of its neighbours, along the mean normal.
+  double Height(uint32_t vertex) const;
   // True when every input triangle at `vertex` faces the unit vector `n`.
   bool Faces(uint32_t vertex, Vec3d n) const;
 
