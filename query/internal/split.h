@@ -1,0 +1,42 @@
+// Questions to parts of a triangle, for regions that are put together from others.
+#pragma once
+
+#include <array>
+
+#include "store/base/geometry.h"
+
+namespace mtdb {
+
+constexpr int kSplits = 3;  // down to eighths of the triangle's sides
+
+// The four triangles between the corners and the middles of the edges.
+inline std::array<Triangle3d, 4> Quarters(const Triangle3d& t) {
+  const Vec3d ab = (t[0] + t[1]) * 0.5;
+  const Vec3d bc = (t[1] + t[2]) * 0.5;
+  const Vec3d ca = (t[2] + t[0]) * 0.5;
+  return {{{t[0], ab, ca}, {ab, t[1], bc}, {ca, bc, t[2]}, {bc, ca, ab}}};
+}
+
+// True when `holds` is true of some smallest part and of all parts around it.
+template <typename F>
+bool HoldsForSome(const Triangle3d& t, F&& holds, int splits = kSplits) {
+  if (!holds(t)) return false;
+  if (splits == 0) return true;
+  for (const Triangle3d& part : Quarters(t)) {
+    if (HoldsForSome(part, holds, splits - 1)) return true;
+  }
+  return false;
+}
+
+// True when parts of which `holds` is true make up the triangle.
+template <typename F>
+bool HoldsForAll(const Triangle3d& t, F&& holds, int splits = kSplits) {
+  if (holds(t)) return true;
+  if (splits == 0) return false;
+  for (const Triangle3d& part : Quarters(t)) {
+    if (!HoldsForAll(part, holds, splits - 1)) return false;
+  }
+  return true;
+}
+
+}  // namespace mtdb
