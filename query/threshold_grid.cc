@@ -26,7 +26,20 @@ class OfGrid final : public Threshold {
 
   double Min(const Triangle3d& t, double distance) const override {
     Search search{t, Around(t), distance + Rounding(t, distance, scale_), kInfinity};
-    Visit(levels_.size() - 1, {0, 0, 0}, search);
+    // Begins at the finest level at which the neighbourhood is about as small as a cell.
+    size_t level = 0;
+    while (level + 1 < levels_.size() && !AsSmallAsCells(level, search)) ++level;
+    Index begin, end;
+    for (int i = 0; i < 3; ++i) {
+      begin[static_cast<size_t>(i)] = CellAt(level, i, search.around.min[i] - search.limit);
+      end[static_cast<size_t>(i)] = CellAt(level, i, search.around.max[i] + search.limit);
+    }
+    Index at;
+    for (at[2] = begin[2]; at[2] <= end[2]; ++at[2]) {
+      for (at[1] = begin[1]; at[1] <= end[1]; ++at[1]) {
+        for (at[0] = begin[0]; at[0] <= end[0]; ++at[0]) Visit(level, at, search);
+      }
+    }
     return search.least;
   }
 
@@ -45,6 +58,24 @@ class OfGrid final : public Threshold {
     double limit;
     double least;
   };
+
+  bool AsSmallAsCells(size_t level, const Search& search) const {
+    const Vec3d size = search.around.max - search.around.min;
+    for (int i = 0; i < 3; ++i) {
+      if (size[i] + 2 * search.limit > std::ldexp(cell_size_[i], static_cast<int>(level)) &&
+          levels_[level].counts[static_cast<size_t>(i)] > 1) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // The cell along an axis in which a coordinate is, or the one at the border beyond which it is.
+  uint32_t CellAt(size_t level, int axis, double x) const {
+    const double at = (x - origin_[axis]) / std::ldexp(cell_size_[axis], static_cast<int>(level));
+    const double last = levels_[level].counts[static_cast<size_t>(axis)] - 1;
+    return static_cast<uint32_t>(std::clamp(std::floor(at), 0.0, last));
+  }
 
   // Calls `visit` for the up to eight cells of `below` that make up a cell of the level above.
   template <typename F>
@@ -96,10 +127,23 @@ class OfGrid final : public Threshold {
     const double limit2 = search.limit * search.limit;
     if (SquaredDistanceBoxBox(box, search.around) > limit2) return;
     if (level == 0) {
-      if (SquaredDistanceTriangleBox(search.t, box) <= limit2) search.least = least;
+      const auto near = [&](Vec3d p) { return SquaredDistancePointBox(p, box) <= limit2; };
+      if (std::any_of(search.t.begin(), search.t.end(), near) ||
+          SquaredDistanceTriangleBox(search.t, box) <= limit2) {
+        search.least = least;
+      }
       return;
     }
-    ForEachPart(levels_[level - 1], at, [&](const Index& part) { Visit(level - 1, part, search); });
+    // The smallest first: it makes the others unnecessary.
+    const Level& below = levels_[level - 1];
+    std::array<std::pair<double, Index>, 8> parts;
+    size_t count = 0;
+    ForEachPart(below, at, [&](const Index& part) {
+      size_t i = count++;
+      for (; i > 0 && below.At(part) < parts[i - 1].first; --i) parts[i] = parts[i - 1];
+      parts[i] = {below.At(part), part};
+    });
+    for (size_t i = 0; i < count; ++i) Visit(level - 1, parts[i].second, search);
   }
 
   Vec3d origin_;
