@@ -101,17 +101,19 @@ class Ball final : public Region {
   double radius_;
 };
 
-class Union final : public Region {
+class Union final : public SplittingRegion {
  public:
-  explicit Union(std::vector<RegionPtr> regions) : regions_(std::move(regions)) {}
+  explicit Union(std::vector<RegionPtr> regions)
+      : regions_(std::move(regions)), splits_(SplitsAround(regions_)) {}
 
   bool Within(const Triangle3d& t, double distance) const override {
     return AnyOf([&](const RegionPtr& r) { return r->Within(t, distance); });
   }
   bool Covers(const Triangle3d& t, double distance) const override {
-    return HoldsForAll(t, [&](const Triangle3d& part) {
+    const auto covers = [&](const Triangle3d& part) {
       return AnyOf([&](const RegionPtr& r) { return r->Covers(part, distance); });
-    });
+    };
+    return HoldsForAll(t, covers, splits_);
   }
   bool BoxWithin(const Box3d& box, double distance) const override {
     return AnyOf([&](const RegionPtr& r) { return r->BoxWithin(box, distance); });
@@ -129,16 +131,19 @@ class Union final : public Region {
     return std::any_of(regions_.begin(), regions_.end(), holds);
   }
   std::vector<RegionPtr> regions_;
+  int splits_;
 };
 
-class Intersection final : public Region {
+class Intersection final : public SplittingRegion {
  public:
-  explicit Intersection(std::vector<RegionPtr> regions) : regions_(std::move(regions)) {}
+  explicit Intersection(std::vector<RegionPtr> regions)
+      : regions_(std::move(regions)), splits_(SplitsAround(regions_)) {}
 
   bool Within(const Triangle3d& t, double distance) const override {
-    return HoldsForSome(t, [&](const Triangle3d& part) {
+    const auto within = [&](const Triangle3d& part) {
       return AllOf([&](const RegionPtr& r) { return r->Within(part, distance); });
-    });
+    };
+    return HoldsForSome(t, within, splits_);
   }
   bool Covers(const Triangle3d& t, double distance) const override {
     return AllOf([&](const RegionPtr& r) { return r->Covers(t, distance); });
@@ -158,9 +163,10 @@ class Intersection final : public Region {
     return std::all_of(regions_.begin(), regions_.end(), holds);
   }
   std::vector<RegionPtr> regions_;
+  int splits_;
 };
 
-class Complement final : public Region {
+class Complement final : public SplittingRegion {
  public:
   explicit Complement(RegionPtr region) : region_(std::move(region)) {}
 
@@ -176,6 +182,7 @@ class Complement final : public Region {
   bool BoxCovers(const Box3d& box, double distance) const override {
     return !box.empty() && !region_->BoxWithin(box, distance);
   }
+  bool splits() const override { return Splits(region_); }
 
  private:
   RegionPtr region_;

@@ -90,6 +90,9 @@ RegionPtr SegmentRegion(Vec3d from, Vec3d to);
 // per question: about logarithmic in the number of points.
 RegionPtr TubeRegion(const std::vector<Vec3d>& line, double radius);
 
+// Of regions that are decided on eighths of a triangle and lie within each other, only the
+// innermost are; the others are decided on the whole triangle.
+//
 // What lies in at least one of `regions`. Covers is decided on eighths of the triangle, each in one
 // of the regions.
 RegionPtr UnionRegion(std::vector<RegionPtr> regions);

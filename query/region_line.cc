@@ -26,7 +26,7 @@ double Scale(const Box3d& box) {
   return std::max(LargestCoordinate(box.min), LargestCoordinate(box.max));
 }
 
-class Tube final : public Region {
+class Tube final : public SplittingRegion {
  public:
   Tube(std::vector<Segment> segments, double radius)
       : segments_(std::move(segments)),
@@ -42,9 +42,10 @@ class Tube final : public Region {
 
   bool Covers(const Triangle3d& t, double distance) const override {
     const double limit = radius_ - distance - Rounding(t, distance, scale_);
-    return limit > 0 && HoldsForAll(t, [&](const Triangle3d& part) {
-             return AroundOne(Around(part), part, limit);
-           });
+    const auto covers = [&](const Triangle3d& part) {
+      return AroundOne(Around(part), part, limit);
+    };
+    return limit > 0 && HoldsForAll(t, covers, splits() ? kSplits : 0);
   }
 
   bool BoxWithin(const Box3d& box, double distance) const override {
@@ -62,6 +63,8 @@ class Tube final : public Region {
     for (int i = 0; i < 8; ++i) corners[static_cast<size_t>(i)] = Corner(box, i);
     return AroundOne(box, corners, limit);
   }
+
+  bool splits() const override { return segments_.size() > 1; }
 
  private:
   // Whether all corners are less than `limit` away from the same segment.

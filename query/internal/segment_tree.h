@@ -25,6 +25,7 @@ class SegmentTree {
     return !segments_.empty() && AnyOf(enter, visit, 0, 0, segments_.size());
   }
 
+  size_t size() const { return segments_.size(); }
   // Around all of them.
   Box3d bounds() const { return segments_.empty() ? Box3d{} : boxes_[0]; }
 

@@ -1,13 +1,32 @@
 // Questions to parts of a triangle, for regions that are put together from others.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <vector>
 
-#include "store/base/geometry.h"
+#include "query/region.h"
 
 namespace mtdb {
 
 constexpr int kSplits = 3;  // down to eighths of the triangle's sides
+
+// A region of which some questions go to parts of the triangle.
+class SplittingRegion : public Region {
+ public:
+  virtual bool splits() const { return true; }
+};
+
+inline bool Splits(const RegionPtr& region) {
+  const auto* splitting = dynamic_cast<const SplittingRegion*>(region.get());
+  return splitting != nullptr && splitting->splits();
+}
+
+// How often a region made of others splits: not when they do. Else the cost would grow with the
+// power of the depth.
+inline int SplitsAround(const std::vector<RegionPtr>& regions) {
+  return std::any_of(regions.begin(), regions.end(), Splits) ? 0 : kSplits;
+}
 
 // The four triangles between the corners and the middles of the edges.
 inline std::array<Triangle3d, 4> Quarters(const Triangle3d& t) {
@@ -19,7 +38,7 @@ inline std::array<Triangle3d, 4> Quarters(const Triangle3d& t) {
 
 // True when `holds` is true of some smallest part and of all parts around it.
 template <typename F>
-bool HoldsForSome(const Triangle3d& t, F&& holds, int splits = kSplits) {
+bool HoldsForSome(const Triangle3d& t, F&& holds, int splits) {
   if (!holds(t)) return false;
   if (splits == 0) return true;
   for (const Triangle3d& part : Quarters(t)) {
@@ -30,7 +49,7 @@ bool HoldsForSome(const Triangle3d& t, F&& holds, int splits = kSplits) {
 
 // True when parts of which `holds` is true make up the triangle.
 template <typename F>
-bool HoldsForAll(const Triangle3d& t, F&& holds, int splits = kSplits) {
+bool HoldsForAll(const Triangle3d& t, F&& holds, int splits) {
   if (holds(t)) return true;
   if (splits == 0) return false;
   for (const Triangle3d& part : Quarters(t)) {

@@ -217,6 +217,19 @@ TEST_CASE("Hostile queries are refused and crash nothing", "[query]") {
   planes.pop_back();
   CHECK_THAT(MessageOf("{\"region\": {\"polyhedron\": [" + planes + "]}}"), Catch::Contains("64"));
   CHECK_THAT(MessageOf("{\"" + repeated("k", 100000) + "\": 1}"), Catch::Contains("..."));
+  // Regions within regions, as deep as may be: an answer takes no longer for it.
+  std::string deep = R"({"tube": {"line": [[0, 0, 0], [1, 0, 0], [1, 1, 0]], "radius": 0.3}})";
+  for (int i = 0; i < 19; ++i) {
+    deep = std::string(i % 2 ? R"({"union")" : R"({"intersection")") + ": [{\"outside\": " + deep +
+           R"(}, {"sphere": {"centre": [0.5, 0, 0.1], "radius": 0.4}}]})";
+  }
+  const Result<Query> nested = Parse("{\"region\": " + deep + "}");
+  REQUIRE(nested.ok());
+  for (int i = 0; i < 100; ++i) {
+    const double x = 0.02 * i - 0.5;
+    const Triangle3d t{Vec3d{x, 0, 0}, Vec3d{x + 0.5, 0, 0}, Vec3d{x, 0.5, 0.2}};
+    CHECK(nested->region->Within(t, 0.1) >= nested->region->Within(t, 0));
+  }
   // Valid, though odd: huge and tiny numbers, flat and empty regions.
   for (const std::string region :
        {R"({"tube": {"line": [[1e30, -1e30, 1e30], [-1e30, 1e30, 1e30]], "radius": 1e30}})",
