@@ -1,23 +1,22 @@
 #include "query/region.h"
 
+#include <algorithm>
 #include <utility>
+
+#include "query/internal/convex.h"
+#include "query/internal/rounding.h"
+#include "query/internal/split.h"
+#include "store/base/check.h"
 
 namespace mtdb {
 namespace {
 
-// Rounding slack that keeps BoxWithin conservative: relative to the largest coordinate.
-double Slack(const Box3d& box, double distance) {
-  double largest = distance;
-  for (int i = 0; i < 3; ++i) {
-    largest = std::max({largest, std::abs(box.min[i]), std::abs(box.max[i])});
-  }
-  return largest * 1e-12;
-}
-
 class Whole final : public Region {
  public:
   bool Within(const Triangle3d&, double) const override { return true; }
+  bool Covers(const Triangle3d&, double) const override { return true; }
   bool BoxWithin(const Box3d&, double) const override { return true; }
+  bool BoxCovers(const Box3d&, double) const override { return true; }
   bool whole() const override { return true; }
 };
 
@@ -28,22 +27,38 @@ class AxisBox final : public Region {
   bool Within(const Triangle3d& t, double distance) const override {
     if (box_.empty()) return false;
     const double limit = distance * distance;
-    Box3d around;
-    for (const Vec3d& p : t) around.Add(p);
-    if (SquaredDistanceBoxBox(around, box_) > limit) return false;
+    if (SquaredDistanceBoxBox(Around(t), box_) > limit) return false;
     for (const Vec3d& p : t) {
       if (SquaredDistancePointBox(p, box_) <= limit) return true;
     }
     return SquaredDistanceTriangleBox(t, box_) <= limit;
   }
 
+  bool Covers(const Triangle3d& t, double distance) const override {
+    return Surrounds(Around(t), distance);
+  }
+
   bool BoxWithin(const Box3d& box, double distance) const override {
     if (box_.empty() || box.empty()) return false;
-    const double limit = distance + Slack(box, distance);
+    const double limit = distance + Rounding(box, distance, 0);
     return SquaredDistanceBoxBox(box, box_) <= limit * limit;
   }
 
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    return !box.empty() && Surrounds(box, distance);
+  }
+
+  const Box3d& box() const { return box_; }
+
  private:
+  bool Surrounds(const Box3d& box, double distance) const {
+    for (int i = 0; i < 3; ++i) {
+      if (!(box.min[i] - distance > box_.min[i] && box.max[i] + distance < box_.max[i])) {
+        return false;
+      }
+    }
+    return true;
+  }
   Box3d box_;
 };
 
@@ -54,16 +69,31 @@ class Ball final : public Region {
   bool Within(const Triangle3d& t, double distance) const override {
     const double limit = radius_ + distance;
     if (!(radius_ >= 0)) return false;
-    Box3d around;
-    for (const Vec3d& p : t) around.Add(p);
-    if (SquaredDistancePointBox(centre_, around) > limit * limit) return false;
+    if (SquaredDistancePointBox(centre_, Around(t)) > limit * limit) return false;
     return SquaredDistancePointTriangle(centre_, t[0], t[1], t[2]) <= limit * limit;
+  }
+
+  // The farthest point of a triangle is a corner.
+  bool Covers(const Triangle3d& t, double distance) const override {
+    const double limit = radius_ - distance - Rounding(t, distance, LargestCoordinate(centre_));
+    return limit > 0 && std::all_of(t.begin(), t.end(), [&](Vec3d p) {
+             return SquaredLength(p - centre_) < limit * limit;
+           });
   }
 
   bool BoxWithin(const Box3d& box, double distance) const override {
     if (!(radius_ >= 0) || box.empty()) return false;
-    const double limit = radius_ + distance + Slack(box, radius_ + distance);
+    const double limit = radius_ + distance + Rounding(box, radius_ + distance, 0);
     return SquaredDistancePointBox(centre_, box) <= limit * limit;
+  }
+
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    const double limit = radius_ - distance - Rounding(box, distance, LargestCoordinate(centre_));
+    if (box.empty() || !(limit > 0)) return false;
+    for (int i = 0; i < 8; ++i) {
+      if (!(SquaredLength(Corner(box, i) - centre_) < limit * limit)) return false;
+    }
+    return true;
   }
 
  private:
@@ -71,31 +101,91 @@ class Ball final : public Region {
   double radius_;
 };
 
-class Union final : public Region {
+class Union final : public SplittingRegion {
  public:
-  explicit Union(std::vector<RegionPtr> regions) : regions_(std::move(regions)) {}
+  explicit Union(std::vector<RegionPtr> regions)
+      : regions_(std::move(regions)), splits_(SplitsAround(regions_)) {}
 
   bool Within(const Triangle3d& t, double distance) const override {
-    for (const RegionPtr& r : regions_) {
-      if (r->Within(t, distance)) return true;
-    }
-    return false;
+    return AnyOf([&](const RegionPtr& r) { return r->Within(t, distance); });
+  }
+  bool Covers(const Triangle3d& t, double distance) const override {
+    const auto covers = [&](const Triangle3d& part) {
+      return AnyOf([&](const RegionPtr& r) { return r->Covers(part, distance); });
+    };
+    return HoldsForAll(t, covers, splits_);
   }
   bool BoxWithin(const Box3d& box, double distance) const override {
-    for (const RegionPtr& r : regions_) {
-      if (r->BoxWithin(box, distance)) return true;
-    }
-    return false;
+    return AnyOf([&](const RegionPtr& r) { return r->BoxWithin(box, distance); });
+  }
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    return AnyOf([&](const RegionPtr& r) { return r->BoxCovers(box, distance); });
   }
   bool whole() const override {
-    for (const RegionPtr& r : regions_) {
-      if (r->whole()) return true;
-    }
-    return false;
+    return AnyOf([](const RegionPtr& r) { return r->whole(); });
   }
 
  private:
+  template <typename F>
+  bool AnyOf(F&& holds) const {
+    return std::any_of(regions_.begin(), regions_.end(), holds);
+  }
   std::vector<RegionPtr> regions_;
+  int splits_;
+};
+
+class Intersection final : public SplittingRegion {
+ public:
+  explicit Intersection(std::vector<RegionPtr> regions)
+      : regions_(std::move(regions)), splits_(SplitsAround(regions_)) {}
+
+  bool Within(const Triangle3d& t, double distance) const override {
+    const auto within = [&](const Triangle3d& part) {
+      return AllOf([&](const RegionPtr& r) { return r->Within(part, distance); });
+    };
+    return HoldsForSome(t, within, splits_);
+  }
+  bool Covers(const Triangle3d& t, double distance) const override {
+    return AllOf([&](const RegionPtr& r) { return r->Covers(t, distance); });
+  }
+  bool BoxWithin(const Box3d& box, double distance) const override {
+    return AllOf([&](const RegionPtr& r) { return r->BoxWithin(box, distance); });
+  }
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    return AllOf([&](const RegionPtr& r) { return r->BoxCovers(box, distance); });
+  }
+
+  const std::vector<RegionPtr>& regions() const { return regions_; }
+
+ private:
+  template <typename F>
+  bool AllOf(F&& holds) const {
+    return std::all_of(regions_.begin(), regions_.end(), holds);
+  }
+  std::vector<RegionPtr> regions_;
+  int splits_;
+};
+
+class Complement final : public SplittingRegion {
+ public:
+  explicit Complement(RegionPtr region) : region_(std::move(region)) {}
+
+  bool Within(const Triangle3d& t, double distance) const override {
+    return !region_->Covers(t, distance);
+  }
+  bool Covers(const Triangle3d& t, double distance) const override {
+    return !region_->Within(t, distance);
+  }
+  bool BoxWithin(const Box3d& box, double distance) const override {
+    return !box.empty() && !region_->BoxCovers(box, distance);
+  }
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    return !box.empty() && !region_->BoxWithin(box, distance);
+  }
+  bool splits() const override { return Splits(region_); }
+
+ private:
+  RegionPtr region_;
 };
 
 }  // namespace
@@ -113,6 +203,43 @@ RegionPtr SphereRegion(Vec3d centre, double radius) {
 
 RegionPtr UnionRegion(std::vector<RegionPtr> regions) {
   return std::make_shared<Union>(std::move(regions));
+}
+
+RegionPtr IntersectionRegion(std::vector<RegionPtr> regions) {
+  std::vector<HalfSpace> half_spaces;
+  std::vector<RegionPtr> merged;
+  std::vector<RegionPtr> others;
+  // Grows as intersections among them give up their parts.
+  for (size_t i = 0; i < regions.size(); ++i) {
+    const RegionPtr region = regions[i];
+    MTDB_CHECK(region != nullptr, "an intersection needs its regions");
+    std::vector<HalfSpace> more;
+    if (const auto* parts = dynamic_cast<const Intersection*>(region.get())) {
+      regions.insert(regions.end(), parts->regions().begin(), parts->regions().end());
+      continue;
+    }
+    if (const auto* convex = dynamic_cast<const Convex*>(region.get())) {
+      more = convex->HalfSpaces();
+    } else if (const auto* box = dynamic_cast<const AxisBox*>(region.get());
+               box != nullptr && !box->box().empty()) {
+      more = BoxHalfSpaces(box->box());
+    }
+    if (more.empty() || half_spaces.size() + more.size() > kMaxHalfSpaces) {
+      if (!region->whole()) others.push_back(region);
+      continue;
+    }
+    half_spaces.insert(half_spaces.end(), more.begin(), more.end());
+    merged.push_back(region);
+  }
+  if (merged.size() > 1) merged = {ConvexRegion(half_spaces)};
+  others.insert(others.end(), merged.begin(), merged.end());
+  if (others.empty()) return WholeRegion();
+  return others.size() == 1 ? others[0] : std::make_shared<Intersection>(std::move(others));
+}
+
+RegionPtr ComplementRegion(RegionPtr region) {
+  MTDB_CHECK(region != nullptr, "a complement needs a region");
+  return std::make_shared<Complement>(std::move(region));
 }
 
 }  // namespace mtdb

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tools/internal/arguments.h"
+#include "tools/internal/query_options.h"
 #include "tools/internal/verbs.h"
 
 namespace {
@@ -78,29 +79,108 @@ void AddJson(CLI::App* verb, bool* json) {
   verb->add_flag("--json", *json, "print the result as JSON");
 }
 
-void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a) {
-  AddName(verb, &a->name, "which object; needed when the store has several");
+// An option that may be given several times.
+template <typename Parse>
+CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::string& form,
+                           std::vector<mtdb::QueryJson>* values, Parse parse,
+                           const std::string& description) {
+  return verb
+      ->add_option_function<std::vector<std::string>>(
+          name,
+          [=](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+              auto result = parse(text);
+              if (!result.ok()) throw CLI::ValidationError(name, result.status().message());
+              values->push_back(*std::move(result));
+            }
+          },
+          description)
+      ->type_name(form)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void AddAccuracyOptions(CLI::App* verb, mtdb::QueryOptions* q) {
+  const char* group = "How accurate (several: all must hold)";
   auto* full =
-      verb->add_flag("--full", a->full, "full resolution: the input's triangles (default)");
-  auto* error = AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
+      verb->add_flag("--full", q->full, "full resolution: the input's triangles (default)");
+  auto* error = AddParsed(verb, "--error", "E", &q->error, mtdb::ParseNonNegative,
                           "coarser: within E of the surface, in model units");
-  auto* relative = AddParsed(verb, "--error-rel", "F", &a->error_relative, mtdb::ParseNonNegative,
+  auto* relative = AddParsed(verb, "--error-rel", "F", &q->error_relative, mtdb::ParseNonNegative,
                              "the same as a fraction of the bounding box's diagonal");
-  auto* triangles = AddParsed(verb, "--triangles", "N", &a->triangles, mtdb::ParseCount,
+  auto* pixels = AddParsed(verb, "--pixels", "P", &q->pixels, mtdb::ParsePositive,
+                           "what the camera sees is off by at most P pixels");
+  auto* at = AddParsedList(
+      verb, "--error-at", "LAW,X,Y,Z,BASE,F", &q->errors_at, mtdb::ErrorAtOption,
+      "by the distance r from a point; LAW is linear (BASE + F r), quadratic (BASE + F r^2), sqrt "
+      "(BASE + F sqrt r) or exp (BASE exp(F r))");
+  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, mtdb::ParseNonNegative,
+                            "within E outside of the region too, not as coarse as possible");
+  auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, mtdb::ParseCount,
                               "at most N triangles, as accurate as they allow");
-  full->excludes(error)->excludes(relative)->excludes(triangles);
+  for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
   error->excludes(relative);
-  AddParsed(verb, "--box", "X0,Y0,Z0,X1,Y1,Z1", &a->box, mtdb::ParseBox,
-            "the region that needs this accuracy, by two corners; elsewhere as coarse as possible");
-  AddParsed(verb, "--sphere", "X,Y,Z,R", &a->sphere, mtdb::ParseSphere,
-            "a region, by centre and radius; with --box, both together");
-  verb->add_flag("--clip", a->clip, "leave out the triangles that do not meet the region");
+  for (auto* option : {full, error, relative, pixels, at, outside, triangles}) {
+    option->group(group);
+  }
+}
+
+void AddRegionOptions(CLI::App* verb, mtdb::QueryOptions* q) {
+  const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
+  const auto add = [&](const char* name, const char* form, auto parse, const char* description) {
+    AddParsedList(verb, name, form, &q->regions, parse, description)->group(group);
+  };
+  add("--box", "X0,Y0,Z0,X1,Y1,Z1", mtdb::BoxOption, "a box, by two corners");
+  add("--sphere", "X,Y,Z,R", mtdb::SphereOption, "a ball, by centre and radius");
+  add("--half-space", "X,Y,Z,NX,NY,NZ", mtdb::HalfSpaceOption,
+      "what is behind the plane through X,Y,Z that faces NX,NY,NZ");
+  add("--prism", "X0,Y0,X1,Y1,...", mtdb::PrismOption, "above and below a polygon");
+  add("--wedge", "X,Y,DX,DY,ANGLE[,FAR]", mtdb::WedgeOption,
+      "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide");
+  add("--point", "X,Y,Z", mtdb::PointRegionOption, "a point");
+  add("--segment", "X0,Y0,Z0,X1,Y1,Z1", mtdb::SegmentOption, "a segment: a line of sight");
+  add("--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", mtdb::TubeOption,
+      "what is within R of a line through points");
+  verb->add_flag("--frustum", q->frustum, "what the camera sees")->group(group);
+  verb->add_flag("--intersect", q->intersect, "what lies in all of the regions, not in any")
+      ->group(group);
+  verb->add_flag("--outside", q->outside, "what lies outside of all that")->group(group);
+  verb->add_flag("--clip", q->clip, "leave out the triangles that do not meet the region")
+      ->group(group);
+}
+
+void AddCameraOptions(CLI::App* verb, mtdb::QueryOptions* q) {
+  const char* group = "The camera";
+  const auto add = [&](const char* name, const char* form, auto* value, auto parse,
+                       const char* description) {
+    AddParsed(verb, name, form, value, parse, description)->group(group);
+  };
+  add("--eye", "X,Y,Z", &q->eye, mtdb::PointOption, "where it is");
+  add("--target", "X,Y,Z", &q->target, mtdb::PointOption, "what it looks at");
+  add("--up", "X,Y,Z", &q->up, mtdb::PointOption, "what is up in its picture (default: 0,0,1)");
+  add("--fov", "DEGREES", &q->fov, mtdb::ParsePositive,
+      "the angle from the bottom to the top of its picture (default: 45)");
+  add("--viewport", "WxH", &q->viewport, mtdb::ParseExtent,
+      "its picture's size in pixels (default: 1200x900; render: --size)");
+}
+
+void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  AddAccuracyOptions(verb, &a->query);
+  AddRegionOptions(verb, &a->query);
+  AddCameraOptions(verb, &a->query);
+  verb->add_option(
+          "--query", a->query.file,
+          "region and threshold from a JSON file (docs/query.md): all that the options below "
+          "say, and more")
+      ->type_name("FILE");
+  verb->add_flag("--print-query", a->print_query,
+                 "print the query as JSON, for --query, and do nothing else");
   AddJson(verb, &a->json);
   // Called when the verb's arguments are complete.
-  verb->callback([a] {
-    if (a->clip && !a->box && !a->sphere) {
-      throw CLI::ValidationError("--clip", "needs a region: give --box or --sphere");
-    }
+  verb->callback([a, draws] {
+    const mtdb::Status status = mtdb::CheckOptions(a->query, draws);
+    if (!status.ok()) throw CLI::ValidationError(status.message());
   });
 }
 
@@ -188,11 +268,14 @@ int main(int argc, char** argv) {
   mtdb::QueryArguments query;
   CLI::App* extract_verb =
       add_verb("extract", "write the mesh of a region at an accuracy",
-               "Example: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip");
+               "Examples: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip\n"
+               "          mtdb extract scans.mtdb view.ply --pixels 1 --frustum --eye 0,-900,200 "
+               "--target 0,0,100\n"
+               "More: docs/query.md");
   extract_verb->add_option("STORE", query.store, "the store file")->required();
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .drc")
       ->required();
-  AddQueryOptions(extract_verb, &query);
+  AddQueryOptions(extract_verb, &query, false);
 
   CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
   for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {
@@ -213,10 +296,12 @@ int main(int argc, char** argv) {
                "Example: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe");
   render_verb->add_option("STORE", query.store, "the store file")->required();
   render_verb->add_option("OUT.png", query.output, "the picture")->required();
-  AddQueryOptions(render_verb, &query);
+  AddQueryOptions(render_verb, &query, true);
   AddParsed(render_verb, "--size", "WxH", &query.size, mtdb::ParseExtent,
             "width and height in pixels")
       ->default_str("1200x900");
+  render_verb->add_flag("--overview", query.overview,
+                        "draw the whole object as without a camera, not what the camera sees");
   render_verb->add_flag("--wireframe", query.wireframe, "draw the edges of the triangles");
 
   CLI::App* remove_verb = add_verb("remove", "remove an object from a store", "");

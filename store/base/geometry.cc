@@ -27,7 +27,8 @@ double SquaredDistancePointSegment(Vec3d p, Vec3d a, Vec3d b) {
   return SquaredLength(p - (a + ab * t));
 }
 
-// After C. Ericson, "Real-Time Collision Detection" (2005), 5.1.9.
+// After C. Ericson, "Real-Time Collision Detection" (2005), 5.1.9; with cross products instead of
+// differences of products, which keep their digits when the segments are nearly parallel.
 double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
   const Vec3d u = b - a;
   const Vec3d v = d - c;
@@ -36,12 +37,12 @@ double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
   const double vv = Dot(v, v);
   if (uu <= 0) return SquaredDistancePointSegment(a, c, d);
   if (vv <= 0) return SquaredDistancePointSegment(c, a, b);
-  const double vr = Dot(v, r);
+  const Vec3d normal = Cross(u, v);
+  const double denominator = SquaredLength(normal);
   const double ur = Dot(u, r);
   const double uv = Dot(u, v);
-  const double denominator = uu * vv - uv * uv;
-  double s = denominator > 0 ? std::clamp((uv * vr - ur * vv) / denominator, 0.0, 1.0) : 0.0;
-  double t = (uv * s + vr) / vv;
+  double s = denominator > 0 ? std::clamp(Dot(normal, Cross(v, r)) / denominator, 0.0, 1.0) : 0.0;
+  double t = (uv * s + Dot(v, r)) / vv;
   if (t < 0) {
     t = 0;
     s = std::clamp(-ur / uu, 0.0, 1.0);
@@ -85,6 +86,21 @@ double SquaredDistancePointTriangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
   const bool thin =
       sum * sum < kNoise * kNoise * SquaredLength(ab) * SquaredLength(ac) * far2 * far2;
   return thin ? std::min(inside, edges()) : inside;
+}
+
+double SquaredDistanceSegmentTriangle(Vec3d p, Vec3d q, const Triangle3d& t) {
+  double best = std::min(SquaredDistancePointTriangle(p, t[0], t[1], t[2]),
+                         SquaredDistancePointTriangle(q, t[0], t[1], t[2]));
+  for (size_t e = 0; e < 3; ++e) {
+    best = std::min(best, SquaredDistanceSegmentSegment(p, q, t[e], t[(e + 1) % 3]));
+  }
+  // Where the segment crosses the plane, it may cross the triangle.
+  const Vec3d normal = Cross(t[1] - t[0], t[2] - t[0]);
+  const double above_p = Dot(p - t[0], normal);
+  const double above_q = Dot(q - t[0], normal);
+  if ((above_p < 0) == (above_q < 0) || above_p == above_q) return best;
+  const Vec3d crossing = p + (q - p) * (above_p / (above_p - above_q));
+  return std::min(best, SquaredDistancePointTriangle(crossing, t[0], t[1], t[2]));
 }
 
 namespace {

@@ -87,6 +87,9 @@ double SquaredDistancePointSegment(Vec3d p, Vec3d a, Vec3d b);
 double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d);
 // Squared distance from p to the (closed, possibly degenerate) triangle abc.
 double SquaredDistancePointTriangle(Vec3d p, Vec3d a, Vec3d b, Vec3d c);
+// Squared distance between the segment pq and the (possibly degenerate) triangle; where they cross,
+// 0 up to rounding (in needles, up to their width).
+double SquaredDistanceSegmentTriangle(Vec3d p, Vec3d q, const Triangle3d& t);
 // Squared distance from the triangle to the box; 0 when they meet.
 double SquaredDistanceTriangleBox(const Triangle3d& t, const Box3d& box);
 // True when the triangle and the box have a common point (separating axes).

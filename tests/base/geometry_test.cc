@@ -153,6 +153,44 @@ TEST_CASE("Distances of segments agree with dense sampling, degenerate ones too"
   }
 }
 
+TEST_CASE("Segments that cross at a tiny angle are as near as they are") {
+  Random random(14);
+  for (int k = 0; k < 2000; ++k) {
+    const Vec3d along = random.Point() + Vec3d{0, 0, 3.5};
+    const Vec3d aside = Cross(along, random.Point() + Vec3d{3.5, 0, 0});
+    const double angle = std::pow(10, random.Real(-10, 0));
+    const Vec3d other = along + aside * (angle / Length(aside));
+    const Vec3d crossing = random.Point();
+    const double d2 = SquaredDistanceSegmentSegment(
+        crossing - along * random.Real(0, 1), crossing + along * random.Real(0, 1),
+        crossing - other * random.Real(0, 1), crossing + other * random.Real(0, 1));
+    REQUIRE(std::sqrt(d2) < 1e-14);
+  }
+}
+
+TEST_CASE("The distance from a segment to a triangle agrees with dense sampling") {
+  Random random(15);
+  int crossing = 0;
+  for (int k = 0; k < 1000; ++k) {
+    const Triangle3d t = random.Triangle();
+    const Vec3d p = random.Point();
+    const Vec3d q = k % 10 == 0 ? p : random.Point();
+    const double d2 = SquaredDistanceSegmentTriangle(p, q, t);
+    double nearest = kInfinity;
+    for (const Vec3d& s : SampleTriangle(t)) {
+      nearest = std::min(nearest, std::sqrt(SquaredDistancePointSegment(s, p, q)));
+    }
+    RequireNearest(d2, nearest, SampleSpacing(t));
+    // Through the triangle's inside. Needles of this test are 4e-9 wide.
+    const Vec3d normal = Cross(t[1] - t[0], t[2] - t[0]);
+    const double rounding = Length(normal) > 1e-4 ? 1e-13 : 4e-9;
+    const Vec3d inside = t[0] * 0.2 + t[1] * 0.3 + t[2] * 0.5;
+    REQUIRE(std::sqrt(SquaredDistanceSegmentTriangle(p, inside + inside - p, t)) < rounding);
+    crossing += d2 < 1e-28;
+  }
+  REQUIRE(crossing > 20);
+}
+
 TEST_CASE("The distance from a point to a triangle agrees with dense sampling") {
   Random random(4);
   for (int i = 0; i < 1500; ++i) {

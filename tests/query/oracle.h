@@ -7,6 +7,7 @@
 
 #include "query/query.h"
 #include "tests/query/mt_fixture.h"
+#include "tests/query/random_regions.h"
 
 namespace mtdb::testing {
 
@@ -99,50 +100,65 @@ class Oracle {
   std::vector<bool> wanted_;
 };
 
-// Regions: whole, box, sphere, union. Thresholds: full, constant, linear both ways, minimum.
-inline Query RandomQuery(const MtFixture& fixture, std::mt19937& random) {
+constexpr int kThresholdKinds = 11;
+
+inline ThresholdPtr RandomThreshold(int kind, const MtFixture& fixture, std::mt19937& random) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
   const Box3d& bounds = fixture.source->record_.bounds;
   const double size = Diagonal(bounds);
-  const auto point = [&] {
-    Vec3d p;
-    for (int i = 0; i < 3; ++i) p[i] = uniform(bounds.min[i] - 0.1, bounds.max[i] + 0.1);
-    return p;
-  };
-  const auto simple_region = [&]() -> RegionPtr {
-    if (random() % 2 == 0) return SphereRegion(point(), size * uniform(0, 0.3));
-    Box3d box;
-    const Vec3d p = point();
-    box.Add(p);
-    box.Add(p + Vec3d{uniform(0, 0.4), uniform(0, 0.4), uniform(0, 0.4)} * size);
-    return BoxRegion(box);
-  };
   const auto error = [&] {
     return fixture.source->record_.grid.Error(static_cast<uint8_t>(random() % 110));
   };
-  const auto simple_threshold = [&]() -> ThresholdPtr {
-    switch (random() % 5) {
-      case 0: return ConstantThreshold(0);
-      case 1: return LinearThreshold(point(), error() - 0.05, uniform(0, 0.2));
-      case 2: return LinearThreshold(point(), error(), -uniform(0, 0.2));
-      default: return ConstantThreshold(error());
+  Vec3d point;
+  for (int i = 0; i < 3; ++i) point[i] = uniform(bounds.min[i] - 0.1, bounds.max[i] + 0.1);
+  switch (kind) {
+    case 0: return ConstantThreshold(random() % 4 == 0 ? 0 : error());
+    case 1: return LinearThreshold(point, error() - 0.05, uniform(0, 0.2));
+    case 2: return LinearThreshold(point, error(), -uniform(0, 0.2));
+    case 3: return QuadraticThreshold(point, error() - 0.05, uniform(-0.1, 0.3));
+    case 4: return SquareRootThreshold(point, error() - 0.05, uniform(-0.1, 0.3));
+    case 5: return ExponentialThreshold(point, error(), uniform(-3, 3));
+    case 6: return ScreenThreshold(RandomCamera(bounds, random), uniform(1, 50));
+    case 7:
+      return RegionThreshold(AnyRegion(bounds, random).region, ConstantThreshold(error()),
+                             ConstantThreshold(error()));
+    case 8: {
+      GridField field;
+      field.origin = bounds.min;
+      field.cell_size = (bounds.max - bounds.min + Vec3d{size, size, size} * 0.1) * 0.25;
+      field.counts = {4, 3, 4};
+      for (int i = 0; i < 48; ++i) field.errors.push_back(error());
+      return GridThreshold(std::move(field));
     }
+    case 9: {
+      const double base = error() - 0.02;
+      return FunctionThreshold(
+          [=](const Box3d& box) { return base + 0.1 * std::max(0.0, box.min.z - point.z); });
+    }
+    default: return random() % 8 == 0 ? CoarsestThreshold() : ConstantThreshold(error());
+  }
+}
+
+// Regions and thresholds of every kind, and none.
+inline Query RandomQuery(const MtFixture& fixture, std::mt19937& random) {
+  const Box3d& bounds = fixture.source->record_.bounds;
+  const auto threshold = [&] {
+    return RandomThreshold(static_cast<int>(random() % kThresholdKinds), fixture, random);
   };
   Query query;
-  switch (random() % 5) {
+  switch (random() % 8) {
     case 0: break;
     case 1: query.region = WholeRegion(); break;
-    case 2: query.region = UnionRegion({simple_region(), simple_region()}); break;
-    default: query.region = simple_region();
+    default: query.region = AnyRegion(bounds, random).region;
   }
-  switch (random() % 6) {
+  switch (random() % 8) {
     case 0: break;
     case 1: query.threshold = FullResolution(); break;
-    case 2: query.threshold = MinThreshold({simple_threshold(), simple_threshold()}); break;
-    case 3: query.threshold = random() % 8 == 0 ? CoarsestThreshold() : simple_threshold(); break;
-    default: query.threshold = simple_threshold();
+    case 2: query.threshold = MinThreshold({threshold(), threshold()}); break;
+    case 3: query.threshold = MaxThreshold({threshold(), threshold()}); break;
+    default: query.threshold = threshold();
   }
   return query;
 }

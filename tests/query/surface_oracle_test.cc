@@ -201,6 +201,43 @@ TEST_CASE("On small MTs the cut equals the definition, node for node") {
   REQUIRE(partial > 400);
 }
 
+TEST_CASE("For every kind of region and threshold the cut equals the definition") {
+  std::mt19937 random(14);
+  std::vector<uint64_t> by_region(kRegionKinds + 1), by_threshold(kThresholdKinds);
+  for (const MtOptions& options : SmallMts()) {
+    if (options.code_max == 0) continue;
+    const MtFixture f = MakeMt(options);
+    const auto surface = Surface::Open(f.source).value();
+    const Box3d& bounds = f.source->record_.bounds;
+    for (int i = 0; i < 1 + kRegionKinds + kThresholdKinds; ++i) {
+      const int region = std::min(i, kRegionKinds);
+      const int threshold = i - 1 - kRegionKinds;
+      for (int k = 0; k < 15; ++k) {
+        Query query = RandomQuery(f, random);
+        query.clip = k % 2 == 0;
+        if (threshold >= 0) {
+          query.threshold = RandomThreshold(threshold, f, random);
+        } else {
+          query.region = region < kRegionKinds ? RandomRegion(region, bounds, random).region
+                                               : RandomCombination(bounds, random).region;
+        }
+        const Oracle oracle(f, query);
+        const std::vector<bool> expected = oracle.LeastCut(random);
+        Result<Cut> cut = surface->Select(query);
+        REQUIRE(cut.ok());
+        CheckAnswer(f, query, oracle, expected, *cut);
+        const auto count = std::count(expected.begin(), expected.end(), true);
+        const bool partial = count > 0 && static_cast<size_t>(count) < expected.size();
+        (threshold < 0 ? by_region[static_cast<size_t>(region)]
+                       : by_threshold[static_cast<size_t>(threshold)]) += partial;
+      }
+    }
+  }
+  // Of 240 answers to each kind, these are neither the root nor everything.
+  for (const uint64_t partial : by_region) CHECK(partial > 40);
+  for (const uint64_t partial : by_threshold) CHECK(partial > 40);
+}
+
 TEST_CASE("With a budget of triangles the largest errors are refined first") {
   std::mt19937 random(13);
   uint64_t stopped = 0;

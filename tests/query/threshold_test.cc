@@ -1,55 +1,228 @@
-// Thresholds against samples around triangles and boxes.
+// Thresholds against samples around triangles.
 #include "query/threshold.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
 
-namespace mtdb::testing {
+#include "query/internal/rounding.h"
+#include "tests/query/random_regions.h"
 
-TEST_CASE("Min is below every sample, close to the smallest, and above MinOverBox") {
-  std::mt19937 random(2);
-  const auto uniform = [&](double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random);
-  };
-  const auto point = [&] { return Vec3d{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)}; };
-  for (int i = 0; i < 200; ++i) {
-    const Vec3d from = point();
-    const double base = uniform(-1, 1);
-    const double slope = uniform(-2, 2);
-    const ThresholdPtr linear = LinearThreshold(from, base, slope);
-    const double cap = uniform(-1, 1);
-    const ThresholdPtr capped = MinThreshold({linear, ConstantThreshold(cap)});
-    const Triangle3d t{point(), point(), point()};
-    const double d = uniform(0, 0.3);
-    double smallest = std::numeric_limits<double>::infinity();
-    for (int k = 0; k < 3000; ++k) {
-      double a = uniform(0, 1);
-      double b = uniform(0, 1);
-      if (a + b > 1) {
-        a = 1 - a;
-        b = 1 - b;
-      }
-      if (k < 3) {
-        a = k == 0;
-        b = k == 1;
-      }
-      const Vec3d p = t[0] * a + t[1] * b + t[2] * (1 - a - b);
-      const Vec3d step = slope >= 0 ? from - p : p - from;
-      const double length = Length(step);
-      const Vec3d q = length > 0 ? p + step * (std::min(slope >= 0 ? length : d, d) / length) : p;
-      smallest = std::min(smallest, base + slope * Length(q - from));
-    }
-    const double min = linear->Min(t, d);
-    REQUIRE(min <= smallest + 1e-9);
-    REQUIRE(min >= smallest - 0.1 * std::abs(slope));
-    REQUIRE(linear->Min(t, d + 0.1) <= min);
-    REQUIRE(capped->Min(t, d) == std::min(min, cap));
-    Box3d box;
-    for (const Vec3d& p : t) box.Add(p);
-    REQUIRE(linear->MinOverBox(box, d) <= min);
-    REQUIRE(capped->MinOverBox(box, d) <= capped->Min(t, d));
+namespace mtdb::testing {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr Box3d kUnit{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+
+double Uniform(std::mt19937& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+Vec3d Point(std::mt19937& random) {
+  return {Uniform(random, -1, 1), Uniform(random, -1, 1), Uniform(random, -1, 1)};
+}
+Vec3d PointOn(const Triangle3d& t, std::mt19937& random) {
+  const double a = Uniform(random, 0, 1);
+  const double b = Uniform(random, 0, 1 - a);
+  return t[0] * a + t[1] * b + t[2] * (1 - a - b);
+}
+Triangle3d RandomTriangle(std::mt19937& random) {
+  const double size = std::pow(10, Uniform(random, -2, 0));
+  const Vec3d p = Point(random);
+  return {p, p + Point(random) * size, p + Point(random) * size};
+}
+// At most `distance` long.
+Vec3d Step(double distance, std::mt19937& random) {
+  const Vec3d v = Point(random);
+  return v * (std::min(distance, distance * Uniform(random, 0, 1.3)) / Length(v));
+}
+
+// A threshold, and what it is point by point.
+struct Field {
+  ThresholdPtr threshold;
+  std::function<double(Vec3d)> at;
+};
+
+Field OfDistance(int kind, std::mt19937& random, Vec3d* point) {
+  const Vec3d from = *point = Point(random);
+  const double base = Uniform(random, -1, 1);
+  const double f = Uniform(random, -2, 2);
+  switch (kind) {
+    case 0:
+      return {LinearThreshold(from, base, f), [=](Vec3d p) { return base + f * Length(p - from); }};
+    case 1:
+      return {QuadraticThreshold(from, base, f),
+              [=](Vec3d p) { return base + f * SquaredLength(p - from); }};
+    case 2:
+      return {SquareRootThreshold(from, base, f),
+              [=](Vec3d p) { return base + f * std::sqrt(Length(p - from)); }};
+    default:
+      return {ExponentialThreshold(from, base, f),
+              [=](Vec3d p) { return base * std::exp(f * Length(p - from)); }};
   }
+}
+
+// The image of a point in pixels; nothing when it is not in sight.
+std::optional<std::array<double, 2>> Image(const Camera& c, Vec3d p) {
+  const Camera::Axes a = c.axes();
+  const double depth = Dot(p - c.eye, a.forward);
+  const double x = Dot(p - c.eye, a.right);
+  const double y = Dot(p - c.eye, a.up);
+  if (depth < c.near || depth <= 0 || std::abs(y) > depth * std::tan(c.vertical_fov_rad / 2)) {
+    return std::nullopt;
+  }
+  const double focal = c.height_px / 2.0 / std::tan(c.vertical_fov_rad / 2);
+  if (std::abs(x / depth * focal) > c.width_px / 2.0) return std::nullopt;
+  return std::array<double, 2>{x / depth * focal, y / depth * focal};
+}
+
+}  // namespace
+
+TEST_CASE("A threshold by distance is the smallest value around the triangle") {
+  std::mt19937 random(2);
+  for (int i = 0; i < 400; ++i) {
+    Vec3d from;
+    const Field field = OfDistance(i % 4, random, &from);
+    const double cap = Uniform(random, -1, 1);
+    const ThresholdPtr least = MinThreshold({field.threshold, ConstantThreshold(cap)});
+    const ThresholdPtr most = MaxThreshold({field.threshold, ConstantThreshold(cap)});
+    const Triangle3d t = RandomTriangle(random);
+    const double d = Uniform(random, 0, 0.3);
+    double smallest = kInfinity;
+    const auto sample = [&](Vec3d p) { smallest = std::min(smallest, field.at(p)); };
+    for (int k = 0; k < 3000; ++k) {
+      const Vec3d p = k < 3 ? t[static_cast<size_t>(k)] : PointOn(t, random);
+      const double length = Length(p - from);
+      if (length == 0) continue;
+      sample(p + (p - from) * (d / length));
+      sample(p - (p - from) * (std::min(d, length) / length));
+    }
+    const double min = field.threshold->Min(t, d);
+    REQUIRE(min <= smallest + 1e-9);
+    REQUIRE(min >= smallest - 0.3);
+    if (Length(t[1] - t[0]) < 0.02 && i % 4 != 2) REQUIRE(min >= smallest - 0.02);
+    REQUIRE(field.threshold->Min(t, d + 0.1) <= min);
+    REQUIRE(least->Min(t, d) == std::min(min, cap));
+    REQUIRE(most->Min(t, d) == std::max(min, cap));
+  }
+}
+
+TEST_CASE("Where a screen-space threshold is met, nothing in sight moves by more pixels") {
+  std::mt19937 random(3);
+  int near_the_limit = 0;
+  int in_sight = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Camera camera = RandomCamera(kUnit, random);
+    const double pixels = Uniform(random, 0.1, 20);
+    const ThresholdPtr screen = ScreenThreshold(camera, pixels);
+    const Triangle3d t = RandomTriangle(random);
+    REQUIRE(screen->Min(t, 0.1) >= screen->Min(t, 0.2));
+    // The largest error that meets it.
+    double e = 0;
+    for (double step = 1; step > 1e-9; step /= 2) {
+      if (e + step <= screen->Min(t, e + step)) e += step;
+    }
+    REQUIRE(e <= std::max(0.0, screen->Min(t, e)));
+    double moved = 0;
+    for (int k = 0; k < 400; ++k) {
+      const Vec3d p = PointOn(t, random);
+      const Vec3d q = p + Step(e, random);
+      const auto a = Image(camera, p);
+      const auto b = Image(camera, q);
+      if (!a || !b) continue;
+      ++in_sight;
+      moved = std::max(moved, std::hypot((*a)[0] - (*b)[0], (*a)[1] - (*b)[1]));
+    }
+    REQUIRE(moved <= pixels * (1 + 1e-9));
+    near_the_limit += moved > 0.8 * pixels;
+  }
+  REQUIRE(in_sight > 20000);
+  REQUIRE(near_the_limit > 50);
+  // Twice as far, twice the error; behind the camera, any.
+  Camera camera;
+  camera.direction = {1, 0, 0};
+  const ThresholdPtr screen = ScreenThreshold(camera, 2);
+  const auto at = [](Vec3d p) { return Triangle3d{p, p, p}; };
+  REQUIRE(screen->Min(at({10, 0, 0}), 0) == Approx(2 * camera.pixel() * 10));
+  REQUIRE(screen->Min(at({20, 0, 0}), 0) == Approx(2 * camera.pixel() * 20));
+  REQUIRE(screen->Min(at({10, 0, 0}), 4) < screen->Min(at({6, 0, 0}), 0));
+  REQUIRE(screen->Min(at({10, 0, 0}), 10) == 0);
+  REQUIRE(screen->Min(at({-10, 0, 0}), 9) == kInfinity);
+}
+
+TEST_CASE("A threshold by region is never above the field, and exact away from the border") {
+  std::mt19937 random(4);
+  int mixed = 0;
+  int fine = 0;
+  for (int i = 0; i < 600; ++i) {
+    const RegionCase expected = AnyRegion(kUnit, random);
+    Vec3d from;
+    const Field inside = OfDistance(0, random, &from);
+    const ThresholdPtr threshold =
+        RegionThreshold(expected.region, inside.threshold, ConstantThreshold(5));
+    const Triangle3d t = RandomTriangle(random);
+    const double d = Uniform(random, 0, 0.3);
+    const double min = threshold->Min(t, d);
+    double smallest = kInfinity;
+    for (int k = 0; k < 300; ++k) {
+      const Vec3d p = PointOn(t, random) + Step(d, random);
+      smallest = std::min(smallest, expected.Contains(p) ? inside.at(p) : 5.0);
+    }
+    REQUIRE(min <= smallest + 1e-9);
+    REQUIRE(threshold->Min(t, d * 1.5) <= min);
+    if (!expected.region->Within(t, d)) REQUIRE(min == 5);
+    fine += min < 5;
+    mixed += min < smallest - 1e-9;
+  }
+  REQUIRE(fine > 100);
+  REQUIRE(mixed > 20);
+  const ThresholdPtr step =
+      RegionThreshold(SphereRegion({0, 0, 0}, 1), ConstantThreshold(9), ConstantThreshold(1));
+  const Triangle3d centre{Vec3d{}, Vec3d{}, Vec3d{}};
+  REQUIRE(step->Min(centre, 0.9) == 9);
+  REQUIRE(step->Min(centre, 1.1) == 1);
+}
+
+TEST_CASE("A grid of errors is searched exactly, and goes on beyond its border") {
+  std::mt19937 random(5);
+  for (int i = 0; i < 200; ++i) {
+    GridField field;
+    field.origin = Point(random) * 0.5;
+    for (int k = 0; k < 3; ++k) {
+      field.counts[static_cast<size_t>(k)] = 1 + random() % 9;
+      field.cell_size[k] = Uniform(random, 0.02, 0.4);
+    }
+    const auto [nx, ny, nz] = field.counts;
+    for (uint32_t k = 0; k < nx * ny * nz; ++k) field.errors.push_back(Uniform(random, -1, 1));
+    const ThresholdPtr threshold = GridThreshold(field);
+    for (int k = 0; k < 5; ++k) {
+      const Triangle3d t = RandomTriangle(random);
+      const double d = random() % 4 == 0 ? 0 : Uniform(random, 0, 0.3);
+      double least = kInfinity;
+      for (uint32_t cell = 0; cell < field.errors.size(); ++cell) {
+        const uint32_t at[3] = {cell % nx, cell / nx % ny, cell / nx / ny};
+        Box3d box;
+        for (int a = 0; a < 3; ++a) {
+          const double low = field.origin[a] + at[a] * field.cell_size[a];
+          box.min[a] = at[a] == 0 ? -1e3 : low;
+          const bool last = at[a] + 1 == field.counts[static_cast<size_t>(a)];
+          box.max[a] = last ? 1e3 : low + field.cell_size[a];
+        }
+        if (BoxRegion(box)->Within(t, d)) least = std::min(least, field.errors[cell]);
+      }
+      REQUIRE(threshold->Min(t, d) == least);
+      REQUIRE(threshold->Min(t, d + 0.1) <= least);
+    }
+  }
+}
+
+TEST_CASE("A caller's function is asked for a box around the triangle") {
+  const ThresholdPtr threshold = FunctionThreshold([](const Box3d& box) { return box.min.x; });
+  const Triangle3d t{Vec3d{1, 0, 0}, Vec3d{2, 0, 0}, Vec3d{2, 1, 0}};
+  REQUIRE(threshold->Min(t, 0) == 1);
+  REQUIRE(threshold->Min(t, 0.25) == 0.75);
+  REQUIRE(!threshold->constant());
 }
 
 TEST_CASE("Constants know that they are constant") {
@@ -59,6 +232,8 @@ TEST_CASE("Constants know that they are constant") {
   REQUIRE(!CoarsestThreshold()->full_resolution());
   REQUIRE(!LinearThreshold({}, -1, 0)->constant().has_value());
   REQUIRE(MinThreshold({ConstantThreshold(2), FullResolution()})->full_resolution());
+  REQUIRE(!MaxThreshold({ConstantThreshold(2), FullResolution()})->full_resolution());
+  REQUIRE(MaxThreshold({ConstantThreshold(2), ConstantThreshold(3)})->constant() == 3);
   REQUIRE(!MinThreshold({LinearThreshold({}, 1, 1), ConstantThreshold(1)})->constant());
 }
 

@@ -20,14 +20,13 @@ bool ParseWhole(std::string_view text, T* value) {
   return error == std::errc() && end == text.data() + text.size() && !text.empty();
 }
 
+}  // namespace
+
 Status Unexpected(const std::string& text, const std::string& expected) {
   return InvalidArgument("expected " + expected + ", found '" + text + "'");
 }
 
-// "1,2,3" as exactly `count` finite numbers, which `form` describes.
-Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
-                                         const std::string& form) {
-  const std::string expected = std::to_string(count) + " numbers " + form;
+Result<std::vector<double>> ParseList(const std::string& text, const std::string& form) {
   std::vector<double> numbers;
   size_t begin = 0;
   while (begin <= text.size()) {
@@ -35,16 +34,20 @@ Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
     double value = 0;
     if (!ParseWhole(std::string_view(text).substr(begin, end - begin), &value) ||
         !std::isfinite(value)) {
-      return Unexpected(text, expected);
+      return Unexpected(text, "numbers " + form);
     }
     numbers.push_back(value);
     begin = end + 1;
   }
-  if (numbers.size() != count) return Unexpected(text, expected);
   return numbers;
 }
 
-}  // namespace
+Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
+                                         const std::string& form) {
+  Result<std::vector<double>> numbers = ParseList(text, form);
+  if (numbers.ok() && numbers->size() == count) return numbers;
+  return Unexpected(text, std::to_string(count) + " numbers " + form);
+}
 
 Result<double> ParseNonNegative(const std::string& text) {
   double value = 0;
@@ -66,19 +69,6 @@ Result<uint64_t> ParseCount(const std::string& text) {
   uint64_t value = 0;
   if (!ParseWhole(text, &value) || value == 0) return Unexpected(text, "a whole number above 0");
   return value;
-}
-
-Result<Box3d> ParseBox(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
-  const Box3d box{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
-  if (box.empty()) return Unexpected(text, "a first corner that does not exceed the second");
-  return box;
-}
-
-Result<Sphere> ParseSphere(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 4, "X,Y,Z,R"));
-  if (n[3] < 0) return Unexpected(text, "a radius that is not negative");
-  return Sphere{{n[0], n[1], n[2]}, n[3]};
 }
 
 Result<uint64_t> ParseSize(const std::string& text) {

@@ -3,30 +3,28 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
-#include "store/base/geometry.h"
 #include "store/base/status.h"
 
 namespace mtdb {
-
-struct Sphere {
-  Vec3d centre;
-  double radius = 0;
-};
 
 struct Extent {
   int width = 0, height = 0;  // pixels, 1 .. 16384
 };
 
+// "expected (what), found '(text)'".
+Status Unexpected(const std::string& text, const std::string& expected);
 // Finite numbers.
 Result<double> ParseNonNegative(const std::string& text);
 Result<double> ParsePositive(const std::string& text);
 // A whole number above 0.
 Result<uint64_t> ParseCount(const std::string& text);
-// "X0,Y0,Z0,X1,Y1,Z1": two corners, the first nowhere above the second. A flat box is one.
-Result<Box3d> ParseBox(const std::string& text);
-// "X,Y,Z,R"; the radius is not negative.
-Result<Sphere> ParseSphere(const std::string& text);
+// Any number of finite numbers between commas; `form` describes them.
+Result<std::vector<double>> ParseList(const std::string& text, const std::string& form);
+// "1,2,3" as exactly `count` finite numbers, which `form` describes.
+Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
+                                         const std::string& form);
 // "512M", "1G", "4096": bytes; the suffixes K, M, G, T are powers of 1024. Not 0.
 Result<uint64_t> ParseSize(const std::string& text);
 // "1200x900".

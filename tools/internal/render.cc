@@ -169,8 +169,8 @@ class Geometry {
   Scene scene_;
 };
 
-// A perspective camera in the geometry's coordinates.
-struct Camera {
+// A perspective view in the geometry's coordinates.
+struct View {
   Vec3f eye, forward, right, up;
   float pixel = 0;  // size of a pixel at distance 1
   float width = 0, height = 0;
@@ -180,13 +180,30 @@ struct Camera {
   }
 };
 
-Result<Camera> PlaceCamera(const Geometry& geometry, const RenderOptions& options) {
-  const Vec3d view = options.view_direction;
-  const double length = Length(view);
+View ViewOf(const Geometry& geometry, const Camera& camera, int width, int height) {
+  const Camera::Axes axes = camera.axes();
+  View view;
+  view.eye = ToFloat(geometry.FromModel(camera.eye));
+  view.forward = ToFloat(axes.forward);
+  view.right = ToFloat(axes.right);
+  view.up = ToFloat(axes.up);
+  view.pixel = static_cast<float>(2 * camera.tangent_y() / height);
+  view.width = static_cast<float>(width);
+  view.height = static_cast<float>(height);
+  return view;
+}
+
+Result<View> PlaceView(const Geometry& geometry, const RenderOptions& options) {
+  if (options.camera) {
+    MTDB_RETURN_IF_ERROR(options.camera->Validate());
+    return ViewOf(geometry, *options.camera, options.width, options.height);
+  }
+  const Vec3d direction = options.view_direction;
+  const double length = Length(direction);
   if (!(length > 0) || !std::isfinite(length)) {
     return InvalidArgument("the view direction must be a finite vector other than 0");
   }
-  const Vec3d forward = view * (1 / length);
+  const Vec3d forward = direction * (1 / length);
   const Vec3d helper = std::abs(forward.z) < 0.999 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
   Vec3d right = Cross(forward, helper);
   right = right * (1 / Length(right));
@@ -219,30 +236,29 @@ Result<Camera> PlaceCamera(const Geometry& geometry, const RenderOptions& option
   }
   const double back =
       std::max({(left + right_side) / (2 * tangent_x), (low + high) / (2 * tangent_y), -1e3});
-  Camera camera;
-  camera.eye = ToFloat(right * ((right_side - left) / 2) + up * ((high - low) / 2) -
-                       forward * (back + 1e-4));
-  camera.forward = ToFloat(forward);
-  camera.right = ToFloat(right);
-  camera.up = ToFloat(up);
-  camera.pixel = static_cast<float>(2 * std::tan(kViewAngle / 2) / shorter);
-  camera.width = static_cast<float>(options.width);
-  camera.height = static_cast<float>(options.height);
-  return camera;
+  View view;
+  view.eye = ToFloat(right * ((right_side - left) / 2) + up * ((high - low) / 2) -
+                     forward * (back + 1e-4));
+  view.forward = ToFloat(forward);
+  view.right = ToFloat(right);
+  view.up = ToFloat(up);
+  view.pixel = static_cast<float>(2 * std::tan(kViewAngle / 2) / shorter);
+  view.width = static_cast<float>(options.width);
+  view.height = static_cast<float>(options.height);
+  return view;
 }
 
 class Painter {
  public:
-  Painter(const Geometry& geometry, const Camera& camera, const RenderOptions& options)
-      : geometry_(geometry), camera_(camera), wireframe_(options.wireframe) {
+  Painter(const Geometry& geometry, const View& view, const RenderOptions& options)
+      : geometry_(geometry), view_(view), wireframe_(options.wireframe) {
     // The key light comes from above the viewer's left shoulder, a rim light from behind.
-    key_ = Unit(camera.right * -0.80f + camera.up * 0.36f - camera.forward * 0.26f +
-                Vec3f{0, 0, 0.35f});
-    rim_ = Unit(camera.right * 0.85f + camera.up * 0.25f + camera.forward * 0.45f);
+    key_ = Unit(view.right * -0.80f + view.up * 0.36f - view.forward * 0.26f + Vec3f{0, 0, 0.35f});
+    rim_ = Unit(view.right * 0.85f + view.up * 0.25f + view.forward * 0.45f);
   }
 
   void PaintRow(int y, uint8_t* rgb) const {
-    const int width = static_cast<int>(camera_.width);
+    const int width = static_cast<int>(view_.width);
     for (int x = 0; x < width; ++x) {
       Vec3f sum;
       const auto pixel_seed = static_cast<uint32_t>(
@@ -274,7 +290,7 @@ class Painter {
   }
 
   Vec3f Background(float x, float y) const {
-    const float dx = x / camera_.width - 0.5f, dy = y / camera_.height - 0.46f;
+    const float dx = x / view_.width - 0.5f, dy = y / view_.height - 0.46f;
     const float t = std::clamp((dx * dx + dy * dy) * 1.9f, 0.0f, 1.0f);
     return Mix(Vec3f{0.200f, 0.215f, 0.235f}, Vec3f{0.036f, 0.041f, 0.050f}, std::sqrt(t));
   }
@@ -298,11 +314,11 @@ class Painter {
   Vec3f Trace(float x, float y, int sample, uint32_t pixel_seed) const {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    const Vec3f direction = camera_.Direction(x, y);
+    const Vec3f direction = view_.Direction(x, y);
     RTCRayHit hit{};
-    hit.ray.org_x = camera_.eye.x;
-    hit.ray.org_y = camera_.eye.y;
-    hit.ray.org_z = camera_.eye.z;
+    hit.ray.org_x = view_.eye.x;
+    hit.ray.org_y = view_.eye.y;
+    hit.ray.org_z = view_.eye.z;
     hit.ray.dir_x = direction.x;
     hit.ray.dir_y = direction.y;
     hit.ray.dir_z = direction.z;
@@ -320,7 +336,7 @@ class Painter {
       albedo = Scaled(albedo, {0.55f, 0.72f, 1.0f});
     }
     const float distance = hit.ray.tfar;
-    const Vec3f at = camera_.eye + direction * distance + normal * (2e-6f * (1 + distance));
+    const Vec3f at = view_.eye + direction * distance + normal * (2e-6f * (1 + distance));
     Vec3f light = Light(at, normal, direction, sample, pixel_seed);
     if (wireframe_) {
       const float ink = EdgeInk(triangle, hit.hit.u, hit.hit.v, direction, distance);
@@ -374,7 +390,7 @@ class Painter {
     const Vec3f corner[3] = {a, geometry_.Vertex(triangle, 1), geometry_.Vertex(triangle, 2)};
     const Vec3f at = corner[0] * (1 - u - v) + corner[1] * u + corner[2] * v;
     // Seen along the ray, a length counts across it only; a pixel has this size at the hit.
-    const float pixel = camera_.pixel * distance * Dot(direction, camera_.forward);
+    const float pixel = view_.pixel * distance * Dot(direction, view_.forward);
     const auto across = [&](Vec3f w) { return w - direction * Dot(w, direction); };
     float nearest = std::numeric_limits<float>::max();
     const float area = std::abs(Dot(Cross(corner[1] - a, corner[2] - a), direction));
@@ -390,7 +406,7 @@ class Painter {
   }
 
   const Geometry& geometry_;
-  const Camera& camera_;
+  const View& view_;
   bool wireframe_;
   Vec3f key_, rim_;
 };
@@ -406,8 +422,8 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
   }
   Geometry geometry;
   MTDB_RETURN_IF_ERROR(geometry.Load(mesh));
-  MTDB_ASSIGN_OR_RETURN(const Camera camera, PlaceCamera(geometry, options));
-  const Painter painter(geometry, camera, options);
+  MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(geometry, options));
+  const Painter painter(geometry, view, options);
   image->width = options.width;
   image->height = options.height;
   const size_t row_bytes = 3 * static_cast<size_t>(options.width);

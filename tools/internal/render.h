@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "query/camera.h"
 #include "store/base/geometry.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
@@ -20,6 +21,8 @@ struct RenderOptions {
   std::optional<Box3d> frame;
   // From the eye to the mesh; need not have length 1. z points up.
   Vec3d view_direction{-0.42, 0.86, -0.34};
+  // Draws what it sees instead; its viewport, near and far do not matter.
+  std::optional<Camera> camera;
 };
 
 struct RenderImage {

@@ -17,30 +17,6 @@ double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-// Box and sphere together mean what lies in either.
-RegionPtr MakeRegion(const QueryArguments& arguments) {
-  std::vector<RegionPtr> regions;
-  if (arguments.box) regions.push_back(BoxRegion(*arguments.box));
-  if (arguments.sphere) {
-    regions.push_back(SphereRegion(arguments.sphere->centre, arguments.sphere->radius));
-  }
-  if (regions.empty()) return RegionPtr();
-  return regions.size() == 1 ? regions[0] : UnionRegion(std::move(regions));
-}
-
-Query MakeQuery(const QueryArguments& arguments, const ObjectRecord& record) {
-  Query query;
-  query.region = MakeRegion(arguments);
-  if (arguments.error) {
-    query.threshold = ConstantThreshold(*arguments.error);
-  } else if (arguments.error_relative) {
-    query.threshold = ConstantThreshold(*arguments.error_relative * record.diagonal());
-  }
-  query.max_triangles = arguments.triangles;
-  query.clip = arguments.clip;
-  return query;
-}
-
 Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
@@ -119,10 +95,15 @@ class TimedSink final : public MeshSink {
 
 Status ExtractVerb(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter(arguments.output));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  const Query query = MakeQuery(arguments, surface->record());
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
@@ -133,6 +114,11 @@ Status ExtractVerb(const QueryArguments& arguments) {
 
 Status RenderVerb(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
   RenderOptions options;
   if (!arguments.output.ends_with(".png")) {
     return Unsupported(arguments.output + ": expected a name that ends in .png");
@@ -141,8 +127,12 @@ Status RenderVerb(const QueryArguments& arguments) {
   options.height = arguments.size.height;
   options.wireframe = arguments.wireframe;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  const Query query = MakeQuery(arguments, surface->record());
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
+  if (arguments.query.has_camera() && !arguments.overview) {
+    MTDB_ASSIGN_OR_RETURN(options.camera,
+                          CameraFromJson(CameraOf(arguments.query, arguments.size), "camera"));
+  }
   // Pictures of one object share their frame, but for clipped ones.
   if (!query.clip) options.frame = surface->record().bounds;
   TriangleMesh mesh;

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "store/base/geometry.h"
 #include "store/base/status.h"
 #include "tools/internal/arguments.h"
+#include "tools/internal/query_options.h"
 
 namespace mtdb {
 
@@ -44,16 +44,12 @@ struct QueryArguments {
   std::string store;
   std::string output;
   std::string name;
-  bool full = false;
-  std::optional<double> error;           // model units
-  std::optional<double> error_relative;  // of the diagonal
-  std::optional<uint64_t> triangles;
-  std::optional<Box3d> box;
-  std::optional<Sphere> sphere;
-  bool clip = false;
+  QueryOptions query;
+  bool print_query = false;
   bool json = false;
   Extent size{1200, 900};  // render
   bool wireframe = false;  // render
+  bool overview = false;   // render: not what the camera sees
 };
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);

@@ -1,0 +1,256 @@
+// Regions around lines and over polygons.
+#include <cmath>
+#include <utility>
+
+#include "query/internal/rounding.h"
+#include "query/internal/segment_tree.h"
+#include "query/internal/split.h"
+#include "query/region.h"
+#include "store/base/check.h"
+
+namespace mtdb {
+namespace {
+
+using Segment = SegmentTree::Segment;
+
+// Boxes get as near as the segments inside.
+struct NearerThan {
+  Box3d around;
+  double limit;
+  bool operator()(const Box3d& box) const {
+    return SquaredDistanceBoxBox(box, around) <= limit * limit * (1 + kBoxRounding);
+  }
+};
+
+double Scale(const Box3d& box) {
+  return std::max(LargestCoordinate(box.min), LargestCoordinate(box.max));
+}
+
+class Tube final : public SplittingRegion {
+ public:
+  Tube(std::vector<Segment> segments, double radius)
+      : segments_(std::move(segments)),
+        radius_(radius),
+        scale_(std::max(Scale(segments_.bounds()), radius)) {}
+
+  bool Within(const Triangle3d& t, double distance) const override {
+    const double limit = radius_ + distance + Rounding(t, distance, scale_);
+    return segments_.AnyOf(NearerThan{Around(t), limit}, [&](const Segment& s) {
+      return SquaredDistanceSegmentTriangle(s[0], s[1], t) <= limit * limit;
+    });
+  }
+
+  bool Covers(const Triangle3d& t, double distance) const override {
+    const double limit = radius_ - distance - Rounding(t, distance, scale_);
+    const auto covers = [&](const Triangle3d& part) {
+      return AroundOne(Around(part), part, limit);
+    };
+    return limit > 0 && HoldsForAll(t, covers, splits() ? kSplits : 0);
+  }
+
+  bool BoxWithin(const Box3d& box, double distance) const override {
+    if (box.empty()) return false;
+    const double limit = radius_ + distance + Rounding(box, distance, scale_);
+    return segments_.AnyOf(NearerThan{box, limit}, [&](const Segment& s) {
+      return SquaredDistanceTriangleBox({s[0], s[1], s[1]}, box) <= limit * limit;
+    });
+  }
+
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    const double limit = radius_ - distance - Rounding(box, distance, scale_);
+    if (box.empty() || !(limit > 0)) return false;
+    std::array<Vec3d, 8> corners;
+    for (int i = 0; i < 8; ++i) corners[static_cast<size_t>(i)] = Corner(box, i);
+    return AroundOne(box, corners, limit);
+  }
+
+  bool splits() const override { return segments_.size() > 1; }
+
+ private:
+  // Whether all corners are less than `limit` away from the same segment.
+  template <typename Corners>
+  bool AroundOne(const Box3d& around, const Corners& corners, double limit) const {
+    return segments_.AnyOf(NearerThan{around, limit}, [&](const Segment& s) {
+      return std::all_of(corners.begin(), corners.end(), [&](Vec3d p) {
+        return SquaredDistancePointSegment(p, s[0], s[1]) < limit * limit;
+      });
+    });
+  }
+
+  SegmentTree segments_;
+  double radius_;
+  double scale_;
+};
+
+// A triangle cut by horizontal planes.
+struct Slice {
+  std::array<Vec3d, 5> corners;
+  size_t count = 0;
+
+  explicit Slice(const Triangle3d& t) : corners{t[0], t[1], t[2]}, count(3) {}
+
+  // Keeps what is at or above `z`; with side -1 what is at or below.
+  void Cut(double z, double side) {
+    std::array<Vec3d, 5> kept;
+    size_t kept_count = 0;
+    for (size_t i = 0; i < count; ++i) {
+      const Vec3d a = corners[i];
+      const Vec3d b = corners[(i + 1) % count];
+      const bool a_in = (a.z - z) * side >= 0;
+      const bool b_in = (b.z - z) * side >= 0;
+      if (a_in) kept[kept_count++] = a;
+      if (a_in == b_in) continue;
+      Vec3d crossing = a + (b - a) * ((z - a.z) / (b.z - a.z));
+      crossing.z = z;
+      kept[kept_count++] = crossing;
+    }
+    corners = kept;
+    count = kept_count;
+  }
+};
+
+// The walls and lids of the prism are made of points over the polygon's edges and over its inside.
+// So a triangle is cut where the lids' planes are: what is between them is near the prism when its
+// shadow on the plane is near the polygon; what is above (below) when it is near the lid.
+class Prism final : public Region {
+ public:
+  Prism(std::vector<Segment> edges, double min_z, double max_z)
+      : edges_(std::move(edges)), min_z_(min_z), max_z_(max_z), scale_(Scale(edges_.bounds())) {
+    for (const double z : {min_z, max_z}) {
+      if (std::isfinite(z)) scale_ = std::max(scale_, std::abs(z));
+    }
+  }
+
+  bool Within(const Triangle3d& t, double distance) const override {
+    const double limit = distance + Rounding(t, distance, scale_);
+    const Box3d around = Around(t);
+    if (min_z_ > max_z_ || around.min.z > max_z_ + limit || around.max.z < min_z_ - limit) {
+      return false;
+    }
+    Slice between(t);
+    if (around.max.z > max_z_) {
+      Slice above(t);
+      above.Cut(max_z_, 1);
+      for (Vec3d& p : above.corners) p.z -= max_z_;
+      if (NearPolygon(above, limit)) return true;
+      between.Cut(max_z_, -1);
+    }
+    if (around.min.z < min_z_) {
+      Slice below(t);
+      below.Cut(min_z_, -1);
+      for (Vec3d& p : below.corners) p.z -= min_z_;
+      if (NearPolygon(below, limit)) return true;
+      between.Cut(min_z_, 1);
+    }
+    for (Vec3d& p : between.corners) p.z = 0;
+    return NearPolygon(between, limit);
+  }
+
+  bool Covers(const Triangle3d& t, double distance) const override {
+    const double limit = distance + Rounding(t, distance, scale_);
+    const Box3d around = Around(t);
+    if (!BetweenLids(around, limit) || !OverPolygon(t[0])) return false;
+    const Triangle3d shadow = {Vec3d{t[0].x, t[0].y, 0}, Vec3d{t[1].x, t[1].y, 0},
+                               Vec3d{t[2].x, t[2].y, 0}};
+    return !edges_.AnyOf(NearerThan{Flat(around), limit}, [&](const Segment& s) {
+      return SquaredDistanceSegmentTriangle(s[0], s[1], shadow) <= limit * limit;
+    });
+  }
+
+  bool BoxWithin(const Box3d& box, double distance) const override {
+    if (box.empty() || min_z_ > max_z_) return false;
+    const double limit = distance + Rounding(box, distance, scale_);
+    if (box.min.z > max_z_ + limit || box.max.z < min_z_ - limit) return false;
+    return OverPolygon(box.min) || NearEdge(Flat(box), limit);
+  }
+
+  bool BoxCovers(const Box3d& box, double distance) const override {
+    if (box.empty()) return false;
+    const double limit = distance + Rounding(box, distance, scale_);
+    return BetweenLids(box, limit) && OverPolygon(box.min) && !NearEdge(Flat(box), limit);
+  }
+
+ private:
+  static Box3d Flat(const Box3d& box) {
+    return {{box.min.x, box.min.y, 0}, {box.max.x, box.max.y, 0}};
+  }
+
+  bool BetweenLids(const Box3d& box, double limit) const {
+    return box.min.z - limit > min_z_ && box.max.z + limit < max_z_;
+  }
+
+  // By the number of edges that a ray along x crosses.
+  bool OverPolygon(Vec3d p) const {
+    bool inside = false;
+    edges_.AnyOf(
+        [&](const Box3d& box) { return box.min.y <= p.y && box.max.y >= p.y && box.max.x >= p.x; },
+        [&](const Segment& s) {
+          const auto& [a, b] = s;
+          if ((a.y > p.y) != (b.y > p.y) && p.x - a.x < (p.y - a.y) * ((b.x - a.x) / (b.y - a.y))) {
+            inside = !inside;
+          }
+          return false;
+        });
+    return inside;
+  }
+
+  // Of the polygon in the plane z = 0.
+  bool NearPolygon(const Slice& slice, double limit) const {
+    Box3d around;
+    for (size_t i = 0; i < slice.count; ++i) {
+      const Vec3d p = slice.corners[i];
+      if (std::abs(p.z) <= limit && OverPolygon(p)) return true;
+      around.Add(p);
+    }
+    if (slice.count == 0) return false;
+    return edges_.AnyOf(NearerThan{around, limit}, [&](const Segment& s) {
+      for (size_t i = 1; i < std::max<size_t>(slice.count, 2); ++i) {
+        const Triangle3d part{slice.corners[0], slice.corners[std::min(i, slice.count - 1)],
+                              slice.corners[std::min(i + 1, slice.count - 1)]};
+        if (SquaredDistanceSegmentTriangle(s[0], s[1], part) <= limit * limit) return true;
+      }
+      return false;
+    });
+  }
+
+  bool NearEdge(const Box3d& flat, double limit) const {
+    return edges_.AnyOf(NearerThan{flat, limit}, [&](const Segment& s) {
+      return SquaredDistanceTriangleBox({s[0], s[1], s[1]}, flat) <= limit * limit;
+    });
+  }
+
+  SegmentTree edges_;  // at z = 0
+  double min_z_, max_z_;
+  double scale_;
+};
+
+}  // namespace
+
+RegionPtr PointRegion(Vec3d point) { return TubeRegion({point}, 0); }
+
+RegionPtr SegmentRegion(Vec3d from, Vec3d to) { return TubeRegion({from, to}, 0); }
+
+RegionPtr TubeRegion(const std::vector<Vec3d>& line, double radius) {
+  MTDB_CHECK(!line.empty(), "a tube needs a line of at least one point");
+  std::vector<Segment> segments;
+  if (radius >= 0) {
+    for (size_t i = 0; i == 0 || i + 1 < line.size(); ++i) {
+      segments.push_back({line[i], line[std::min(i + 1, line.size() - 1)]});
+    }
+  }
+  return std::make_shared<Tube>(std::move(segments), radius);
+}
+
+RegionPtr PrismRegion(const std::vector<std::array<double, 2>>& polygon, double min_z,
+                      double max_z) {
+  MTDB_CHECK(polygon.size() >= 3, "a polygon has at least 3 corners");
+  std::vector<Segment> edges;
+  for (size_t i = 0; i < polygon.size(); ++i) {
+    const auto& a = polygon[i];
+    const auto& b = polygon[(i + 1) % polygon.size()];
+    edges.push_back({Vec3d{a[0], a[1], 0}, Vec3d{b[0], b[1], 0}});
+  }
+  return std::make_shared<Prism>(std::move(edges), min_z, max_z);
+}
+
+}  // namespace mtdb

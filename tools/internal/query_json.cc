@@ -1,0 +1,565 @@
+#include "tools/internal/query_json.h"
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <numbers>
+#include <utility>
+
+namespace mtdb {
+
+namespace {
+
+constexpr int kDeepest = 64;             // braces and brackets within each other
+constexpr double kLargestNumber = 1e30;  // its eighth power, which distances need, is finite
+constexpr size_t kExcerpt = 40;
+constexpr int kLargestViewport = 1 << 20;
+
+double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
+
+// A value and where it is.
+struct Node {
+  const QueryJson& json;
+  std::string path;
+
+  Node operator[](const char* key) const {
+    return {json.at(key), (path.empty() ? "" : path + ".") + key};
+  }
+  Node operator[](size_t i) const { return {json.at(i), path + "[" + std::to_string(i) + "]"}; }
+  bool has(const char* key) const { return json.contains(key); }
+};
+
+std::string Found(const QueryJson& json) {
+  if (json.is_object()) return "an object";
+  if (json.is_array()) return "a list of " + std::to_string(json.size());
+  std::string text = json.dump(-1, ' ', false, QueryJson::error_handler_t::replace);
+  if (text.size() > kExcerpt) text = text.substr(0, kExcerpt) + "...";
+  return text;
+}
+
+Status Wrong(const Node& node, const std::string& what) {
+  return InvalidArgument(node.path + ": " + what);
+}
+
+Status Unexpected(const Node& node, const std::string& expected) {
+  return Wrong(node, "expected " + expected + ", found " + Found(node.json));
+}
+
+std::string Listed(const std::vector<const char*>& names) {
+  std::string text;
+  for (const char* name : names) text += (text.empty() ? "" : ", ") + std::string(name);
+  return text;
+}
+
+// An object with all of the required keys and no others than the optional ones.
+Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
+                 std::initializer_list<const char*> optional = {}) {
+  std::vector<const char*> known(required);
+  known.insert(known.end(), optional);
+  if (!node.json.is_object()) return Unexpected(node, "an object with " + Listed(known));
+  for (const auto& [key, value] : node.json.items()) {
+    if (std::find(known.begin(), known.end(), key) == known.end()) {
+      return Wrong(node, "no key " + Found(key) + " here; known are " + Listed(known));
+    }
+  }
+  for (const char* key : required) {
+    if (!node.has(key)) return Wrong(node, std::string("the key \"") + key + "\" is missing");
+  }
+  return Status::Ok();
+}
+
+Result<double> Number(const Node& node) {
+  if (node.json.is_number()) {
+    const double value = node.json.get<double>();
+    if (std::abs(value) <= kLargestNumber) return value;
+    return Unexpected(node, "a number from -1e30 to 1e30");
+  }
+  return Unexpected(node, "a number");
+}
+
+Result<double> NonNegative(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const double value, Number(node));
+  if (value < 0) return Unexpected(node, "a number that is not negative");
+  return value;
+}
+
+Result<double> Positive(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const double value, Number(node));
+  if (!(value > 0)) return Unexpected(node, "a number above 0");
+  return value;
+}
+
+// `form` is "[x, y, z]" or the like.
+Result<std::vector<double>> Numbers(const Node& node, size_t count, const char* form) {
+  if (!node.json.is_array() || node.json.size() != count) return Unexpected(node, form);
+  std::vector<double> numbers;
+  for (size_t i = 0; i < count; ++i) {
+    MTDB_ASSIGN_OR_RETURN(const double value, Number(node[i]));
+    numbers.push_back(value);
+  }
+  return numbers;
+}
+
+Result<Vec3d> Point(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(node, 3, "[x, y, z]"));
+  return Vec3d{n[0], n[1], n[2]};
+}
+
+// Long enough to be divided by its length.
+Result<Vec3d> Direction(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const Vec3d v, Point(node));
+  if (std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}) < 1e-30) {
+    return Wrong(node, "expected a direction, found one without length");
+  }
+  return v;
+}
+
+Result<double> AngleDegrees(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const double degrees, Number(node));
+  if (!(degrees >= 1e-3 && degrees <= 179.999)) {
+    return Unexpected(node, "an angle in degrees, above 0 and below 180");
+  }
+  return Radians(degrees);
+}
+
+Status ReadNearAndFar(const Node& node, double* near, double* far) {
+  if (node.has("near")) {
+    MTDB_ASSIGN_OR_RETURN(*near, NonNegative(node["near"]));
+  }
+  if (node.has("far")) {
+    MTDB_ASSIGN_OR_RETURN(*far, Number(node["far"]));
+    if (!(*far > *near)) return Unexpected(node["far"], "a number above near");
+  }
+  return Status::Ok();
+}
+
+// A list of at least `least` entries.
+Status CheckList(const Node& node, size_t least, const char* of) {
+  if (node.json.is_array() && node.json.size() >= least) return Status::Ok();
+  return Unexpected(node, "a list of at least " + std::to_string(least) + " " + of);
+}
+
+Result<HalfSpace> HalfSpaceOf(const Node& node) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"point", "normal"}));
+  HalfSpace h;
+  MTDB_ASSIGN_OR_RETURN(h.point, Point(node["point"]));
+  MTDB_ASSIGN_OR_RETURN(h.normal, Direction(node["normal"]));
+  return h;
+}
+
+Result<RegionPtr> RegionOf(const Node& node, int depth);
+Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth);
+
+Result<RegionPtr> BoxOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"min", "max"}));
+  Box3d box;
+  MTDB_ASSIGN_OR_RETURN(box.min, Point(node["min"]));
+  MTDB_ASSIGN_OR_RETURN(box.max, Point(node["max"]));
+  if (box.empty()) return Wrong(node, "expected a min that does not exceed max");
+  return BoxRegion(box);
+}
+
+Result<RegionPtr> SphereOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"centre", "radius"}));
+  MTDB_ASSIGN_OR_RETURN(const Vec3d centre, Point(node["centre"]));
+  MTDB_ASSIGN_OR_RETURN(const double radius, NonNegative(node["radius"]));
+  return SphereRegion(centre, radius);
+}
+
+Result<RegionPtr> HalfSpaceRegionOf(const Node& node, int) {
+  MTDB_ASSIGN_OR_RETURN(const HalfSpace h, HalfSpaceOf(node));
+  return HalfSpaceRegion(h);
+}
+
+Result<RegionPtr> PolyhedronOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckList(node, 1, "half-spaces"));
+  if (node.json.size() > kMaxHalfSpaces) {
+    return Unexpected(node, "at most " + std::to_string(kMaxHalfSpaces) + " half-spaces");
+  }
+  std::vector<HalfSpace> half_spaces;
+  for (size_t i = 0; i < node.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(const HalfSpace h, HalfSpaceOf(node[i]));
+    half_spaces.push_back(h);
+  }
+  return ConvexRegion(half_spaces);
+}
+
+Result<Camera> CameraOf(const Node& node) {
+  MTDB_RETURN_IF_ERROR(
+      CheckKeys(node, {"eye"}, {"target", "direction", "up", "fov", "viewport", "near", "far"}));
+  Camera camera;
+  MTDB_ASSIGN_OR_RETURN(camera.eye, Point(node["eye"]));
+  if (node.has("target") == node.has("direction")) {
+    return Wrong(node, "expected either target or direction");
+  }
+  if (node.has("target")) {
+    MTDB_ASSIGN_OR_RETURN(const Vec3d target, Point(node["target"]));
+    camera.direction = target - camera.eye;
+    if (SquaredLength(camera.direction) == 0) {
+      return Wrong(node["target"], "the target must not be at the eye");
+    }
+  } else {
+    MTDB_ASSIGN_OR_RETURN(camera.direction, Direction(node["direction"]));
+  }
+  if (node.has("up")) {
+    MTDB_ASSIGN_OR_RETURN(camera.up, Direction(node["up"]));
+  }
+  camera.vertical_fov_rad = Radians(45);
+  if (node.has("fov")) {
+    MTDB_ASSIGN_OR_RETURN(camera.vertical_fov_rad, AngleDegrees(node["fov"]));
+  }
+  if (node.has("viewport")) {
+    const Node viewport = node["viewport"];
+    const char* form = "[width, height] in whole pixels";
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(viewport, 2, form));
+    for (size_t i = 0; i < 2; ++i) {
+      if (n[i] != std::floor(n[i]) || n[i] < 1 || n[i] > kLargestViewport) {
+        return Unexpected(viewport[i], "whole pixels, from 1 to 1048576");
+      }
+    }
+    camera.width_px = static_cast<int>(n[0]);
+    camera.height_px = static_cast<int>(n[1]);
+  }
+  MTDB_RETURN_IF_ERROR(ReadNearAndFar(node, &camera.near, &camera.far));
+  const Status status = camera.Validate();
+  if (!status.ok()) return Wrong(node, status.message());
+  return camera;
+}
+
+Result<RegionPtr> FrustumOf(const Node& node, int) {
+  MTDB_ASSIGN_OR_RETURN(const Camera camera, CameraOf(node));
+  return FrustumRegion(camera);
+}
+
+Result<RegionPtr> FrustumShadowOf(const Node& node, int) {
+  MTDB_ASSIGN_OR_RETURN(const Camera camera, CameraOf(node));
+  if (!std::isfinite(camera.far)) return Wrong(node, "the key \"far\" is missing");
+  return FrustumShadowRegion(camera);
+}
+
+Result<RegionPtr> WedgeOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"apex", "direction", "angle"}, {"near", "far"}));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> apex, Numbers(node["apex"], 2, "[x, y]"));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> direction,
+                        Numbers(node["direction"], 2, "[x, y]"));
+  Wedge wedge{apex[0], apex[1], direction[0], direction[1]};
+  if (std::max(std::abs(direction[0]), std::abs(direction[1])) < 1e-30) {
+    return Wrong(node["direction"], "expected a direction, found one without length");
+  }
+  MTDB_ASSIGN_OR_RETURN(wedge.angle_rad, AngleDegrees(node["angle"]));
+  MTDB_RETURN_IF_ERROR(ReadNearAndFar(node, &wedge.near, &wedge.far));
+  return WedgeRegion(wedge);
+}
+
+Result<RegionPtr> PrismOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"polygon"}, {"min_z", "max_z"}));
+  const Node corners = node["polygon"];
+  MTDB_RETURN_IF_ERROR(CheckList(corners, 3, "corners [x, y]"));
+  std::vector<std::array<double, 2>> polygon;
+  for (size_t i = 0; i < corners.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(corners[i], 2, "[x, y]"));
+    polygon.push_back({n[0], n[1]});
+  }
+  double min_z = -std::numeric_limits<double>::infinity();
+  double max_z = std::numeric_limits<double>::infinity();
+  if (node.has("min_z")) {
+    MTDB_ASSIGN_OR_RETURN(min_z, Number(node["min_z"]));
+  }
+  if (node.has("max_z")) {
+    MTDB_ASSIGN_OR_RETURN(max_z, Number(node["max_z"]));
+  }
+  if (min_z > max_z) return Wrong(node, "expected a min_z that does not exceed max_z");
+  return PrismRegion(polygon, min_z, max_z);
+}
+
+Result<RegionPtr> PointRegionOf(const Node& node, int) {
+  MTDB_ASSIGN_OR_RETURN(const Vec3d point, Point(node));
+  return PointRegion(point);
+}
+
+Result<RegionPtr> SegmentOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"from", "to"}));
+  MTDB_ASSIGN_OR_RETURN(const Vec3d from, Point(node["from"]));
+  MTDB_ASSIGN_OR_RETURN(const Vec3d to, Point(node["to"]));
+  return SegmentRegion(from, to);
+}
+
+Result<RegionPtr> TubeOf(const Node& node, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"line", "radius"}));
+  const Node points = node["line"];
+  MTDB_RETURN_IF_ERROR(CheckList(points, 1, "points [x, y, z]"));
+  std::vector<Vec3d> line;
+  for (size_t i = 0; i < points.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(const Vec3d point, Point(points[i]));
+    line.push_back(point);
+  }
+  MTDB_ASSIGN_OR_RETURN(const double radius, NonNegative(node["radius"]));
+  return TubeRegion(line, radius);
+}
+
+Result<std::vector<RegionPtr>> RegionsOf(const Node& node, int depth) {
+  MTDB_RETURN_IF_ERROR(CheckList(node, 1, "regions"));
+  std::vector<RegionPtr> regions;
+  for (size_t i = 0; i < node.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(RegionPtr region, RegionOf(node[i], depth));
+    regions.push_back(std::move(region));
+  }
+  return regions;
+}
+
+Result<RegionPtr> UnionOf(const Node& node, int depth) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<RegionPtr> regions, RegionsOf(node, depth));
+  return UnionRegion(std::move(regions));
+}
+
+Result<RegionPtr> IntersectionOf(const Node& node, int depth) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<RegionPtr> regions, RegionsOf(node, depth));
+  return IntersectionRegion(std::move(regions));
+}
+
+Result<RegionPtr> OutsideOf(const Node& node, int depth) {
+  MTDB_ASSIGN_OR_RETURN(RegionPtr region, RegionOf(node, depth));
+  return ComplementRegion(std::move(region));
+}
+
+struct RegionKind {
+  const char* name;
+  Result<RegionPtr> (*parse)(const Node& node, int depth);
+};
+constexpr RegionKind kRegionKinds[] = {
+    {"box", BoxOf},
+    {"sphere", SphereOf},
+    {"half_space", HalfSpaceRegionOf},
+    {"polyhedron", PolyhedronOf},
+    {"frustum", FrustumOf},
+    {"frustum_shadow", FrustumShadowOf},
+    {"wedge", WedgeOf},
+    {"prism", PrismOf},
+    {"point", PointRegionOf},
+    {"segment", SegmentOf},
+    {"tube", TubeOf},
+    {"union", UnionOf},
+    {"intersection", IntersectionOf},
+    {"outside", OutsideOf},
+};
+
+// The kind that the only key of an object names.
+template <typename Kind, size_t kCount>
+Result<const Kind*> KindOf(const Node& node, const Kind (&kinds)[kCount], const char* what) {
+  if (node.json.is_object() && node.json.size() == 1) {
+    for (const Kind& kind : kinds) {
+      if (node.has(kind.name)) return &kind;
+    }
+  }
+  std::vector<const char*> names;
+  for (const Kind& kind : kinds) names.push_back(kind.name);
+  const std::string found =
+      node.json.is_object() && node.json.size() == 1 ? Found(node.json.begin().key())
+      : node.json.is_object() ? "an object with " + std::to_string(node.json.size()) + " keys"
+                              : Found(node.json);
+  return Wrong(node, std::string("expected ") + what + ", an object with one of the keys " +
+                         Listed(names) + "; found " + found);
+}
+
+Result<RegionPtr> RegionOf(const Node& node, int depth) {
+  if (depth == kDeepest) return Wrong(node, "too many regions within each other");
+  MTDB_ASSIGN_OR_RETURN(const RegionKind* kind, KindOf(node, kRegionKinds, "a region"));
+  return kind->parse(node[kind->name], depth + 1);
+}
+
+Result<ThresholdPtr> RelativeOf(const Node& node, double diagonal, int) {
+  MTDB_ASSIGN_OR_RETURN(const double fraction, NonNegative(node));
+  return ConstantThreshold(fraction * diagonal);
+}
+
+// A point, a base and `factor`, which go to `make`.
+template <typename Make>
+Result<ThresholdPtr> OfDistance(const Node& node, const char* factor, Make make) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"point", "base", factor}));
+  MTDB_ASSIGN_OR_RETURN(const Vec3d point, Point(node["point"]));
+  MTDB_ASSIGN_OR_RETURN(const double base, Number(node["base"]));
+  MTDB_ASSIGN_OR_RETURN(const double value, Number(node[factor]));
+  return make(point, base, value);
+}
+
+Result<ThresholdPtr> LinearOf(const Node& node, double, int) {
+  return OfDistance(node, "slope", LinearThreshold);
+}
+Result<ThresholdPtr> QuadraticOf(const Node& node, double, int) {
+  return OfDistance(node, "factor", QuadraticThreshold);
+}
+Result<ThresholdPtr> SquareRootOf(const Node& node, double, int) {
+  return OfDistance(node, "factor", SquareRootThreshold);
+}
+Result<ThresholdPtr> ExponentialOf(const Node& node, double, int) {
+  return OfDistance(node, "rate", ExponentialThreshold);
+}
+
+Result<ThresholdPtr> ScreenOf(const Node& node, double, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"camera", "pixels"}));
+  MTDB_ASSIGN_OR_RETURN(const Camera camera, CameraOf(node["camera"]));
+  MTDB_ASSIGN_OR_RETURN(const double pixels, Positive(node["pixels"]));
+  return ScreenThreshold(camera, pixels);
+}
+
+Result<ThresholdPtr> ByRegionOf(const Node& node, double diagonal, int depth) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"region", "inside", "outside"}));
+  MTDB_ASSIGN_OR_RETURN(RegionPtr region, RegionOf(node["region"], depth));
+  MTDB_ASSIGN_OR_RETURN(ThresholdPtr inside, ThresholdOf(node["inside"], diagonal, depth));
+  MTDB_ASSIGN_OR_RETURN(ThresholdPtr outside, ThresholdOf(node["outside"], diagonal, depth));
+  return RegionThreshold(std::move(region), std::move(inside), std::move(outside));
+}
+
+Result<ThresholdPtr> GridOf(const Node& node, double, int) {
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {"origin", "cell", "counts", "errors"}));
+  GridField field;
+  MTDB_ASSIGN_OR_RETURN(field.origin, Point(node["origin"]));
+  MTDB_ASSIGN_OR_RETURN(field.cell_size, Point(node["cell"]));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> counts,
+                        Numbers(node["counts"], 3, "[cells along x, y, z]"));
+  const Node errors = node["errors"];
+  if (!errors.json.is_array()) return Unexpected(errors, "a list of errors");
+  double cells = 1;
+  for (size_t i = 0; i < 3; ++i) {
+    if (!(field.cell_size[static_cast<int>(i)] > 0)) {
+      return Unexpected(node["cell"][i], "a number above 0");
+    }
+    if (counts[i] != std::floor(counts[i]) || counts[i] < 1 || counts[i] > 1e9) {
+      return Unexpected(node["counts"][i], "a whole number of cells, at least 1");
+    }
+    field.counts[i] = static_cast<uint32_t>(counts[i]);
+    cells *= counts[i];
+  }
+  if (cells != static_cast<double>(errors.json.size())) {
+    return Unexpected(errors, "an error for each cell");
+  }
+  for (size_t i = 0; i < errors.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(const double error, Number(errors[i]));
+    field.errors.push_back(error);
+  }
+  return GridThreshold(std::move(field));
+}
+
+Result<std::vector<ThresholdPtr>> ThresholdsOf(const Node& node, double diagonal, int depth) {
+  MTDB_RETURN_IF_ERROR(CheckList(node, 1, "thresholds"));
+  std::vector<ThresholdPtr> thresholds;
+  for (size_t i = 0; i < node.json.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(ThresholdPtr threshold, ThresholdOf(node[i], diagonal, depth));
+    thresholds.push_back(std::move(threshold));
+  }
+  return thresholds;
+}
+
+Result<ThresholdPtr> SmallestOf(const Node& node, double diagonal, int depth) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<ThresholdPtr> all, ThresholdsOf(node, diagonal, depth));
+  return MinThreshold(std::move(all));
+}
+
+Result<ThresholdPtr> LargestOf(const Node& node, double diagonal, int depth) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<ThresholdPtr> all, ThresholdsOf(node, diagonal, depth));
+  return MaxThreshold(std::move(all));
+}
+
+struct ThresholdKind {
+  const char* name;
+  Result<ThresholdPtr> (*parse)(const Node& node, double diagonal, int depth);
+};
+constexpr ThresholdKind kThresholdKinds[] = {
+    {"relative", RelativeOf},       {"linear", LinearOf},
+    {"quadratic", QuadraticOf},     {"square_root", SquareRootOf},
+    {"exponential", ExponentialOf}, {"screen", ScreenOf},
+    {"by_region", ByRegionOf},      {"grid", GridOf},
+    {"smallest", SmallestOf},       {"largest", LargestOf},
+};
+
+Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
+  if (depth == kDeepest) return Wrong(node, "too many thresholds within each other");
+  if (node.json.is_number()) {
+    MTDB_ASSIGN_OR_RETURN(const double error, NonNegative(node));
+    return ConstantThreshold(error);
+  }
+  if (node.json == "full") return FullResolution();
+  if (node.json == "coarsest") return CoarsestThreshold();
+  MTDB_ASSIGN_OR_RETURN(
+      const ThresholdKind* kind,
+      KindOf(node, kThresholdKinds, "a threshold: a number, \"full\", \"coarsest\""));
+  return kind->parse(node[kind->name], diagonal, depth + 1);
+}
+
+// The byte at which braces and brackets go too deep, or npos.
+size_t TooDeepAt(const std::string& text) {
+  int depth = 0;
+  bool in_string = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') ++i;
+      in_string = c != '"';
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '{' || c == '[') {
+      if (++depth > kDeepest) return i;
+    } else if (c == '}' || c == ']') {
+      --depth;
+    }
+  }
+  return std::string::npos;
+}
+
+}  // namespace
+
+Result<QueryJson> ParseQueryText(const std::string& text) {
+  if (const size_t at = TooDeepAt(text); at != std::string::npos) {
+    return InvalidArgument("byte " + std::to_string(at) + ": more than " +
+                           std::to_string(kDeepest) + " braces and brackets within each other");
+  }
+  try {
+    return QueryJson::parse(text);
+  } catch (const QueryJson::parse_error& e) {
+    return InvalidArgument("byte " + std::to_string(e.byte) + ": not JSON");
+  } catch (const QueryJson::exception&) {
+    return InvalidArgument("a number that is too large for JSON");
+  }
+}
+
+Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
+  const Node node{json, "query"};
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {}, {"region", "threshold", "max_triangles", "clip"}));
+  Query query;
+  if (node.has("region")) {
+    MTDB_ASSIGN_OR_RETURN(query.region, RegionOf({json.at("region"), "region"}, 0));
+  }
+  if (node.has("threshold")) {
+    MTDB_ASSIGN_OR_RETURN(query.threshold,
+                          ThresholdOf({json.at("threshold"), "threshold"}, diagonal, 0));
+  }
+  if (node.has("max_triangles")) {
+    const Node count{json.at("max_triangles"), "max_triangles"};
+    if (!count.json.is_number_unsigned() || count.json.get<uint64_t>() == 0) {
+      return Unexpected(count, "a whole number above 0");
+    }
+    query.max_triangles = count.json.get<uint64_t>();
+  }
+  if (node.has("clip")) {
+    const Node clip{json.at("clip"), "clip"};
+    if (!clip.json.is_boolean()) return Unexpected(clip, "true or false");
+    query.clip = clip.json.get<bool>();
+    if (query.clip && query.region == nullptr) return Wrong(clip, "needs a region");
+  }
+  return query;
+}
+
+Result<RegionPtr> RegionFromJson(const QueryJson& json, const std::string& path) {
+  return RegionOf({json, path}, 0);
+}
+
+Result<ThresholdPtr> ThresholdFromJson(const QueryJson& json, const std::string& path,
+                                       double diagonal) {
+  return ThresholdOf({json, path}, diagonal, 0);
+}
+
+Result<Camera> CameraFromJson(const QueryJson& json, const std::string& path) {
+  return CameraOf({json, path});
+}
+
+}  // namespace mtdb
