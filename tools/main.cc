@@ -190,7 +190,7 @@ int main(int argc, char** argv) {
       add_verb("extract", "write the mesh of a region at an accuracy",
                "Example: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip");
   extract_verb->add_option("STORE", query.store, "the store file")->required();
-  extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .drc")
+  extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(extract_verb, &query);
 

@@ -539,7 +539,7 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
       {"list", {"STORE", "--json"}},
       {"extract",
        {"STORE OUTPUT", "--name", "--full", "--error E", "--error-rel F", "--triangles N", "--box",
-        "--sphere", "--clip", "--json", ".ply .obj .stl .off .drc"}},
+        "--sphere", "--clip", "--json", ".ply .obj .stl .off .glb .drc"}},
       {"verify", {"STORE", "--name", "--level", "fast", "full", "global", "--json"}},
       {"render",
        {"STORE OUT.png", "--name", "--full", "--error E", "--error-rel F", "--triangles N", "--box",
