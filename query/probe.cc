@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRoundUp = 1 + 1e-9;
-constexpr double kFall = 4;  // of the threshold from cut to cut
+constexpr double kFall = 16;  // of the threshold from cut to cut
 
 Status CheckFinite(Vec3d v, const char* name) {
   if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) return Status::Ok();
