@@ -155,7 +155,7 @@ Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d directio
   for (size_t i = 0; i + 1 < errors.size(); ++i) {
     MTDB_ASSIGN_OR_RETURN(
         const TriangleMesh mesh,
-        TrianglesAt(surface, SegmentRegion(ray, inside->begin, answer.reach), errors[i], &answer));
+        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors[i], &answer));
     const std::optional<ProbeHit> hit = FirstHit(mesh, ray, direction, answer.reach);
     if (!hit) continue;
     // The finer surface is that far away across, and most often not much farther along the ray.
@@ -164,9 +164,9 @@ Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d directio
         std::min(answer.reach, hit->distance + kAlong * answer.error_bound / ray.length());
   }
   for (;; answer.reach = all) {
-    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
-                          TrianglesAt(surface, SegmentRegion(ray, inside->begin, answer.reach),
-                                      errors.back(), &answer));
+    MTDB_ASSIGN_OR_RETURN(
+        const TriangleMesh mesh,
+        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors.back(), &answer));
     answer.hit = FirstHit(mesh, ray, direction, answer.reach);
     if (answer.hit || answer.reach >= all) return answer;
   }

@@ -20,9 +20,9 @@ Box3d BoundsOf(const Triangle3d& t) {
   return box;
 }
 
-class Segment final : public Region {
+class RayPart final : public Region {
  public:
-  Segment(const RayCaster& ray, double begin, double end)
+  RayPart(const RayCaster& ray, double begin, double end)
       : ray_(ray), begin_(begin), end_(end), a_(ray.At(begin)), b_(ray.At(end)) {
     bounds_.Add(a_);
     bounds_.Add(b_);
@@ -143,8 +143,8 @@ std::optional<RayCaster::Interval> RayCaster::Clip(const Box3d& box) const {
   return in;
 }
 
-RegionPtr SegmentRegion(const RayCaster& ray, double begin, double end) {
-  return std::make_shared<Segment>(ray, begin, end);
+RegionPtr RayRegion(const RayCaster& ray, double begin, double end) {
+  return std::make_shared<RayPart>(ray, begin, end);
 }
 
 }  // namespace mtdb

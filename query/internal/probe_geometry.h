@@ -42,6 +42,6 @@ class RayCaster {
 
 // The points of the ray from parameter `begin` to `end`, and what is closer to them than rounding
 // can tell: every triangle that the ray hits there meets the region.
-RegionPtr SegmentRegion(const RayCaster& ray, double begin, double end);
+RegionPtr RayRegion(const RayCaster& ray, double begin, double end);
 
 }  // namespace mtdb
