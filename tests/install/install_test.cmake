@@ -1,6 +1,6 @@
 # Installs mtdb into a folder of its own, builds tests/install/consumer against what is there and
-# runs it on a store that the installed program made. Wants MTDB_BINARY_DIR, MTDB_GENERATOR and
-# MTDB_SANITIZE.
+# runs it on a store that the installed program made. Wants MTDB_BINARY_DIR, MTDB_GENERATOR, MTDB_CC,
+# MTDB_CXX and MTDB_SANITIZE.
 set(work ${MTDB_BINARY_DIR}/install-test)
 file(REMOVE_RECURSE ${work})
 file(MAKE_DIRECTORY ${work})
@@ -32,7 +32,8 @@ if(MTDB_SANITIZE)
     -DCMAKE_CXX_FLAGS=-fsanitize=${MTDB_SANITIZE})
 endif()
 run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${work}/build -G ${MTDB_GENERATOR}
-  -DCMAKE_PREFIX_PATH=${work}/prefix -DCMAKE_BUILD_TYPE= ${flags})
+  -DCMAKE_PREFIX_PATH=${work}/prefix -DCMAKE_BUILD_TYPE= -DCMAKE_C_COMPILER=${MTDB_CC}
+  -DCMAKE_CXX_COMPILER=${MTDB_CXX} ${flags})
 run(${CMAKE_COMMAND} --build ${work}/build)
 
 run(${work}/prefix/bin/mtdb generate sculpture ${work}/a.ply --triangles 5000)
