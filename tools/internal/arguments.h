@@ -14,12 +14,12 @@ struct Sphere {
   double radius = 0;
 };
 
-struct Ray {
-  Vec3d origin, direction;
-};
-
 struct Extent {
   int width = 0, height = 0;  // pixels, 1 .. 16384
+};
+
+struct Ray {
+  Vec3d origin, direction;
 };
 
 // Finite numbers.
@@ -31,14 +31,14 @@ Result<uint64_t> ParseCount(const std::string& text);
 Result<Box3d> ParseBox(const std::string& text);
 // "X,Y,Z,R"; the radius is not negative.
 Result<Sphere> ParseSphere(const std::string& text);
-// "X,Y,Z".
-Result<Vec3d> ParsePoint(const std::string& text);
-// "X,Y,Z,DX,DY,DZ"; the direction is not 0.
-Result<Ray> ParseRay(const std::string& text);
 // "512M", "1G", "4096": bytes; the suffixes K, M, G, T are powers of 1024. Not 0.
 Result<uint64_t> ParseSize(const std::string& text);
 // "1200x900".
 Result<Extent> ParseExtent(const std::string& text);
+// "X,Y,Z".
+Result<Vec3d> ParsePoint(const std::string& text);
+// "X,Y,Z,DX,DY,DZ"; the direction is not 0.
+Result<Ray> ParseRay(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
 
