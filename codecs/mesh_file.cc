@@ -75,6 +75,7 @@ Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& 
   if (extension == ".obj") return CreateObjWriter(path);
   if (extension == ".stl") return CreateStlWriter(path);
   if (extension == ".off") return CreateOffWriter(path);
+  if (extension == ".glb") return CreateGltfWriter(path);
   if (extension == ".drc") {
     if (options.draco_position_bits < 1 || options.draco_position_bits > 30) {
       return InvalidArgument("draco_position_bits: expected 1 to 30, found " +
@@ -86,7 +87,7 @@ Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& 
     }
     return CreateDracoWriter(path, options);
   }
-  return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off or .drc");
+  return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
 }
 
 std::string NonFinite(Vec3d p) {

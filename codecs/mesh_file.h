@@ -1,4 +1,4 @@
-// Mesh files: readers and writers of PLY, OBJ, STL, OFF and (writing only) Draco.
+// Mesh files: readers and writers of PLY, OBJ, STL, OFF and (writing only) binary glTF and Draco.
 #pragma once
 
 #include <cstdint>
@@ -35,8 +35,9 @@ struct MeshWriteOptions {
 };
 
 // By the extension of `path`: .ply (binary little endian; attributes), .obj, .stl (binary), .off,
-// .drc. kUnsupported for others. PLY, OBJ and OFF stream; STL keeps 12 bytes a vertex and .drc
-// the whole mesh. bytes_written() is valid after End().
+// .glb (attributes; see codecs/README.md), .drc. kUnsupported for others. PLY, OBJ, OFF and .glb
+// stream; STL keeps 12 bytes a vertex and .drc the whole mesh. bytes_written() is valid after
+// End().
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;

@@ -184,6 +184,24 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
   });
 }
 
+void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, mtdb::ParsePoint,
+                          "find the closest point of the surface to this one");
+  AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, mtdb::ParseRay,
+            "find where this ray, of origin and direction, first meets the surface")
+      ->excludes(point);
+  AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
+            "on a surface within E of the input, in model units (default: full resolution)");
+  AddParsed(verb, "--limit", "D", &a->limit, mtdb::ParseNonNegative,
+            "look no farther: a distance, or for rays a multiple of the direction");
+  AddJson(verb, &a->json);
+  verb->callback([a] {
+    if (!a->point && !a->ray) throw CLI::ValidationError("probe", "give --point or --ray");
+  });
+}
+
 void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArguments* a) {
   verb->add_option("INPUT... STORE", *paths,
                    "mesh files (.ply .obj .stl .off; several become one object), then the store, "
@@ -273,7 +291,7 @@ int main(int argc, char** argv) {
                "--target 0,0,100\n"
                "More: docs/query.md");
   extract_verb->add_option("STORE", query.store, "the store file")->required();
-  extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .drc")
+  extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(extract_verb, &query, false);
 
@@ -303,6 +321,12 @@ int main(int argc, char** argv) {
   render_verb->add_flag("--overview", query.overview,
                         "draw the whole object as without a camera, not what the camera sees");
   render_verb->add_flag("--wireframe", query.wireframe, "draw the edges of the triangles");
+
+  mtdb::ProbeArguments probe;
+  CLI::App* probe_verb =
+      add_verb("probe", "find the closest point of a surface, or the first hit of a ray",
+               "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5");
+  AddProbe(probe_verb, &probe);
 
   CLI::App* remove_verb = add_verb("remove", "remove an object from a store", "");
   remove_verb->add_option("STORE", inspect.store, "the store file")->required();
@@ -369,6 +393,8 @@ int main(int argc, char** argv) {
     status = mtdb::List(inspect);
   } else if (verify_verb->parsed()) {
     status = mtdb::Verify(inspect, &ok);
+  } else if (probe_verb->parsed()) {
+    status = mtdb::Probe(probe);
   } else if (remove_verb->parsed()) {
     status = mtdb::Remove(inspect);
   } else if (extract_verb->parsed()) {

@@ -147,14 +147,23 @@ Status AtomicFile::Flush() {
   return WriteAll(bytes);
 }
 
-Status AtomicFile::WriteAll(ByteSpan bytes) {
+Status AtomicFile::Overwrite(uint64_t offset, ByteSpan bytes) {
+  MTDB_CHECK(offset + bytes.size() <= bytes_written_, "only what was appended is overwritten");
+  MTDB_RETURN_IF_ERROR(Flush());
+  return WriteAll(bytes, offset);
+}
+
+Status AtomicFile::WriteAll(ByteSpan bytes, std::optional<uint64_t> offset) {
   while (!bytes.empty()) {
-    const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
+    const ssize_t n =
+        offset ? ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(*offset))
+               : ::write(descriptor_, bytes.data(), bytes.size());
     if (n < 0) {
       if (errno == EINTR) continue;
       return WriteError(path_, errno);
     }
     bytes = bytes.subspan(static_cast<size_t>(n));
+    if (offset) *offset += static_cast<uint64_t>(n);
   }
   return Status::Ok();
 }

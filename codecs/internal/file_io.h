@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -80,13 +81,16 @@ class AtomicFile {
 
   Status Append(ByteSpan bytes);
   Status Append(std::string_view text) { return Append(AsBytes(text)); }
+  // Replaces bytes that were appended before. bytes_written() does not count them again.
+  Status Overwrite(uint64_t offset, ByteSpan bytes);
   Status Commit();
   uint64_t bytes_written() const { return bytes_written_; }
 
  private:
   AtomicFile(std::string path, std::string temporary, int descriptor);
   Status Flush();
-  Status WriteAll(ByteSpan bytes);
+  // From where the file ends; from `offset` when it is given.
+  Status WriteAll(ByteSpan bytes, std::optional<uint64_t> offset = std::nullopt);
 
   std::string path_;
   std::string temporary_;

@@ -72,6 +72,7 @@ std::unique_ptr<MeshFileWriter> CreatePlyWriter(const std::string& path);
 std::unique_ptr<MeshFileWriter> CreateObjWriter(const std::string& path);
 std::unique_ptr<MeshFileWriter> CreateOffWriter(const std::string& path);
 std::unique_ptr<MeshFileWriter> CreateStlWriter(const std::string& path);
+std::unique_ptr<MeshFileWriter> CreateGltfWriter(const std::string& path);
 std::unique_ptr<MeshFileWriter> CreateDracoWriter(const std::string& path,
                                                   const MeshWriteOptions& options);
 

@@ -201,7 +201,7 @@ TEST_CASE("The written bytes are these") {
 
 TEST_CASE("bytes_written is the size of the file") {
   const ScratchFolder folder;
-  for (const char* name : {"s.ply", "s.obj", "s.stl", "s.off", "s.drc"}) {
+  for (const char* name : {"s.ply", "s.obj", "s.stl", "s.off", "s.glb", "s.drc"}) {
     auto writer = CreateMeshFileWriter(folder.Path(name));
     REQUIRE(writer.ok());
     REQUIRE(SendMesh(ColouredTetrahedron(), **writer).ok());
@@ -216,13 +216,13 @@ TEST_CASE("Extensions count in any case, unknown ones are refused by name") {
   for (const char* name : {"a.gltf", "a", ".ply.txt"}) {
     const Status status = WriteMesh(Tetrahedron(), folder.Path(name));
     REQUIRE(status.code() == StatusCode::kUnsupported);
-    REQUIRE(status.message().find(".ply, .obj, .stl, .off or .drc") != std::string::npos);
+    REQUIRE(status.message().find(".ply, .obj, .stl, .off, .glb or .drc") != std::string::npos);
   }
 }
 
 TEST_CASE("A file appears under its name only at End, and nothing stays behind without it") {
   const ScratchFolder folder;
-  for (const char* name : {"a.ply", "a.obj", "a.stl", "a.off", "a.drc"}) {
+  for (const char* name : {"a.ply", "a.obj", "a.stl", "a.off", "a.glb", "a.drc"}) {
     CAPTURE(name);
     folder.Write(name, "old");
     const size_t before = folder.file_count();
@@ -244,7 +244,7 @@ TEST_CASE("A file appears under its name only at End, and nothing stays behind w
 
 TEST_CASE("Writers want the counts up front and hold the producer to them") {
   const ScratchFolder folder;
-  for (const char* name : {"a.ply", "a.obj", "a.stl", "a.off", "a.drc"}) {
+  for (const char* name : {"a.ply", "a.obj", "a.stl", "a.off", "a.glb", "a.drc"}) {
     CAPTURE(name);
     const std::string path = folder.Path(name);
     MeshHeader missing = Counts(4, 4);
@@ -285,6 +285,15 @@ TEST_CASE("Formats refuse what they cannot count") {
   REQUIRE(stl.message().find("STL holds at most 4294967295 triangles") != std::string::npos);
   const Status ply = BeginWriter(folder.Path("a.ply"), Counts((uint64_t{1} << 32) + 1, 1));
   REQUIRE(ply.message().find("PLY holds at most 4294967296 vertices") != std::string::npos);
+  for (const auto& [vertices, triangles] : {std::pair{(uint64_t{1} << 32) + 1, uint64_t{1}},
+                                            {uint64_t{10}, uint64_t{1} << 29},
+                                            {~uint64_t{0}, ~uint64_t{0}},
+                                            {uint64_t{180'000'000}, uint64_t{180'000'000}}}) {
+    const Status glb = BeginWriter(folder.Path("a.glb"), Counts(vertices, triangles));
+    REQUIRE(glb.code() == StatusCode::kInvalidArgument);
+    REQUIRE(glb.message().find("at most 4 GiB, but the mesh of") != std::string::npos);
+  }
+  REQUIRE(BeginWriter(folder.Path("a.glb"), Counts(178'000'000, 178'000'000)).ok());
   const Status drc = BeginWriter(folder.Path("a.drc"), Counts(10, uint64_t{1} << 31));
   REQUIRE(drc.message().find("Draco holds 1 to 715827882 triangles") != std::string::npos);
 }

@@ -13,8 +13,8 @@
 namespace mtdb::test {
 namespace {
 
-constexpr const char* kVerbs[] = {"ingest", "info",   "list",   "extract",
-                                  "verify", "render", "remove", "generate"};
+constexpr const char* kVerbs[] = {"ingest", "info",  "list",   "extract", "verify",
+                                  "render", "probe", "remove", "generate"};
 
 // Half the diagonal of a grid cell: what rounding adds to an error.
 double CellError(const Example& example) { return example.step() * std::numbers::sqrt3 / 2; }
@@ -551,12 +551,13 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
                    "--target",      "--up",
                    "--fov",         "--viewport",
                    "--query FILE",  "--print-query",
-                   "--json",        ".ply .obj .stl .off .drc"}},
+                   "--json",        ".ply .obj .stl .off .glb .drc"}},
       {"verify", {"STORE", "--name", "--level", "fast", "full", "global", "--json"}},
       {"render",
        {"STORE OUT.png", "--name", "--full", "--error E", "--error-rel F", "--triangles N", "--box",
         "--sphere", "--tube", "--frustum", "--clip", "--eye", "--query FILE", "--size", "1200x900",
         "--overview", "--wireframe", "--json"}},
+      {"probe", {"STORE", "--name", "--point X,Y,Z", "--ray", "--error E", "--limit D", "--json"}},
       {"remove", {"STORE NAME"}},
       {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "--triangles", "--seed"}}};
   const std::string overview = RunOk({"help"});

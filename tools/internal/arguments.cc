@@ -101,6 +101,18 @@ Result<Extent> ParseExtent(const std::string& text) {
   return extent;
 }
 
+Result<Vec3d> ParsePoint(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, "X,Y,Z"));
+  return Vec3d{n[0], n[1], n[2]};
+}
+
+Result<Ray> ParseRay(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X,Y,Z,DX,DY,DZ"));
+  const Ray ray{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
+  if (ray.direction == Vec3d{}) return Unexpected(text, "a direction that is not 0");
+  return ray;
+}
+
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 }  // namespace mtdb

@@ -13,6 +13,10 @@ struct Extent {
   int width = 0, height = 0;  // pixels, 1 .. 16384
 };
 
+struct Ray {
+  Vec3d origin, direction;
+};
+
 // "expected (what), found '(text)'".
 Status Unexpected(const std::string& text, const std::string& expected);
 // Finite numbers.
@@ -29,6 +33,10 @@ Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
 Result<uint64_t> ParseSize(const std::string& text);
 // "1200x900".
 Result<Extent> ParseExtent(const std::string& text);
+// "X,Y,Z".
+Result<Vec3d> ParsePoint(const std::string& text);
+// "X,Y,Z,DX,DY,DZ"; the direction is not 0.
+Result<Ray> ParseRay(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
 

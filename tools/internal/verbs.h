@@ -54,6 +54,17 @@ struct QueryArguments {
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);
 
+struct ProbeArguments {
+  std::string store;
+  std::string name;
+  std::optional<Vec3d> point;  // either this
+  std::optional<Ray> ray;      // or this
+  std::optional<double> error;
+  std::optional<double> limit;
+  bool json = false;
+};
+Status Probe(const ProbeArguments& arguments);
+
 struct GenerateArguments {
   std::string shape;
   std::string output;

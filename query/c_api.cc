@@ -1,0 +1,466 @@
+// The C interface: handles around the C++ objects, and nothing that C++ could not do itself.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "query/mtdb.h"
+#include "query/probe.h"
+#include "query/surface.h"
+#include "store/database.h"
+
+// NOLINTBEGIN(readability-identifier-naming)
+struct mtdb_database {
+  std::shared_ptr<mtdb::Database> database;
+};
+struct mtdb_names {
+  std::vector<std::string> names;
+};
+struct mtdb_object {
+  std::shared_ptr<mtdb::Surface> surface;
+};
+struct mtdb_query {
+  std::vector<mtdb::RegionPtr> regions;
+  std::vector<mtdb::ThresholdPtr> thresholds;
+  std::optional<uint64_t> max_triangles;
+  bool clip = false;
+
+  mtdb::Query Build() const {
+    mtdb::Query query;
+    if (!regions.empty()) query.region = mtdb::UnionRegion(regions);
+    if (!thresholds.empty()) query.threshold = mtdb::MinThreshold(thresholds);
+    query.max_triangles = max_triangles;
+    query.clip = clip;
+    return query;
+  }
+};
+struct mtdb_cut {
+  mtdb::Cut cut;
+};
+// NOLINTEND(readability-identifier-naming)
+
+namespace mtdb {
+namespace {
+
+static_assert(static_cast<int>(StatusCode::kCancelled) == MTDB_CANCELLED);
+static_assert(static_cast<int>(StatusCode::kBudgetExceeded) == MTDB_BUDGET_EXCEEDED);
+static_assert(static_cast<int>(StatusCode::kCorrupt) == MTDB_CORRUPT);
+static_assert(static_cast<int>(StatusCode::kBusy) == MTDB_BUSY);
+static_assert(static_cast<int>(ScalarType::kFloat64) == MTDB_FLOAT64);
+
+// Cuts at a whole character of UTF-8.
+void SetMessage(mtdb_error* error, const std::string& message) {
+  if (error == nullptr) return;
+  size_t size = std::min(message.size(), sizeof(error->message) - 1);
+  const auto continues = [&](size_t at) {
+    return at < message.size() && (static_cast<unsigned char>(message[at]) & 0xc0) == 0x80;
+  };
+  while (size > 0 && continues(size)) --size;
+  std::memcpy(error->message, message.data(), size);
+  error->message[size] = '\0';
+}
+
+// Runs what a function does. Exceptions, which only a lack of memory raises, end here.
+template <typename Work>
+mtdb_code Guarded(mtdb_error* error, Work&& work) {
+  Status status;
+  try {
+    status = work();
+    SetMessage(error, status.message());
+    return static_cast<mtdb_code>(status.code());
+  } catch (const std::bad_alloc&) {
+    SetMessage(error, "not enough memory");
+    return MTDB_NO_SPACE;
+  } catch (const std::exception& e) {
+    SetMessage(error, e.what());
+    return MTDB_IO_ERROR;
+  }
+}
+
+Status NeedAll(std::initializer_list<std::pair<const void*, const char*>> arguments) {
+  for (const auto& [pointer, name] : arguments) {
+    if (pointer == nullptr) return InvalidArgument(std::string(name) + ": is NULL");
+  }
+  return Status::Ok();
+}
+
+Status NeedFinite(std::initializer_list<double> numbers, const char* name) {
+  for (const double n : numbers) {
+    if (!std::isfinite(n)) return InvalidArgument(std::string(name) + ": expected finite numbers");
+  }
+  return Status::Ok();
+}
+
+Status NeedFinite(Vec3d v, const char* name) { return NeedFinite({v.x, v.y, v.z}, name); }
+
+Vec3d ToVec(const double* p) { return {p[0], p[1], p[2]}; }
+void Put(Vec3d v, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = v[i];
+}
+
+Status Stopped() { return {StatusCode::kCancelled, "the callback asked to stop"}; }
+
+// Fills the caller's arrays.
+class ArraySink final : public MeshSink {
+ public:
+  explicit ArraySink(const mtdb_arrays& arrays) : arrays_(arrays) {}
+
+  Status Begin(const MeshHeader& header) override {
+    row_bytes_ = header.attributes.row_bytes();
+    return Status::Ok();
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    for (size_t i = 0; i < positions.size(); ++i) {
+      const uint64_t at = 3 * (vertex_ + i);
+      for (int c = 0; c < 3; ++c) {
+        if (arrays_.positions != nullptr) {
+          arrays_.positions[at + static_cast<uint64_t>(c)] = positions[i][c];
+        }
+        if (arrays_.positions_float != nullptr) {
+          arrays_.positions_float[at + static_cast<uint64_t>(c)] =
+              static_cast<float>(positions[i][c] - arrays_.origin[c]);
+        }
+      }
+    }
+    if (arrays_.rows != nullptr && !rows.empty()) {
+      std::memcpy(arrays_.rows + vertex_ * row_bytes_, rows.data(), rows.size());
+    }
+    vertex_ += positions.size();
+    return Status::Ok();
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    if (arrays_.indices == nullptr) return Status::Ok();
+    for (const TriangleVertices& t : triangles) {
+      for (const VertexIndex v : t) arrays_.indices[index_++] = static_cast<uint32_t>(v);
+    }
+    return Status::Ok();
+  }
+  Status End() override { return Status::Ok(); }
+
+ private:
+  const mtdb_arrays arrays_;
+  size_t row_bytes_ = 0;
+  uint64_t vertex_ = 0;
+  uint64_t index_ = 0;
+};
+
+// Passes blocks to the caller's functions.
+class CallbackSink final : public MeshSink {
+ public:
+  explicit CallbackSink(const mtdb_sink& sink) : sink_(sink) {}
+
+  Status Begin(const MeshHeader& header) override {
+    if (sink_.begin == nullptr) return Status::Ok();
+    return Answer(sink_.begin(sink_.user, *header.vertex_count, *header.triangle_count));
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    static_assert(sizeof(Vec3d) == 3 * sizeof(double));
+    if (sink_.vertices == nullptr) return Status::Ok();
+    return Answer(sink_.vertices(sink_.user, &positions.data()->x,
+                                 reinterpret_cast<const unsigned char*>(rows.data()),
+                                 positions.size()));
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    static_assert(sizeof(TriangleVertices) == 3 * sizeof(uint64_t));
+    if (sink_.triangles == nullptr) return Status::Ok();
+    return Answer(sink_.triangles(sink_.user, triangles.data()->data(), triangles.size()));
+  }
+  Status End() override { return Status::Ok(); }
+
+ private:
+  static Status Answer(int stop) { return stop == 0 ? Status::Ok() : Stopped(); }
+  const mtdb_sink sink_;
+};
+
+void PutAnswer(const ProbeAnswer& answer, mtdb_hit* hit) {
+  *hit = {};
+  hit->error_bound = answer.error_bound;
+  if (!answer.hit) return;
+  hit->found = 1;
+  hit->front = answer.hit->front ? 1 : 0;
+  hit->distance = answer.hit->distance;
+  Put(answer.hit->point, hit->point);
+  for (size_t c = 0; c < 3; ++c) Put(answer.hit->triangle[c], hit->triangle + 3 * c);
+}
+
+// What a query's region and threshold functions have in common.
+template <typename Pointer, typename Make>
+mtdb_code AddTo(std::vector<Pointer> mtdb_query::*list, mtdb_query* query, mtdb_error* error,
+                Make&& make) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+    MTDB_ASSIGN_OR_RETURN(Pointer made, make());
+    (query->*list).push_back(std::move(made));
+    return Status::Ok();
+  });
+}
+
+}  // namespace
+}  // namespace mtdb
+
+using mtdb::AddTo;
+using mtdb::Guarded;
+using mtdb::NeedAll;
+using mtdb::NeedFinite;
+using mtdb::Result;
+using mtdb::Status;
+using mtdb::ToVec;
+
+uint32_t mtdb_abi_version() { return MTDB_ABI_VERSION; }
+const char* mtdb_version() { return MTDB_VERSION; }
+
+mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
+                        mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    if (abi_version != MTDB_ABI_VERSION) {
+      return mtdb::Unsupported("libmtdb has the ABI version " + std::to_string(MTDB_ABI_VERSION) +
+                               ", but the program was compiled for " + std::to_string(abi_version) +
+                               "; compile it again");
+    }
+    MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}, {database, "database"}}));
+    MTDB_ASSIGN_OR_RETURN(auto opened, mtdb::Database::Open(path));
+    *database = new mtdb_database{std::move(opened)};
+    return Status::Ok();
+  });
+}
+
+void mtdb_free_database(mtdb_database* database) { delete database; }
+
+mtdb_code mtdb_list_objects(mtdb_database* database, mtdb_names** names, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {names, "names"}}));
+    MTDB_ASSIGN_OR_RETURN(const auto records, database->database->List());
+    auto list = std::make_unique<mtdb_names>();
+    for (const mtdb::ObjectRecord& r : records) list->names.push_back(r.name);
+    *names = list.release();
+    return Status::Ok();
+  });
+}
+
+size_t mtdb_names_count(const mtdb_names* names) {
+  return names == nullptr ? 0 : names->names.size();
+}
+
+const char* mtdb_names_at(const mtdb_names* names, size_t i) {
+  return i < mtdb_names_count(names) ? names->names[i].c_str() : nullptr;
+}
+
+void mtdb_free_names(mtdb_names* names) { delete names; }
+
+mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
+                           mtdb_object** object, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {object, "object"}}));
+    MTDB_ASSIGN_OR_RETURN(auto source, database->database->OpenObject(name == nullptr ? "" : name));
+    mtdb::SurfaceOptions options;
+    if (cache_bytes != 0) options.cache_bytes = cache_bytes;
+    MTDB_ASSIGN_OR_RETURN(auto surface, mtdb::Surface::Open(std::move(source), options));
+    *object = new mtdb_object{std::move(surface)};
+    return Status::Ok();
+  });
+}
+
+void mtdb_free_object(mtdb_object* object) { delete object; }
+
+const char* mtdb_object_name(const mtdb_object* object) {
+  return object == nullptr ? nullptr : object->surface->record().name.c_str();
+}
+
+mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {info, "info"}}));
+    const mtdb::ObjectRecord& record = object->surface->record();
+    *info = {};
+    info->vertices = record.vertices;
+    info->triangles = record.triangles;
+    info->root_triangles = record.root_triangles;
+    info->clusters = record.clusters;
+    mtdb::Put(record.bounds.min, info->bounds_min);
+    mtdb::Put(record.bounds.max, info->bounds_max);
+    info->cell_error = record.grid.cell_error();
+    info->error_max = record.grid.Error(record.error_code_max);
+    info->attributes = static_cast<uint32_t>(record.attributes.attributes.size());
+    info->row_bytes = static_cast<uint32_t>(record.attributes.row_bytes());
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i, mtdb_attribute* attribute,
+                                mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {attribute, "attribute"}}));
+    const auto& attributes = object->surface->record().attributes.attributes;
+    if (i >= attributes.size()) {
+      return mtdb::NotFound("attribute " + std::to_string(i) + ": the object has " +
+                            std::to_string(attributes.size()));
+    }
+    size_t offset = 0;
+    for (size_t k = 0; k < i; ++k) offset += mtdb::ScalarSize(attributes[k].type);
+    *attribute = {attributes[i].name.c_str(), static_cast<mtdb_scalar>(attributes[i].type),
+                  static_cast<uint32_t>(offset)};
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_create_query(mtdb_query** query, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+    *query = new mtdb_query;
+    return Status::Ok();
+  });
+}
+
+void mtdb_free_query(mtdb_query* query) { delete query; }
+
+mtdb_code mtdb_query_add_box(mtdb_query* query, const double min[3], const double max[3],
+                             mtdb_error* error) {
+  return AddTo(&mtdb_query::regions, query, error, [&]() -> Result<mtdb::RegionPtr> {
+    MTDB_RETURN_IF_ERROR(NeedAll({{min, "min"}, {max, "max"}}));
+    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(min), "min"));
+    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(max), "max"));
+    const mtdb::Box3d box{ToVec(min), ToVec(max)};
+    if (box.empty()) return mtdb::InvalidArgument("box: min exceeds max");
+    return mtdb::BoxRegion(box);
+  });
+}
+
+mtdb_code mtdb_query_add_sphere(mtdb_query* query, const double centre[3], double radius,
+                                mtdb_error* error) {
+  return AddTo(&mtdb_query::regions, query, error, [&]() -> Result<mtdb::RegionPtr> {
+    MTDB_RETURN_IF_ERROR(NeedAll({{centre, "centre"}}));
+    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(centre), "centre"));
+    MTDB_RETURN_IF_ERROR(NeedFinite({radius}, "radius"));
+    if (radius < 0) return mtdb::InvalidArgument("radius: is negative");
+    return mtdb::SphereRegion(ToVec(centre), radius);
+  });
+}
+
+mtdb_code mtdb_query_add_constant_error(mtdb_query* query, double largest, mtdb_error* error) {
+  return AddTo(&mtdb_query::thresholds, query, error, [&]() -> Result<mtdb::ThresholdPtr> {
+    MTDB_RETURN_IF_ERROR(NeedFinite({largest}, "largest"));
+    if (largest < 0) return mtdb::InvalidArgument("largest: is negative");
+    return mtdb::ConstantThreshold(largest);
+  });
+}
+
+mtdb_code mtdb_query_add_full_resolution(mtdb_query* query, mtdb_error* error) {
+  return AddTo(&mtdb_query::thresholds, query, error,
+               []() -> Result<mtdb::ThresholdPtr> { return mtdb::FullResolution(); });
+}
+
+mtdb_code mtdb_query_add_coarsest(mtdb_query* query, mtdb_error* error) {
+  return AddTo(&mtdb_query::thresholds, query, error,
+               []() -> Result<mtdb::ThresholdPtr> { return mtdb::CoarsestThreshold(); });
+}
+
+mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3], double base,
+                                      double slope, mtdb_error* error) {
+  return AddTo(&mtdb_query::thresholds, query, error, [&]() -> Result<mtdb::ThresholdPtr> {
+    MTDB_RETURN_IF_ERROR(NeedAll({{point, "point"}}));
+    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(point), "point"));
+    MTDB_RETURN_IF_ERROR(NeedFinite({base, slope}, "base and slope"));
+    return mtdb::LinearThreshold(ToVec(point), base, slope);
+  });
+}
+
+mtdb_code mtdb_query_set_max_triangles(mtdb_query* query, uint64_t count, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+    query->max_triangles = count == 0 ? std::nullopt : std::optional<uint64_t>(count);
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+    query->clip = clip != 0;
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtdb_cut** cut,
+                      mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {cut, "cut"}}));
+    MTDB_ASSIGN_OR_RETURN(
+        mtdb::Cut selected,
+        object->surface->Select(query == nullptr ? mtdb::Query{} : query->Build()));
+    *cut = new mtdb_cut{std::move(selected)};
+    return Status::Ok();
+  });
+}
+
+void mtdb_free_cut(mtdb_cut* cut) { delete cut; }
+
+mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {stats, "stats"}}));
+    const mtdb::ExtractStats& s = cut->cut.stats();
+    *stats = {s.vertices,      s.triangles,  s.nodes_applied,
+              s.clusters_read, s.bytes_read, s.error_bound};
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {arrays, "arrays"}}));
+    const uint64_t vertices = cut->cut.vertex_count();
+    const uint64_t triangles = cut->cut.triangle_count();
+    if (arrays->vertex_capacity < vertices || arrays->triangle_capacity < triangles) {
+      return {mtdb::StatusCode::kBudgetExceeded,
+              "the cut has " + std::to_string(vertices) + " vertices and " +
+                  std::to_string(triangles) + " triangles, but the arrays have room for " +
+                  std::to_string(arrays->vertex_capacity) + " and " +
+                  std::to_string(arrays->triangle_capacity)};
+    }
+    if (arrays->indices != nullptr && vertices > uint64_t{1} << 32) {
+      return mtdb::InvalidArgument("32-bit indices cannot number " + std::to_string(vertices) +
+                                   " vertices; use mtdb_cut_emit");
+    }
+    if (arrays->positions_float != nullptr) {
+      MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(arrays->origin), "origin"));
+    }
+    mtdb::ArraySink sink(*arrays);
+    return cut->cut.Emit(sink);
+  });
+}
+
+mtdb_code mtdb_cut_emit(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {sink, "sink"}}));
+    mtdb::CallbackSink callbacks(*sink);
+    return cut->cut.Emit(callbacks);
+  });
+}
+
+mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3], double largest_error,
+                             double max_distance, mtdb_hit* hit, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {point, "point"}, {hit, "hit"}}));
+    MTDB_ASSIGN_OR_RETURN(
+        const mtdb::ProbeAnswer answer,
+        mtdb::FindClosestPoint(*object->surface, ToVec(point),
+                               {.error_model = largest_error, .limit = max_distance}));
+    mtdb::PutAnswer(answer, hit);
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3], const double direction[3],
+                        double largest_error, double max_parameter, mtdb_hit* hit,
+                        mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(
+        NeedAll({{object, "object"}, {origin, "origin"}, {direction, "direction"}, {hit, "hit"}}));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::ProbeAnswer answer,
+                          mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction),
+                                        {.error_model = largest_error, .limit = max_parameter}));
+    mtdb::PutAnswer(answer, hit);
+    return Status::Ok();
+  });
+}

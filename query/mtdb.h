@@ -1,0 +1,224 @@
+/* mtdb for C, and for every language that can call C: libmtdb.so.
+ *
+ *   mtdb_error error;
+ *   mtdb_database* database = NULL;
+ *   if (mtdb_open("scans.mtdb", &database, &error) != MTDB_OK) puts(error.message);
+ *
+ * tools/example_c.c is a whole program. Rules that hold everywhere:
+ *
+ * - A call that can fail returns an mtdb_code and takes an mtdb_error, which may be NULL. Results
+ *   are written on MTDB_OK only. Nothing is printed, and there is no global state.
+ * - A handle is freed by the function of its name; freeing NULL does nothing. What was made from a
+ *   handle keeps what it needs: handles may be freed in any order.
+ * - A NULL where something is needed, and numbers that make no sense, are MTDB_INVALID_ARGUMENT.
+ * - Databases and objects may be used by many threads at once; queries and cuts by one at a time.
+ * - Lengths are in the object's units; texts are UTF-8 with a 0 at the end.
+ *
+ * How the interface grows: a region is one more mtdb_query_add_<region>(), a threshold one more
+ * mtdb_query_add_<error>(), and nothing else changes. A change of what is here raises
+ * MTDB_ABI_VERSION.
+ */
+#ifndef MTDB_QUERY_MTDB_H
+#define MTDB_QUERY_MTDB_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* NOLINTBEGIN(readability-identifier-naming) */
+
+/* What a program was compiled for. mtdb_open compares it with what the library is. */
+#define MTDB_ABI_VERSION 1u
+
+#if defined(__GNUC__)
+#define MTDB_API __attribute__((visibility("default")))
+#else
+#define MTDB_API
+#endif
+
+/* 1xx the caller, 2xx bytes, 3xx the system. */
+typedef enum mtdb_code {
+  MTDB_OK = 0,
+  MTDB_INVALID_ARGUMENT = 100,
+  MTDB_NOT_FOUND = 101,
+  MTDB_ALREADY_EXISTS = 102,
+  MTDB_UNSUPPORTED = 103, /* also: another ABI version */
+  MTDB_CANCELLED = 104,   /* a callback said so */
+  MTDB_BUDGET_EXCEEDED = 105,
+  MTDB_BAD_INPUT = 200,
+  MTDB_CORRUPT = 201,
+  MTDB_IO_ERROR = 300,
+  MTDB_NO_SPACE = 301, /* disk or memory */
+  MTDB_BUSY = 302
+} mtdb_code;
+
+/* One line: what, where, what to do. Cut off when it is longer. */
+typedef struct mtdb_error {
+  char message[1024];
+} mtdb_error;
+
+typedef struct mtdb_database mtdb_database; /* a store file */
+typedef struct mtdb_names mtdb_names;       /* of the objects in it */
+typedef struct mtdb_object mtdb_object;     /* a surface, with a cache of decoded clusters */
+typedef struct mtdb_query mtdb_query;       /* where, how accurate, how many */
+typedef struct mtdb_cut mtdb_cut;           /* the answer */
+
+MTDB_API uint32_t mtdb_abi_version(void); /* MTDB_ABI_VERSION of the library */
+MTDB_API const char* mtdb_version(void);  /* "0.1.0" */
+
+/* Databases. */
+
+MTDB_API mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
+                                 mtdb_error* error);
+/* Opens a store for reading. */
+#define mtdb_open(path, database, error) \
+  mtdb_open_abi(MTDB_ABI_VERSION, (path), (database), (error))
+MTDB_API void mtdb_free_database(mtdb_database* database);
+
+MTDB_API mtdb_code mtdb_list_objects(mtdb_database* database, mtdb_names** names,
+                                     mtdb_error* error);
+MTDB_API size_t mtdb_names_count(const mtdb_names* names);
+/* NULL beyond the last. Lives as long as `names`. */
+MTDB_API const char* mtdb_names_at(const mtdb_names* names, size_t i);
+MTDB_API void mtdb_free_names(mtdb_names* names);
+
+/* Objects. */
+
+/* `name` may be NULL: the store's only object. `cache_bytes` of decoded clusters; 0: 256 MiB. */
+MTDB_API mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
+                                    mtdb_object** object, mtdb_error* error);
+MTDB_API void mtdb_free_object(mtdb_object* object);
+/* Lives as long as `object`. */
+MTDB_API const char* mtdb_object_name(const mtdb_object* object);
+
+typedef struct mtdb_info {
+  uint64_t vertices; /* at full resolution */
+  uint64_t triangles;
+  uint64_t root_triangles; /* of the coarsest mesh */
+  uint64_t clusters;
+  double bounds_min[3];
+  double bounds_max[3];
+  double cell_error;   /* the stored positions are that close to the input's */
+  double error_max;    /* of the coarsest mesh */
+  uint32_t attributes; /* scalars of a vertex beside its position */
+  uint32_t row_bytes;  /* of all of them */
+} mtdb_info;
+MTDB_API mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error);
+
+typedef enum mtdb_scalar {
+  MTDB_INT8 = 0,
+  MTDB_UINT8 = 1,
+  MTDB_INT16 = 2,
+  MTDB_UINT16 = 3,
+  MTDB_INT32 = 4,
+  MTDB_UINT32 = 5,
+  MTDB_FLOAT32 = 6,
+  MTDB_FLOAT64 = 7
+} mtdb_scalar;
+typedef struct mtdb_attribute {
+  const char* name; /* as in PLY: "red", "nx"; lives as long as the object */
+  mtdb_scalar type;
+  uint32_t offset; /* bytes from the start of a row; not aligned */
+} mtdb_attribute;
+MTDB_API mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i,
+                                         mtdb_attribute* attribute, mtdb_error* error);
+
+/* Queries. A new one asks for everything at full resolution. */
+
+MTDB_API mtdb_code mtdb_create_query(mtdb_query** query, mtdb_error* error);
+MTDB_API void mtdb_free_query(mtdb_query* query);
+
+/* Regions: where accuracy is wanted; elsewhere the mesh is as coarse as it can be. Several: what
+ * lies in at least one. None: everywhere. */
+MTDB_API mtdb_code mtdb_query_add_box(mtdb_query* query, const double min[3], const double max[3],
+                                      mtdb_error* error);
+MTDB_API mtdb_code mtdb_query_add_sphere(mtdb_query* query, const double centre[3], double radius,
+                                         mtdb_error* error);
+
+/* Thresholds: the largest error that is permitted. Several: the smallest, place by place. None:
+ * full resolution. */
+MTDB_API mtdb_code mtdb_query_add_constant_error(mtdb_query* query, double largest,
+                                                 mtdb_error* error);
+MTDB_API mtdb_code mtdb_query_add_full_resolution(mtdb_query* query, mtdb_error* error);
+MTDB_API mtdb_code mtdb_query_add_coarsest(mtdb_query* query, mtdb_error* error);
+/* base + slope * (distance from `point`). */
+MTDB_API mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3],
+                                               double base, double slope, mtdb_error* error);
+
+/* At most so many triangles, as accurate as they allow; 0: no limit. */
+MTDB_API mtdb_code mtdb_query_set_max_triangles(mtdb_query* query, uint64_t count,
+                                                mtdb_error* error);
+/* Not 0: leaves out the triangles that do not meet the region. */
+MTDB_API mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error);
+
+/* Answers. */
+
+typedef struct mtdb_stats {
+  uint64_t vertices;
+  uint64_t triangles;
+  uint64_t nodes_applied;
+  uint64_t clusters_read; /* from the file; others were in the cache */
+  uint64_t bytes_read;
+  double error_bound; /* in the region, the mesh is that close to the input, both ways */
+} mtdb_stats;
+
+/* Finds the smallest mesh that satisfies the query; `query` may be NULL: everything. */
+MTDB_API mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtdb_cut** cut,
+                               mtdb_error* error);
+MTDB_API void mtdb_free_cut(mtdb_cut* cut);
+MTDB_API mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error);
+
+/* The caller's arrays; a NULL is not filled. A capacity smaller than the cut's count
+ * (mtdb_cut_stats) is MTDB_BUDGET_EXCEEDED, and nothing is written. */
+typedef struct mtdb_arrays {
+  uint64_t vertex_capacity;
+  uint64_t triangle_capacity;
+  double* positions;      /* x y z of each vertex */
+  float* positions_float; /* likewise, less origin */
+  double origin[3];       /* what keeps georeferenced positions exact as float */
+  uint32_t* indices;      /* three of each triangle, counter-clockwise from outside */
+  unsigned char* rows;    /* mtdb_info.row_bytes of each vertex */
+} mtdb_arrays;
+/* Arrays may be partly filled when clusters cannot be read. */
+MTDB_API mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error);
+
+/* Callbacks for a mesh of any size, in blocks: begin, then all vertices, then all triangles. What
+ * is passed is valid during the call. A callback that returns something else than 0 ends the
+ * emission with MTDB_CANCELLED. A NULL is not called. */
+typedef struct mtdb_sink {
+  void* user; /* the first argument of each */
+  int (*begin)(void* user, uint64_t vertices, uint64_t triangles);
+  int (*vertices)(void* user, const double* positions, const unsigned char* rows, size_t count);
+  int (*triangles)(void* user, const uint64_t* indices, size_t count);
+} mtdb_sink;
+MTDB_API mtdb_code mtdb_cut_emit(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error);
+
+/* Probes. `largest_error` negative: at full resolution. */
+
+typedef struct mtdb_hit {
+  int found; /* 0: nothing within the limit, and the rest means nothing */
+  int front; /* not 0: the probe comes from outside */
+  double point[3];
+  double distance;    /* closest point: in units; ray: the parameter t of origin + t * direction */
+  double triangle[9]; /* corners of the triangle that was met */
+  double error_bound;
+} mtdb_hit;
+/* Nothing farther than max_distance; it may be INFINITY. */
+MTDB_API mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3],
+                                      double largest_error, double max_distance, mtdb_hit* hit,
+                                      mtdb_error* error);
+/* The first hit at 0 <= t <= max_parameter; it may be INFINITY. */
+MTDB_API mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3],
+                                 const double direction[3], double largest_error,
+                                 double max_parameter, mtdb_hit* hit, mtdb_error* error);
+
+/* NOLINTEND(readability-identifier-naming) */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,175 @@
+#include "query/probe.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "query/internal/probe_geometry.h"
+
+namespace mtdb {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kRoundUp = 1 + 1e-9;
+constexpr double kFall = 16;  // of the threshold from cut to cut
+
+Status CheckFinite(Vec3d v, const char* name) {
+  if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) return Status::Ok();
+  return InvalidArgument(std::string(name) + ": expected finite numbers");
+}
+
+Status CheckOptions(const ProbeOptions& options) {
+  if (!(options.limit >= 0)) {
+    return InvalidArgument("limit: expected a number that is not negative, found " +
+                           std::to_string(options.limit));
+  }
+  if (std::isnan(options.error_model)) return InvalidArgument("error: expected a number");
+  return Status::Ok();
+}
+
+// Thresholds from the root's down to the one asked for.
+std::vector<double> FallingErrors(const ObjectRecord& record, double last) {
+  std::vector<double> errors;
+  double error = record.grid.Error(record.error_code_max);
+  // No node has an error between 0 and the unit.
+  for (; error > std::max(last, record.grid.error_unit); error /= kFall) errors.push_back(error);
+  errors.push_back(last);
+  return errors;
+}
+
+// The triangles of a cut that meet the region.
+Result<TriangleMesh> TrianglesAt(const Surface& surface, RegionPtr region, double error,
+                                 ProbeAnswer* answer) {
+  Query query;
+  query.region = std::move(region);
+  query.threshold = ConstantThreshold(error);
+  query.clip = true;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface.Extract(query, sink));
+  ++answer->queries;
+  answer->clusters_read += stats.clusters_read;
+  answer->bytes_read += stats.bytes_read;
+  answer->error_bound = stats.error_bound;
+  return mesh;
+}
+
+Triangle3d Corners(const TriangleMesh& mesh, const TriangleVertices& t) {
+  return {mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
+}
+
+Vec3d Normal(const Triangle3d& t) { return Cross(t[1] - t[0], t[2] - t[0]); }
+
+// By more than the rounding of a ray from `origin`.
+Box3d Widened(const Box3d& box, Vec3d origin) {
+  if (box.empty()) return box;
+  const double by = 1e-9 * Diagonal(box) + 1e-12 * (Length(origin) + Length(box.max));
+  return {box.min - Vec3d{by, by, by}, box.max + Vec3d{by, by, by}};
+}
+
+std::optional<ProbeHit> Closest(const TriangleMesh& mesh, Vec3d point) {
+  std::optional<ProbeHit> best;
+  double best2 = kInfinity;
+  for (const TriangleVertices& vertices : mesh.triangles) {
+    const Triangle3d t = Corners(mesh, vertices);
+    const Vec3d q = ClosestPointOfTriangle(point, t);
+    const double d2 = SquaredLength(point - q);
+    if (best && d2 >= best2) continue;
+    best2 = d2;
+    best = ProbeHit{q, std::sqrt(d2), t, Dot(Normal(t), point - t[0]) > 0};
+  }
+  return best;
+}
+
+std::optional<ProbeHit> FirstHit(const TriangleMesh& mesh, const RayCaster& ray, Vec3d direction,
+                                 double last) {
+  std::optional<ProbeHit> best;
+  for (const TriangleVertices& vertices : mesh.triangles) {
+    const Triangle3d t = Corners(mesh, vertices);
+    const std::optional<double> hit = ray.Hit(t);
+    if (!hit || *hit > last || (best && *hit >= best->distance)) continue;
+    best = ProbeHit{ray.At(*hit), *hit, t, Dot(Normal(t), direction) < 0};
+  }
+  return best;
+}
+
+}  // namespace
+
+// Why the next ball is large enough: some input is within error_bound of the closest point of this
+// cut, hence within d + error_bound of the probe; what stands for it in the next cut is within the
+// next threshold of that. Were it not, because the errors of a damaged object lie, the ball would
+// meet nothing, and grows.
+Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
+                                     const ProbeOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckFinite(point, "point"));
+  MTDB_RETURN_IF_ERROR(CheckOptions(options));
+  const ObjectRecord& record = surface.record();
+  double farthest2 = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double d = std::max(std::abs(record.bounds.min[i] - point[i]),
+                              std::abs(record.bounds.max[i] - point[i]));
+    farthest2 += d * d;
+  }
+  const double all = std::min(options.limit, std::sqrt(farthest2) * kRoundUp);
+  ProbeAnswer answer;
+  answer.reach = all;
+  const std::vector<double> errors = FallingErrors(record, options.error_model);
+  for (size_t i = 0; i + 1 < errors.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(
+        const TriangleMesh mesh,
+        TrianglesAt(surface, SphereRegion(point, answer.reach), errors[i], &answer));
+    const std::optional<ProbeHit> hit = Closest(mesh, point);
+    if (!hit) continue;
+    const double next = hit->distance + answer.error_bound + std::max(errors[i + 1], 0.0);
+    answer.reach = std::min(answer.reach, next * kRoundUp);
+  }
+  for (;; answer.reach = std::min(all, 2 * answer.reach)) {
+    MTDB_ASSIGN_OR_RETURN(
+        const TriangleMesh mesh,
+        TrianglesAt(surface, SphereRegion(point, answer.reach), errors.back(), &answer));
+    answer.hit = Closest(mesh, point);
+    if (answer.hit || answer.reach >= all) return answer;
+  }
+}
+
+Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d direction,
+                            const ProbeOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckFinite(origin, "origin"));
+  MTDB_RETURN_IF_ERROR(CheckFinite(direction, "direction"));
+  MTDB_RETURN_IF_ERROR(CheckOptions(options));
+  const double longest =
+      std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
+  if (!(longest > 0) || !std::isfinite(1 / longest)) {
+    return InvalidArgument("direction: its length is 0, expected a direction");
+  }
+  const ObjectRecord& record = surface.record();
+  ProbeAnswer answer;
+  answer.reach = options.limit;
+  const RayCaster ray(origin, direction);
+  const std::optional<RayCaster::Interval> inside = ray.Clip(Widened(record.bounds, origin));
+  if (!inside || inside->begin > options.limit) return answer;
+  const double all = std::min(inside->end, options.limit);
+  answer.reach = all;
+  const std::vector<double> errors = FallingErrors(record, options.error_model);
+  for (size_t i = 0; i + 1 < errors.size(); ++i) {
+    MTDB_ASSIGN_OR_RETURN(
+        const TriangleMesh mesh,
+        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors[i], &answer));
+    const std::optional<ProbeHit> hit = FirstHit(mesh, ray, direction, answer.reach);
+    if (!hit) continue;
+    // The finer surface is that far away across, and most often not much farther along the ray.
+    constexpr double kAlong = 4;
+    answer.reach =
+        std::min(answer.reach, hit->distance + kAlong * answer.error_bound / ray.length());
+  }
+  for (;; answer.reach = all) {
+    MTDB_ASSIGN_OR_RETURN(
+        const TriangleMesh mesh,
+        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors.back(), &answer));
+    answer.hit = FirstHit(mesh, ray, direction, answer.reach);
+    if (answer.hit || answer.reach >= all) return answer;
+  }
+}
+
+}  // namespace mtdb

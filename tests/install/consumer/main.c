@@ -1,0 +1,27 @@
+/* consumer_c STORE: prints the triangles that the catalog and a query count, which must agree. */
+#include <stdio.h>
+
+#include "query/mtdb.h"
+
+int main(int argc, char** argv) {
+  mtdb_error error = {{0}};
+  mtdb_database* database = NULL;
+  mtdb_object* object = NULL;
+  mtdb_cut* cut = NULL;
+  mtdb_info info;
+  mtdb_stats stats;
+  if (argc != 2) return 2;
+  if (mtdb_open(argv[1], &database, &error) != MTDB_OK ||
+      mtdb_open_object(database, NULL, 0, &object, &error) != MTDB_OK ||
+      mtdb_object_info(object, &info, &error) != MTDB_OK ||
+      mtdb_select(object, NULL, &cut, &error) != MTDB_OK ||
+      mtdb_cut_stats(cut, &stats, &error) != MTDB_OK) {
+    fprintf(stderr, "%s\n", error.message);
+    return 1;
+  }
+  printf("%lu triangles\n", (unsigned long)stats.triangles);
+  mtdb_free_cut(cut);
+  mtdb_free_object(object);
+  mtdb_free_database(database);
+  return stats.triangles == info.triangles ? 0 : 1;
+}

@@ -1,0 +1,46 @@
+# Installs mtdb into a folder of its own, builds tests/install/consumer against what is there and
+# runs it on a store that the installed program made. Wants MTDB_BINARY_DIR, MTDB_GENERATOR, MTDB_CC,
+# MTDB_CXX and MTDB_SANITIZE.
+set(work ${MTDB_BINARY_DIR}/install-test)
+file(REMOVE_RECURSE ${work})
+file(MAKE_DIRECTORY ${work})
+
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output
+    ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    message(FATAL_ERROR "${ARGN}\n${output}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+function(expect text pattern)
+  if(NOT text MATCHES "${pattern}")
+    message(FATAL_ERROR "expected ${pattern}, found:\n${text}")
+  endif()
+endfunction()
+
+run(${CMAKE_COMMAND} --install ${MTDB_BINARY_DIR} --prefix ${work}/prefix)
+file(GLOB_RECURSE private RELATIVE ${work} ${work}/prefix/*/internal/*)
+if(private)
+  message(FATAL_ERROR "private headers were installed: ${private}")
+endif()
+
+set(flags)
+if(MTDB_SANITIZE)
+  set(flags -DCMAKE_C_FLAGS=-fsanitize=${MTDB_SANITIZE}
+    -DCMAKE_CXX_FLAGS=-fsanitize=${MTDB_SANITIZE})
+endif()
+run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${work}/build -G ${MTDB_GENERATOR}
+  -DCMAKE_PREFIX_PATH=${work}/prefix -DCMAKE_BUILD_TYPE= -DCMAKE_C_COMPILER=${MTDB_CC}
+  -DCMAKE_CXX_COMPILER=${MTDB_CXX} ${flags})
+run(${CMAKE_COMMAND} --build ${work}/build)
+
+run(${work}/prefix/bin/mtdb generate sculpture ${work}/a.ply --triangles 5000)
+run(${work}/prefix/bin/mtdb ingest ${work}/a.ply ${work}/a.mtdb --json)
+string(JSON triangles GET "${output}" triangles)
+foreach(program consumer consumer_c)
+  run(${work}/build/${program} ${work}/a.mtdb)
+  expect("${output}" "^${triangles} triangles\n$")
+endforeach()
+file(REMOVE_RECURSE ${work})

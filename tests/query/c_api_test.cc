@@ -1,0 +1,349 @@
+// The C interface, linked as libmtdb.so: equal to the C++ one, and safe with what callers get
+// wrong.
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "query/mtdb.h"
+#include "query/probe.h"
+#include "tests/builder/fixture.h"
+
+namespace mtdb::testing {
+namespace {
+
+// A store of one object with a numbered vertex attribute, open both ways.
+struct Opened {
+  BuiltObject built;
+  mtdb_database* database = nullptr;
+  mtdb_object* object = nullptr;
+
+  Opened() {
+    TriangleMesh mesh = MakeSculpture(6000);
+    NumberVertices(&mesh);
+    built = Build(mesh);
+    mtdb_error error;
+    REQUIRE(mtdb_open(built.store->path().c_str(), &database, &error) == MTDB_OK);
+    REQUIRE(mtdb_open_object(database, nullptr, 0, &object, &error) == MTDB_OK);
+  }
+  ~Opened() {
+    mtdb_free_database(database);  // before the object, which goes on
+    mtdb_free_object(object);
+  }
+};
+
+Opened& TheObject() {
+  static Opened opened;
+  return opened;
+}
+
+struct Arrays {
+  std::vector<double> positions;
+  std::vector<float> floats;
+  std::vector<uint32_t> indices;
+  std::vector<unsigned char> rows;
+};
+
+Arrays Copy(mtdb_object* object, const mtdb_query* query, mtdb_stats* stats,
+            const std::array<double, 3>& origin = {}) {
+  mtdb_error error;
+  mtdb_cut* cut = nullptr;
+  mtdb_info info;
+  REQUIRE(mtdb_object_info(object, &info, &error) == MTDB_OK);
+  REQUIRE(mtdb_select(object, query, &cut, &error) == MTDB_OK);
+  REQUIRE(mtdb_cut_stats(cut, stats, &error) == MTDB_OK);
+  Arrays arrays;
+  arrays.positions.resize(stats->vertices * 3);
+  arrays.floats.resize(stats->vertices * 3);
+  arrays.indices.resize(stats->triangles * 3);
+  arrays.rows.resize(stats->vertices * info.row_bytes);
+  mtdb_arrays to{stats->vertices,
+                 stats->triangles,
+                 arrays.positions.data(),
+                 arrays.floats.data(),
+                 {origin[0], origin[1], origin[2]},
+                 arrays.indices.data(),
+                 arrays.rows.data()};
+  REQUIRE(mtdb_cut_copy(cut, &to, &error) == MTDB_OK);
+  to.triangle_capacity -= 1;
+  REQUIRE(mtdb_cut_copy(cut, &to, &error) == MTDB_BUDGET_EXCEEDED);
+  REQUIRE(std::string(error.message).find("have room for") != std::string::npos);
+  mtdb_free_cut(cut);
+  return arrays;
+}
+
+void CheckSame(const Arrays& arrays, const TriangleMesh& mesh) {
+  REQUIRE(arrays.positions.size() == mesh.positions.size() * 3);
+  REQUIRE(arrays.indices.size() == mesh.triangles.size() * 3);
+  for (size_t i = 0; i < arrays.positions.size(); ++i) {
+    REQUIRE(arrays.positions[i] == mesh.positions[i / 3][static_cast<int>(i % 3)]);
+  }
+  for (size_t i = 0; i < arrays.indices.size(); ++i) {
+    REQUIRE(arrays.indices[i] == mesh.triangles[i / 3][i % 3]);
+  }
+  REQUIRE(arrays.rows.size() == mesh.rows.size());
+  REQUIRE(std::memcmp(arrays.rows.data(), mesh.rows.data(), mesh.rows.size()) == 0);
+}
+
+}  // namespace
+
+TEST_CASE("C sees the objects of a store and what they are") {
+  Opened& o = TheObject();
+  REQUIRE(mtdb_abi_version() == MTDB_ABI_VERSION);
+  REQUIRE(std::string(mtdb_version()).starts_with("0."));
+  mtdb_error error;
+  mtdb_names* names = nullptr;
+  REQUIRE(mtdb_list_objects(o.database, &names, &error) == MTDB_OK);
+  REQUIRE(mtdb_names_count(names) == 1);
+  REQUIRE(mtdb_names_at(names, 0) == o.built.record.name);
+  REQUIRE(mtdb_names_at(names, 1) == nullptr);
+  mtdb_free_names(names);
+  REQUIRE(mtdb_object_name(o.object) == o.built.record.name);
+  mtdb_info info;
+  REQUIRE(mtdb_object_info(o.object, &info, &error) == MTDB_OK);
+  REQUIRE(info.triangles == o.built.record.triangles);
+  REQUIRE(info.vertices == o.built.record.vertices);
+  REQUIRE(info.bounds_min[1] == o.built.record.bounds.min.y);
+  REQUIRE(info.bounds_max[2] == o.built.record.bounds.max.z);
+  REQUIRE(info.row_bytes == o.built.record.attributes.row_bytes());
+  mtdb_attribute attribute;
+  uint32_t bytes = 0;
+  for (uint32_t i = 0; i < info.attributes; ++i) {
+    REQUIRE(mtdb_object_attribute(o.object, i, &attribute, &error) == MTDB_OK);
+    REQUIRE(attribute.name == o.built.record.attributes.attributes[i].name);
+    REQUIRE(attribute.offset == bytes);
+    bytes += static_cast<uint32_t>(ScalarSize(static_cast<ScalarType>(attribute.type)));
+  }
+  REQUIRE(bytes == info.row_bytes);
+  REQUIRE(mtdb_object_attribute(o.object, info.attributes, &attribute, &error) == MTDB_NOT_FOUND);
+}
+
+TEST_CASE("Queries through C give the mesh that C++ gives") {
+  Opened& o = TheObject();
+  const ObjectRecord& record = o.built.record;
+  const double size = record.diagonal();
+  const Vec3d low = record.bounds.min;
+  const Vec3d high = record.bounds.max;
+  const Vec3d middle = (low + high) * 0.5;
+  using Fill = std::function<void(mtdb_query*, Query*)>;
+  const std::vector<Fill> cases{
+      [](mtdb_query*, Query*) {},
+      [&](mtdb_query* c, Query* q) {
+        REQUIRE(mtdb_query_add_box(c, &low.x, &middle.x, nullptr) == MTDB_OK);
+        q->region = BoxRegion({low, middle});
+      },
+      [&](mtdb_query* c, Query* q) {
+        REQUIRE(mtdb_query_add_box(c, &low.x, &middle.x, nullptr) == MTDB_OK);
+        REQUIRE(mtdb_query_add_sphere(c, &high.x, size / 3, nullptr) == MTDB_OK);
+        REQUIRE(mtdb_query_add_constant_error(c, size * 1e-3, nullptr) == MTDB_OK);
+        REQUIRE(mtdb_query_set_clip(c, 1, nullptr) == MTDB_OK);
+        q->region = UnionRegion({BoxRegion({low, middle}), SphereRegion(high, size / 3)});
+        q->threshold = ConstantThreshold(size * 1e-3);
+        q->clip = true;
+      },
+      [&](mtdb_query* c, Query* q) {
+        REQUIRE(mtdb_query_add_linear_error(c, &low.x, 0, 0.01, nullptr) == MTDB_OK);
+        REQUIRE(mtdb_query_add_constant_error(c, size * 2e-3, nullptr) == MTDB_OK);
+        q->threshold =
+            MinThreshold({LinearThreshold(low, 0, 0.01), ConstantThreshold(size * 2e-3)});
+      },
+      [&](mtdb_query* c, Query* q) {
+        REQUIRE(mtdb_query_add_coarsest(c, nullptr) == MTDB_OK);
+        q->threshold = CoarsestThreshold();
+      },
+      [&](mtdb_query* c, Query* q) {
+        REQUIRE(mtdb_query_add_full_resolution(c, nullptr) == MTDB_OK);
+        REQUIRE(mtdb_query_set_max_triangles(c, 1000, nullptr) == MTDB_OK);
+        q->threshold = FullResolution();
+        q->max_triangles = 1000;
+      }};
+  for (const Fill& fill : cases) {
+    mtdb_query* query = nullptr;
+    REQUIRE(mtdb_create_query(&query, nullptr) == MTDB_OK);
+    Query expected;
+    fill(query, &expected);
+    mtdb_stats stats;
+    const Arrays arrays = Copy(o.object, query, &stats, {low.x, low.y, low.z});
+    mtdb_free_query(query);
+    ExtractStats wanted;
+    const TriangleMesh mesh = Extract(*o.built.surface, expected, &wanted);
+    CheckSame(arrays, mesh);
+    REQUIRE(stats.error_bound == wanted.error_bound);
+    REQUIRE(stats.nodes_applied == wanted.nodes_applied);
+    for (size_t i = 0; i < arrays.floats.size(); ++i) {
+      const int c = static_cast<int>(i % 3);
+      REQUIRE(arrays.floats[i] == static_cast<float>(mesh.positions[i / 3][c] - low[c]));
+    }
+  }
+}
+
+TEST_CASE("Blocks come through callbacks, and a callback can stop them") {
+  Opened& o = TheObject();
+  struct Seen {
+    uint64_t announced = 0;
+    Arrays arrays;
+    size_t row_bytes = 0;
+    int stop_after = -1;  // blocks
+  } seen;
+  seen.row_bytes = o.built.record.attributes.row_bytes();
+  mtdb_sink sink;
+  sink.user = &seen;
+  sink.begin = [](void* user, uint64_t vertices, uint64_t triangles) {
+    static_cast<Seen*>(user)->announced = vertices + triangles;
+    return 0;
+  };
+  sink.vertices = [](void* user, const double* p, const unsigned char* rows, size_t count) {
+    auto& s = *static_cast<Seen*>(user);
+    s.arrays.positions.insert(s.arrays.positions.end(), p, p + 3 * count);
+    s.arrays.rows.insert(s.arrays.rows.end(), rows, rows + s.row_bytes * count);
+    return s.stop_after-- == 0 ? 1 : 0;
+  };
+  sink.triangles = [](void* user, const uint64_t* indices, size_t count) {
+    auto& s = *static_cast<Seen*>(user);
+    for (size_t i = 0; i < 3 * count; ++i) {
+      s.arrays.indices.push_back(static_cast<uint32_t>(indices[i]));
+    }
+    return 0;
+  };
+  mtdb_error error;
+  mtdb_cut* cut = nullptr;
+  REQUIRE(mtdb_select(o.object, nullptr, &cut, &error) == MTDB_OK);
+  REQUIRE(mtdb_cut_emit(cut, &sink, &error) == MTDB_OK);
+  CheckSame(seen.arrays, Extract(*o.built.surface, {}));
+  REQUIRE(seen.announced == o.built.record.vertices + o.built.record.triangles);
+  seen.stop_after = 0;
+  REQUIRE(mtdb_cut_emit(cut, &sink, &error) == MTDB_CANCELLED);
+  REQUIRE(std::string(error.message).find("callback") != std::string::npos);
+  sink = {};
+  REQUIRE(mtdb_cut_emit(cut, &sink, &error) == MTDB_OK);
+  mtdb_free_cut(cut);
+}
+
+TEST_CASE("Probes through C are those of C++") {
+  Opened& o = TheObject();
+  const Vec3d high = o.built.record.bounds.max;
+  const Vec3d low = o.built.record.bounds.min;
+  const double infinity = std::numeric_limits<double>::infinity();
+  mtdb_error error;
+  mtdb_hit hit;
+  REQUIRE(mtdb_closest_point(o.object, &high.x, -1, infinity, &hit, &error) == MTDB_OK);
+  const ProbeAnswer closest = FindClosestPoint(*o.built.surface, high).value();
+  REQUIRE(hit.found == 1);
+  REQUIRE(hit.distance == closest.hit->distance);
+  REQUIRE(hit.point[1] == closest.hit->point.y);
+  REQUIRE(hit.triangle[5] == closest.hit->triangle[1].z);
+  REQUIRE(hit.front == 1);
+  REQUIRE(mtdb_closest_point(o.object, &high.x, 0.1, hit.distance / 3, &hit, &error) == MTDB_OK);
+  REQUIRE(hit.found == 0);
+  const Vec3d direction = high - low;
+  REQUIRE(mtdb_cast_ray(o.object, &low.x, &direction.x, -1, infinity, &hit, &error) == MTDB_OK);
+  const ProbeAnswer first = CastRay(*o.built.surface, low, direction).value();
+  REQUIRE(hit.found == 1);
+  REQUIRE(hit.distance == first.hit->distance);
+  const double zero[3] = {0, 0, 0};
+  REQUIRE(mtdb_cast_ray(o.object, &low.x, zero, -1, infinity, &hit, &error) ==
+          MTDB_INVALID_ARGUMENT);
+}
+
+TEST_CASE("What a C caller gets wrong is an error code with a text") {
+  Opened& o = TheObject();
+  mtdb_error error;
+  const auto refused = [&](mtdb_code code, const char* part) {
+    INFO(error.message);
+    REQUIRE(code == MTDB_INVALID_ARGUMENT);
+    REQUIRE(std::string(error.message).find(part) != std::string::npos);
+  };
+  mtdb_database* database = nullptr;
+  mtdb_object* object = nullptr;
+  mtdb_query* query = nullptr;
+  mtdb_cut* cut = nullptr;
+  REQUIRE(mtdb_open_abi(MTDB_ABI_VERSION + 1, "x", &database, &error) == MTDB_UNSUPPORTED);
+  REQUIRE(std::string(error.message).find("ABI version") != std::string::npos);
+  REQUIRE(mtdb_open("/no/such/store", &database, &error) == MTDB_NOT_FOUND);
+  REQUIRE(std::string(error.message).find("/no/such/store") != std::string::npos);
+  REQUIRE(mtdb_open("/no/such/store", &database, nullptr) == MTDB_NOT_FOUND);
+  const std::string longest(5000, 'x');
+  REQUIRE(mtdb_open(longest.c_str(), &database, &error) != MTDB_OK);
+  REQUIRE(std::strlen(error.message) == sizeof(error.message) - 1);
+  std::string umlauts = "/";
+  for (int i = 0; i < 600; ++i) umlauts += "\xc3\xa4";  // two bytes each: none is cut in half
+  REQUIRE(mtdb_open(umlauts.c_str(), &database, &error) != MTDB_OK);
+  REQUIRE(std::string(error.message).ends_with("\xc3\xa4"));
+  REQUIRE(database == nullptr);
+  refused(mtdb_open(nullptr, &database, &error), "path");
+  refused(mtdb_open("x", nullptr, &error), "database");
+  refused(mtdb_open_object(nullptr, nullptr, 0, &object, &error), "database");
+  REQUIRE(mtdb_open_object(o.database, "other", 0, &object, &error) == MTDB_NOT_FOUND);
+  refused(mtdb_list_objects(o.database, nullptr, &error), "names");
+  refused(mtdb_object_info(nullptr, nullptr, &error), "object");
+  refused(mtdb_object_attribute(o.object, 0, nullptr, &error), "attribute");
+  refused(mtdb_create_query(nullptr, &error), "query");
+  refused(mtdb_select(nullptr, nullptr, &cut, &error), "object");
+  refused(mtdb_select(o.object, nullptr, nullptr, &error), "cut");
+  refused(mtdb_cut_stats(nullptr, nullptr, &error), "cut");
+  refused(mtdb_cut_copy(nullptr, nullptr, &error), "cut");
+  refused(mtdb_cut_emit(nullptr, nullptr, &error), "cut");
+  refused(mtdb_query_add_full_resolution(nullptr, &error), "query");
+  refused(mtdb_query_set_clip(nullptr, 1, &error), "query");
+  refused(mtdb_query_set_max_triangles(nullptr, 1, &error), "query");
+  refused(mtdb_closest_point(o.object, nullptr, -1, 1, nullptr, &error), "point");
+
+  REQUIRE(mtdb_create_query(&query, &error) == MTDB_OK);
+  const double zero[3] = {0, 0, 0};
+  const double one[3] = {1, 1, 1};
+  const double nan[3] = {0, std::nan(""), 0};
+  refused(mtdb_query_add_box(query, one, zero, &error), "min exceeds max");
+  refused(mtdb_query_add_box(query, nan, one, &error), "min");
+  refused(mtdb_query_add_box(query, zero, nullptr, &error), "max");
+  refused(mtdb_query_add_sphere(query, zero, -1, &error), "radius");
+  refused(mtdb_query_add_sphere(query, nan, 1, &error), "centre");
+  refused(mtdb_query_add_constant_error(query, -1, &error), "largest");
+  refused(mtdb_query_add_constant_error(query, nan[1], &error), "largest");
+  refused(mtdb_query_add_linear_error(query, zero, nan[1], 0, &error), "base");
+  // None of them stayed in the query.
+  mtdb_stats stats;
+  REQUIRE(Copy(o.object, query, &stats).indices.size() == 3 * o.built.record.triangles);
+  mtdb_free_query(query);
+
+  REQUIRE(mtdb_object_name(nullptr) == nullptr);
+  REQUIRE(mtdb_names_count(nullptr) == 0);
+  REQUIRE(mtdb_names_at(nullptr, 0) == nullptr);
+  mtdb_free_database(nullptr);
+  mtdb_free_names(nullptr);
+  mtdb_free_object(nullptr);
+  mtdb_free_query(nullptr);
+  mtdb_free_cut(nullptr);
+}
+
+TEST_CASE("A C object serves several threads") {
+  Opened& o = TheObject();
+  std::vector<std::thread> threads;
+  std::vector<uint64_t> triangles(4, 0);
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    threads.emplace_back([&, i] {
+      mtdb_query* query = nullptr;
+      mtdb_cut* cut = nullptr;
+      mtdb_stats stats{};
+      if (mtdb_create_query(&query, nullptr) != MTDB_OK) return;
+      if (mtdb_query_add_constant_error(query, 0.01, nullptr) == MTDB_OK &&
+          mtdb_select(o.object, query, &cut, nullptr) == MTDB_OK &&
+          mtdb_cut_stats(cut, &stats, nullptr) == MTDB_OK) {
+        triangles[i] = stats.triangles;
+      }
+      mtdb_free_cut(cut);
+      mtdb_free_query(query);
+    });
+  }
+  for (std::thread& t : threads) t.join();
+  for (const uint64_t n : triangles) {
+    REQUIRE(n > 0);
+    REQUIRE(n == triangles[0]);
+  }
+}
+
+}  // namespace mtdb::testing
