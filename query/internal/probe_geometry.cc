@@ -46,6 +46,9 @@ class RayPart final : public Region {
     return false;
   }
 
+  bool Covers(const Triangle3d&, double) const override { return false; }
+  bool BoxCovers(const Box3d&, double) const override { return false; }
+
   // By the ball around the box: never too far.
   bool BoxWithin(const Box3d& box, double distance) const override {
     if (box.empty()) return false;

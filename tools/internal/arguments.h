@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "store/base/geometry.h"
 #include "store/base/status.h"
 
 namespace mtdb {
