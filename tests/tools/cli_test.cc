@@ -317,6 +317,18 @@ TEST_CASE("render makes a picture of the size that was asked for", "[cli]") {
            {"triangles"});
 }
 
+TEST_CASE("STL files of one ingest share the vertices that they have in common", "[cli]") {
+  const Folder folder;
+  const Example& example = TheExample();
+  const std::string mesh = folder.File("mesh.stl");
+  const std::string store = folder.File("joined.mtdb");
+  RunOk({"extract", example.store, mesh, "--error-rel", "0.01"});
+  const Json once = RunJson({"ingest", mesh, store, "--name", "once"});
+  const Json twice = RunJson({"ingest", mesh, mesh, store, "--name", "twice"});
+  CHECK(twice.at("vertices") == once.at("vertices"));
+  CHECK(twice.at("triangles") == once.at("triangles"));  // the second copy's are duplicates
+}
+
 TEST_CASE("a store holds many objects of any name", "[cli]") {
   const Folder folder;
   const std::string store = folder.File("several.mtdb");

@@ -17,6 +17,7 @@ class HeaderSink final : public MeshSink {
   Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Stop(); }
   Status AddTriangles(std::span<const TriangleVertices>) override { return Stop(); }
   Status End() override { return Status::Ok(); }
+  bool joins_soup() const override { return true; }
   const MeshHeader& header() const { return header_; }
 
  private:
@@ -27,8 +28,8 @@ class HeaderSink final : public MeshSink {
 // Appends a file to the common mesh: vertices numbered on, rows cut to the common attributes.
 class PartSink final : public MeshSink {
  public:
-  PartSink(MeshSink& sink, const AttributeLayout& common, VertexIndex first)
-      : sink_(sink), common_(common), first_(first) {}
+  PartSink(MeshSink& sink, const MeshHeader& common, VertexIndex first)
+      : sink_(sink), common_(common.attributes), soup_(common.soup), first_(first) {}
 
   Status Begin(const MeshHeader& header) override {
     from_row_ = header.attributes.row_bytes();
@@ -61,11 +62,13 @@ class PartSink final : public MeshSink {
     return sink_.AddTriangles(triangles_);
   }
   Status End() override { return Status::Ok(); }
+  bool joins_soup() const override { return soup_; }
   uint64_t count() const { return count_; }
 
  private:
   MeshSink& sink_;
   const AttributeLayout& common_;
+  bool soup_;
   VertexIndex first_;
   uint64_t count_ = 0;
   size_t from_row_ = 0;
@@ -115,17 +118,19 @@ Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
     if (i == 0) {
       common.attributes = h.attributes;
       common.double_positions = h.double_positions;
+      common.soup = h.soup && sink.joins_soup();
       continue;
     }
     DropMissing(common.attributes, h.attributes, paths[i], notes);
     AttributeLayout theirs = h.attributes;
     DropMissing(theirs, common.attributes, paths[0], notes);
     common.double_positions |= h.double_positions;
+    common.soup &= h.soup;
   }
   MTDB_RETURN_IF_ERROR(sink.Begin(common));
   VertexIndex first = 0;
   for (const std::string& path : paths) {
-    PartSink part(sink, common.attributes, first);
+    PartSink part(sink, common, first);
     MeshReadReport report;
     MTDB_RETURN_IF_ERROR(ReadMeshFile(path, part, &report));
     Note(path, report, notes);
