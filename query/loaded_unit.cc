@@ -218,6 +218,15 @@ Status CheckCluster(const std::string& name, const ClusterIndex& index, const Lo
   return CheckRemovers(name, unit, entry.out_triangles);
 }
 
+std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
+  std::vector<uint64_t> drain((unit.own_slots() + 63) / 64, 0);
+  const uint32_t* removers = unit.removers().data() + unit.first_own_slot();
+  for (uint32_t i = 0; i < unit.own_slots(); ++i) {
+    drain[i >> 6] |= uint64_t{removers[i] == kDrain} << (i & 63);
+  }
+  return drain;
+}
+
 }  // namespace
 
 NodeIndex LoadedUnit::creator(uint32_t slot) const {
@@ -240,7 +249,8 @@ uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
 
 size_t LoadedUnit::memory_bytes() const {
   return sizeof(LoadedUnit) + (is_root ? piece.memory_bytes() : cluster.memory_bytes()) +
-         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) + VectorBytes(owners);
+         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) +
+         VectorBytes(owners) + VectorBytes(drain);
 }
 
 std::vector<UnitId> UnitParents(const ClusterIndex& index, UnitId unit) {
@@ -279,6 +289,7 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
     }
     MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(id), piece.children));
     MTDB_RETURN_IF_ERROR(CheckRemovers(name, *loaded, entry.triangles));
+    loaded->drain = FindDrain(*loaded);
     return LoadedUnitPtr(std::move(loaded));
   }
   const ClusterEntry& entry = index.cluster(ClusterId(unit));
@@ -296,6 +307,7 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
                                                        entry.nodes, name));
   MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
+  loaded->drain = FindDrain(*loaded);
   loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
   loaded->origins.resize(triangles.size());
   for (size_t i = 0; i < triangles.size(); ++i) {

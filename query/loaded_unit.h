@@ -35,6 +35,7 @@ struct LoadedUnit {
   std::vector<SlotOrigin> origins;  // per in-triangle
   std::vector<uint32_t> by_origin;  // in-slots, ascending by their origin's parent and slot
   std::vector<UnitId> owners;       // per external vertex: the cluster that inserts it, or kNone32
+  std::vector<uint64_t> drain;      // a bit per own slot: part of the full-resolution mesh
 
   const std::vector<uint32_t>& removers() const {
     return is_root ? piece.removers : cluster.removers;

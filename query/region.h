@@ -20,6 +20,8 @@ class Region {
   virtual bool Within(const Triangle3d& t, double distance) const = 0;
   // False only if no triangle inside the box can be within `distance`.
   virtual bool BoxWithin(const Box3d& box, double distance) const = 0;
+  // True only if all points within `distance` of the box are in the region.
+  virtual bool BoxCovers(const Box3d&, double /*distance*/) const { return whole(); }
   // True when the region is all of space, so that the geometry need not be looked at.
   virtual bool whole() const { return false; }
 };

@@ -65,7 +65,7 @@ void CutImpl::FillStats() {
     stats_.clusters_used = index_.cluster_count();
     return;
   }
-  stats_.error_bound += record.grid.Error(cut_.largest_code());
+  stats_.error_bound += record.grid.Error(cut_.largest_code);
   stats_.nodes_applied = cut_.nodes_applied;
   stats_.nodes_forced = cut_.nodes_forced;
   for (const auto& s : cut_.states) stats_.clusters_used += s->applied_count > 0 ? 1 : 0;
@@ -73,7 +73,7 @@ void CutImpl::FillStats() {
   if (!clip_) {
     stats_.vertices += cut_.nodes_applied;
     stats_.triangles = cut_.triangles;
-    stats_.active_triangles = cut_.active_triangles();
+    stats_.active_triangles = cut_.active_triangles;
     return;
   }
   for (const auto& s : cut_.states) {
@@ -102,6 +102,7 @@ Status CutImpl::MarkClipped() {
     MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(s.unit, &load_));
     s.kept = Bits(unit->own_slots());
     const std::vector<Vec3i>& positions = unit->positions();
+    if (s.active.empty()) continue;
     s.active.ForEach([&](uint32_t own) {
       const uint32_t slot = own + s.first_own_slot;
       const std::array<uint32_t, 3> corners =
@@ -183,7 +184,8 @@ Status CutImpl::Emit(MeshSink& sink) {
   MTDB_RETURN_IF_ERROR(sink.Begin(header));
   BlockWriter out(sink, record.grid, record.attributes.row_bytes());
   MTDB_RETURN_IF_ERROR(EmitVertices(out));
-  MTDB_RETURN_IF_ERROR(EmitTriangles(out));
+  MTDB_RETURN_IF_ERROR(EmitTriangles(out, true));
+  if (stats_.active_triangles < stats_.triangles) MTDB_RETURN_IF_ERROR(EmitTriangles(out, false));
   if (out.vertices() != stats_.vertices || out.triangles() != stats_.triangles) {
     return Corrupt(record.name + ": expected " + std::to_string(stats_.vertices) +
                    " vertices and " + std::to_string(stats_.triangles) + " triangles, found " +
@@ -202,104 +204,113 @@ bool CutImpl::Skips(UnitId unit) const {
   return !everything_ && (cut_.state_of[unit] == kNone32 || state(unit).applied_count == 0);
 }
 
-bool CutImpl::Emits(const LoadedUnit& unit, uint32_t own_slot) const {
-  if (everything_) return unit.removers()[own_slot + unit.first_own_slot()] == kDrain;
-  return Slots(state(unit.id)).Test(own_slot);
+std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
+  if (everything_) return unit.drain;
+  const UnitState& s = state(unit.id);
+  if (cut_.all_active) return s.present.words();
+  if (active) return (clip_ ? s.kept : s.active).words();
+  inactive_.assign(s.present.words().begin(), s.present.words().end());
+  for (size_t w = 0; w < s.active.words().size(); ++w) inactive_[w] &= ~s.active.words()[w];
+  return inactive_;
 }
 
 Status CutImpl::EmitVertices(BlockWriter& out) {
   uint64_t next = 0;
   for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
     MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitRootVertices(*unit, out, &next));
+    EmitRootVertices(*unit, out, &next);
+    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
   }
   for (UnitId id = 0; id < index_.cluster_count(); ++id) {
     if (Skips(id)) continue;
     MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitClusterVertices(*unit, out));
+    EmitClusterVertices(*unit, out);
+    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
   }
   return out.FlushVertices();
 }
 
-Status CutImpl::EmitTriangles(BlockWriter& out) {
+Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
   for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
     MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitRootTriangles(*unit, out));
+    EmitRootTriangles(*unit, Slots(*unit, active), out);
+    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
   }
   for (UnitId id = 0; id < index_.cluster_count(); ++id) {
     if (Skips(id)) continue;
     MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitClusterTriangles(*unit, out));
+    EmitClusterTriangles(*unit, Slots(*unit, active), out);
+    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
   }
   return out.FlushTriangles();
 }
 
 // A vertex that several pieces share is emitted with the first of them.
-Status CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
+void CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
   const RootPiece& piece = unit.piece;
   const size_t row_bytes = surface_->record().attributes.row_bytes();
+  out.ReserveVertices(piece.vertices.size());
   for (size_t i = 0; i < piece.vertices.size(); ++i) {
     const VertexIndex v = piece.vertices[i];
     if (clip_ && !root_used_.Test(static_cast<uint32_t>(v))) continue;
     if (root_numbers_.number(v) != *next) continue;
-    MTDB_RETURN_IF_ERROR(out.AddVertex(piece.positions[i], piece.rows.data() + i * row_bytes));
+    out.AddVertex(piece.positions[i], piece.rows.data() + i * row_bytes);
     ++*next;
   }
-  return Status::Ok();
 }
 
-Status CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
-  const Cluster& cluster = unit.cluster;
+void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
   const size_t row_bytes = surface_->record().attributes.row_bytes();
-  const uint32_t external = cluster.external_vertices();
-  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes != nullptr && !nodes->Test(i)) continue;
-    MTDB_RETURN_IF_ERROR(out.AddVertex(cluster.position(external + i),
-                                       cluster.in.rows.data() + (external + i) * row_bytes));
-  }
-  return Status::Ok();
+  const uint32_t external = unit.cluster.external_vertices();
+  const Vec3i* positions = unit.cluster.in.positions.data() + external;
+  const std::byte* rows = unit.cluster.in.rows.data() + external * row_bytes;
+  out.ReserveVertices(unit.nodes());
+  ForEachNode(unit, [&](NodeIndex i) { out.AddVertex(positions[i], rows + i * row_bytes); });
 }
 
-Status CutImpl::EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const {
+void CutImpl::EmitRootTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                                BlockWriter& out) const {
   const RootPiece& piece = unit.piece;
+  out.ReserveTriangles(piece.triangles.size());
   for (uint32_t slot = 0; slot < piece.triangles.size(); ++slot) {
-    if (!Emits(unit, slot)) continue;
+    if (slots.empty() || BitsAt(slots, slot, 1) == 0) continue;
     TriangleVertices t;
     for (size_t c = 0; c < 3; ++c) {
       t[c] = root_numbers_.number(piece.vertices[piece.triangles[slot][c]]);
     }
-    MTDB_RETURN_IF_ERROR(out.AddTriangle(t));
+    out.AddTriangle(t);
   }
-  return Status::Ok();
 }
 
-Status CutImpl::EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out) {
+void CutImpl::EmitClusterTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                                   BlockWriter& out) {
+  if (slots.empty()) return;
   const Cluster& cluster = unit.cluster;
   const uint32_t external = cluster.external_vertices();
-  numbers_.assign(external + cluster.nodes(), kUnset);
-  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
+  numbers_.resize(std::max<size_t>(numbers_.size(), external + cluster.nodes()));
+  std::fill_n(numbers_.begin(), external, kUnset);
   VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes == nullptr || nodes->Test(i)) numbers_[external + i] = next++;
-  }
   const auto number = [&](uint32_t local) {
     VertexIndex& n = numbers_[local];
     if (n == kUnset) n = NumberOf(cluster.in.vertices[local], unit.owners[local]);
     return n;
   };
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes != nullptr && !nodes->Test(i)) continue;
-    const std::span<const uint32_t> ring = cluster.ring(i);
+  out.ReserveTriangles(unit.own_slots());
+  ForEachNode(unit, [&](NodeIndex i) {
+    const VertexIndex own = numbers_[external + i] = next++;
     const uint32_t begin = cluster.star_begin[i];
-    for (uint32_t slot = begin; slot < cluster.star_begin[i + 1]; ++slot) {
-      if (!Emits(unit, slot - cluster.in_triangles())) continue;
-      const uint32_t j = slot - begin;
-      MTDB_RETURN_IF_ERROR(out.AddTriangle({numbers_[external + i], number(ring[j]),
-                                            number(ring[j + 1 == ring.size() ? 0 : j + 1])}));
+    const uint32_t count = cluster.star_begin[i + 1] - begin;
+    const std::span<const uint32_t> ring = cluster.ring(i);
+    for (uint32_t first = 0; first < count; first += 64) {
+      const uint32_t here = std::min(count - first, 64u);
+      for (uint64_t rest = BitsAt(slots, begin - cluster.in_triangles() + first, here); rest != 0;
+           rest &= rest - 1) {
+        const uint32_t j = first + static_cast<uint32_t>(std::countr_zero(rest));
+        const uint32_t k = j + 1 == ring.size() ? 0 : j + 1;
+        out.AddTriangle({own, number(ring[j]), number(ring[k])});
+      }
     }
-  }
-  return Status::Ok();
+  });
 }
 
 }  // namespace mtdb

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "query/cut.h"
@@ -31,19 +32,28 @@ class CutImpl {
   Status NumberVertices();
 
   Status EmitVertices(BlockWriter& out);
-  Status EmitTriangles(BlockWriter& out);
-  Status EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
-  Status EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
-  Status EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const;
-  Status EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out);
+  // Active triangles, or the others.
+  Status EmitTriangles(BlockWriter& out, bool active);
+  void EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
+  void EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
+  void EmitRootTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                         BlockWriter& out) const;
+  void EmitClusterTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                            BlockWriter& out);
+  // Calls f(node) for each node of the cluster whose vertex is in the output, ascending.
+  template <typename F>
+  void ForEachNode(const LoadedUnit& unit, F&& f) const {
+    if (!everything_) return Nodes(state(unit.id)).ForEach(f);
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) f(i);
+  }
   // The output's number of a vertex that another unit brings.
   VertexIndex NumberOf(VertexIndex vertex, UnitId owner) const;
 
   // True when nothing of this unit is in the output, so that it need not be loaded.
   bool Skips(UnitId unit) const;
-  bool Emits(const LoadedUnit& unit, uint32_t own_slot) const;
+  // Bits per own slot: what is emitted of the unit's active triangles, or of the others.
+  std::span<const uint64_t> Slots(const LoadedUnit& unit, bool active);
   const Bits& Nodes(const UnitState& state) const { return clip_ ? state.used : state.applied; }
-  const Bits& Slots(const UnitState& state) const { return clip_ ? state.kept : state.present; }
   UnitState& state(UnitId unit) { return cut_.state(cut_.state_of[unit]); }
   const UnitState& state(UnitId unit) const { return cut_.state(cut_.state_of[unit]); }
 
@@ -58,6 +68,7 @@ class CutImpl {
   std::vector<VertexIndex> first_number_;     // per state: the output's number of its first vertex
   std::vector<std::vector<uint32_t>> ranks_;  // per state: of Nodes()
   std::vector<VertexIndex> numbers_;          // scratch: per local vertex
+  std::vector<uint64_t> inactive_;            // scratch: per own slot
   LoadStats load_;
   ExtractStats stats_;
 };

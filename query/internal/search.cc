@@ -26,11 +26,13 @@ Search::Search(const ClusterSource& source, ClusterCache& cache, const Query& qu
       query_(query),
       stats_(stats),
       whole_(query.region == nullptr || query.region->whole()),
+      by_error_(query.max_triangles.has_value()),
       constant_(query.threshold == nullptr ? std::optional<double>(-1.0)
                                            : query.threshold->constant()),
       trivial_(whole_ && constant_.has_value()) {
   for (int code = 0; code < 256; ++code) {
     errors_[static_cast<size_t>(code)] = grid_.Error(static_cast<uint8_t>(code));
+    if (constant_ && errors_[static_cast<size_t>(code)] <= *constant_) valid_code_ = code;
   }
   cut_.state_of.assign(UnitCount(index_), kNone32);
   pending_ = Bits(index_.cluster_count());
@@ -39,42 +41,53 @@ Search::Search(const ClusterSource& source, ClusterCache& cache, const Query& qu
 
 Status Search::Run() {
   MTDB_RETURN_IF_ERROR(ExamineRoot());
-  MTDB_RETURN_IF_ERROR(query_.max_triangles ? RunByError() : RunByClusters());
+  MTDB_RETURN_IF_ERROR(by_error_ ? RunByError() : RunByClusters());
+  MTDB_RETURN_IF_ERROR(Survey());
   ReleasePins(0);
   for (const auto& state : cut_.states) {
     state->wanted = Bits();
     state->planned = Bits();
-    state->exact = Bits();
   }
   return Status::Ok();
 }
 
 Status Search::ExamineRoot() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
-    const UnitId unit = index_.cluster_count() + r;
-    MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
+    MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(index_.cluster_count() + r));
     UnitState& state = cut_.state(s);
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
     const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
     state.present.SetRange(0, triangles);
     cut_.triangles += triangles;
-    if (MayBeActive(RootPieceId(r))) {
-      for (uint32_t slot = 0; slot < triangles; ++slot) ExamineOutSlot(*loaded, state, slot, 0);
-    }
+    ExamineOutSlots(*loaded, state);
     ReleasePins(cache_.budget_bytes() / kPinShare);
   }
   return Status::Ok();
 }
 
-bool Search::MayBeActive(RootPieceId piece) const {
-  if (whole_) return true;
-  uint8_t largest = 0;
-  for (const ClusterId child : index_.children(piece)) {
+const Box3i& Search::Bounds(UnitId unit) const {
+  return IsRootUnit(index_, unit)
+             ? index_.root_piece(RootPieceId(unit - index_.cluster_count())).bounds
+             : index_.cluster(ClusterId(unit)).bounds;
+}
+
+uint8_t Search::LargestCode(const LoadedUnit& unit) const {
+  uint8_t largest = unit.is_root ? 0 : index_.cluster(ClusterId(unit.id)).error_code_max;
+  for (const ClusterId child : unit.children()) {
     largest = std::max(largest, index_.cluster(child).error_code_max);
   }
-  const Box3i& bounds = index_.root_piece(piece).bounds;
+  return largest;
+}
+
+Search::Outlook Search::LookAhead(const Box3i& bounds, uint8_t largest) const {
+  Outlook outlook;
   const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
-  return query_.region->BoxWithin(box, errors_[largest]);
+  const double error = errors_[largest];
+  outlook.all_active = whole_ || query_.region->BoxCovers(box, 0);
+  outlook.none_active = !outlook.all_active && !query_.region->BoxWithin(box, error);
+  outlook.all_valid =
+      constant_ ? largest <= valid_code_ : error <= query_.threshold->MinOverBox(box, error);
+  return outlook;
 }
 
 Status Search::RunByClusters() {
@@ -119,6 +132,11 @@ Status Search::LookInto(UnitId unit) {
   pending_.Clear(unit);
   if (!looked_into_.Test(unit)) {
     looked_into_.Set(unit);
+    if (!by_error_) {
+      MTDB_RETURN_IF_ERROR(ApplyInOrder(*loaded, s));
+      ExamineOutSlots(*loaded, cut_.state(s));
+      return Status::Ok();
+    }
     for (uint32_t slot = 0; slot < loaded->cluster.in_triangles(); ++slot) {
       ExamineInSlot(*loaded, s, slot);
     }
@@ -136,26 +154,81 @@ Status Search::LookInto(UnitId unit) {
   return Status::Ok();
 }
 
-void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot) {
-  const Cluster& cluster = unit.cluster;
-  const SlotOrigin& origin = unit.origins[slot];
-  const uint32_t p = cut_.state_of[unit.parents[origin.parent]];
-  if (p == kNone32) return;
-  UnitState& parent = cut_.state(p);
-  const uint32_t own = origin.slot - parent.first_own_slot;
-  if (!parent.present.Test(own) || parent.exact.Test(own)) return;
-  if (parent.active.Test(own)) {
-    --cut_.active_by_code[index_.cluster(ClusterId(unit.id)).error_code_max];
-    parent.active.Clear(own);
+void Search::FindParents(const LoadedUnit& unit) {
+  parents_.clear();
+  for (const UnitId p : unit.parents) {
+    const uint32_t s = cut_.state_of[p];
+    parents_.push_back(s == kNone32 ? nullptr : &cut_.state(s));
   }
-  parent.exact.Set(own);
-  const NodeIndex node = cluster.removers[slot];
-  const uint8_t code = cluster.error_codes[node];
-  const Triangle3d t = Corners(unit, slot, 0);
-  if (!Active(t, errors_[code])) return;
-  parent.active.Set(own);
-  ++cut_.active_by_code[code];
-  if (!Valid(t, errors_[code])) Want(state, node, code);
+}
+
+Status Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
+  UnitState& state = cut_.state(s);
+  const Cluster& cluster = unit.cluster;
+  const Outlook outlook =
+      LookAhead(Bounds(unit.id), index_.cluster(ClusterId(unit.id)).error_code_max);
+  if (outlook.none_active || outlook.all_valid) return Status::Ok();
+  const bool by_code = constant_ && outlook.all_active;
+  FindParents(unit);
+  for (NodeIndex node = 0; node < cluster.nodes(); ++node) {
+    const uint8_t code = cluster.error_codes[node];
+    if (code <= valid_code_ || state.applied.Test(node)) continue;
+    const std::span<const uint32_t> hole = cluster.hole(node);
+    size_t present = 0;
+    bool wanted = by_code;
+    for (const uint32_t slot : hole) {
+      if (!Present(unit, state, slot)) continue;
+      ++present;
+      if (wanted) continue;
+      const NodeIndex creator = slot < unit.first_own_slot() ? 0 : unit.creator(slot);
+      wanted = Refused(Corners(unit, slot, creator), errors_[code]);
+    }
+    if (!wanted || present == 0) continue;
+    if (present == hole.size()) {
+      ApplyNode(unit, state, node, true);
+      continue;
+    }
+    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
+    MTDB_RETURN_IF_ERROR(ApplyPlan());
+    FindParents(unit);
+  }
+  return Status::Ok();
+}
+
+void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
+  const std::vector<ClusterId>& children = unit.children();
+  settled_.assign(children.size(), false);
+  size_t open = children.size();
+  const auto settle = [&](size_t ordinal) {
+    settled_[ordinal] = true;
+    --open;
+  };
+  for (size_t i = 0; i < children.size(); ++i) {
+    const ClusterEntry& child = index_.cluster(children[i]);
+    const Outlook outlook = LookAhead(child.bounds, child.error_code_max);
+    if (outlook.none_active || outlook.all_valid) settle(i);
+  }
+  const std::vector<uint32_t>& removers = unit.removers();
+  for (uint32_t own = state.present.FirstFrom(0); own != kNone32 && open > 0;
+       own = state.present.FirstFrom(own + 1)) {
+    const uint32_t slot = own + unit.first_own_slot();
+    const uint32_t remover = removers[slot];
+    if (!RemovedByChild(remover) || settled_[ChildOrdinal(remover)]) continue;
+    const ClusterId child = children[ChildOrdinal(remover)];
+    ExamineOutSlot(unit, state, slot, unit.is_root || trivial_ ? 0 : unit.creator(slot));
+    // Pending for the first time: it will see all its in-triangles itself.
+    if (!by_error_ && pending_.Test(child.value) && !looked_into_.Test(child.value)) {
+      settle(ChildOrdinal(remover));
+    }
+  }
+}
+
+void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t s, uint32_t slot) {
+  FindParents(unit);
+  if (!Present(unit, cut_.state(s), slot)) return;
+  const NodeIndex node = unit.cluster.removers[slot];
+  const uint8_t code = unit.cluster.error_codes[node];
+  if (code > valid_code_ && Refused(Corners(unit, slot, 0), errors_[code])) Want(s, node, code);
 }
 
 // Coarsest unit first, and within a unit in stored order, in which parents precede children: most
@@ -240,45 +313,43 @@ void Search::DropPlan() {
 
 Status Search::ApplyPlan() {
   for (const Target& t : plan_) {
+    UnitState& state = cut_.state(t.state);
+    const LoadedUnit& unit = *state.pin;
     const bool target = &t == &plan_.back();
-    MTDB_RETURN_IF_ERROR(ApplyNode(t, target || HasReason(*cut_.state(t.state).pin, t.node)));
+    FindParents(unit);
+    for (const uint32_t slot : unit.cluster.hole(t.node)) {
+      if (!Present(unit, state, slot)) return Inconsistent(unit.id, "a hole is not in the mesh");
+    }
+    ApplyNode(unit, state, t.node, target || HasReason(unit, t.node));
+    state.planned.Clear(t.node);
   }
   for (const Target& t : plan_) ExamineStar(t);
   return Status::Ok();
 }
 
-Status Search::ApplyNode(Target target, bool wanted) {
-  UnitState& state = cut_.state(target.state);
-  const LoadedUnit& unit = *state.pin;
+// The hole is present, and parents_ are the unit's.
+void Search::ApplyNode(const LoadedUnit& unit, UnitState& state, NodeIndex node, bool wanted) {
   const Cluster& cluster = unit.cluster;
-  const uint8_t code = cluster.error_codes[target.node];
-  const uint8_t largest = index_.cluster(ClusterId(unit.id)).error_code_max;
-  for (const uint32_t slot : cluster.hole(target.node)) {
-    UnitState* creator = &state;
-    uint32_t own = slot - unit.first_own_slot();
-    if (slot < unit.first_own_slot()) {
-      const SlotOrigin& origin = unit.origins[slot];
-      creator = &cut_.state(cut_.state_of[unit.parents[origin.parent]]);
-      own = origin.slot - creator->first_own_slot;
+  const uint32_t first_own = unit.first_own_slot();
+  const std::span<const uint32_t> hole = cluster.hole(node);
+  for (const uint32_t slot : hole) {
+    if (slot >= first_own) {
+      state.present.Clear(slot - first_own);
+      continue;
     }
-    if (!creator->present.Test(own)) return Inconsistent(unit.id, "a hole is not in the mesh");
-    creator->present.Clear(own);
-    if (creator->active.Test(own)) {
-      --cut_.active_by_code[creator->exact.Test(own) ? code : largest];
-      creator->active.Clear(own);
-    }
+    const SlotOrigin& origin = unit.origins[slot];
+    UnitState& parent = *parents_[origin.parent];
+    parent.present.Clear(origin.slot - parent.first_own_slot);
   }
-  const uint32_t begin = cluster.star_begin[target.node] - unit.first_own_slot();
-  const uint32_t end = cluster.star_begin[target.node + 1] - unit.first_own_slot();
+  const uint32_t begin = cluster.star_begin[node] - first_own;
+  const uint32_t end = cluster.star_begin[node + 1] - first_own;
   state.present.SetRange(begin, end);
-  state.applied.Set(target.node);
-  state.planned.Clear(target.node);
+  state.applied.Set(node);
   ++state.applied_count;
   ++cut_.nodes_applied;
-  if (!wanted) ++cut_.nodes_forced;
+  cut_.nodes_forced += wanted ? 0 : 1;
   cut_.triangles += end - begin;
-  cut_.triangles -= cluster.hole(target.node).size();
-  return Status::Ok();
+  cut_.triangles -= hole.size();
 }
 
 void Search::ExamineStar(Target target) {
@@ -287,55 +358,34 @@ void Search::ExamineStar(Target target) {
   const Cluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[target.node]; slot < cluster.star_begin[target.node + 1];
        ++slot) {
-    const uint32_t own = slot - unit.first_own_slot();
-    if (!state.present.Test(own)) continue;
+    if (!state.present.Test(slot - unit.first_own_slot())) continue;
     const uint32_t remover = cluster.removers[slot];
     if (!RemovedByNode(remover)) {
       ExamineOutSlot(unit, state, slot, target.node);
       continue;
     }
-    state.exact.Set(own);
     const uint8_t code = cluster.error_codes[remover];
-    const Triangle3d t = Corners(unit, slot, target.node);
-    if (!Active(t, errors_[code])) continue;
-    state.active.Set(own);
-    ++cut_.active_by_code[code];
-    if (!Valid(t, errors_[code])) Want(target.state, remover, code);
+    if (code <= valid_code_) continue;
+    if (Refused(Corners(unit, slot, target.node), errors_[code])) {
+      Want(target.state, remover, code);
+    }
   }
 }
 
 void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t slot,
                             NodeIndex creator) {
-  const uint32_t own = slot - unit.first_own_slot();
   const uint32_t remover = unit.removers()[slot];
-  if (remover == kDrain) {
-    state.exact.Set(own);
-    if (!Active(Corners(unit, slot, creator), 0)) return;
-    state.active.Set(own);
-    ++cut_.active_by_code[0];
-    return;
-  }
+  if (remover == kDrain) return;
   const ClusterId child = unit.children()[ChildOrdinal(remover)];
-  const bool by_error = query_.max_triangles.has_value();
   const bool pending = pending_.Test(child.value);
-  if (pending && !by_error) {  // the child will examine it
-    NoteLateArc(child, unit.id, slot);
-    return;
-  }
+  if (pending && !looked_into_.Test(child.value)) return;  // the child will examine it
   const uint8_t largest = index_.cluster(child).error_code_max;
-  const Triangle3d t = Corners(unit, slot, creator);
-  if (!Active(t, errors_[largest])) return;
-  const bool valid = Valid(t, errors_[largest]);
-  // The budgeted search may stop before it looks into the child: count the triangle now.
-  if (valid || by_error) {
-    state.active.Set(own);
-    ++cut_.active_by_code[largest];
-  }
-  if (valid) return;
-  NoteLateArc(child, unit.id, slot);
+  if (largest <= valid_code_) return;
+  if (!pending && !Refused(Corners(unit, slot, creator), errors_[largest])) return;
+  NoteLateArc(child, state.unit, slot);
   if (pending) return;
   pending_.Set(child.value);
-  if (by_error) {
+  if (by_error_) {
     queue_.push({largest, true, child.value, 0});
   } else {
     pending_clusters_.push(child.value);
@@ -348,7 +398,7 @@ void Search::NoteLateArc(ClusterId child, UnitId parent, uint32_t slot) {
 }
 
 void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
-  if (query_.max_triangles) {
+  if (by_error_) {
     queue_.push({code, false, cut_.state(state).unit, node});
   } else {
     UnitState& of = cut_.state(state);
@@ -365,9 +415,85 @@ bool Search::HasReason(const LoadedUnit& unit, NodeIndex node) const {
     const bool own = slot >= unit.first_own_slot() && !trivial_;
     const NodeIndex creator = own ? unit.creator(slot) : 0;
     const Triangle3d t = Corners(unit, slot, creator);
-    if (Active(t, error) && !Valid(t, error)) return true;
+    if (Refused(t, error)) return true;
   }
   return false;
+}
+
+Status Search::Survey() {
+  cut_.all_active = whole_;
+  if (whole_) cut_.active_triangles = cut_.triangles;
+  for (const auto& state : cut_.states) {
+    // No present triangle is invalid but where a budget ended the search.
+    if (whole_ && cut_.largest_code == valid_code_ && !by_error_) break;
+    MTDB_RETURN_IF_ERROR(whole_ ? SurveyErrors(*state) : SurveyUnit(*state));
+    ReleasePins(cache_.budget_bytes() / kPinShare);
+  }
+  return Status::Ok();
+}
+
+Status Search::SurveyErrors(UnitState& state) {
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* unit, Pin(state));
+  FindParents(*unit);
+  for (NodeIndex node = 0; node < unit->nodes(); ++node) {
+    const uint8_t code = unit->cluster.error_codes[node];
+    if (code <= cut_.largest_code || state.applied.Test(node)) continue;
+    for (const uint32_t slot : unit->cluster.hole(node)) {
+      if (Present(*unit, state, slot)) cut_.largest_code = code;
+    }
+  }
+  state.present.ForEach([&](uint32_t own) {
+    const uint32_t remover = unit->removers()[own + unit->first_own_slot()];
+    if (!RemovedByChild(remover)) return;
+    const ClusterId child = unit->children()[ChildOrdinal(remover)];
+    if (looked_into_.Test(child.value)) return;
+    cut_.largest_code = std::max(cut_.largest_code, index_.cluster(child).error_code_max);
+  });
+  return Status::Ok();
+}
+
+Status Search::SurveyUnit(UnitState& state) {
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* unit, Pin(state));
+  const uint32_t first_own = unit->first_own_slot();
+  if (state.active.empty()) state.active = Bits(unit->own_slots());
+  const Outlook outlook = LookAhead(Bounds(state.unit), LargestCode(*unit));
+  if (outlook.none_active) return Status::Ok();
+  const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code) {
+    if (!outlook.all_active && !Active(Corners(*unit, slot, creator), errors_[code])) return false;
+    ++cut_.active_triangles;
+    cut_.largest_code = std::max(cut_.largest_code, code);
+    return true;
+  };
+  // A cluster that was looked into knows the errors of its in-triangles.
+  if (!unit->is_root && looked_into_.Test(state.unit)) {
+    FindParents(*unit);
+    for (uint32_t slot = 0; slot < first_own; ++slot) {
+      if (!Present(*unit, state, slot)) continue;
+      if (!survey(slot, 0, unit->cluster.error_codes[unit->cluster.removers[slot]])) continue;
+      const SlotOrigin& origin = unit->origins[slot];
+      UnitState& parent = *parents_[origin.parent];
+      if (parent.active.empty()) parent.active = Bits(parent.present.size());
+      parent.active.Set(origin.slot - parent.first_own_slot);
+    }
+  }
+  NodeIndex creator = 0;
+  state.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + first_own;
+    if (!unit->is_root) {
+      while (unit->cluster.star_begin[creator + 1] <= slot) ++creator;
+    }
+    const uint32_t remover = unit->removers()[slot];
+    uint8_t code = 0;
+    if (RemovedByNode(remover)) {
+      code = unit->cluster.error_codes[remover];
+    } else if (RemovedByChild(remover)) {
+      const ClusterId child = unit->children()[ChildOrdinal(remover)];
+      if (looked_into_.Test(child.value)) return;
+      code = index_.cluster(child).error_code_max;
+    }
+    if (survey(slot, creator, code)) state.active.Set(own);
+  });
+  return Status::Ok();
 }
 
 Triangle3d Search::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const {
@@ -389,8 +515,6 @@ Result<uint32_t> Search::StateOf(UnitId unit) {
   state->wanted = Bits(loaded->nodes());
   state->planned = Bits(loaded->nodes());
   state->present = Bits(loaded->own_slots());
-  state->active = Bits(loaded->own_slots());
-  state->exact = Bits(loaded->own_slots());
   cut_.states.push_back(std::move(state));
   cut_.state_of[unit] = s;
   pinned_states_.push_back(s);
