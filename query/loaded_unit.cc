@@ -227,13 +227,17 @@ std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
   return drain;
 }
 
-}  // namespace
-
-NodeIndex LoadedUnit::creator(uint32_t slot) const {
-  const std::vector<uint32_t>& begin = cluster.star_begin;
-  return static_cast<NodeIndex>(std::upper_bound(begin.begin(), begin.end(), slot) - begin.begin() -
-                                1);
+std::vector<NodeIndex> FindCreators(const LoadedUnit& unit) {
+  std::vector<NodeIndex> creators;
+  NodeIndex node = 0;
+  for (uint32_t own = 0; own < unit.own_slots(); own += LoadedUnit::kCreatorStep) {
+    while (unit.cluster.star_begin[node + 1] <= own + unit.first_own_slot()) ++node;
+    creators.push_back(node);
+  }
+  return creators;
 }
+
+}  // namespace
 
 uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
   const auto p = std::find(parents.begin(), parents.end(), parent);
@@ -250,7 +254,7 @@ uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
 size_t LoadedUnit::memory_bytes() const {
   return sizeof(LoadedUnit) + (is_root ? piece.memory_bytes() : cluster.memory_bytes()) +
          VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) +
-         VectorBytes(owners) + VectorBytes(drain);
+         VectorBytes(owners) + VectorBytes(drain) + VectorBytes(creators);
 }
 
 std::vector<UnitId> UnitParents(const ClusterIndex& index, UnitId unit) {
@@ -308,6 +312,7 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
                                                        entry.nodes, name));
   MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
   loaded->drain = FindDrain(*loaded);
+  loaded->creators = FindCreators(*loaded);
   loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
   loaded->origins.resize(triangles.size());
   for (size_t i = 0; i < triangles.size(); ++i) {

@@ -36,6 +36,7 @@ struct LoadedUnit {
   std::vector<uint32_t> by_origin;  // in-slots, ascending by their origin's parent and slot
   std::vector<UnitId> owners;       // per external vertex: the cluster that inserts it, or kNone32
   std::vector<uint64_t> drain;      // a bit per own slot: part of the full-resolution mesh
+  std::vector<NodeIndex> creators;  // of every kCreatorStep-th own slot, for creator()
 
   const std::vector<uint32_t>& removers() const {
     return is_root ? piece.removers : cluster.removers;
@@ -55,7 +56,11 @@ struct LoadedUnit {
   uint32_t first_own_slot() const { return is_root ? 0 : cluster.in_triangles(); }
   uint32_t own_slots() const { return static_cast<uint32_t>(removers().size()) - first_own_slot(); }
   // The node that creates a slot >= first_own_slot() of a cluster.
-  NodeIndex creator(uint32_t slot) const;
+  NodeIndex creator(uint32_t slot) const {
+    NodeIndex node = creators[(slot - first_own_slot()) / kCreatorStep];
+    while (cluster.star_begin[node + 1] <= slot) ++node;
+    return node;
+  }
   // The in-slot that a parent's slot arrives at, or kNone32.
   uint32_t FindInSlot(UnitId parent, uint32_t parent_slot) const;
   // Local vertices of any slot; `creator` as given by creator(), unused for other slots.
@@ -65,6 +70,8 @@ struct LoadedUnit {
     return cluster.star_triangle(creator_node, slot);
   }
   size_t memory_bytes() const;
+
+  static constexpr uint32_t kCreatorStep = 64;
 };
 
 using LoadedUnitPtr = std::shared_ptr<const LoadedUnit>;

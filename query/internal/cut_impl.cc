@@ -1,5 +1,6 @@
 #include "query/internal/cut_impl.h"
 
+#include <algorithm>
 #include <chrono>
 #include <string>
 
@@ -27,45 +28,56 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query)
       index_(surface_->index()),
       query_(query),
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
-      root_numbers_(index_.root_vertices()) {}
+      root_numbers_(index_.root_vertices()),
+      reader_(surface_->cache(), {query.control, query.max_bytes}) {}
 
 bool CutImpl::WantsEverything() const {
   const bool whole = query_.region == nullptr || query_.region->whole();
   const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
   const bool fits = !query_.max_triangles || *query_.max_triangles >= surface_->record().triangles;
-  return whole && full && fits;
+  return whole && full && fits && !query_.max_bytes && !query_.max_milliseconds;
 }
 
 Status CutImpl::Select() {
   const Stopwatch watch;
   everything_ = WantsEverything();
   if (!everything_) {
-    Search search(*surface_->source(), surface_->cache(), query_, load_);
+    Search search(*surface_->source(), reader_, query_);
     MTDB_RETURN_IF_ERROR(search.Run());
     cut_ = search.TakeState();
     if (clip_) MTDB_RETURN_IF_ERROR(MarkClipped());
     MTDB_RETURN_IF_ERROR(NumberVertices());
   }
   FillStats();
-  stats_.seconds.load = load_.seconds;
-  stats_.seconds.select = watch.Seconds() - load_.seconds;
+  stats_.seconds.select = watch.Seconds() - stats_.seconds.load;
   return Status::Ok();
+}
+
+void CutImpl::FillLoadStats() {
+  const LoadStats load = reader_.stats();
+  stats_.clusters_read = load.clusters_read;
+  stats_.clusters_cached = load.clusters_cached;
+  stats_.bytes_read = load.bytes_read;
+  stats_.seconds.load = load.seconds;
+  stats_.seconds.read = load.read_seconds;
+  stats_.seconds.decode = load.decode_seconds;
 }
 
 void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
-  stats_.clusters_read = load_.clusters_read;
-  stats_.bytes_read = load_.bytes_read;
+  FillLoadStats();
   stats_.error_bound = record.grid.cell_error();
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
     stats_.vertices = record.vertices;
-    stats_.nodes_applied = record.nodes;
+    stats_.nodes_visited = stats_.nodes_applied = record.nodes;
     stats_.clusters_used = index_.cluster_count();
     return;
   }
   stats_.error_bound += record.grid.Error(cut_.largest_code);
+  stats_.limit = cut_.limit;
+  stats_.nodes_visited = cut_.nodes_visited;
   stats_.nodes_applied = cut_.nodes_applied;
   stats_.nodes_forced = cut_.nodes_forced;
   for (const auto& s : cut_.states) stats_.clusters_used += s->applied_count > 0 ? 1 : 0;
@@ -99,7 +111,8 @@ Status CutImpl::MarkClipped() {
   }
   for (const auto& each : cut_.states) {
     UnitState& s = *each;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(s.unit, &load_));
+    reader_.Release();
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(s.unit));
     s.kept = Bits(unit->own_slots());
     const std::vector<Vec3i>& positions = unit->positions();
     if (s.active.empty()) continue;
@@ -137,11 +150,13 @@ Status CutImpl::MarkClipped() {
 Status CutImpl::NumberVertices() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
     const UnitId id = index_.cluster_count() + r;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    reader_.Release();
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
     for (const VertexIndex v : unit->piece.vertices) {
       if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
     }
   }
+  reader_.Release();
   if (!clip_ && root_numbers_.count() != index_.root_vertices()) {
     return Corrupt(surface_->record().name + ": the root pieces have " +
                    std::to_string(root_numbers_.count()) + " vertices, the index says " +
@@ -173,7 +188,7 @@ VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
 
 Status CutImpl::Emit(MeshSink& sink) {
   const Stopwatch watch;
-  const double load_before = load_.seconds;
+  const double load_before = stats_.seconds.load;
   const ObjectRecord& record = surface_->record();
   if (everything_ && first_number_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
   MeshHeader header;
@@ -192,11 +207,8 @@ Status CutImpl::Emit(MeshSink& sink) {
                    std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
   }
   MTDB_RETURN_IF_ERROR(sink.End());
-  surface_->cache().Trim();
-  stats_.clusters_read = load_.clusters_read;
-  stats_.bytes_read = load_.bytes_read;
-  stats_.seconds.load = load_.seconds;
-  stats_.seconds.emit += watch.Seconds() - (load_.seconds - load_before);
+  FillLoadStats();
+  stats_.seconds.emit += watch.Seconds() - (stats_.seconds.load - load_before);
   return Status::Ok();
 }
 
@@ -214,34 +226,59 @@ std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
   return inactive_;
 }
 
+template <typename F, typename After>
+Status CutImpl::ForEachUnit(F&& f, After&& after) {
+  std::vector<UnitId> units;
+  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) units.push_back(id);
+  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
+    if (!Skips(id)) units.push_back(id);
+  }
+  const size_t ahead = reader_.prefetch_units() / 2;
+  for (size_t i = 0; i < units.size(); ++i) {
+    MTDB_RETURN_IF_ERROR(reader_.Check());
+    if (ahead > 0 && i % ahead == 0) {
+      // The half window after this one; the first time both.
+      const size_t begin = i == 0 ? 1 : std::min(i + ahead, units.size());
+      const size_t end = std::min(i + 2 * ahead, units.size());
+      reader_.Prefetch(std::span(units).subspan(begin, end - begin));
+    }
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(units[i]));
+    f(*unit);
+    reader_.Release();
+    MTDB_RETURN_IF_ERROR(after());
+  }
+  return Status::Ok();
+}
+
 Status CutImpl::EmitVertices(BlockWriter& out) {
   uint64_t next = 0;
-  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    EmitRootVertices(*unit, out, &next);
-    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
-  }
-  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
-    if (Skips(id)) continue;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    EmitClusterVertices(*unit, out);
-    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
-  }
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) {
+        if (unit.is_root) {
+          EmitRootVertices(unit, out, &next);
+        } else {
+          EmitClusterVertices(unit, out);
+        }
+      },
+      [&] { return out.FlushBlocks(); }));
   return out.FlushVertices();
 }
 
 Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
-  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    EmitRootTriangles(*unit, Slots(*unit, active), out);
-    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
-  }
-  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
-    if (Skips(id)) continue;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    EmitClusterTriangles(*unit, Slots(*unit, active), out);
-    MTDB_RETURN_IF_ERROR(out.FlushBlocks());
-  }
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) {
+        if (unit.is_root) {
+          EmitRootTriangles(unit, Slots(unit, active), out);
+        } else {
+          EmitClusterTriangles(unit, Slots(unit, active), out);
+        }
+      },
+      [&] {
+        if (query_.control != nullptr) {
+          query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);
+        }
+        return out.FlushBlocks();
+      }));
   return out.FlushTriangles();
 }
 

@@ -11,6 +11,7 @@
 #include "query/internal/root_numbering.h"
 #include "query/query.h"
 #include "query/surface.h"
+#include "query/unit_reader.h"
 
 namespace mtdb {
 
@@ -27,6 +28,12 @@ class CutImpl {
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
   void FillStats();
+  // What was loaded so far.
+  void FillLoadStats();
+  // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
+  // one at a time, and none when `after` has it sent.
+  template <typename F, typename After>
+  Status ForEachUnit(F&& f, After&& after);
   // Marks the triangles that meet the region, and their vertices.
   Status MarkClipped();
   Status NumberVertices();
@@ -69,7 +76,7 @@ class CutImpl {
   std::vector<std::vector<uint32_t>> ranks_;  // per state: of Nodes()
   std::vector<VertexIndex> numbers_;          // scratch: per local vertex
   std::vector<uint64_t> inactive_;            // scratch: per own slot
-  LoadStats load_;
+  UnitReader reader_;
   ExtractStats stats_;
 };
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "query/cluster_cache.h"
+#include "query/cut.h"
 #include "query/internal/bits.h"
 #include "query/loaded_unit.h"
 
@@ -25,7 +25,7 @@ struct UnitState {
   Bits wanted;  // per node: removes an active invalid triangle, and is not applied yet
   uint32_t first_wanted = kNone32;  // no wanted node precedes it; kNone32: there is none
   Bits planned;                     // per node: in the closure that is about to be applied
-  LoadedUnitPtr pin;
+  const LoadedUnit* pin = nullptr;  // while the reader holds it
 
   // When clipped: what is emitted.
   Bits kept;  // per own slot
@@ -36,9 +36,11 @@ struct CutState {
   std::vector<uint32_t> state_of;  // per unit: its place in `states`, or kNone32
   std::vector<std::unique_ptr<UnitState>> states;
   uint64_t triangles = 0;
+  uint64_t nodes_visited = 0;
   uint64_t nodes_applied = 0;
   uint64_t nodes_forced = 0;
   uint64_t active_triangles = 0;
+  QueryLimit limit = QueryLimit::kThreshold;
   bool all_active = false;   // UnitState::active is not filled
   uint8_t largest_code = 0;  // of the errors of active triangles
 

@@ -1,6 +1,7 @@
 #include "query/internal/search.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 
 namespace mtdb {
@@ -12,21 +13,19 @@ namespace mtdb {
 
 namespace {
 
-// A search holds on to this share of the cache's budget between steps.
-constexpr size_t kPinShare = 8;
+// A search holds on to this many units between steps.
+constexpr size_t kPinsKept = 16;
 
 }  // namespace
 
-Search::Search(const ClusterSource& source, ClusterCache& cache, const Query& query,
-               LoadStats& stats)
+Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query)
     : source_(source),
       index_(source.index()),
       grid_(source.record().grid),
-      cache_(cache),
+      reader_(reader),
       query_(query),
-      stats_(stats),
       whole_(query.region == nullptr || query.region->whole()),
-      by_error_(query.max_triangles.has_value()),
+      by_error_(query.max_triangles || query.max_bytes || query.max_milliseconds),
       constant_(query.threshold == nullptr ? std::optional<double>(-1.0)
                                            : query.threshold->constant()),
       trivial_(whole_ && constant_.has_value()) {
@@ -37,13 +36,21 @@ Search::Search(const ClusterSource& source, ClusterCache& cache, const Query& qu
   cut_.state_of.assign(UnitCount(index_), kNone32);
   pending_ = Bits(index_.cluster_count());
   looked_into_ = Bits(index_.cluster_count());
+  prefetched_ = Bits(index_.cluster_count());
 }
 
 Status Search::Run() {
+  const auto start = std::chrono::steady_clock::now();
   MTDB_RETURN_IF_ERROR(ExamineRoot());
+  if (query_.max_milliseconds) {
+    const std::chrono::duration<double, std::milli> budget(
+        std::clamp(*query_.max_milliseconds, 0.0, 1e12));
+    reader_.SetDeadline(start + std::chrono::duration_cast<std::chrono::nanoseconds>(budget));
+  }
   MTDB_RETURN_IF_ERROR(by_error_ ? RunByError() : RunByClusters());
+  reader_.SetDeadline(std::nullopt);
   MTDB_RETURN_IF_ERROR(Survey());
-  ReleasePins(0);
+  ReleasePins();
   for (const auto& state : cut_.states) {
     state->wanted = Bits();
     state->planned = Bits();
@@ -51,17 +58,40 @@ Status Search::Run() {
   return Status::Ok();
 }
 
+template <typename Step>
+Status Search::Take(Step&& step) {
+  MTDB_RETURN_IF_ERROR(reader_.Check());
+  Status status = step();
+  if (!status.ok() && reader_.crowded()) {
+    DropPlan();
+    ReleasePins();
+    MTDB_RETURN_IF_ERROR(reader_.WaitForRoom());
+    status = step();
+  }
+  if (!status.ok()) DropPlan();
+  if (pinned_states_.size() > kPinsKept || reader_.wanted()) ReleasePins();
+  if (query_.control != nullptr) {
+    query_.control->nodes_applied_.store(cut_.nodes_applied, std::memory_order_relaxed);
+  }
+  return status;
+}
+
 Status Search::ExamineRoot() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
-    MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(index_.cluster_count() + r));
-    UnitState& state = cut_.state(s);
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
-    const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
-    state.present.SetRange(0, triangles);
-    cut_.triangles += triangles;
-    ExamineOutSlots(*loaded, state);
-    ReleasePins(cache_.budget_bytes() / kPinShare);
+    const UnitId unit = index_.cluster_count() + r;
+    MTDB_RETURN_IF_ERROR(Take([&] { return ExamineRootPiece(unit); }));
   }
+  return Status::Ok();
+}
+
+Status Search::ExamineRootPiece(UnitId unit) {
+  MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
+  UnitState& state = cut_.state(s);
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
+  const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
+  state.present.SetRange(0, triangles);
+  cut_.triangles += triangles;
+  ExamineOutSlots(*loaded, state);
   return Status::Ok();
 }
 
@@ -92,54 +122,87 @@ Search::Outlook Search::LookAhead(const Box3i& bounds, uint8_t largest) const {
 
 Status Search::RunByClusters() {
   while (!pending_clusters_.empty()) {
-    const UnitId unit = pending_clusters_.top();
-    pending_clusters_.pop();
-    MTDB_RETURN_IF_ERROR(LookInto(unit));
-    MTDB_RETURN_IF_ERROR(ApplyTargets());
-    ReleasePins(cache_.budget_bytes() / kPinShare);
+    PrefetchPending();
+    const UnitId unit = *pending_clusters_.begin();
+    MTDB_RETURN_IF_ERROR(Take([&] { return LookInto(unit); }));
+    MTDB_RETURN_IF_ERROR(Take([&] { return ApplyTargets(); }));
   }
   return Status::Ok();
 }
 
+// Every pending cluster will be looked into.
+void Search::PrefetchPending() {
+  ahead_.clear();
+  size_t window = reader_.prefetch_units();
+  for (auto it = pending_clusters_.begin(); it != pending_clusters_.end() && window > 0; ++it) {
+    --window;
+    if (prefetched_.Test(*it)) continue;
+    prefetched_.Set(*it);
+    if (it != pending_clusters_.begin()) ahead_.push_back(*it);
+  }
+  if (!ahead_.empty()) reader_.Prefetch(ahead_);
+}
+
 Status Search::RunByError() {
-  while (!queue_.empty()) {
+  QueryLimit& limit = cut_.limit;
+  while (!queue_.empty() && limit == QueryLimit::kThreshold) {
     const Entry entry = queue_.top();
     queue_.pop();
-    ReleasePins(cache_.budget_bytes() / kPinShare);
-    if (entry.look) {
-      MTDB_RETURN_IF_ERROR(LookInto(entry.unit));
-      continue;
+    const Status status = Take([&] {
+      if (!entry.look) return Refine({cut_.state_of[entry.unit], entry.node}, &limit);
+      if (query_.max_bytes && reader_.BytesToRead(entry.unit) > reader_.bytes_left()) {
+        limit = QueryLimit::kBytes;
+        return Status::Ok();
+      }
+      return LookInto(entry.unit);
+    });
+    if (reader_.out_of_bytes()) {
+      limit = QueryLimit::kBytes;
+    } else if (reader_.out_of_time()) {
+      limit = QueryLimit::kTime;
+    } else {
+      MTDB_RETURN_IF_ERROR(status);
     }
-    const uint32_t s = cut_.state_of[entry.unit];
-    if (cut_.state(s).applied.Test(entry.node)) continue;
-    MTDB_RETURN_IF_ERROR(PlanClosure({s, entry.node}));
-    uint64_t added = 0;
-    for (const Target& t : plan_) {
-      added += cut_.state(t.state).pin->cluster.boundary(t.node) ? 1 : 2;
-    }
-    if (cut_.triangles + added > *query_.max_triangles) {
-      DropPlan();
-      break;
-    }
-    MTDB_RETURN_IF_ERROR(ApplyPlan());
   }
   return Status::Ok();
+}
+
+Status Search::Refine(Target target, QueryLimit* limit) {
+  if (cut_.state(target.state).applied.Test(target.node)) return Status::Ok();
+  MTDB_RETURN_IF_ERROR(PlanClosure(target));
+  uint64_t added = 0;
+  for (const Target& t : plan_) {
+    added += cut_.state(t.state).pin->cluster.boundary(t.node) ? 1 : 2;
+  }
+  if (query_.max_triangles && cut_.triangles + added > *query_.max_triangles) {
+    *limit = QueryLimit::kTriangles;
+    DropPlan();
+    return Status::Ok();
+  }
+  return ApplyPlan();
 }
 
 Status Search::LookInto(UnitId unit) {
   MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(cut_.state(s)));
   pending_.Clear(unit);
+  pending_clusters_.erase(unit);
   if (!looked_into_.Test(unit)) {
     looked_into_.Set(unit);
-    if (!by_error_) {
-      MTDB_RETURN_IF_ERROR(ApplyInOrder(*loaded, s));
-      ExamineOutSlots(*loaded, cut_.state(s));
+    cut_.nodes_visited += loaded->nodes();
+    if (by_error_) {
+      for (uint32_t slot = 0; slot < loaded->cluster.in_triangles(); ++slot) {
+        ExamineInSlot(*loaded, s, slot);
+      }
       return Status::Ok();
     }
-    for (uint32_t slot = 0; slot < loaded->cluster.in_triangles(); ++slot) {
-      ExamineInSlot(*loaded, s, slot);
+    if (Status status = ApplyInOrder(*loaded, s); !status.ok()) {
+      // Nothing is lost: to be taken again from the start.
+      cut_.nodes_visited -= index_.cluster(ClusterId(unit)).nodes;
+      looked_into_.Clear(unit);
+      return status;
     }
+    ExamineOutSlots(*loaded, cut_.state(s));
     return Status::Ok();
   }
   const auto late = late_arcs_.find(unit);
@@ -244,10 +307,11 @@ Status Search::ApplyTargets() {
       wanting_.pop();
       continue;
     }
+    if (!state.applied.Test(node)) {
+      MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
+      MTDB_RETURN_IF_ERROR(ApplyPlan());
+    }
     state.wanted.Clear(node);
-    if (state.applied.Test(node)) continue;
-    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
-    MTDB_RETURN_IF_ERROR(ApplyPlan());
   }
   return Status::Ok();
 }
@@ -262,7 +326,7 @@ Status Search::PlanClosure(Target target) {
       closure_.pop_back();
       continue;
     }
-    const LoadedUnit* loaded = state.pin.get();
+    const LoadedUnit* loaded = state.pin;
     if (loaded == nullptr) {
       MTDB_ASSIGN_OR_RETURN(loaded, Pin(state));
     }
@@ -388,7 +452,7 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t s
   if (by_error_) {
     queue_.push({largest, true, child.value, 0});
   } else {
-    pending_clusters_.push(child.value);
+    pending_clusters_.insert(child.value);
   }
 }
 
@@ -426,8 +490,7 @@ Status Search::Survey() {
   for (const auto& state : cut_.states) {
     // No present triangle is invalid but where a budget ended the search.
     if (whole_ && cut_.largest_code == valid_code_ && !by_error_) break;
-    MTDB_RETURN_IF_ERROR(whole_ ? SurveyErrors(*state) : SurveyUnit(*state));
-    ReleasePins(cache_.budget_bytes() / kPinShare);
+    MTDB_RETURN_IF_ERROR(Take([&] { return whole_ ? SurveyErrors(*state) : SurveyUnit(*state); }));
   }
   return Status::Ok();
 }
@@ -523,20 +586,17 @@ Result<uint32_t> Search::StateOf(UnitId unit) {
 
 Result<const LoadedUnit*> Search::Pin(UnitState& state) {
   if (state.pin == nullptr) {
-    MTDB_ASSIGN_OR_RETURN(state.pin, cache_.Get(state.unit, &stats_));
-    pinned_bytes_ += state.pin->memory_bytes();
+    MTDB_ASSIGN_OR_RETURN(state.pin, reader_.Get(state.unit));
     if (const uint32_t s = cut_.state_of[state.unit]; s != kNone32) pinned_states_.push_back(s);
   }
-  return state.pin.get();
+  return state.pin;
 }
 
 // Between steps only: within one, units are used by pointer.
-void Search::ReleasePins(size_t limit_bytes) {
-  if (pinned_bytes_ <= limit_bytes) return;
-  for (const uint32_t s : pinned_states_) cut_.state(s).pin.reset();
+void Search::ReleasePins() {
+  for (const uint32_t s : pinned_states_) cut_.state(s).pin = nullptr;
   pinned_states_.clear();
-  pinned_bytes_ = 0;
-  cache_.Trim();
+  reader_.Release();
 }
 
 Status Search::Inconsistent(UnitId unit, const char* what) const {

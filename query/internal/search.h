@@ -2,16 +2,18 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <queue>
+#include <set>
 #include <span>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
-#include "query/cluster_cache.h"
 #include "query/internal/cut_state.h"
 #include "query/query.h"
+#include "query/unit_reader.h"
 #include "store/base/status.h"
 #include "store/cluster_source.h"
 
@@ -22,7 +24,7 @@ namespace mtdb {
 // valid or inactive. With a budget a priority queue takes the place of that order. One use.
 class Search {
  public:
-  Search(const ClusterSource& source, ClusterCache& cache, const Query& query, LoadStats& stats);
+  Search(const ClusterSource& source, UnitReader& reader, const Query& query);
 
   Status Run();
   CutState TakeState() { return std::move(cut_); }
@@ -57,8 +59,11 @@ class Search {
   };
 
   Status ExamineRoot();
+  Status ExamineRootPiece(UnitId unit);
   Status RunByClusters();
   Status RunByError();
+  // Applies the node if that fits; says what does not.
+  Status Refine(Target target, QueryLimit* limit);
   // Examines those in-triangles of a cluster that are present and have not been examined.
   Status LookInto(UnitId unit);
   // Applies all wanted nodes of a cluster, and what they need, in one pass over its nodes: parents
@@ -115,15 +120,18 @@ class Search {
 
   Result<uint32_t> StateOf(UnitId unit);
   Result<const LoadedUnit*> Pin(UnitState& state);
-  void ReleasePins(size_t limit_bytes);
+  void ReleasePins();
+  // Takes a step that may be taken twice: when it finds no room for what it holds, again alone.
+  template <typename Step>
+  Status Take(Step&& step);
+  void PrefetchPending();
   Status Inconsistent(UnitId unit, const char* what) const;
 
   const ClusterSource& source_;
   const ClusterIndex& index_;
   const Grid& grid_;
-  ClusterCache& cache_;
+  UnitReader& reader_;
   const Query& query_;
-  LoadStats& stats_;
   const bool whole_;                      // no region
   const bool by_error_;                   // there is a budget
   const std::optional<double> constant_;  // the threshold, where it is one number
@@ -135,7 +143,9 @@ class Search {
   Bits pending_;      // per cluster: to be looked into
   Bits looked_into_;  // per cluster: once at least
   std::unordered_map<UnitId, std::vector<Arc>> late_arcs_;
-  std::priority_queue<UnitId> pending_clusters_;
+  std::set<UnitId, std::greater<>> pending_clusters_;
+  Bits prefetched_;  // per cluster
+  std::vector<UnitId> ahead_;
   std::priority_queue<Entry> queue_;
   std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states
   std::vector<Target> closure_;
@@ -143,7 +153,6 @@ class Search {
   std::vector<UnitState*> parents_;
   std::vector<bool> settled_;  // per child of the unit at hand
   std::vector<uint32_t> pinned_states_;
-  size_t pinned_bytes_ = 0;
 };
 
 }  // namespace mtdb

@@ -1,9 +1,12 @@
 #include "query/cluster_cache.h"
 
+#include <array>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <random>
 #include <thread>
 
+#include "query/unit_reader.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
@@ -48,23 +51,124 @@ TEST_CASE("The least recently used unpinned units go first, pinned ones stay") {
   }
   ClusterCache cache(f.source, all / 2);
   LoadedUnitPtr pinned = cache.Get(count - 1, &stats).value();
-  for (UnitId u = count; u-- > 0;) {
-    REQUIRE(cache.Get(u, &stats).ok());
-    REQUIRE(cache.bytes() <= all / 2);
-  }
+  for (UnitId u = count; u-- > 0;) REQUIRE(cache.Get(u, &stats).ok());
   REQUIRE(cache.Get(count - 1, &stats).value() == pinned);
   const uint64_t decoded = cache.decoded();
   REQUIRE(cache.Get(0, &stats).ok());  // the newest: still there
   REQUIRE(cache.decoded() == decoded);
 
-  // Everything pinned: over the budget for as long as that lasts.
+  // Everything pinned: no room for more, until that ends.
   std::vector<LoadedUnitPtr> pins;
-  for (UnitId u = count; u-- > 0;) pins.push_back(cache.Get(u, &stats).value());
-  REQUIRE(cache.bytes() > all / 2);
+  Status refused;
+  UnitId next = count;
+  while (refused.ok() && next > 0) {
+    Result<LoadedUnitPtr> loaded = cache.Get(--next, &stats);
+    refused = loaded.status();
+    if (loaded.ok()) pins.push_back(*loaded);
+  }
+  REQUIRE(refused.code() == StatusCode::kBudgetExceeded);
   pins.clear();
   pinned.reset();
-  cache.Trim();
-  REQUIRE(cache.bytes() <= all / 2);
+  REQUIRE(cache.Get(next, &stats).ok());
+  REQUIRE(cache.peak_bytes() <= all / 2);
+}
+
+namespace {
+
+// Holds three random units at a time, 60 times; counts what goes wrong.
+struct Worker {
+  int failed = 0;
+  int wrong = 0;
+  int crowded = 0;
+  std::chrono::microseconds hold{0};
+
+  void Run(ClusterCache& cache, uint32_t count, unsigned seed) {
+    std::mt19937 random(seed);
+    UnitReader reader(cache, {});
+    for (int i = 0; i < 60; ++i) {
+      std::array<UnitId, 3> wanted;
+      for (UnitId& u : wanted) u = random() % count;
+      reader.Prefetch(wanted);
+      const auto step = [&] {
+        for (const UnitId u : wanted) {
+          const Result<const LoadedUnit*> unit = reader.Get(u);
+          if (!unit.ok()) return unit.status();
+          wrong += (*unit)->id != u;
+        }
+        return Status::Ok();
+      };
+      Status status = step();
+      if (!status.ok() && reader.crowded()) {
+        ++crowded;
+        reader.Release();
+        failed += !reader.WaitForRoom().ok();
+        status = step();
+      }
+      failed += !status.ok();
+      std::this_thread::sleep_for(hold);  // so that others find the cache full
+      reader.Release();
+    }
+  }
+};
+
+}  // namespace
+
+TEST_CASE("Readers wait for room and none of them forever") {
+  const MtFixture f = Fixture();
+  const uint32_t count = UnitCount(f.source->index());
+  constexpr unsigned kWorkers = 6;
+  // What is enough for each of them alone is enough for all of them.
+  size_t budget = 0;
+  for (int failed = 1; failed > 0;) {
+    budget += 5000;
+    ClusterCache cache(f.source, budget);
+    Worker alone;
+    for (unsigned t = 0; t < kWorkers; ++t) alone.Run(cache, count, t);
+    REQUIRE(cache.peak_bytes() <= budget);
+    failed = alone.failed;
+  }
+  for (const unsigned own_threads : {1u, 3u}) {
+    ClusterCache cache(f.source, budget, own_threads);
+    std::array<Worker, kWorkers> workers;
+    std::vector<std::thread> threads;
+    for (unsigned t = 0; t < kWorkers; ++t) {
+      workers[t].hold = std::chrono::microseconds(200);
+      threads.emplace_back([&, t] { workers[t].Run(cache, count, t); });
+    }
+    for (std::thread& thread : threads) thread.join();
+    int crowded = 0;
+    for (const Worker& w : workers) {
+      REQUIRE(w.failed == 0);
+      REQUIRE(w.wrong == 0);
+      crowded += w.crowded;
+    }
+    REQUIRE(crowded > 0);
+    REQUIRE(cache.peak_bytes() <= budget);
+  }
+}
+
+TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query") {
+  const MtFixture f = Fixture();
+  const uint32_t count = UnitCount(f.source->index());
+  ClusterCache cache(f.source, size_t{1} << 30, 3);
+  UnitReader reader(cache, {});
+  REQUIRE(reader.prefetch_units() > 0);
+  std::vector<UnitId> units;
+  for (UnitId u = 0; u < count; ++u) units.push_back(u);
+  reader.Prefetch(units);
+  for (const UnitId u : units) {
+    REQUIRE((*reader.Get(u))->id == u);
+    reader.Release();
+  }
+  REQUIRE(cache.decoded() == count);
+  REQUIRE(f.source->reads_ == count);
+  const LoadStats stats = reader.stats();
+  REQUIRE(stats.clusters_read + stats.root_pieces_read == count);
+  REQUIRE(stats.clusters_cached == 0);
+  UnitReader second(cache, {});
+  REQUIRE(second.Get(0).ok());
+  REQUIRE(second.stats().clusters_cached == 1);
+  REQUIRE(second.stats().clusters_read == 0);
 }
 
 TEST_CASE("Threads that want overlapping units share the work") {

@@ -2,12 +2,16 @@
 #include "query/surface.h"
 
 #include <array>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <functional>
 #include <map>
 #include <thread>
 
 #include "query/cluster_cache.h"
+#include "query/query_control.h"
+#include "query/unit_reader.h"
 #include "query/verify_object.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
@@ -28,9 +32,11 @@ MtOptions Medium(uint32_t seed) {
   return o;
 }
 
-std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{256} << 20) {
+std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{256} << 20,
+                              unsigned threads = 2) {
   SurfaceOptions options;
   options.cache_bytes = cache_bytes;
+  options.threads = threads;
   return Surface::Open(f.source, options).value();
 }
 
@@ -152,19 +158,46 @@ TEST_CASE("A query reads no cluster that the index proves unnecessary") {
   REQUIRE(stats.bytes_read == 0);
 }
 
-TEST_CASE("A cache that holds almost nothing gives the same answers") {
+// The smallest cache, in steps of 1,000 bytes, that all of the queries can work with.
+size_t SmallestCache(const MtFixture& f, const std::vector<Query>& queries) {
+  for (size_t bytes = 0;; bytes += 1000) {
+    const auto surface = Open(f, bytes, 1);
+    bool all = true;
+    for (const Query& query : queries) {
+      TriangleMesh mesh;
+      TriangleMeshSink sink(&mesh);
+      const Result<ExtractStats> result = surface->Extract(query, sink);
+      REQUIRE(surface->cache().peak_bytes() <= bytes);
+      if (result.ok()) continue;
+      REQUIRE(result.status().code() == StatusCode::kBudgetExceeded);
+      all = false;
+      break;
+    }
+    if (all) return bytes;
+  }
+}
+
+std::vector<Query> SomeQueries(const MtFixture& f, std::mt19937& random) {
+  std::vector<Query> queries{Query{}};
+  for (int i = 0; i < 7; ++i) queries.push_back(RandomQuery(f, random));
+  queries[5].max_triangles = 400;
+  return queries;
+}
+
+TEST_CASE("The smallest cache that can hold a query's steps gives the same answers") {
   std::mt19937 random(5);
   for (uint32_t seed = 1; seed <= 6; ++seed) {
     const MtFixture f = MakeMt(Medium(seed));
     const auto large = Open(f);
-    for (const size_t budget : {size_t{0}, size_t{60000}}) {
-      const auto small = Open(f, budget);
-      for (int i = 0; i < 6; ++i) {
-        Query query = i == 0 ? Query{} : RandomQuery(f, random);
-        if (i == 5) query.max_triangles = 500;
+    const std::vector<Query> queries = SomeQueries(f, random);
+    const size_t budget = SmallestCache(f, queries);
+    REQUIRE(budget > 0);
+    for (const unsigned threads : {1u, 4u}) {
+      const auto small = Open(f, budget, threads);
+      for (const Query& query : queries) {
         REQUIRE(SameMesh(Extract(*small, query), Extract(*large, query)));
-        REQUIRE(small->cache().bytes() <= budget);
       }
+      REQUIRE(small->cache().peak_bytes() <= budget);
       REQUIRE(small->cache().decoded() > 2 * UnitCount(f.source->index_));
     }
     REQUIRE(large->cache().decoded() == UnitCount(f.source->index_));
@@ -172,16 +205,15 @@ TEST_CASE("A cache that holds almost nothing gives the same answers") {
 }
 
 TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once") {
-  for (const size_t budget : {size_t{256} << 20, size_t{200000}, size_t{0}}) {
-    const MtFixture f = MakeMt(Medium(9));
-    std::mt19937 random(6);
-    std::vector<Query> queries{Query{}};
-    std::vector<TriangleMesh> expected;
-    for (int i = 0; i < 7; ++i) queries.push_back(RandomQuery(f, random));
-    queries[5].max_triangles = 400;
-    const auto alone = Open(f);
-    for (const Query& query : queries) expected.push_back(Extract(*alone, query));
-    const auto shared = Open(f, budget);
+  const MtFixture f = MakeMt(Medium(9));
+  std::mt19937 random(6);
+  const std::vector<Query> queries = SomeQueries(f, random);
+  const size_t smallest = SmallestCache(f, queries);
+  std::vector<TriangleMesh> expected;
+  const auto alone = Open(f, size_t{256} << 20, 1);
+  for (const Query& query : queries) expected.push_back(Extract(*alone, query));
+  for (const size_t budget : {size_t{256} << 20, 2 * smallest, smallest}) {
+    const auto shared = Open(f, budget, 3);
     std::vector<std::thread> threads;
     std::atomic<int> wrong{0};
     for (size_t t = 0; t < 8; ++t) {
@@ -197,8 +229,57 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
     for (std::thread& thread : threads) thread.join();
     REQUIRE(wrong == 0);
     if (budget > 1000000) REQUIRE(shared->cache().decoded() == UnitCount(f.source->index_));
-    shared->cache().Trim();
-    REQUIRE(shared->cache().bytes() <= std::max(budget, size_t{1}));
+    REQUIRE(shared->cache().peak_bytes() <= budget);
+  }
+}
+
+TEST_CASE("A query can be cancelled from another thread, also while it waits for room") {
+  const MtFixture f = MakeMt(Medium(3));
+  const auto surface = Open(f, SmallestCache(f, {Query{}}));
+  // Somebody else holds a unit and does not let go.
+  UnitReader other(surface->cache(), {});
+  REQUIRE(other.Get(UnitCount(f.source->index_) - 1).ok());
+  QueryControl control;
+  Query query;
+  query.control = &control;
+  StatusCode code = StatusCode::kOk;
+  std::thread thread([&] {
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    code = surface->Extract(query, sink).status().code();
+  });
+  while (control.clusters_loaded() == 0) std::this_thread::yield();
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  control.Cancel();
+  thread.join();
+  REQUIRE(code == StatusCode::kCancelled);
+  other.Release();
+  REQUIRE(Extract(*surface, Query{}).triangles.size() == f.source->record_.triangles);
+}
+
+TEST_CASE("A cancelled query stops at its next step, and progress is seen") {
+  const MtFixture f = MakeMt(Medium(3));
+  for (const bool whole : {true, false}) {
+    Query query;
+    if (!whole) query.region = Everywhere(f);
+    QueryControl control;
+    query.control = &control;
+    const auto surface = Open(f, size_t{256} << 20, 1);
+    f.source->on_read_ = [&](uint32_t) {
+      if (control.clusters_loaded() == 10) control.Cancel();
+      return Status::Ok();
+    };
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    REQUIRE(surface->Extract(query, sink).status().code() == StatusCode::kCancelled);
+    REQUIRE(control.clusters_loaded() < UnitCount(f.source->index_));
+    REQUIRE(control.triangles_emitted() == 0);
+    f.source->on_read_ = nullptr;
+    QueryControl watched;
+    query.control = &watched;
+    Extract(*surface, query);
+    REQUIRE(watched.triangles_emitted() == f.source->record_.triangles);
+    if (!whole) REQUIRE(watched.nodes_applied() == f.source->record_.nodes);
   }
 }
 
