@@ -146,8 +146,19 @@ Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
   });
 }
 
-// Takes what another thread is at later, and goes on with what nobody has begun.
+// What is in the cache by chance may take the room of what a plan needs first: who has the cache
+// for itself starts again without.
 Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, Errand& errand, Lock& lock) {
+  Result<LoadedUnitPtr> loaded = TryLoad(unit, errand, lock);
+  if (loaded.ok() || !errand.exclusive || !errand.no_room) return loaded;
+  errand.no_room = false;
+  std::vector<LoadedUnitPtr> dropped;
+  MakeRoom(budget_bytes_, dropped);
+  return TryLoad(unit, errand, lock);
+}
+
+// Takes what another thread is at later, and goes on with what nobody has begun.
+Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& lock) {
   Plan plan(*this, unit);
   while (!plan.todo().empty()) {
     const auto next = std::ranges::find_if(plan.todo(), [&](UnitId u) {
@@ -205,7 +216,7 @@ Status ClusterCache::Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnit
   const size_t bytes = entry.bytes > 0 ? entry.bytes : EstimateBytes(unit);
   if (!MakeRoom(bytes, dropped)) {
     entry.bytes = 0;
-    errand.crowded = !errand.exclusive;
+    errand.no_room = true;
     return {StatusCode::kBudgetExceeded,
             UnitName(source_->record(), unit) + ": needs " + std::to_string(bytes) +
                 " bytes beside the " + std::to_string(bytes_) +

@@ -86,13 +86,14 @@ class ClusterCache {
     UnitReader* reader = nullptr;  // null: nothing can interrupt it
     bool exclusive = false;        // nobody else holds units
     bool helps = false;            // works on jobs while it waits
-    bool crowded = false;          // out: there was no room, but there will be
+    bool no_room = false;          // out: why it failed
   };
   class Plan;
   using Lock = std::unique_lock<std::mutex>;
 
   // With mutex_ held; let go of while reading, decoding and waiting. The unit comes back pinned.
   Result<LoadedUnitPtr> Load(UnitId unit, Errand& errand, Lock& lock);
+  Result<LoadedUnitPtr> TryLoad(UnitId unit, Errand& errand, Lock& lock);
   Status LoadOne(UnitId unit, Errand& errand, Lock& lock);
   Status Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnitPtr>& dropped);
   Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats);

@@ -112,7 +112,7 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
       } else {
         ClusterCache::Errand errand{*tally_, this, exclusive_, true};
         status = cache_.Load(unit, errand, lock).status();
-        crowded = errand.crowded;
+        crowded = errand.no_room && !exclusive_;
         tally_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
       }
       if (status.ok()) {

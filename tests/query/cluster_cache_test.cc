@@ -75,73 +75,80 @@ TEST_CASE("The least recently used unpinned units go first, pinned ones stay") {
 
 namespace {
 
-// Holds three random units at a time, 60 times; counts what goes wrong.
-struct Worker {
-  int failed = 0;
-  int wrong = 0;
-  int crowded = 0;
-  std::chrono::microseconds hold{0};
+constexpr int kSteps = 60;
+using Wanted = std::array<UnitId, 3>;
 
-  void Run(ClusterCache& cache, uint32_t count, unsigned seed) {
-    std::mt19937 random(seed);
-    UnitReader reader(cache, {});
-    for (int i = 0; i < 60; ++i) {
-      std::array<UnitId, 3> wanted;
-      for (UnitId& u : wanted) u = random() % count;
-      reader.Prefetch(wanted);
-      const auto step = [&] {
-        for (const UnitId u : wanted) {
-          const Result<const LoadedUnit*> unit = reader.Get(u);
-          if (!unit.ok()) return unit.status();
-          wrong += (*unit)->id != u;
-        }
-        return Status::Ok();
-      };
-      Status status = step();
-      if (!status.ok() && reader.crowded()) {
-        ++crowded;
-        reader.Release();
-        failed += !reader.WaitForRoom().ok();
-        status = step();
-      }
-      failed += !status.ok();
-      std::this_thread::sleep_for(hold);  // so that others find the cache full
-      reader.Release();
-    }
+std::vector<Wanted> RandomSteps(uint32_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<Wanted> steps(kSteps);
+  for (Wanted& wanted : steps) {
+    for (UnitId& u : wanted) u = random() % count;
   }
-};
+  return steps;
+}
+
+Status HoldAll(UnitReader& reader, const Wanted& wanted) {
+  for (const UnitId u : wanted) {
+    const Result<const LoadedUnit*> unit = reader.Get(u);
+    if (!unit.ok()) return unit.status();
+    if ((*unit)->id != u) return Corrupt("another unit");
+  }
+  return Status::Ok();
+}
+
+// Bytes that a cache needs so that the units can be held at the same time.
+size_t SmallestCache(const MtFixture& f, const Wanted& wanted, size_t at_least) {
+  for (size_t budget = at_least;; budget += 4000) {
+    ClusterCache cache(f.source, budget);
+    UnitReader reader(cache, {});
+    Status status = HoldAll(reader, wanted);
+    if (!status.ok() && reader.crowded()) {
+      reader.Release();
+      REQUIRE(reader.WaitForRoom().ok());
+      status = HoldAll(reader, wanted);
+    }
+    REQUIRE(cache.peak_bytes() <= budget);
+    if (status.ok()) return budget;
+    REQUIRE(status.code() == StatusCode::kBudgetExceeded);
+  }
+}
 
 }  // namespace
 
 TEST_CASE("Readers wait for room and none of them forever") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
-  constexpr unsigned kWorkers = 6;
+  constexpr unsigned kReaders = 6;
   // What is enough for each of them alone is enough for all of them.
   size_t budget = 0;
-  for (int failed = 1; failed > 0;) {
-    budget += 5000;
-    ClusterCache cache(f.source, budget);
-    Worker alone;
-    for (unsigned t = 0; t < kWorkers; ++t) alone.Run(cache, count, t);
-    REQUIRE(cache.peak_bytes() <= budget);
-    failed = alone.failed;
+  for (unsigned t = 0; t < kReaders; ++t) {
+    for (const Wanted& wanted : RandomSteps(count, t)) budget = SmallestCache(f, wanted, budget);
   }
   for (const unsigned own_threads : {1u, 3u}) {
     ClusterCache cache(f.source, budget, own_threads);
-    std::array<Worker, kWorkers> workers;
+    std::atomic<int> failed{0};
+    std::atomic<int> crowded{0};
     std::vector<std::thread> threads;
-    for (unsigned t = 0; t < kWorkers; ++t) {
-      workers[t].hold = std::chrono::microseconds(200);
-      threads.emplace_back([&, t] { workers[t].Run(cache, count, t); });
+    for (unsigned t = 0; t < kReaders; ++t) {
+      threads.emplace_back([&, t] {
+        UnitReader reader(cache, {});
+        for (const Wanted& wanted : RandomSteps(count, t)) {
+          reader.Prefetch(wanted);
+          Status status = HoldAll(reader, wanted);
+          if (!status.ok() && reader.crowded()) {
+            ++crowded;
+            reader.Release();
+            if (!reader.WaitForRoom().ok()) ++failed;
+            status = HoldAll(reader, wanted);
+          }
+          if (!status.ok()) ++failed;
+          std::this_thread::sleep_for(std::chrono::microseconds(100));  // others find it full
+          reader.Release();
+        }
+      });
     }
     for (std::thread& thread : threads) thread.join();
-    int crowded = 0;
-    for (const Worker& w : workers) {
-      REQUIRE(w.failed == 0);
-      REQUIRE(w.wrong == 0);
-      crowded += w.crowded;
-    }
+    REQUIRE(failed == 0);
     REQUIRE(crowded > 0);
     REQUIRE(cache.peak_bytes() <= budget);
   }

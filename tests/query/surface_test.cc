@@ -212,7 +212,7 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
   std::vector<TriangleMesh> expected;
   const auto alone = Open(f, size_t{256} << 20, 1);
   for (const Query& query : queries) expected.push_back(Extract(*alone, query));
-  for (const size_t budget : {size_t{256} << 20, 2 * smallest, smallest}) {
+  for (const size_t budget : {size_t{256} << 20, 3 * smallest, smallest * 3 / 2}) {
     const auto shared = Open(f, budget, 3);
     std::vector<std::thread> threads;
     std::atomic<int> wrong{0};
