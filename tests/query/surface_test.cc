@@ -128,6 +128,63 @@ TEST_CASE("A budget below the root gives the root, and one above everything give
   REQUIRE(stats.error_bound == f.source->record_.grid.cell_error());
 }
 
+TEST_CASE("Bytes in the cache are free, and a smaller budget never reads or refines more") {
+  const MtFixture f = MakeMt(Medium(3));
+  uint64_t root_bytes = 0;
+  for (const Bytes& payload : f.source->root_pieces_) root_bytes += payload.size();
+  Query query;
+  uint64_t triangles = 0;
+  double error = 1e9;
+  ExtractStats stats;
+  bool partial = false;
+  for (uint64_t bytes = 0; triangles < f.source->record_.triangles; bytes += 4000) {
+    query.max_bytes = bytes;
+    // A cache that holds little: what was read is kept by the query.
+    const auto surface = Open(f, size_t{400000}, 1);
+    const TriangleMesh mesh = Extract(*surface, query, &stats);
+    REQUIRE(CheckMesh(mesh).ok());
+    REQUIRE(stats.bytes_read <= std::max(bytes, root_bytes));
+    REQUIRE(stats.triangles >= triangles);
+    REQUIRE(stats.error_bound <= error);
+    partial |= stats.limit == QueryLimit::kBytes && stats.nodes_applied > 0;
+    triangles = stats.triangles;
+    error = stats.error_bound;
+  }
+  REQUIRE(partial);
+  REQUIRE(stats.limit == QueryLimit::kThreshold);
+  const auto warm = Open(f);
+  Extract(*warm, Query{});
+  query.max_bytes = 0;
+  Extract(*warm, query, &stats);
+  REQUIRE(stats.bytes_read == 0);
+  REQUIRE(stats.triangles == f.source->record_.triangles);
+}
+
+TEST_CASE("When the time is over, the answer is what was found till then") {
+  const MtFixture f = MakeMt(Medium(3));
+  const auto slow_source = [&](uint32_t) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    return Status::Ok();
+  };
+  f.source->on_read_ = slow_source;
+  ExtractStats stats;
+  Query query;
+  query.max_milliseconds = 20;
+  const TriangleMesh mesh = Extract(*Open(f), query, &stats);
+  REQUIRE(CheckMesh(mesh).ok());
+  REQUIRE(stats.limit == QueryLimit::kTime);
+  REQUIRE(stats.nodes_applied < f.source->record_.nodes);
+  REQUIRE(stats.error_bound > 0.01);
+  f.source->on_read_ = nullptr;
+  query.max_milliseconds = 1e9;
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.limit == QueryLimit::kThreshold);
+  REQUIRE(stats.triangles == f.source->record_.triangles);
+  query.max_milliseconds = 0;
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.triangles == f.source->record_.root_triangles);
+}
+
 TEST_CASE("A query reads no cluster that the index proves unnecessary") {
   const MtFixture f = MakeMt(Medium(3));
   Query query;
