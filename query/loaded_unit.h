@@ -51,6 +51,12 @@ struct LoadedUnit {
     return is_root ? piece.positions : cluster.in.positions;
   }
   const Bytes& rows() const { return is_root ? piece.rows : cluster.in.rows; }
+  // Of a local vertex that the unit does not insert: its number in the object, and the cluster that
+  // inserts it, or kNone32.
+  VertexIndex vertex(uint32_t local) const {
+    return is_root ? piece.vertices[local] : cluster.in.vertices[local];
+  }
+  UnitId owner(uint32_t local) const { return is_root ? kNone32 : owners[local]; }
   uint32_t nodes() const { return is_root ? 0 : cluster.nodes(); }
   // Slots below this one are in-triangles; the unit creates the others.
   uint32_t first_own_slot() const { return is_root ? 0 : cluster.in_triangles(); }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "store/base/grid.h"
@@ -15,8 +16,13 @@ namespace mtdb {
 // block, so that no unit is held while the sink works.
 class BlockWriter {
  public:
-  BlockWriter(MeshSink& sink, const Grid& grid, size_t row_bytes)
-      : sink_(sink), grid_(grid), row_bytes_(row_bytes) {}
+  // `normals` of all vertices, in their order, follow the stored attributes; it may be empty.
+  BlockWriter(MeshSink& sink, const Grid& grid, size_t stored_bytes, std::span<const Vec3f> normals)
+      : sink_(sink),
+        grid_(grid),
+        stored_bytes_(stored_bytes),
+        row_bytes_(stored_bytes + (normals.empty() ? 0 : sizeof(Vec3f))),
+        normals_(normals) {}
 
   // Room for the unit that comes next.
   void ReserveVertices(size_t count) {
@@ -28,7 +34,11 @@ class BlockWriter {
   }
   void AddVertex(Vec3i position, const std::byte* row) {
     positions_[vertices_] = grid_.Position(position);
-    if (row_bytes_ > 0) std::memcpy(rows_.data() + vertices_ * row_bytes_, row, row_bytes_);
+    if (row_bytes_ > 0) {
+      std::byte* to = rows_.data() + vertices_ * row_bytes_;
+      if (stored_bytes_ > 0) std::memcpy(to, row, stored_bytes_);
+      if (!normals_.empty()) std::memcpy(to + stored_bytes_, &normals_[vertices()], sizeof(Vec3f));
+    }
     ++vertices_;
   }
   void AddTriangle(const TriangleVertices& t) { triangles_[triangle_count_++] = t; }
@@ -66,7 +76,9 @@ class BlockWriter {
   static constexpr size_t kLargestBlock = 65536;  // see MeshSink
   MeshSink& sink_;
   const Grid& grid_;
+  const size_t stored_bytes_;  // of a row
   const size_t row_bytes_;
+  const std::span<const Vec3f> normals_;
   std::vector<Vec3d> positions_;
   Bytes rows_;
   std::vector<TriangleVertices> triangles_;

@@ -1,6 +1,7 @@
 #include "query/internal/cut_impl.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <string>
 
@@ -10,6 +11,7 @@ namespace mtdb {
 namespace {
 
 constexpr VertexIndex kUnset = ~VertexIndex{0};
+constexpr std::array<const char*, 3> kNormalNames{"nx", "ny", "nz"};
 
 class Stopwatch {
  public:
@@ -40,6 +42,12 @@ bool CutImpl::WantsEverything() const {
 
 Status CutImpl::Select() {
   const Stopwatch watch;
+  for (const VertexAttribute& a : surface_->record().attributes.attributes) {
+    if (query_.normals && std::ranges::find(kNormalNames, a.name) != kNormalNames.end()) {
+      return InvalidArgument(surface_->record().name + ": has an attribute " + a.name +
+                             " of its own; ask without normals");
+    }
+  }
   everything_ = WantsEverything();
   if (!everything_) {
     Search search(*surface_->source(), reader_, query_);
@@ -196,8 +204,15 @@ Status CutImpl::Emit(MeshSink& sink) {
   header.double_positions = record.double_positions;
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
+  std::vector<Vec3f> normals;
+  if (query_.normals) {
+    for (const char* name : kNormalNames) {
+      header.attributes.attributes.push_back({name, ScalarType::kFloat32});
+    }
+    MTDB_RETURN_IF_ERROR(FindNormals(&normals));
+  }
   MTDB_RETURN_IF_ERROR(sink.Begin(header));
-  BlockWriter out(sink, record.grid, record.attributes.row_bytes());
+  BlockWriter out(sink, record.grid, record.attributes.row_bytes(), normals);
   MTDB_RETURN_IF_ERROR(EmitVertices(out));
   MTDB_RETURN_IF_ERROR(EmitTriangles(out, true));
   if (stats_.active_triangles < stats_.triangles) MTDB_RETURN_IF_ERROR(EmitTriangles(out, false));
@@ -266,13 +281,7 @@ Status CutImpl::EmitVertices(BlockWriter& out) {
 
 Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
   MTDB_RETURN_IF_ERROR(ForEachUnit(
-      [&](const LoadedUnit& unit) {
-        if (unit.is_root) {
-          EmitRootTriangles(unit, Slots(unit, active), out);
-        } else {
-          EmitClusterTriangles(unit, Slots(unit, active), out);
-        }
-      },
+      [&](const LoadedUnit& unit) { EmitUnitTriangles(unit, Slots(unit, active), out); },
       [&] {
         if (query_.control != nullptr) {
           query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);
@@ -305,36 +314,18 @@ void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) cons
   ForEachNode(unit, [&](NodeIndex i) { out.AddVertex(positions[i], rows + i * row_bytes); });
 }
 
-void CutImpl::EmitRootTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                                BlockWriter& out) const {
-  const RootPiece& piece = unit.piece;
-  out.ReserveTriangles(piece.triangles.size());
-  for (uint32_t slot = 0; slot < piece.triangles.size(); ++slot) {
-    if (slots.empty() || BitsAt(slots, slot, 1) == 0) continue;
-    TriangleVertices t;
-    for (size_t c = 0; c < 3; ++c) {
-      t[c] = root_numbers_.number(piece.vertices[piece.triangles[slot][c]]);
-    }
-    out.AddTriangle(t);
-  }
-}
-
-void CutImpl::EmitClusterTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                                   BlockWriter& out) {
+template <typename F>
+void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                              F&& f) const {
   if (slots.empty()) return;
+  if (unit.is_root) {
+    for (uint32_t slot = 0; slot < unit.piece.triangles.size(); ++slot) {
+      if (BitsAt(slots, slot, 1) != 0) f(unit.piece.triangles[slot]);
+    }
+    return;
+  }
   const Cluster& cluster = unit.cluster;
-  const uint32_t external = cluster.external_vertices();
-  numbers_.resize(std::max<size_t>(numbers_.size(), external + cluster.nodes()));
-  std::fill_n(numbers_.begin(), external, kUnset);
-  VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
-  const auto number = [&](uint32_t local) {
-    VertexIndex& n = numbers_[local];
-    if (n == kUnset) n = NumberOf(cluster.in.vertices[local], unit.owners[local]);
-    return n;
-  };
-  out.ReserveTriangles(unit.own_slots());
-  ForEachNode(unit, [&](NodeIndex i) {
-    const VertexIndex own = numbers_[external + i] = next++;
+  const auto star = [&](NodeIndex i) {
     const uint32_t begin = cluster.star_begin[i];
     const uint32_t count = cluster.star_begin[i + 1] - begin;
     const std::span<const uint32_t> ring = cluster.ring(i);
@@ -344,10 +335,85 @@ void CutImpl::EmitClusterTriangles(const LoadedUnit& unit, std::span<const uint6
            rest &= rest - 1) {
         const uint32_t j = first + static_cast<uint32_t>(std::countr_zero(rest));
         const uint32_t k = j + 1 == ring.size() ? 0 : j + 1;
-        out.AddTriangle({own, number(ring[j]), number(ring[k])});
+        f(std::array<uint32_t, 3>{cluster.external_vertices() + i, ring[j], ring[k]});
       }
     }
+  };
+  if (everything_) {
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) star(i);
+  } else {
+    state(unit.id).applied.ForEach(star);
+  }
+}
+
+void CutImpl::NumberOwn(const LoadedUnit& unit) {
+  if (unit.is_root) {
+    numbers_.assign(unit.piece.vertices.size(), kUnset);
+    return;
+  }
+  const uint32_t external = unit.cluster.external_vertices();
+  numbers_.assign(external + unit.nodes(), kUnset);
+  VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
+  ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
+}
+
+void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                                BlockWriter& out) {
+  NumberOwn(unit);
+  const auto number = [&](uint32_t local) {
+    VertexIndex& n = numbers_[local];
+    if (n == kUnset) n = NumberOf(unit.vertex(local), unit.owner(local));
+    return n;
+  };
+  out.ReserveTriangles(unit.own_slots());
+  ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
+    out.AddTriangle({number(t[0]), number(t[1]), number(t[2])});
   });
+}
+
+bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {
+  if (!clip_) return true;
+  if (owner == kNone32) return root_used_.Test(static_cast<uint32_t>(vertex));
+  return state(owner).used.Test(
+      static_cast<uint32_t>(vertex - index_.first_vertex(ClusterId(owner))));
+}
+
+// Triangles come in the order of the units, so that the sums' roundings do not vary.
+Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
+  std::vector<Vec3d> sums(stats_.vertices);
+  const Grid& grid = surface_->record().grid;
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) {
+        NumberOwn(unit);
+        const uint32_t external = static_cast<uint32_t>(numbers_.size()) - unit.nodes();
+        const std::vector<Vec3i>& positions = unit.positions();
+        const std::span<const uint64_t> slots =
+            everything_ ? std::span<const uint64_t>(unit.drain) : state(unit.id).present.words();
+        ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
+          const Vec3d a = grid.Position(positions[t[0]]);
+          const Vec3d normal =
+              Cross(grid.Position(positions[t[1]]) - a, grid.Position(positions[t[2]]) - a);
+          for (const uint32_t local : t) {
+            VertexIndex& n = numbers_[local];
+            if (n == kUnset) {
+              if (local >= external) continue;  // an own vertex that is clipped away
+              const VertexIndex vertex = unit.vertex(local);
+              const UnitId owner = unit.owner(local);
+              if (!InOutput(vertex, owner)) continue;
+              n = NumberOf(vertex, owner);
+            }
+            if (n < sums.size()) sums[n] += normal;
+          }
+        });
+      },
+      [] { return Status::Ok(); }));
+  normals->reserve(sums.size());
+  for (const Vec3d& sum : sums) {
+    const double length = Length(sum);
+    const Vec3d n = length > 0 ? sum * (1 / length) : Vec3d{0, 0, 1};
+    normals->push_back({static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)});
+  }
+  return Status::Ok();
 }
 
 }  // namespace mtdb

@@ -43,10 +43,15 @@ class CutImpl {
   Status EmitTriangles(BlockWriter& out, bool active);
   void EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
   void EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
-  void EmitRootTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                         BlockWriter& out) const;
-  void EmitClusterTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                            BlockWriter& out);
+  void EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots, BlockWriter& out);
+  // Of all vertices of the output, in their order.
+  Status FindNormals(std::vector<Vec3f>* normals);
+  // Calls f(local vertices) for each triangle of the unit in `slots`, which has a bit per own slot.
+  template <typename F>
+  void ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) const;
+  // Fills numbers_: the output's numbers of the unit's own vertices, kUnset for the others.
+  void NumberOwn(const LoadedUnit& unit);
+  bool InOutput(VertexIndex vertex, UnitId owner) const;
   // Calls f(node) for each node of the cluster whose vertex is in the output, ascending.
   template <typename F>
   void ForEachNode(const LoadedUnit& unit, F&& f) const {

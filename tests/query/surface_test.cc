@@ -5,6 +5,7 @@
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <cstring>
 #include <functional>
 #include <map>
 #include <thread>
@@ -112,6 +113,72 @@ TEST_CASE("Vertices carry the attributes that they had in the input") {
               Bytes(begin, begin + static_cast<std::ptrdiff_t>(row)));
     }
   }
+}
+
+TEST_CASE("Normals are those of the cut's triangles, also where it is clipped") {
+  std::mt19937 random(21);
+  for (uint32_t seed = 1; seed <= 4; ++seed) {
+    MtOptions o = Medium(seed);
+    o.coincident = false;
+    const MtFixture f = MakeMt(o);
+    const auto surface = Open(f);
+    for (int i = 0; i < 8; ++i) {
+      Query query = i == 0 ? Query{} : RandomQuery(f, random);
+      const TriangleMesh plain = Extract(*surface, query);
+      std::map<std::array<double, 3>, Vec3d> sums;
+      for (const TriangleVertices& t : plain.triangles) {
+        const Vec3d a = plain.positions[t[0]];
+        const Vec3d n = Cross(plain.positions[t[1]] - a, plain.positions[t[2]] - a);
+        for (const VertexIndex v : t) {
+          const Vec3d& p = plain.positions[v];
+          sums[{p.x, p.y, p.z}] += n;
+        }
+      }
+      query.normals = true;
+      query.clip = i % 2 == 0;
+      const TriangleMesh mesh = Extract(*surface, query);
+      const size_t row = mesh.header.attributes.row_bytes();
+      REQUIRE(row == plain.header.attributes.row_bytes() + sizeof(Vec3f));
+      REQUIRE(mesh.rows.size() == mesh.positions.size() * row);
+      for (size_t v = 0; v < mesh.positions.size(); ++v) {
+        const Vec3d& p = mesh.positions[v];
+        const Vec3d& sum = sums.at({p.x, p.y, p.z});
+        Vec3f n;
+        std::memcpy(&n, mesh.rows.data() + (v + 1) * row - sizeof(n), sizeof(n));
+        const Vec3d difference = sum * (1 / Length(sum)) - Vec3d{n.x, n.y, n.z};
+        REQUIRE(Length(difference) < 1e-6);
+      }
+    }
+  }
+}
+
+TEST_CASE("An object with normals of its own gets no others") {
+  const MtFixture f = MakeMt(Medium(1));
+  f.source->record_.attributes.attributes[0].name = "ny";
+  Query query;
+  query.normals = true;
+  REQUIRE(Open(f)->Select(query).status().code() == StatusCode::kInvalidArgument);
+}
+
+TEST_CASE("Active triangles come first") {
+  std::mt19937 random(22);
+  const MtFixture f = MakeMt(Medium(3));
+  const auto surface = Open(f);
+  uint64_t mixed = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Query query = RandomQuery(f, random);
+    ExtractStats stats;
+    const TriangleMesh mesh = Extract(*surface, query, &stats);
+    REQUIRE(stats.active_triangles <= stats.triangles);
+    mixed += stats.active_triangles > 0 && stats.active_triangles < stats.triangles;
+    // What meets the region is active.
+    for (size_t t = stats.active_triangles; t < mesh.triangles.size(); ++t) {
+      const TriangleVertices& v = mesh.triangles[t];
+      REQUIRE_FALSE(query.region->Within(
+          {mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]}, 0));
+    }
+  }
+  REQUIRE(mixed > 5);
 }
 
 TEST_CASE("A budget below the root gives the root, and one above everything gives everything") {
