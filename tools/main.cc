@@ -88,6 +88,10 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a) {
                              "the same as a fraction of the bounding box's diagonal");
   auto* triangles = AddParsed(verb, "--triangles", "N", &a->triangles, mtdb::ParseCount,
                               "at most N triangles, as accurate as they allow");
+  AddParsed(verb, "--max-bytes", "SIZE", &a->max_bytes, mtdb::ParseSize,
+            "read at most SIZE of the store's clusters, as accurate as they allow");
+  AddParsed(verb, "--max-ms", "MS", &a->max_ms, mtdb::ParseNonNegative,
+            "stop refining after MS milliseconds");
   full->excludes(error)->excludes(relative)->excludes(triangles);
   error->excludes(relative);
   AddParsed(verb, "--box", "X0,Y0,Z0,X1,Y1,Z1", &a->box, mtdb::ParseBox,
@@ -193,6 +197,7 @@ int main(int argc, char** argv) {
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .drc")
       ->required();
   AddQueryOptions(extract_verb, &query);
+  extract_verb->add_flag("--normals", query.normals, "add the mesh's normals to its vertices");
 
   CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
   for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {

@@ -48,9 +48,12 @@ struct QueryArguments {
   std::optional<double> error;           // model units
   std::optional<double> error_relative;  // of the diagonal
   std::optional<uint64_t> triangles;
+  std::optional<uint64_t> max_bytes;
+  std::optional<double> max_ms;
   std::optional<Box3d> box;
   std::optional<Sphere> sphere;
   bool clip = false;
+  bool normals = false;  // extract
   bool json = false;
   Extent size{1200, 900};  // render
   bool wireframe = false;  // render
