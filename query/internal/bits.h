@@ -11,6 +11,14 @@
 
 namespace mtdb {
 
+// In line: without -mpopcnt std::popcount is a call.
+constexpr uint32_t PopCount(uint64_t bits) {
+  bits -= (bits >> 1) & 0x5555555555555555u;
+  bits = (bits & 0x3333333333333333u) + ((bits >> 2) & 0x3333333333333333u);
+  bits = (bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+  return static_cast<uint32_t>((bits * 0x0101010101010101u) >> 56);
+}
+
 // The `count` (at most 64) flags from `first` on.
 inline uint64_t BitsAt(std::span<const uint64_t> words, uint32_t first, uint32_t count) {
   const uint32_t shift = first & 63;
@@ -52,7 +60,7 @@ class Bits {
   }
   uint32_t Count() const {
     uint32_t n = 0;
-    for (const uint64_t w : words_) n += static_cast<uint32_t>(std::popcount(w));
+    for (const uint64_t w : words_) n += PopCount(w);
     return n;
   }
   // The number of set flags before each word, for Rank.
@@ -62,13 +70,9 @@ class Bits {
     uint32_t n = 0;
     for (const uint64_t w : words_) {
       ranks.push_back(n);
-      n += static_cast<uint32_t>(std::popcount(w));
+      n += PopCount(w);
     }
     return ranks;
-  }
-  uint32_t Rank(const std::vector<uint32_t>& ranks, uint32_t i) const {
-    const uint64_t below = words_[i >> 6] & ((uint64_t{1} << (i & 63)) - 1);
-    return ranks[i >> 6] + static_cast<uint32_t>(std::popcount(below));
   }
   // Calls f(i) for each set flag, ascending.
   template <typename F>

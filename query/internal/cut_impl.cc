@@ -171,16 +171,15 @@ Status CutImpl::NumberVertices() {
                    std::to_string(index_.root_vertices()));
   }
   VertexIndex next = root_numbers_.count();
-  first_number_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
-  ranks_.resize(cut_.states.size());
+  numberings_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
   for (UnitId c = 0; c < index_.cluster_count(); ++c) {
     if (everything_) {
-      first_number_[c] = next;
+      numberings_[c].first = next;
       next += index_.cluster(ClusterId(c)).nodes;
     } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
-      first_number_[s] = next;
-      ranks_[s] = Nodes(cut_.state(s)).Ranks();
-      next += Nodes(cut_.state(s)).Count();
+      const Bits& nodes = Nodes(cut_.state(s));
+      numberings_[s] = {next, nodes.words().data(), nodes.Ranks()};
+      next += nodes.Count();
     }
   }
   return Status::Ok();
@@ -189,16 +188,14 @@ Status CutImpl::NumberVertices() {
 VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   if (owner == kNone32) return root_numbers_.number(vertex);
   const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(ClusterId(owner)));
-  if (everything_) return first_number_[owner] + node;
-  const uint32_t s = cut_.state_of[owner];
-  return first_number_[s] + Nodes(cut_.state(s)).Rank(ranks_[s], node);
+  return numberings_[everything_ ? owner : cut_.state_of[owner]].Of(node);
 }
 
 Status CutImpl::Emit(MeshSink& sink) {
   const Stopwatch watch;
   const double load_before = stats_.seconds.load;
   const ObjectRecord& record = surface_->record();
-  if (everything_ && first_number_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
+  if (everything_ && numberings_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
   MeshHeader header;
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
@@ -353,7 +350,7 @@ void CutImpl::NumberOwn(const LoadedUnit& unit) {
   }
   const uint32_t external = unit.cluster.external_vertices();
   numbers_.assign(external + unit.nodes(), kUnset);
-  VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
+  VertexIndex next = numberings_[everything_ ? unit.id : cut_.state_of[unit.id]].first;
   ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
 }
 

@@ -16,6 +16,19 @@
 namespace mtdb {
 
 class CutImpl {
+  // The output's numbers of a cluster's vertices: those of Nodes() are counted from `first` on.
+  struct Numbering {
+    VertexIndex first = 0;
+    const uint64_t* nodes = nullptr;  // null: all
+    std::vector<uint32_t> ranks;      // flags before each word of `nodes`
+
+    VertexIndex Of(NodeIndex node) const {
+      if (nodes == nullptr) return first + node;
+      const uint64_t below = nodes[node >> 6] & ((uint64_t{1} << (node & 63)) - 1);
+      return first + ranks[node >> 6] + PopCount(below);
+    }
+  };
+
  public:
   CutImpl(std::shared_ptr<const Surface> surface, const Query& query);
 
@@ -77,10 +90,9 @@ class CutImpl {
   CutState cut_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<VertexIndex> first_number_;     // per state: the output's number of its first vertex
-  std::vector<std::vector<uint32_t>> ranks_;  // per state: of Nodes()
-  std::vector<VertexIndex> numbers_;          // scratch: per local vertex
-  std::vector<uint64_t> inactive_;            // scratch: per own slot
+  std::vector<Numbering> numberings_;  // per state; when everything_ per cluster
+  std::vector<VertexIndex> numbers_;   // scratch: per local vertex
+  std::vector<uint64_t> inactive_;     // scratch: per own slot
   UnitReader reader_;
   ExtractStats stats_;
 };

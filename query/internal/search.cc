@@ -221,7 +221,12 @@ void Search::FindParents(const LoadedUnit& unit) {
   parents_.clear();
   for (const UnitId p : unit.parents) {
     const uint32_t s = cut_.state_of[p];
-    parents_.push_back(s == kNone32 ? nullptr : &cut_.state(s));
+    if (s == kNone32) {
+      parents_.emplace_back();
+    } else {
+      UnitState& parent = cut_.state(s);
+      parents_.push_back({&parent, &parent.present, parent.first_own_slot});
+    }
   }
 }
 
@@ -402,8 +407,8 @@ void Search::ApplyNode(const LoadedUnit& unit, UnitState& state, NodeIndex node,
       continue;
     }
     const SlotOrigin& origin = unit.origins[slot];
-    UnitState& parent = *parents_[origin.parent];
-    parent.present.Clear(origin.slot - parent.first_own_slot);
+    const Parent& parent = parents_[origin.parent];
+    parent.present->Clear(origin.slot - parent.first_own_slot);
   }
   const uint32_t begin = cluster.star_begin[node] - first_own;
   const uint32_t end = cluster.star_begin[node + 1] - first_own;
@@ -534,7 +539,7 @@ Status Search::SurveyUnit(UnitState& state) {
       if (!Present(*unit, state, slot)) continue;
       if (!survey(slot, 0, unit->cluster.error_codes[unit->cluster.removers[slot]])) continue;
       const SlotOrigin& origin = unit->origins[slot];
-      UnitState& parent = *parents_[origin.parent];
+      UnitState& parent = *parents_[origin.parent].state;
       if (parent.active.empty()) parent.active = Bits(parent.present.size());
       parent.active.Set(origin.slot - parent.first_own_slot);
     }

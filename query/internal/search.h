@@ -51,6 +51,12 @@ class Search {
       return a.node > b.node;
     }
   };
+  // What a unit sees of a parent: its own slots in the mesh. Null: none of them is.
+  struct Parent {
+    UnitState* state = nullptr;
+    Bits* present = nullptr;
+    uint32_t first_own_slot = 0;
+  };
   // What can be said of all triangles inside of a box whose errors are at most some error.
   struct Outlook {
     bool none_active = false;
@@ -93,13 +99,13 @@ class Search {
   // All triangles are active: only the largest error is to be found.
   Status SurveyErrors(UnitState& state);
 
-  // The states of the unit's parents, null where there is none: nothing of these is present.
+  // Fills parents_.
   void FindParents(const LoadedUnit& unit);
   bool Present(const LoadedUnit& unit, const UnitState& state, uint32_t slot) const {
     if (slot >= unit.first_own_slot()) return state.present.Test(slot - unit.first_own_slot());
     const SlotOrigin& origin = unit.origins[slot];
-    const UnitState* parent = parents_[origin.parent];
-    return parent != nullptr && parent->present.Test(origin.slot - parent->first_own_slot);
+    const Parent& parent = parents_[origin.parent];
+    return parent.present != nullptr && parent.present->Test(origin.slot - parent.first_own_slot);
   }
 
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
@@ -150,7 +156,7 @@ class Search {
   std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states
   std::vector<Target> closure_;
   std::vector<Target> plan_;
-  std::vector<UnitState*> parents_;
+  std::vector<Parent> parents_;
   std::vector<bool> settled_;  // per child of the unit at hand
   std::vector<uint32_t> pinned_states_;
 };
