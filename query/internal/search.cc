@@ -146,15 +146,14 @@ void Search::PrefetchPending() {
 Status Search::RunByError() {
   QueryLimit& limit = cut_.limit;
   while (!queue_.empty() && limit == QueryLimit::kThreshold) {
-    const Entry entry = queue_.top();
-    queue_.pop();
+    const ErrorTask task = queue_.Pop();
     const Status status = Take([&] {
-      if (!entry.look) return Refine({cut_.state_of[entry.unit], entry.node}, &limit);
-      if (query_.max_bytes && reader_.BytesToRead(entry.unit) > reader_.bytes_left()) {
+      if (!task.look) return Refine({cut_.state_of[task.unit], task.node}, &limit);
+      if (query_.max_bytes && reader_.BytesToRead(task.unit) > reader_.bytes_left()) {
         limit = QueryLimit::kBytes;
         return Status::Ok();
       }
-      return LookInto(entry.unit);
+      return LookInto(task.unit);
     });
     if (reader_.out_of_bytes()) {
       limit = QueryLimit::kBytes;
@@ -455,7 +454,7 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t s
   if (pending) return;
   pending_.Set(child.value);
   if (by_error_) {
-    queue_.push({largest, true, child.value, 0});
+    queue_.Push({largest, true, child.value, 0});
   } else {
     pending_clusters_.insert(child.value);
   }
@@ -467,14 +466,15 @@ void Search::NoteLateArc(ClusterId child, UnitId parent, uint32_t slot) {
 }
 
 void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
+  UnitState& of = cut_.state(state);
+  if (of.wanted.Test(node)) return;
+  of.wanted.Set(node);
   if (by_error_) {
-    queue_.push({code, false, cut_.state(state).unit, node});
-  } else {
-    UnitState& of = cut_.state(state);
-    of.wanted.Set(node);
-    if (of.first_wanted == kNone32) wanting_.emplace(of.unit, state);
-    of.first_wanted = std::min(of.first_wanted, node);
+    queue_.Push({code, false, of.unit, node});
+    return;
   }
+  if (of.first_wanted == kNone32) wanting_.emplace(of.unit, state);
+  of.first_wanted = std::min(of.first_wanted, node);
 }
 
 // True when the node removes an active invalid triangle.

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "query/internal/cut_state.h"
+#include "query/internal/error_queue.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -37,19 +38,6 @@ class Search {
   struct Arc {
     UnitId parent;
     uint32_t slot;
-  };
-  // Work of the budgeted search: a node to apply, or a cluster to look into.
-  struct Entry {
-    uint8_t code;
-    bool look;  // into the cluster: before the nodes of the same code
-    UnitId unit;
-    NodeIndex node;
-    friend bool operator<(const Entry& a, const Entry& b) {  // a comes after b
-      if (a.code != b.code) return a.code < b.code;
-      if (a.look != b.look) return b.look;
-      if (a.unit != b.unit) return a.unit < b.unit;
-      return a.node > b.node;
-    }
   };
   // What a unit sees of a parent: its own slots in the mesh. Null: none of them is.
   struct Parent {
@@ -152,7 +140,7 @@ class Search {
   std::set<UnitId, std::greater<>> pending_clusters_;
   Bits prefetched_;  // per cluster
   std::vector<UnitId> ahead_;
-  std::priority_queue<Entry> queue_;
+  ErrorQueue queue_;
   std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states
   std::vector<Target> closure_;
   std::vector<Target> plan_;

@@ -115,7 +115,7 @@ size_t SmallestCache(const MtFixture& f, const Wanted& wanted, size_t at_least) 
 
 }  // namespace
 
-TEST_CASE("Readers wait for room and none of them forever") {
+TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   constexpr unsigned kReaders = 6;
@@ -154,7 +154,7 @@ TEST_CASE("Readers wait for room and none of them forever") {
   }
 }
 
-TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query") {
+TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   ClusterCache cache(f.source, size_t{1} << 30, 3);
@@ -178,7 +178,7 @@ TEST_CASE("What is named ahead is loaded by other threads, once, and counted for
   REQUIRE(second.stats().clusters_read == 0);
 }
 
-TEST_CASE("Threads that want overlapping units share the work") {
+TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   for (int round = 0; round < 10; ++round) {
@@ -207,7 +207,7 @@ TEST_CASE("Threads that want overlapping units share the work") {
   }
 }
 
-TEST_CASE("When the thread that loads fails, the others find out for themselves") {
+TEST_CASE("When the thread that loads fails, the others find out for themselves", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   ClusterCache cache(f.source, size_t{1} << 30);

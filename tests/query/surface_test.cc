@@ -308,7 +308,7 @@ std::vector<Query> SomeQueries(const MtFixture& f, std::mt19937& random) {
   return queries;
 }
 
-TEST_CASE("The smallest cache that can hold a query's steps gives the same answers") {
+TEST_CASE("The smallest cache that can hold a query's steps gives the same answers", "[threads]") {
   std::mt19937 random(5);
   for (uint32_t seed = 1; seed <= 6; ++seed) {
     const MtFixture f = MakeMt(Medium(seed));
@@ -328,7 +328,7 @@ TEST_CASE("The smallest cache that can hold a query's steps gives the same answe
   }
 }
 
-TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once") {
+TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once", "[threads]") {
   const MtFixture f = MakeMt(Medium(9));
   std::mt19937 random(6);
   const std::vector<Query> queries = SomeQueries(f, random);
@@ -357,7 +357,7 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
   }
 }
 
-TEST_CASE("A query can be cancelled from another thread, also while it waits for room") {
+TEST_CASE("A query can be cancelled from another thread, also while it waits for room", "[threads]") {
   const MtFixture f = MakeMt(Medium(3));
   const auto surface = Open(f, SmallestCache(f, {Query{}}));
   // Somebody else holds a unit and does not let go.
