@@ -129,7 +129,8 @@ class ClusterCache {
   size_t bytes_ = 0;
   size_t peak_bytes_ = 0;
   uint64_t decoded_ = 0;
-  uint32_t holders_ = 0;  // readers that hold units, pointers given away, jobs under way
+  size_t dropped_bytes_ = 0;  // since memory was last given back to the system
+  uint32_t holders_ = 0;      // readers that hold units, pointers given away, jobs under way
   std::atomic<uint32_t> exclusive_waiting_{0};  // readers that wait until nobody holds any
   bool exclusive_ = false;                      // one reader has the cache for itself
   std::priority_queue<Job> jobs_;               // coarsest first

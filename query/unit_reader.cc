@@ -11,6 +11,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 // How long a cancelled query may sleep on.
 constexpr std::chrono::milliseconds kWatch{4};
+// What a query holds between steps takes at most this share of the cache.
+constexpr size_t kHeldShare = 16;
 // What is loaded ahead of a query takes at most this share of the cache.
 constexpr size_t kPrefetchShare = 4;
 constexpr size_t kPrefetchPerThread = 8;
@@ -157,6 +159,11 @@ void UnitReader::Prefetch(std::span<const UnitId> units) {
     cache_.workers_.emplace_back([&cache = cache_] { cache.Work(); });
   }
   cache_.work_.notify_all();
+}
+
+bool UnitReader::ShouldRelease() const {
+  return exclusive_ || cache_.exclusive_waiting_ > 0 ||
+         held_bytes_ > cache_.budget_bytes() / kHeldShare;
 }
 
 uint64_t UnitReader::BytesToRead(UnitId unit) const {

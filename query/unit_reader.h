@@ -54,9 +54,8 @@ class UnitReader {
   // Bytes to be read before the unit can be held.
   uint64_t BytesToRead(UnitId unit) const;
   uint64_t bytes_left() const;
-  // Should let go after this step: others wait.
-  bool wanted() const { return exclusive_ || cache_.exclusive_waiting_ > 0; }
-  size_t held_bytes() const { return held_bytes_; }
+  // True when it should let go after this step: others wait, or it holds much.
+  bool ShouldRelease() const;
   LoadStats stats() const;
 
  private:

@@ -11,13 +11,6 @@ namespace mtdb {
 // cut. So whatever is applied must be, and what remains when nothing is left to apply is the least
 // valid cut.
 
-namespace {
-
-// A search holds on to this many units between steps.
-constexpr size_t kPinsKept = 16;
-
-}  // namespace
-
 Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query)
     : source_(source),
       index_(source.index()),
@@ -69,7 +62,7 @@ Status Search::Take(Step&& step) {
     status = step();
   }
   if (!status.ok()) DropPlan();
-  if (pinned_states_.size() > kPinsKept || reader_.wanted()) ReleasePins();
+  if (reader_.ShouldRelease()) ReleasePins();
   if (query_.control != nullptr) {
     query_.control->nodes_applied_.store(cut_.nodes_applied, std::memory_order_relaxed);
   }
