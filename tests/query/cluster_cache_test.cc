@@ -154,7 +154,8 @@ TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
   }
 }
 
-TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query", "[threads]") {
+TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query",
+          "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   ClusterCache cache(f.source, size_t{1} << 30, 3);

@@ -328,7 +328,8 @@ TEST_CASE("The smallest cache that can hold a query's steps gives the same answe
   }
 }
 
-TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once", "[threads]") {
+TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once",
+          "[threads]") {
   const MtFixture f = MakeMt(Medium(9));
   std::mt19937 random(6);
   const std::vector<Query> queries = SomeQueries(f, random);
@@ -357,7 +358,8 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
   }
 }
 
-TEST_CASE("A query can be cancelled from another thread, also while it waits for room", "[threads]") {
+TEST_CASE("A query can be cancelled from another thread, also while it waits for room",
+          "[threads]") {
   const MtFixture f = MakeMt(Medium(3));
   const auto surface = Open(f, SmallestCache(f, {Query{}}));
   // Somebody else holds a unit and does not let go.
