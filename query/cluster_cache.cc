@@ -3,180 +3,332 @@
 #include <algorithm>
 #include <chrono>
 #include <functional>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+#include <optional>
 #include <string>
+#include <unordered_map>
+
+#include "query/unit_reader.h"
 
 namespace mtdb {
 
-// No deadlock: a thread waits for a unit only when those that it has claimed and not yet published
-// are all finer, since plans are executed coarsest first. In a circle of waiting threads each would
-// wait for a unit coarser than the one before.
+// Why nobody waits forever. A thread that has claimed a unit (kLoading) reads and decodes it
+// without waiting for anything, so waiting for a claimed unit ends. Room is waited for in two
+// places only, by readers that hold nothing: at the door, and for exclusive use. Who waits for
+// exclusive use closes the door; whoever is inside holds units, does not wait for room (what finds
+// none fails), and lets go after a step. So it becomes the only holder, all else can be dropped,
+// and what finds no room then never will.
 
-ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes)
+namespace {
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+// The C library keeps what is freed, thread by thread, beyond any budget. To have it give that back
+// takes a millisecond or two: once in so many bytes that were dropped.
+constexpr size_t kTrimBytes = size_t{16} << 20;
+
+void GiveMemoryBack() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
+
+}  // namespace
+
+// What a load has yet to do: the units that are not ready, and pins on those that they come from.
+class ClusterCache::Plan {
+ public:
+  Plan(ClusterCache& cache, UnitId target) : cache_(cache), target_(target) {
+    std::vector<UnitId> open{target};
+    while (!open.empty()) {
+      const UnitId u = open.back();
+      open.pop_back();
+      if (users_.contains(u)) continue;
+      users_.emplace(u, 0);
+      if (cache.entries_[u].state == State::kReady) {
+        PinUnit(u);
+        continue;
+      }
+      todo_.push_back(u);
+      for (const UnitId p : UnitParents(cache.index_, u)) open.push_back(p);
+    }
+    for (const UnitId u : todo_) {
+      for (const UnitId p : UnitParents(cache.index_, u)) ++users_[p];
+    }
+    std::sort(todo_.begin(), todo_.end(), std::greater<>());
+  }
+  ~Plan() {
+    for (const auto& [u, value] : pinned_) cache_.Unpin(u);
+  }
+  Plan(const Plan&) = delete;
+  Plan& operator=(const Plan&) = delete;
+
+  const std::vector<UnitId>& todo() const { return todo_; }
+  bool HasParents(UnitId unit) const {
+    return std::ranges::all_of(UnitParents(cache_.index_, unit),
+                               [&](UnitId p) { return pinned_.contains(p); });
+  }
+  // The unit is ready: its parents are needed for one thing less.
+  void Finish(UnitId unit) {
+    PinUnit(unit);
+    std::vector<UnitId> done{unit};
+    while (!done.empty()) {
+      const UnitId u = done.back();
+      done.pop_back();
+      std::erase(todo_, u);
+      for (const UnitId p : UnitParents(cache_.index_, u)) {
+        if (--users_[p] > 0) continue;
+        if (pinned_.erase(p) > 0) {
+          cache_.Unpin(p);
+        } else {
+          done.push_back(p);
+        }
+      }
+    }
+  }
+  // Hands the target's pin to the caller.
+  LoadedUnitPtr Take() {
+    LoadedUnitPtr value = pinned_.at(target_);
+    pinned_.erase(target_);
+    return value;
+  }
+
+ private:
+  void PinUnit(UnitId unit) {
+    cache_.Pin(unit);
+    pinned_.emplace(unit, cache_.entries_[unit].value);
+  }
+
+  ClusterCache& cache_;
+  const UnitId target_;
+  std::vector<UnitId> todo_;                    // coarsest first
+  std::unordered_map<UnitId, uint32_t> users_;  // units of todo_ that a unit is a parent of
+  std::unordered_map<UnitId, LoadedUnitPtr> pinned_;
+};
+
+ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes,
+                           unsigned threads)
     : source_(std::move(source)),
+      index_(source_->index()),
       budget_bytes_(budget_bytes),
-      entries_(UnitCount(source_->index())) {}
+      threads_(threads),
+      entries_(UnitCount(index_)) {}
 
-Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
+ClusterCache::~ClusterCache() {
   {
     const std::lock_guard lock(mutex_);
-    MTDB_CHECK(unit < entries_.size(), "no such cluster or root piece");
-    if (entries_[unit].state == State::kReady) {
-      Touch(unit);
-      return entries_[unit].value;
-    }
+    stopping_ = true;
   }
-  const auto start = std::chrono::steady_clock::now();
-  Result<LoadedUnitPtr> result = Load(unit, *stats);
-  stats->seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return result;
+  work_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
 }
 
-Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, LoadStats& stats) {
-  Plan plan;
-  MakePlan(unit, plan);
-  if (const Status status = Execute(plan, stats); !status.ok()) {
-    Abandon(plan.claimed);
-    return status;
+Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
+  Lock lock(mutex_);
+  MTDB_CHECK(unit < entries_.size(), "no such cluster or root piece");
+  LoadedUnitPtr value;
+  if (entries_[unit].state == State::kReady) {
+    Pin(unit);
+    value = entries_[unit].value;
+  } else {
+    const Stopwatch watch;
+    Tally tally;
+    tally.stats = *stats;
+    tally.read.resize(entries_.size());
+    Errand errand{tally};
+    Enter();
+    Result<LoadedUnitPtr> loaded = Load(unit, errand, lock);
+    Leave();
+    *stats = tally.stats;
+    stats->seconds += watch.Seconds();
+    MTDB_ASSIGN_OR_RETURN(value, std::move(loaded));
   }
-  const LoadedUnitPtr value = plan.pinned.at(unit);
-  plan.pinned.clear();
-  Trim();
-  return value;
-}
-
-// Claims the unit and every ancestor that is neither ready nor being loaded, as far up as needed.
-void ClusterCache::MakePlan(UnitId unit, Plan& plan) {
-  std::vector<UnitId> open{unit};
-  const std::lock_guard lock(mutex_);
-  while (!open.empty()) {
-    const UnitId u = open.back();
-    open.pop_back();
-    Entry& entry = entries_[u];
-    switch (entry.state) {
-      case State::kReady:
-        Touch(u);
-        plan.pinned.emplace(u, entry.value);
-        break;
-      case State::kLoading:
-        plan.awaited.push_back(u);  // perhaps our own claim: sorted out below
-        break;
-      case State::kEmpty:
-        entry.state = State::kLoading;
-        plan.claimed.push_back(u);
-        for (const UnitId p : UnitParents(source_->index(), u)) open.push_back(p);
-        break;
-    }
-  }
-  std::sort(plan.claimed.begin(), plan.claimed.end(), std::greater<>());
-  std::sort(plan.awaited.begin(), plan.awaited.end(), std::greater<>());
-  plan.awaited.erase(std::unique(plan.awaited.begin(), plan.awaited.end()), plan.awaited.end());
-  std::erase_if(plan.awaited, [&](UnitId u) {
-    return std::binary_search(plan.claimed.begin(), plan.claimed.end(), u, std::greater<>());
+  return LoadedUnitPtr(value.get(), [this, unit](const LoadedUnit*) {
+    const std::lock_guard unpin_lock(mutex_);
+    Unpin(unit);
   });
 }
 
-Status ClusterCache::ReadPayloads(Plan& plan, LoadStats& stats) {
-  const uint32_t clusters = source_->index().cluster_count();
-  std::vector<ClusterId> cluster_ids;
-  std::vector<RootPieceId> root_ids;
-  for (const UnitId u : plan.claimed) {
-    if (u < clusters) {
-      cluster_ids.emplace_back(u);
-    } else {
-      root_ids.emplace_back(u - clusters);
-    }
-  }
-  const auto receive = [&](UnitId u, Bytes payload) {
-    stats.bytes_read += payload.size();
-    ++(u < clusters ? stats.clusters_read : stats.root_pieces_read);
-    plan.payloads[u] = std::move(payload);
-    return Status::Ok();
-  };
-  if (!root_ids.empty()) {
-    MTDB_RETURN_IF_ERROR(source_->ReadRootPieces(root_ids, [&](RootPieceId id, Bytes payload) {
-      return receive(clusters + id.value, std::move(payload));
-    }));
-  }
-  if (!cluster_ids.empty()) {
-    MTDB_RETURN_IF_ERROR(source_->ReadClusters(cluster_ids, [&](ClusterId id, Bytes payload) {
-      return receive(id.value, std::move(payload));
-    }));
-  }
-  for (const UnitId u : plan.claimed) {
-    if (!plan.payloads.contains(u)) {
-      return IoError(UnitName(source_->record(), u) + ": the source did not deliver the payload");
-    }
-  }
-  return Status::Ok();
+// What is in the cache by chance may take the room of what a plan needs first: who has the cache
+// for itself starts again without.
+Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, Errand& errand, Lock& lock) {
+  Result<LoadedUnitPtr> loaded = TryLoad(unit, errand, lock);
+  if (loaded.ok() || !errand.exclusive || !errand.no_room) return loaded;
+  errand.no_room = false;
+  std::vector<LoadedUnitPtr> dropped;
+  MakeRoom(budget_bytes_, dropped);
+  return TryLoad(unit, errand, lock);
 }
 
-// Loads what was claimed and waits for the rest, coarsest first. On return `claimed` holds what
-// has not been published.
-Status ClusterCache::Execute(Plan& plan, LoadStats& stats) {
-  if (!plan.claimed.empty()) MTDB_RETURN_IF_ERROR(ReadPayloads(plan, stats));
-  size_t awaited = 0;
-  while (!plan.claimed.empty() || awaited < plan.awaited.size()) {
-    if (awaited < plan.awaited.size() &&
-        (plan.claimed.empty() || plan.awaited[awaited] > plan.claimed.front())) {
-      const UnitId u = plan.awaited[awaited++];
-      MTDB_ASSIGN_OR_RETURN(plan.pinned[u], Await(u, stats));
+// Takes what another thread is at later, and goes on with what nobody has begun.
+Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& lock) {
+  Plan plan(*this, unit);
+  while (!plan.todo().empty()) {
+    const auto next = std::ranges::find_if(plan.todo(), [&](UnitId u) {
+      const State state = entries_[u].state;
+      return state == State::kReady || (state == State::kEmpty && plan.HasParents(u));
+    });
+    if (next == plan.todo().end()) {
+      MTDB_RETURN_IF_ERROR(Wait(errand, lock));
       continue;
     }
-    const UnitId u = plan.claimed.front();
-    std::vector<LoadedUnitPtr> parents;
-    for (const UnitId p : UnitParents(source_->index(), u)) parents.push_back(plan.pinned.at(p));
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr value, LoadUnit(source_->record(), source_->index(),
-                                                              u, plan.payloads.at(u), parents));
-    plan.payloads.erase(u);
-    plan.pinned[u] = value;
-    plan.claimed.erase(plan.claimed.begin());
-    Publish(u, value);
+    const UnitId u = *next;
+    if (entries_[u].state == State::kEmpty) MTDB_RETURN_IF_ERROR(LoadOne(u, errand, lock));
+    plan.Finish(u);
   }
+  return plan.Take();
+}
+
+// The unit's parents are ready and pinned.
+Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
+  std::vector<LoadedUnitPtr> dropped;
+  MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
+  Entry& entry = entries_[unit];
+  LoadStats stats;
+  const bool trim = dropped_bytes_ >= kTrimBytes;
+  if (trim) dropped_bytes_ = 0;
+  lock.unlock();
+  dropped.clear();
+  if (trim) GiveMemoryBack();
+  Result<LoadedUnitPtr> loaded = ReadAndDecode(unit, errand, stats);
+  lock.lock();
+  errand.tally.stats.read_seconds += stats.read_seconds;
+  errand.tally.stats.decode_seconds += stats.decode_seconds;
+  if (stats.bytes_read > 0) {
+    errand.tally.stats.bytes_read += stats.bytes_read;
+    ++(IsRootUnit(index_, unit) ? errand.tally.stats.root_pieces_read
+                                : errand.tally.stats.clusters_read);
+    errand.tally.read[unit] = true;
+  }
+  // The guess gives way to what it is.
+  bytes_ -= entry.bytes;
+  entry.bytes = loaded.ok() ? (*loaded)->memory_bytes() : 0;
+  entry.state = State::kEmpty;
+  Status status = loaded.status();
+  if (loaded.ok()) status = Reserve(unit, errand, dropped);
+  if (status.ok()) {
+    entry.value = *std::move(loaded);
+    entry.state = State::kReady;
+    ++decoded_;
+    Link(unit);
+  }
+  loaded_.notify_all();
+  return status;
+}
+
+// Claims the unit, and entry.bytes for it, or a guess when that is 0.
+Status ClusterCache::Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnitPtr>& dropped) {
+  Entry& entry = entries_[unit];
+  const size_t bytes = entry.bytes > 0 ? entry.bytes : EstimateBytes(unit);
+  if (!MakeRoom(bytes, dropped)) {
+    entry.bytes = 0;
+    errand.no_room = true;
+    return {StatusCode::kBudgetExceeded,
+            UnitName(source_->record(), unit) + ": needs " + std::to_string(bytes) +
+                " bytes beside the " + std::to_string(bytes_) +
+                " that are in use, but the cache is limited to " + std::to_string(budget_bytes_) +
+                "; open the surface with a cache of at least " + std::to_string(bytes_ + bytes)};
+  }
+  entry.bytes = bytes;
+  entry.state = State::kLoading;
+  bytes_ += bytes;
+  peak_bytes_ = std::max(peak_bytes_, bytes_);
   return Status::Ok();
 }
 
-// Waits until another thread has loaded the unit; loads it here when that thread failed or the
-// unit is gone again.
-Result<LoadedUnitPtr> ClusterCache::Await(UnitId unit, LoadStats& stats) {
-  {
-    std::unique_lock lock(mutex_);
-    loaded_.wait(lock, [&] { return entries_[unit].state != State::kLoading; });
-    if (entries_[unit].state == State::kReady) {
-      Touch(unit);
-      return entries_[unit].value;
+Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats) {
+  const Stopwatch read_watch;
+  UnitReader* reader = errand.reader;
+  const bool keep = reader != nullptr && reader->limits_.max_bytes.has_value();
+  Bytes payload;
+  if (const auto kept =
+          keep ? reader->payloads_.find(unit) : std::unordered_map<UnitId, Bytes>::iterator{};
+      keep && kept != reader->payloads_.end()) {
+    payload = kept->second;
+  } else {
+    if (keep && !IsRootUnit(index_, unit) &&
+        index_.location(ClusterId(unit)).length > reader->bytes_left()) {
+      reader->out_of_bytes_ = true;
+      return Status(StatusCode::kBudgetExceeded, UnitName(source_->record(), unit) +
+                                                     ": to read it exceeds the query's limit of " +
+                                                     std::to_string(*reader->limits_.max_bytes) +
+                                                     " bytes; raise it, or the cache's size");
     }
+    MTDB_ASSIGN_OR_RETURN(payload, ReadPayload(unit));
+    stats.bytes_read = payload.size();
+    if (keep) reader->payloads_.emplace(unit, payload);
+    if (reader != nullptr) reader->NoteLoad();
   }
-  return Load(unit, stats);
+  stats.read_seconds = read_watch.Seconds();
+  const Stopwatch decode_watch;
+  std::vector<LoadedUnitPtr> parents;
+  for (const UnitId p : UnitParents(index_, unit)) parents.push_back(entries_[p].value);
+  Result<LoadedUnitPtr> loaded = LoadUnit(source_->record(), index_, unit, payload, parents);
+  stats.decode_seconds = decode_watch.Seconds();
+  return loaded;
 }
 
-void ClusterCache::Publish(UnitId unit, const LoadedUnitPtr& value) {
-  std::vector<LoadedUnitPtr> dropped;  // freed after the lock
-  {
-    const std::lock_guard lock(mutex_);
-    Entry& entry = entries_[unit];
-    entry.value = value;
-    entry.bytes = value->memory_bytes();
-    entry.state = State::kReady;
-    bytes_ += entry.bytes;
-    ++decoded_;
-    Link(unit);
-    TrimLocked(dropped);
+Result<Bytes> ClusterCache::ReadPayload(UnitId unit) {
+  std::optional<Bytes> found;
+  const auto receive = [&](auto, Bytes payload) {
+    found = std::move(payload);
+    return Status::Ok();
+  };
+  if (IsRootUnit(index_, unit)) {
+    const RootPieceId id(unit - index_.cluster_count());
+    MTDB_RETURN_IF_ERROR(source_->ReadRootPieces({&id, 1}, receive));
+  } else {
+    const ClusterId id(unit);
+    MTDB_RETURN_IF_ERROR(source_->ReadClusters({&id, 1}, receive));
   }
-  loaded_.notify_all();
+  if (!found) {
+    return IoError(UnitName(source_->record(), unit) + ": the source did not deliver the payload");
+  }
+  return *std::move(found);
 }
 
-void ClusterCache::Abandon(std::span<const UnitId> units) {
-  {
-    const std::lock_guard lock(mutex_);
-    for (const UnitId u : units) entries_[u].state = State::kEmpty;
+// Until something has changed.
+Status ClusterCache::Wait(Errand& errand, Lock& lock) {
+  if (errand.helps && RunJob(lock)) return Status::Ok();
+  if (errand.reader == nullptr) {
+    loaded_.wait(lock);
+    return Status::Ok();
   }
-  loaded_.notify_all();
+  errand.reader->WaitOn(loaded_, lock);
+  return errand.reader->Check();
 }
 
-void ClusterCache::Trim() {
-  std::vector<LoadedUnitPtr> dropped;
-  const std::lock_guard lock(mutex_);
-  TrimLocked(dropped);
+// Does not wait for room: a unit that finds none is left to the query.
+bool ClusterCache::RunJob(Lock& lock) {
+  while (!jobs_.empty()) {
+    const Job job = jobs_.top();
+    jobs_.pop();
+    if (job.tally->stopped || exclusive_ || exclusive_waiting_ > 0) continue;
+    if (entries_[job.unit].state != State::kEmpty) continue;
+    Enter();
+    Errand errand{*job.tally};
+    if (Load(job.unit, errand, lock).ok()) Unpin(job.unit);
+    Leave();
+    return true;
+  }
+  return false;
+}
+
+void ClusterCache::Work() {
+  Lock lock(mutex_);
+  while (!stopping_) {
+    if (!RunJob(lock)) work_.wait(lock);
+  }
 }
 
 size_t ClusterCache::bytes() const {
@@ -184,9 +336,26 @@ size_t ClusterCache::bytes() const {
   return bytes_;
 }
 
+size_t ClusterCache::peak_bytes() const {
+  const std::lock_guard lock(mutex_);
+  return peak_bytes_;
+}
+
 uint64_t ClusterCache::decoded() const {
   const std::lock_guard lock(mutex_);
   return decoded_;
+}
+
+void ClusterCache::Leave() {
+  --holders_;
+  if (exclusive_waiting_ > 0) room_.notify_all();
+}
+
+void ClusterCache::Pin(UnitId unit) {
+  ++entries_[unit].pins;
+  if (newest_ == unit) return;
+  Unlink(unit);
+  Link(unit);
 }
 
 void ClusterCache::Link(UnitId unit) {
@@ -203,26 +372,36 @@ void ClusterCache::Unlink(UnitId unit) {
   (entry.older == kNone32 ? oldest_ : entries_[entry.older].newer) = entry.newer;
 }
 
-void ClusterCache::Touch(UnitId unit) {
-  if (newest_ == unit) return;
-  Unlink(unit);
-  Link(unit);
-}
-
-// A use count of one is the cache's own pointer: nobody else can copy it without the mutex.
-void ClusterCache::TrimLocked(std::vector<LoadedUnitPtr>& dropped) {
+bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
   uint32_t unit = oldest_;
-  while (bytes_ > budget_bytes_ && unit != kNone32) {
+  while (bytes_ + bytes > budget_bytes_ && unit != kNone32) {
     Entry& entry = entries_[unit];
     const uint32_t next = entry.newer;
-    if (entry.value.use_count() == 1) {
+    if (entry.pins == 0) {
       Unlink(unit);
       dropped.push_back(std::move(entry.value));
       bytes_ -= entry.bytes;
+      dropped_bytes_ += entry.bytes;
       entry = Entry{};
     }
     unit = next;
   }
+  return bytes_ + bytes <= budget_bytes_;
+}
+
+// Six star triangles a node are usual.
+size_t ClusterCache::EstimateBytes(UnitId unit) const {
+  const size_t row_bytes = source_->record().attributes.row_bytes();
+  if (IsRootUnit(index_, unit)) {
+    const RootPieceEntry& piece = index_.root_piece(RootPieceId(unit - index_.cluster_count()));
+    return sizeof(LoadedUnit) + piece.triangles * size_t{17} +
+           piece.vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + row_bytes);
+  }
+  const ClusterEntry& cluster = index_.cluster(ClusterId(unit));
+  const size_t slots = size_t{6} * cluster.nodes;
+  return sizeof(LoadedUnit) + cluster.in_triangles * size_t{32} + slots * size_t{12} +
+         cluster.nodes * (sizeof(Vec3i) + 13 + row_bytes) +
+         cluster.external_vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + 4 + row_bytes);
 }
 
 }  // namespace mtdb

@@ -12,6 +12,9 @@ namespace mtdb {
 
 class CutImpl;
 
+// What ended the refinement of a query.
+enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime };
+
 // What a query returned and what it cost.
 struct ExtractStats {
   uint64_t triangles = 0;  // of the mesh that is emitted: after clipping
@@ -21,15 +24,20 @@ struct ExtractStats {
   uint64_t active_triangles = 0;
   // Model units: the largest e(t) over the active triangles, plus half the diagonal of a grid cell.
   double error_bound = 0;
+  QueryLimit limit = QueryLimit::kThreshold;
+  uint64_t nodes_visited = 0;  // of the clusters that were looked into
   uint64_t nodes_applied = 0;
-  uint64_t nodes_forced = 0;    // remove no active invalid triangle: applied only as ancestors
-  uint64_t clusters_read = 0;   // payloads that this query read from the source
-  uint64_t clusters_used = 0;   // those with an applied node
-  uint64_t clusters_total = 0;  // of the object
-  uint64_t bytes_read = 0;      // payloads of clusters and root pieces
+  uint64_t nodes_forced = 0;     // remove no active invalid triangle: applied only as ancestors
+  uint64_t clusters_read = 0;    // payloads that this query read from the source
+  uint64_t clusters_cached = 0;  // clusters that were decoded already when it first wanted them
+  uint64_t clusters_used = 0;    // those with an applied node
+  uint64_t clusters_total = 0;   // of the object
+  uint64_t bytes_read = 0;       // payloads of clusters and root pieces
   struct Seconds {
     double select = 0;  // without load
-    double load = 0;    // reading and decoding
+    double load = 0;    // the query's thread: reading, decoding, waiting
+    double read = 0;    // of all threads that read and decode for the query
+    double decode = 0;  // likewise
     double emit = 0;    // without load; includes the sink's time
   } seconds;
 };
@@ -52,8 +60,8 @@ class Cut {
   const ExtractStats& stats() const;
 
   // Sends the mesh: all vertices (those of the root, then those of the clusters in ascending
-  // order), then all triangles, in blocks. Adds to stats() what it reads. May be called again.
-  // Errors: the sink's, and those of reading clusters.
+  // order), then all triangles, active ones first, in blocks. Adds to stats() what it reads. May be
+  // called again. Errors: the sink's, and those of reading clusters.
   Status Emit(MeshSink& sink);
 
  private:

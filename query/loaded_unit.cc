@@ -218,13 +218,26 @@ Status CheckCluster(const std::string& name, const ClusterIndex& index, const Lo
   return CheckRemovers(name, unit, entry.out_triangles);
 }
 
-}  // namespace
-
-NodeIndex LoadedUnit::creator(uint32_t slot) const {
-  const std::vector<uint32_t>& begin = cluster.star_begin;
-  return static_cast<NodeIndex>(std::upper_bound(begin.begin(), begin.end(), slot) - begin.begin() -
-                                1);
+std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
+  std::vector<uint64_t> drain((unit.own_slots() + 63) / 64, 0);
+  const uint32_t* removers = unit.removers().data() + unit.first_own_slot();
+  for (uint32_t i = 0; i < unit.own_slots(); ++i) {
+    drain[i >> 6] |= uint64_t{removers[i] == kDrain} << (i & 63);
+  }
+  return drain;
 }
+
+std::vector<NodeIndex> FindCreators(const LoadedUnit& unit) {
+  std::vector<NodeIndex> creators;
+  NodeIndex node = 0;
+  for (uint32_t own = 0; own < unit.own_slots(); own += LoadedUnit::kCreatorStep) {
+    while (unit.cluster.star_begin[node + 1] <= own + unit.first_own_slot()) ++node;
+    creators.push_back(node);
+  }
+  return creators;
+}
+
+}  // namespace
 
 uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
   const auto p = std::find(parents.begin(), parents.end(), parent);
@@ -240,7 +253,8 @@ uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
 
 size_t LoadedUnit::memory_bytes() const {
   return sizeof(LoadedUnit) + (is_root ? piece.memory_bytes() : cluster.memory_bytes()) +
-         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) + VectorBytes(owners);
+         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) +
+         VectorBytes(owners) + VectorBytes(drain) + VectorBytes(creators);
 }
 
 std::vector<UnitId> UnitParents(const ClusterIndex& index, UnitId unit) {
@@ -279,6 +293,7 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
     }
     MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(id), piece.children));
     MTDB_RETURN_IF_ERROR(CheckRemovers(name, *loaded, entry.triangles));
+    loaded->drain = FindDrain(*loaded);
     return LoadedUnitPtr(std::move(loaded));
   }
   const ClusterEntry& entry = index.cluster(ClusterId(unit));
@@ -296,6 +311,8 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
                                                        entry.nodes, name));
   MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
+  loaded->drain = FindDrain(*loaded);
+  loaded->creators = FindCreators(*loaded);
   loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
   loaded->origins.resize(triangles.size());
   for (size_t i = 0; i < triangles.size(); ++i) {

@@ -35,6 +35,8 @@ struct LoadedUnit {
   std::vector<SlotOrigin> origins;  // per in-triangle
   std::vector<uint32_t> by_origin;  // in-slots, ascending by their origin's parent and slot
   std::vector<UnitId> owners;       // per external vertex: the cluster that inserts it, or kNone32
+  std::vector<uint64_t> drain;      // a bit per own slot: part of the full-resolution mesh
+  std::vector<NodeIndex> creators;  // of every kCreatorStep-th own slot, for creator()
 
   const std::vector<uint32_t>& removers() const {
     return is_root ? piece.removers : cluster.removers;
@@ -49,12 +51,22 @@ struct LoadedUnit {
     return is_root ? piece.positions : cluster.in.positions;
   }
   const Bytes& rows() const { return is_root ? piece.rows : cluster.in.rows; }
+  // Of a local vertex that the unit does not insert: its number in the object, and the cluster that
+  // inserts it, or kNone32.
+  VertexIndex vertex(uint32_t local) const {
+    return is_root ? piece.vertices[local] : cluster.in.vertices[local];
+  }
+  UnitId owner(uint32_t local) const { return is_root ? kNone32 : owners[local]; }
   uint32_t nodes() const { return is_root ? 0 : cluster.nodes(); }
   // Slots below this one are in-triangles; the unit creates the others.
   uint32_t first_own_slot() const { return is_root ? 0 : cluster.in_triangles(); }
   uint32_t own_slots() const { return static_cast<uint32_t>(removers().size()) - first_own_slot(); }
   // The node that creates a slot >= first_own_slot() of a cluster.
-  NodeIndex creator(uint32_t slot) const;
+  NodeIndex creator(uint32_t slot) const {
+    NodeIndex node = creators[(slot - first_own_slot()) / kCreatorStep];
+    while (cluster.star_begin[node + 1] <= slot) ++node;
+    return node;
+  }
   // The in-slot that a parent's slot arrives at, or kNone32.
   uint32_t FindInSlot(UnitId parent, uint32_t parent_slot) const;
   // Local vertices of any slot; `creator` as given by creator(), unused for other slots.
@@ -64,6 +76,8 @@ struct LoadedUnit {
     return cluster.star_triangle(creator_node, slot);
   }
   size_t memory_bytes() const;
+
+  static constexpr uint32_t kCreatorStep = 64;
 };
 
 using LoadedUnitPtr = std::shared_ptr<const LoadedUnit>;

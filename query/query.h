@@ -9,6 +9,8 @@
 
 namespace mtdb {
 
+class QueryControl;
+
 // "This region, at this accuracy, within this budget." The default asks for everything.
 //
 // Let e(t) be the error of a triangle t: the error of the node that removes it, 0 if none does. t
@@ -19,14 +21,31 @@ struct Query {
   RegionPtr region;        // null: all of space
   ThresholdPtr threshold;  // null: full resolution
 
-  // Not more triangles than this (before clipping). Largest errors are refined first (ties: the
-  // coarser cluster, then the smaller node) until the next node, with its missing ancestors, would
-  // not fit or the threshold is met. The root mesh is returned even when it is larger: the
-  // achieved error is in the answer's error_bound.
+  // Budgets. With any of them the largest errors are refined first (ties: the coarser cluster, then
+  // the smaller node) until the threshold is met or the next step does not fit; the root mesh is
+  // returned in any case. The achieved error is in the answer's error_bound, what ended the
+  // refinement in its limit. Not more triangles than this, before clipping:
   std::optional<uint64_t> max_triangles;
+  // Payload bytes that this query reads from the store. Hard, but for the root pieces, which are
+  // read in any case. What is in the cache costs nothing; what was read is kept till the end of the
+  // query, so that nothing is read twice. When other queries drop from the cache what this one has
+  // found there, and reading it again exceeds the budget, the query fails with kBudgetExceeded.
+  std::optional<uint64_t> max_bytes;
+  // Wall time. The search stops at the first node or cluster after it; then the errors are summed
+  // up and what was selected is emitted, which takes some 20 ns a triangle and the sink's time.
+  std::optional<double> max_milliseconds;
 
   // Leaves out triangles that do not meet the region, and the vertices that only they use.
   bool clip = false;
+
+  // Adds the attributes nx, ny, nz (float32, the last of the row) to each vertex: the unit vector
+  // of the sum of its triangles' normals times their areas, over all triangles of the cut, also
+  // those that are clipped away; (0, 0, 1) where the sum is 0. Takes 24 bytes a vertex and another
+  // pass over the clusters. kInvalidArgument when the object has attributes of these names.
+  bool normals = false;
+
+  // Progress and cancellation, from other threads. Must outlive the query and its Cut. May be null.
+  QueryControl* control = nullptr;
 };
 
 }  // namespace mtdb

@@ -1,6 +1,8 @@
 #include "query/surface.h"
 
+#include <algorithm>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "query/cluster_cache.h"
@@ -50,8 +52,12 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
 
 }  // namespace
 
-Surface::Surface(std::shared_ptr<ClusterSource> source, size_t cache_bytes)
-    : source_(std::move(source)), cache_(std::make_unique<ClusterCache>(source_, cache_bytes)) {}
+Surface::Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& options)
+    : source_(std::move(source)),
+      cache_(std::make_unique<ClusterCache>(
+          source_, options.cache_bytes,
+          options.threads > 0 ? options.threads
+                              : std::max(1u, std::thread::hardware_concurrency()))) {}
 
 Surface::~Surface() = default;
 
@@ -59,7 +65,7 @@ Result<std::shared_ptr<Surface>> Surface::Open(std::shared_ptr<ClusterSource> so
                                                const SurfaceOptions& options) {
   MTDB_CHECK(source != nullptr, "a surface needs a source");
   MTDB_RETURN_IF_ERROR(CheckIndex(source->record(), source->index()));
-  return std::shared_ptr<Surface>(new Surface(std::move(source), options.cache_bytes));
+  return std::shared_ptr<Surface>(new Surface(std::move(source), options));
 }
 
 Result<Cut> Surface::Select(const Query& query) const {

@@ -26,7 +26,12 @@ namespace mtdb {
 class ClusterCache;
 
 struct SurfaceOptions {
-  size_t cache_bytes = size_t{256} << 20;  // decoded clusters
+  // Of decoded clusters, those in use included. A query beside that takes about a byte for each
+  // node of the clusters that it uses, and its output's blocks; see docs/design.md.
+  size_t cache_bytes = size_t{256} << 20;
+  // That read and decode for one query, its own included. 0: as many as the machine has. Answers do
+  // not depend on it.
+  unsigned threads = 0;
 };
 
 // Safe for many threads, which share the cache. After De Floriani, Magillo, Puppo, "Efficient
@@ -51,7 +56,7 @@ class Surface : public std::enable_shared_from_this<Surface> {
   Result<ExtractStats> Extract(const Query& query, MeshSink& sink) const;
 
  private:
-  Surface(std::shared_ptr<ClusterSource> source, size_t cache_bytes);
+  Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& options);
   const std::shared_ptr<ClusterSource> source_;
   const std::unique_ptr<ClusterCache> cache_;
 };

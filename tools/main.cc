@@ -118,9 +118,13 @@ void AddAccuracyOptions(CLI::App* verb, mtdb::QueryOptions* q) {
                             "within E outside of the region too, not as coarse as possible");
   auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, mtdb::ParseCount,
                               "at most N triangles, as accurate as they allow");
+  auto* bytes = AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, mtdb::ParseSize,
+                          "read at most SIZE of the store's clusters, as accurate as they allow");
+  auto* time = AddParsed(verb, "--max-ms", "MS", &q->max_ms, mtdb::ParseNonNegative,
+                         "stop refining after MS milliseconds");
   for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
   error->excludes(relative);
-  for (auto* option : {full, error, relative, pixels, at, outside, triangles}) {
+  for (auto* option : {full, error, relative, pixels, at, outside, triangles, bytes, time}) {
     option->group(group);
   }
 }
@@ -294,6 +298,8 @@ int main(int argc, char** argv) {
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(extract_verb, &query, false);
+  extract_verb->add_flag("--normals", query.query.normals,
+                         "add the mesh's normals to its vertices");
 
   CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
   for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {

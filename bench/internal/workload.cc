@@ -39,8 +39,9 @@ ObjectRecord BenchStore::Build(const std::string& name, const TriangleMesh& mesh
   return BuildObject(mesh, here, *writer).value();
 }
 
-std::shared_ptr<Surface> BenchStore::OpenSurface(const std::string& name) const {
-  return Surface::Open(database_->OpenObject(name).value()).value();
+std::shared_ptr<Surface> BenchStore::OpenSurface(const std::string& name,
+                                                 const SurfaceOptions& options) const {
+  return Surface::Open(database_->OpenObject(name).value(), options).value();
 }
 
 const TriangleMesh& Sculpture(uint64_t triangles) {

@@ -23,7 +23,8 @@ class BenchStore {
   ObjectRecord Build(const std::string& name, const TriangleMesh& mesh,
                      const BuildOptions& options);
   // Reads what Build wrote: a new handle, an empty cache.
-  std::shared_ptr<Surface> OpenSurface(const std::string& name) const;
+  std::shared_ptr<Surface> OpenSurface(const std::string& name,
+                                       const SurfaceOptions& options = {}) const;
   const std::string& path() const { return path_; }
 
  private:

@@ -1,24 +1,51 @@
 // Bits: a fixed number of flags, packed.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "store/base/ids.h"
 
 namespace mtdb {
 
+// In line: without -mpopcnt std::popcount is a call.
+constexpr uint32_t PopCount(uint64_t bits) {
+  bits -= (bits >> 1) & 0x5555555555555555u;
+  bits = (bits & 0x3333333333333333u) + ((bits >> 2) & 0x3333333333333333u);
+  bits = (bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+  return static_cast<uint32_t>((bits * 0x0101010101010101u) >> 56);
+}
+
+// The `count` (at most 64) flags from `first` on.
+inline uint64_t BitsAt(std::span<const uint64_t> words, uint32_t first, uint32_t count) {
+  const uint32_t shift = first & 63;
+  uint64_t bits = words[first >> 6] >> shift;
+  if (shift + count > 64) bits |= words[(first >> 6) + 1] << (64 - shift);
+  return bits & (~uint64_t{0} >> (64 - count));
+}
+
 class Bits {
  public:
   Bits() = default;
   explicit Bits(uint32_t size) : words_((size + 63) / 64, 0) {}
 
+  // The number of flags, rounded up to whole words.
+  uint32_t size() const { return static_cast<uint32_t>(words_.size() * 64); }
+  bool empty() const { return words_.empty(); }
+  std::span<const uint64_t> words() const { return words_; }
+
   bool Test(uint32_t i) const { return (words_[i >> 6] >> (i & 63)) & 1; }
   void Set(uint32_t i) { words_[i >> 6] |= uint64_t{1} << (i & 63); }
   void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
   void SetRange(uint32_t begin, uint32_t end) {
-    for (uint32_t i = begin; i < end; ++i) Set(i);
+    for (uint32_t i = begin; i < end;) {
+      const uint32_t n = std::min(end - i, 64 - (i & 63));
+      words_[i >> 6] |= (~uint64_t{0} >> (64 - n)) << (i & 63);
+      i += n;
+    }
   }
   // The first set flag at or after `i`, or kNone32.
   uint32_t FirstFrom(uint32_t i) const {
@@ -33,7 +60,7 @@ class Bits {
   }
   uint32_t Count() const {
     uint32_t n = 0;
-    for (const uint64_t w : words_) n += static_cast<uint32_t>(std::popcount(w));
+    for (const uint64_t w : words_) n += PopCount(w);
     return n;
   }
   // The number of set flags before each word, for Rank.
@@ -43,13 +70,9 @@ class Bits {
     uint32_t n = 0;
     for (const uint64_t w : words_) {
       ranks.push_back(n);
-      n += static_cast<uint32_t>(std::popcount(w));
+      n += PopCount(w);
     }
     return ranks;
-  }
-  uint32_t Rank(const std::vector<uint32_t>& ranks, uint32_t i) const {
-    const uint64_t below = words_[i >> 6] & ((uint64_t{1} << (i & 63)) - 1);
-    return ranks[i >> 6] + static_cast<uint32_t>(std::popcount(below));
   }
   // Calls f(i) for each set flag, ascending.
   template <typename F>

@@ -1,8 +1,10 @@
 // BlockWriter: collects vertices and triangles into blocks for a sink.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "store/base/grid.h"
@@ -10,54 +12,80 @@
 
 namespace mtdb {
 
+// What one unit emits is written without looking at the sink; FlushBlocks then sends what fills a
+// block, so that no unit is held while the sink works.
 class BlockWriter {
  public:
-  BlockWriter(MeshSink& sink, const Grid& grid, size_t row_bytes)
-      : sink_(sink), grid_(grid), row_bytes_(row_bytes) {
-    positions_.reserve(kBlock);
-    rows_.reserve(kBlock * row_bytes);
-    triangles_.resize(kBlock);
-  }
+  // `normals` of all vertices, in their order, follow the stored attributes; it may be empty.
+  BlockWriter(MeshSink& sink, const Grid& grid, size_t stored_bytes, std::span<const Vec3f> normals)
+      : sink_(sink),
+        grid_(grid),
+        stored_bytes_(stored_bytes),
+        row_bytes_(stored_bytes + (normals.empty() ? 0 : sizeof(Vec3f))),
+        normals_(normals) {}
 
-  Status AddVertex(Vec3i position, const std::byte* row) {
-    ++vertex_count_;
-    positions_.push_back(grid_.Position(position));
-    rows_.insert(rows_.end(), row, row + row_bytes_);
-    return positions_.size() == kBlock ? FlushVertices() : Status::Ok();
+  // Room for the unit that comes next.
+  void ReserveVertices(size_t count) {
+    positions_.resize(std::max(positions_.size(), vertices_ + count));
+    rows_.resize(positions_.size() * row_bytes_);
   }
-  Status AddTriangle(const TriangleVertices& t) {
-    triangles_[triangle_count_++] = t;
-    return triangle_count_ == kBlock ? FlushTriangles() : Status::Ok();
+  void ReserveTriangles(size_t count) {
+    triangles_.resize(std::max(triangles_.size(), triangle_count_ + count));
+  }
+  void AddVertex(Vec3i position, const std::byte* row) {
+    positions_[vertices_] = grid_.Position(position);
+    if (row_bytes_ > 0) {
+      std::byte* to = rows_.data() + vertices_ * row_bytes_;
+      if (stored_bytes_ > 0) std::memcpy(to, row, stored_bytes_);
+      if (!normals_.empty()) std::memcpy(to + stored_bytes_, &normals_[vertices()], sizeof(Vec3f));
+    }
+    ++vertices_;
+  }
+  void AddTriangle(const TriangleVertices& t) { triangles_[triangle_count_++] = t; }
+
+  Status FlushBlocks() {
+    if (vertices_ >= kBlock) MTDB_RETURN_IF_ERROR(FlushVertices());
+    return triangle_count_ >= kBlock ? FlushTriangles() : Status::Ok();
   }
   Status FlushVertices() {
-    if (positions_.empty()) return Status::Ok();
-    const Status status = sink_.AddVertices(positions_, rows_);
-    positions_.clear();
-    rows_.clear();
-    return status;
+    for (size_t i = 0; i < vertices_; i += kLargestBlock) {
+      const size_t n = std::min(kLargestBlock, vertices_ - i);
+      MTDB_RETURN_IF_ERROR(
+          sink_.AddVertices(std::span(positions_).subspan(i, n),
+                            ByteSpan(rows_).subspan(i * row_bytes_, n * row_bytes_)));
+    }
+    vertices_sent_ += vertices_;
+    vertices_ = 0;
+    return Status::Ok();
   }
   Status FlushTriangles() {
-    if (triangle_count_ == 0) return Status::Ok();
-    const Status status = sink_.AddTriangles(std::span(triangles_).first(triangle_count_));
+    for (size_t i = 0; i < triangle_count_; i += kLargestBlock) {
+      const size_t n = std::min(kLargestBlock, triangle_count_ - i);
+      MTDB_RETURN_IF_ERROR(sink_.AddTriangles(std::span(triangles_).subspan(i, n)));
+    }
     triangles_sent_ += triangle_count_;
     triangle_count_ = 0;
-    return status;
+    return Status::Ok();
   }
 
-  uint64_t vertices() const { return vertex_count_; }
+  uint64_t vertices() const { return vertices_sent_ + vertices_; }
   uint64_t triangles() const { return triangles_sent_ + triangle_count_; }
 
  private:
-  static constexpr size_t kBlock = 8192;  // fits a core's second-level cache
+  static constexpr size_t kBlock = 4096;  // with a unit's more: fits a core's second-level cache
+  static constexpr size_t kLargestBlock = 65536;  // see MeshSink
   MeshSink& sink_;
   const Grid& grid_;
+  const size_t stored_bytes_;  // of a row
   const size_t row_bytes_;
+  const std::span<const Vec3f> normals_;
   std::vector<Vec3d> positions_;
   Bytes rows_;
   std::vector<TriangleVertices> triangles_;
-  size_t triangle_count_ = 0;  // in the block
+  size_t vertices_ = 0;        // in the block
+  size_t triangle_count_ = 0;  // likewise
+  uint64_t vertices_sent_ = 0;
   uint64_t triangles_sent_ = 0;
-  uint64_t vertex_count_ = 0;
 };
 
 }  // namespace mtdb

@@ -1,5 +1,7 @@
 #include "query/internal/cut_impl.h"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <string>
 
@@ -9,6 +11,7 @@ namespace mtdb {
 namespace {
 
 constexpr VertexIndex kUnset = ~VertexIndex{0};
+constexpr std::array<const char*, 3> kNormalNames{"nx", "ny", "nz"};
 
 class Stopwatch {
  public:
@@ -27,45 +30,62 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query)
       index_(surface_->index()),
       query_(query),
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
-      root_numbers_(index_.root_vertices()) {}
+      root_numbers_(index_.root_vertices()),
+      reader_(surface_->cache(), {query.control, query.max_bytes}) {}
 
 bool CutImpl::WantsEverything() const {
   const bool whole = query_.region == nullptr || query_.region->whole();
   const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
   const bool fits = !query_.max_triangles || *query_.max_triangles >= surface_->record().triangles;
-  return whole && full && fits;
+  return whole && full && fits && !query_.max_bytes && !query_.max_milliseconds;
 }
 
 Status CutImpl::Select() {
   const Stopwatch watch;
+  for (const VertexAttribute& a : surface_->record().attributes.attributes) {
+    if (query_.normals && std::ranges::find(kNormalNames, a.name) != kNormalNames.end()) {
+      return InvalidArgument(surface_->record().name + ": has an attribute " + a.name +
+                             " of its own; ask without normals");
+    }
+  }
   everything_ = WantsEverything();
   if (!everything_) {
-    Search search(*surface_->source(), surface_->cache(), query_, load_);
+    Search search(*surface_->source(), reader_, query_);
     MTDB_RETURN_IF_ERROR(search.Run());
     cut_ = search.TakeState();
     if (clip_) MTDB_RETURN_IF_ERROR(MarkClipped());
     MTDB_RETURN_IF_ERROR(NumberVertices());
   }
   FillStats();
-  stats_.seconds.load = load_.seconds;
-  stats_.seconds.select = watch.Seconds() - load_.seconds;
+  stats_.seconds.select = watch.Seconds() - stats_.seconds.load;
   return Status::Ok();
+}
+
+void CutImpl::FillLoadStats() {
+  const LoadStats load = reader_.stats();
+  stats_.clusters_read = load.clusters_read;
+  stats_.clusters_cached = load.clusters_cached;
+  stats_.bytes_read = load.bytes_read;
+  stats_.seconds.load = load.seconds;
+  stats_.seconds.read = load.read_seconds;
+  stats_.seconds.decode = load.decode_seconds;
 }
 
 void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
-  stats_.clusters_read = load_.clusters_read;
-  stats_.bytes_read = load_.bytes_read;
+  FillLoadStats();
   stats_.error_bound = record.grid.cell_error();
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
     stats_.vertices = record.vertices;
-    stats_.nodes_applied = record.nodes;
+    stats_.nodes_visited = stats_.nodes_applied = record.nodes;
     stats_.clusters_used = index_.cluster_count();
     return;
   }
-  stats_.error_bound += record.grid.Error(cut_.largest_code());
+  stats_.error_bound += record.grid.Error(cut_.largest_code);
+  stats_.limit = cut_.limit;
+  stats_.nodes_visited = cut_.nodes_visited;
   stats_.nodes_applied = cut_.nodes_applied;
   stats_.nodes_forced = cut_.nodes_forced;
   for (const auto& s : cut_.states) stats_.clusters_used += s->applied_count > 0 ? 1 : 0;
@@ -73,7 +93,7 @@ void CutImpl::FillStats() {
   if (!clip_) {
     stats_.vertices += cut_.nodes_applied;
     stats_.triangles = cut_.triangles;
-    stats_.active_triangles = cut_.active_triangles();
+    stats_.active_triangles = cut_.active_triangles;
     return;
   }
   for (const auto& s : cut_.states) {
@@ -99,9 +119,11 @@ Status CutImpl::MarkClipped() {
   }
   for (const auto& each : cut_.states) {
     UnitState& s = *each;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(s.unit, &load_));
+    reader_.Release();
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(s.unit));
     s.kept = Bits(unit->own_slots());
     const std::vector<Vec3i>& positions = unit->positions();
+    if (s.active.empty()) continue;
     s.active.ForEach([&](uint32_t own) {
       const uint32_t slot = own + s.first_own_slot;
       const std::array<uint32_t, 3> corners =
@@ -136,27 +158,28 @@ Status CutImpl::MarkClipped() {
 Status CutImpl::NumberVertices() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
     const UnitId id = index_.cluster_count() + r;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
+    reader_.Release();
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
     for (const VertexIndex v : unit->piece.vertices) {
       if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
     }
   }
+  reader_.Release();
   if (!clip_ && root_numbers_.count() != index_.root_vertices()) {
     return Corrupt(surface_->record().name + ": the root pieces have " +
                    std::to_string(root_numbers_.count()) + " vertices, the index says " +
                    std::to_string(index_.root_vertices()));
   }
   VertexIndex next = root_numbers_.count();
-  first_number_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
-  ranks_.resize(cut_.states.size());
+  numberings_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
   for (UnitId c = 0; c < index_.cluster_count(); ++c) {
     if (everything_) {
-      first_number_[c] = next;
+      numberings_[c].first = next;
       next += index_.cluster(ClusterId(c)).nodes;
     } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
-      first_number_[s] = next;
-      ranks_[s] = Nodes(cut_.state(s)).Ranks();
-      next += Nodes(cut_.state(s)).Count();
+      const Bits& nodes = Nodes(cut_.state(s));
+      numberings_[s] = {next, nodes.words().data(), nodes.Ranks()};
+      next += nodes.Count();
     }
   }
   return Status::Ok();
@@ -165,36 +188,39 @@ Status CutImpl::NumberVertices() {
 VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   if (owner == kNone32) return root_numbers_.number(vertex);
   const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(ClusterId(owner)));
-  if (everything_) return first_number_[owner] + node;
-  const uint32_t s = cut_.state_of[owner];
-  return first_number_[s] + Nodes(cut_.state(s)).Rank(ranks_[s], node);
+  return numberings_[everything_ ? owner : cut_.state_of[owner]].Of(node);
 }
 
 Status CutImpl::Emit(MeshSink& sink) {
   const Stopwatch watch;
-  const double load_before = load_.seconds;
+  const double load_before = stats_.seconds.load;
   const ObjectRecord& record = surface_->record();
-  if (everything_ && first_number_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
+  if (everything_ && numberings_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
   MeshHeader header;
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
+  std::vector<Vec3f> normals;
+  if (query_.normals) {
+    for (const char* name : kNormalNames) {
+      header.attributes.attributes.push_back({name, ScalarType::kFloat32});
+    }
+    MTDB_RETURN_IF_ERROR(FindNormals(&normals));
+  }
   MTDB_RETURN_IF_ERROR(sink.Begin(header));
-  BlockWriter out(sink, record.grid, record.attributes.row_bytes());
+  BlockWriter out(sink, record.grid, record.attributes.row_bytes(), normals);
   MTDB_RETURN_IF_ERROR(EmitVertices(out));
-  MTDB_RETURN_IF_ERROR(EmitTriangles(out));
+  MTDB_RETURN_IF_ERROR(EmitTriangles(out, true));
+  if (stats_.active_triangles < stats_.triangles) MTDB_RETURN_IF_ERROR(EmitTriangles(out, false));
   if (out.vertices() != stats_.vertices || out.triangles() != stats_.triangles) {
     return Corrupt(record.name + ": expected " + std::to_string(stats_.vertices) +
                    " vertices and " + std::to_string(stats_.triangles) + " triangles, found " +
                    std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
   }
   MTDB_RETURN_IF_ERROR(sink.End());
-  surface_->cache().Trim();
-  stats_.clusters_read = load_.clusters_read;
-  stats_.bytes_read = load_.bytes_read;
-  stats_.seconds.load = load_.seconds;
-  stats_.seconds.emit += watch.Seconds() - (load_.seconds - load_before);
+  FillLoadStats();
+  stats_.seconds.emit += watch.Seconds() - (stats_.seconds.load - load_before);
   return Status::Ok();
 }
 
@@ -202,102 +228,187 @@ bool CutImpl::Skips(UnitId unit) const {
   return !everything_ && (cut_.state_of[unit] == kNone32 || state(unit).applied_count == 0);
 }
 
-bool CutImpl::Emits(const LoadedUnit& unit, uint32_t own_slot) const {
-  if (everything_) return unit.removers()[own_slot + unit.first_own_slot()] == kDrain;
-  return Slots(state(unit.id)).Test(own_slot);
+std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
+  if (everything_) return unit.drain;
+  const UnitState& s = state(unit.id);
+  if (cut_.all_active) return s.present.words();
+  if (active) return (clip_ ? s.kept : s.active).words();
+  inactive_.assign(s.present.words().begin(), s.present.words().end());
+  for (size_t w = 0; w < s.active.words().size(); ++w) inactive_[w] &= ~s.active.words()[w];
+  return inactive_;
+}
+
+template <typename F, typename After>
+Status CutImpl::ForEachUnit(F&& f, After&& after) {
+  std::vector<UnitId> units;
+  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) units.push_back(id);
+  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
+    if (!Skips(id)) units.push_back(id);
+  }
+  const size_t ahead = reader_.prefetch_units() / 2;
+  for (size_t i = 0; i < units.size(); ++i) {
+    MTDB_RETURN_IF_ERROR(reader_.Check());
+    if (ahead > 0 && i % ahead == 0) {
+      // The half window after this one; the first time both.
+      const size_t begin = i == 0 ? 1 : std::min(i + ahead, units.size());
+      const size_t end = std::min(i + 2 * ahead, units.size());
+      reader_.Prefetch(std::span(units).subspan(begin, end - begin));
+    }
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(units[i]));
+    f(*unit);
+    reader_.Release();
+    MTDB_RETURN_IF_ERROR(after());
+  }
+  return Status::Ok();
 }
 
 Status CutImpl::EmitVertices(BlockWriter& out) {
   uint64_t next = 0;
-  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitRootVertices(*unit, out, &next));
-  }
-  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
-    if (Skips(id)) continue;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitClusterVertices(*unit, out));
-  }
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) {
+        if (unit.is_root) {
+          EmitRootVertices(unit, out, &next);
+        } else {
+          EmitClusterVertices(unit, out);
+        }
+      },
+      [&] { return out.FlushBlocks(); }));
   return out.FlushVertices();
 }
 
-Status CutImpl::EmitTriangles(BlockWriter& out) {
-  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) {
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitRootTriangles(*unit, out));
-  }
-  for (UnitId id = 0; id < index_.cluster_count(); ++id) {
-    if (Skips(id)) continue;
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnitPtr unit, surface_->cache().Get(id, &load_));
-    MTDB_RETURN_IF_ERROR(EmitClusterTriangles(*unit, out));
-  }
+Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) { EmitUnitTriangles(unit, Slots(unit, active), out); },
+      [&] {
+        if (query_.control != nullptr) {
+          query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);
+        }
+        return out.FlushBlocks();
+      }));
   return out.FlushTriangles();
 }
 
 // A vertex that several pieces share is emitted with the first of them.
-Status CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
+void CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
   const RootPiece& piece = unit.piece;
   const size_t row_bytes = surface_->record().attributes.row_bytes();
+  out.ReserveVertices(piece.vertices.size());
   for (size_t i = 0; i < piece.vertices.size(); ++i) {
     const VertexIndex v = piece.vertices[i];
     if (clip_ && !root_used_.Test(static_cast<uint32_t>(v))) continue;
     if (root_numbers_.number(v) != *next) continue;
-    MTDB_RETURN_IF_ERROR(out.AddVertex(piece.positions[i], piece.rows.data() + i * row_bytes));
+    out.AddVertex(piece.positions[i], piece.rows.data() + i * row_bytes);
     ++*next;
   }
-  return Status::Ok();
 }
 
-Status CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
-  const Cluster& cluster = unit.cluster;
+void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
   const size_t row_bytes = surface_->record().attributes.row_bytes();
-  const uint32_t external = cluster.external_vertices();
-  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes != nullptr && !nodes->Test(i)) continue;
-    MTDB_RETURN_IF_ERROR(out.AddVertex(cluster.position(external + i),
-                                       cluster.in.rows.data() + (external + i) * row_bytes));
-  }
-  return Status::Ok();
+  const uint32_t external = unit.cluster.external_vertices();
+  const Vec3i* positions = unit.cluster.in.positions.data() + external;
+  const std::byte* rows = unit.cluster.in.rows.data() + external * row_bytes;
+  out.ReserveVertices(unit.nodes());
+  ForEachNode(unit, [&](NodeIndex i) { out.AddVertex(positions[i], rows + i * row_bytes); });
 }
 
-Status CutImpl::EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const {
-  const RootPiece& piece = unit.piece;
-  for (uint32_t slot = 0; slot < piece.triangles.size(); ++slot) {
-    if (!Emits(unit, slot)) continue;
-    TriangleVertices t;
-    for (size_t c = 0; c < 3; ++c) {
-      t[c] = root_numbers_.number(piece.vertices[piece.triangles[slot][c]]);
+template <typename F>
+void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                              F&& f) const {
+  if (slots.empty()) return;
+  if (unit.is_root) {
+    for (uint32_t slot = 0; slot < unit.piece.triangles.size(); ++slot) {
+      if (BitsAt(slots, slot, 1) != 0) f(unit.piece.triangles[slot]);
     }
-    MTDB_RETURN_IF_ERROR(out.AddTriangle(t));
+    return;
   }
-  return Status::Ok();
+  const Cluster& cluster = unit.cluster;
+  const auto star = [&](NodeIndex i) {
+    const uint32_t begin = cluster.star_begin[i];
+    const uint32_t count = cluster.star_begin[i + 1] - begin;
+    const std::span<const uint32_t> ring = cluster.ring(i);
+    for (uint32_t first = 0; first < count; first += 64) {
+      const uint32_t here = std::min(count - first, 64u);
+      for (uint64_t rest = BitsAt(slots, begin - cluster.in_triangles() + first, here); rest != 0;
+           rest &= rest - 1) {
+        const uint32_t j = first + static_cast<uint32_t>(std::countr_zero(rest));
+        const uint32_t k = j + 1 == ring.size() ? 0 : j + 1;
+        f(std::array<uint32_t, 3>{cluster.external_vertices() + i, ring[j], ring[k]});
+      }
+    }
+  };
+  if (everything_) {
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) star(i);
+  } else {
+    state(unit.id).applied.ForEach(star);
+  }
 }
 
-Status CutImpl::EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out) {
-  const Cluster& cluster = unit.cluster;
-  const uint32_t external = cluster.external_vertices();
-  numbers_.assign(external + cluster.nodes(), kUnset);
-  const Bits* nodes = everything_ ? nullptr : &Nodes(state(unit.id));
-  VertexIndex next = first_number_[everything_ ? unit.id : cut_.state_of[unit.id]];
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes == nullptr || nodes->Test(i)) numbers_[external + i] = next++;
+void CutImpl::NumberOwn(const LoadedUnit& unit) {
+  if (unit.is_root) {
+    numbers_.assign(unit.piece.vertices.size(), kUnset);
+    return;
   }
+  const uint32_t external = unit.cluster.external_vertices();
+  numbers_.assign(external + unit.nodes(), kUnset);
+  VertexIndex next = numberings_[everything_ ? unit.id : cut_.state_of[unit.id]].first;
+  ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
+}
+
+void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
+                                BlockWriter& out) {
+  NumberOwn(unit);
   const auto number = [&](uint32_t local) {
     VertexIndex& n = numbers_[local];
-    if (n == kUnset) n = NumberOf(cluster.in.vertices[local], unit.owners[local]);
+    if (n == kUnset) n = NumberOf(unit.vertex(local), unit.owner(local));
     return n;
   };
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    if (nodes != nullptr && !nodes->Test(i)) continue;
-    const std::span<const uint32_t> ring = cluster.ring(i);
-    const uint32_t begin = cluster.star_begin[i];
-    for (uint32_t slot = begin; slot < cluster.star_begin[i + 1]; ++slot) {
-      if (!Emits(unit, slot - cluster.in_triangles())) continue;
-      const uint32_t j = slot - begin;
-      MTDB_RETURN_IF_ERROR(out.AddTriangle({numbers_[external + i], number(ring[j]),
-                                            number(ring[j + 1 == ring.size() ? 0 : j + 1])}));
-    }
+  out.ReserveTriangles(unit.own_slots());
+  ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
+    out.AddTriangle({number(t[0]), number(t[1]), number(t[2])});
+  });
+}
+
+bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {
+  if (!clip_) return true;
+  if (owner == kNone32) return root_used_.Test(static_cast<uint32_t>(vertex));
+  return state(owner).used.Test(
+      static_cast<uint32_t>(vertex - index_.first_vertex(ClusterId(owner))));
+}
+
+// Triangles come in the order of the units, so that the sums' roundings do not vary.
+Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
+  std::vector<Vec3d> sums(stats_.vertices);
+  const Grid& grid = surface_->record().grid;
+  MTDB_RETURN_IF_ERROR(ForEachUnit(
+      [&](const LoadedUnit& unit) {
+        NumberOwn(unit);
+        const uint32_t external = static_cast<uint32_t>(numbers_.size()) - unit.nodes();
+        const std::vector<Vec3i>& positions = unit.positions();
+        const std::span<const uint64_t> slots =
+            everything_ ? std::span<const uint64_t>(unit.drain) : state(unit.id).present.words();
+        ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
+          const Vec3d a = grid.Position(positions[t[0]]);
+          const Vec3d normal =
+              Cross(grid.Position(positions[t[1]]) - a, grid.Position(positions[t[2]]) - a);
+          for (const uint32_t local : t) {
+            VertexIndex& n = numbers_[local];
+            if (n == kUnset) {
+              if (local >= external) continue;  // an own vertex that is clipped away
+              const VertexIndex vertex = unit.vertex(local);
+              const UnitId owner = unit.owner(local);
+              if (!InOutput(vertex, owner)) continue;
+              n = NumberOf(vertex, owner);
+            }
+            if (n < sums.size()) sums[n] += normal;
+          }
+        });
+      },
+      [] { return Status::Ok(); }));
+  normals->reserve(sums.size());
+  for (const Vec3d& sum : sums) {
+    const double length = Length(sum);
+    const Vec3d n = length > 0 ? sum * (1 / length) : Vec3d{0, 0, 1};
+    normals->push_back({static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)});
   }
   return Status::Ok();
 }

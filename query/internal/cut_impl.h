@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "query/cut.h"
@@ -10,10 +11,24 @@
 #include "query/internal/root_numbering.h"
 #include "query/query.h"
 #include "query/surface.h"
+#include "query/unit_reader.h"
 
 namespace mtdb {
 
 class CutImpl {
+  // The output's numbers of a cluster's vertices: those of Nodes() are counted from `first` on.
+  struct Numbering {
+    VertexIndex first = 0;
+    const uint64_t* nodes = nullptr;  // null: all
+    std::vector<uint32_t> ranks;      // flags before each word of `nodes`
+
+    VertexIndex Of(NodeIndex node) const {
+      if (nodes == nullptr) return first + node;
+      const uint64_t below = nodes[node >> 6] & ((uint64_t{1} << (node & 63)) - 1);
+      return first + ranks[node >> 6] + PopCount(below);
+    }
+  };
+
  public:
   CutImpl(std::shared_ptr<const Surface> surface, const Query& query);
 
@@ -26,24 +41,44 @@ class CutImpl {
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
   void FillStats();
+  // What was loaded so far.
+  void FillLoadStats();
+  // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
+  // one at a time, and none when `after` has it sent.
+  template <typename F, typename After>
+  Status ForEachUnit(F&& f, After&& after);
   // Marks the triangles that meet the region, and their vertices.
   Status MarkClipped();
   Status NumberVertices();
 
   Status EmitVertices(BlockWriter& out);
-  Status EmitTriangles(BlockWriter& out);
-  Status EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
-  Status EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
-  Status EmitRootTriangles(const LoadedUnit& unit, BlockWriter& out) const;
-  Status EmitClusterTriangles(const LoadedUnit& unit, BlockWriter& out);
+  // Active triangles, or the others.
+  Status EmitTriangles(BlockWriter& out, bool active);
+  void EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
+  void EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
+  void EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots, BlockWriter& out);
+  // Of all vertices of the output, in their order.
+  Status FindNormals(std::vector<Vec3f>* normals);
+  // Calls f(local vertices) for each triangle of the unit in `slots`, which has a bit per own slot.
+  template <typename F>
+  void ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) const;
+  // Fills numbers_: the output's numbers of the unit's own vertices, kUnset for the others.
+  void NumberOwn(const LoadedUnit& unit);
+  bool InOutput(VertexIndex vertex, UnitId owner) const;
+  // Calls f(node) for each node of the cluster whose vertex is in the output, ascending.
+  template <typename F>
+  void ForEachNode(const LoadedUnit& unit, F&& f) const {
+    if (!everything_) return Nodes(state(unit.id)).ForEach(f);
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) f(i);
+  }
   // The output's number of a vertex that another unit brings.
   VertexIndex NumberOf(VertexIndex vertex, UnitId owner) const;
 
   // True when nothing of this unit is in the output, so that it need not be loaded.
   bool Skips(UnitId unit) const;
-  bool Emits(const LoadedUnit& unit, uint32_t own_slot) const;
+  // Bits per own slot: what is emitted of the unit's active triangles, or of the others.
+  std::span<const uint64_t> Slots(const LoadedUnit& unit, bool active);
   const Bits& Nodes(const UnitState& state) const { return clip_ ? state.used : state.applied; }
-  const Bits& Slots(const UnitState& state) const { return clip_ ? state.kept : state.present; }
   UnitState& state(UnitId unit) { return cut_.state(cut_.state_of[unit]); }
   const UnitState& state(UnitId unit) const { return cut_.state(cut_.state_of[unit]); }
 
@@ -55,10 +90,10 @@ class CutImpl {
   CutState cut_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<VertexIndex> first_number_;     // per state: the output's number of its first vertex
-  std::vector<std::vector<uint32_t>> ranks_;  // per state: of Nodes()
-  std::vector<VertexIndex> numbers_;          // scratch: per local vertex
-  LoadStats load_;
+  std::vector<Numbering> numberings_;  // per state; when everything_ per cluster
+  std::vector<VertexIndex> numbers_;   // scratch: per local vertex
+  std::vector<uint64_t> inactive_;     // scratch: per own slot
+  UnitReader reader_;
   ExtractStats stats_;
 };
 

@@ -1,6 +1,7 @@
 #include "query/internal/search.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 
 namespace mtdb {
@@ -10,118 +11,189 @@ namespace mtdb {
 // cut. So whatever is applied must be, and what remains when nothing is left to apply is the least
 // valid cut.
 
-namespace {
-
-// A search holds on to this share of the cache's budget between steps.
-constexpr size_t kPinShare = 8;
-
-}  // namespace
-
-Search::Search(const ClusterSource& source, ClusterCache& cache, const Query& query,
-               LoadStats& stats)
+Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query)
     : source_(source),
       index_(source.index()),
       grid_(source.record().grid),
-      cache_(cache),
+      reader_(reader),
       query_(query),
-      stats_(stats),
       whole_(query.region == nullptr || query.region->whole()),
+      by_error_(query.max_triangles || query.max_bytes || query.max_milliseconds),
       constant_(query.threshold == nullptr ? std::optional<double>(-1.0)
                                            : query.threshold->constant()),
       trivial_(whole_ && constant_.has_value()) {
   for (int code = 0; code < 256; ++code) {
     errors_[static_cast<size_t>(code)] = grid_.Error(static_cast<uint8_t>(code));
+    if (constant_ && errors_[static_cast<size_t>(code)] <= *constant_) valid_code_ = code;
   }
   cut_.state_of.assign(UnitCount(index_), kNone32);
   pending_ = Bits(index_.cluster_count());
   looked_into_ = Bits(index_.cluster_count());
+  prefetched_ = Bits(index_.cluster_count());
 }
 
 Status Search::Run() {
+  const auto start = std::chrono::steady_clock::now();
   MTDB_RETURN_IF_ERROR(ExamineRoot());
-  MTDB_RETURN_IF_ERROR(query_.max_triangles ? RunByError() : RunByClusters());
-  ReleasePins(0);
+  if (query_.max_milliseconds) {
+    const std::chrono::duration<double, std::milli> budget(
+        std::clamp(*query_.max_milliseconds, 0.0, 1e12));
+    reader_.SetDeadline(start + std::chrono::duration_cast<std::chrono::nanoseconds>(budget));
+  }
+  MTDB_RETURN_IF_ERROR(by_error_ ? RunByError() : RunByClusters());
+  reader_.SetDeadline(std::nullopt);
+  MTDB_RETURN_IF_ERROR(Survey());
+  ReleasePins();
   for (const auto& state : cut_.states) {
     state->wanted = Bits();
     state->planned = Bits();
-    state->exact = Bits();
   }
   return Status::Ok();
+}
+
+template <typename Step>
+Status Search::Take(Step&& step) {
+  MTDB_RETURN_IF_ERROR(reader_.Check());
+  Status status = step();
+  if (!status.ok() && reader_.crowded()) {
+    DropPlan();
+    ReleasePins();
+    MTDB_RETURN_IF_ERROR(reader_.WaitForRoom());
+    status = step();
+  }
+  if (!status.ok()) DropPlan();
+  if (reader_.ShouldRelease()) ReleasePins();
+  if (query_.control != nullptr) {
+    query_.control->nodes_applied_.store(cut_.nodes_applied, std::memory_order_relaxed);
+  }
+  return status;
 }
 
 Status Search::ExamineRoot() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
     const UnitId unit = index_.cluster_count() + r;
-    MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
-    UnitState& state = cut_.state(s);
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
-    const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
-    state.present.SetRange(0, triangles);
-    cut_.triangles += triangles;
-    if (MayBeActive(RootPieceId(r))) {
-      for (uint32_t slot = 0; slot < triangles; ++slot) ExamineOutSlot(*loaded, state, slot, 0);
-    }
-    ReleasePins(cache_.budget_bytes() / kPinShare);
+    MTDB_RETURN_IF_ERROR(Take([&] { return ExamineRootPiece(unit); }));
   }
   return Status::Ok();
 }
 
-bool Search::MayBeActive(RootPieceId piece) const {
-  if (whole_) return true;
-  uint8_t largest = 0;
-  for (const ClusterId child : index_.children(piece)) {
+Status Search::ExamineRootPiece(UnitId unit) {
+  MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
+  UnitState& state = cut_.state(s);
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
+  const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
+  state.present.SetRange(0, triangles);
+  cut_.triangles += triangles;
+  ExamineOutSlots(*loaded, state);
+  return Status::Ok();
+}
+
+const Box3i& Search::Bounds(UnitId unit) const {
+  return IsRootUnit(index_, unit)
+             ? index_.root_piece(RootPieceId(unit - index_.cluster_count())).bounds
+             : index_.cluster(ClusterId(unit)).bounds;
+}
+
+uint8_t Search::LargestCode(const LoadedUnit& unit) const {
+  uint8_t largest = unit.is_root ? 0 : index_.cluster(ClusterId(unit.id)).error_code_max;
+  for (const ClusterId child : unit.children()) {
     largest = std::max(largest, index_.cluster(child).error_code_max);
   }
-  const Box3i& bounds = index_.root_piece(piece).bounds;
+  return largest;
+}
+
+Search::Outlook Search::LookAhead(const Box3i& bounds, uint8_t largest) const {
+  Outlook outlook;
   const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
-  return query_.region->BoxWithin(box, errors_[largest]);
+  const double error = errors_[largest];
+  outlook.all_active = whole_ || query_.region->BoxCovers(box, 0);
+  outlook.none_active = !outlook.all_active && !query_.region->BoxWithin(box, error);
+  outlook.all_valid = constant_ && largest <= valid_code_;
+  return outlook;
 }
 
 Status Search::RunByClusters() {
   while (!pending_clusters_.empty()) {
-    const UnitId unit = pending_clusters_.top();
-    pending_clusters_.pop();
-    MTDB_RETURN_IF_ERROR(LookInto(unit));
-    MTDB_RETURN_IF_ERROR(ApplyTargets());
-    ReleasePins(cache_.budget_bytes() / kPinShare);
+    PrefetchPending();
+    const UnitId unit = *pending_clusters_.begin();
+    MTDB_RETURN_IF_ERROR(Take([&] { return LookInto(unit); }));
+    MTDB_RETURN_IF_ERROR(Take([&] { return ApplyTargets(); }));
   }
   return Status::Ok();
 }
 
+// Every pending cluster will be looked into.
+void Search::PrefetchPending() {
+  ahead_.clear();
+  size_t window = reader_.prefetch_units();
+  for (auto it = pending_clusters_.begin(); it != pending_clusters_.end() && window > 0; ++it) {
+    --window;
+    if (prefetched_.Test(*it)) continue;
+    prefetched_.Set(*it);
+    if (it != pending_clusters_.begin()) ahead_.push_back(*it);
+  }
+  if (!ahead_.empty()) reader_.Prefetch(ahead_);
+}
+
 Status Search::RunByError() {
-  while (!queue_.empty()) {
-    const Entry entry = queue_.top();
-    queue_.pop();
-    ReleasePins(cache_.budget_bytes() / kPinShare);
-    if (entry.look) {
-      MTDB_RETURN_IF_ERROR(LookInto(entry.unit));
-      continue;
+  QueryLimit& limit = cut_.limit;
+  while (!queue_.empty() && limit == QueryLimit::kThreshold) {
+    const ErrorTask task = queue_.Pop();
+    const Status status = Take([&] {
+      if (!task.look) return Refine({cut_.state_of[task.unit], task.node}, &limit);
+      if (query_.max_bytes && reader_.BytesToRead(task.unit) > reader_.bytes_left()) {
+        limit = QueryLimit::kBytes;
+        return Status::Ok();
+      }
+      return LookInto(task.unit);
+    });
+    if (reader_.out_of_bytes()) {
+      limit = QueryLimit::kBytes;
+    } else if (reader_.out_of_time()) {
+      limit = QueryLimit::kTime;
+    } else {
+      MTDB_RETURN_IF_ERROR(status);
     }
-    const uint32_t s = cut_.state_of[entry.unit];
-    if (cut_.state(s).applied.Test(entry.node)) continue;
-    MTDB_RETURN_IF_ERROR(PlanClosure({s, entry.node}));
-    uint64_t added = 0;
-    for (const Target& t : plan_) {
-      added += cut_.state(t.state).pin->cluster.boundary(t.node) ? 1 : 2;
-    }
-    if (cut_.triangles + added > *query_.max_triangles) {
-      DropPlan();
-      break;
-    }
-    MTDB_RETURN_IF_ERROR(ApplyPlan());
   }
   return Status::Ok();
+}
+
+Status Search::Refine(Target target, QueryLimit* limit) {
+  if (cut_.state(target.state).applied.Test(target.node)) return Status::Ok();
+  MTDB_RETURN_IF_ERROR(PlanClosure(target));
+  uint64_t added = 0;
+  for (const Target& t : plan_) {
+    added += cut_.state(t.state).pin->cluster.boundary(t.node) ? 1 : 2;
+  }
+  if (query_.max_triangles && cut_.triangles + added > *query_.max_triangles) {
+    *limit = QueryLimit::kTriangles;
+    DropPlan();
+    return Status::Ok();
+  }
+  return ApplyPlan();
 }
 
 Status Search::LookInto(UnitId unit) {
   MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(cut_.state(s)));
   pending_.Clear(unit);
+  pending_clusters_.erase(unit);
   if (!looked_into_.Test(unit)) {
     looked_into_.Set(unit);
-    for (uint32_t slot = 0; slot < loaded->cluster.in_triangles(); ++slot) {
-      ExamineInSlot(*loaded, s, slot);
+    cut_.nodes_visited += loaded->nodes();
+    if (by_error_) {
+      for (uint32_t slot = 0; slot < loaded->cluster.in_triangles(); ++slot) {
+        ExamineInSlot(*loaded, s, slot);
+      }
+      return Status::Ok();
     }
+    if (Status status = ApplyInOrder(*loaded, s); !status.ok()) {
+      // Nothing is lost: to be taken again from the start.
+      cut_.nodes_visited -= index_.cluster(ClusterId(unit)).nodes;
+      looked_into_.Clear(unit);
+      return status;
+    }
+    ExamineOutSlots(*loaded, cut_.state(s));
     return Status::Ok();
   }
   const auto late = late_arcs_.find(unit);
@@ -136,26 +208,86 @@ Status Search::LookInto(UnitId unit) {
   return Status::Ok();
 }
 
-void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot) {
-  const Cluster& cluster = unit.cluster;
-  const SlotOrigin& origin = unit.origins[slot];
-  const uint32_t p = cut_.state_of[unit.parents[origin.parent]];
-  if (p == kNone32) return;
-  UnitState& parent = cut_.state(p);
-  const uint32_t own = origin.slot - parent.first_own_slot;
-  if (!parent.present.Test(own) || parent.exact.Test(own)) return;
-  if (parent.active.Test(own)) {
-    --cut_.active_by_code[index_.cluster(ClusterId(unit.id)).error_code_max];
-    parent.active.Clear(own);
+void Search::FindParents(const LoadedUnit& unit) {
+  parents_.clear();
+  for (const UnitId p : unit.parents) {
+    const uint32_t s = cut_.state_of[p];
+    if (s == kNone32) {
+      parents_.emplace_back();
+    } else {
+      UnitState& parent = cut_.state(s);
+      parents_.push_back({&parent, &parent.present, parent.first_own_slot});
+    }
   }
-  parent.exact.Set(own);
-  const NodeIndex node = cluster.removers[slot];
-  const uint8_t code = cluster.error_codes[node];
-  const Triangle3d t = Corners(unit, slot, 0);
-  if (!Active(t, errors_[code])) return;
-  parent.active.Set(own);
-  ++cut_.active_by_code[code];
-  if (!Valid(t, errors_[code])) Want(state, node, code);
+}
+
+Status Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
+  UnitState& state = cut_.state(s);
+  const Cluster& cluster = unit.cluster;
+  const Outlook outlook =
+      LookAhead(Bounds(unit.id), index_.cluster(ClusterId(unit.id)).error_code_max);
+  if (outlook.none_active || outlook.all_valid) return Status::Ok();
+  const bool by_code = constant_ && outlook.all_active;
+  FindParents(unit);
+  for (NodeIndex node = 0; node < cluster.nodes(); ++node) {
+    const uint8_t code = cluster.error_codes[node];
+    if (code <= valid_code_ || state.applied.Test(node)) continue;
+    const std::span<const uint32_t> hole = cluster.hole(node);
+    size_t present = 0;
+    bool wanted = by_code;
+    for (const uint32_t slot : hole) {
+      if (!Present(unit, state, slot)) continue;
+      ++present;
+      if (wanted) continue;
+      const NodeIndex creator = slot < unit.first_own_slot() ? 0 : unit.creator(slot);
+      wanted = Refused(Corners(unit, slot, creator), errors_[code]);
+    }
+    if (!wanted || present == 0) continue;
+    if (present == hole.size()) {
+      ApplyNode(unit, state, node, true);
+      continue;
+    }
+    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
+    MTDB_RETURN_IF_ERROR(ApplyPlan());
+    FindParents(unit);
+  }
+  return Status::Ok();
+}
+
+void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
+  const std::vector<ClusterId>& children = unit.children();
+  settled_.assign(children.size(), false);
+  size_t open = children.size();
+  const auto settle = [&](size_t ordinal) {
+    settled_[ordinal] = true;
+    --open;
+  };
+  for (size_t i = 0; i < children.size(); ++i) {
+    const ClusterEntry& child = index_.cluster(children[i]);
+    const Outlook outlook = LookAhead(child.bounds, child.error_code_max);
+    if (outlook.none_active || outlook.all_valid) settle(i);
+  }
+  const std::vector<uint32_t>& removers = unit.removers();
+  for (uint32_t own = state.present.FirstFrom(0); own != kNone32 && open > 0;
+       own = state.present.FirstFrom(own + 1)) {
+    const uint32_t slot = own + unit.first_own_slot();
+    const uint32_t remover = removers[slot];
+    if (!RemovedByChild(remover) || settled_[ChildOrdinal(remover)]) continue;
+    const ClusterId child = children[ChildOrdinal(remover)];
+    ExamineOutSlot(unit, state, slot, unit.is_root || trivial_ ? 0 : unit.creator(slot));
+    // Pending for the first time: it will see all its in-triangles itself.
+    if (!by_error_ && pending_.Test(child.value) && !looked_into_.Test(child.value)) {
+      settle(ChildOrdinal(remover));
+    }
+  }
+}
+
+void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t s, uint32_t slot) {
+  FindParents(unit);
+  if (!Present(unit, cut_.state(s), slot)) return;
+  const NodeIndex node = unit.cluster.removers[slot];
+  const uint8_t code = unit.cluster.error_codes[node];
+  if (code > valid_code_ && Refused(Corners(unit, slot, 0), errors_[code])) Want(s, node, code);
 }
 
 // Coarsest unit first, and within a unit in stored order, in which parents precede children: most
@@ -171,10 +303,11 @@ Status Search::ApplyTargets() {
       wanting_.pop();
       continue;
     }
+    if (!state.applied.Test(node)) {
+      MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
+      MTDB_RETURN_IF_ERROR(ApplyPlan());
+    }
     state.wanted.Clear(node);
-    if (state.applied.Test(node)) continue;
-    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
-    MTDB_RETURN_IF_ERROR(ApplyPlan());
   }
   return Status::Ok();
 }
@@ -189,7 +322,7 @@ Status Search::PlanClosure(Target target) {
       closure_.pop_back();
       continue;
     }
-    const LoadedUnit* loaded = state.pin.get();
+    const LoadedUnit* loaded = state.pin;
     if (loaded == nullptr) {
       MTDB_ASSIGN_OR_RETURN(loaded, Pin(state));
     }
@@ -240,45 +373,43 @@ void Search::DropPlan() {
 
 Status Search::ApplyPlan() {
   for (const Target& t : plan_) {
+    UnitState& state = cut_.state(t.state);
+    const LoadedUnit& unit = *state.pin;
     const bool target = &t == &plan_.back();
-    MTDB_RETURN_IF_ERROR(ApplyNode(t, target || HasReason(*cut_.state(t.state).pin, t.node)));
+    FindParents(unit);
+    for (const uint32_t slot : unit.cluster.hole(t.node)) {
+      if (!Present(unit, state, slot)) return Inconsistent(unit.id, "a hole is not in the mesh");
+    }
+    ApplyNode(unit, state, t.node, target || HasReason(unit, t.node));
+    state.planned.Clear(t.node);
   }
   for (const Target& t : plan_) ExamineStar(t);
   return Status::Ok();
 }
 
-Status Search::ApplyNode(Target target, bool wanted) {
-  UnitState& state = cut_.state(target.state);
-  const LoadedUnit& unit = *state.pin;
+// The hole is present, and parents_ are the unit's.
+void Search::ApplyNode(const LoadedUnit& unit, UnitState& state, NodeIndex node, bool wanted) {
   const Cluster& cluster = unit.cluster;
-  const uint8_t code = cluster.error_codes[target.node];
-  const uint8_t largest = index_.cluster(ClusterId(unit.id)).error_code_max;
-  for (const uint32_t slot : cluster.hole(target.node)) {
-    UnitState* creator = &state;
-    uint32_t own = slot - unit.first_own_slot();
-    if (slot < unit.first_own_slot()) {
-      const SlotOrigin& origin = unit.origins[slot];
-      creator = &cut_.state(cut_.state_of[unit.parents[origin.parent]]);
-      own = origin.slot - creator->first_own_slot;
+  const uint32_t first_own = unit.first_own_slot();
+  const std::span<const uint32_t> hole = cluster.hole(node);
+  for (const uint32_t slot : hole) {
+    if (slot >= first_own) {
+      state.present.Clear(slot - first_own);
+      continue;
     }
-    if (!creator->present.Test(own)) return Inconsistent(unit.id, "a hole is not in the mesh");
-    creator->present.Clear(own);
-    if (creator->active.Test(own)) {
-      --cut_.active_by_code[creator->exact.Test(own) ? code : largest];
-      creator->active.Clear(own);
-    }
+    const SlotOrigin& origin = unit.origins[slot];
+    const Parent& parent = parents_[origin.parent];
+    parent.present->Clear(origin.slot - parent.first_own_slot);
   }
-  const uint32_t begin = cluster.star_begin[target.node] - unit.first_own_slot();
-  const uint32_t end = cluster.star_begin[target.node + 1] - unit.first_own_slot();
+  const uint32_t begin = cluster.star_begin[node] - first_own;
+  const uint32_t end = cluster.star_begin[node + 1] - first_own;
   state.present.SetRange(begin, end);
-  state.applied.Set(target.node);
-  state.planned.Clear(target.node);
+  state.applied.Set(node);
   ++state.applied_count;
   ++cut_.nodes_applied;
-  if (!wanted) ++cut_.nodes_forced;
+  cut_.nodes_forced += wanted ? 0 : 1;
   cut_.triangles += end - begin;
-  cut_.triangles -= cluster.hole(target.node).size();
-  return Status::Ok();
+  cut_.triangles -= hole.size();
 }
 
 void Search::ExamineStar(Target target) {
@@ -287,58 +418,37 @@ void Search::ExamineStar(Target target) {
   const Cluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[target.node]; slot < cluster.star_begin[target.node + 1];
        ++slot) {
-    const uint32_t own = slot - unit.first_own_slot();
-    if (!state.present.Test(own)) continue;
+    if (!state.present.Test(slot - unit.first_own_slot())) continue;
     const uint32_t remover = cluster.removers[slot];
     if (!RemovedByNode(remover)) {
       ExamineOutSlot(unit, state, slot, target.node);
       continue;
     }
-    state.exact.Set(own);
     const uint8_t code = cluster.error_codes[remover];
-    const Triangle3d t = Corners(unit, slot, target.node);
-    if (!Active(t, errors_[code])) continue;
-    state.active.Set(own);
-    ++cut_.active_by_code[code];
-    if (!Valid(t, errors_[code])) Want(target.state, remover, code);
+    if (code <= valid_code_) continue;
+    if (Refused(Corners(unit, slot, target.node), errors_[code])) {
+      Want(target.state, remover, code);
+    }
   }
 }
 
 void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t slot,
                             NodeIndex creator) {
-  const uint32_t own = slot - unit.first_own_slot();
   const uint32_t remover = unit.removers()[slot];
-  if (remover == kDrain) {
-    state.exact.Set(own);
-    if (!Active(Corners(unit, slot, creator), 0)) return;
-    state.active.Set(own);
-    ++cut_.active_by_code[0];
-    return;
-  }
+  if (remover == kDrain) return;
   const ClusterId child = unit.children()[ChildOrdinal(remover)];
-  const bool by_error = query_.max_triangles.has_value();
   const bool pending = pending_.Test(child.value);
-  if (pending && !by_error) {  // the child will examine it
-    NoteLateArc(child, unit.id, slot);
-    return;
-  }
+  if (pending && !looked_into_.Test(child.value)) return;  // the child will examine it
   const uint8_t largest = index_.cluster(child).error_code_max;
-  const Triangle3d t = Corners(unit, slot, creator);
-  if (!Active(t, errors_[largest])) return;
-  const bool valid = Valid(t, errors_[largest]);
-  // The budgeted search may stop before it looks into the child: count the triangle now.
-  if (valid || by_error) {
-    state.active.Set(own);
-    ++cut_.active_by_code[largest];
-  }
-  if (valid) return;
-  NoteLateArc(child, unit.id, slot);
+  if (largest <= valid_code_) return;
+  if (!pending && !Refused(Corners(unit, slot, creator), errors_[largest])) return;
+  NoteLateArc(child, state.unit, slot);
   if (pending) return;
   pending_.Set(child.value);
-  if (by_error) {
-    queue_.push({largest, true, child.value, 0});
+  if (by_error_) {
+    queue_.Push({largest, true, child.value, 0});
   } else {
-    pending_clusters_.push(child.value);
+    pending_clusters_.insert(child.value);
   }
 }
 
@@ -348,14 +458,15 @@ void Search::NoteLateArc(ClusterId child, UnitId parent, uint32_t slot) {
 }
 
 void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
-  if (query_.max_triangles) {
-    queue_.push({code, false, cut_.state(state).unit, node});
-  } else {
-    UnitState& of = cut_.state(state);
-    of.wanted.Set(node);
-    if (of.first_wanted == kNone32) wanting_.emplace(of.unit, state);
-    of.first_wanted = std::min(of.first_wanted, node);
+  UnitState& of = cut_.state(state);
+  if (of.wanted.Test(node)) return;
+  of.wanted.Set(node);
+  if (by_error_) {
+    queue_.Push({code, false, of.unit, node});
+    return;
   }
+  if (of.first_wanted == kNone32) wanting_.emplace(of.unit, state);
+  of.first_wanted = std::min(of.first_wanted, node);
 }
 
 // True when the node removes an active invalid triangle.
@@ -365,9 +476,84 @@ bool Search::HasReason(const LoadedUnit& unit, NodeIndex node) const {
     const bool own = slot >= unit.first_own_slot() && !trivial_;
     const NodeIndex creator = own ? unit.creator(slot) : 0;
     const Triangle3d t = Corners(unit, slot, creator);
-    if (Active(t, error) && !Valid(t, error)) return true;
+    if (Refused(t, error)) return true;
   }
   return false;
+}
+
+Status Search::Survey() {
+  cut_.all_active = whole_;
+  if (whole_) cut_.active_triangles = cut_.triangles;
+  for (const auto& state : cut_.states) {
+    // No present triangle is invalid but where a budget ended the search.
+    if (whole_ && cut_.largest_code == valid_code_ && !by_error_) break;
+    MTDB_RETURN_IF_ERROR(Take([&] { return whole_ ? SurveyErrors(*state) : SurveyUnit(*state); }));
+  }
+  return Status::Ok();
+}
+
+Status Search::SurveyErrors(UnitState& state) {
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* unit, Pin(state));
+  FindParents(*unit);
+  for (NodeIndex node = 0; node < unit->nodes(); ++node) {
+    const uint8_t code = unit->cluster.error_codes[node];
+    if (code <= cut_.largest_code || state.applied.Test(node)) continue;
+    for (const uint32_t slot : unit->cluster.hole(node)) {
+      if (Present(*unit, state, slot)) cut_.largest_code = code;
+    }
+  }
+  state.present.ForEach([&](uint32_t own) {
+    const uint32_t remover = unit->removers()[own + unit->first_own_slot()];
+    if (!RemovedByChild(remover)) return;
+    const ClusterId child = unit->children()[ChildOrdinal(remover)];
+    if (looked_into_.Test(child.value)) return;
+    cut_.largest_code = std::max(cut_.largest_code, index_.cluster(child).error_code_max);
+  });
+  return Status::Ok();
+}
+
+Status Search::SurveyUnit(UnitState& state) {
+  MTDB_ASSIGN_OR_RETURN(const LoadedUnit* unit, Pin(state));
+  const uint32_t first_own = unit->first_own_slot();
+  if (state.active.empty()) state.active = Bits(unit->own_slots());
+  const Outlook outlook = LookAhead(Bounds(state.unit), LargestCode(*unit));
+  if (outlook.none_active) return Status::Ok();
+  const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code) {
+    if (!outlook.all_active && !Active(Corners(*unit, slot, creator), errors_[code])) return false;
+    ++cut_.active_triangles;
+    cut_.largest_code = std::max(cut_.largest_code, code);
+    return true;
+  };
+  // A cluster that was looked into knows the errors of its in-triangles.
+  if (!unit->is_root && looked_into_.Test(state.unit)) {
+    FindParents(*unit);
+    for (uint32_t slot = 0; slot < first_own; ++slot) {
+      if (!Present(*unit, state, slot)) continue;
+      if (!survey(slot, 0, unit->cluster.error_codes[unit->cluster.removers[slot]])) continue;
+      const SlotOrigin& origin = unit->origins[slot];
+      UnitState& parent = *parents_[origin.parent].state;
+      if (parent.active.empty()) parent.active = Bits(parent.present.size());
+      parent.active.Set(origin.slot - parent.first_own_slot);
+    }
+  }
+  NodeIndex creator = 0;
+  state.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + first_own;
+    if (!unit->is_root) {
+      while (unit->cluster.star_begin[creator + 1] <= slot) ++creator;
+    }
+    const uint32_t remover = unit->removers()[slot];
+    uint8_t code = 0;
+    if (RemovedByNode(remover)) {
+      code = unit->cluster.error_codes[remover];
+    } else if (RemovedByChild(remover)) {
+      const ClusterId child = unit->children()[ChildOrdinal(remover)];
+      if (looked_into_.Test(child.value)) return;
+      code = index_.cluster(child).error_code_max;
+    }
+    if (survey(slot, creator, code)) state.active.Set(own);
+  });
+  return Status::Ok();
 }
 
 Triangle3d Search::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const {
@@ -389,8 +575,6 @@ Result<uint32_t> Search::StateOf(UnitId unit) {
   state->wanted = Bits(loaded->nodes());
   state->planned = Bits(loaded->nodes());
   state->present = Bits(loaded->own_slots());
-  state->active = Bits(loaded->own_slots());
-  state->exact = Bits(loaded->own_slots());
   cut_.states.push_back(std::move(state));
   cut_.state_of[unit] = s;
   pinned_states_.push_back(s);
@@ -399,20 +583,17 @@ Result<uint32_t> Search::StateOf(UnitId unit) {
 
 Result<const LoadedUnit*> Search::Pin(UnitState& state) {
   if (state.pin == nullptr) {
-    MTDB_ASSIGN_OR_RETURN(state.pin, cache_.Get(state.unit, &stats_));
-    pinned_bytes_ += state.pin->memory_bytes();
+    MTDB_ASSIGN_OR_RETURN(state.pin, reader_.Get(state.unit));
     if (const uint32_t s = cut_.state_of[state.unit]; s != kNone32) pinned_states_.push_back(s);
   }
-  return state.pin.get();
+  return state.pin;
 }
 
 // Between steps only: within one, units are used by pointer.
-void Search::ReleasePins(size_t limit_bytes) {
-  if (pinned_bytes_ <= limit_bytes) return;
-  for (const uint32_t s : pinned_states_) cut_.state(s).pin.reset();
+void Search::ReleasePins() {
+  for (const uint32_t s : pinned_states_) cut_.state(s).pin = nullptr;
   pinned_states_.clear();
-  pinned_bytes_ = 0;
-  cache_.Trim();
+  reader_.Release();
 }
 
 Status Search::Inconsistent(UnitId unit, const char* what) const {

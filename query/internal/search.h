@@ -2,26 +2,30 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <queue>
+#include <set>
+#include <span>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
-#include "query/cluster_cache.h"
 #include "query/internal/cut_state.h"
+#include "query/internal/error_queue.h"
 #include "query/query.h"
+#include "query/unit_reader.h"
 #include "store/base/status.h"
 #include "store/cluster_source.h"
 
 namespace mtdb {
 
-// Goes from cluster to cluster, coarsest first, and inside a cluster from triangle to triangle. A
-// cluster is loaded only when the index cannot prove that the triangles it removes are valid or
-// inactive. With a budget of triangles a priority queue takes the place of that order. One use.
+// Goes from cluster to cluster, coarsest first, and inside a cluster from node to node in stored
+// order. A cluster is loaded only when the index cannot prove that the triangles it removes are
+// valid or inactive. With a budget a priority queue takes the place of that order. One use.
 class Search {
  public:
-  Search(const ClusterSource& source, ClusterCache& cache, const Query& query, LoadStats& stats);
+  Search(const ClusterSource& source, UnitReader& reader, const Query& query);
 
   Status Run();
   CutState TakeState() { return std::move(cut_); }
@@ -35,27 +39,32 @@ class Search {
     UnitId parent;
     uint32_t slot;
   };
-  // Work of the budgeted search: a node to apply, or a cluster to look into.
-  struct Entry {
-    uint8_t code;
-    bool look;  // into the cluster: before the nodes of the same code
-    UnitId unit;
-    NodeIndex node;
-    friend bool operator<(const Entry& a, const Entry& b) {  // a comes after b
-      if (a.code != b.code) return a.code < b.code;
-      if (a.look != b.look) return b.look;
-      if (a.unit != b.unit) return a.unit < b.unit;
-      return a.node > b.node;
-    }
+  // What a unit sees of a parent: its own slots in the mesh. Null: none of them is.
+  struct Parent {
+    UnitState* state = nullptr;
+    Bits* present = nullptr;
+    uint32_t first_own_slot = 0;
+  };
+  // What can be said of all triangles inside of a box whose errors are at most some error.
+  struct Outlook {
+    bool none_active = false;
+    bool all_active = false;
+    bool all_valid = false;
   };
 
   Status ExamineRoot();
-  // False when no triangle of the piece can be active.
-  bool MayBeActive(RootPieceId piece) const;
+  Status ExamineRootPiece(UnitId unit);
   Status RunByClusters();
   Status RunByError();
+  // Applies the node if that fits; says what does not.
+  Status Refine(Target target, QueryLimit* limit);
   // Examines those in-triangles of a cluster that are present and have not been examined.
   Status LookInto(UnitId unit);
+  // Applies all wanted nodes of a cluster, and what they need, in one pass over its nodes: parents
+  // precede children, so that most holes are there when their node's turn comes.
+  Status ApplyInOrder(const LoadedUnit& unit, uint32_t state);
+  // Finds the children that have to be looked into.
+  void ExamineOutSlots(const LoadedUnit& unit, UnitState& state);
   void ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot);
   void NoteLateArc(ClusterId child, UnitId parent, uint32_t slot);
   // Applies the wanted nodes, and those that become wanted or necessary on the way.
@@ -65,48 +74,79 @@ class Search {
   Status PushMissingParents(const LoadedUnit& unit, uint32_t state, NodeIndex node, bool* ready);
   void DropPlan();
   Status ApplyPlan();
-  Status ApplyNode(Target target, bool wanted);
+  void ApplyNode(const LoadedUnit& unit, UnitState& state, NodeIndex node, bool wanted);
   void ExamineStar(Target target);
   // An own slot whose remover is not in the same unit.
   void ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t slot, NodeIndex creator);
   void Want(uint32_t state, NodeIndex node, uint8_t code);
   bool HasReason(const LoadedUnit& unit, NodeIndex node) const;
 
+  // When all is applied: which present triangles are active, and the largest of their errors.
+  Status Survey();
+  Status SurveyUnit(UnitState& state);
+  // All triangles are active: only the largest error is to be found.
+  Status SurveyErrors(UnitState& state);
+
+  // Fills parents_.
+  void FindParents(const LoadedUnit& unit);
+  bool Present(const LoadedUnit& unit, const UnitState& state, uint32_t slot) const {
+    if (slot >= unit.first_own_slot()) return state.present.Test(slot - unit.first_own_slot());
+    const SlotOrigin& origin = unit.origins[slot];
+    const Parent& parent = parents_[origin.parent];
+    return parent.present != nullptr && parent.present->Test(origin.slot - parent.first_own_slot);
+  }
+
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
+  // Active and invalid.
+  bool Refused(const Triangle3d& t, double error) const {
+    return Active(t, error) && !Valid(t, error);
+  }
   bool Active(const Triangle3d& t, double error) const {
     return whole_ || query_.region->Within(t, error);
   }
   bool Valid(const Triangle3d& t, double error) const {
     return error <= (constant_ ? *constant_ : query_.threshold->Min(t, error));
   }
+  Outlook LookAhead(const Box3i& bounds, uint8_t largest) const;
+  // The largest error code of a triangle that the unit creates or consumes.
+  uint8_t LargestCode(const LoadedUnit& unit) const;
+  const Box3i& Bounds(UnitId unit) const;
 
   Result<uint32_t> StateOf(UnitId unit);
   Result<const LoadedUnit*> Pin(UnitState& state);
-  void ReleasePins(size_t limit_bytes);
+  void ReleasePins();
+  // Takes a step that may be taken twice: when it finds no room for what it holds, again alone.
+  template <typename Step>
+  Status Take(Step&& step);
+  void PrefetchPending();
   Status Inconsistent(UnitId unit, const char* what) const;
 
   const ClusterSource& source_;
   const ClusterIndex& index_;
   const Grid& grid_;
-  ClusterCache& cache_;
+  UnitReader& reader_;
   const Query& query_;
-  LoadStats& stats_;
   const bool whole_;                      // no region
+  const bool by_error_;                   // there is a budget
   const std::optional<double> constant_;  // the threshold, where it is one number
   const bool trivial_;                    // both: the geometry need not be looked at
   std::array<double, 256> errors_;        // by code
+  int valid_code_ = -1;                   // codes up to this one are valid everywhere
 
   CutState cut_;
   Bits pending_;      // per cluster: to be looked into
   Bits looked_into_;  // per cluster: once at least
   std::unordered_map<UnitId, std::vector<Arc>> late_arcs_;
-  std::priority_queue<UnitId> pending_clusters_;
-  std::priority_queue<Entry> queue_;
+  std::set<UnitId, std::greater<>> pending_clusters_;
+  Bits prefetched_;  // per cluster
+  std::vector<UnitId> ahead_;
+  ErrorQueue queue_;
   std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states
   std::vector<Target> closure_;
   std::vector<Target> plan_;
+  std::vector<Parent> parents_;
+  std::vector<bool> settled_;  // per child of the unit at hand
   std::vector<uint32_t> pinned_states_;
-  size_t pinned_bytes_ = 0;
 };
 
 }  // namespace mtdb

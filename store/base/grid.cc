@@ -10,11 +10,6 @@ int32_t OrderedFromFloat(float f) {
   return bits >= 0 ? bits : static_cast<int32_t>(static_cast<uint32_t>(bits) ^ 0x7fffffffu);
 }
 
-float FloatFromOrdered(int32_t i) {
-  return std::bit_cast<float>(
-      i >= 0 ? i : static_cast<int32_t>(static_cast<uint32_t>(i) ^ 0x7fffffffu));
-}
-
 Vec3i Grid::Quantize(Vec3d p) const {
   if (mode == PositionMode::kLossless) {
     return {OrderedFromFloat(static_cast<float>(p.x)), OrderedFromFloat(static_cast<float>(p.y)),
@@ -24,13 +19,6 @@ Vec3i Grid::Quantize(Vec3d p) const {
     return static_cast<int32_t>(std::floor((v - o) / step + 0.5));
   };
   return {round(p.x, origin.x), round(p.y, origin.y), round(p.z, origin.z)};
-}
-
-Vec3d Grid::Position(Vec3i i) const {
-  if (mode == PositionMode::kLossless) {
-    return {FloatFromOrdered(i.x), FloatFromOrdered(i.y), FloatFromOrdered(i.z)};
-  }
-  return {origin.x + step * i.x, origin.y + step * i.y, origin.z + step * i.z};
 }
 
 double Grid::cell_error() const {

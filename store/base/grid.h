@@ -1,6 +1,7 @@
 // Grid: how an object's positions and errors become integers. One grid for a whole object.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 #include "store/base/geometry.h"
@@ -14,6 +15,13 @@ enum class PositionMode : uint8_t {
 
 inline constexpr int kErrorStepsPerOctave = 8;
 
+// float32 <-> int32 that orders alike (-0 and +0 differ). Not for NaN.
+int32_t OrderedFromFloat(float f);
+inline float FloatFromOrdered(int32_t i) {
+  return std::bit_cast<float>(
+      i >= 0 ? i : static_cast<int32_t>(static_cast<uint32_t>(i) ^ 0x7fffffffu));
+}
+
 // Positions: model units <-> int32. Errors: model units <-> one byte on a logarithmic scale of 1/8
 // octave, code 0 = no error, code c = error_unit * 2^((c-1)/8). Deterministic on every machine.
 struct Grid {
@@ -23,7 +31,12 @@ struct Grid {
   double error_unit = 1;  // model units; > 0
 
   Vec3i Quantize(Vec3d p) const;
-  Vec3d Position(Vec3i i) const;
+  Vec3d Position(Vec3i i) const {
+    if (mode == PositionMode::kLossless) {
+      return {FloatFromOrdered(i.x), FloatFromOrdered(i.y), FloatFromOrdered(i.z)};
+    }
+    return {origin.x + step * i.x, origin.y + step * i.y, origin.z + step * i.z};
+  }
   // The distance from an input vertex to its stored position is at most this: half a cell's
   // diagonal, and a little for rounding in double. 0 when lossless.
   double cell_error() const;
@@ -33,9 +46,5 @@ struct Grid {
 
   friend bool operator==(const Grid&, const Grid&) = default;
 };
-
-// float32 <-> int32 that orders alike (-0 and +0 differ). Not for NaN.
-int32_t OrderedFromFloat(float f);
-float FloatFromOrdered(int32_t i);
 
 }  // namespace mtdb

@@ -5,8 +5,15 @@
 namespace mtdb {
 
 Status TriangleMeshSink::Begin(const MeshHeader& header) {
-  *mesh_ = TriangleMesh{};
   mesh_->header = header;
+  mesh_->positions.clear();
+  mesh_->triangles.clear();
+  mesh_->rows.clear();
+  constexpr uint64_t kTrusted = 1 << 20;  // counts from files may be false: the blocks then decide
+  const uint64_t vertices = std::min(header.vertex_count.value_or(0), kTrusted);
+  mesh_->positions.reserve(vertices);
+  mesh_->rows.reserve(vertices * header.attributes.row_bytes());
+  mesh_->triangles.reserve(std::min(header.triangle_count.value_or(0), 2 * kTrusted));
   return Status::Ok();
 }
 

@@ -1,9 +1,12 @@
 #include "query/cluster_cache.h"
 
+#include <array>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <random>
 #include <thread>
 
+#include "query/unit_reader.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
@@ -48,26 +51,135 @@ TEST_CASE("The least recently used unpinned units go first, pinned ones stay") {
   }
   ClusterCache cache(f.source, all / 2);
   LoadedUnitPtr pinned = cache.Get(count - 1, &stats).value();
-  for (UnitId u = count; u-- > 0;) {
-    REQUIRE(cache.Get(u, &stats).ok());
-    REQUIRE(cache.bytes() <= all / 2);
-  }
+  for (UnitId u = count; u-- > 0;) REQUIRE(cache.Get(u, &stats).ok());
   REQUIRE(cache.Get(count - 1, &stats).value() == pinned);
   const uint64_t decoded = cache.decoded();
   REQUIRE(cache.Get(0, &stats).ok());  // the newest: still there
   REQUIRE(cache.decoded() == decoded);
 
-  // Everything pinned: over the budget for as long as that lasts.
+  // Everything pinned: no room for more, until that ends.
   std::vector<LoadedUnitPtr> pins;
-  for (UnitId u = count; u-- > 0;) pins.push_back(cache.Get(u, &stats).value());
-  REQUIRE(cache.bytes() > all / 2);
+  Status refused;
+  UnitId next = count;
+  while (refused.ok() && next > 0) {
+    Result<LoadedUnitPtr> loaded = cache.Get(--next, &stats);
+    refused = loaded.status();
+    if (loaded.ok()) pins.push_back(*loaded);
+  }
+  REQUIRE(refused.code() == StatusCode::kBudgetExceeded);
   pins.clear();
   pinned.reset();
-  cache.Trim();
-  REQUIRE(cache.bytes() <= all / 2);
+  REQUIRE(cache.Get(next, &stats).ok());
+  REQUIRE(cache.peak_bytes() <= all / 2);
 }
 
-TEST_CASE("Threads that want overlapping units share the work") {
+namespace {
+
+constexpr int kSteps = 60;
+using Wanted = std::array<UnitId, 3>;
+
+std::vector<Wanted> RandomSteps(uint32_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<Wanted> steps(kSteps);
+  for (Wanted& wanted : steps) {
+    for (UnitId& u : wanted) u = random() % count;
+  }
+  return steps;
+}
+
+Status HoldAll(UnitReader& reader, const Wanted& wanted) {
+  for (const UnitId u : wanted) {
+    const Result<const LoadedUnit*> unit = reader.Get(u);
+    if (!unit.ok()) return unit.status();
+    if ((*unit)->id != u) return Corrupt("another unit");
+  }
+  return Status::Ok();
+}
+
+// Bytes that a cache needs so that the units can be held at the same time.
+size_t SmallestCache(const MtFixture& f, const Wanted& wanted, size_t at_least) {
+  for (size_t budget = at_least;; budget += 4000) {
+    ClusterCache cache(f.source, budget);
+    UnitReader reader(cache, {});
+    Status status = HoldAll(reader, wanted);
+    if (!status.ok() && reader.crowded()) {
+      reader.Release();
+      REQUIRE(reader.WaitForRoom().ok());
+      status = HoldAll(reader, wanted);
+    }
+    REQUIRE(cache.peak_bytes() <= budget);
+    if (status.ok()) return budget;
+    REQUIRE(status.code() == StatusCode::kBudgetExceeded);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
+  const MtFixture f = Fixture();
+  const uint32_t count = UnitCount(f.source->index());
+  constexpr unsigned kReaders = 6;
+  // What is enough for each of them alone is enough for all of them.
+  size_t budget = 0;
+  for (unsigned t = 0; t < kReaders; ++t) {
+    for (const Wanted& wanted : RandomSteps(count, t)) budget = SmallestCache(f, wanted, budget);
+  }
+  for (const unsigned own_threads : {1u, 3u}) {
+    ClusterCache cache(f.source, budget, own_threads);
+    std::atomic<int> failed{0};
+    std::atomic<int> crowded{0};
+    std::vector<std::thread> threads;
+    for (unsigned t = 0; t < kReaders; ++t) {
+      threads.emplace_back([&, t] {
+        UnitReader reader(cache, {});
+        for (const Wanted& wanted : RandomSteps(count, t)) {
+          reader.Prefetch(wanted);
+          Status status = HoldAll(reader, wanted);
+          if (!status.ok() && reader.crowded()) {
+            ++crowded;
+            reader.Release();
+            if (!reader.WaitForRoom().ok()) ++failed;
+            status = HoldAll(reader, wanted);
+          }
+          if (!status.ok()) ++failed;
+          std::this_thread::sleep_for(std::chrono::microseconds(100));  // others find it full
+          reader.Release();
+        }
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    REQUIRE(failed == 0);
+    REQUIRE(crowded > 0);
+    REQUIRE(cache.peak_bytes() <= budget);
+  }
+}
+
+TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query",
+          "[threads]") {
+  const MtFixture f = Fixture();
+  const uint32_t count = UnitCount(f.source->index());
+  ClusterCache cache(f.source, size_t{1} << 30, 3);
+  UnitReader reader(cache, {});
+  REQUIRE(reader.prefetch_units() > 0);
+  std::vector<UnitId> units;
+  for (UnitId u = 0; u < count; ++u) units.push_back(u);
+  reader.Prefetch(units);
+  for (const UnitId u : units) {
+    REQUIRE((*reader.Get(u))->id == u);
+    reader.Release();
+  }
+  REQUIRE(cache.decoded() == count);
+  REQUIRE(f.source->reads_ == count);
+  const LoadStats stats = reader.stats();
+  REQUIRE(stats.clusters_read + stats.root_pieces_read == count);
+  REQUIRE(stats.clusters_cached == 0);
+  UnitReader second(cache, {});
+  REQUIRE(second.Get(0).ok());
+  REQUIRE(second.stats().clusters_cached == 1);
+  REQUIRE(second.stats().clusters_read == 0);
+}
+
+TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   for (int round = 0; round < 10; ++round) {
@@ -96,7 +208,7 @@ TEST_CASE("Threads that want overlapping units share the work") {
   }
 }
 
-TEST_CASE("When the thread that loads fails, the others find out for themselves") {
+TEST_CASE("When the thread that loads fails, the others find out for themselves", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = UnitCount(f.source->index());
   ClusterCache cache(f.source, size_t{1} << 30);

@@ -350,7 +350,8 @@ class MtBuilder {
     entry.out_triangles = encoded.out_triangles;
     entry.external_vertices = encoded.external_vertices;
     entry.explicit_arcs = encoded.explicit_arcs;
-    source_->index_.AddCluster(entry, {}, encoded.children);
+    const auto length = static_cast<uint32_t>(encoded.payload.size());
+    source_->index_.AddCluster(entry, {0, 0, length}, encoded.children);
     source_->clusters_.push_back(std::move(encoded.payload));
   }
 
@@ -401,8 +402,9 @@ class MtBuilder {
       }
       entry.triangles = static_cast<uint32_t>(piece.triangles.size());
       entry.vertices = static_cast<uint32_t>(piece.vertices.size());
-      source_->index_.AddRootPiece(entry, {}, piece.children);
       source_->root_pieces_.push_back(EncodeRootPiece(piece, Attributes()));
+      const auto length = static_cast<uint32_t>(source_->root_pieces_.back().size());
+      source_->index_.AddRootPiece(entry, {0, 0, length}, piece.children);
     }
     source_->index_.Finish(numbers.size());
   }

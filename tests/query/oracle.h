@@ -2,9 +2,12 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <random>
+#include <tuple>
 #include <vector>
 
+#include "query/cut.h"
 #include "query/query.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/random_regions.h"
@@ -20,9 +23,8 @@ class Oracle {
       const double e = grid.Error(code);
       const Triangle3d corners = f_.Corners(t);
       const bool active = query.region == nullptr || query.region->Within(corners, e);
-      const double limit = query.threshold == nullptr ? -1 : query.threshold->Min(corners, e);
       active_.push_back(active);
-      wanted_.push_back(t.remover >= 0 && active && !(e <= limit));
+      wanted_.push_back(t.remover >= 0 && Refused(corners, e));
     }
   }
 
@@ -72,28 +74,71 @@ class Oracle {
     return applied;
   }
 
-  // Largest error first, until the next node does not fit.
-  std::vector<bool> GreedyCut(uint64_t max_triangles) const {
+  // Largest error first, until the next node or the next cluster does not fit. `limit` says which.
+  std::vector<bool> GreedyCut(QueryLimit* limit) const {
+    const ClusterIndex& index = f_.source->index_;
     std::vector<bool> applied(f_.mt.nodes.size(), false);
-    const auto rank = [&](uint32_t id) {
-      const InMemoryMt::Node& node = f_.mt.nodes[static_cast<size_t>(f_.mt.triangles[id].remover)];
-      return std::tuple(node.code, node.cluster.value, kNone32 - node.index);
-    };
+    std::vector<bool> looked_into(index.cluster_count(), false);
+    std::vector<bool> read(index.cluster_count(), false);
+    uint64_t bytes_read = 0;
+    for (uint32_t r = 0; r < index.root_piece_count(); ++r) {
+      bytes_read += index.location(RootPieceId(r)).length;
+    }
+    using Rank = std::tuple<uint8_t, bool, uint32_t, uint32_t>;  // code, look, cluster, node
     for (;;) {
-      const std::vector<uint32_t> mesh = f_.mt.Mesh(applied);
-      uint32_t best = kNone32;
-      for (const uint32_t id : mesh) {
-        if (wanted_[id] && (best == kNone32 || rank(id) > rank(best))) best = id;
+      std::optional<Rank> best;
+      uint32_t best_triangle = 0;
+      for (const uint32_t id : f_.mt.Mesh(applied)) {
+        const InMemoryMt::Triangle& t = f_.mt.triangles[id];
+        if (t.remover < 0) continue;
+        const InMemoryMt::Node& node = f_.mt.nodes[static_cast<size_t>(t.remover)];
+        Rank rank{node.code, false, node.cluster.value, kNone32 - node.index};
+        if (!looked_into[node.cluster.value]) {
+          const uint8_t largest = index.cluster(node.cluster).error_code_max;
+          if (!Refused(f_.Corners(t), f_.source->record_.grid.Error(largest))) continue;
+          rank = {largest, true, node.cluster.value, kNone32};
+        } else if (!wanted_[id]) {
+          continue;
+        }
+        if (best && rank <= *best) continue;
+        best = rank;
+        best_triangle = id;
       }
-      if (best == kNone32) return applied;
+      *limit = QueryLimit::kThreshold;
+      if (!best) return applied;
+      if (std::get<1>(*best)) {
+        std::vector<bool> next = read;
+        uint64_t cost = 0;
+        std::vector<uint32_t> open{std::get<2>(*best)};
+        while (!open.empty()) {
+          const ClusterId c(open.back());
+          open.pop_back();
+          if (next[c.value]) continue;
+          next[c.value] = true;
+          cost += index.location(c).length;
+          for (const ClusterId p : index.parents(c)) open.push_back(p.value);
+        }
+        *limit = QueryLimit::kBytes;
+        if (query_.max_bytes && bytes_read + cost > *query_.max_bytes) return applied;
+        bytes_read += cost;
+        read = next;
+        looked_into[std::get<2>(*best)] = true;
+        continue;
+      }
       std::vector<bool> next = applied;
-      f_.mt.Close(f_.mt.triangles[best].remover, next);
-      if (f_.mt.Mesh(next).size() > max_triangles) return applied;
+      f_.mt.Close(f_.mt.triangles[best_triangle].remover, next);
+      *limit = QueryLimit::kTriangles;
+      if (query_.max_triangles && f_.mt.Mesh(next).size() > *query_.max_triangles) return applied;
       applied = next;
     }
   }
 
  private:
+  bool Refused(const Triangle3d& t, double e) const {
+    const bool active = query_.region == nullptr || query_.region->Within(t, e);
+    return active && !(e <= (query_.threshold == nullptr ? -1 : query_.threshold->Min(t, e)));
+  }
+
   const MtFixture& f_;
   const Query query_;
   std::vector<bool> active_;

@@ -1,4 +1,5 @@
 // The applied set of a query, node for node, against the definition run naively.
+#include <array>
 #include <catch2/catch.hpp>
 #include <map>
 #include <set>
@@ -112,7 +113,8 @@ void CheckAnswer(const MtFixture& f, const Query& query, const Oracle& oracle,
   const double cell = record.grid.cell_error();
   REQUIRE(stats.error_bound >= error + cell);
   REQUIRE(stats.error_bound <= error_at_most + cell);
-  if (query.threshold != nullptr && query.threshold->constant() && !query.max_triangles) {
+  if (query.threshold != nullptr && query.threshold->constant() &&
+      stats.limit == QueryLimit::kThreshold) {
     REQUIRE(stats.error_bound <= std::max(0.0, *query.threshold->constant()) + cell);
   }
   if (clip) {
@@ -238,25 +240,37 @@ TEST_CASE("For every kind of region and threshold the cut equals the definition"
   for (const uint64_t partial : by_threshold) CHECK(partial > 40);
 }
 
-TEST_CASE("With a budget of triangles the largest errors are refined first") {
+TEST_CASE("With budgets of triangles and bytes the largest errors are refined first") {
   std::mt19937 random(13);
-  uint64_t stopped = 0;
+  std::array<uint64_t, 4> ended{};
   for (const MtOptions& options : SmallMts()) {
     const MtFixture f = MakeMt(options);
-    const auto surface = Surface::Open(f.source).value();
-    for (int i = 0; i < 8; ++i) {
+    uint64_t all_bytes = 0;
+    for (const Bytes& payload : f.source->clusters_) all_bytes += payload.size();
+    uint64_t root_bytes = 0;
+    for (const Bytes& payload : f.source->root_pieces_) root_bytes += payload.size();
+    for (int i = 0; i < 9; ++i) {
       Query query = RandomQuery(f, random);
-      query.clip = i % 3 == 0;
-      query.max_triangles = random() % (f.source->record_.triangles + 10);
+      query.clip = i % 4 == 0;
+      if (i % 3 != 1) query.max_triangles = random() % (f.source->record_.triangles + 10);
+      if (i % 3 != 0) query.max_bytes = random() % (root_bytes + all_bytes + 100);
       const Oracle oracle(f, query);
-      const std::vector<bool> expected = oracle.GreedyCut(*query.max_triangles);
+      QueryLimit limit{};
+      const std::vector<bool> expected = oracle.GreedyCut(&limit);
+      const auto surface = Surface::Open(f.source).value();  // nothing is in the cache
       Result<Cut> cut = surface->Select(query);
       REQUIRE(cut.ok());
       CheckAnswer(f, query, oracle, expected, *cut);
-      stopped += oracle.Valid(expected) ? 0 : 1;
+      REQUIRE(cut->stats().limit == limit);
+      if (query.max_bytes) {
+        REQUIRE(cut->stats().bytes_read <= std::max(*query.max_bytes, root_bytes));
+      }
+      ++ended[static_cast<size_t>(limit)];
     }
   }
-  REQUIRE(stopped > 40);
+  REQUIRE(ended[static_cast<size_t>(QueryLimit::kThreshold)] > 20);
+  REQUIRE(ended[static_cast<size_t>(QueryLimit::kTriangles)] > 20);
+  REQUIRE(ended[static_cast<size_t>(QueryLimit::kBytes)] > 20);
 }
 
 }  // namespace mtdb::testing

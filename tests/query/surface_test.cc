@@ -2,12 +2,17 @@
 #include "query/surface.h"
 
 #include <array>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
+#include <cstring>
 #include <functional>
 #include <map>
 #include <thread>
 
 #include "query/cluster_cache.h"
+#include "query/query_control.h"
+#include "query/unit_reader.h"
 #include "query/verify_object.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
@@ -28,9 +33,11 @@ MtOptions Medium(uint32_t seed) {
   return o;
 }
 
-std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{256} << 20) {
+std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{256} << 20,
+                              unsigned threads = 2) {
   SurfaceOptions options;
   options.cache_bytes = cache_bytes;
+  options.threads = threads;
   return Surface::Open(f.source, options).value();
 }
 
@@ -108,6 +115,72 @@ TEST_CASE("Vertices carry the attributes that they had in the input") {
   }
 }
 
+TEST_CASE("Normals are those of the cut's triangles, also where it is clipped") {
+  std::mt19937 random(21);
+  for (uint32_t seed = 1; seed <= 4; ++seed) {
+    MtOptions o = Medium(seed);
+    o.coincident = false;
+    const MtFixture f = MakeMt(o);
+    const auto surface = Open(f);
+    for (int i = 0; i < 8; ++i) {
+      Query query = i == 0 ? Query{} : RandomQuery(f, random);
+      const TriangleMesh plain = Extract(*surface, query);
+      std::map<std::array<double, 3>, Vec3d> sums;
+      for (const TriangleVertices& t : plain.triangles) {
+        const Vec3d a = plain.positions[t[0]];
+        const Vec3d n = Cross(plain.positions[t[1]] - a, plain.positions[t[2]] - a);
+        for (const VertexIndex v : t) {
+          const Vec3d& p = plain.positions[v];
+          sums[{p.x, p.y, p.z}] += n;
+        }
+      }
+      query.normals = true;
+      query.clip = i % 2 == 0;
+      const TriangleMesh mesh = Extract(*surface, query);
+      const size_t row = mesh.header.attributes.row_bytes();
+      REQUIRE(row == plain.header.attributes.row_bytes() + sizeof(Vec3f));
+      REQUIRE(mesh.rows.size() == mesh.positions.size() * row);
+      for (size_t v = 0; v < mesh.positions.size(); ++v) {
+        const Vec3d& p = mesh.positions[v];
+        const Vec3d& sum = sums.at({p.x, p.y, p.z});
+        Vec3f n;
+        std::memcpy(&n, mesh.rows.data() + (v + 1) * row - sizeof(n), sizeof(n));
+        const Vec3d difference = sum * (1 / Length(sum)) - Vec3d{n.x, n.y, n.z};
+        REQUIRE(Length(difference) < 1e-6);
+      }
+    }
+  }
+}
+
+TEST_CASE("An object with normals of its own gets no others") {
+  const MtFixture f = MakeMt(Medium(1));
+  f.source->record_.attributes.attributes[0].name = "ny";
+  Query query;
+  query.normals = true;
+  REQUIRE(Open(f)->Select(query).status().code() == StatusCode::kInvalidArgument);
+}
+
+TEST_CASE("Active triangles come first") {
+  std::mt19937 random(22);
+  const MtFixture f = MakeMt(Medium(3));
+  const auto surface = Open(f);
+  uint64_t mixed = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Query query = RandomQuery(f, random);
+    ExtractStats stats;
+    const TriangleMesh mesh = Extract(*surface, query, &stats);
+    REQUIRE(stats.active_triangles <= stats.triangles);
+    mixed += stats.active_triangles > 0 && stats.active_triangles < stats.triangles;
+    // What meets the region is active.
+    for (size_t t = stats.active_triangles; t < mesh.triangles.size(); ++t) {
+      const TriangleVertices& v = mesh.triangles[t];
+      REQUIRE_FALSE(query.region->Within(
+          {mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]}, 0));
+    }
+  }
+  REQUIRE(mixed > 5);
+}
+
 TEST_CASE("A budget below the root gives the root, and one above everything gives everything") {
   const MtFixture f = MakeMt(Medium(2));
   const auto surface = Open(f);
@@ -120,6 +193,63 @@ TEST_CASE("A budget below the root gives the root, and one above everything give
   query.max_triangles = f.source->record_.triangles;
   REQUIRE(Extract(*surface, query, &stats).triangles.size() == f.source->record_.triangles);
   REQUIRE(stats.error_bound == f.source->record_.grid.cell_error());
+}
+
+TEST_CASE("Bytes in the cache are free, and a smaller budget never reads or refines more") {
+  const MtFixture f = MakeMt(Medium(3));
+  uint64_t root_bytes = 0;
+  for (const Bytes& payload : f.source->root_pieces_) root_bytes += payload.size();
+  Query query;
+  uint64_t triangles = 0;
+  double error = 1e9;
+  ExtractStats stats;
+  bool partial = false;
+  for (uint64_t bytes = 0; triangles < f.source->record_.triangles; bytes += 4000) {
+    query.max_bytes = bytes;
+    // A cache that holds little: what was read is kept by the query.
+    const auto surface = Open(f, size_t{400000}, 1);
+    const TriangleMesh mesh = Extract(*surface, query, &stats);
+    REQUIRE(CheckMesh(mesh).ok());
+    REQUIRE(stats.bytes_read <= std::max(bytes, root_bytes));
+    REQUIRE(stats.triangles >= triangles);
+    REQUIRE(stats.error_bound <= error);
+    partial |= stats.limit == QueryLimit::kBytes && stats.nodes_applied > 0;
+    triangles = stats.triangles;
+    error = stats.error_bound;
+  }
+  REQUIRE(partial);
+  REQUIRE(stats.limit == QueryLimit::kThreshold);
+  const auto warm = Open(f);
+  Extract(*warm, Query{});
+  query.max_bytes = 0;
+  Extract(*warm, query, &stats);
+  REQUIRE(stats.bytes_read == 0);
+  REQUIRE(stats.triangles == f.source->record_.triangles);
+}
+
+TEST_CASE("When the time is over, the answer is what was found till then") {
+  const MtFixture f = MakeMt(Medium(3));
+  const auto slow_source = [&](uint32_t) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    return Status::Ok();
+  };
+  f.source->on_read_ = slow_source;
+  ExtractStats stats;
+  Query query;
+  query.max_milliseconds = 20;
+  const TriangleMesh mesh = Extract(*Open(f), query, &stats);
+  REQUIRE(CheckMesh(mesh).ok());
+  REQUIRE(stats.limit == QueryLimit::kTime);
+  REQUIRE(stats.nodes_applied < f.source->record_.nodes);
+  REQUIRE(stats.error_bound > 0.01);
+  f.source->on_read_ = nullptr;
+  query.max_milliseconds = 1e9;
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.limit == QueryLimit::kThreshold);
+  REQUIRE(stats.triangles == f.source->record_.triangles);
+  query.max_milliseconds = 0;
+  Extract(*Open(f), query, &stats);
+  REQUIRE(stats.triangles == f.source->record_.root_triangles);
 }
 
 TEST_CASE("A query reads no cluster that the index proves unnecessary") {
@@ -152,36 +282,63 @@ TEST_CASE("A query reads no cluster that the index proves unnecessary") {
   REQUIRE(stats.bytes_read == 0);
 }
 
-TEST_CASE("A cache that holds almost nothing gives the same answers") {
+// The smallest cache, in steps of 1,000 bytes, that all of the queries can work with.
+size_t SmallestCache(const MtFixture& f, const std::vector<Query>& queries) {
+  for (size_t bytes = 0;; bytes += 1000) {
+    const auto surface = Open(f, bytes, 1);
+    bool all = true;
+    for (const Query& query : queries) {
+      TriangleMesh mesh;
+      TriangleMeshSink sink(&mesh);
+      const Result<ExtractStats> result = surface->Extract(query, sink);
+      REQUIRE(surface->cache().peak_bytes() <= bytes);
+      if (result.ok()) continue;
+      REQUIRE(result.status().code() == StatusCode::kBudgetExceeded);
+      all = false;
+      break;
+    }
+    if (all) return bytes;
+  }
+}
+
+std::vector<Query> SomeQueries(const MtFixture& f, std::mt19937& random) {
+  std::vector<Query> queries{Query{}};
+  for (int i = 0; i < 7; ++i) queries.push_back(RandomQuery(f, random));
+  queries[5].max_triangles = 400;
+  return queries;
+}
+
+TEST_CASE("The smallest cache that can hold a query's steps gives the same answers", "[threads]") {
   std::mt19937 random(5);
   for (uint32_t seed = 1; seed <= 6; ++seed) {
     const MtFixture f = MakeMt(Medium(seed));
     const auto large = Open(f);
-    for (const size_t budget : {size_t{0}, size_t{60000}}) {
-      const auto small = Open(f, budget);
-      for (int i = 0; i < 6; ++i) {
-        Query query = i == 0 ? Query{} : RandomQuery(f, random);
-        if (i == 5) query.max_triangles = 500;
+    const std::vector<Query> queries = SomeQueries(f, random);
+    const size_t budget = SmallestCache(f, queries);
+    REQUIRE(budget > 0);
+    for (const unsigned threads : {1u, 4u}) {
+      const auto small = Open(f, budget, threads);
+      for (const Query& query : queries) {
         REQUIRE(SameMesh(Extract(*small, query), Extract(*large, query)));
-        REQUIRE(small->cache().bytes() <= budget);
       }
+      REQUIRE(small->cache().peak_bytes() <= budget);
       REQUIRE(small->cache().decoded() > 2 * UnitCount(f.source->index_));
     }
     REQUIRE(large->cache().decoded() == UnitCount(f.source->index_));
   }
 }
 
-TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once") {
-  for (const size_t budget : {size_t{256} << 20, size_t{200000}, size_t{0}}) {
-    const MtFixture f = MakeMt(Medium(9));
-    std::mt19937 random(6);
-    std::vector<Query> queries{Query{}};
-    std::vector<TriangleMesh> expected;
-    for (int i = 0; i < 7; ++i) queries.push_back(RandomQuery(f, random));
-    queries[5].max_triangles = 400;
-    const auto alone = Open(f);
-    for (const Query& query : queries) expected.push_back(Extract(*alone, query));
-    const auto shared = Open(f, budget);
+TEST_CASE("Many threads on one surface get the answers of one, and decode each cluster once",
+          "[threads]") {
+  const MtFixture f = MakeMt(Medium(9));
+  std::mt19937 random(6);
+  const std::vector<Query> queries = SomeQueries(f, random);
+  const size_t smallest = SmallestCache(f, queries);
+  std::vector<TriangleMesh> expected;
+  const auto alone = Open(f, size_t{256} << 20, 1);
+  for (const Query& query : queries) expected.push_back(Extract(*alone, query));
+  for (const size_t budget : {size_t{256} << 20, 3 * smallest, smallest * 3 / 2}) {
+    const auto shared = Open(f, budget, 3);
     std::vector<std::thread> threads;
     std::atomic<int> wrong{0};
     for (size_t t = 0; t < 8; ++t) {
@@ -197,8 +354,58 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
     for (std::thread& thread : threads) thread.join();
     REQUIRE(wrong == 0);
     if (budget > 1000000) REQUIRE(shared->cache().decoded() == UnitCount(f.source->index_));
-    shared->cache().Trim();
-    REQUIRE(shared->cache().bytes() <= std::max(budget, size_t{1}));
+    REQUIRE(shared->cache().peak_bytes() <= budget);
+  }
+}
+
+TEST_CASE("A query can be cancelled from another thread, also while it waits for room",
+          "[threads]") {
+  const MtFixture f = MakeMt(Medium(3));
+  const auto surface = Open(f, SmallestCache(f, {Query{}}));
+  // Somebody else holds a unit and does not let go.
+  UnitReader other(surface->cache(), {});
+  REQUIRE(other.Get(UnitCount(f.source->index_) - 1).ok());
+  QueryControl control;
+  Query query;
+  query.control = &control;
+  StatusCode code = StatusCode::kOk;
+  std::thread thread([&] {
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    code = surface->Extract(query, sink).status().code();
+  });
+  while (control.clusters_loaded() == 0) std::this_thread::yield();
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  control.Cancel();
+  thread.join();
+  REQUIRE(code == StatusCode::kCancelled);
+  other.Release();
+  REQUIRE(Extract(*surface, Query{}).triangles.size() == f.source->record_.triangles);
+}
+
+TEST_CASE("A cancelled query stops at its next step, and progress is seen") {
+  const MtFixture f = MakeMt(Medium(3));
+  for (const bool whole : {true, false}) {
+    Query query;
+    if (!whole) query.region = Everywhere(f);
+    QueryControl control;
+    query.control = &control;
+    const auto surface = Open(f, size_t{256} << 20, 1);
+    f.source->on_read_ = [&](uint32_t) {
+      if (control.clusters_loaded() == 10) control.Cancel();
+      return Status::Ok();
+    };
+    TriangleMesh mesh;
+    TriangleMeshSink sink(&mesh);
+    REQUIRE(surface->Extract(query, sink).status().code() == StatusCode::kCancelled);
+    REQUIRE(control.clusters_loaded() < UnitCount(f.source->index_));
+    REQUIRE(control.triangles_emitted() == 0);
+    f.source->on_read_ = nullptr;
+    QueryControl watched;
+    query.control = &watched;
+    Extract(*surface, query);
+    REQUIRE(watched.triangles_emitted() == f.source->record_.triangles);
+    if (!whole) REQUIRE(watched.nodes_applied() == f.source->record_.nodes);
   }
 }
 

@@ -22,8 +22,9 @@ double CellError(const Example& example) { return example.step() * std::numbers:
 void CheckStats(const Json& json, const std::string& output) {
   CHECK(json.at("object") == "sculpture");
   CHECK(json.at("output") == output);
-  for (const char* key : {"triangles", "vertices", "active_triangles", "nodes_applied",
-                          "nodes_forced", "clusters_read", "clusters_total", "bytes_read"}) {
+  for (const char* key :
+       {"triangles", "vertices", "active_triangles", "nodes_applied", "nodes_forced",
+        "nodes_visited", "clusters_read", "clusters_cached", "clusters_total", "bytes_read"}) {
     INFO(key);
     CHECK(json.at(key).is_number_unsigned());
   }
@@ -209,6 +210,12 @@ TEST_CASE("extract --triangles keeps to the budget and uses it", "[cli]") {
     last = json.at("error_bound");
     CHECK(testing::CheckMesh(mesh).ok());
   }
+  Json few;
+  Extract(example, {"--max-bytes", "20000"}, &few);
+  CHECK(few.at("bytes_read") <= 20000);
+  CHECK(few.at("limit") == "bytes");
+  Extract(example, {"--max-ms", "0"}, &few);
+  CHECK(few.at("nodes_applied") == 0);
   Json coarse;
   Extract(example, {"--triangles", "15000", "--error-rel", "0.01"}, &coarse);
   CHECK(coarse.at("triangles") < 5000);
@@ -549,21 +556,40 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
         "--tmp", "--resume", "--force", "--quiet", "--json"}},
       {"info", {"STORE", "--name", "--json"}},
       {"list", {"STORE", "--json"}},
-      {"extract", {"STORE OUTPUT",  "--name",
-                   "--full",        "--error E",
-                   "--error-rel F", "--pixels P",
-                   "--error-at",    "--error-outside E",
-                   "--triangles N", "--box",
-                   "--sphere",      "--half-space",
-                   "--prism",       "--wedge",
-                   "--point",       "--segment",
-                   "--tube",        "--frustum",
-                   "--intersect",   "--outside",
-                   "--clip",        "--eye",
-                   "--target",      "--up",
-                   "--fov",         "--viewport",
-                   "--query FILE",  "--print-query",
-                   "--json",        ".ply .obj .stl .off .glb .drc"}},
+      {"extract",
+       {"STORE OUTPUT",
+        "--name",
+        "--full",
+        "--error E",
+        "--error-rel F",
+        "--pixels P",
+        "--error-at",
+        "--error-outside E",
+        "--triangles N",
+        "--max-bytes",
+        "--max-ms",
+        "--normals",
+        "--box",
+        "--sphere",
+        "--half-space",
+        "--prism",
+        "--wedge",
+        "--point",
+        "--segment",
+        "--tube",
+        "--frustum",
+        "--intersect",
+        "--outside",
+        "--clip",
+        "--eye",
+        "--target",
+        "--up",
+        "--fov",
+        "--viewport",
+        "--query FILE",
+        "--print-query",
+        "--json",
+        ".ply .obj .stl .off .glb .drc"}},
       {"verify", {"STORE", "--name", "--level", "fast", "full", "global", "--json"}},
       {"render",
        {"STORE OUT.png", "--name", "--full", "--error E", "--error-rel F", "--triangles N", "--box",

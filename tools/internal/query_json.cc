@@ -524,7 +524,9 @@ Result<QueryJson> ParseQueryText(const std::string& text) {
 
 Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
   const Node node{json, "query"};
-  MTDB_RETURN_IF_ERROR(CheckKeys(node, {}, {"region", "threshold", "max_triangles", "clip"}));
+  MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
+                                 {"region", "threshold", "max_triangles", "max_bytes",
+                                  "max_milliseconds", "clip", "normals"}));
   Query query;
   if (node.has("region")) {
     MTDB_ASSIGN_OR_RETURN(query.region, RegionOf({json.at("region"), "region"}, 0));
@@ -533,19 +535,31 @@ Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
     MTDB_ASSIGN_OR_RETURN(query.threshold,
                           ThresholdOf({json.at("threshold"), "threshold"}, diagonal, 0));
   }
-  if (node.has("max_triangles")) {
-    const Node count{json.at("max_triangles"), "max_triangles"};
-    if (!count.json.is_number_unsigned() || count.json.get<uint64_t>() == 0) {
-      return Unexpected(count, "a whole number above 0");
+  const auto count = [&](const char* key, std::optional<uint64_t>* value) -> Status {
+    if (!node.has(key)) return Status::Ok();
+    const Node n{json.at(key), key};
+    if (!n.json.is_number_unsigned() || n.json.get<uint64_t>() == 0) {
+      return Unexpected(n, "a whole number above 0");
     }
-    query.max_triangles = count.json.get<uint64_t>();
+    *value = n.json.get<uint64_t>();
+    return Status::Ok();
+  };
+  const auto flag = [&](const char* key, bool* value) -> Status {
+    if (!node.has(key)) return Status::Ok();
+    const Node n{json.at(key), key};
+    if (!n.json.is_boolean()) return Unexpected(n, "true or false");
+    *value = n.json.get<bool>();
+    return Status::Ok();
+  };
+  MTDB_RETURN_IF_ERROR(count("max_triangles", &query.max_triangles));
+  MTDB_RETURN_IF_ERROR(count("max_bytes", &query.max_bytes));
+  if (node.has("max_milliseconds")) {
+    MTDB_ASSIGN_OR_RETURN(query.max_milliseconds,
+                          NonNegative({json.at("max_milliseconds"), "max_milliseconds"}));
   }
-  if (node.has("clip")) {
-    const Node clip{json.at("clip"), "clip"};
-    if (!clip.json.is_boolean()) return Unexpected(clip, "true or false");
-    query.clip = clip.json.get<bool>();
-    if (query.clip && query.region == nullptr) return Wrong(clip, "needs a region");
-  }
+  MTDB_RETURN_IF_ERROR(flag("clip", &query.clip));
+  MTDB_RETURN_IF_ERROR(flag("normals", &query.normals));
+  if (query.clip && query.region == nullptr) return InvalidArgument("clip: needs a region");
   return query;
 }
 

@@ -226,7 +226,10 @@ Result<QueryJson> QueryOf(const QueryOptions& o, const Extent& viewport) {
     query["threshold"] = threshold;
   }
   if (o.triangles) query["max_triangles"] = *o.triangles;
+  if (o.max_bytes) query["max_bytes"] = *o.max_bytes;
+  if (o.max_ms) query["max_milliseconds"] = *o.max_ms;
   if (o.clip) query["clip"] = true;
+  if (o.normals) query["normals"] = true;
   return query;
 }
 

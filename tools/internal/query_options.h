@@ -21,6 +21,9 @@ struct QueryOptions {
   std::vector<QueryJson> errors_at;     // thresholds by distance from a point
   std::optional<double> error_outside;  // of the regions
   std::optional<uint64_t> triangles;
+  std::optional<uint64_t> max_bytes;
+  std::optional<double> max_ms;
+  bool normals = false;
 
   std::vector<QueryJson> regions;
   bool frustum = false;

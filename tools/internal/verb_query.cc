@@ -24,6 +24,16 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   return Surface::Open(std::move(source));
 }
 
+const char* LimitName(QueryLimit limit) {
+  switch (limit) {
+    case QueryLimit::kThreshold: return "accuracy";
+    case QueryLimit::kTriangles: return "triangles";
+    case QueryLimit::kBytes: return "bytes";
+    case QueryLimit::kTime: return "time";
+  }
+  return "unknown";
+}
+
 void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
                 const ExtractStats& stats, double open_seconds, double write_seconds,
                 double total_seconds) {
@@ -35,9 +45,12 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
         {"vertices", stats.vertices},
         {"active_triangles", stats.active_triangles},
         {"error_bound", stats.error_bound},
+        {"limit", LimitName(stats.limit)},
+        {"nodes_visited", stats.nodes_visited},
         {"nodes_applied", stats.nodes_applied},
         {"nodes_forced", stats.nodes_forced},
         {"clusters_read", stats.clusters_read},
+        {"clusters_cached", stats.clusters_cached},
         {"clusters_used", stats.clusters_used},
         {"clusters_total", stats.clusters_total},
         {"bytes_read", stats.bytes_read},
@@ -45,6 +58,8 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
          {{"open", open_seconds},
           {"select", stats.seconds.select},
           {"load", stats.seconds.load},
+          {"read", stats.seconds.read},
+          {"decode", stats.seconds.decode},
           {"emit", std::max(0.0, stats.seconds.emit - write_seconds)},
           {"write", write_seconds},
           {"total", total_seconds}}}};
@@ -55,10 +70,21 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
               arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
               static_cast<unsigned long long>(stats.vertices), stats.error_bound,
               record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
-  std::printf("  read %llu of %llu clusters, %.1f KB; %.1f ms in all\n",
+  std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
+              static_cast<unsigned long long>(stats.active_triangles), LimitName(stats.limit));
+  std::printf("  %llu nodes visited, %llu applied, %llu of them only for others\n",
+              static_cast<unsigned long long>(stats.nodes_visited),
+              static_cast<unsigned long long>(stats.nodes_applied),
+              static_cast<unsigned long long>(stats.nodes_forced));
+  std::printf("  read %llu of %llu clusters, %.1f KB; %llu were in the cache\n",
               static_cast<unsigned long long>(stats.clusters_read),
               static_cast<unsigned long long>(stats.clusters_total),
-              static_cast<double>(stats.bytes_read) / 1e3, 1e3 * total_seconds);
+              static_cast<double>(stats.bytes_read) / 1e3,
+              static_cast<unsigned long long>(stats.clusters_cached));
+  std::printf("  select %.1f ms, load %.1f ms, emit %.1f ms, write %.1f ms; %.1f ms in all\n",
+              1e3 * stats.seconds.select, 1e3 * stats.seconds.load,
+              1e3 * std::max(0.0, stats.seconds.emit - write_seconds), 1e3 * write_seconds,
+              1e3 * total_seconds);
 }
 
 // Passes a mesh on to a writer and takes the time that the writer needs.

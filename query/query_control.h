@@ -1,0 +1,33 @@
+// QueryControl: watches a query from another thread, and stops it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace mtdb {
+
+// Given by pointer in Query; must outlive the query and its Cut. One query at a time. Safe for many
+// threads: any of them may cancel or look at the progress.
+class QueryControl {
+ public:
+  // The query returns kCancelled within some milliseconds, also when it waits for other queries. A
+  // read or decode under way is finished first, and a sink is not interrupted. Cannot be undone.
+  void Cancel() { cancelled_.store(true, std::memory_order_relaxed); }
+  bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
+
+  // So far; they only grow.
+  uint64_t clusters_loaded() const { return clusters_loaded_.load(std::memory_order_relaxed); }
+  uint64_t nodes_applied() const { return nodes_applied_.load(std::memory_order_relaxed); }
+  uint64_t triangles_emitted() const { return triangles_emitted_.load(std::memory_order_relaxed); }
+
+ private:
+  friend class UnitReader;
+  friend class Search;
+  friend class CutImpl;
+  std::atomic<bool> cancelled_{false};
+  std::atomic<uint64_t> clusters_loaded_{0};
+  std::atomic<uint64_t> nodes_applied_{0};
+  std::atomic<uint64_t> triangles_emitted_{0};
+};
+
+}  // namespace mtdb

@@ -1,0 +1,84 @@
+// UnitReader: how one query holds units of the cache.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "query/cluster_cache.h"
+#include "query/query_control.h"
+
+namespace mtdb {
+
+struct ReaderLimits {
+  QueryControl* control = nullptr;
+  // To read from the source. Root pieces are read in any case, and count.
+  std::optional<uint64_t> max_bytes;
+};
+
+// Holds the units that a step of a query works on. One thread. Waits for room only while it holds
+// nothing, so that readers cannot wait for each other in a circle.
+class UnitReader {
+ public:
+  UnitReader(ClusterCache& cache, const ReaderLimits& limits);
+  ~UnitReader();
+  UnitReader(const UnitReader&) = delete;
+  UnitReader& operator=(const UnitReader&) = delete;
+
+  // The decoded unit, until Release. When it holds other units and there is no room, fails and says
+  // crowded(): Release, WaitForRoom, and take the step again. Errors: those of ClusterCache::Get,
+  // kCancelled, kBudgetExceeded when the unit and what is held do not fit the cache, when max_bytes
+  // would be exceeded (out_of_bytes) and when the deadline is over (out_of_time).
+  Result<const LoadedUnit*> Get(UnitId unit);
+  // Lets go of all units.
+  void Release();
+  // With nothing held: waits until nobody else holds units, and keeps it so until Release.
+  Status WaitForRoom();
+  // Units that will be wanted soon, by and by: other threads load them. Cheap when they are there.
+  void Prefetch(std::span<const UnitId> units);
+  // How many units ahead a caller should name.
+  size_t prefetch_units() const { return prefetch_units_; }
+
+  bool crowded() const { return crowded_; }
+  bool out_of_bytes() const { return out_of_bytes_; }
+  bool out_of_time() const { return out_of_time_; }
+  // kCancelled when the caller asked to stop; notes when the deadline is over.
+  Status Check();
+  void SetDeadline(std::optional<std::chrono::steady_clock::time_point> deadline) {
+    deadline_ = deadline;
+  }
+
+  // Bytes to be read before the unit can be held.
+  uint64_t BytesToRead(UnitId unit) const;
+  uint64_t bytes_left() const;
+  // True when it should let go after this step: others wait, or it holds much.
+  bool ShouldRelease() const;
+  LoadStats stats() const;
+
+ private:
+  friend class ClusterCache;
+  Status Enter(ClusterCache::Lock& lock);
+  void NoteLoad();
+  // Waits for a change, or a little when there is something to watch.
+  void WaitOn(std::condition_variable& changed, ClusterCache::Lock& lock) const;
+
+  ClusterCache& cache_;
+  const ReaderLimits limits_;
+  std::optional<std::chrono::steady_clock::time_point> deadline_;
+  const std::shared_ptr<ClusterCache::Tally> tally_;
+  size_t prefetch_units_ = 0;
+  std::vector<UnitId> held_;
+  std::vector<bool> seen_;  // per unit: wanted before
+  // With max_bytes: what was read, so that nothing is read twice.
+  std::unordered_map<UnitId, Bytes> payloads_;
+  size_t held_bytes_ = 0;
+  bool exclusive_ = false;
+  bool crowded_ = false;
+  bool out_of_bytes_ = false;
+  bool out_of_time_ = false;
+};
+
+}  // namespace mtdb
