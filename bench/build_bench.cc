@@ -7,10 +7,12 @@
 //                            second; per_core_second: per second of processor time; peak_mb:
 //                            resident memory, input included; bits_per_vertex: of the stored pages.
 //   BM_MeshoptQuarter/N      peer: meshopt_simplify to a quarter, about what one round does.
+//   BM_CgalQuarter/N         peer: CGAL's Garland-Heckbert collapses to a quarter.
 //   BM_DracoEncode/N         peer: the full resolution alone as a Draco file (16 bits, level 10).
 // Each checks its answer: counts of what was built, the size of what was simplified.
 #include <benchmark/benchmark.h>
 
+#include "bench/internal/cgal_simplify.h"
 #include "bench/internal/meshopt_simplify.h"
 #include "bench/internal/workload.h"
 
@@ -66,6 +68,21 @@ void BM_MeshoptQuarter(benchmark::State& state) {
   CountTriangles(state, mesh, cpu);
 }
 
+void BM_CgalQuarter(benchmark::State& state) {
+  const TriangleMesh& mesh = Sculpture(SizeOf(state));
+  const uint64_t target = mesh.triangles.size() / 4;
+  uint64_t left = 0;
+  double cpu = 0;
+  for (auto _ : state) {
+    const double begin = ProcessCpuSeconds();
+    const auto result = SimplifyByCgal(mesh, target, CgalMethod::kGarlandHeckbert);
+    cpu += ProcessCpuSeconds() - begin;
+    left = result ? result->triangles.size() : 0;
+  }
+  if (left == 0 || left > target) state.SkipWithError("not simplified to a quarter");
+  CountTriangles(state, mesh, cpu);
+}
+
 void BM_DracoEncode(benchmark::State& state) {
   const TriangleMesh& mesh = Sculpture(SizeOf(state));
   uint64_t bytes = 0;
@@ -87,6 +104,11 @@ BENCHMARK(BM_Build)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_MeshoptQuarter)
+    ->ArgName("triangles")
+    ->Arg(100000)
+    ->Arg(1000000)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_CgalQuarter)
     ->ArgName("triangles")
     ->Arg(100000)
     ->Arg(1000000)

@@ -150,6 +150,37 @@ TEST_CASE("Nasty meshes come back whole, and what cannot be kept is counted") {
   }
 }
 
+TEST_CASE(
+    "A hundred thousand components shrink to tetrahedra, and the report says why no further") {
+  constexpr uint64_t kCount = 100000;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> uniform(0, 100);
+  TriangleMesh mesh;
+  for (uint64_t i = 0; i < kCount; ++i) {  // octahedra
+    const Vec3d c = {uniform(random), uniform(random), uniform(random)};
+    const double r = 0.02 + 0.001 * uniform(random);
+    const VertexIndex v = mesh.positions.size();
+    for (const Vec3d& d : {Vec3d{r, 0, 0}, Vec3d{0, r, 0}, Vec3d{0, 0, r}}) {
+      mesh.positions.push_back(c + d);
+      mesh.positions.push_back(c - d);
+    }
+    for (VertexIndex octant = 0; octant < 8; ++octant) {
+      TriangleVertices t = {v + (octant & 1), v + 2 + (octant >> 1 & 1), v + 4 + (octant >> 2)};
+      if ((octant & 1) ^ (octant >> 1 & 1) ^ (octant >> 2)) std::swap(t[0], t[1]);
+      mesh.triangles.push_back(t);
+    }
+  }
+  RoundToFloat32(&mesh);
+  const BuiltObject built = Build(mesh);
+  REQUIRE(built.record.components == kCount);
+  REQUIRE(built.record.input.nonmanifold_vertices == 0);
+  // All but those few whose vertices tiles of both rounds lock.
+  REQUIRE(built.record.root_triangles >= 4 * kCount);
+  REQUIRE(built.record.root_triangles < 4 * kCount + kCount / 100);
+  REQUIRE(built.record.rounds.back().stuck_topology > 39 * kCount / 10);
+  REQUIRE(Extract(*built.surface, Query{}).triangles.size() == 8 * kCount);
+}
+
 TEST_CASE("Vertices that collapse onto few grid cells keep their connectivity") {
   TriangleMesh mesh = MakeSculpture(12000);
   NumberVertices(&mesh);
