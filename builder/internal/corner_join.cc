@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "builder/internal/packed_triangle.h"
 #include "builder/internal/parallel.h"
 
 namespace mtdb {
@@ -138,6 +139,12 @@ class Join {
  public:
   Join(const InputSpool& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
       : input_(input), grid_(grid), options_(options), totals_(totals) {
+    const auto fits = [](Vec3i p) {
+      const int32_t all = p.x | p.y | p.z;
+      return all >= 0 && all >> PackedTriangle::kSmallBits == 0;
+    };
+    small_ = grid.mode == PositionMode::kGrid && fits(grid.Quantize(input.bounds().min)) &&
+             fits(grid.Quantize(input.bounds().max));
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
     const uint64_t need = 3 * triangles * kCornerMemory +
@@ -194,7 +201,9 @@ class Join {
     std::vector<uint32_t> begin, places;
     std::vector<uint8_t> flags;
   };
-  size_t answer_bytes() const { return sizeof(Vec3i) + 1 + input_.row_bytes(); }
+  // An answer: position, flags, row. Small positions (see PackedTriangle) leave room for the flags.
+  size_t answer_bytes() const { return (small_ ? 8 : sizeof(Vec3i) + 1) + input_.row_bytes(); }
+  static constexpr int kFlagShift = 60;
 
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
@@ -260,9 +269,15 @@ class Join {
     Bytes answer(answer_bytes());
     for (uint32_t i = 0; i < n; ++i) {
       const uint64_t v = w.corners[i].vertex - first;
-      std::memcpy(answer.data(), &w.positions[v], sizeof(Vec3i));
-      answer[sizeof(Vec3i)] = static_cast<std::byte>(w.flags[i]);
-      std::copy_n(w.rows.data() + v * row, row, answer.data() + sizeof(Vec3i) + 1);
+      if (small_) {
+        const uint64_t bits = PackedTriangle::PackPosition(w.positions[v]) | uint64_t{w.flags[i]}
+                                                                                 << kFlagShift;
+        std::memcpy(answer.data(), &bits, sizeof(bits));
+      } else {
+        std::memcpy(answer.data(), &w.positions[v], sizeof(Vec3i));
+        answer[sizeof(Vec3i)] = static_cast<std::byte>(w.flags[i]);
+      }
+      std::copy_n(w.rows.data() + v * row, row, answer.data() + answer.size() - row);
       MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), answer.size()));
     }
     return answers_[r].Finish();
@@ -285,17 +300,24 @@ class Join {
       }
       TileTriangle& triangle = out.triangles.emplace_back();
       std::memcpy(triangle.vertices.data(), bytes, InputSpool::kTriangleBytes);
-      uint8_t all = 0;
+      uint64_t all = 0;
       for (size_t c = 0; c < 3; ++c) {
         SpoolReader& from = answers[triangle.vertices[c] >> range_bits_];
         const std::byte* answer = from.Next(answer_bytes());
         if (answer == nullptr) return from.status();
-        std::memcpy(&triangle.positions[c], answer, sizeof(Vec3i));
-        const auto flags = static_cast<uint8_t>(answer[sizeof(Vec3i)]);
+        uint64_t flags = 0;
+        if (small_) {
+          std::memcpy(&flags, answer, sizeof(flags));
+          triangle.positions[c] = PackedTriangle::UnpackPosition(flags);
+          flags >>= kFlagShift;
+        } else {
+          std::memcpy(&triangle.positions[c], answer, sizeof(Vec3i));
+          flags = static_cast<uint8_t>(answer[sizeof(Vec3i)]);
+        }
         all |= flags;
         triangle.fixed_corners |= static_cast<uint8_t>(((flags & kFixed) != 0) << c);
         triangle.border_edges |= static_cast<uint8_t>(((flags & kBorder) != 0) << c);
-        out.rows.insert(out.rows.end(), answer + sizeof(Vec3i) + 1, answer + answer_bytes());
+        out.rows.insert(out.rows.end(), answer + answer_bytes() - row, answer + answer_bytes());
       }
       if (all & kDuplicate) {
         out.triangles.pop_back();
@@ -314,6 +336,7 @@ class Join {
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
+  bool small_ = false;            // positions fit PackedTriangle::kSmallBits
   int range_bits_ = 0;            // of the number of vertices in a range
   unsigned workers_ = 1;          // ranges at work at a time
   std::vector<Spool> questions_;  // per range: Corner

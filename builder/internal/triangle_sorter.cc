@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cstring>
 
+#include "builder/internal/packed_triangle.h"
 #include "builder/internal/parallel.h"
 
 namespace mtdb {
 
 namespace {
 
-// A record in a spool: its code, then the triangle and the rows.
+// A record in a spool: its code, the packed triangle, the rows.
 constexpr size_t kCodeBytes = sizeof(uint64_t);
 
 bool VerticesBefore(const std::byte* a, const std::byte* b) {
@@ -74,8 +75,14 @@ Status TriangleSorter::SpillRun() {
       run.spool = std::make_unique<Spool>(options_.space, 0);
       run.left = bounds[p + 1] - bounds[p];
       for (size_t i = bounds[p]; i < bounds[p + 1]; ++i) {
-        MTDB_RETURN_IF_ERROR(run.spool->Append(&keys_[i].code, kCodeBytes));
-        MTDB_RETURN_IF_ERROR(run.spool->Append(Record(keys_[i].index), record_bytes()));
+        const std::byte* record = Record(keys_[i].index);
+        TileTriangle triangle;
+        std::memcpy(&triangle, record, sizeof(triangle));
+        std::array<std::byte, kCodeBytes + PackedTriangle::kMaxBytes> bytes;
+        std::memcpy(bytes.data(), &keys_[i].code, kCodeBytes);
+        const size_t size = PackedTriangle::Pack(triangle, bytes.data() + kCodeBytes);
+        MTDB_RETURN_IF_ERROR(run.spool->Append(bytes.data(), kCodeBytes + size));
+        MTDB_RETURN_IF_ERROR(run.spool->Append(record + sizeof(triangle), 3 * options_.row_bytes));
       }
       return run.spool->Finish();
     };
@@ -86,19 +93,22 @@ Status TriangleSorter::SpillRun() {
   return Status::Ok();
 }
 
-Status TriangleSorter::Advance(Run& run) {
-  run.record = nullptr;
-  if (run.left == 0) return Status::Ok();
-  const std::byte* bytes = run.reader->Next(kCodeBytes + record_bytes());
+Status TriangleSorter::Read(Run& run) {
+  const std::byte* bytes = run.reader->Next(kCodeBytes + PackedTriangle::kFlagBytes);
   if (bytes == nullptr) return run.reader->status();
   std::memcpy(&run.code, bytes, kCodeBytes);
-  run.record = bytes + kCodeBytes;
-  --run.left;
+  std::array<std::byte, PackedTriangle::kFlagBytes> flags;
+  std::memcpy(flags.data(), bytes + kCodeBytes, flags.size());
+  const size_t size = PackedTriangle::BytesAfter(flags.data());
+  bytes = run.reader->Next(size + 3 * options_.row_bytes);
+  if (bytes == nullptr) return run.reader->status();
+  PackedTriangle::Unpack(flags, bytes, &run.triangle);
+  run.rows = bytes + size;
   return Status::Ok();
 }
 
 bool TriangleSorter::Before(const Run& a, const Run& b) const {
-  return a.code != b.code ? a.code < b.code : VerticesBefore(a.record, b.record);
+  return a.code != b.code ? a.code < b.code : a.triangle.vertices < b.triangle.vertices;
 }
 
 Status TriangleSorter::Finish() {
@@ -117,7 +127,7 @@ Status TriangleSorter::Finish() {
       std::clamp<size_t>(options_.memory_bytes / 2 / runs_.size(), 65536, 4 * Spool::kBlock);
   for (Run& run : runs_) {
     run.reader = std::make_unique<SpoolReader>(run.spool.get(), 0, ~uint64_t{0}, block);
-    MTDB_RETURN_IF_ERROR(Advance(run));
+    MTDB_RETURN_IF_ERROR(Read(run));
   }
   const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
   for (uint32_t r = 0; r < runs_.size(); ++r) heap_.push_back(r);
@@ -126,10 +136,10 @@ Status TriangleSorter::Finish() {
 }
 
 Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) {
-  const auto append = [&](const std::byte* record) {
+  const auto append = [&](const TileTriangle& triangle, const std::byte* rows) {
     if (block == nullptr) return;
-    std::memcpy(&block->triangles.emplace_back(), record, sizeof(TileTriangle));
-    block->rows.insert(block->rows.end(), record + sizeof(TileTriangle), record + record_bytes());
+    block->triangles.push_back(triangle);
+    block->rows.insert(block->rows.end(), rows, rows + 3 * options_.row_bytes);
   };
   if (block != nullptr) {
     block->triangles.reserve(block->triangles.size() + count);
@@ -139,20 +149,23 @@ Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) 
     if (runs_.empty()) {
       MTDB_CHECK(next_key_ < keys_.size(), "more triangles asked for than were added");
       if (i == 0) *code = keys_[next_key_].code;
-      append(Record(keys_[next_key_++].index));
+      const std::byte* record = Record(keys_[next_key_++].index);
+      TileTriangle triangle;
+      std::memcpy(&triangle, record, sizeof(triangle));
+      append(triangle, record + sizeof(triangle));
       continue;
     }
     const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
     std::pop_heap(heap_.begin(), heap_.end(), after);
     Run& run = runs_[heap_.back()];
     if (i == 0) *code = run.code;
-    append(run.record);
-    MTDB_RETURN_IF_ERROR(Advance(run));
-    if (run.record == nullptr) {
+    append(run.triangle, run.rows);
+    if (--run.left == 0) {
       heap_.pop_back();
       run.reader.reset();
       run.spool.reset();
     } else {
+      MTDB_RETURN_IF_ERROR(Read(run));
       std::push_heap(heap_.begin(), heap_.end(), after);
     }
   }

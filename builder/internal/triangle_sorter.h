@@ -42,9 +42,10 @@ class TriangleSorter {
   struct Run {
     std::unique_ptr<Spool> spool;
     std::unique_ptr<SpoolReader> reader;
-    const std::byte* record = nullptr;  // the next one; null at the end
+    TileTriangle triangle;  // the next one, with its code and rows
     uint64_t code = 0;
-    uint64_t left = 0;
+    const std::byte* rows = nullptr;
+    uint64_t left = 0;  // with the next one
   };
   size_t record_bytes() const { return sizeof(TileTriangle) + 3 * options_.row_bytes; }
   std::byte* Record(uint32_t i) const {
@@ -53,7 +54,8 @@ class TriangleSorter {
   // Sorts parts of the keys, on several threads; returns the parts' bounds.
   std::vector<size_t> SortParts();
   Status SpillRun();
-  Status Advance(Run& run);
+  // Reads the run's next triangle.
+  Status Read(Run& run);
   bool Before(const Run& a, const Run& b) const;
 
   static constexpr size_t kChunkRecords = 4096;
