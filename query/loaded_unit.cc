@@ -1,7 +1,7 @@
 #include "query/loaded_unit.h"
 
 #include <algorithm>
-#include <numeric>
+#include <cstring>
 #include <string>
 #include <utility>
 
@@ -33,6 +33,7 @@ class Gatherer {
     const uint32_t wanted = kChildFlag | static_cast<uint32_t>(it - children.begin());
     const std::vector<uint32_t>& removers = parent.removers();
     const size_t before = triangles_.size();
+
     NodeIndex node = 0;
     for (uint32_t slot = parent.first_own_slot(); slot < removers.size(); ++slot) {
       if (removers[slot] != wanted) continue;
@@ -46,6 +47,8 @@ class Gatherer {
     return Status::Ok();
   }
 
+  // Where the triangles come from: origin(t.origin) for a triangle t of Take().
+  const SlotOrigin& origin(uint32_t i) const { return origins_[i]; }
   // Puts the triangles in the order of the cluster's in-slots.
   Result<std::vector<InTriangle>> Take() {
     if (triangles_.size() != entry_.in_triangles) return WrongCount("fewer");
@@ -98,8 +101,8 @@ class Gatherer {
                             : index_.first_vertex(ClusterId(parent.id)) + (local - external);
       }
     }
-    t.parent = ordinal;
-    t.parent_slot = slot;
+    t.origin = static_cast<uint32_t>(origins_.size());
+    origins_.push_back({ordinal, slot, parent.is_root ? kNone32 : node});
   }
 
   // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
@@ -108,7 +111,7 @@ class Gatherer {
     for (const ExplicitArc& arc : parent.explicit_arcs()) {
       if (arc.slot >= removers.size() || removers[arc.slot] != wanted) continue;
       const size_t i = arcs_.size();
-      if (i < before || i >= triangles_.size() || triangles_[i].parent_slot != arc.slot) break;
+      if (i < before || i >= triangles_.size() || origins_[i].slot != arc.slot) break;
       arcs_.push_back(arc);
     }
     if (arcs_.size() != triangles_.size()) {
@@ -122,49 +125,34 @@ class Gatherer {
   const UnitId unit_;
   const std::string& name_;
   const ClusterEntry& entry_;
-  std::vector<InTriangle> triangles_;
+  std::vector<InTriangle> triangles_;  // until Take()
+  std::vector<SlotOrigin> origins_;
   std::vector<ExplicitArc> arcs_;
 };
 
-// Copies the attributes of the patch's vertices from the parents.
-void FillRows(std::span<const InTriangle> triangles, std::span<const LoadedUnitPtr> parents,
-              size_t row_bytes, InPatch& patch) {
+// Fetches what the parents know of the patch's vertices: attributes, and the clusters that insert
+// them (kNone32 for a root vertex).
+void AskParents(std::span<const InTriangle> triangles, const Gatherer& gatherer,
+                std::span<const LoadedUnitPtr> parents, size_t row_bytes, InPatch& patch,
+                std::vector<UnitId>& owners) {
   patch.rows.resize(patch.vertices.size() * row_bytes);
+  owners.resize(patch.vertices.size());
   uint32_t next = 0;
-  for (size_t i = 0; i < triangles.size() && row_bytes > 0; ++i) {
-    for (int c = 0; c < 3; ++c) {
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    const LoadedUnit& parent = *parents[gatherer.origin(triangles[i].origin).parent];
+    for (size_t c = 0; c < 3; ++c) {
       if (patch.triangles[i][c] != next) continue;
-      const Bytes& rows = parents[triangles[i].parent]->rows();
-      std::memcpy(patch.rows.data() + next * row_bytes,
-                  rows.data() + triangles[i].parent_vertices[c] * row_bytes, row_bytes);
+      const uint32_t local = triangles[i].parent_vertices[c];
+      owners[next] = parent.is_root                 ? kNone32
+                     : local < parent.owners.size() ? parent.owners[local]
+                                                    : parent.id;
+      if (row_bytes > 0) {
+        std::memcpy(patch.rows.data() + next * row_bytes, parent.rows().data() + local * row_bytes,
+                    row_bytes);
+      }
       ++next;
     }
   }
-}
-
-// The cluster that inserts each vertex, or kNone32 for a root vertex.
-std::vector<UnitId> FindOwners(const ClusterIndex& index, std::span<const VertexIndex> vertices) {
-  std::vector<UnitId> owners(vertices.size(), kNone32);
-  UnitId hint = kNone32;
-  for (size_t i = 0; i < vertices.size(); ++i) {
-    const VertexIndex v = vertices[i];
-    if (v < index.root_vertices()) continue;
-    const auto owns = [&](UnitId c) {
-      return index.first_vertex(ClusterId(c)) <= v &&
-             v - index.first_vertex(ClusterId(c)) < index.cluster(ClusterId(c)).nodes;
-    };
-    if (hint == kNone32 || !owns(hint)) {
-      uint32_t low = 0;
-      uint32_t high = index.cluster_count();
-      while (high - low > 1) {
-        const uint32_t middle = low + (high - low) / 2;
-        (index.first_vertex(ClusterId(middle)) <= v ? low : high) = middle;
-      }
-      hint = low;
-    }
-    owners[i] = hint;
-  }
-  return owners;
 }
 
 Status Mismatch(const std::string& name, const char* what, uint64_t expected, uint64_t found) {
@@ -292,25 +280,17 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   if (patch.vertices.size() != entry.external_vertices) {
     return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
   }
-  FillRows(triangles, parents, record.attributes.row_bytes(), patch);
+  AskParents(triangles, gatherer, parents, record.attributes.row_bytes(), patch, loaded->owners);
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
                                                        entry.nodes, name));
   MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
-  loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
+  // The triangles were gathered in ascending order of their origins.
   loaded->origins.resize(triangles.size());
-  for (size_t i = 0; i < triangles.size(); ++i) {
-    const InTriangle& t = triangles[i];
-    const LoadedUnit& parent = *parents[t.parent];
-    loaded->origins[i] = {t.parent, t.parent_slot,
-                          parent.is_root ? kNone32 : parent.creator(t.parent_slot)};
-  }
   loaded->by_origin.resize(triangles.size());
-  std::iota(loaded->by_origin.begin(), loaded->by_origin.end(), 0u);
-  std::sort(loaded->by_origin.begin(), loaded->by_origin.end(), [&](uint32_t a, uint32_t b) {
-    const SlotOrigin& x = loaded->origins[a];
-    const SlotOrigin& y = loaded->origins[b];
-    return std::pair(x.parent, x.slot) < std::pair(y.parent, y.slot);
-  });
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    loaded->origins[i] = gatherer.origin(triangles[i].origin);
+    loaded->by_origin[triangles[i].origin] = i;
+  }
   return LoadedUnitPtr(std::move(loaded));
 }
 

@@ -7,10 +7,13 @@
 // reads it: each takes the value to code and returns the coded one; the decoder ignores the former.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #ifdef __SSE2__
@@ -51,18 +54,31 @@ inline constexpr auto kSymbolTargets = [] {
   return t;
 }();
 
-// The cumulative distribution of symbols 0..15: symbol s has the interval [below[s], below[s + 1]),
-// where below[16] stands for kProbabilityOne. Never empty, whatever the updates.
+// The cumulative distribution of symbols 0..15: symbol s has the interval [below[s], below[s + 1]).
+// Never empty, whatever the updates.
 template <int kRate>
 struct AdaptiveSymbolOfRate {
   static constexpr uint32_t kSymbols = 16;
-  std::array<int16_t, 16> below = {0,     2048,  4096,  6144,  8192,  10240, 12288, 14336,
-                                   16384, 18432, 20480, 22528, 24576, 26624, 28672, 30720};
+  std::array<int16_t, 17> below = {0,
+                                   2048,
+                                   4096,
+                                   6144,
+                                   8192,
+                                   10240,
+                                   12288,
+                                   14336,
+                                   16384,
+                                   18432,
+                                   20480,
+                                   22528,
+                                   24576,
+                                   26624,
+                                   28672,
+                                   30720,
+                                   static_cast<int16_t>(kProbabilityOne)};
 
-  uint32_t begin(uint32_t s) const { return static_cast<uint32_t>(below[s]); }
-  uint32_t end(uint32_t s) const {
-    return s + 1 == kSymbols ? kProbabilityOne : static_cast<uint32_t>(below[s + 1]);
-  }
+  uint32_t begin(uint32_t s) const { return static_cast<uint16_t>(below[s]); }
+  uint32_t end(uint32_t s) const { return static_cast<uint16_t>(below[s + 1]); }
 #ifdef __SSE2__
   // The symbol whose interval holds `at`.
   uint32_t Find(uint32_t at) const {
@@ -102,19 +118,38 @@ struct AdaptiveSymbolOfRate {
 using AdaptiveSymbol = AdaptiveSymbolOfRate<7>;      // with good priors
 using FastAdaptiveSymbol = AdaptiveSymbolOfRate<5>;  // without
 
+// Sees what an encoder codes, for statistics and for fitting priors.
+class ModelObserver {
+ public:
+  virtual ~ModelObserver() = default;
+  virtual void Saw(const AdaptiveBit& model, bool bit) = 0;
+  virtual void Saw(const AdaptiveSymbol& model, uint32_t symbol) = 0;
+};
+
 inline constexpr uint64_t kRansLow = uint64_t{1} << 31;
+
+// Several coders' states take part in one stream (lanes), so that a decoder can work on decisions
+// that do not depend on each other at the same time.
+inline constexpr size_t kMaxRansLanes = 4;
 
 // Collects what is to be coded; Finish() codes it backwards.
 class RansEncoder {
  public:
+  // `observer`, when given, sees every decision.
+  explicit RansEncoder(ModelObserver* observer = nullptr) : observer_(observer) {}
+
   bool Bit(AdaptiveBit& model, bool bit) {
     const uint32_t one = model.one();
+    if (observer_ != nullptr) observer_->Saw(model, bit);
     Add(bit ? 0 : one, bit ? one : kProbabilityOne - one);
     model.Update(bit);
     return bit;
   }
   template <typename Model>
   uint32_t Symbol(Model& model, uint32_t s) {
+    if constexpr (std::is_same_v<Model, AdaptiveSymbol>) {
+      if (observer_ != nullptr) observer_->Saw(model, s);
+    }
     Add(model.begin(s), model.end(s) - model.begin(s));
     model.Update(s);
     return s;
@@ -124,109 +159,134 @@ class RansEncoder {
     uint32_t rest = bits;
     for (int left = count; left > 0; left -= 16) {
       const int n = left < 16 ? left : 16;
-      log_.push_back(
-          {static_cast<uint16_t>(rest & ((1u << n) - 1)), static_cast<uint16_t>(kRawFlag | n)});
+      log_.push_back({static_cast<uint16_t>(rest & ((1u << n) - 1)),
+                      static_cast<uint16_t>(kRawFlag | n), lane_});
       rest >>= 16;
     }
     return bits;
   }
-  bool empty() const { return log_.empty(); }
+  // Codes on another lane from now on.
+  RansEncoder& lane(size_t lane) {
+    lane_ = static_cast<uint16_t>(lane);
+    return *this;
+  }
   // Forgets what was collected. Nothing, when nothing was.
-  Bytes Finish();
+  Bytes Finish(size_t lanes = 1);
 
  private:
   static constexpr uint16_t kRawFlag = 0x8000;
   struct Entry {
     uint16_t begin;  // or the raw bits
     uint16_t size;   // or kRawFlag | how many
+    uint16_t lane;
   };
   void Add(uint32_t begin, uint32_t size) {
-    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size)});
+    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size), lane_});
   }
+  ModelObserver* observer_;
   std::vector<Entry> log_;
+  uint16_t lane_ = 0;
 };
 
-// Decodes untrusted bytes: behind their end come zeros, and Done() tells.
+// Decodes untrusted bytes. It does not look where they end: kReadableBytes must be readable behind
+// them, and who decodes asks overrun() at least once in kMaxDecisions.
+template <size_t kLanes = 1>
 class RansDecoder {
  public:
+  static constexpr size_t kMaxDecisions = 256;
+  static constexpr size_t kReadableBytes = 4 * kMaxDecisions;
+
   explicit RansDecoder(ByteSpan bytes) : next_(bytes.data()), end_(bytes.data() + bytes.size()) {
-    if (bytes.empty()) return;
-    state_ = static_cast<uint64_t>(Word()) << 32;
-    state_ |= Word();
+    for (uint64_t& state : state_) {
+      state = kRansLow;
+      if (bytes.size() < 8 * kLanes) continue;  // none, or an overrun
+      state = static_cast<uint64_t>(Word()) << 32;
+      state |= Word();
+    }
+    if (!bytes.empty() && bytes.size() < 8 * kLanes) next_ = end_ + 1;
   }
-  [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
-    const uint32_t one = model.one();
-    const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
-    const bool bit = at < one;
-    const uint32_t zero = static_cast<uint32_t>(bit) - 1;  // all ones when the bit is 0
-    const uint32_t begin = one & zero;
-    Take(begin, one + ((kProbabilityOne - 2 * one) & zero), at);
-    model.Update(bit);
-    return bit;
+
+  // One of the states as a coder.
+  template <size_t kLane>
+  class Lane {
+   public:
+    explicit Lane(RansDecoder& decoder) : d_(decoder) {}
+    // With a branch, since who asks will branch on it: a processor that guesses it has the next
+    // state early.
+    [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
+      const uint32_t one = model.one();
+      const uint32_t at = static_cast<uint32_t>(state()) & (kProbabilityOne - 1);
+      if (at < one) {
+        Take(0, one, at);
+        model.Update(true);
+        return true;
+      }
+      Take(one, kProbabilityOne - one, at);
+      model.Update(false);
+      return false;
+    }
+    template <typename Model>
+    [[gnu::always_inline]] uint32_t Symbol(Model& model, uint32_t = 0) {
+      const uint32_t at = static_cast<uint32_t>(state()) & (kProbabilityOne - 1);
+      const uint32_t s = model.Find(at);
+      const uint32_t begin = model.begin(s);
+      Take(begin, model.end(s) - begin, at);
+      model.Update(s);
+      return s;
+    }
+    uint32_t Raw(int count, uint32_t = 0) {
+      if (count <= 16) return RawBits(count);
+      const uint32_t low = RawBits(16);
+      return low | RawBits(count - 16) << 16;
+    }
+    bool overrun() const { return d_.overrun(); }
+
+   private:
+    uint64_t& state() { return d_.state_[kLane]; }
+    uint32_t RawBits(int count) {
+      const uint32_t bits = static_cast<uint32_t>(state()) & ((1u << count) - 1);
+      state() >>= count;
+      Refill();
+      return bits;
+    }
+    [[gnu::always_inline]] void Take(uint32_t begin, uint32_t size, uint32_t at) {
+      state() = size * (state() >> kProbabilityBits) + at - begin;
+      Refill();
+    }
+    [[gnu::always_inline]] void Refill() {
+      if (state() >= kRansLow) [[likely]]
+        return;
+      state() = state() << 32 | d_.Word();
+    }
+    RansDecoder& d_;
+  };
+  template <size_t kLane = 0>
+  [[gnu::always_inline]] Lane<kLane> lane() {
+    static_assert(kLane < kLanes);
+    return Lane<kLane>(*this);
   }
-  template <typename Model>
-  [[gnu::always_inline]] uint32_t Symbol(Model& model, uint32_t = 0) {
-    const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
-    const uint32_t s = model.Find(at);
-    const uint32_t begin = model.begin(s);
-    Take(begin, model.end(s) - begin, at);
-    model.Update(s);
-    return s;
-  }
-  [[gnu::always_inline]] uint32_t Raw(int count, uint32_t = 0) {
-    if (count <= 16) return RawBits(count);
-    const uint32_t low = RawBits(16);
-    return low | RawBits(count - 16) << 16;
-  }
+  // Lanes 0 and 1 change names.
+  void SwapLanes() { std::swap(state_[0], state_[kLanes > 1 ? 1 : 0]); }
+
   // True when everything was read and the decoder is back where the encoder began.
-  bool Done() const { return !overrun_ && next_ == end_ && state_ == kRansLow; }
-  // Reading beyond the end: no use to go on.
-  bool overrun() const { return overrun_; }
+  bool Done() const {
+    return next_ == end_ && std::all_of(state_.begin(), state_.end(),
+                                        [](uint64_t state) { return state == kRansLow; });
+  }
+  // It has read beyond the end: no use to go on.
+  bool overrun() const { return next_ > end_; }
 
  private:
-  uint32_t RawBits(int count) {
-    const uint32_t bits = static_cast<uint32_t>(state_) & ((1u << count) - 1);
-    state_ >>= count;
-    Refill();
-    return bits;
-  }
-  void Take(uint32_t begin, uint32_t size, uint32_t at) {
-    state_ = size * (state_ >> kProbabilityBits) + at - begin;
-    Refill();
-  }
-  void Refill() {
-    if (state_ < kRansLow) state_ = state_ << 32 | Word();
-  }
   uint32_t Word() {
-    uint32_t word = 0;
-    if (end_ - next_ >= 4) {
-      std::memcpy(&word, next_, 4);
-      next_ += 4;
-    } else {
-      overrun_ = true;
-    }
+    uint32_t word;
+    std::memcpy(&word, next_, 4);
+    next_ += 4;
     return word;
   }
 
-  uint64_t state_ = kRansLow;
+  std::array<uint64_t, kLanes> state_;
   const std::byte* next_;
   const std::byte* end_;
-  bool overrun_ = false;
 };
-
-// A non-negative number without a model: 6 bits of length, then the bits below the top one.
-template <typename Coder>
-uint64_t CodeRawNumber(Coder& coder, uint64_t value) {
-  const int length = static_cast<int>(coder.Raw(6, static_cast<uint32_t>(std::bit_width(value))));
-  if (length <= 1) return static_cast<uint64_t>(length);
-  const int low = length - 1 < 32 ? length - 1 : 32;
-  uint64_t bits = coder.Raw(low, static_cast<uint32_t>(value & ((uint64_t{1} << low) - 1)));
-  if (length - 1 > 32) {
-    const int high = length - 1 - 32;
-    const auto top = static_cast<uint32_t>((value >> 32) & ((uint64_t{1} << high) - 1));
-    bits |= static_cast<uint64_t>(coder.Raw(high, top)) << 32;
-  }
-  return bits | uint64_t{1} << (length - 1);
-}
 
 }  // namespace mtdb
