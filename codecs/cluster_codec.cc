@@ -26,8 +26,8 @@ int32_t Sum(int32_t expected, int32_t residual) {
 constexpr uint64_t kMaxNodesPerByte = 64;
 
 // Makes `numbers` hold at least kHoleEntries behind the first `used`.
-void MakeRoom(std::vector<uint32_t>& numbers, size_t used) {
-  if (used + kHoleEntries > numbers.size()) {
+inline void MakeRoom(std::vector<uint32_t>& numbers, size_t used) {
+  if (used + kHoleEntries > numbers.size()) [[unlikely]] {
     numbers.resize(numbers.size() + numbers.size() / 2 + kHoleEntries);
   }
 }
@@ -133,13 +133,13 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
   Cluster& c = cluster_;
   uint32_t slot = slot_;
   uint32_t i = nodes_;
+  uint32_t ring_begin = c.ring_begin[i];
+  uint32_t hole_begin = c.hole_begin[i];
   Patch::Hole hole{};
   for (; slot < generation_end && i < node_count_; ++slot) {
     if (coder.overrun()) return Corrupted("topology: cut short");
     if (!models_.topology.CodeAnchor(coder.lane<0>(), patch, slot, false)) continue;
     if (patch.remover(slot) != kNone32) return Corrupted("anchor is not alive");
-    const uint32_t ring_begin = c.ring_begin[i];
-    const uint32_t hole_begin = c.hole_begin[i];
     MakeRoom(c.ring_vertices, ring_begin);
     MakeRoom(c.hole_slots, hole_begin);
     hole.ring = c.ring_vertices.data() + ring_begin;
@@ -163,8 +163,8 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       patch.OpenStar(hole);
     }
     least_codes_[i] = static_cast<uint8_t>(hole.least_code);
-    c.ring_begin[i + 1] = ring_begin + hole.ring_count;
-    c.hole_begin[i + 1] = hole_begin + hole.slot_count;
+    c.ring_begin[i + 1] = ring_begin += hole.ring_count;
+    c.hole_begin[i + 1] = hole_begin += hole.slot_count;
     c.star_begin[i + 1] = patch.slots();
     ++i;
   }
@@ -195,7 +195,7 @@ void ClusterDecoder::ExpectVertices(uint32_t first, uint32_t end) {
     Vertex& v = vertices_[by_size_[at]];
     const std::span<const uint32_t> ring = cluster_.ring(i);
     const bool boundary = cluster_.boundary(i);
-    v.frame = HoleFrame(*patch_, cluster_.hole(i), ring, boundary);
+    v.frame.Set(*patch_, cluster_.hole(i), ring, boundary);
     v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(ring.size(), boundary));
     v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(*patch_, ring);
   }

@@ -27,7 +27,8 @@ int32_t Difference(int32_t value, int32_t expected) {
 }
 
 VertexResidual MeasureVertex(const Patch& patch, const Patch::Hole& hole, bool boundary, Vec3i p) {
-  const HoleFrame frame(patch, hole.slot_span(), hole.ring_span(), boundary);
+  HoleFrame frame;
+  frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
   const int32_t u = p[frame.axis_u()];
   const int32_t v = p[frame.axis_v()];
   const int32_t n = p[frame.axis_n()];

@@ -217,10 +217,17 @@ class ArcModel {
 template <typename Coder, typename Get, typename Put>
 bool ArcModel::Code(Coder&& coder, const Patch& patch, uint32_t first_own, uint32_t children,
                     Get&& get, Put&& put) {
+  // Without a branch, which would be hard to predict.
+  std::vector<uint32_t> alive(patch.slots() + size_t{1});
+  size_t count = 0;
+  for (uint32_t slot = first_own; slot < patch.slots(); ++slot) {
+    alive[count] = slot;
+    count += static_cast<size_t>(patch.remover(slot) == kNone32);
+  }
+  alive.resize(count);
   std::vector<uint32_t> arcs(patch.slots());
   uint32_t last = 0;
-  for (uint32_t slot = first_own; slot < patch.slots(); ++slot) {
-    if (patch.remover(slot) != kNone32) continue;
+  for (const uint32_t slot : alive) {
     uint32_t known = 0;
     uint32_t first = last;
     uint32_t second = kNone32;

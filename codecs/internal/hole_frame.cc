@@ -61,9 +61,9 @@ inline Float4 HoleFrame::Gather(const Patch& patch, std::span<const uint32_t> sl
   return sum;
 }
 
-HoleFrame::HoleFrame(const Patch& patch, std::span<const uint32_t> slots,
-                     std::span<const uint32_t> ring, bool boundary)
-    : base_vertex_(ring[0]) {
+void HoleFrame::Set(const Patch& patch, std::span<const uint32_t> slots,
+                    std::span<const uint32_t> ring, bool boundary) {
+  base_vertex_ = ring[0];
   const Word4* const points = patch.points();
   const Word4 base = points[base_vertex_];
   Float4 sum{}, squares{}, products{}, cross{};  // products: xy yz zx; cross: its z x y

@@ -21,17 +21,16 @@ namespace mtdb {
 
 class HoleFrame {
  public:
-  HoleFrame() = default;
   // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated.
-  HoleFrame(const Patch& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
-            bool boundary);
+  void Set(const Patch& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
+           bool boundary);
 
   int axis_u() const { return u_; }
   int axis_v() const { return v_; }
   int axis_n() const { return n_; }
   int32_t ExpectU() const;
   int32_t ExpectV(int32_t u) const;
-  // `slots`: those of the constructor.
+  // `slots`: those of Set().
   int32_t ExpectN(const Patch& patch, std::span<const uint32_t> slots, int32_t u, int32_t v) const;
   // The squares of the deviations to expect of u and v.
   float variance_u() const { return variance_u_; }

@@ -197,11 +197,16 @@ void Patch::EndGeneration(std::span<const uint8_t> codes) {
   Measure(shaped_, end);
   Triangle* const triangles = triangles_.get();
   const uint8_t* const code_of_apex = codes.data() - first_apex_;
-  // Half-edge 2 of a star's triangle lies opposite half-edge 0 of another one.
   for (uint32_t slot = shaped_; slot < end; ++slot) {
     Triangle& t = triangles[slot];
     t.error_code = code_of_apex[t.corners[0]];
-    ShareSharpness(triangles, t, 0);
+    // Half-edge 2 of a star's triangle lies opposite half-edge 0 of another one. Both had no class.
+    if (const uint32_t o = t.opposite[0]; o != kNone32) {
+      Triangle& before = triangles[o >> 2];
+      const uint8_t sharpness = kSharpnessClass[t.bluntness[0] + before.bluntness[2]];
+      t.shape[0] = static_cast<uint8_t>(t.shape[0] | sharpness);
+      before.shape[2] = static_cast<uint8_t>(before.shape[2] | sharpness);
+    }
     ShareSharpness(triangles, t, 1);
   }
   shaped_ = end;

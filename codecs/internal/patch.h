@@ -89,7 +89,7 @@ class Patch {
   // itself or a vertex occurs twice in the ring.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Hole& hole, Take&& take) {
-    Reserve(slots_ + size_t{kMaxRing});
+    if (slots_ + kMaxRing > removers_.size()) [[unlikely]] Reserve(slots_ + size_t{kMaxRing});
     uint32_t stack[kMaxRing];  // of half-edges; never more than the ring will have
     uint32_t depth = 2;
     uint32_t holes = 1;
