@@ -43,11 +43,12 @@ class ClusterDecoder {
   Result<Cluster> Decode(ByteSpan payload, InPatch in, uint32_t node_limit);
 
  private:
-  // What is known of a vertex before its position.
+  // What is known of a node's vertex before its position.
   struct Vertex {
     HoleFrame frame;
     float deviation;  // along n: slant(), or unevenness()
     uint32_t ring_class;
+    uint32_t hole_size, least_code;
     int32_t residual[3];
   };
 
@@ -56,10 +57,8 @@ class ClusterDecoder {
   ByteSpan Readable(const StreamReader& streams, StreamTag tag);
   Status DecodeGeneration();
   Status DecodeTopology(uint32_t generation_end);
-  void SortBySize(uint32_t first, uint32_t end);
-  void ExpectVertices(uint32_t first, uint32_t end);
-  void DecodeVertices(uint32_t first, uint32_t end);
-  void PlaceVertices(uint32_t first, uint32_t end);
+  void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
+  void PlaceVertices(std::span<const Vertex> vertices, uint32_t first);
   void DecodeRow(uint32_t node);
   Status DecodeArcs(const StreamReader& streams);
 
@@ -82,10 +81,7 @@ class ClusterDecoder {
   std::optional<Patch> patch_;
   uint32_t slot_ = 0;                 // the next one to visit
   uint32_t nodes_ = 0;                // with known holes
-  std::vector<uint8_t> least_codes_;  // per node: Patch::Hole::least_code
-  static constexpr uint32_t kBlock = 64;
-  std::array<Vertex, kBlock> vertices_;  // of a block of nodes
-  std::array<uint8_t, kBlock> by_size_;  // nodes of the block, by the sizes of their rings
+  std::vector<Vertex> vertices_;  // of the generation, and more
 };
 
 // A copy of the stream with as much behind it as a decoder may touch.
@@ -162,7 +158,15 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       hole.Rotate(split);
       patch.OpenStar(hole);
     }
-    least_codes_[i] = static_cast<uint8_t>(hole.least_code);
+    // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
+    if (i - nodes_ == vertices_.size()) [[unlikely]] vertices_.resize(2 * vertices_.size() + 64);
+    Vertex& v = vertices_[i - nodes_];
+    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+    v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
+    v.deviation =
+        scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
+    v.hole_size = hole.slot_count;
+    v.least_code = hole.least_code;
     c.ring_begin[i + 1] = ring_begin += hole.ring_count;
     c.hole_begin[i + 1] = hole_begin += hole.slot_count;
     c.star_begin[i + 1] = patch.slots();
@@ -174,44 +178,16 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
   return Status::Ok();
 }
 
-// Sorts the nodes of the block by the size of their rings: loops over rings and holes of the same
-// size have ends that a processor can guess.
-void ClusterDecoder::SortBySize(uint32_t first, uint32_t end) {
-  std::array<uint8_t, kMaxRing + 2> begin{};
-  for (uint32_t i = first; i < end; ++i) {
-    ++begin[cluster_.ring_begin[i + 1] - cluster_.ring_begin[i] + 1];
-  }
-  for (size_t k = 1; k < begin.size(); ++k)
-    begin[k] = static_cast<uint8_t>(begin[k] + begin[k - 1]);
-  for (uint32_t i = first; i < end; ++i) {
-    by_size_[begin[cluster_.ring_begin[i + 1] - cluster_.ring_begin[i]]++] =
-        static_cast<uint8_t>(i - first);
-  }
-}
-
-void ClusterDecoder::ExpectVertices(uint32_t first, uint32_t end) {
-  for (uint32_t at = 0; at < end - first; ++at) {
-    const uint32_t i = first + by_size_[at];
-    Vertex& v = vertices_[by_size_[at]];
-    const std::span<const uint32_t> ring = cluster_.ring(i);
-    const bool boundary = cluster_.boundary(i);
-    v.frame.Set(*patch_, cluster_.hole(i), ring, boundary);
-    v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(ring.size(), boundary));
-    v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(*patch_, ring);
-  }
-}
-
-void ClusterDecoder::DecodeVertices(uint32_t first, uint32_t end) {
+void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) {
   RansDecoder<4> coder = vertex_stream_;
   BitReader bits = bits_;
   const bool within = scaled_by_error();
   uint8_t code = first == 0 ? 0 : cluster_.error_codes[first - 1];
-  for (uint32_t i = first; i < end; ++i) {
+  uint8_t* codes = cluster_.error_codes.data() + first;
+  for (Vertex& v : vertices) {
     if (coder.overrun() || bits.overrun()) break;
-    const uint32_t hole_size = cluster_.hole_begin[i + 1] - cluster_.hole_begin[i];
-    code = models_.errors.Code(coder.lane<0>(), bits, hole_size, least_codes_[i], code, 0);
-    cluster_.error_codes[i] = code;
-    Vertex& v = vertices_[i - first];
+    code = models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
+    *codes++ = code;
     const uint32_t ring_class = v.ring_class;
     v.residual[0] =
         models_.positions.CodeScaled(coder.lane<1>(), bits, 0, ring_class, v.frame.variance_u(), 0);
@@ -226,20 +202,18 @@ void ClusterDecoder::DecodeVertices(uint32_t first, uint32_t end) {
   bits_ = bits;
 }
 
-void ClusterDecoder::PlaceVertices(uint32_t first, uint32_t end) {
-  const size_t base = cluster_.in.positions.size();
-  cluster_.in.positions.resize(base + (end - first));
-  for (uint32_t at = 0; at < end - first; ++at) {
-    const uint32_t i = by_size_[at];
-    const Vertex& v = vertices_[i];
-    const HoleFrame& f = v.frame;
-    const int32_t u = Sum(f.ExpectU(), v.residual[0]);
-    const int32_t w = Sum(f.ExpectV(u), v.residual[1]);
-    const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(first + i), u, w), v.residual[2]);
-    Vec3i& p = cluster_.in.positions[base + i];
+void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t first) {
+  uint32_t i = first;
+  for (const Vertex& vertex : vertices) {
+    const HoleFrame& f = vertex.frame;
+    const int32_t u = Sum(f.ExpectU(), vertex.residual[0]);
+    const int32_t v = Sum(f.ExpectV(u), vertex.residual[1]);
+    const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
+    Vec3i p;
     p[f.axis_u()] = u;
-    p[f.axis_v()] = w;
+    p[f.axis_v()] = v;
     p[f.axis_n()] = n;
+    cluster_.in.positions.push_back(p);
   }
 }
 
@@ -255,13 +229,14 @@ Status ClusterDecoder::DecodeGeneration() {
   const uint32_t generation_end = patch_->slots();
   if (slot_ == generation_end) return Corrupted("fewer anchors than nodes");
   MTDB_RETURN_IF_ERROR(DecodeTopology(generation_end));
+  // In blocks that stay in the processor's nearest cache.
+  constexpr uint32_t kBlock = 64;
   for (uint32_t begin = first; begin < nodes_; begin += kBlock) {
     const uint32_t end = std::min(begin + kBlock, nodes_);
-    SortBySize(begin, end);
-    ExpectVertices(begin, end);
-    DecodeVertices(begin, end);
-    PlaceVertices(begin, end);
+    DecodeVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
+    PlaceVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
   }
+  // Only now, since holes are older than the generation.
   const uint32_t external = cluster_.external_vertices();
   for (uint32_t i = first; i < nodes_; ++i) patch_->AddPoint(cluster_.position(external + i));
   if (attribute_coder_.row_bytes() != 0) {
@@ -320,7 +295,6 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.in.positions.reserve(c.external_vertices() + n);
   c.in.rows.reserve((c.external_vertices() + n) * row);
   c.error_codes.resize(n);
-  least_codes_.resize(n);
   c.ring_begin.resize(n + 1);
   c.star_begin.resize(n + 1);
   c.hole_begin.resize(n + 1);
