@@ -1,6 +1,9 @@
 #include "codecs/cluster.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <cstddef>
 #include <utility>
 
 namespace mtdb {
@@ -26,11 +29,23 @@ bool RotateCanonically(InTriangle& t) {
   return true;
 }
 
-// Ascending with positions, but for z.
-uint64_t SortKey(Vec3i p) {
-  constexpr uint32_t kSign = 0x80000000u;
-  return static_cast<uint64_t>(static_cast<uint32_t>(p.x) ^ kSign) << 32 |
-         (static_cast<uint32_t>(p.y) ^ kSign);
+struct SortEntry {
+  uint64_t key;
+  uint32_t triangle;
+};
+
+// Sorts by keys below 2^bits; equal ones keep their order.
+void RadixSort(std::vector<SortEntry>& entries, int bits) {
+  constexpr int kDigit = 11;
+  std::vector<SortEntry> other(entries.size());
+  for (int shift = 0; shift < bits; shift += kDigit) {
+    std::array<uint32_t, (1 << kDigit) + 1> begin{};
+    const auto digit = [&](const SortEntry& e) { return e.key >> shift & ((1 << kDigit) - 1); };
+    for (const SortEntry& e : entries) ++begin[digit(e) + 1];
+    for (size_t d = 1; d < begin.size(); ++d) begin[d] += begin[d - 1];
+    for (const SortEntry& e : entries) other[begin[digit(e)]++] = e;
+    entries.swap(other);
+  }
 }
 
 template <typename T>
@@ -42,25 +57,43 @@ size_t VectorBytes(const std::vector<T>& v) {
 
 bool SortCanonically(std::vector<InTriangle>& triangles) {
   bool unique = true;
-  for (InTriangle& t : triangles) unique &= RotateCanonically(t);
-  struct Entry {
-    uint64_t key;
-    uint32_t triangle;
+  Box3i box;
+  for (InTriangle& t : triangles) {
+    unique &= RotateCanonically(t);
+    box.Add(t.positions[0]);
+  }
+  // By x and y of the first corner, then by all where these are equal.
+  const auto offset = [](int32_t to, int32_t from) {
+    return static_cast<uint32_t>(to) - static_cast<uint32_t>(from);
   };
-  std::vector<Entry> order(triangles.size());
-  for (uint32_t i = 0; i < order.size(); ++i) order[i] = {SortKey(triangles[i].positions[0]), i};
-  std::sort(order.begin(), order.end(), [&](const Entry& a, const Entry& b) {
-    if (a.key != b.key) return a.key < b.key;
-    const auto c = triangles[a.triangle].positions <=> triangles[b.triangle].positions;
-    return c == 0 ? a.triangle < b.triangle : c < 0;
-  });
+  const int y_bits = triangles.empty() ? 0 : std::bit_width(offset(box.max.y, box.min.y));
+  const int x_bits = triangles.empty() ? 0 : std::bit_width(offset(box.max.x, box.min.x));
+  std::vector<SortEntry> order(triangles.size());
+  for (uint32_t i = 0; i < order.size(); ++i) {
+    const Vec3i p = triangles[i].positions[0];
+    order[i] = {uint64_t{offset(p.x, box.min.x)} << y_bits | offset(p.y, box.min.y), i};
+  }
+  RadixSort(order, x_bits + y_bits);
+  for (size_t begin = 0; begin < order.size();) {
+    size_t end = begin + 1;
+    while (end < order.size() && order[end].key == order[begin].key) ++end;
+    if (end - begin > 1) {
+      std::stable_sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
+                       order.begin() + static_cast<std::ptrdiff_t>(end),
+                       [&](const SortEntry& a, const SortEntry& b) {
+                         return triangles[a.triangle].positions < triangles[b.triangle].positions;
+                       });
+    }
+    begin = end;
+  }
   std::vector<InTriangle> sorted;
   sorted.reserve(triangles.size());
-  for (const Entry& e : order) sorted.push_back(triangles[e.triangle]);
-  triangles = std::move(sorted);
-  for (size_t i = 1; i < triangles.size(); ++i) {
-    unique &= triangles[i - 1].positions != triangles[i].positions;
+  for (const SortEntry& e : order) {
+    const InTriangle& t = triangles[e.triangle];
+    unique &= sorted.empty() || sorted.back().positions != t.positions;
+    sorted.push_back(t);
   }
+  triangles = std::move(sorted);
   return unique;
 }
 

@@ -79,8 +79,8 @@ class ClusterDecoder {
   ClusterModels models_;
 
   std::optional<Patch> patch_;
-  uint32_t slot_ = 0;                 // the next one to visit
-  uint32_t nodes_ = 0;                // with known holes
+  uint32_t slot_ = 0;             // the next one to visit
+  uint32_t nodes_ = 0;            // with known holes
   std::vector<Vertex> vertices_;  // of the generation, and more
 };
 
@@ -159,12 +159,12 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       patch.OpenStar(hole);
     }
     // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
-    if (i - nodes_ == vertices_.size()) [[unlikely]] vertices_.resize(2 * vertices_.size() + 64);
+    if (i - nodes_ == vertices_.size()) [[unlikely]]
+      vertices_.resize(2 * vertices_.size() + 64);
     Vertex& v = vertices_[i - nodes_];
     v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
     v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
-    v.deviation =
-        scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
+    v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
     v.hole_size = hole.slot_count;
     v.least_code = hole.least_code;
     c.ring_begin[i + 1] = ring_begin += hole.ring_count;

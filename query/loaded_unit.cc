@@ -35,13 +35,21 @@ class Gatherer {
     const size_t before = triangles_.size();
 
     NodeIndex node = 0;
-    for (uint32_t slot = parent.first_own_slot(); slot < removers.size(); ++slot) {
-      if (removers[slot] != wanted) continue;
-      if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
-      if (!parent.is_root) {
-        while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+    const auto end = static_cast<uint32_t>(removers.size());
+    constexpr uint32_t kStride = 16;  // most strides have none
+    for (uint32_t begin = parent.first_own_slot(); begin < end; begin += kStride) {
+      const uint32_t last = std::min(begin + kStride, end);
+      uint32_t found = 0;
+      for (uint32_t slot = begin; slot < last; ++slot) found |= removers[slot] == wanted ? 1 : 0;
+      if (found == 0) continue;
+      for (uint32_t slot = begin; slot < last; ++slot) {
+        if (removers[slot] != wanted) continue;
+        if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
+        if (!parent.is_root) {
+          while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+        }
+        AddTriangle(ordinal, parent, slot, node);
       }
-      AddTriangle(ordinal, parent, slot, node);
     }
     if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
     return Status::Ok();
@@ -171,18 +179,26 @@ Status CheckChildren(const std::string& name, std::span<const ClusterId> indexed
 Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t expected_out) {
   const std::vector<uint32_t>& removers = unit.removers();
   const uint32_t first_own = unit.first_own_slot();
+  const uint32_t nodes = unit.nodes();
+  const auto children = static_cast<uint32_t>(unit.children().size());
+  const auto by_child = [&](uint32_t r) { return r - kChildFlag < children; };
+  const auto legal = [&](uint32_t slot, uint32_t r) {
+    return r < nodes || (slot >= first_own && (r == kDrain || by_child(r)));
+  };
+  // Without branches, which would be hard to predict.
+  uint32_t illegal = 0;
   uint32_t out = 0;
-  for (uint32_t slot = 0; slot < removers.size(); ++slot) {
+  for (uint32_t slot = 0; slot < first_own; ++slot) illegal += removers[slot] >= nodes ? 1 : 0;
+  for (uint32_t slot = first_own; slot < removers.size(); ++slot) {
     const uint32_t r = removers[slot];
-    const bool legal = RemovedByNode(r)    ? r < unit.nodes()
-                       : slot < first_own  ? false
-                       : RemovedByChild(r) ? ChildOrdinal(r) < unit.children().size()
-                                           : true;
-    if (!legal) {
-      return Corrupt(name + ": triangle " + std::to_string(slot) + " is removed by " +
-                     std::to_string(r) + ", which does not exist");
-    }
-    if (!RemovedByNode(r)) ++out;
+    const uint32_t leaves = static_cast<uint32_t>(r == kDrain) | static_cast<uint32_t>(by_child(r));
+    illegal += 1 - (leaves | static_cast<uint32_t>(r < nodes));
+    out += leaves;
+  }
+  for (uint32_t slot = 0; illegal > 0; ++slot) {
+    if (legal(slot, removers[slot])) continue;
+    return Corrupt(name + ": triangle " + std::to_string(slot) + " is removed by " +
+                   std::to_string(removers[slot]) + ", which does not exist");
   }
   if (out != expected_out) return Mismatch(name, "out-triangles", expected_out, out);
   return Status::Ok();
