@@ -101,7 +101,10 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
   const uint64_t child_count = head.GetVarint();
   if (head.failed() || child_count > head.remaining()) return Corrupted("head: cut short");
   if (flags_ & ~kKnownFlags) return Corrupted("head: unknown flags " + std::to_string(flags_));
-  if (reference_length_ > kMaxExponent) return Corrupted("head: edges longer than any");
+  if (reference_length_ > kMaxExponent) {
+    return Corrupted("head: reference length " + std::to_string(reference_length_) +
+                     ", but the greatest is " + std::to_string(kMaxExponent));
+  }
   if (node_count == 0 || node_count > node_limit) {
     return Corrupted("head: " + std::to_string(node_count) + " nodes, but the index says " +
                      std::to_string(node_limit));
@@ -159,8 +162,9 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       patch.OpenStar(hole);
     }
     // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
-    if (i - nodes_ == vertices_.size()) [[unlikely]]
+    if (i - nodes_ == vertices_.size()) [[unlikely]] {
       vertices_.resize(2 * vertices_.size() + 64);
+    }
     Vertex& v = vertices_[i - nodes_];
     v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
     v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));

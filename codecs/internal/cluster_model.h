@@ -97,8 +97,9 @@ class ErrorModel {
     const uint32_t difference = prediction + kUp - value;
     const size_t context = std::min<size_t>(hole - 1, kHoleClasses - 1) * 2 + (fallback ? 1 : 0);
     const uint32_t high = coder.Symbol(high_[context], std::min(difference >> 2, kEscape));
-    if (high == kEscape) [[unlikely]]
+    if (high == kEscape) [[unlikely]] {
       return static_cast<uint8_t>(bits.Raw(8, value));
+    }
     return static_cast<uint8_t>(prediction + kUp - (high << 2 | bits.Raw(2, difference & 3)));
   }
 
