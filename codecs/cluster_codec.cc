@@ -54,7 +54,6 @@ class ClusterDecoder {
 
   Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
   Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
-  ByteSpan Readable(const StreamReader& streams, StreamTag tag);
   Status DecodeGeneration();
   Status DecodeTopology(uint32_t generation_end);
   void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
@@ -71,7 +70,7 @@ class ClusterDecoder {
   uint8_t reference_length_ = 0;
   uint32_t node_count_ = 0;
 
-  std::vector<Bytes> readable_;
+  Bytes readable_bits_;  // with as many bytes behind them as a reader may touch
   RansDecoder<2> topology_{{}};
   RansDecoder<4> vertex_stream_{{}};
   BitReader bits_{{}};
@@ -83,16 +82,6 @@ class ClusterDecoder {
   uint32_t nodes_ = 0;            // with known holes
   std::vector<Vertex> vertices_;  // of the generation, and more
 };
-
-// A copy of the stream with as much behind it as a decoder may touch.
-ByteSpan ClusterDecoder::Readable(const StreamReader& streams, StreamTag tag) {
-  constexpr size_t kReadableBytes =
-      std::max(RansDecoder<>::kReadableBytes, BitReader::kReadableBytes);
-  const ByteSpan bytes = streams.bytes(tag);
-  Bytes& copy = readable_.emplace_back(bytes.size() + kReadableBytes);
-  std::copy(bytes.begin(), bytes.end(), copy.begin());
-  return ByteSpan(copy).first(bytes.size());
-}
 
 Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes) {
   flags_ = head.Get<uint8_t>();
@@ -136,8 +125,8 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
   uint32_t hole_begin = c.hole_begin[i];
   Patch::Hole hole{};
   for (; slot < generation_end && i < node_count_; ++slot) {
-    if (coder.overrun()) return Corrupted("topology: cut short");
     if (!models_.topology.CodeAnchor(coder.lane<0>(), patch, slot, false)) continue;
+    if (coder.overrun()) return Corrupted("topology: cut short");
     if (patch.remover(slot) != kNone32) return Corrupted("anchor is not alive");
     MakeRoom(c.ring_vertices, ring_begin);
     MakeRoom(c.hole_slots, hole_begin);
@@ -256,7 +245,7 @@ Status ClusterDecoder::DecodeGeneration() {
 Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
   const auto children = static_cast<uint32_t>(cluster_.children.size());
   static_assert(kDrain == kNone32);
-  RansDecoder<> arcs(Readable(streams, StreamTag::kArcs));
+  RansDecoder<> arcs(streams.bytes(StreamTag::kArcs));
   if (children > 0) {
     const bool listed = models_.arcs.Code(
         arcs.lane(), *patch_, cluster_.in_triangles(), children, [](uint32_t) { return 0u; },
@@ -288,10 +277,13 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
   const size_t row = attribute_coder_.row_bytes();
   if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
-  topology_ = RansDecoder<2>(Readable(streams, StreamTag::kTopology));
-  vertex_stream_ = RansDecoder<4>(Readable(streams, StreamTag::kVertices));
-  bits_ = BitReader(Readable(streams, StreamTag::kBits));
-  attribute_stream_ = RansDecoder<>(Readable(streams, StreamTag::kAttributes));
+  topology_ = RansDecoder<2>(streams.bytes(StreamTag::kTopology));
+  vertex_stream_ = RansDecoder<4>(streams.bytes(StreamTag::kVertices));
+  const ByteSpan bits = streams.bytes(StreamTag::kBits);
+  readable_bits_.assign(bits.begin(), bits.end());
+  readable_bits_.resize(bits.size() + BitReader::kReadableBytes);
+  bits_ = BitReader(ByteSpan(readable_bits_).first(bits.size()));
+  attribute_stream_ = RansDecoder<>(streams.bytes(StreamTag::kAttributes));
 
   Cluster& c = cluster_;
   const size_t n = node_count_;

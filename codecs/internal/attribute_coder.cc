@@ -138,7 +138,6 @@ void AttributeCoder::Decode(RansDecoder<>& decoder, std::span<const uint32_t> ri
   size_t previous = kPreviousClasses - 1;
   auto coder = decoder.lane();
   ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
-    if (decoder.overrun()) return;
     using Word = decltype(ToWord(T{}));
     const auto zigzag = static_cast<Word>(CodeWord(coder, f, previous, 0));
     const auto d = static_cast<Word>(static_cast<Word>(zigzag >> 1) ^

@@ -188,22 +188,17 @@ class RansEncoder {
   uint16_t lane_ = 0;
 };
 
-// Decodes untrusted bytes. It does not look where they end: kReadableBytes must be readable behind
-// them, and who decodes asks overrun() at least once in kMaxDecisions.
+// Decodes untrusted bytes: behind their end come zeros, and Done() tells.
 template <size_t kLanes = 1>
 class RansDecoder {
  public:
-  static constexpr size_t kMaxDecisions = 256;
-  static constexpr size_t kReadableBytes = 4 * kMaxDecisions;
-
   explicit RansDecoder(ByteSpan bytes) : next_(bytes.data()), end_(bytes.data() + bytes.size()) {
+    state_.fill(kRansLow);
+    if (bytes.empty()) return;
     for (uint64_t& state : state_) {
-      state = kRansLow;
-      if (bytes.size() < 8 * kLanes) continue;  // none, or an overrun
       state = static_cast<uint64_t>(Word()) << 32;
       state |= Word();
     }
-    if (!bytes.empty() && bytes.size() < 8 * kLanes) next_ = end_ + 1;
   }
 
   // One of the states as a coder.
@@ -270,23 +265,29 @@ class RansDecoder {
 
   // True when everything was read and the decoder is back where the encoder began.
   bool Done() const {
-    return next_ == end_ && std::all_of(state_.begin(), state_.end(),
-                                        [](uint64_t state) { return state == kRansLow; });
+    return !overrun_ && next_ == end_ &&
+           std::all_of(state_.begin(), state_.end(),
+                       [](uint64_t state) { return state == kRansLow; });
   }
   // It has read beyond the end: no use to go on.
-  bool overrun() const { return next_ > end_; }
+  bool overrun() const { return overrun_; }
 
  private:
   uint32_t Word() {
-    uint32_t word;
-    std::memcpy(&word, next_, 4);
-    next_ += 4;
+    uint32_t word = 0;
+    if (end_ - next_ >= 4) [[likely]] {
+      std::memcpy(&word, next_, 4);
+      next_ += 4;
+    } else {
+      overrun_ = true;
+    }
     return word;
   }
 
   std::array<uint64_t, kLanes> state_;
   const std::byte* next_;
   const std::byte* end_;
+  bool overrun_ = false;
 };
 
 }  // namespace mtdb

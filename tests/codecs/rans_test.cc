@@ -15,13 +15,6 @@ struct Decision {
   size_t lane = 0;
 };
 
-// The bytes with as many behind them as a decoder may touch.
-Bytes Readable(ByteSpan bytes) {
-  Bytes readable(bytes.begin(), bytes.end());
-  readable.resize(bytes.size() + RansDecoder<>::kReadableBytes);
-  return readable;
-}
-
 std::vector<Decision> RandomDecisions(uint32_t seed, size_t count, size_t lanes) {
   std::mt19937 random(seed);
   std::vector<Decision> decisions;
@@ -67,8 +60,7 @@ TEST_CASE("what the coder writes on three lanes, it reads, and it ends where it 
     Models writing;
     for (const Decision& d : decisions) Code(encoder.lane(d.lane), writing, d, d.value);
     const Bytes bytes = encoder.Finish(3);
-    const Bytes readable = Readable(bytes);
-    RansDecoder<3> decoder(ByteSpan(readable).first(bytes.size()));
+    RansDecoder<3> decoder(bytes);
     Models reading;
     for (const Decision& d : decisions) {
       const uint32_t value = d.lane == 0   ? Code(decoder.lane<0>(), reading, d, 0)
@@ -89,12 +81,12 @@ TEST_CASE("nothing coded is no bytes, and no bytes decode to nothing") {
   REQUIRE(BitReader({}).Done());
 }
 
-TEST_CASE("a decoder that is out of bytes gives numbers and says so in time") {
+TEST_CASE("a decoder that is out of bytes gives numbers and says so") {
   for (const size_t size : {size_t{4}, size_t{8}, size_t{16}}) {
-    const Bytes readable = Readable(Bytes(size));
+    const Bytes bytes(size);
     Models models;
-    RansDecoder<2> decoder(ByteSpan(readable).first(size));
-    for (size_t i = 0; i < RansDecoder<2>::kMaxDecisions / 3 && !decoder.overrun(); ++i) {
+    RansDecoder<2> decoder(bytes);
+    for (int i = 0; i < 1000; ++i) {
       REQUIRE(decoder.lane<1>().Symbol(models.symbol) < 16);
       decoder.lane<0>().Raw(32);
     }
