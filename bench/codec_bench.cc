@@ -64,10 +64,11 @@ class ModelCounts final : public ModelObserver {
         });
   }
   void Saw(const AdaptiveBit& model, bool bit) override {
-    Count(&model, bit ? 1 : 0, bit ? model.one() : kProbabilityOne - model.one());
+    const double one = double{1} / AdaptiveBit::kOne * model.probability;
+    Count(&model, bit ? 1 : 0, bit ? one : 1 - one);
   }
   void Saw(const AdaptiveSymbol& model, uint32_t symbol) override {
-    Count(&model, symbol, model.end(symbol) - model.begin(symbol));
+    Count(&model, symbol, double{1} / kProbabilityOne * (model.end(symbol) - model.begin(symbol)));
   }
   // Adds the counts of another mesh, times `weight`.
   void Add(const ModelCounts& other, double weight) {
@@ -103,12 +104,12 @@ class ModelCounts final : public ModelObserver {
     size_t model_bytes;
     size_t table;
   };
-  void Count(const void* model, size_t value, uint32_t size) {
+  void Count(const void* model, size_t value, double probability) {
     const auto at = reinterpret_cast<uintptr_t>(model);
     for (const Range& r : ranges_) {
       if (at < r.begin || at >= r.end) continue;
       tables_[r.table].contexts[(at - r.begin) / r.model_bytes][value] += 1;
-      tables_[r.table].spent_bits += std::log2(double{kProbabilityOne} / size);
+      tables_[r.table].spent_bits -= std::log2(probability);
     }
   }
   std::vector<Table> tables_;

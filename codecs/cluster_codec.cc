@@ -247,15 +247,17 @@ Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
   static_assert(kDrain == kNone32);
   RansDecoder<> arcs(streams.bytes(StreamTag::kArcs));
   if (children > 0) {
+    const std::span<uint32_t> removers = patch_->removers();
     const bool listed = models_.arcs.Code(
         arcs.lane(), *patch_, cluster_.in_triangles(), children, [](uint32_t) { return 0u; },
         [&](uint32_t s, uint32_t arc) {
-          if (arc != children) cluster_.removers[s] = kChildFlag | arc;
+          if (arc != children) removers[s] = kChildFlag | arc;
           return !arcs.overrun();
         });
     if (!listed) return Corrupted("arcs: cut short, or to a child that is not listed");
   }
   if (!arcs.Done()) return Corrupted("arcs: do not end where they should");
+  cluster_.removers = patch_->TakeRemovers();
   ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
   uint64_t slot = 0;
   while (explicit_arcs.remaining() != 0) {
@@ -309,7 +311,6 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   for (uint32_t s = 0; s < c.in_triangles(); ++s) {
     if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
   }
-  c.removers.assign(patch_->removers().begin(), patch_->removers().end());
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   return std::move(cluster_);
 }

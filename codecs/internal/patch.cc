@@ -59,7 +59,7 @@ void Patch::Hole::Rotate(size_t split) {
 Patch::Patch(const InPatch& in, int reference_length, size_t expected_nodes)
     : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
       first_apex_(static_cast<uint32_t>(in.positions.size())) {
-  Reserve(in.triangles.size() + 6 * expected_nodes);
+  Grow(in.triangles.size() + 6 * expected_nodes + kMaxRing);
   slots_ = static_cast<uint32_t>(in.triangles.size());
   for (size_t slot = 0; slot < in.triangles.size(); ++slot) {
     triangles_[slot].corners = in.triangles[slot];
@@ -128,12 +128,11 @@ void Patch::PairEdges() {
   }
 }
 
-void Patch::Reserve(size_t slots) {
-  if (slots <= removers_.size()) return;
-  auto larger = std::make_unique_for_overwrite<Triangle[]>(slots + slots / 2);
+void Patch::Grow(size_t slots) {
+  auto larger = std::make_unique_for_overwrite<Triangle[]>(slots);
   std::copy_n(triangles_.get(), slots_, larger.get());
   triangles_ = std::move(larger);
-  removers_.resize(slots + slots / 2, kNone32);
+  removers_.resize(slots, kNone32);
 }
 
 void Patch::OpenStar(const Hole& hole) {

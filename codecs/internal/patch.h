@@ -72,7 +72,12 @@ class Patch {
   uint32_t slots() const { return slots_; }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
   // Per slot: the node that removed it, or kNone32 while alive.
-  std::span<const uint32_t> removers() const { return {removers_.data(), slots_}; }
+  std::span<uint32_t> removers() { return {removers_.data(), slots_}; }
+  // Leaves none.
+  std::vector<uint32_t> TakeRemovers() {
+    removers_.resize(slots_);
+    return std::move(removers_);
+  }
   uint32_t remover(uint32_t slot) const { return removers_[slot]; }
   // Of local vertices: x, y, z, 0.
   const Word4* points() const { return points_.data(); }
@@ -89,7 +94,9 @@ class Patch {
   // itself or a vertex occurs twice in the ring.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Hole& hole, Take&& take) {
-    if (slots_ + kMaxRing > removers_.size()) [[unlikely]] Reserve(slots_ + size_t{kMaxRing});
+    if (slots_ + kMaxRing > removers_.size()) [[unlikely]] {
+      Grow(removers_.size() + removers_.size() / 2 + kMaxRing);
+    }
     uint32_t stack[kMaxRing];  // of half-edges; never more than the ring will have
     uint32_t depth = 2;
     uint32_t holes = 1;
@@ -166,7 +173,7 @@ class Patch {
     if (outer != kNone32) triangles[outer >> 2].opposite[outer & 3] = h + 1;
   }
   void PairEdges();
-  void Reserve(size_t slots);
+  void Grow(size_t slots);
   void Measure(uint32_t begin, uint32_t end);
 
   uint32_t slots_ = 0;

