@@ -13,7 +13,6 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
-#include <utility>
 #include <vector>
 
 #ifdef __SSE2__
@@ -264,8 +263,6 @@ class RansDecoder {
     static_assert(kLane < kLanes);
     return Lane<kLane>(*this);
   }
-  // Lanes 0 and 1 change names.
-  void SwapLanes() { std::swap(state_[0], state_[kLanes > 1 ? 1 : 0]); }
 
   // True when everything was read and the decoder is back where the encoder began.
   bool Done() const {
