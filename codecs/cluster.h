@@ -39,8 +39,7 @@ struct InTriangle {
   std::array<VertexIndex, 3> vertices;
   std::array<Vec3i, 3> positions;
   std::array<uint32_t, 3> parent_vertices;  // local vertices of the parent, to fetch attributes
-  uint32_t parent = 0;                      // ordinal, the caller's
-  uint32_t parent_slot = 0;
+  uint32_t origin = 0;                      // the caller's number for it
 };
 
 // Rotates each triangle so that its corners' positions read smallest, and sorts by them: the order

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <optional>
 
 #include "codecs/internal/attribute_coder.h"
+#include "codecs/internal/bit_stream.h"
 #include "codecs/internal/cluster_model.h"
 #include "codecs/internal/cluster_payload.h"
 #include "codecs/internal/hole_frame.h"
@@ -23,43 +25,295 @@ int32_t Sum(int32_t expected, int32_t residual) {
 // No node takes less than an eighth of a bit; a bound on the memory that hostile bytes can ask for.
 constexpr uint64_t kMaxNodesPerByte = 64;
 
-[[gnu::always_inline]] inline Vec3i DecodeVertex(RansDecoder& coder, PositionModel& model,
-                                                 const HoleFrame& frame, size_t ring_class,
-                                                 bool scaled_by_error, uint8_t code) {
-  Vec3i p;
-  const Expectation u = frame.ExpectU();
-  p[frame.axis_u()] = Sum(u.value, model.CodeScaled(coder, 0, ring_class, u.variance, 0));
-  const Expectation v = frame.ExpectV(p[frame.axis_u()]);
-  p[frame.axis_v()] = Sum(v.value, model.CodeScaled(coder, 1, ring_class, v.variance, 0));
-  const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
-  const int32_t residual =
-      scaled_by_error ? model.CodeWithin(coder, ring_class, kErrorInCells[code] * frame.slant(), 0)
-                      : model.CodeScaled(coder, 2, ring_class, frame.unevenness(), 0);
-  p[frame.axis_n()] = Sum(n, residual);
-  return p;
+// Makes `numbers` hold at least kHoleEntries behind the first `used`.
+inline void MakeRoom(std::vector<uint32_t>& numbers, size_t used) {
+  if (used + kHoleEntries > numbers.size()) [[unlikely]] {
+    numbers.resize(numbers.size() + numbers.size() / 2 + kHoleEntries);
+  }
 }
 
-// Appends ranges of at most kMaxRing numbers, by copying whole blocks.
-class RangeAppender {
+// Decodes generation by generation (see Patch). The nodes of a generation are known first, then
+// their errors, then their vertices, each in a loop of its own: what does not depend on each other
+// is done side by side.
+class ClusterDecoder {
  public:
-  RangeAppender(std::vector<uint32_t>& out, size_t expected) : out_(out) {
-    out_.resize(expected + kMaxRing);
-  }
-  // `from` has kMaxRing readable entries. Returns how many were appended in all.
-  uint32_t Append(const uint32_t* from, size_t count) {
-    if (size_ + kMaxRing > out_.size()) out_.resize(out_.size() + out_.size() / 2 + kMaxRing);
-    constexpr size_t kBlock = 12;
-    std::memcpy(out_.data() + size_, from, kBlock * sizeof(uint32_t));
-    if (count > kBlock) std::memcpy(out_.data() + size_, from, kMaxRing * sizeof(uint32_t));
-    size_ += count;
-    return static_cast<uint32_t>(size_);
-  }
-  void Finish() { out_.resize(size_); }
+  ClusterDecoder(const AttributeLayout& attributes, const std::string& where)
+      : attribute_coder_(attributes), where_(where) {}
+
+  Result<Cluster> Decode(ByteSpan payload, InPatch in, uint32_t node_limit);
 
  private:
-  std::vector<uint32_t>& out_;
-  size_t size_ = 0;
+  // What is known of a node's vertex before its position.
+  struct Vertex {
+    HoleFrame frame;
+    float deviation;  // along n: slant(), or unevenness()
+    uint32_t ring_class;
+    uint32_t hole_size, least_code;
+    int32_t residual[3];
+  };
+
+  Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
+  Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
+  Status DecodeGeneration();
+  Status DecodeTopology(uint32_t generation_end);
+  void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
+  void PlaceVertices(std::span<const Vertex> vertices, uint32_t first);
+  void DecodeRow(uint32_t node);
+  Status DecodeArcs(const StreamReader& streams);
+
+  bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
+
+  AttributeCoder attribute_coder_;
+  const std::string& where_;
+  Cluster cluster_;
+  uint8_t flags_ = 0;
+  uint8_t reference_length_ = 0;
+  uint32_t node_count_ = 0;
+
+  Bytes readable_bits_;  // with as many bytes behind them as a reader may touch
+  RansDecoder<2> topology_{{}};
+  RansDecoder<4> vertex_stream_{{}};
+  BitReader bits_{{}};
+  RansDecoder<> attribute_stream_{{}};
+  ClusterModels models_;
+
+  std::optional<Patch> patch_;
+  uint32_t slot_ = 0;             // the next one to visit
+  uint32_t nodes_ = 0;            // with known holes
+  std::vector<Vertex> vertices_;  // of the generation, and more
 };
+
+Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes) {
+  flags_ = head.Get<uint8_t>();
+  reference_length_ = head.Get<uint8_t>();
+  const uint64_t node_count = head.GetVarint();
+  const uint64_t child_count = head.GetVarint();
+  if (head.failed() || child_count > head.remaining()) return Corrupted("head: cut short");
+  if (flags_ & ~kKnownFlags) return Corrupted("head: unknown flags " + std::to_string(flags_));
+  if (reference_length_ > kMaxExponent) {
+    return Corrupted("head: reference length " + std::to_string(reference_length_) +
+                     ", but the greatest is " + std::to_string(kMaxExponent));
+  }
+  if (node_count == 0 || node_count > node_limit) {
+    return Corrupted("head: " + std::to_string(node_count) + " nodes, but the index says " +
+                     std::to_string(node_limit));
+  }
+  if (node_count / kMaxNodesPerByte > payload_bytes) {
+    return Corrupted("head: nodes beyond the bytes");
+  }
+  node_count_ = static_cast<uint32_t>(node_count);
+  uint64_t child = 0;
+  for (uint64_t i = 0; i < child_count; ++i) {
+    const uint64_t delta = head.GetVarint();
+    if (i > 0 && delta == 0) return Corrupted("head: children not ascending");
+    child += delta;
+    if (child >= kChildFlag) return Corrupted("head: child beyond any cluster");
+    cluster_.children.push_back(ClusterId(static_cast<uint32_t>(child)));
+  }
+  if (head.failed() || head.remaining() != 0) return Corrupted("head: wrong length");
+  return Status::Ok();
+}
+
+// Finds the nodes that are anchored below `generation_end`.
+Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
+  RansDecoder<2> coder = topology_;
+  Patch& patch = *patch_;
+  Cluster& c = cluster_;
+  uint32_t slot = slot_;
+  uint32_t i = nodes_;
+  uint32_t ring_begin = c.ring_begin[i];
+  uint32_t hole_begin = c.hole_begin[i];
+  Patch::Hole hole{};
+  for (; slot < generation_end && i < node_count_; ++slot) {
+    if (!models_.topology.CodeAnchor(coder.lane<0>(), patch, slot, false)) continue;
+    if (coder.overrun()) return Corrupted("topology: cut short");
+    if (patch.remover(slot) != kNone32) return Corrupted("anchor is not alive");
+    MakeRoom(c.ring_vertices, ring_begin);
+    MakeRoom(c.hole_slots, hole_begin);
+    hole.ring = c.ring_vertices.data() + ring_begin;
+    hole.slots = c.hole_slots.data() + hole_begin;
+    if (!patch.WalkHole(slot, i, hole, [&](uint32_t count, uint32_t, uint32_t shape) {
+          return models_.topology.CodeTake(coder.lane<1>(), count, shape, false);
+        })) {
+      return Corrupted("hole of node " + std::to_string(i) + " is too large, or no disc");
+    }
+    uint32_t split = kNone32;
+    if (flags_ & kFlagBoundary) {
+      // On a copy, so that `coder` itself may stay in registers.
+      RansDecoder<2> copy = coder;
+      split = CodeSplitEdge(copy.lane<1>(), models_.topology, hole, kNone32);
+      coder = copy;
+    }
+    const bool boundary = split != kNone32;
+    if (boundary) {
+      if (split >= hole.ring_count) return Corrupted("split edge beyond the ring");
+      hole.Rotate(split);
+      patch.OpenStar(hole);
+    }
+    // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
+    if (i - nodes_ == vertices_.size()) [[unlikely]] {
+      vertices_.resize(2 * vertices_.size() + 64);
+    }
+    Vertex& v = vertices_[i - nodes_];
+    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+    v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
+    v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
+    v.hole_size = hole.slot_count;
+    v.least_code = hole.least_code;
+    c.ring_begin[i + 1] = ring_begin += hole.ring_count;
+    c.hole_begin[i + 1] = hole_begin += hole.slot_count;
+    c.star_begin[i + 1] = patch.slots();
+    ++i;
+  }
+  slot_ = slot;
+  nodes_ = i;
+  topology_ = coder;
+  return Status::Ok();
+}
+
+void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) {
+  RansDecoder<4> coder = vertex_stream_;
+  BitReader bits = bits_;
+  const bool within = scaled_by_error();
+  uint8_t code = first == 0 ? 0 : cluster_.error_codes[first - 1];
+  uint8_t* codes = cluster_.error_codes.data() + first;
+  for (Vertex& v : vertices) {
+    if (coder.overrun() || bits.overrun()) break;
+    code = models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
+    *codes++ = code;
+    const uint32_t ring_class = v.ring_class;
+    v.residual[0] =
+        models_.positions.CodeScaled(coder.lane<1>(), bits, 0, ring_class, v.frame.variance_u(), 0);
+    v.residual[1] =
+        models_.positions.CodeScaled(coder.lane<2>(), bits, 1, ring_class, v.frame.variance_v(), 0);
+    v.residual[2] =
+        within ? models_.positions.CodeWithin(coder.lane<3>(), bits, ring_class,
+                                              kErrorInCells[code] * v.deviation, 0)
+               : models_.positions.CodeScaled(coder.lane<3>(), bits, 2, ring_class, v.deviation, 0);
+  }
+  vertex_stream_ = coder;
+  bits_ = bits;
+}
+
+void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t first) {
+  uint32_t i = first;
+  for (const Vertex& vertex : vertices) {
+    const HoleFrame& f = vertex.frame;
+    const int32_t u = Sum(f.ExpectU(), vertex.residual[0]);
+    const int32_t v = Sum(f.ExpectV(u), vertex.residual[1]);
+    const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
+    Vec3i p;
+    p[f.axis_u()] = u;
+    p[f.axis_v()] = v;
+    p[f.axis_n()] = n;
+    cluster_.in.positions.push_back(p);
+  }
+}
+
+void ClusterDecoder::DecodeRow(uint32_t node) {
+  Bytes& rows = cluster_.in.rows;
+  const size_t at = rows.size();
+  rows.resize(at + attribute_coder_.row_bytes());
+  attribute_coder_.Decode(attribute_stream_, cluster_.ring(node), rows, rows.data() + at);
+}
+
+Status ClusterDecoder::DecodeGeneration() {
+  const uint32_t first = nodes_;
+  const uint32_t generation_end = patch_->slots();
+  if (slot_ == generation_end) return Corrupted("fewer anchors than nodes");
+  MTDB_RETURN_IF_ERROR(DecodeTopology(generation_end));
+  // In blocks that stay in the processor's nearest cache.
+  constexpr uint32_t kBlock = 64;
+  for (uint32_t begin = first; begin < nodes_; begin += kBlock) {
+    const uint32_t end = std::min(begin + kBlock, nodes_);
+    DecodeVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
+    PlaceVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
+  }
+  // Only now, since holes are older than the generation.
+  const uint32_t external = cluster_.external_vertices();
+  for (uint32_t i = first; i < nodes_; ++i) patch_->AddPoint(cluster_.position(external + i));
+  if (attribute_coder_.row_bytes() != 0) {
+    for (uint32_t i = first; i < nodes_; ++i) DecodeRow(i);
+  }
+  if (vertex_stream_.overrun() || bits_.overrun() || attribute_stream_.overrun()) {
+    return Corrupted("coded streams cut short");
+  }
+  if (nodes_ < node_count_) patch_->EndGeneration(cluster_.error_codes);
+  return Status::Ok();
+}
+
+Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
+  const auto children = static_cast<uint32_t>(cluster_.children.size());
+  static_assert(kDrain == kNone32);
+  RansDecoder<> arcs(streams.bytes(StreamTag::kArcs));
+  if (children > 0) {
+    const std::span<uint32_t> removers = patch_->removers();
+    const bool listed = models_.arcs.Code(
+        arcs.lane(), *patch_, cluster_.in_triangles(), children, [](uint32_t) { return 0u; },
+        [&](uint32_t s, uint32_t arc) {
+          if (arc != children) removers[s] = kChildFlag | arc;
+          return !arcs.overrun();
+        });
+    if (!listed) return Corrupted("arcs: cut short, or to a child that is not listed");
+  }
+  if (!arcs.Done()) return Corrupted("arcs: do not end where they should");
+  cluster_.removers = patch_->TakeRemovers();
+  ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
+  uint64_t slot = 0;
+  while (explicit_arcs.remaining() != 0) {
+    slot += explicit_arcs.GetVarint();
+    const uint64_t child_slot = explicit_arcs.GetVarint();
+    const auto rotation = explicit_arcs.Get<uint8_t>();
+    if (explicit_arcs.failed() || slot >= cluster_.slots() || child_slot >= kNone32 ||
+        rotation > 2 || !RemovedByChild(cluster_.removers[slot])) {
+      return Corrupted("explicit arc out of range");
+    }
+    cluster_.explicit_arcs.push_back(
+        {static_cast<uint32_t>(slot), static_cast<uint32_t>(child_slot), rotation});
+  }
+  return Status::Ok();
+}
+
+Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit) {
+  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
+  MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
+  const size_t row = attribute_coder_.row_bytes();
+  if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
+  topology_ = RansDecoder<2>(streams.bytes(StreamTag::kTopology));
+  vertex_stream_ = RansDecoder<4>(streams.bytes(StreamTag::kVertices));
+  const ByteSpan bits = streams.bytes(StreamTag::kBits);
+  readable_bits_.assign(bits.begin(), bits.end());
+  readable_bits_.resize(bits.size() + BitReader::kReadableBytes);
+  bits_ = BitReader(ByteSpan(readable_bits_).first(bits.size()));
+  attribute_stream_ = RansDecoder<>(streams.bytes(StreamTag::kAttributes));
+
+  Cluster& c = cluster_;
+  const size_t n = node_count_;
+  c.in = std::move(in);
+  c.in.positions.reserve(c.external_vertices() + n);
+  c.in.rows.reserve((c.external_vertices() + n) * row);
+  c.error_codes.resize(n);
+  c.ring_begin.resize(n + 1);
+  c.star_begin.resize(n + 1);
+  c.hole_begin.resize(n + 1);
+  c.star_begin[0] = c.in_triangles();
+  c.ring_vertices.resize(6 * n + kHoleEntries);
+  c.hole_slots.resize(4 * n + kHoleEntries);
+  patch_.emplace(c.in, reference_length_, n);
+
+  while (nodes_ < node_count_) MTDB_RETURN_IF_ERROR(DecodeGeneration());
+  c.ring_vertices.resize(c.ring_begin[n]);
+  c.hole_slots.resize(c.hole_begin[n]);
+  if (!topology_.Done()) return Corrupted("topology: does not end where it should");
+  if (!vertex_stream_.Done()) return Corrupted("vertices: do not end where they should");
+  if (!bits_.Done()) return Corrupted("bits: do not end where they should");
+  if (!attribute_stream_.Done()) return Corrupted("attributes: do not end where they should");
+  for (uint32_t s = 0; s < c.in_triangles(); ++s) {
+    if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
+  }
+  MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
+  return std::move(cluster_);
+}
 
 }  // namespace
 
@@ -89,137 +343,7 @@ InPatch MakeInPatch(std::span<const InTriangle> triangles) {
 
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
                               uint32_t node_limit, const std::string& where) {
-  const auto corrupt = [&](const std::string& what) { return Corrupt(where + ": " + what); };
-  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where));
-
-  ByteReader head = streams.stream(StreamTag::kHead);
-  const auto flags = head.Get<uint8_t>();
-  const auto reference_length = head.Get<uint8_t>();
-  const uint64_t node_count = head.GetVarint();
-  const uint64_t child_count = head.GetVarint();
-  if (head.failed() || child_count > head.remaining()) return corrupt("head: cut short");
-  if (flags & ~kKnownFlags) return corrupt("head: unknown flags " + std::to_string(flags));
-  if (node_count == 0 || node_count > node_limit) {
-    return corrupt("head: " + std::to_string(node_count) + " nodes, but the index says " +
-                   std::to_string(node_limit));
-  }
-  if (node_count / kMaxNodesPerByte > payload.size())
-    return corrupt("head: nodes beyond the bytes");
-  Cluster cluster;
-  uint64_t child = 0;
-  for (uint64_t i = 0; i < child_count; ++i) {
-    const uint64_t delta = head.GetVarint();
-    if (i > 0 && delta == 0) return corrupt("head: children not ascending");
-    child += delta;
-    if (child >= kChildFlag) return corrupt("head: child beyond any cluster");
-    cluster.children.push_back(ClusterId(static_cast<uint32_t>(child)));
-  }
-  if (head.failed() || head.remaining() != 0) return corrupt("head: wrong length");
-
-  const auto n = static_cast<uint32_t>(node_count);
-  RansDecoder topology(streams.bytes(StreamTag::kTopology));
-  RansDecoder errors(streams.bytes(StreamTag::kErrors));
-  RansDecoder positions(streams.bytes(StreamTag::kPositions));
-  RansDecoder attribute_stream(streams.bytes(StreamTag::kAttributes));
-  TopologyModel topology_model(reference_length);
-  ErrorModel error_model;
-  PositionModel position_model;
-  AttributeCoder attribute_coder(attributes);
-  const size_t row = attribute_coder.row_bytes();
-  if (in.rows.size() != in.positions.size() * row) return corrupt("rows of corners missing");
-
-  cluster.in = std::move(in);
-  const uint32_t external = cluster.external_vertices();
-  const uint32_t in_count = cluster.in_triangles();
-  cluster.in.positions.reserve(external + n);
-  cluster.in.rows.reserve((external + n) * row);
-  cluster.error_codes.reserve(n);
-  cluster.ring_begin.resize(n + 1ull);
-  cluster.star_begin.resize(n + 1ull);
-  cluster.hole_begin.resize(n + 1ull);
-  cluster.star_begin[0] = in_count;
-  RangeAppender ring_vertices(cluster.ring_vertices, 6ull * n);
-  RangeAppender hole_slots(cluster.hole_slots, 4ull * n);
-
-  Patch patch(cluster.in.triangles, cluster.in.positions, in_count + 6ull * n);
-  std::vector<uint32_t> last_ring(external + n, kNone32);  // per vertex: the last node around it
-  uint32_t slot = 0;
-  for (uint32_t i = 0; i < n; ++slot) {
-    if (slot >= patch.slots()) return corrupt("fewer anchors than nodes");
-    if (!topology_model.CodeAnchor(topology, patch, slot, false)) continue;
-    if (patch.remover(slot) != kNone32) return corrupt("anchor is not alive");
-    if (!patch.WalkHole(slot, i, [&](uint32_t count, const Patch::Triangle& t, uint32_t edge) {
-          return topology_model.CodeTake(topology, count, t, edge, false);
-        })) {
-      return corrupt("hole of node " + std::to_string(i) + " is too large");
-    }
-    uint32_t split = kNone32;
-    if (flags & kFlagBoundary) split = CodeSplitEdge(topology, topology_model, patch, kNone32);
-    const bool is_boundary = split != kNone32;
-    if (is_boundary && split >= patch.ring().size()) return corrupt("split edge beyond the ring");
-    if (is_boundary) patch.RotateRing(split);
-    const std::span<const uint32_t> ring = patch.ring();
-    for (const uint32_t v : ring) {
-      if (last_ring[v] == i) return corrupt("hole of node " + std::to_string(i) + " is no disc");
-      last_ring[v] = i;
-    }
-    const PredictedError prediction = PredictError(patch, in_count, cluster.error_codes);
-    const uint8_t code =
-        error_model.Code(errors, patch.hole().size(), prediction.fallback, prediction.code, 0);
-    cluster.error_codes.push_back(code);
-    const HoleFrame frame(patch, cluster.in.positions, is_boundary);
-    const Vec3i p = DecodeVertex(positions, position_model, frame,
-                                 PositionModel::RingClass(ring.size(), is_boundary),
-                                 flags & kFlagScaledByError, code);
-    cluster.in.positions.push_back(p);
-    if (row != 0) {
-      cluster.in.rows.resize((external + i + 1ull) * row);
-      attribute_coder.Decode(attribute_stream, ring, cluster.in.rows,
-                             cluster.in.rows.data() + (external + i) * row);
-    }
-    patch.InsertStar(external + i, p, frame.ring(), is_boundary, code);
-    cluster.ring_begin[i + 1] = ring_vertices.Append(patch.ring_data(), ring.size());
-    cluster.hole_begin[i + 1] = hole_slots.Append(patch.hole_data(), patch.hole().size());
-    cluster.star_begin[i + 1] = patch.slots();
-    ++i;
-    if (topology.overrun() || positions.overrun()) return corrupt("coded streams cut short");
-  }
-  ring_vertices.Finish();
-  hole_slots.Finish();
-  if (!topology.Done()) return corrupt("topology: does not end where it should");
-  if (!errors.Done()) return corrupt("errors: do not end where they should");
-  if (!positions.Done()) return corrupt("positions: do not end where they should");
-  if (!attribute_stream.Done()) return corrupt("attributes: do not end where they should");
-
-  for (uint32_t s = 0; s < in_count; ++s) {
-    if (patch.remover(s) == kNone32) return corrupt("in-triangle that no node removes");
-  }
-  static_assert(kDrain == kNone32);
-  cluster.removers = patch.removers();
-  RansDecoder arcs(streams.bytes(StreamTag::kArcs));
-  if (child_count > 0) {
-    const bool listed = ArcModel().Code(
-        arcs, patch, in_count, static_cast<uint32_t>(child_count), [](uint32_t) { return 0u; },
-        [&](uint32_t s, uint32_t arc) {
-          if (arc != child_count) cluster.removers[s] = kChildFlag | arc;
-        });
-    if (!listed) return corrupt("arc to a child that is not listed");
-  }
-  if (!arcs.Done()) return corrupt("arcs: do not end where they should");
-  ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint64_t explicit_slot = 0;
-  while (explicit_arcs.remaining() != 0) {
-    explicit_slot += explicit_arcs.GetVarint();
-    const uint64_t child_slot = explicit_arcs.GetVarint();
-    const auto rotation = explicit_arcs.Get<uint8_t>();
-    if (explicit_arcs.failed() || explicit_slot >= cluster.slots() || child_slot >= kNone32 ||
-        rotation > 2 || !RemovedByChild(cluster.removers[explicit_slot])) {
-      return corrupt("explicit arc out of range");
-    }
-    cluster.explicit_arcs.push_back(
-        {static_cast<uint32_t>(explicit_slot), static_cast<uint32_t>(child_slot), rotation});
-  }
-  return cluster;
+  return ClusterDecoder(attributes, where).Decode(payload, std::move(in), node_limit);
 }
 
 std::vector<StreamSize> ClusterStreamSizes(ByteSpan payload) {

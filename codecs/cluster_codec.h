@@ -59,6 +59,9 @@ struct EncodedCluster {
 // Deterministic. `updates` must be a consistent set of updates: a bug otherwise.
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes);
 
+// A decoded cluster as updates: what it was encoded from, but for the order of things.
+ClusterUpdates UpdatesOf(const Cluster& cluster);
+
 // Numbers the corners of `triangles` (in slot order) by first occurrence; leaves rows empty.
 InPatch MakeInPatch(std::span<const InTriangle> triangles);
 

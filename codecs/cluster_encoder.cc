@@ -19,24 +19,29 @@ struct VertexResidual {
   int32_t u, v, n;
   float variance_u, variance_v, variance_n, slant;
   uint32_t ring_class;
+  uint32_t hole_size, least_code;
 };
 
 int32_t Difference(int32_t value, int32_t expected) {
   return static_cast<int32_t>(static_cast<uint32_t>(value) - static_cast<uint32_t>(expected));
 }
 
-VertexResidual MeasureVertex(const HoleFrame& frame, Vec3i p) {
-  const Expectation u = frame.ExpectU();
-  const Expectation v = frame.ExpectV(p[frame.axis_u()]);
-  const int32_t n = frame.ExpectN(p[frame.axis_u()], p[frame.axis_v()]);
-  return {Difference(p[frame.axis_u()], u.value),
-          Difference(p[frame.axis_v()], v.value),
-          Difference(p[frame.axis_n()], n),
-          u.variance,
-          v.variance,
-          frame.unevenness(),
+VertexResidual MeasureVertex(const Patch& patch, const Patch::Hole& hole, bool boundary, Vec3i p) {
+  HoleFrame frame;
+  frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+  const int32_t u = p[frame.axis_u()];
+  const int32_t v = p[frame.axis_v()];
+  const int32_t n = p[frame.axis_n()];
+  return {Difference(u, frame.ExpectU()),
+          Difference(v, frame.ExpectV(u)),
+          Difference(n, frame.ExpectN(patch, hole.slot_span(), u, v)),
+          frame.variance_u(),
+          frame.variance_v(),
+          frame.unevenness(patch, hole.ring_span()),
           frame.slant(),
-          0};
+          static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary)),
+          hole.slot_count,
+          hole.least_code};
 }
 
 // True when the errors bound the heights of nearly all vertices above their holes, in grid cells;
@@ -51,12 +56,13 @@ bool ErrorsBoundHeights(const std::vector<VertexResidual>& residuals,
   return within * 10 >= residuals.size() * 9;
 }
 
-// The typical exponent of the squared longest edge of the triangles that stay.
-int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& remover) {
+// The typical exponent of the squared longest edge of the out-triangles.
+int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& creator,
+                    const std::vector<uint32_t>& remover) {
   uint64_t sum = 0;
   uint64_t count = 0;
   for (size_t t = 0; t < updates.triangles.size(); ++t) {
-    if (remover[t] != kNone32) continue;
+    if (creator[t] == kNone32 || remover[t] != kNone32) continue;
     const auto& c = updates.triangles[t];
     double longest = 0;
     for (size_t i = 0; i < 3; ++i) {
@@ -72,6 +78,12 @@ int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& 
 }  // namespace
 
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
+  ClusterModels models;
+  return EncodeCluster(updates, attributes, models, nullptr);
+}
+
+EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
+                             ClusterModels& models, ModelObserver* observer) {
   const auto node_count = static_cast<uint32_t>(updates.nodes.size());
   const size_t triangle_count = updates.triangles.size();
   MTDB_CHECK(node_count > 0, "a cluster needs nodes");
@@ -86,7 +98,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     for (uint32_t j = 0; j < node.star_count; ++j) creator[updates.stars[node.star_begin + j]] = i;
   }
 
-  // In-triangles in canonical order. parent_slot carries the triangle, parent_vertices its corners.
+  // In-triangles in canonical order. origin carries the triangle, parent_vertices its corners.
   std::vector<InTriangle> in;
   for (uint32_t t = 0; t < triangle_count; ++t) {
     if (remover[t] == kNone32 || creator[t] != kNone32) continue;
@@ -96,24 +108,22 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
       entry.positions[c] = updates.positions[updates.triangles[t][c]];
       entry.parent_vertices[c] = updates.triangles[t][c];
     }
-    entry.parent_slot = t;
+    entry.origin = t;
   }
   result.explicit_arcs = !SortCanonically(in);
   for (const InTriangle& t : in) {
-    result.in_triangles.push_back(t.parent_slot);
-    const auto& corners = updates.triangles[t.parent_slot];
+    result.in_triangles.push_back(t.origin);
+    const auto& corners = updates.triangles[t.origin];
     const auto first = std::find(corners.begin(), corners.end(), t.parent_vertices[0]);
     result.in_rotations.push_back(static_cast<uint8_t>(first - corners.begin()));
   }
   InPatch patch_in = MakeInPatch(in);
   result.external_vertices = static_cast<uint32_t>(patch_in.vertices.size());
 
-  // Vertex numbers of the stored cluster; rows and positions in that numbering.
+  // Vertex numbers of the stored cluster; rows in that numbering.
   AttributeCoder attribute_coder(attributes);
   const size_t row = attribute_coder.row_bytes();
   std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
-  std::vector<Vec3i> positions = patch_in.positions;
-  positions.reserve(result.external_vertices + node_count);
   Bytes rows;
   const auto append_row = [&](uint64_t vertex) {
     const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
@@ -125,43 +135,48 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   }
 
   // Replay, choosing the order of the nodes on the way.
-  Patch patch(patch_in.triangles, positions, triangle_count);
+  const int reference_length = ReferenceLength(updates, creator, remover);
+  Patch patch(patch_in, reference_length, node_count);
   std::vector<uint32_t> slot_triangle = result.in_triangles;
   std::vector<uint32_t> slot_creator(in.size(), kNone32);
   std::vector<uint32_t> waiting(node_count);  // hole triangles not visited yet
   for (uint32_t i = 0; i < node_count; ++i) waiting[i] = updates.nodes[i].hole_count;
 
-  const int reference_length = ReferenceLength(updates, remover);
-  TopologyModel topology_model(reference_length);
-  RansEncoder topology;
+  RansEncoder topology(observer);
   RansEncoder attribute_stream;
-  ErrorModel error_model;
-  RansEncoder errors;
   std::vector<VertexResidual> residuals;
   std::vector<uint8_t> codes;
   residuals.reserve(node_count);
   codes.reserve(node_count);
   const bool any_boundary = std::any_of(updates.nodes.begin(), updates.nodes.end(),
                                         [](const auto& node) { return node.boundary; });
+  uint32_t hole_slots[kHoleEntries];
+  uint32_t ring_vertices[kHoleEntries];
+  Patch::Hole hole{hole_slots, ring_vertices};
+  uint32_t generation_end = patch.slots();
   for (uint32_t slot = 0; codes.size() < node_count; ++slot) {
-    MTDB_CHECK(slot < patch.slots(), "the updates of a cluster form a cycle");
+    if (slot == generation_end) {
+      patch.EndGeneration(codes);
+      generation_end = patch.slots();
+    }
+    MTDB_CHECK(slot < generation_end, "the updates of a cluster form a cycle");
     const uint32_t i = remover[slot_triangle[slot]];
     const bool is_anchor = i != kNone32 && --waiting[i] == 0;
-    topology_model.CodeAnchor(topology, patch, slot, is_anchor);
+    models.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
     if (!is_anchor) continue;
     const ClusterUpdates::Node& node = updates.nodes[i];
     const auto stored = static_cast<uint32_t>(codes.size());
-    const bool walked = patch.WalkHole(
-        slot, stored, [&](uint32_t count, const Patch::Triangle& t, uint32_t i_edge) {
-          const bool take = remover[slot_triangle[t.opposite[i_edge] >> 2]] == i;
-          return topology_model.CodeTake(topology, count, t, i_edge, take);
+    const bool walked =
+        patch.WalkHole(slot, stored, hole, [&](uint32_t count, uint32_t other, uint32_t shape) {
+          const bool take = remover[slot_triangle[other]] == i;
+          return models.topology.CodeTake(topology.lane(1), count, shape, take);
         });
-    MTDB_CHECK(walked && patch.hole().size() == node.hole_count, "a hole is not a disc");
+    MTDB_CHECK(walked && hole.slot_count == node.hole_count, "a hole is not a disc");
 
     uint32_t split_edge = kNone32;
     if (node.boundary) {
       // The split edge is the one whose ends are not joined by a star triangle.
-      const std::span<const uint32_t> ring = patch.ring();
+      const std::span<const uint32_t> ring = hole.ring_span();
       size_t split = ring.size();
       for (size_t j = 0; j < ring.size(); ++j) {
         const uint32_t a = ring[j];
@@ -181,34 +196,29 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
       MTDB_CHECK(split < ring.size(), "a boundary node splits an edge");
       split_edge = static_cast<uint32_t>(split);
     }
-    if (any_boundary) CodeSplitEdge(topology, topology_model, patch, split_edge);
-    if (node.boundary) patch.RotateRing(split_edge);
+    if (any_boundary) CodeSplitEdge(topology.lane(1), models.topology, hole, split_edge);
+    if (node.boundary) {
+      hole.Rotate(split_edge);
+      patch.OpenStar(hole);
+    }
 
-    const PredictedError prediction = PredictError(patch, static_cast<uint32_t>(in.size()), codes);
-    error_model.Code(errors, patch.hole().size(), prediction.fallback, prediction.code,
-                     node.error_code);
     codes.push_back(node.error_code);
 
     const Vec3i p = updates.positions[node.vertex];
-    const HoleFrame frame(patch, positions, node.boundary);
-    residuals.push_back(MeasureVertex(frame, p));
-    residuals.back().ring_class =
-        static_cast<uint32_t>(PositionModel::RingClass(patch.ring().size(), node.boundary));
+    residuals.push_back(MeasureVertex(patch, hole, node.boundary, p));
     if (row != 0) {
-      attribute_coder.Encode(attribute_stream, patch.ring(), rows,
+      attribute_coder.Encode(attribute_stream, hole.ring_span(), rows,
                              updates.rows.data() + node.vertex * row);
       append_row(node.vertex);
     }
     const uint32_t vertex = result.external_vertices + stored;
-    positions.push_back(p);
     stored_vertex[node.vertex] = vertex;
     result.node_order.push_back(i);
+    patch.AddPoint(p);
 
     // Which triangle of the builder is which star triangle: by its ring edge.
-    patch.InsertStar(vertex, p, frame.ring(), node.boundary, node.error_code);
-    const std::span<const uint32_t> ring = patch.ring();
     for (uint32_t j = 0; j < node.star_count; ++j) {
-      const uint32_t a = ring[j];
+      const uint32_t a = hole.ring[j];
       uint32_t match = kNone32;
       for (uint32_t s = 0; s < node.star_count; ++s) {
         const uint32_t t = updates.stars[node.star_begin + s];
@@ -256,25 +266,27 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     last_explicit = slot;
   }
 
-  RansEncoder arc_stream;
+  RansEncoder arc_stream(observer);
   if (child_count > 0) {
-    ArcModel().Code(
+    models.arcs.Code(
         arc_stream, patch, static_cast<uint32_t>(in.size()), child_count,
-        [&](uint32_t slot) { return arcs[slot]; }, [](uint32_t, uint32_t) {});
+        [&](uint32_t slot) { return arcs[slot]; }, [](uint32_t, uint32_t) { return true; });
   }
 
   const bool scaled_by_error = ErrorsBoundHeights(residuals, codes);
-  PositionModel position_model;
-  RansEncoder position_stream;
+  RansEncoder vertices(observer);
+  BitWriter bits;
   for (uint32_t i = 0; i < node_count; ++i) {
     const VertexResidual& r = residuals[i];
-    position_model.CodeScaled(position_stream, 0, r.ring_class, r.variance_u, r.u);
-    position_model.CodeScaled(position_stream, 1, r.ring_class, r.variance_v, r.v);
+    models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, i == 0 ? 0 : codes[i - 1],
+                       codes[i]);
+    models.positions.CodeScaled(vertices.lane(1), bits, 0, r.ring_class, r.variance_u, r.u);
+    models.positions.CodeScaled(vertices.lane(2), bits, 1, r.ring_class, r.variance_v, r.v);
     if (scaled_by_error) {
-      position_model.CodeWithin(position_stream, r.ring_class, kErrorInCells[codes[i]] * r.slant,
-                                r.n);
+      models.positions.CodeWithin(vertices.lane(3), bits, r.ring_class,
+                                  kErrorInCells[codes[i]] * r.slant, r.n);
     } else {
-      position_model.CodeScaled(position_stream, 2, r.ring_class, r.variance_n, r.n);
+      models.positions.CodeScaled(vertices.lane(3), bits, 2, r.ring_class, r.variance_n, r.n);
     }
   }
 
@@ -289,13 +301,46 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     head.PutVarint(child.value - previous);
     previous = child.value;
   }
-  streams.AddCoded(StreamTag::kTopology, topology.Finish());
-  streams.AddCoded(StreamTag::kErrors, errors.Finish());
-  streams.AddCoded(StreamTag::kPositions, position_stream.Finish());
+  streams.AddCoded(StreamTag::kTopology, topology.Finish(2));
+  streams.AddCoded(StreamTag::kVertices, vertices.Finish(4));
+  streams.AddCoded(StreamTag::kBits, bits.Finish());
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
   streams.AddCoded(StreamTag::kAttributes, attribute_stream.Finish());
   result.payload = streams.Finish();
   return result;
+}
+
+ClusterUpdates UpdatesOf(const Cluster& cluster) {
+  ClusterUpdates updates;
+  updates.positions = cluster.in.positions;
+  updates.rows = cluster.in.rows;
+  updates.triangles = cluster.in.triangles;
+  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
+    ClusterUpdates::Node node;
+    node.vertex = cluster.external_vertices() + i;
+    node.boundary = cluster.boundary(i);
+    node.error_code = cluster.error_codes[i];
+    node.hole_begin = static_cast<uint32_t>(updates.holes.size());
+    node.hole_count = static_cast<uint32_t>(cluster.hole(i).size());
+    updates.holes.insert(updates.holes.end(), cluster.hole(i).begin(), cluster.hole(i).end());
+    node.star_begin = static_cast<uint32_t>(updates.stars.size());
+    node.star_count = cluster.star_begin[i + 1] - cluster.star_begin[i];
+    for (uint32_t s = cluster.star_begin[i]; s < cluster.star_begin[i + 1]; ++s) {
+      updates.stars.push_back(s);
+      updates.triangles.push_back(cluster.star_triangle(i, s));
+    }
+    updates.nodes.push_back(node);
+  }
+  updates.consumers.resize(cluster.slots());
+  for (uint32_t s = 0; s < cluster.slots(); ++s) {
+    if (!RemovedByChild(cluster.removers[s])) continue;
+    updates.consumers[s].child = cluster.children[ChildOrdinal(cluster.removers[s])];
+  }
+  for (const ExplicitArc& arc : cluster.explicit_arcs) {
+    updates.consumers[arc.slot].explicit_arc = true;
+    updates.consumers[arc.slot].child_slot = arc.child_slot;
+  }
+  return updates;
 }
 
 }  // namespace mtdb

@@ -1,7 +1,7 @@
 #include "query/loaded_unit.h"
 
 #include <algorithm>
-#include <numeric>
+#include <cstring>
 #include <string>
 #include <utility>
 
@@ -33,19 +33,30 @@ class Gatherer {
     const uint32_t wanted = kChildFlag | static_cast<uint32_t>(it - children.begin());
     const std::vector<uint32_t>& removers = parent.removers();
     const size_t before = triangles_.size();
+
     NodeIndex node = 0;
-    for (uint32_t slot = parent.first_own_slot(); slot < removers.size(); ++slot) {
-      if (removers[slot] != wanted) continue;
-      if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
-      if (!parent.is_root) {
-        while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+    const auto end = static_cast<uint32_t>(removers.size());
+    constexpr uint32_t kStride = 16;  // most strides have none
+    for (uint32_t begin = parent.first_own_slot(); begin < end; begin += kStride) {
+      const uint32_t last = std::min(begin + kStride, end);
+      uint32_t found = 0;
+      for (uint32_t slot = begin; slot < last; ++slot) found |= removers[slot] == wanted ? 1 : 0;
+      if (found == 0) continue;
+      for (uint32_t slot = begin; slot < last; ++slot) {
+        if (removers[slot] != wanted) continue;
+        if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
+        if (!parent.is_root) {
+          while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+        }
+        AddTriangle(ordinal, parent, slot, node);
       }
-      AddTriangle(ordinal, parent, slot, node);
     }
     if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
     return Status::Ok();
   }
 
+  // Where the triangles come from: origin(t.origin) for a triangle t of Take().
+  const SlotOrigin& origin(uint32_t i) const { return origins_[i]; }
   // Puts the triangles in the order of the cluster's in-slots.
   Result<std::vector<InTriangle>> Take() {
     if (triangles_.size() != entry_.in_triangles) return WrongCount("fewer");
@@ -98,8 +109,8 @@ class Gatherer {
                             : index_.first_vertex(ClusterId(parent.id)) + (local - external);
       }
     }
-    t.parent = ordinal;
-    t.parent_slot = slot;
+    t.origin = static_cast<uint32_t>(origins_.size());
+    origins_.push_back({ordinal, slot, parent.is_root ? kNone32 : node});
   }
 
   // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
@@ -108,7 +119,7 @@ class Gatherer {
     for (const ExplicitArc& arc : parent.explicit_arcs()) {
       if (arc.slot >= removers.size() || removers[arc.slot] != wanted) continue;
       const size_t i = arcs_.size();
-      if (i < before || i >= triangles_.size() || triangles_[i].parent_slot != arc.slot) break;
+      if (i < before || i >= triangles_.size() || origins_[i].slot != arc.slot) break;
       arcs_.push_back(arc);
     }
     if (arcs_.size() != triangles_.size()) {
@@ -122,49 +133,34 @@ class Gatherer {
   const UnitId unit_;
   const std::string& name_;
   const ClusterEntry& entry_;
-  std::vector<InTriangle> triangles_;
+  std::vector<InTriangle> triangles_;  // until Take()
+  std::vector<SlotOrigin> origins_;
   std::vector<ExplicitArc> arcs_;
 };
 
-// Copies the attributes of the patch's vertices from the parents.
-void FillRows(std::span<const InTriangle> triangles, std::span<const LoadedUnitPtr> parents,
-              size_t row_bytes, InPatch& patch) {
+// Fetches what the parents know of the patch's vertices: attributes, and the clusters that insert
+// them (kNone32 for a root vertex).
+void AskParents(std::span<const InTriangle> triangles, const Gatherer& gatherer,
+                std::span<const LoadedUnitPtr> parents, size_t row_bytes, InPatch& patch,
+                std::vector<UnitId>& owners) {
   patch.rows.resize(patch.vertices.size() * row_bytes);
+  owners.resize(patch.vertices.size());
   uint32_t next = 0;
-  for (size_t i = 0; i < triangles.size() && row_bytes > 0; ++i) {
-    for (int c = 0; c < 3; ++c) {
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    const LoadedUnit& parent = *parents[gatherer.origin(triangles[i].origin).parent];
+    for (size_t c = 0; c < 3; ++c) {
       if (patch.triangles[i][c] != next) continue;
-      const Bytes& rows = parents[triangles[i].parent]->rows();
-      std::memcpy(patch.rows.data() + next * row_bytes,
-                  rows.data() + triangles[i].parent_vertices[c] * row_bytes, row_bytes);
+      const uint32_t local = triangles[i].parent_vertices[c];
+      owners[next] = parent.is_root                 ? kNone32
+                     : local < parent.owners.size() ? parent.owners[local]
+                                                    : parent.id;
+      if (row_bytes > 0) {
+        std::memcpy(patch.rows.data() + next * row_bytes, parent.rows().data() + local * row_bytes,
+                    row_bytes);
+      }
       ++next;
     }
   }
-}
-
-// The cluster that inserts each vertex, or kNone32 for a root vertex.
-std::vector<UnitId> FindOwners(const ClusterIndex& index, std::span<const VertexIndex> vertices) {
-  std::vector<UnitId> owners(vertices.size(), kNone32);
-  UnitId hint = kNone32;
-  for (size_t i = 0; i < vertices.size(); ++i) {
-    const VertexIndex v = vertices[i];
-    if (v < index.root_vertices()) continue;
-    const auto owns = [&](UnitId c) {
-      return index.first_vertex(ClusterId(c)) <= v &&
-             v - index.first_vertex(ClusterId(c)) < index.cluster(ClusterId(c)).nodes;
-    };
-    if (hint == kNone32 || !owns(hint)) {
-      uint32_t low = 0;
-      uint32_t high = index.cluster_count();
-      while (high - low > 1) {
-        const uint32_t middle = low + (high - low) / 2;
-        (index.first_vertex(ClusterId(middle)) <= v ? low : high) = middle;
-      }
-      hint = low;
-    }
-    owners[i] = hint;
-  }
-  return owners;
 }
 
 Status Mismatch(const std::string& name, const char* what, uint64_t expected, uint64_t found) {
@@ -183,18 +179,26 @@ Status CheckChildren(const std::string& name, std::span<const ClusterId> indexed
 Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t expected_out) {
   const std::vector<uint32_t>& removers = unit.removers();
   const uint32_t first_own = unit.first_own_slot();
+  const uint32_t nodes = unit.nodes();
+  const auto children = static_cast<uint32_t>(unit.children().size());
+  const auto by_child = [&](uint32_t r) { return r - kChildFlag < children; };
+  const auto legal = [&](uint32_t slot, uint32_t r) {
+    return r < nodes || (slot >= first_own && (r == kDrain || by_child(r)));
+  };
+  // Without branches, which would be hard to predict.
+  uint32_t illegal = 0;
   uint32_t out = 0;
-  for (uint32_t slot = 0; slot < removers.size(); ++slot) {
+  for (uint32_t slot = 0; slot < first_own; ++slot) illegal += removers[slot] >= nodes ? 1 : 0;
+  for (uint32_t slot = first_own; slot < removers.size(); ++slot) {
     const uint32_t r = removers[slot];
-    const bool legal = RemovedByNode(r)    ? r < unit.nodes()
-                       : slot < first_own  ? false
-                       : RemovedByChild(r) ? ChildOrdinal(r) < unit.children().size()
-                                           : true;
-    if (!legal) {
-      return Corrupt(name + ": triangle " + std::to_string(slot) + " is removed by " +
-                     std::to_string(r) + ", which does not exist");
-    }
-    if (!RemovedByNode(r)) ++out;
+    const uint32_t leaves = static_cast<uint32_t>(r == kDrain) | static_cast<uint32_t>(by_child(r));
+    illegal += 1 - (leaves | static_cast<uint32_t>(r < nodes));
+    out += leaves;
+  }
+  for (uint32_t slot = 0; illegal > 0; ++slot) {
+    if (legal(slot, removers[slot])) continue;
+    return Corrupt(name + ": triangle " + std::to_string(slot) + " is removed by " +
+                   std::to_string(removers[slot]) + ", which does not exist");
   }
   if (out != expected_out) return Mismatch(name, "out-triangles", expected_out, out);
   return Status::Ok();
@@ -307,27 +311,19 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   if (patch.vertices.size() != entry.external_vertices) {
     return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
   }
-  FillRows(triangles, parents, record.attributes.row_bytes(), patch);
+  AskParents(triangles, gatherer, parents, record.attributes.row_bytes(), patch, loaded->owners);
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
                                                        entry.nodes, name));
   MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
   loaded->drain = FindDrain(*loaded);
   loaded->creators = FindCreators(*loaded);
-  loaded->owners = FindOwners(index, loaded->cluster.in.vertices);
+  // The triangles were gathered in ascending order of their origins.
   loaded->origins.resize(triangles.size());
-  for (size_t i = 0; i < triangles.size(); ++i) {
-    const InTriangle& t = triangles[i];
-    const LoadedUnit& parent = *parents[t.parent];
-    loaded->origins[i] = {t.parent, t.parent_slot,
-                          parent.is_root ? kNone32 : parent.creator(t.parent_slot)};
-  }
   loaded->by_origin.resize(triangles.size());
-  std::iota(loaded->by_origin.begin(), loaded->by_origin.end(), 0u);
-  std::sort(loaded->by_origin.begin(), loaded->by_origin.end(), [&](uint32_t a, uint32_t b) {
-    const SlotOrigin& x = loaded->origins[a];
-    const SlotOrigin& y = loaded->origins[b];
-    return std::pair(x.parent, x.slot) < std::pair(y.parent, y.slot);
-  });
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    loaded->origins[i] = gatherer.origin(triangles[i].origin);
+    loaded->by_origin[triangles[i].origin] = i;
+  }
   return LoadedUnitPtr(std::move(loaded));
 }
 

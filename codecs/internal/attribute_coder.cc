@@ -133,9 +133,10 @@ void AttributeCoder::Encode(RansEncoder& coder, std::span<const uint32_t> ring, 
   });
 }
 
-void AttributeCoder::Decode(RansDecoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
-                            std::byte* row) {
+void AttributeCoder::Decode(RansDecoder<>& decoder, std::span<const uint32_t> ring,
+                            const Bytes& rows, std::byte* row) {
   size_t previous = kPreviousClasses - 1;
+  auto coder = decoder.lane();
   ForEachField(ring, rows, [&]<typename T>(Field& f, T mean) {
     using Word = decltype(ToWord(T{}));
     const auto zigzag = static_cast<Word>(CodeWord(coder, f, previous, 0));

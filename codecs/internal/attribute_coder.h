@@ -25,7 +25,7 @@ class AttributeCoder {
   // Codes the row at `row` (encoding: read, decoding: written).
   void Encode(RansEncoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
               const std::byte* row);
-  void Decode(RansDecoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
+  void Decode(RansDecoder<>& coder, std::span<const uint32_t> ring, const Bytes& rows,
               std::byte* row);
 
  private:

@@ -18,21 +18,13 @@ void Start(std::array<AdaptiveSymbol, kCount>& models, const int16_t (&priors)[k
 
 }  // namespace
 
-TopologyModel::TopologyModel(int reference_length) {
-  for (int exponent = 0; exponent < static_cast<int>(length_class_.size()); ++exponent) {
-    const int above = exponent - (reference_length - 3);
-    length_class_[static_cast<size_t>(exponent)] =
-        static_cast<uint8_t>(std::clamp(above, 0, int{kLengthClasses} - 1));
-  }
+TopologyModel::TopologyModel() {
   Start(anchor_, kAnchorPriors);
   Start(take_, kTakePriors);
   Start(boundary_, kBoundaryPriors);
 }
 
-ErrorModel::ErrorModel() {
-  Start(high_, kErrorHighPriors);
-  Start(low_, kErrorLowPriors);
-}
+ErrorModel::ErrorModel() { Start(high_, kErrorPriors); }
 
 PositionModel::PositionModel() {
   Start(scaled_, kScaledPriors);

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
+#include "codecs/cluster_codec.h"
 #include "codecs/internal/cluster_model.h"
 #include "codecs/internal/patch.h"
 #include "store/base/ids.h"
@@ -15,6 +17,11 @@ namespace mtdb {
 inline constexpr uint8_t kFlagBoundary = 1;       // some node is a boundary node
 inline constexpr uint8_t kFlagScaledByError = 2;  // errors bound the residuals along n
 inline constexpr uint8_t kKnownFlags = kFlagBoundary | kFlagScaledByError;
+
+// EncodeCluster with models that the caller owns, and an observer (or nullptr) that sees what is
+// coded with them.
+EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
+                             ClusterModels& models, ModelObserver* observer);
 
 // The error of a code in grid cells, as Grid has it for error_unit = step / 16.
 inline constexpr auto kErrorInCells = [] {
@@ -29,40 +36,24 @@ inline constexpr auto kErrorInCells = [] {
   return cells;
 }();
 
-struct PredictedError {
-  uint8_t code;
-  bool fallback;  // no node of this cluster made a triangle of the hole: the code before
-};
-
-// The least error code among the nodes of this cluster that made the hole's triangles.
-inline PredictedError PredictError(const Patch& patch, uint32_t in_triangles,
-                                   const std::vector<uint8_t>& codes) {
-  uint32_t best = 256;
-  for (const uint32_t slot : patch.hole()) {
-    if (slot >= in_triangles) best = std::min<uint32_t>(best, patch.triangle(slot).error_code);
-  }
-  if (best < 256) return {static_cast<uint8_t>(best), false};
-  return {codes.empty() ? uint8_t{0} : codes.back(), true};
-}
-
 // Codes which ring edge a node splits; kNone32: none, the node is interior. A result beyond the
 // ring is an error of the bytes. Edges with nothing beyond them come first.
 template <typename Coder>
-[[gnu::always_inline]] inline uint32_t CodeSplitEdge(Coder& coder, TopologyModel& model,
-                                                     const Patch& patch, uint32_t edge) {
-  const auto k = static_cast<uint32_t>(patch.ring().size());
-  const uint32_t open = patch.open_edges();
+uint32_t CodeSplitEdge(Coder&& coder, TopologyModel& model, const Patch::Hole& hole,
+                       uint32_t edge) {
+  const uint32_t k = hole.ring_count;
+  const uint32_t open = hole.open_edges();
   uint32_t rank = kNone32;
   if (edge != kNone32) {
-    rank = patch.open_edge(edge) ? 0 : open;
-    for (uint32_t j = 0; j < edge; ++j) rank += patch.open_edge(j) == patch.open_edge(edge);
+    rank = hole.open_edge(edge) ? 0 : open;
+    for (uint32_t j = 0; j < edge; ++j) rank += hole.open_edge(j) == hole.open_edge(edge);
   }
   rank = model.CodeSplit(coder, open, k - open, rank);
   if (rank >= k) return rank;
   const bool wants_open = rank < open;
   uint32_t left = wants_open ? rank : rank - open;
   for (uint32_t j = 0; j < k; ++j) {
-    if (patch.open_edge(j) == wants_open && left-- == 0) return j;
+    if (hole.open_edge(j) == wants_open && left-- == 0) return j;
   }
   return k;
 }

@@ -1,10 +1,9 @@
 #include "codecs/internal/hole_frame.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
-
-#include "codecs/internal/float4.h"
 
 namespace mtdb {
 
@@ -23,151 +22,162 @@ int32_t Shift(int32_t base, int32_t offset) {
   return static_cast<int32_t>(static_cast<uint32_t>(base) + static_cast<uint32_t>(offset));
 }
 
+float Offset(int32_t to, int32_t from) {
+  return static_cast<float>(
+      static_cast<int32_t>(static_cast<uint32_t>(to) - static_cast<uint32_t>(from)));
+}
+
+// 1 / i, rounded.
+constexpr auto kInverse = [] {
+  std::array<float, 3 * kMaxRing + 1> inverse{};
+  for (size_t i = 1; i < inverse.size(); ++i) inverse[i] = 1.0f / static_cast<float>(i);
+  return inverse;
+}();
+
 }  // namespace
 
-HoleFrame::HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary) {
-  const std::span<const uint32_t> ring = patch.ring();
-  const auto k = static_cast<uint32_t>(ring.size());
-  ring_.Gather(ring, positions);
+// Sums up the corners of at most four triangles.
+inline Float4 HoleFrame::Gather(const Patch& patch, std::span<const uint32_t> slots,
+                                uint32_t base_vertex, Corners& corners) {
+  const Word4* const points = patch.points();
+  const Word4 base = points[base_vertex];
+  const std::array<uint32_t, 3> none = {base_vertex, base_vertex, base_vertex};
+  const std::array<uint32_t, 3>* vertices[4];
+  for (size_t i = 0; i < 4; ++i) {
+    vertices[i] = i < slots.size() ? &patch.triangle(slots[i]).corners : &none;
+  }
+  Float4 sum{};
+  for (size_t c = 0; c < 3; ++c) {
+    Float4 offsets[4];
+    for (size_t i = 0; i < 4; ++i) {
+      offsets[i] = Offset4(points[(*vertices[i])[c]], base);
+      sum += offsets[i];
+    }
+    const Columns4 columns = Transpose(offsets[0], offsets[1], offsets[2], offsets[3]);
+    Store4(corners.at[c][0], columns.x);
+    Store4(corners.at[c][1], columns.y);
+    Store4(corners.at[c][2], columns.z);
+  }
+  return sum;
+}
 
-  uint32_t sum[3] = {0, 0, 0};
-  const std::span<const uint32_t> hole = patch.hole();
-  hole_count_ = static_cast<uint32_t>(hole.size());
-  for (uint32_t h = 0; h < hole_count_; ++h) {
-    const auto& corners = patch.triangle(hole[h]).corners;
-    for (size_t c = 0; c < 3; ++c) {
-      const Vec3i& p = positions[corners[c]];
-      for (int i = 0; i < 3; ++i) {
-        hole_[i][c][h] = p[i];
-        sum[i] += static_cast<uint32_t>(p[i]);
-      }
-    }
+void HoleFrame::Set(const Patch& patch, std::span<const uint32_t> slots,
+                    std::span<const uint32_t> ring, bool boundary) {
+  base_vertex_ = ring[0];
+  const Word4* const points = patch.points();
+  const Word4 base = points[base_vertex_];
+  Float4 sum{}, squares{}, products{}, cross{};  // products: xy yz zx; cross: its z x y
+  Float4 p{}, turned{};                          // the vertex before; at first, the offset 0
+  for (size_t j = 1; j < ring.size(); ++j) {
+    const Float4 q = Offset4(points[ring[j]], base);
+    const Float4 q_turned = Turn(q);
+    sum += q;
+    squares += q * q;
+    products += q * q_turned;
+    cross += p * q_turned - turned * q;
+    p = q;
+    turned = q_turned;
   }
-  for (auto& axis : hole_) {
-    for (auto& corner : axis) std::fill_n(corner + hole_count_, 3, 0);
+  // Each ring vertex counts as often as hole triangles meet there.
+  Float4 corners =
+      Gather(patch, slots.first(std::min<size_t>(slots.size(), 4)), base_vertex_, first_corners_);
+  for (size_t h = 4; h < slots.size(); ++h) {
+    for (const uint32_t c : patch.triangle(slots[h]).corners) corners += Offset4(points[c], base);
   }
-  if (boundary) {
-    for (size_t i = 0; i < 3; ++i) mean_[i] = ring_.at[i][k - 1] * 0.5f;
-  } else {
-    // Each ring vertex counts as often as hole triangles meet there.
-    const uint32_t times = 3 * hole_count_;
-    const float inverse = 1 / static_cast<float>(times);
-    for (int i = 0; i < 3; ++i) {
-      const uint32_t base = times * static_cast<uint32_t>(ring_.base[i]);
-      mean_[i] = static_cast<float>(static_cast<int32_t>(sum[i] - base)) * inverse;
-    }
-  }
-
-  // Sums over the ring, four vertices at a time.
-  const Float4 zero = {0, 0, 0, 0};
-  Float4 cross[3] = {zero, zero, zero};
-  Float4 sums[3] = {zero, zero, zero};
-  Float4 squares[3] = {zero, zero, zero};   // xx yy zz
-  Float4 products[3] = {zero, zero, zero};  // yz zx xy
-  for (uint32_t j = 0; j < k; j += 4) {
-    Float4 p[3];
-    Float4 q[3];
-    for (size_t i = 0; i < 3; ++i) {
-      p[i] = Load4<Float4>(ring_.at[i] + j);
-      q[i] = Load4<Float4>(ring_.at[i] + j + 1);
-    }
-    for (size_t i = 0; i < 3; ++i) {
-      const size_t a = i == 2 ? 0 : i + 1;
-      const size_t b = a == 2 ? 0 : a + 1;
-      cross[i] += p[a] * q[b] - p[b] * q[a];
-      sums[i] += p[i];
-      squares[i] += p[i] * p[i];
-      products[i] += p[a] * p[b];
-    }
-  }
-  float size[3];
-  for (size_t i = 0; i < 3; ++i) {
-    normal_[i] = SumLanes(cross[i]);
-    size[i] = std::abs(normal_[i]);
-  }
-  n_ = size[0] > size[1] ? (size[0] > size[2] ? 0 : 2) : (size[1] > size[2] ? 1 : 2);
-  u_ = n_ == 2 ? 0 : n_ + 1;
-  v_ = u_ == 2 ? 0 : u_ + 1;
+  const Float4 mean = boundary ? p * 0.5f : corners * kInverse[3 * slots.size()];
+  const Float4 normal = Turn(cross);
 
   // Moments about the predicted point: of (p - m)(q - n), sum(pq) - m sum(q) - n sum(p) + k m n.
-  const auto count = static_cast<float>(k);
-  const float inverse = 1 / count;
-  const float mu = mean_[u_];
-  const float mv = mean_[v_];
-  const float su = SumLanes(sums[u_]);
-  const float sv = SumLanes(sums[v_]);
-  uu_ = std::max((SumLanes(squares[u_]) - 2 * mu * su + count * mu * mu) * inverse, 0.0f);
-  const float vv = (SumLanes(squares[v_]) - 2 * mv * sv + count * mv * mv) * inverse;
-  const float uv = (SumLanes(products[n_]) - mu * sv - mv * su + count * mu * mv) * inverse;
-  slope_ = uu_ > 0 ? uv / uu_ : 0;
-  vv_ = std::max(vv - slope_ * uv, 0.0f);
+  const auto count = static_cast<float>(ring.size());
+  const float inverse = kInverse[ring.size()];
+  const Float4 m = count * mean;
+  const Float4 mean_turned = Turn(mean);
+  const Float4 variance = (squares - 2 * mean * sum + m * mean) * inverse;
+  const Float4 covariance =
+      (products - mean * Turn(sum) - mean_turned * sum + m * mean_turned) * inverse;
+
+  const float x = std::abs(normal[0]);
+  const float y = std::abs(normal[1]);
+  const float z = std::abs(normal[2]);
+  // Without branches, which would be hard to predict.
+  const int longer = x > y ? 0 : 1;
+  const int n = longer + (2 - longer) * static_cast<int>(!(std::max(x, y) > z));
+  constexpr int kNext[] = {1, 2, 0};
+  n_ = n;
+  u_ = kNext[n];
+  v_ = kNext[u_];
+  float by_axis[3][4];
+  Store4(by_axis[0], variance);
+  Store4(by_axis[1], covariance);
+  Store4(by_axis[2], normal);
+  const float normal_n = by_axis[2][n];
+  side_ = std::copysign(1.0f, normal_n);
+  const Float4 slope_n = normal_n == 0 ? Float4{} : normal / normal_n;
+  const Float4 slope_squares = slope_n * slope_n;
+  slant_ = normal_n == 0 ? 1 : std::sqrt(slope_squares[0] + slope_squares[1] + slope_squares[2]);
+  Store4(mean_, mean);
+  Store4(slope_n_, slope_n);
+  Store4(base_, base);
+  const float uv = by_axis[1][u_];
+  variance_u_ = std::max(by_axis[0][u_], 0.0f);
+  slope_v_ = variance_u_ > 0 ? uv / variance_u_ : 0;
+  variance_v_ = std::max(by_axis[0][axis_v()] - slope_v_ * uv, 0.0f);
 }
 
-Expectation HoleFrame::ExpectU() const { return {Shift(ring_.base[u_], Round(mean_[u_])), uu_}; }
+int32_t HoleFrame::ExpectU() const { return Shift(base_[u_], Round(mean_[u_])); }
 
-Expectation HoleFrame::ExpectV(int32_t u) const {
-  const float du = RingPoints::Offset(u, ring_.base[u_]);
-  return {Shift(ring_.base[v_], Round(mean_[v_] + slope_ * (du - mean_[u_]))), vv_};
+int32_t HoleFrame::ExpectV(int32_t u) const {
+  const float du = Offset(u, base_[u_]);
+  const int v = axis_v();
+  return Shift(base_[v], Round(mean_[v] + slope_v_ * (du - mean_[u_])));
 }
 
-int32_t HoleFrame::ExpectN(int32_t u, int32_t v) const {
+int32_t HoleFrame::ExpectN(const Patch& patch, std::span<const uint32_t> slots, int32_t u,
+                           int32_t v) const {
+  const int n = axis_n();
+  const float du = Offset(u, base_[u_]);
+  const float dv = Offset(v, base_[axis_v()]);
   // The hole triangle above (u, v), by the areas of the three triangles that (u, v) cuts it into;
   // four hole triangles at a time.
-  const Word4 zero = {0, 0, 0, 0};
-  const auto offset = [&](int axis, size_t corner, uint32_t h, Word4 from) {
-    return ToFloat(reinterpret_cast<Int4>(Load4<Word4>(hole_[axis][corner] + h) - from));
-  };
-  const float sign = normal_[n_] > 0 ? 1.0f : -1.0f;
-  for (uint32_t h = 0; h < hole_count_; h += 4) {
-    const Word4 from_u = zero + static_cast<uint32_t>(u);
-    const Word4 from_v = zero + static_cast<uint32_t>(v);
-    const Float4 au = offset(u_, 0, h, from_u), av = offset(v_, 0, h, from_v);
-    const Float4 bu = offset(u_, 1, h, from_u), bv = offset(v_, 1, h, from_v);
-    const Float4 cu = offset(u_, 2, h, from_u), cv = offset(v_, 2, h, from_v);
+  Corners others;
+  const Corners* corners = &first_corners_;
+  for (size_t h = 0;;) {
+    const auto axis = [&](int corner, int i) { return Load4<Float4>(corners->at[corner][i]); };
+    const Float4 au = axis(0, u_) - du, av = axis(0, axis_v()) - dv;
+    const Float4 bu = axis(1, u_) - du, bv = axis(1, axis_v()) - dv;
+    const Float4 cu = axis(2, u_) - du, cv = axis(2, axis_v()) - dv;
     const Float4 wa = bu * cv - bv * cu;
     const Float4 wb = cu * av - cv * au;
     const Float4 wc = au * bv - av * bu;
     const Float4 area = wa + wb + wc;
-    const Float4 least = Min4(Min4(wa * sign, wb * sign), wc * sign);
-    const Int4 inside = (least >= 0) & (area != 0);
-    const uint32_t lanes =
-        static_cast<uint32_t>(inside[0] & 1) | static_cast<uint32_t>(inside[1] & 2) |
-        static_cast<uint32_t>(inside[2] & 4) | static_cast<uint32_t>(inside[3] & 8);
-    if (lanes == 0) continue;
-    const auto lane = static_cast<uint32_t>(std::countr_zero(lanes));
-    if (h + lane >= hole_count_) break;  // padding
-    const int32_t an = hole_[n_][0][h + lane];
-    const float bn = RingPoints::Offset(hole_[n_][1][h + lane], an);
-    const float cn = RingPoints::Offset(hole_[n_][2][h + lane], an);
-    return Shift(an, Round((wb[lane] * bn + wc[lane] * cn) / area[lane]));
+    const Int4 inside = (wa * side_ >= 0) & (wb * side_ >= 0) & (wc * side_ >= 0) & (area != 0);
+    if (const uint32_t lanes = MaskBits(inside); lanes != 0) {
+      const Float4 heights = (wa * axis(0, n) + wb * axis(1, n) + wc * axis(2, n)) / area;
+      return Shift(base_[n], Round(heights[std::countr_zero(lanes)]));
+    }
+    h += 4;
+    if (h >= slots.size()) break;
+    Gather(patch, slots.subspan(h, std::min<size_t>(slots.size() - h, 4)), base_vertex_, others);
+    corners = &others;
   }
-  float height = mean_[n_];
-  if (normal_[n_] != 0) {
-    const float du = RingPoints::Offset(u, ring_.base[u_]) - mean_[u_];
-    const float dv = RingPoints::Offset(v, ring_.base[v_]) - mean_[v_];
-    height -= (normal_[u_] * du + normal_[v_] * dv) / normal_[n_];
-  }
-  return Shift(ring_.base[n_], Round(height));
+  const float height =
+      mean_[n] - (slope_n_[u_] * (du - mean_[u_]) + slope_n_[axis_v()] * (dv - mean_[axis_v()]));
+  return Shift(base_[n], Round(height));
 }
 
-float HoleFrame::slant() const {
-  if (normal_[n_] == 0) return 1;
-  const float u = normal_[u_] / normal_[n_];
-  const float v = normal_[v_] / normal_[n_];
-  return std::sqrt(1 + u * u + v * v);
-}
-
-float HoleFrame::unevenness() const {
-  if (normal_[n_] == 0) return 0;
-  const float a = normal_[u_] / normal_[n_];
-  const float b = normal_[v_] / normal_[n_];
+float HoleFrame::unevenness(const Patch& patch, std::span<const uint32_t> ring) const {
+  const int v = axis_v();
+  const int n = axis_n();
+  const auto base = Load4<Word4>(base_);
   float sum = 0;
-  for (uint32_t j = 0; j < ring_.count; ++j) {
-    const float height = (ring_.at[n_][j] - mean_[n_]) + a * (ring_.at[u_][j] - mean_[u_]) +
-                         b * (ring_.at[v_][j] - mean_[v_]);
+  for (const uint32_t vertex : ring) {
+    float at[4];
+    Store4(at, Offset4(patch.points()[vertex], base));
+    const float height =
+        (at[n] - mean_[n]) + slope_n_[u_] * (at[u_] - mean_[u_]) + slope_n_[v] * (at[v] - mean_[v]);
     sum += height * height;
   }
-  return sum / static_cast<float>(ring_.count);
+  return sum * kInverse[ring.size()];
 }
 
 }  // namespace mtdb

@@ -12,46 +12,51 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
-#include "codecs/cluster_codec.h"
 #include "codecs/internal/patch.h"
+#include "store/base/float4.h"
 #include "store/base/geometry.h"
 
 namespace mtdb {
 
-// Of one coordinate: where it is expected, and the square of the deviation to expect.
-struct Expectation {
-  int32_t value = 0;
-  float variance = 0;
-};
-
 class HoleFrame {
  public:
-  // `patch` has walked a hole; a boundary node's ring is rotated.
-  HoleFrame(const Patch& patch, const std::vector<Vec3i>& positions, bool boundary);
+  // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated.
+  void Set(const Patch& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
+           bool boundary);
 
   int axis_u() const { return u_; }
   int axis_v() const { return v_; }
   int axis_n() const { return n_; }
-  Expectation ExpectU() const;
-  Expectation ExpectV(int32_t u) const;
-  int32_t ExpectN(int32_t u, int32_t v) const;
+  int32_t ExpectU() const;
+  int32_t ExpectV(int32_t u) const;
+  // `slots`: those of Set().
+  int32_t ExpectN(const Patch& patch, std::span<const uint32_t> slots, int32_t u, int32_t v) const;
+  // The squares of the deviations to expect of u and v.
+  float variance_u() const { return variance_u_; }
+  float variance_v() const { return variance_v_; }
   // How much longer a step along n is than its part along the hole's normal; 1 .. sqrt(3).
-  float slant() const;
+  float slant() const { return slant_; }
   // The square of the ring's deviation from the hole's plane, along n.
-  float unevenness() const;
-  const RingPoints& ring() const { return ring_; }
+  float unevenness(const Patch& patch, std::span<const uint32_t> ring) const;
 
  private:
-  RingPoints ring_;
-  // Of the hole's triangles: by axis, corner, triangle; padded with zeros to a multiple of four.
-  int32_t hole_[3][3][kMaxRing + 4];
-  uint32_t hole_count_;
-  float mean_[3];    // the predicted point
-  float normal_[3];  // of the ring, not of unit length
-  float uu_, vv_, slope_;
+  // The corners of four of the hole's triangles, relative to the base: by corner, axis, triangle.
+  // Behind the last triangle come such with three corners in the base.
+  struct Corners {
+    float at[3][3][4];
+  };
+  static Float4 Gather(const Patch& patch, std::span<const uint32_t> slots, uint32_t base_vertex,
+                       Corners& corners);
+
+  float mean_[4];     // the predicted point
+  float slope_n_[4];  // of the ring's plane: the normal over its part along n
+  int32_t base_[4];   // the ring's first vertex
+  float variance_u_, variance_v_, slope_v_, slant_;
+  float side_;  // 1 or -1, with the sign of the normal's part along n
   int u_, v_, n_;
+  uint32_t base_vertex_;
+  Corners first_corners_;  // of the first four triangles
 };
 
 }  // namespace mtdb

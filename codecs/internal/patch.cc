@@ -2,115 +2,80 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstddef>
 #include <cstring>
 #include <memory>
 #include <utility>
-
-#include "codecs/internal/float4.h"
 
 namespace mtdb {
 
 namespace {
 
-// `facing`, `b` and `c` are squared lengths of a triangle's edges; the sharpness of the corner that
+constexpr int32_t kClasses = 8;
+
+// Of the sum of two bluntnesses.
+constexpr auto kSharpnessClass = [] {
+  std::array<uint8_t, 256> classes{};
+  for (int i = 0; i < 256; ++i) {
+    classes[static_cast<size_t>(i)] =
+        static_cast<uint8_t>(std::clamp((248 - i) / 16 - 5, 0, kClasses - 1));
+  }
+  return classes;
+}();
+
+// Sets the SharpnessClass of a half-edge and its opposite.
+inline void ShareSharpness(Patch::Triangle* triangles, Patch::Triangle& t, uint32_t i) {
+  const uint32_t o = t.opposite[i];
+  if (o == kNone32) return;
+  Patch::Triangle& other = triangles[o >> 2];
+  const uint8_t sharpness = kSharpnessClass[t.bluntness[i] + other.bluntness[o & 3]];
+  t.shape[i] = static_cast<uint8_t>((t.shape[i] & 0x38) | sharpness);
+  other.shape[o & 3] = static_cast<uint8_t>((other.shape[o & 3] & 0x38) | sharpness);
+}
+
+// `facing`, `b` and `c` are squared lengths of a triangle's edges; the bluntness of the corner that
 // the first of them faces. The fraction is at most 2, since the square of a sum is at most twice
 // the sum of the squares; differences that wrap around may break that rule.
-inline int32_t Sharpness(float facing, float b, float c) {
-  const float fraction = 60 * facing / (b + c + 1e-30f);
-  return 60 - static_cast<int32_t>(fraction < 120 ? fraction : 120);
+Int4 Bluntness(Float4 facing, Float4 b, Float4 c) {
+  return ToInt(Min4(60 * facing / (b + c + 1e-30f), Float4{120, 120, 120, 120}));
 }
 
-// floor(log2(x)) for x >= 1, and 0 below.
-inline int32_t Exponent(float x) {
-  const int32_t exponent = (std::bit_cast<int32_t>(x) >> 23) - 127;
-  return exponent < 0 ? 0 : exponent;
+Float4 SquaredLengths(Float4 a, Float4 b, Float4 c, Float4 d) {
+  const Columns4 columns = Transpose(a * a, b * b, c * c, d * d);
+  return columns.x + columns.y + columns.z;
 }
-
-void SetShape(Patch::Triangle& t, float first, float second, float third) {
-  t.sharpness = {static_cast<int8_t>(Sharpness(first, second, third)),
-                 static_cast<int8_t>(Sharpness(second, third, first)),
-                 static_cast<int8_t>(Sharpness(third, first, second))};
-  t.length = {static_cast<uint8_t>(Exponent(first)), static_cast<uint8_t>(Exponent(second)),
-              static_cast<uint8_t>(Exponent(third))};
-  t.longest = std::max({t.length[0], t.length[1], t.length[2]});
-}
-
-inline float Squared(float x, float y, float z) { return x * x + y * y + z * z; }
-
-float SquaredDistance(Vec3i a, Vec3i b) {
-  return Squared(RingPoints::Offset(b.x, a.x), RingPoints::Offset(b.y, a.y),
-                 RingPoints::Offset(b.z, a.z));
-}
-
-Int4 Sharpness4(Float4 facing, Float4 b, Float4 c) {
-  const Float4 fraction = 60 * facing / (b + c + 1e-30f);
-  return 60 - ToInt(Min4(fraction, Float4{120, 120, 120, 120}));
-}
-
-Int4 Exponent4(Float4 x) {
-  Int4 bits;
-  std::memcpy(&bits, &x, sizeof(bits));
-  return Max4((bits >> 23) - 127, Int4{0, 0, 0, 0});
-}
-
-// The shapes of a star's triangles, as bytes of Patch::Triangle, four in a word: sharpness and 0;
-// length and 0. The loop runs to a multiple of four.
-struct StarShape {
-  int32_t sharpness[3][RingPoints::kSize];
-  uint32_t sharpness_word[RingPoints::kSize], length_word[RingPoints::kSize];
-  uint32_t longest_word[RingPoints::kSize];  // longest << 24
-
-  StarShape(const RingPoints& ring, Vec3i apex) {
-    const float ax = RingPoints::Offset(apex.x, ring.base.x);
-    const float ay = RingPoints::Offset(apex.y, ring.base.y);
-    const float az = RingPoints::Offset(apex.z, ring.base.z);
-    for (uint32_t j = 0; j < ring.count; j += 4) {
-      const auto px = Load4<Float4>(ring.at[0] + j), qx = Load4<Float4>(ring.at[0] + j + 1);
-      const auto py = Load4<Float4>(ring.at[1] + j), qy = Load4<Float4>(ring.at[1] + j + 1);
-      const auto pz = Load4<Float4>(ring.at[2] + j), qz = Load4<Float4>(ring.at[2] + j + 1);
-      const Float4 first = Squared4(px - ax, py - ay, pz - az);  // squared lengths
-      const Float4 second = Squared4(qx - px, qy - py, qz - pz);
-      const Float4 third = Squared4(qx - ax, qy - ay, qz - az);
-      const Int4 s0 = Sharpness4(first, second, third);
-      const Int4 s1 = Sharpness4(second, third, first);
-      const Int4 s2 = Sharpness4(third, first, second);
-      Store4(sharpness[0] + j, s0);
-      Store4(sharpness[1] + j, s1);
-      Store4(sharpness[2] + j, s2);
-      Store4(sharpness_word + j, (s0 & 0xff) | (s1 & 0xff) << 8 | (s2 & 0xff) << 16);
-      const Int4 a = Exponent4(first);
-      const Int4 b = Exponent4(second);
-      const Int4 c = Exponent4(third);
-      Store4(length_word + j, a | b << 8 | c << 16);
-      Store4(longest_word + j, Max4(Max4(a, b), c) << 24);
-    }
-  }
-  static Float4 Squared4(Float4 x, Float4 y, Float4 z) { return x * x + y * y + z * z; }
-};
 
 }  // namespace
 
-Patch::Patch(std::span<const std::array<uint32_t, 3>> in_triangles,
-             const std::vector<Vec3i>& positions, size_t expected_slots) {
-  removers_.reserve(expected_slots);
-  capacity_ = std::max(expected_slots, in_triangles.size());
-  triangles_ = std::make_unique_for_overwrite<Triangle[]>(capacity_);
-  removers_.resize(in_triangles.size(), kNone32);
-  for (size_t slot = 0; slot < in_triangles.size(); ++slot) {
-    const auto& corners = in_triangles[slot];
-    Triangle& t = triangles_[slot];
-    t.corners = corners;
-    t.opposite = {kNone32, kNone32, kNone32};
-    t.both = {kBothZero, kBothZero, kBothZero};
-    t.error_code = 0;
-    t.unused = 0;
-    const Vec3i a = positions[corners[0]];
-    const Vec3i b = positions[corners[1]];
-    const Vec3i c = positions[corners[2]];
-    SetShape(t, SquaredDistance(a, b), SquaredDistance(b, c), SquaredDistance(c, a));
+uint32_t Patch::Hole::open_edges() const {
+  return static_cast<uint32_t>(std::count(outer.begin(), outer.begin() + ring_count, kNone32));
+}
+
+void Patch::Hole::Rotate(size_t split) {
+  const size_t middle = split + 1 == ring_count ? 0 : split + 1;
+  std::rotate(ring, ring + middle, ring + ring_count);
+  std::rotate(outer.begin(), outer.begin() + middle, outer.begin() + ring_count);
+}
+
+Patch::Patch(const InPatch& in, int reference_length, size_t expected_nodes)
+    : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
+      first_apex_(static_cast<uint32_t>(in.positions.size())) {
+  Grow(in.triangles.size() + 6 * expected_nodes + kMaxRing);
+  slots_ = static_cast<uint32_t>(in.triangles.size());
+  for (size_t slot = 0; slot < in.triangles.size(); ++slot) {
+    triangles_[slot].corners = in.triangles[slot];
+    triangles_[slot].opposite = {kNone32, kNone32, kNone32};
   }
+  points_.reserve(in.positions.size() + expected_nodes);
+  for (const Vec3i p : in.positions) AddPoint(p);
+  last_apex_.assign(in.positions.size() + expected_nodes, kNone32);
   PairEdges();
+  Measure(0, slots());
+  for (uint32_t slot = 0; slot < slots(); ++slot) {
+    Triangle& t = triangles_[slot];
+    t.error_code = kMadeElsewhere;
+    for (uint32_t i = 0; i < 3; ++i) ShareSharpness(triangles_.get(), t, i);
+  }
+  shaped_ = slots();
 }
 
 // Pairs each directed edge with its reverse. An edge that occurs twice in one direction is
@@ -119,49 +84,37 @@ void Patch::PairEdges() {
   const uint32_t n = slots();
   // Open addressing by undirected edge: its first half-edge, and how often each direction occurs.
   struct Entry {
-    uint32_t half_edge = kNone32;
-    uint8_t forward = 0, backward = 0;
+    uint64_t edge = ~uint64_t{0};
+    uint32_t half_edge = 0;
+    uint8_t uses[2] = {0, 0};
   };
   const size_t capacity = std::bit_ceil(4 * size_t{n} + 2);
+  const int shift = 64 - std::countr_zero(capacity);
   std::vector<Entry> table(capacity);
-  bool repeated = false;
-  const auto find = [&](uint32_t slot, uint32_t i) -> Entry& {
+  const auto find = [&](uint64_t edge) -> Entry& {
+    size_t at = edge * 0x9e3779b97f4a7c15ull >> shift;
+    while (table[at].edge != edge && table[at].edge != ~uint64_t{0}) at = (at + 1) & (capacity - 1);
+    return table[at];
+  };
+  const auto edge_of = [&](uint32_t slot, uint32_t i) {
     const auto& c = triangles_[slot].corners;
     const uint32_t from = c[i];
     const uint32_t to = c[i == 2 ? 0 : i + 1];
-    const uint64_t edge = static_cast<uint64_t>(std::max(from, to)) << 32 | std::min(from, to);
-    size_t at = (edge * 0x9e3779b97f4a7c15ull >> 32 ^ edge) & (capacity - 1);
-    for (;; at = (at + 1) & (capacity - 1)) {
-      Entry& e = table[at];
-      if (e.half_edge == kNone32) return e;
-      const auto& other = triangles_[e.half_edge >> 2].corners;
-      const uint32_t other_from = other[e.half_edge & 3];
-      const uint32_t other_to = other[(e.half_edge & 3) == 2 ? 0 : (e.half_edge & 3) + 1];
-      if ((other_from == from && other_to == to) || (other_from == to && other_to == from)) {
-        return e;
-      }
-    }
+    return std::pair(uint64_t{std::max(from, to)} << 32 | std::min(from, to), from < to);
   };
+  bool repeated = false;
   for (uint32_t slot = 0; slot < n; ++slot) {
     for (uint32_t i = 0; i < 3; ++i) {
-      Entry& e = find(slot, i);
-      if (e.half_edge == kNone32) {
-        e.half_edge = 4 * slot + i;
-        e.forward = 1;
-      } else if (triangles_[e.half_edge >> 2].corners[e.half_edge & 3] ==
-                 triangles_[slot].corners[i]) {
-        e.forward = 2;
-        repeated = true;
-      } else if (e.backward == 0) {
-        e.backward = 1;
-        Triangle& t = triangles_[slot];
-        Triangle& other = triangles_[e.half_edge >> 2];
-        t.opposite[i] = e.half_edge;
-        other.opposite[e.half_edge & 3] = 4 * slot + i;
-        t.both[i] = other.both[e.half_edge & 3] =
-            static_cast<uint8_t>(kBothZero + t.sharpness[i] + other.sharpness[e.half_edge & 3]);
+      const auto [edge, forward] = edge_of(slot, i);
+      Entry& e = find(edge);
+      if (e.edge != edge) {
+        e = {edge, 4 * slot + i, {0, 0}};
+        e.uses[forward] = 1;
+      } else if (++e.uses[forward] == 1) {
+        triangles_[slot].opposite[i] = e.half_edge;
+        triangles_[e.half_edge >> 2].opposite[e.half_edge & 3] = 4 * slot + i;
       } else {
-        e.backward = 2;
+        e.uses[forward] = 2;
         repeated = true;
       }
     }
@@ -169,67 +122,93 @@ void Patch::PairEdges() {
   if (!repeated) return;
   for (uint32_t slot = 0; slot < n; ++slot) {
     for (uint32_t i = 0; i < 3; ++i) {
-      const Entry& e = find(slot, i);
-      if (e.forward > 1 || e.backward > 1) triangles_[slot].opposite[i] = kNone32;
+      const Entry& e = find(edge_of(slot, i).first);
+      if (e.uses[0] > 1 || e.uses[1] > 1) triangles_[slot].opposite[i] = kNone32;
     }
   }
 }
 
-// Makes room for `count` more slots, alive.
-void Patch::Grow(uint32_t count) {
-  const size_t before = removers_.size();
-  removers_.resize(before + count, kNone32);
-  if (removers_.size() <= capacity_) return;
-  capacity_ = removers_.size() + removers_.size() / 2;
-  auto larger = std::make_unique_for_overwrite<Triangle[]>(capacity_);
-  std::copy_n(triangles_.get(), before, larger.get());
+void Patch::Grow(size_t slots) {
+  auto larger = std::make_unique_for_overwrite<Triangle[]>(slots);
+  std::copy_n(triangles_.get(), slots_, larger.get());
   triangles_ = std::move(larger);
+  removers_.resize(slots, kNone32);
 }
 
-void Patch::RotateRing(size_t split) {
-  const size_t middle = split + 1 == ring_count_ ? 0 : split + 1;
-  std::rotate(ring_.begin(), ring_.begin() + middle, ring_.begin() + ring_count_);
-  std::rotate(outer_.begin(), outer_.begin() + middle, outer_.begin() + ring_count_);
-}
-
-void Patch::InsertStar(uint32_t vertex, Vec3i apex, const RingPoints& points, bool boundary,
-                       uint8_t error_code) {
-  const uint32_t k = ring_count_;
-  const uint32_t count = boundary ? k - 1 : k;
-  const uint32_t first = slots();
-  const StarShape shape(points, apex);
-  const uint32_t code = static_cast<uint32_t>(error_code) << 24;
-  Grow(count);
+void Patch::OpenStar(const Hole& hole) {
+  Triangle* const triangles = triangles_.get();
+  const uint32_t count = hole.ring_count - 1;
+  const uint32_t first = slots_ - hole.ring_count;
+  const uint32_t apex = triangles[first].corners[0];
+  slots_ = first + count;
   for (uint32_t j = 0; j < count; ++j) {
-    const uint32_t slot = first + j;
-    const uint32_t after = j + 1 == k ? 0 : j + 1;
-    const uint32_t before = j == 0 ? k - 1 : j - 1;
-    const uint32_t o = outer_[j];
-    Triangle& t = triangles_[slot];
-    t.corners = {vertex, ring_[j], ring_[after]};
-    t.opposite = {4 * (first + before) + 2, o, 4 * (first + after)};
-    const int32_t first_both = kBothZero + shape.sharpness[0][j] + shape.sharpness[2][before];
-    const int32_t third_both = kBothZero + shape.sharpness[2][j] + shape.sharpness[0][after];
-    int32_t second_both = kBothZero;
-    if (o != kNone32) {
-      Triangle& other = triangles_[o >> 2];
-      other.opposite[o & 3] = 4 * slot + 1;
-      second_both += shape.sharpness[1][j] + other.sharpness[o & 3];
-      other.both[o & 3] = static_cast<uint8_t>(second_both);
-    }
-    const uint32_t words[3] = {
-        shape.sharpness_word[j] | code,
-        static_cast<uint32_t>(first_both | second_both << 8 | third_both << 16) |
-            shape.longest_word[j],
-        shape.length_word[j]};
-    static_assert(offsetof(Triangle, length) == offsetof(Triangle, sharpness) + 8);
-    std::memcpy(&t.sharpness, words, sizeof(words));
+    AddStarTriangle(triangles, 4 * (first + j), apex, hole.ring[j], hole.outer[j]);
+    triangles[first + j].corners[2] = hole.ring[j + 1];
   }
-  if (!boundary) return;
-  triangles_[first].opposite[0] = kNone32;
-  triangles_[first + count - 1].opposite[2] = kNone32;
+  triangles[first].opposite[0] = kNone32;
+  triangles[first + count - 1].opposite[2] = kNone32;
   // A split edge's neighbour, if any, is a neighbour no more.
-  if (const uint32_t o = outer_[k - 1]; o != kNone32) triangles_[o >> 2].opposite[o & 3] = kNone32;
+  if (const uint32_t o = hole.outer[count]; o != kNone32) {
+    triangles[o >> 2].opposite[o & 3] = kNone32;
+  }
+}
+
+// Lengths and bluntnesses of the triangles of slots begin .. end - 1; SharpnessClasses become 0.
+void Patch::Measure(uint32_t begin, uint32_t end) {
+  Triangle* const triangles = triangles_.get();
+  const Word4* const points = points_.data();
+  // A length class is a difference of exponents, of lengths that are clamped to eight octaves.
+  const Float4 shortest = Float4{} + std::bit_cast<float>(shortest_ << 23);
+  const Float4 longest = Float4{} + std::bit_cast<float>((shortest_ + kClasses - 1) << 23);
+  const Int4 base = Int4{} + static_cast<int32_t>(shortest_ * 0x01010101);
+  const auto exponent = [&](Float4 squared) {
+    return reinterpret_cast<Word4>(Min4(Max4(squared, shortest), longest)) >> 23;
+  };
+  for (uint32_t slot = begin; slot < end; slot += 4) {
+    Float4 edges[3][4];
+    for (uint32_t i = 0; i < 4; ++i) {
+      const auto& c = triangles[std::min(slot + i, end - 1)].corners;
+      const Word4 p = points[c[0]];
+      const Word4 q = points[c[1]];
+      const Word4 r = points[c[2]];
+      edges[0][i] = Offset4(q, p);
+      edges[1][i] = Offset4(r, q);
+      edges[2][i] = Offset4(p, r);
+    }
+    const Float4 a = SquaredLengths(edges[0][0], edges[0][1], edges[0][2], edges[0][3]);
+    const Float4 b = SquaredLengths(edges[1][0], edges[1][1], edges[1][2], edges[1][3]);
+    const Float4 c = SquaredLengths(edges[2][0], edges[2][1], edges[2][2], edges[2][3]);
+    // Little-endian words of shape and longest, of bluntness and error_code.
+    const Word4 classes =
+        (exponent(a) | exponent(b) << 8 | exponent(c) << 16 | exponent(Max4(Max4(a, b), c)) << 24) -
+        reinterpret_cast<Word4>(base);
+    const Word4 shape = (classes & 0xff000000) | (classes & 0x00ffffff) << 3;
+    const Int4 bluntness = Bluntness(a, b, c) | Bluntness(b, c, a) << 8 | Bluntness(c, a, b) << 16;
+    for (uint32_t i = 0; i < std::min(4u, end - slot); ++i) {
+      const uint32_t words[2] = {shape[i], static_cast<uint32_t>(bluntness[i])};
+      std::memcpy(&triangles[slot + i].shape, words, sizeof(words));
+    }
+  }
+}
+
+void Patch::EndGeneration(std::span<const uint8_t> codes) {
+  const uint32_t end = slots();
+  Measure(shaped_, end);
+  Triangle* const triangles = triangles_.get();
+  const uint8_t* const code_of_apex = codes.data() - first_apex_;
+  for (uint32_t slot = shaped_; slot < end; ++slot) {
+    Triangle& t = triangles[slot];
+    t.error_code = code_of_apex[t.corners[0]];
+    // Half-edge 2 of a star's triangle lies opposite half-edge 0 of another one. Both had no class.
+    if (const uint32_t o = t.opposite[0]; o != kNone32) {
+      Triangle& before = triangles[o >> 2];
+      const uint8_t sharpness = kSharpnessClass[t.bluntness[0] + before.bluntness[2]];
+      t.shape[0] = static_cast<uint8_t>(t.shape[0] | sharpness);
+      before.shape[2] = static_cast<uint8_t>(before.shape[2] | sharpness);
+    }
+    ShareSharpness(triangles, t, 1);
+  }
+  shaped_ = end;
 }
 
 }  // namespace mtdb

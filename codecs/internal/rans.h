@@ -7,10 +7,12 @@
 // reads it: each takes the value to code and returns the coded one; the decoder ignores the former.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 #include <vector>
 
 #ifdef __SSE2__
@@ -24,13 +26,13 @@ namespace mtdb {
 inline constexpr int kProbabilityBits = 15;
 inline constexpr uint32_t kProbabilityOne = 1u << kProbabilityBits;
 
-// The probability of a one, in 1/65536.
+// The probability of a one, in 1/65536; never 0.
 struct AdaptiveBit {
+  static constexpr int kBits = 16;
+  static constexpr uint32_t kOne = 1u << kBits;
   static constexpr int kRate = 6;
   uint16_t probability = 0x8000;
 
-  // In 1 .. kProbabilityOne - 1.
-  uint32_t one() const { return probability >> 1; }
   // Towards 0xffff or 2^kRate - 1, so that neither value becomes impossible. Without a branch: bits
   // that are hard to predict are what an entropy coder sees.
   void Update(bool bit) {
@@ -51,18 +53,31 @@ inline constexpr auto kSymbolTargets = [] {
   return t;
 }();
 
-// The cumulative distribution of symbols 0..15: symbol s has the interval [below[s], below[s + 1]),
-// where below[16] stands for kProbabilityOne. Never empty, whatever the updates.
+// The cumulative distribution of symbols 0..15: symbol s has the interval [below[s], below[s + 1]).
+// Never empty, whatever the updates.
 template <int kRate>
 struct AdaptiveSymbolOfRate {
   static constexpr uint32_t kSymbols = 16;
-  std::array<int16_t, 16> below = {0,     2048,  4096,  6144,  8192,  10240, 12288, 14336,
-                                   16384, 18432, 20480, 22528, 24576, 26624, 28672, 30720};
+  std::array<int16_t, 17> below = {0,
+                                   2048,
+                                   4096,
+                                   6144,
+                                   8192,
+                                   10240,
+                                   12288,
+                                   14336,
+                                   16384,
+                                   18432,
+                                   20480,
+                                   22528,
+                                   24576,
+                                   26624,
+                                   28672,
+                                   30720,
+                                   static_cast<int16_t>(kProbabilityOne)};
 
-  uint32_t begin(uint32_t s) const { return static_cast<uint32_t>(below[s]); }
-  uint32_t end(uint32_t s) const {
-    return s + 1 == kSymbols ? kProbabilityOne : static_cast<uint32_t>(below[s + 1]);
-  }
+  uint32_t begin(uint32_t s) const { return static_cast<uint16_t>(below[s]); }
+  uint32_t end(uint32_t s) const { return static_cast<uint16_t>(below[s + 1]); }
 #ifdef __SSE2__
   // The symbol whose interval holds `at`.
   uint32_t Find(uint32_t at) const {
@@ -102,20 +117,39 @@ struct AdaptiveSymbolOfRate {
 using AdaptiveSymbol = AdaptiveSymbolOfRate<7>;      // with good priors
 using FastAdaptiveSymbol = AdaptiveSymbolOfRate<5>;  // without
 
+// Sees what an encoder codes, for statistics and for fitting priors.
+class ModelObserver {
+ public:
+  virtual ~ModelObserver() = default;
+  virtual void Saw(const AdaptiveBit& model, bool bit) = 0;
+  virtual void Saw(const AdaptiveSymbol& model, uint32_t symbol) = 0;
+};
+
 inline constexpr uint64_t kRansLow = uint64_t{1} << 31;
+
+// Several coders' states take part in one stream (lanes), so that a decoder can work on decisions
+// that do not depend on each other at the same time.
+inline constexpr size_t kMaxRansLanes = 4;
 
 // Collects what is to be coded; Finish() codes it backwards.
 class RansEncoder {
  public:
+  // `observer`, when given, sees every decision.
+  explicit RansEncoder(ModelObserver* observer = nullptr) : observer_(observer) {}
+
   bool Bit(AdaptiveBit& model, bool bit) {
-    const uint32_t one = model.one();
-    Add(bit ? 0 : one, bit ? one : kProbabilityOne - one);
+    const uint32_t one = model.probability;
+    if (observer_ != nullptr) observer_->Saw(model, bit);
+    Add(bit ? 0 : one, bit ? one : AdaptiveBit::kOne - one, AdaptiveBit::kBits);
     model.Update(bit);
     return bit;
   }
   template <typename Model>
   uint32_t Symbol(Model& model, uint32_t s) {
-    Add(model.begin(s), model.end(s) - model.begin(s));
+    if constexpr (std::is_same_v<Model, AdaptiveSymbol>) {
+      if (observer_ != nullptr) observer_->Saw(model, s);
+    }
+    Add(model.begin(s), model.end(s) - model.begin(s), kProbabilityBits);
     model.Update(s);
     return s;
   }
@@ -125,81 +159,124 @@ class RansEncoder {
     for (int left = count; left > 0; left -= 16) {
       const int n = left < 16 ? left : 16;
       log_.push_back(
-          {static_cast<uint16_t>(rest & ((1u << n) - 1)), static_cast<uint16_t>(kRawFlag | n)});
+          {static_cast<uint16_t>(rest & ((1u << n) - 1)), 1, static_cast<uint8_t>(n), lane_});
       rest >>= 16;
     }
     return bits;
   }
-  bool empty() const { return log_.empty(); }
+  // Codes on another lane from now on.
+  RansEncoder& lane(size_t lane) {
+    lane_ = static_cast<uint8_t>(lane);
+    return *this;
+  }
   // Forgets what was collected. Nothing, when nothing was.
-  Bytes Finish();
+  Bytes Finish(size_t lanes = 1);
 
  private:
-  static constexpr uint16_t kRawFlag = 0x8000;
+  // An interval of a distribution over 2^bits; of one of 2^bits equal ones, when it is raw.
   struct Entry {
-    uint16_t begin;  // or the raw bits
-    uint16_t size;   // or kRawFlag | how many
+    uint16_t begin;
+    uint16_t size;
+    uint8_t bits;
+    uint8_t lane;
   };
-  void Add(uint32_t begin, uint32_t size) {
-    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size)});
+  void Add(uint32_t begin, uint32_t size, int bits) {
+    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size),
+                    static_cast<uint8_t>(bits), lane_});
   }
+  ModelObserver* observer_;
   std::vector<Entry> log_;
+  uint8_t lane_ = 0;
 };
 
 // Decodes untrusted bytes: behind their end come zeros, and Done() tells.
+template <size_t kLanes = 1>
 class RansDecoder {
  public:
   explicit RansDecoder(ByteSpan bytes) : next_(bytes.data()), end_(bytes.data() + bytes.size()) {
+    state_.fill(kRansLow);
     if (bytes.empty()) return;
-    state_ = static_cast<uint64_t>(Word()) << 32;
-    state_ |= Word();
+    for (uint64_t& state : state_) {
+      state = static_cast<uint64_t>(Word()) << 32;
+      state |= Word();
+    }
   }
-  [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
-    const uint32_t one = model.one();
-    const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
-    const bool bit = at < one;
-    const uint32_t zero = static_cast<uint32_t>(bit) - 1;  // all ones when the bit is 0
-    const uint32_t begin = one & zero;
-    Take(begin, one + ((kProbabilityOne - 2 * one) & zero), at);
-    model.Update(bit);
-    return bit;
+
+  // One of the states as a coder.
+  template <size_t kLane>
+  class Lane {
+   public:
+    explicit Lane(RansDecoder& decoder) : d_(decoder) {}
+    // With a branch, since who asks will branch on it: a processor that guesses it has the next
+    // state early.
+    [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
+      constexpr int kBits = AdaptiveBit::kBits;
+      const uint32_t one = model.probability;
+      const uint32_t at = static_cast<uint32_t>(state()) & (AdaptiveBit::kOne - 1);
+      if (at < one) {
+        Take<kBits>(0, one, at);
+        model.Update(true);
+        return true;
+      }
+      Take<kBits>(one, AdaptiveBit::kOne - one, at);
+      model.Update(false);
+      return false;
+    }
+    template <typename Model>
+    [[gnu::always_inline]] uint32_t Symbol(Model& model, uint32_t = 0) {
+      const uint32_t at = static_cast<uint32_t>(state()) & (kProbabilityOne - 1);
+      const uint32_t s = model.Find(at);
+      const uint32_t begin = model.begin(s);
+      Take<kProbabilityBits>(begin, model.end(s) - begin, at);
+      model.Update(s);
+      return s;
+    }
+    uint32_t Raw(int count, uint32_t = 0) {
+      if (count <= 16) return RawBits(count);
+      const uint32_t low = RawBits(16);
+      return low | RawBits(count - 16) << 16;
+    }
+    bool overrun() const { return d_.overrun(); }
+
+   private:
+    uint64_t& state() { return d_.state_[kLane]; }
+    uint32_t RawBits(int count) {
+      const uint32_t bits = static_cast<uint32_t>(state()) & ((1u << count) - 1);
+      state() >>= count;
+      Refill();
+      return bits;
+    }
+    template <int kBits>
+    [[gnu::always_inline]] void Take(uint32_t begin, uint32_t size, uint32_t at) {
+      state() = size * (state() >> kBits) + at - begin;
+      Refill();
+    }
+    [[gnu::always_inline]] void Refill() {
+      if (state() >= kRansLow) [[likely]]
+        return;
+      state() = state() << 32 | d_.Word();
+    }
+    RansDecoder& d_;
+  };
+  template <size_t kLane = 0>
+  [[gnu::always_inline]] Lane<kLane> lane() {
+    static_assert(kLane < kLanes);
+    return Lane<kLane>(*this);
   }
-  template <typename Model>
-  [[gnu::always_inline]] uint32_t Symbol(Model& model, uint32_t = 0) {
-    const uint32_t at = static_cast<uint32_t>(state_) & (kProbabilityOne - 1);
-    const uint32_t s = model.Find(at);
-    const uint32_t begin = model.begin(s);
-    Take(begin, model.end(s) - begin, at);
-    model.Update(s);
-    return s;
-  }
-  [[gnu::always_inline]] uint32_t Raw(int count, uint32_t = 0) {
-    if (count <= 16) return RawBits(count);
-    const uint32_t low = RawBits(16);
-    return low | RawBits(count - 16) << 16;
-  }
+
   // True when everything was read and the decoder is back where the encoder began.
-  bool Done() const { return !overrun_ && next_ == end_ && state_ == kRansLow; }
-  // Reading beyond the end: no use to go on.
+  bool Done() const {
+    return !overrun_ && next_ == end_ &&
+           std::all_of(state_.begin(), state_.end(),
+                       [](uint64_t state) { return state == kRansLow; });
+  }
+  // It has read beyond the end: no use to go on.
   bool overrun() const { return overrun_; }
 
  private:
-  uint32_t RawBits(int count) {
-    const uint32_t bits = static_cast<uint32_t>(state_) & ((1u << count) - 1);
-    state_ >>= count;
-    Refill();
-    return bits;
-  }
-  void Take(uint32_t begin, uint32_t size, uint32_t at) {
-    state_ = size * (state_ >> kProbabilityBits) + at - begin;
-    Refill();
-  }
-  void Refill() {
-    if (state_ < kRansLow) state_ = state_ << 32 | Word();
-  }
   uint32_t Word() {
     uint32_t word = 0;
-    if (end_ - next_ >= 4) {
+    if (end_ - next_ >= 4) [[likely]] {
       std::memcpy(&word, next_, 4);
       next_ += 4;
     } else {
@@ -208,25 +285,10 @@ class RansDecoder {
     return word;
   }
 
-  uint64_t state_ = kRansLow;
+  std::array<uint64_t, kLanes> state_;
   const std::byte* next_;
   const std::byte* end_;
   bool overrun_ = false;
 };
-
-// A non-negative number without a model: 6 bits of length, then the bits below the top one.
-template <typename Coder>
-uint64_t CodeRawNumber(Coder& coder, uint64_t value) {
-  const int length = static_cast<int>(coder.Raw(6, static_cast<uint32_t>(std::bit_width(value))));
-  if (length <= 1) return static_cast<uint64_t>(length);
-  const int low = length - 1 < 32 ? length - 1 : 32;
-  uint64_t bits = coder.Raw(low, static_cast<uint32_t>(value & ((uint64_t{1} << low) - 1)));
-  if (length - 1 > 32) {
-    const int high = length - 1 - 32;
-    const auto top = static_cast<uint32_t>((value >> 32) & ((uint64_t{1} << high) - 1));
-    bits |= static_cast<uint64_t>(coder.Raw(high, top)) << 32;
-  }
-  return bits | uint64_t{1} << (length - 1);
-}
 
 }  // namespace mtdb

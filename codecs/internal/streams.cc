@@ -36,8 +36,8 @@ const char* StreamTagName(StreamTag tag) {
   switch (tag) {
     case StreamTag::kHead: return "head";
     case StreamTag::kTopology: return "topology";
-    case StreamTag::kErrors: return "errors";
-    case StreamTag::kPositions: return "positions";
+    case StreamTag::kVertices: return "vertices";
+    case StreamTag::kBits: return "bits";
     case StreamTag::kArcs: return "arcs";
     case StreamTag::kExplicitArcs: return "explicit_arcs";
     case StreamTag::kRootVertices: return "root_vertices";

@@ -17,8 +17,8 @@ namespace mtdb {
 enum class StreamTag : uint8_t {
   kHead = 0x80,
   kTopology = 0x81,
-  kErrors = 0x82,
-  kPositions = 0x83,
+  kVertices = 0x82,
+  kBits = 0x83,
   kArcs = 0x84,
   kExplicitArcs = 0x85,
   kRootVertices = 0x86,

@@ -5,6 +5,10 @@
 #include <cstdint>
 #include <cstring>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 namespace mtdb {
 
 using Float4 = float __attribute__((vector_size(16)));
@@ -24,11 +28,39 @@ void Store4(T* to, Vector v) {
   std::memcpy(to, &v, sizeof(v));
 }
 inline Float4 ToFloat(Int4 v) { return __builtin_convertvector(v, Float4); }
+// The difference, which wraps around so that it always fits.
+inline Float4 Offset4(Word4 to, Word4 from) { return ToFloat(reinterpret_cast<Int4>(to - from)); }
 // Towards zero.
 inline Int4 ToInt(Float4 v) { return __builtin_convertvector(v, Int4); }
+#ifdef __SSE2__
+inline Float4 Min4(Float4 a, Float4 b) { return _mm_min_ps(a, b); }
+inline Float4 Max4(Float4 a, Float4 b) { return _mm_max_ps(a, b); }
+#else
 inline Float4 Min4(Float4 a, Float4 b) { return a < b ? a : b; }
 inline Float4 Max4(Float4 a, Float4 b) { return a > b ? a : b; }
-inline Int4 Max4(Int4 a, Int4 b) { return a > b ? a : b; }
-inline float SumLanes(Float4 v) { return (v[0] + v[1]) + (v[2] + v[3]); }
+#endif
+// (x, y, z, w) -> (y, z, x, w)
+inline Float4 Turn(Float4 v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); }
+// Of four vectors, the x, the y and the z.
+struct Columns4 {
+  Float4 x, y, z;
+};
+inline Columns4 Transpose(Float4 a, Float4 b, Float4 c, Float4 d) {
+  const Float4 ab = __builtin_shufflevector(a, b, 0, 4, 1, 5);  // ax bx ay by
+  const Float4 cd = __builtin_shufflevector(c, d, 0, 4, 1, 5);
+  const Float4 ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+  const Float4 cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+  return {__builtin_shufflevector(ab, cd, 0, 1, 4, 5), __builtin_shufflevector(ab, cd, 2, 3, 6, 7),
+          __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5)};
+}
+// Bit i: lane i of a mask is set.
+inline uint32_t MaskBits(Int4 mask) {
+#ifdef __SSE2__
+  return static_cast<uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(mask)));
+#else
+  return static_cast<uint32_t>(mask[0] & 1) | static_cast<uint32_t>(mask[1] & 2) |
+         static_cast<uint32_t>(mask[2] & 4) | static_cast<uint32_t>(mask[3] & 8);
+#endif
+}
 
 }  // namespace mtdb

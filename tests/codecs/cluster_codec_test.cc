@@ -23,17 +23,17 @@ struct Case {
 };
 
 const Case kCases[] = {
-    {"torus", {}, 1607},
-    {"sheet", {.surface = Surface::kSheet, .seed = 2}, 1519},
-    {"pierced sheet", {.surface = Surface::kSheet, .pierced = true, .seed = 3}, 1547},
-    {"no children", {.children = 0, .seed = 4}, 1569},
-    {"many children", {.children = 20, .seed = 5}, 1762},
-    {"lossless", {.surface = Surface::kSheet, .numbers = Numbers::kLossless, .seed = 6}, 3831},
-    {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4435},
-    {"coinciding positions", {.numbers = Numbers::kCoincident, .seed = 8}, 2519},
-    {"attributes", {.attributes = true, .seed = 9}, 8243},
-    {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 58},
-    {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12335},
+    {"torus", {}, 1627},
+    {"sheet", {.surface = Surface::kSheet, .seed = 2}, 1552},
+    {"pierced sheet", {.surface = Surface::kSheet, .pierced = true, .seed = 3}, 1574},
+    {"no children", {.children = 0, .seed = 4}, 1582},
+    {"many children", {.children = 20, .seed = 5}, 1802},
+    {"lossless", {.surface = Surface::kSheet, .numbers = Numbers::kLossless, .seed = 6}, 3936},
+    {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4491},
+    {"coinciding positions", {.numbers = Numbers::kCoincident, .seed = 8}, 2554},
+    {"attributes", {.attributes = true, .seed = 9}, 8273},
+    {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 83},
+    {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12444},
 };
 
 Result<Cluster> Decode(const ClusterFixture& fixture, const EncodedCluster& encoded,
@@ -63,8 +63,7 @@ TEST_CASE("a decoded cluster encodes to the same bytes") {
     if (encoded.explicit_arcs) continue;  // the order of in-triangles is the first encoder's choice
     const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
     REQUIRE(cluster.ok());
-    REQUIRE(EncodeCluster(testing::ToUpdates(*cluster), fixture.attributes).payload ==
-            encoded.payload);
+    REQUIRE(EncodeCluster(UpdatesOf(*cluster), fixture.attributes).payload == encoded.payload);
   }
 }
 
@@ -177,9 +176,11 @@ TEST_CASE("the worked example of the format has these bytes") {
     hex += kDigits[static_cast<uint8_t>(b) & 15];
   }
   CHECK(hex ==
-        "05800500810800820800830800840800"
+        "05800500811000822000830200840800"
         "0210010107"
-        "36000000f800039d25430000387f3fc548e40200cc0f083e2900000083cc11b7");
+        "36000000f800039d0000000000000080"
+        "41000000847f100405000000899addf6080000000d152085020000004cf04b88"
+        "44342f0000002dcd4c4c");
   const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
   REQUIRE(cluster.ok());
   REQUIRE(Difference(fixture, encoded, *cluster) == "");

@@ -217,39 +217,6 @@ InPatch MakeIn(const ClusterFixture& fixture, const EncodedCluster& encoded) {
   return patch;
 }
 
-ClusterUpdates ToUpdates(const Cluster& cluster) {
-  ClusterUpdates updates;
-  updates.positions = cluster.in.positions;
-  updates.rows = cluster.in.rows;
-  updates.triangles = cluster.in.triangles;
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    ClusterUpdates::Node node;
-    node.vertex = cluster.external_vertices() + i;
-    node.boundary = cluster.boundary(i);
-    node.error_code = cluster.error_codes[i];
-    node.hole_begin = static_cast<uint32_t>(updates.holes.size());
-    node.hole_count = static_cast<uint32_t>(cluster.hole(i).size());
-    updates.holes.insert(updates.holes.end(), cluster.hole(i).begin(), cluster.hole(i).end());
-    node.star_begin = static_cast<uint32_t>(updates.stars.size());
-    node.star_count = cluster.star_begin[i + 1] - cluster.star_begin[i];
-    for (uint32_t s = cluster.star_begin[i]; s < cluster.star_begin[i + 1]; ++s) {
-      updates.stars.push_back(s);
-      updates.triangles.push_back(cluster.star_triangle(i, s));
-    }
-    updates.nodes.push_back(node);
-  }
-  updates.consumers.resize(cluster.slots());
-  for (uint32_t s = 0; s < cluster.slots(); ++s) {
-    if (!RemovedByChild(cluster.removers[s])) continue;
-    updates.consumers[s].child = cluster.children[ChildOrdinal(cluster.removers[s])];
-  }
-  for (const ExplicitArc& arc : cluster.explicit_arcs) {
-    updates.consumers[arc.slot].explicit_arc = true;
-    updates.consumers[arc.slot].child_slot = arc.child_slot;
-  }
-  return updates;
-}
-
 std::string Difference(const ClusterFixture& fixture, const EncodedCluster& encoded,
                        const Cluster& cluster) {
   const ClusterUpdates& updates = fixture.updates;

@@ -32,9 +32,6 @@ ClusterFixture MakeCluster(const ClusterOptions& options);
 // The in-patch that a loader would gather from the parents.
 InPatch MakeIn(const ClusterFixture& fixture, const EncodedCluster& encoded);
 
-// The decoded cluster as the updates that it came from, but for the order of things.
-ClusterUpdates ToUpdates(const Cluster& cluster);
-
 // Empty when `cluster` says what `fixture` says, else what differs.
 std::string Difference(const ClusterFixture& fixture, const EncodedCluster& encoded,
                        const Cluster& cluster);

@@ -3,32 +3,36 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "codecs/internal/bit_stream.h"
+
 namespace mtdb {
 namespace {
 
 struct Decision {
-  int kind;  // 0 bit, 1 symbol, 2 raw, 3 number, 4 fast symbol
-  uint64_t value;
+  int kind;  // 0 bit, 1 symbol, 2 raw, 3 fast symbol
+  uint32_t value;
   int bits = 0;
+  size_t lane = 0;
 };
 
-std::vector<Decision> RandomDecisions(uint32_t seed, size_t count) {
+std::vector<Decision> RandomDecisions(uint32_t seed, size_t count, size_t lanes) {
   std::mt19937 random(seed);
   std::vector<Decision> decisions;
   for (size_t i = 0; i < count; ++i) {
-    switch (random() % 5) {
-      case 0: decisions.push_back({0, random() % 50 == 0}); break;
-      case 1: decisions.push_back({1, random() % 4 == 0 ? random() % 16 : 15}); break;
+    switch (random() % 4) {
+      case 0: decisions.push_back({0, random() % 50 == 0 ? 1u : 0u}); break;
+      case 1:
+        decisions.push_back({1, random() % 4 == 0 ? static_cast<uint32_t>(random() % 16) : 15});
+        break;
       case 2: {
         const int bits = static_cast<int>(random() % 33);
-        decisions.push_back({2, random() & ((uint64_t{1} << bits) - 1), bits});
+        const auto mask = static_cast<uint32_t>((uint64_t{1} << bits) - 1);
+        decisions.push_back({2, static_cast<uint32_t>(random()) & mask, bits});
         break;
       }
-      case 3:
-        decisions.push_back({3, (uint64_t{random()} << 31 | random()) >> random() % 63});
-        break;
-      default: decisions.push_back({4, random() % 16});
+      default: decisions.push_back({3, static_cast<uint32_t>(random() % 16)});
     }
+    decisions.back().lane = random() % lanes;
   }
   return decisions;
 }
@@ -40,54 +44,105 @@ struct Models {
 };
 
 template <typename Coder>
-uint64_t Code(Coder& coder, Models& models, const Decision& d, uint64_t value) {
-  const auto small = static_cast<uint32_t>(value);
+uint32_t Code(Coder&& coder, Models& models, const Decision& d, uint32_t value) {
   switch (d.kind) {
     case 0: return coder.Bit(models.bit, value != 0);
-    case 1: return coder.Symbol(models.symbol, small);
-    case 2: return coder.Raw(d.bits, small);
-    case 3: return CodeRawNumber(coder, value);
-    default: return coder.Symbol(models.fast, small);
+    case 1: return coder.Symbol(models.symbol, value);
+    case 2: return coder.Raw(d.bits, value);
+    default: return coder.Symbol(models.fast, value);
   }
 }
 
-TEST_CASE("what the coder writes, it reads, and it ends where it began") {
+TEST_CASE("what the coder writes on three lanes, it reads, and it ends where it began") {
   for (uint32_t seed = 0; seed < 20; ++seed) {
-    const std::vector<Decision> decisions = RandomDecisions(seed, 1 + seed * 300);
+    const std::vector<Decision> decisions = RandomDecisions(seed, 1 + seed * 300, 3);
     RansEncoder encoder;
     Models writing;
-    for (const Decision& d : decisions) Code(encoder, writing, d, d.value);
-    const Bytes bytes = encoder.Finish();
-    RansDecoder decoder(bytes);
+    for (const Decision& d : decisions) Code(encoder.lane(d.lane), writing, d, d.value);
+    const Bytes bytes = encoder.Finish(3);
+    RansDecoder<3> decoder(bytes);
     Models reading;
-    for (const Decision& d : decisions) REQUIRE(Code(decoder, reading, d, 0) == d.value);
+    for (const Decision& d : decisions) {
+      const uint32_t value = d.lane == 0   ? Code(decoder.lane<0>(), reading, d, 0)
+                             : d.lane == 1 ? Code(decoder.lane<1>(), reading, d, 0)
+                                           : Code(decoder.lane<2>(), reading, d, 0);
+      REQUIRE(value == d.value);
+      REQUIRE_FALSE(decoder.overrun());
+    }
     REQUIRE(decoder.Done());
     REQUIRE(encoder.Finish().empty());
   }
 }
 
 TEST_CASE("nothing coded is no bytes, and no bytes decode to nothing") {
-  REQUIRE(RansEncoder().Finish().empty());
-  REQUIRE(RansDecoder({}).Done());
+  REQUIRE(RansEncoder().Finish(2).empty());
+  REQUIRE(RansDecoder<2>({}).Done());
+  REQUIRE(BitWriter().Finish().empty());
+  REQUIRE(BitReader({}).Done());
 }
 
 TEST_CASE("a decoder that is out of bytes gives numbers and says so") {
-  Models models;
-  RansDecoder decoder(Bytes(4));
-  for (int i = 0; i < 1000; ++i) {
-    REQUIRE(decoder.Symbol(models.symbol) < 16);
-    decoder.Raw(32);
+  for (const size_t size : {size_t{4}, size_t{8}, size_t{16}}) {
+    const Bytes bytes(size);
+    Models models;
+    RansDecoder<2> decoder(bytes);
+    for (int i = 0; i < 1000; ++i) {
+      REQUIRE(decoder.lane<1>().Symbol(models.symbol) < 16);
+      decoder.lane<0>().Raw(32);
+    }
+    REQUIRE(decoder.overrun());
+    REQUIRE_FALSE(decoder.Done());
   }
-  REQUIRE(decoder.overrun());
-  REQUIRE_FALSE(decoder.Done());
+}
+
+TEST_CASE("bits, phased-in numbers and numbers of any length come back") {
+  std::mt19937 random(4);
+  struct Item {
+    uint32_t kind, limit;
+    uint64_t value;
+  };
+  std::vector<Item> items;
+  BitWriter writer;
+  for (int i = 0; i < 5000; ++i) {
+    Item item{static_cast<uint32_t>(random() % 3), 0, 0};
+    switch (item.kind) {
+      case 0:
+        item.limit = static_cast<uint32_t>(random() % 33);
+        item.value = random() & ((uint64_t{1} << item.limit) - 1);
+        writer.Raw(static_cast<int>(item.limit), static_cast<uint32_t>(item.value));
+        break;
+      case 1:
+        item.limit = 1 + static_cast<uint32_t>(random() >> random() % 32) % 0x7fffffff;
+        item.value = random() % item.limit;
+        writer.Below(item.limit, static_cast<uint32_t>(item.value));
+        break;
+      default:
+        item.value = (uint64_t{random()} << 31 | random()) >> random() % 63;
+        CodeRawNumber(writer, item.value);
+    }
+    items.push_back(item);
+  }
+  const Bytes bytes = writer.Finish();
+  Bytes readable = bytes;
+  readable.resize(bytes.size() + BitReader::kReadableBytes);
+  BitReader reader(ByteSpan(readable).first(bytes.size()));
+  for (const Item& item : items) {
+    const uint64_t value = item.kind == 0   ? reader.Raw(static_cast<int>(item.limit))
+                           : item.kind == 1 ? reader.Below(item.limit)
+                                            : CodeRawNumber(reader, 0);
+    REQUIRE(value == item.value);
+  }
+  REQUIRE(reader.Done());
+  reader.Raw(16);
+  REQUIRE(reader.overrun());
+  REQUIRE_FALSE(reader.Done());
 }
 
 TEST_CASE("models stay within their bounds whatever they see") {
   AdaptiveBit bit;
   for (int i = 0; i < 10000; ++i) {
     bit.Update(i < 5000);
-    REQUIRE(bit.one() >= 1);
-    REQUIRE(bit.one() < kProbabilityOne);
+    REQUIRE(bit.probability >= 1);
   }
   AdaptiveSymbol symbol;
   std::mt19937 random(3);

@@ -68,11 +68,11 @@ inline float FlipSign(float value, uint32_t bit) {
 }
 
 // One of the twelve vectors from the centre of a cube to its edges, times (x, y, z).
-[[gnu::always_inline]] inline Float4 DotGradient(Uint4 h, Float4 x, Float4 y, Float4 z) {
+[[gnu::always_inline]] inline Float4 DotGradient(Word4 h, Float4 x, Float4 y, Float4 z) {
   const Float4 u = h < 8u ? x : y;
   const Float4 v = h < 4u ? y : (h & 13u) == 12u ? x : z;
-  return std::bit_cast<Float4>(std::bit_cast<Uint4>(u) ^ (h << 31)) +
-         std::bit_cast<Float4>(std::bit_cast<Uint4>(v) ^ (h >> 1 << 31));
+  return std::bit_cast<Float4>(std::bit_cast<Word4>(u) ^ (h << 31)) +
+         std::bit_cast<Float4>(std::bit_cast<Word4>(v) ^ (h >> 1 << 31));
 }
 
 }  // namespace noise_internal
@@ -81,12 +81,12 @@ inline float FlipSign(float value, uint32_t bit) {
 [[gnu::always_inline]] inline Float4 GradientNoise3(Float4 x, Float4 y, Float4 z, uint32_t seed) {
   using namespace noise_internal;
   const Int4 xi = Floor4(x), yi = Floor4(y), zi = Floor4(z);
-  const Float4 fx = x - ToFloat4(xi), fy = y - ToFloat4(yi), fz = z - ToFloat4(zi);
+  const Float4 fx = x - ToFloat(xi), fy = y - ToFloat(yi), fz = z - ToFloat(zi);
   const Float4 gx = fx - 1.0f, gy = fy - 1.0f, gz = fz - 1.0f;
-  const Uint4 px = std::bit_cast<Uint4>(xi) * kPrimeX;
-  const Uint4 x0 = px ^ seed, x1 = (px + kPrimeX) ^ seed;
-  const Uint4 y0 = std::bit_cast<Uint4>(yi) * kPrimeY, y1 = y0 + kPrimeY;
-  const Uint4 z0 = std::bit_cast<Uint4>(zi) * kPrimeZ, z1 = z0 + kPrimeZ;
+  const Word4 px = std::bit_cast<Word4>(xi) * kPrimeX;
+  const Word4 x0 = px ^ seed, x1 = (px + kPrimeX) ^ seed;
+  const Word4 y0 = std::bit_cast<Word4>(yi) * kPrimeY, y1 = y0 + kPrimeY;
+  const Word4 z0 = std::bit_cast<Word4>(zi) * kPrimeZ, z1 = z0 + kPrimeZ;
   const Float4 n000 = DotGradient(Scramble(x0 ^ y0 ^ z0), fx, fy, fz);
   const Float4 n100 = DotGradient(Scramble(x1 ^ y0 ^ z0), gx, fy, fz);
   const Float4 n010 = DotGradient(Scramble(x0 ^ y1 ^ z0), fx, gy, fz);

@@ -191,7 +191,7 @@ MTDB_SIMD_CLONES void SculptureField::EvaluateBase(const FieldBatch& batch) {
   std::fill_n(weight_.begin(), n, 1.0f);
   constexpr auto kScale = static_cast<float>(1 / kWavelength);
   for (size_t i = 0; i < n; i += kLanes) {
-    const Float4 x = Load4(&qx_[i]), y = Load4(&qy_[i]), z = Load4(&qz_[i]);
+    const Float4 x = Load4<Float4>(&qx_[i]), y = Load4<Float4>(&qy_[i]), z = Load4<Float4>(&qz_[i]);
     const Base ab = SmoothUnion(RingDistance(kRings[0], x, y, z), RingDistance(kRings[1], x, y, z));
     const Base cd = SmoothUnion(RingDistance(kRings[2], x, y, z), RingDistance(kRings[3], x, y, z));
     const Base base = SmoothUnion(ab, cd);
@@ -207,12 +207,13 @@ MTDB_SIMD_CLONES void SculptureField::EvaluateBase(const FieldBatch& batch) {
 MTDB_SIMD_CLONES void SculptureField::AddOctave(const Octave& octave, size_t count) {
   constexpr float kTwoThirds = 2.0f / 3.0f, kFourThirds = 4.0f / 3.0f;
   for (size_t i = 0; i < count; i += kLanes) {
-    const Float4 x = Load4(&qx_[i]), y = Load4(&qy_[i]), z = Load4(&qz_[i]);
+    const Float4 x = Load4<Float4>(&qx_[i]), y = Load4<Float4>(&qy_[i]), z = Load4<Float4>(&qz_[i]);
     const Float4 noise = GradientNoise3(x + octave.offset[0], y + octave.offset[1],
                                         z + octave.offset[2], octave.seed);
     const Float4 ridged = 0.5f - 2.0f * Min4(Abs4(noise), Splat4(0.75f));
     const Float4 shaped = noise + octave.ridge * (ridged - noise);
-    Store4(&value_[i], Load4(&value_[i]) - octave.amplitude * Load4(&weight_[i]) * shaped);
+    Store4(&value_[i],
+           Load4<Float4>(&value_[i]) - octave.amplitude * Load4<Float4>(&weight_[i]) * shaped);
     Store4(&weight_[i], Min4(Max4(0.75f - 0.6f * noise, Splat4(kLeastWeight)), Splat4(1.0f)));
     // Twice the frequency, and a rotation (exact thirds), so that lattices of octaves never align.
     Store4(&qx_[i], kFourThirds * (x + z) - kTwoThirds * y);
