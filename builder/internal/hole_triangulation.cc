@@ -53,7 +53,7 @@ void HoleTriangulation::GuessEdgeErrors(std::span<const Vec3d> points) {
       const Float4 side = px * uy - py * ux;
       const Float4 off = pz - t * dz;
       const Float4 value = (off < 0 ? -off : off) * (1 - 4 * side * side);
-      most = Max4(most, (t > 0) & (t < 1) ? value : Float4{});
+      most = Max4(most, ((t > 0) & (t < 1)) ? value : Float4{});
     }
     edge_error[i][j] = std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
   });
