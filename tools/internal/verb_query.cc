@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "codecs/mesh_file.h"
+#include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
 #include "tools/internal/render.h"
@@ -129,7 +130,7 @@ Status ExtractVerb(const QueryArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter(arguments.output));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(json.dump(), surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
@@ -153,11 +154,11 @@ Status RenderVerb(const QueryArguments& arguments) {
   options.height = arguments.size.height;
   options.wireframe = arguments.wireframe;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(json.dump(), surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   if (arguments.query.has_camera() && !arguments.overview) {
     MTDB_ASSIGN_OR_RETURN(options.camera,
-                          CameraFromJson(CameraOf(arguments.query, arguments.size), "camera"));
+                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
   }
   // Pictures of one object share their frame, but for clipped ones.
   if (!query.clip) options.frame = surface->record().bounds;
