@@ -12,8 +12,8 @@ namespace mtdb {
 // The query that `text` (JSON in UTF-8) asks for. `diagonal` is that of the object's bounds
 // (ObjectRecord::diagonal()): what relative errors are a fraction of. Errors: kInvalidArgument; the
 // message begins with the place ("region.union[1].sphere.radius: ...") or the byte and says what
-// was expected and found. Safe on any bytes: depth, sizes and numbers are limited. Linear in the
-// text.
+// was expected and found. Safe on any bytes: depth, sizes and numbers are limited. Cost: about
+// linear in the length of the text.
 Result<Query> ParseQuery(std::string_view text, double diagonal);
 
 // Parts of a query: the values of its keys "region" and "threshold", and the camera of frusta and

@@ -6,8 +6,6 @@
 #include <cstring>
 #include <utility>
 
-#include "query/query_json.h"
-
 namespace mtdb {
 
 namespace {
@@ -55,9 +53,9 @@ Result<std::string> ReadFile(const std::string& path) {
 
 Result<QueryJson> ReadQueryFile(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
-  const Result<Query> query = ParseQuery(text, 0);
-  if (!query.ok()) return Status(query.status().code(), path + ": " + query.status().message());
-  return QueryJson::parse(text);
+  Result<QueryJson> json = ParseQueryText(text);
+  if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
+  return json;
 }
 
 }  // namespace

@@ -2,17 +2,15 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "store/base/status.h"
 #include "tools/internal/arguments.h"
+#include "tools/internal/query_json.h"
 
 namespace mtdb {
-
-using QueryJson = nlohmann::ordered_json;
 
 // Parts of a query are as docs/query.md has them.
 struct QueryOptions {

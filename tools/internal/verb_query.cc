@@ -2,7 +2,6 @@
 #include <cstdio>
 
 #include "codecs/mesh_file.h"
-#include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
 #include "tools/internal/render.h"
@@ -130,7 +129,7 @@ Status ExtractVerb(const QueryArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter(arguments.output));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(json.dump(), surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
@@ -154,7 +153,7 @@ Status RenderVerb(const QueryArguments& arguments) {
   options.height = arguments.size.height;
   options.wireframe = arguments.wireframe;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(json.dump(), surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   if (arguments.query.has_camera() && !arguments.overview) {
     MTDB_ASSIGN_OR_RETURN(options.camera,

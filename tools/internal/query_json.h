@@ -1,0 +1,24 @@
+// Queries as JSON values, which options put together; query/query_json.h reads them as text.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "query/query_json.h"
+
+namespace mtdb {
+
+using QueryJson = nlohmann::ordered_json;
+
+// As ParseQuery.
+inline Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
+  return ParseQuery(json.dump(), diagonal);
+}
+
+// The value of a text that is a query. Errors: those of ParseQuery.
+inline Result<QueryJson> ParseQueryText(const std::string& text) {
+  MTDB_RETURN_IF_ERROR(ParseQuery(text, 0).status());
+  return QueryJson::parse(text);
+}
+
+}  // namespace mtdb
