@@ -9,8 +9,12 @@
 
 #include "query/mtdb.h"
 #include "query/probe.h"
+#include "query/query_control.h"
+#include "query/query_json.h"
 #include "query/surface.h"
+#include "query/verify_object.h"
 #include "store/database.h"
+#include "store/verify_store.h"
 
 // NOLINTBEGIN(readability-identifier-naming)
 struct mtdb_database {
@@ -20,25 +24,30 @@ struct mtdb_names {
   std::vector<std::string> names;
 };
 struct mtdb_object {
+  std::shared_ptr<mtdb::Database> database;
   std::shared_ptr<mtdb::Surface> surface;
+};
+struct mtdb_control {
+  std::shared_ptr<mtdb::QueryControl> control;
 };
 struct mtdb_query {
   std::vector<mtdb::RegionPtr> regions;
   std::vector<mtdb::ThresholdPtr> thresholds;
-  std::optional<uint64_t> max_triangles;
-  bool clip = false;
+  mtdb::Query rest;  // without region, threshold and control
+  std::shared_ptr<mtdb::QueryControl> control;
 
   mtdb::Query Build() const {
-    mtdb::Query query;
+    mtdb::Query query = rest;
     if (!regions.empty()) query.region = mtdb::UnionRegion(regions);
     if (!thresholds.empty()) query.threshold = mtdb::MinThreshold(thresholds);
-    query.max_triangles = max_triangles;
-    query.clip = clip;
+    query.control = control.get();
     return query;
   }
 };
 struct mtdb_cut {
+  std::shared_ptr<mtdb::QueryControl> control;  // outlives the cut
   mtdb::Cut cut;
+  uint32_t row_bytes;
 };
 // NOLINTEND(readability-identifier-naming)
 
@@ -50,6 +59,13 @@ static_assert(static_cast<int>(StatusCode::kBudgetExceeded) == MTDB_BUDGET_EXCEE
 static_assert(static_cast<int>(StatusCode::kCorrupt) == MTDB_CORRUPT);
 static_assert(static_cast<int>(StatusCode::kBusy) == MTDB_BUSY);
 static_assert(static_cast<int>(ScalarType::kFloat64) == MTDB_FLOAT64);
+static_assert(static_cast<int>(QueryLimit::kThreshold) == MTDB_LIMIT_THRESHOLD);
+static_assert(static_cast<int>(QueryLimit::kTriangles) == MTDB_LIMIT_TRIANGLES);
+static_assert(static_cast<int>(QueryLimit::kBytes) == MTDB_LIMIT_BYTES);
+static_assert(static_cast<int>(QueryLimit::kTime) == MTDB_LIMIT_TIME);
+
+constexpr uint32_t kMostThreads = 1024;
+constexpr uint32_t kNormalBytes = 3 * sizeof(float);
 
 // Cuts at a whole character of UTF-8.
 void SetMessage(mtdb_error* error, const std::string& message) {
@@ -186,12 +202,20 @@ void PutAnswer(const ProbeAnswer& answer, mtdb_hit* hit) {
   for (size_t c = 0; c < 3; ++c) Put(answer.hit->triangle[c], hit->triangle + 3 * c);
 }
 
+// What functions that change a query have in common.
+template <typename Change>
+mtdb_code Set(mtdb_query* query, mtdb_error* error, Change&& change) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+    return change();
+  });
+}
+
 // What a query's region and threshold functions have in common.
 template <typename Pointer, typename Make>
 mtdb_code AddTo(std::vector<Pointer> mtdb_query::*list, mtdb_query* query, mtdb_error* error,
                 Make&& make) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
+  return Set(query, error, [&]() -> Status {
     MTDB_ASSIGN_OR_RETURN(Pointer made, make());
     (query->*list).push_back(std::move(made));
     return Status::Ok();
@@ -206,6 +230,7 @@ using mtdb::Guarded;
 using mtdb::NeedAll;
 using mtdb::NeedFinite;
 using mtdb::Result;
+using mtdb::Set;
 using mtdb::Status;
 using mtdb::ToVec;
 
@@ -252,13 +277,27 @@ void mtdb_free_names(mtdb_names* names) { delete names; }
 
 mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
                            mtdb_object** object, mtdb_error* error) {
+  const mtdb_object_options options{cache_bytes, 0};
+  return mtdb_open_object_with(database, name, &options, object, error);
+}
+
+mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
+                                const mtdb_object_options* options, mtdb_object** object,
+                                mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {object, "object"}}));
+    mtdb::SurfaceOptions with;
+    if (options != nullptr) {
+      if (options->cache_bytes != 0) with.cache_bytes = options->cache_bytes;
+      if (options->threads > mtdb::kMostThreads) {
+        return mtdb::InvalidArgument("threads: " + std::to_string(options->threads) +
+                                     " are more than " + std::to_string(mtdb::kMostThreads));
+      }
+      with.threads = options->threads;
+    }
     MTDB_ASSIGN_OR_RETURN(auto source, database->database->OpenObject(name == nullptr ? "" : name));
-    mtdb::SurfaceOptions options;
-    if (cache_bytes != 0) options.cache_bytes = cache_bytes;
-    MTDB_ASSIGN_OR_RETURN(auto surface, mtdb::Surface::Open(std::move(source), options));
-    *object = new mtdb_object{std::move(surface)};
+    MTDB_ASSIGN_OR_RETURN(auto surface, mtdb::Surface::Open(std::move(source), with));
+    *object = new mtdb_object{database->database, std::move(surface)};
     return Status::Ok();
   });
 }
@@ -301,6 +340,29 @@ mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i, mtdb_attr
     for (size_t k = 0; k < i; ++k) offset += mtdb::ScalarSize(attributes[k].type);
     *attribute = {attributes[i].name.c_str(), static_cast<mtdb_scalar>(attributes[i].type),
                   static_cast<uint32_t>(offset)};
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names** failures,
+                      mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {failures, "failures"}}));
+    const int number = level;
+    if (number < MTDB_VERIFY_FAST || number > MTDB_VERIFY_GLOBAL) {
+      return mtdb::InvalidArgument("level: " + std::to_string(number) + " is none");
+    }
+    const mtdb::Surface& surface = *object->surface;
+    mtdb::CheckReport report;
+    MTDB_RETURN_IF_ERROR(
+        mtdb::VerifyStore(object->database->path(), surface.record().name, &report));
+    if (level >= MTDB_VERIFY_FULL && report.ok()) {
+      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kFull, &report));
+    }
+    if (level >= MTDB_VERIFY_GLOBAL && report.ok()) {
+      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kGlobal, &report));
+    }
+    *failures = new mtdb_names{std::move(report.failures)};
     return Status::Ok();
   });
 }
@@ -366,18 +428,89 @@ mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3], 
   });
 }
 
+mtdb_code mtdb_query_set_json(mtdb_query* query, const mtdb_object* object, const char* json,
+                              mtdb_error* error) {
+  return Set(query, error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
+    MTDB_ASSIGN_OR_RETURN(mtdb::Query parsed,
+                          mtdb::ParseQuery(json, object->surface->record().diagonal()));
+    mtdb_query taken;
+    if (parsed.region != nullptr) taken.regions.push_back(std::move(parsed.region));
+    if (parsed.threshold != nullptr) taken.thresholds.push_back(std::move(parsed.threshold));
+    taken.rest = std::move(parsed);
+    taken.control = query->control;
+    *query = std::move(taken);
+    return Status::Ok();
+  });
+}
+
 mtdb_code mtdb_query_set_max_triangles(mtdb_query* query, uint64_t count, mtdb_error* error) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
-    query->max_triangles = count == 0 ? std::nullopt : std::optional<uint64_t>(count);
+  return Set(query, error, [&] {
+    query->rest.max_triangles = count == 0 ? std::nullopt : std::optional<uint64_t>(count);
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_query_set_max_bytes(mtdb_query* query, uint64_t bytes, mtdb_error* error) {
+  return Set(query, error, [&] {
+    query->rest.max_bytes = bytes == 0 ? std::nullopt : std::optional<uint64_t>(bytes);
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_query_set_max_milliseconds(mtdb_query* query, double milliseconds,
+                                          mtdb_error* error) {
+  return Set(query, error, [&]() -> Status {
+    if (!(milliseconds >= 0)) return mtdb::InvalidArgument("milliseconds: negative or NaN");
+    query->rest.max_milliseconds =
+        milliseconds == 0 ? std::nullopt : std::optional<double>(milliseconds);
     return Status::Ok();
   });
 }
 
 mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error) {
+  return Set(query, error, [&] {
+    query->rest.clip = clip != 0;
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* error) {
+  return Set(query, error, [&] {
+    query->rest.normals = normals != 0;
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
-    query->clip = clip != 0;
+    MTDB_RETURN_IF_ERROR(NeedAll({{control, "control"}}));
+    *control = new mtdb_control{std::make_shared<mtdb::QueryControl>()};
+    return Status::Ok();
+  });
+}
+
+void mtdb_free_control(mtdb_control* control) { delete control; }
+
+mtdb_code mtdb_query_set_control(mtdb_query* query, const mtdb_control* control,
+                                 mtdb_error* error) {
+  return Set(query, error, [&] {
+    query->control = control == nullptr ? nullptr : control->control;
+    return Status::Ok();
+  });
+}
+
+void mtdb_cancel(mtdb_control* control) {
+  if (control != nullptr) control->control->Cancel();
+}
+
+mtdb_code mtdb_control_progress(const mtdb_control* control, mtdb_progress* progress,
+                                mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{control, "control"}, {progress, "progress"}}));
+    const mtdb::QueryControl& c = *control->control;
+    *progress = {c.clusters_loaded(), c.nodes_applied(), c.triangles_emitted(),
+                 c.cancelled() ? 1 : 0};
     return Status::Ok();
   });
 }
@@ -386,10 +519,12 @@ mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtdb_cut** c
                       mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {cut, "cut"}}));
-    MTDB_ASSIGN_OR_RETURN(
-        mtdb::Cut selected,
-        object->surface->Select(query == nullptr ? mtdb::Query{} : query->Build()));
-    *cut = new mtdb_cut{std::move(selected)};
+    const mtdb_query everything;
+    const mtdb_query& asked = query == nullptr ? everything : *query;
+    MTDB_ASSIGN_OR_RETURN(mtdb::Cut selected, object->surface->Select(asked.Build()));
+    const size_t row_bytes = object->surface->record().attributes.row_bytes() +
+                             (asked.rest.normals ? mtdb::kNormalBytes : 0);
+    *cut = new mtdb_cut{asked.control, std::move(selected), static_cast<uint32_t>(row_bytes)};
     return Status::Ok();
   });
 }
@@ -402,6 +537,27 @@ mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* err
     const mtdb::ExtractStats& s = cut->cut.stats();
     *stats = {s.vertices,      s.triangles,  s.nodes_applied,
               s.clusters_read, s.bytes_read, s.error_bound};
+    return Status::Ok();
+  });
+}
+
+mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {details, "details"}}));
+    const mtdb::ExtractStats& s = cut->cut.stats();
+    *details = {static_cast<mtdb_limit>(s.limit),
+                cut->row_bytes,
+                s.active_triangles,
+                s.nodes_visited,
+                s.nodes_forced,
+                s.clusters_cached,
+                s.clusters_used,
+                s.clusters_total,
+                s.seconds.select,
+                s.seconds.load,
+                s.seconds.read,
+                s.seconds.decode,
+                s.seconds.emit};
     return Status::Ok();
   });
 }

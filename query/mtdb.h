@@ -11,11 +11,12 @@
  * - A handle is freed by the function of its name; freeing NULL does nothing. What was made from a
  *   handle keeps what it needs: handles may be freed in any order.
  * - A NULL where something is needed, and numbers that make no sense, are MTDB_INVALID_ARGUMENT.
- * - Databases and objects may be used by many threads at once; queries and cuts by one at a time.
+ * - Databases, objects and controls may be used by many threads at once; queries and cuts by one at
+ * a time.
  * - Lengths are in the object's units; texts are UTF-8 with a 0 at the end.
  *
- * How the interface grows: a region is one more mtdb_query_add_<region>(), a threshold one more
- * mtdb_query_add_<error>(), and nothing else changes. A change of what is here raises
+ * How the interface grows: by functions and structs that are new. mtdb_query_set_json takes
+ * whatever region and threshold there is, now and later. A change of what is here raises
  * MTDB_ABI_VERSION.
  */
 #ifndef MTDB_QUERY_MTDB_H
@@ -46,7 +47,7 @@ typedef enum mtdb_code {
   MTDB_NOT_FOUND = 101,
   MTDB_ALREADY_EXISTS = 102,
   MTDB_UNSUPPORTED = 103, /* also: another ABI version */
-  MTDB_CANCELLED = 104,   /* a callback said so */
+  MTDB_CANCELLED = 104,   /* a callback or mtdb_cancel said so */
   MTDB_BUDGET_EXCEEDED = 105,
   MTDB_BAD_INPUT = 200,
   MTDB_CORRUPT = 201,
@@ -61,10 +62,11 @@ typedef struct mtdb_error {
 } mtdb_error;
 
 typedef struct mtdb_database mtdb_database; /* a store file */
-typedef struct mtdb_names mtdb_names;       /* of the objects in it */
+typedef struct mtdb_names mtdb_names;       /* a list of texts */
 typedef struct mtdb_object mtdb_object;     /* a surface, with a cache of decoded clusters */
 typedef struct mtdb_query mtdb_query;       /* where, how accurate, how many */
 typedef struct mtdb_cut mtdb_cut;           /* the answer */
+typedef struct mtdb_control mtdb_control;   /* stops a query, watches its progress */
 
 MTDB_API uint32_t mtdb_abi_version(void); /* MTDB_ABI_VERSION of the library */
 MTDB_API const char* mtdb_version(void);  /* "0.1.0" */
@@ -90,6 +92,14 @@ MTDB_API void mtdb_free_names(mtdb_names* names);
 /* `name` may be NULL: the store's only object. `cache_bytes` of decoded clusters; 0: 256 MiB. */
 MTDB_API mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
                                     mtdb_object** object, mtdb_error* error);
+typedef struct mtdb_object_options {
+  size_t cache_bytes; /* of decoded clusters, those in use included; 0: 256 MiB */
+  uint32_t threads;   /* that read and decode for one query; 0: as many as the machine has */
+} mtdb_object_options;
+/* Likewise; `options` NULL: all 0. More than 1024 threads are MTDB_INVALID_ARGUMENT. */
+MTDB_API mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
+                                         const mtdb_object_options* options, mtdb_object** object,
+                                         mtdb_error* error);
 MTDB_API void mtdb_free_object(mtdb_object* object);
 /* Lives as long as `object`. */
 MTDB_API const char* mtdb_object_name(const mtdb_object* object);
@@ -126,6 +136,17 @@ typedef struct mtdb_attribute {
 MTDB_API mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i,
                                          mtdb_attribute* attribute, mtdb_error* error);
 
+typedef enum mtdb_verify_level {
+  MTDB_VERIFY_FAST = 0,  /* every page of the file, every checksum of the object */
+  MTDB_VERIFY_FULL = 1,  /* also decodes every cluster and compares it with the index */
+  MTDB_VERIFY_GLOBAL = 2 /* also the full resolution: digest, border, Euler characteristic */
+} mtdb_verify_level;
+/* Looks for damage. `failures` says what is wrong, a line each, and is freed by mtdb_free_names;
+ * mtdb_names_count 0: nothing is. Damage is no error of this call, but of mtdb_open_object when an
+ * object cannot even be opened. Reads the whole file; safe beside queries. */
+MTDB_API mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names** failures,
+                               mtdb_error* error);
+
 /* Queries. A new one asks for everything at full resolution. */
 
 MTDB_API mtdb_code mtdb_create_query(mtdb_query** query, mtdb_error* error);
@@ -148,11 +169,50 @@ MTDB_API mtdb_code mtdb_query_add_coarsest(mtdb_query* query, mtdb_error* error)
 MTDB_API mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3],
                                                double base, double slope, mtdb_error* error);
 
-/* At most so many triangles, as accurate as they allow; 0: no limit. */
+/* Takes what a query in JSON asks for, in place of all that was asked for before: every region,
+ * threshold and budget there is (docs/query.md). Its region and threshold then count as one of
+ * those added above. `object` says what relative errors are a fraction of. The control stays. On an
+ * error the query stays as it was, and the message begins with the place in the text. */
+MTDB_API mtdb_code mtdb_query_set_json(mtdb_query* query, const mtdb_object* object,
+                                       const char* json, mtdb_error* error);
+
+/* Budgets; 0: no limit. The largest errors are refined first, until the threshold is met or a limit
+ * is reached (mtdb_details.limit). The coarsest mesh is returned in any case. */
+
+/* At most so many triangles, before clipping. */
 MTDB_API mtdb_code mtdb_query_set_max_triangles(mtdb_query* query, uint64_t count,
                                                 mtdb_error* error);
+/* At most so many bytes of clusters read from the store. */
+MTDB_API mtdb_code mtdb_query_set_max_bytes(mtdb_query* query, uint64_t bytes, mtdb_error* error);
+/* Wall time of the selection. Negative or NaN: MTDB_INVALID_ARGUMENT. */
+MTDB_API mtdb_code mtdb_query_set_max_milliseconds(mtdb_query* query, double milliseconds,
+                                                   mtdb_error* error);
+
 /* Not 0: leaves out the triangles that do not meet the region. */
 MTDB_API mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error);
+/* Not 0: each vertex has the mesh's unit normal, three floats nx ny nz, at the end of its row. */
+MTDB_API mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* error);
+
+/* Controls. One serves one query and its cut. */
+
+MTDB_API mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error);
+MTDB_API void mtdb_free_control(mtdb_control* control);
+/* NULL: none. */
+MTDB_API mtdb_code mtdb_query_set_control(mtdb_query* query, const mtdb_control* control,
+                                          mtdb_error* error);
+/* From any thread: mtdb_select, mtdb_cut_copy and mtdb_cut_emit return MTDB_CANCELLED within some
+ * milliseconds, now and ever after. A callback is not interrupted. */
+MTDB_API void mtdb_cancel(mtdb_control* control);
+
+/* So far; the numbers only grow. */
+typedef struct mtdb_progress {
+  uint64_t clusters_loaded;
+  uint64_t nodes_applied;
+  uint64_t triangles_emitted;
+  int cancelled; /* not 0: mtdb_cancel was called */
+} mtdb_progress;
+MTDB_API mtdb_code mtdb_control_progress(const mtdb_control* control, mtdb_progress* progress,
+                                         mtdb_error* error);
 
 /* Answers. */
 
@@ -171,6 +231,31 @@ MTDB_API mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtd
 MTDB_API void mtdb_free_cut(mtdb_cut* cut);
 MTDB_API mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error);
 
+/* What ended the refinement. */
+typedef enum mtdb_limit {
+  MTDB_LIMIT_THRESHOLD = 0, /* all is as accurate as was asked for */
+  MTDB_LIMIT_TRIANGLES = 1,
+  MTDB_LIMIT_BYTES = 2,
+  MTDB_LIMIT_TIME = 3
+} mtdb_limit;
+/* What mtdb_stats does not say. */
+typedef struct mtdb_details {
+  mtdb_limit limit;
+  uint32_t row_bytes;        /* of this cut's rows: mtdb_info.row_bytes and its normals */
+  uint64_t active_triangles; /* within their error of the region */
+  uint64_t nodes_visited;
+  uint64_t nodes_forced;    /* applied only because others need them */
+  uint64_t clusters_cached; /* were decoded already */
+  uint64_t clusters_used;   /* have an applied node */
+  uint64_t clusters_total;  /* of the object */
+  double select_seconds;    /* without load_seconds */
+  double load_seconds;      /* of the calling thread: reading, decoding, waiting */
+  double read_seconds;      /* of all threads that worked for the query */
+  double decode_seconds;    /* likewise */
+  double emit_seconds;      /* so far; with the callbacks' time, without load_seconds */
+} mtdb_details;
+MTDB_API mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_error* error);
+
 /* The caller's arrays; a NULL is not filled. A capacity smaller than the cut's count
  * (mtdb_cut_stats) is MTDB_BUDGET_EXCEEDED, and nothing is written. */
 typedef struct mtdb_arrays {
@@ -180,7 +265,7 @@ typedef struct mtdb_arrays {
   float* positions_float; /* likewise, less origin */
   double origin[3];       /* what keeps georeferenced positions exact as float */
   uint32_t* indices;      /* three of each triangle, counter-clockwise from outside */
-  unsigned char* rows;    /* mtdb_info.row_bytes of each vertex */
+  unsigned char* rows;    /* mtdb_details.row_bytes of each vertex */
 } mtdb_arrays;
 /* Arrays may be partly filled when clusters cannot be read. */
 MTDB_API mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error);

@@ -33,8 +33,10 @@ int main(int argc, char** argv) {
   size = info.bounds_max[0] - info.bounds_min[0];
 
   check(mtdb_create_query(&query, &error));
+  /* Whatever docs/query.md has; common parts have functions of their own. */
+  check(mtdb_query_set_json(
+      query, object, "{\"threshold\": {\"relative\": 0.001}, \"max_triangles\": 100000}", &error));
   check(mtdb_query_add_sphere(query, info.bounds_max, size / 2, &error));
-  check(mtdb_query_add_constant_error(query, size * 1e-3, &error));
   check(mtdb_select(object, query, &cut, &error));
   check(mtdb_cut_stats(cut, &stats, &error));
 

@@ -48,6 +48,7 @@ Status CutImpl::Select() {
                              " of its own; ask without normals");
     }
   }
+  MTDB_RETURN_IF_ERROR(reader_.Check());
   everything_ = WantsEverything();
   if (!everything_) {
     Search search(*surface_->source(), reader_, query_);

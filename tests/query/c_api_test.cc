@@ -3,8 +3,11 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <string>
 #include <thread>
@@ -13,6 +16,7 @@
 #include "query/mtdb.h"
 #include "query/probe.h"
 #include "tests/builder/fixture.h"
+#include "tests/support/temporary_folder.h"
 
 namespace mtdb::testing {
 namespace {
@@ -40,6 +44,11 @@ struct Opened {
 Opened& TheObject() {
   static Opened opened;
   return opened;
+}
+
+std::string ReadText(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
 struct Arrays {
@@ -318,6 +327,33 @@ TEST_CASE("What a C caller gets wrong is an error code with a text") {
   mtdb_free_object(nullptr);
   mtdb_free_query(nullptr);
   mtdb_free_cut(nullptr);
+}
+
+TEST_CASE("A program in C calls every function there is, and each does what it should") {
+  const TemporaryFolder folder;
+  const std::string output = folder.path() + "/out";
+  const std::string command = std::string("'") + MTDB_C_API_CALLS + "' '" +
+                              TheObject().built.store->path() + "' > '" + output + "' 2>&1";
+  const int status = std::system(command.c_str());
+  const std::string printed = ReadText(output);
+  INFO(printed);
+  REQUIRE(status == 0);
+  REQUIRE(printed == "all is well\n");
+  // The header has no other functions than those.
+  const std::string root = MTDB_SOURCE_DIR;
+  const std::string header = ReadText(root + "/query/mtdb.h");
+  const std::string program = ReadText(root + "/tests/query/c_api_calls.c");
+  int functions = 0;
+  for (size_t at = 0; (at = header.find("MTDB_API ", at)) != std::string::npos; ++at) {
+    const size_t end = header.find('(', at);
+    const size_t begin = header.find_last_of(" *", end) + 1;
+    const std::string name = header.substr(begin, end - begin);
+    if (!name.starts_with("mtdb_")) continue;
+    INFO(name);
+    REQUIRE(program.find(name + "(") != std::string::npos);
+    ++functions;
+  }
+  REQUIRE(functions > 40);
 }
 
 TEST_CASE("A C object serves several threads") {

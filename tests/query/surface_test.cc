@@ -400,6 +400,7 @@ TEST_CASE("A cancelled query stops at its next step, and progress is seen") {
     REQUIRE(surface->Extract(query, sink).status().code() == StatusCode::kCancelled);
     REQUIRE(control.clusters_loaded() < UnitCount(f.source->index_));
     REQUIRE(control.triangles_emitted() == 0);
+    REQUIRE(surface->Select(query).status().code() == StatusCode::kCancelled);
     f.source->on_read_ = nullptr;
     QueryControl watched;
     query.control = &watched;

@@ -1,27 +1,24 @@
-// Queries as JSON: the language of --query, specified in docs/query.md.
+// Queries as JSON values, which options put together; query/query_json.h reads them as text.
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "query/query.h"
-#include "store/base/status.h"
+#include "query/query_json.h"
 
 namespace mtdb {
 
 using QueryJson = nlohmann::ordered_json;
 
-// All errors are kInvalidArgument, begin with the place ("region.union[1].sphere.radius") and say
-// what was expected and found. Safe on any input: depth, sizes and numbers are limited.
+// As ParseQuery.
+inline Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
+  return ParseQuery(json.dump(), diagonal);
+}
 
-// Text as JSON that has passed for depth and syntax.
-Result<QueryJson> ParseQueryText(const std::string& text);
-// `diagonal` is the object's: what relative errors are a fraction of.
-Result<Query> QueryFromJson(const QueryJson& json, double diagonal);
-// Parts of a query; `path` begins the messages.
-Result<RegionPtr> RegionFromJson(const QueryJson& json, const std::string& path);
-Result<ThresholdPtr> ThresholdFromJson(const QueryJson& json, const std::string& path,
-                                       double diagonal);
-Result<Camera> CameraFromJson(const QueryJson& json, const std::string& path);
+// The value of a text that is a query. Errors: those of ParseQuery.
+inline Result<QueryJson> ParseQueryText(const std::string& text) {
+  MTDB_RETURN_IF_ERROR(ParseQuery(text, 0).status());
+  return QueryJson::parse(text);
+}
 
 }  // namespace mtdb

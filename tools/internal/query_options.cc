@@ -23,7 +23,7 @@ Result<QueryJson> Checked(const std::string& text, QueryJson part, const Status&
 }
 
 Result<QueryJson> CheckedRegion(const std::string& text, QueryJson region) {
-  const Result<RegionPtr> parsed = RegionFromJson(region, "");
+  const Result<RegionPtr> parsed = ParseRegion(region.dump());
   return Checked(text, std::move(region), parsed.ok() ? Status::Ok() : parsed.status());
 }
 
@@ -55,8 +55,6 @@ Result<QueryJson> ReadQueryFile(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
   Result<QueryJson> json = ParseQueryText(text);
   if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
-  const Result<Query> query = QueryFromJson(*json, 0);
-  if (!query.ok()) return Status(query.status().code(), path + ": " + query.status().message());
   return json;
 }
 
@@ -137,7 +135,7 @@ Result<QueryJson> ErrorAtOption(const std::string& text) {
     if (!numbers.ok()) return Unexpected(text, "5 numbers after the law: LAW,X,Y,Z,BASE,F");
     const Numbers& n = *numbers;
     QueryJson part = {{law[1], {{"point", PointAt(n, 0)}, {"base", n[3]}, {law[2], n[4]}}}};
-    const Result<ThresholdPtr> parsed = ThresholdFromJson(part, "", 0);
+    const Result<ThresholdPtr> parsed = ParseThreshold(part.dump(), 0);
     return Checked(text, std::move(part), parsed.ok() ? Status::Ok() : parsed.status());
   }
   return Unexpected(text, "linear, quadratic, sqrt or exp, and numbers: LAW,X,Y,Z,BASE,F");
@@ -180,7 +178,7 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
   if (!draws && !o.frustum && !o.pixels) {
     return wrong("--eye", "is of no use without --frustum or --pixels");
   }
-  const Result<Camera> camera = CameraFromJson(CameraOf(o, {1200, 900}), "");
+  const Result<Camera> camera = ParseCamera(CameraOf(o, {1200, 900}).dump());
   return camera.ok()
              ? Status::Ok()
              : InvalidArgument("--eye, --target, --up, --fov: " + camera.status().message());

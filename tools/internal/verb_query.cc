@@ -157,7 +157,7 @@ Status RenderVerb(const QueryArguments& arguments) {
   const double open_seconds = SecondsSince(begin);
   if (arguments.query.has_camera() && !arguments.overview) {
     MTDB_ASSIGN_OR_RETURN(options.camera,
-                          CameraFromJson(CameraOf(arguments.query, arguments.size), "camera"));
+                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
   }
   // Pictures of one object share their frame, but for clipped ones.
   if (!query.clip) options.frame = surface->record().bounds;

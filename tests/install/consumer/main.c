@@ -7,6 +7,7 @@ int main(int argc, char** argv) {
   mtdb_error error = {{0}};
   mtdb_database* database = NULL;
   mtdb_object* object = NULL;
+  mtdb_query* query = NULL;
   mtdb_cut* cut = NULL;
   mtdb_info info;
   mtdb_stats stats;
@@ -14,12 +15,15 @@ int main(int argc, char** argv) {
   if (mtdb_open(argv[1], &database, &error) != MTDB_OK ||
       mtdb_open_object(database, NULL, 0, &object, &error) != MTDB_OK ||
       mtdb_object_info(object, &info, &error) != MTDB_OK ||
-      mtdb_select(object, NULL, &cut, &error) != MTDB_OK ||
+      mtdb_create_query(&query, &error) != MTDB_OK ||
+      mtdb_query_set_json(query, object, "{\"threshold\": \"full\"}", &error) != MTDB_OK ||
+      mtdb_select(object, query, &cut, &error) != MTDB_OK ||
       mtdb_cut_stats(cut, &stats, &error) != MTDB_OK) {
     fprintf(stderr, "%s\n", error.message);
     return 1;
   }
   printf("%lu triangles\n", (unsigned long)stats.triangles);
+  mtdb_free_query(query);
   mtdb_free_cut(cut);
   mtdb_free_object(object);
   mtdb_free_database(database);

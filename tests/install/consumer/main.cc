@@ -3,6 +3,7 @@
 
 #include "codecs/mesh_file.h"
 #include "query/probe.h"
+#include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
 
@@ -14,7 +15,8 @@ mtdb::Result<int> Run(const char* path) {
   MTDB_ASSIGN_OR_RETURN(const auto surface, mtdb::Surface::Open(source));
   mtdb::TriangleMesh mesh;
   mtdb::TriangleMeshSink sink(&mesh);
-  MTDB_ASSIGN_OR_RETURN(const mtdb::ExtractStats stats, surface->Extract({}, sink));
+  MTDB_ASSIGN_OR_RETURN(const mtdb::Query query, mtdb::ParseQuery(R"({"threshold": "full"})", 1));
+  MTDB_ASSIGN_OR_RETURN(const mtdb::ExtractStats stats, surface->Extract(query, sink));
   MTDB_ASSIGN_OR_RETURN(const mtdb::ProbeAnswer closest,
                         mtdb::FindClosestPoint(*surface, surface->record().bounds.max));
   // Draco is linked too.

@@ -1,14 +1,19 @@
-#include "tools/internal/query_json.h"
+#include "query/query_json.h"
 
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <nlohmann/json.hpp>
 #include <numbers>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace mtdb {
 
 namespace {
+
+using QueryJson = nlohmann::ordered_json;
 
 constexpr int kDeepest = 64;             // braces and brackets within each other
 constexpr double kLargestNumber = 1e30;  // its eighth power, which distances need, is finite
@@ -487,7 +492,7 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
 }
 
 // The byte at which braces and brackets go too deep, or npos.
-size_t TooDeepAt(const std::string& text) {
+size_t TooDeepAt(std::string_view text) {
   int depth = 0;
   bool in_string = false;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -503,13 +508,12 @@ size_t TooDeepAt(const std::string& text) {
       --depth;
     }
   }
-  return std::string::npos;
+  return std::string_view::npos;
 }
 
-}  // namespace
-
-Result<QueryJson> ParseQueryText(const std::string& text) {
-  if (const size_t at = TooDeepAt(text); at != std::string::npos) {
+// Text as JSON that has passed for depth and syntax.
+Result<QueryJson> ParseText(std::string_view text) {
+  if (const size_t at = TooDeepAt(text); at != std::string_view::npos) {
     return InvalidArgument("byte " + std::to_string(at) + ": more than " +
                            std::to_string(kDeepest) + " braces and brackets within each other");
   }
@@ -522,7 +526,10 @@ Result<QueryJson> ParseQueryText(const std::string& text) {
   }
 }
 
-Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
+}  // namespace
+
+Result<Query> ParseQuery(std::string_view text, double diagonal) {
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
   const Node node{json, "query"};
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
@@ -563,17 +570,19 @@ Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
   return query;
 }
 
-Result<RegionPtr> RegionFromJson(const QueryJson& json, const std::string& path) {
-  return RegionOf({json, path}, 0);
+Result<RegionPtr> ParseRegion(std::string_view text) {
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+  return RegionOf({json, "region"}, 0);
 }
 
-Result<ThresholdPtr> ThresholdFromJson(const QueryJson& json, const std::string& path,
-                                       double diagonal) {
-  return ThresholdOf({json, path}, diagonal, 0);
+Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+  return ThresholdOf({json, "threshold"}, diagonal, 0);
 }
 
-Result<Camera> CameraFromJson(const QueryJson& json, const std::string& path) {
-  return CameraOf({json, path});
+Result<Camera> ParseCamera(std::string_view text) {
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+  return CameraOf({json, "camera"});
 }
 
 }  // namespace mtdb
