@@ -2,9 +2,19 @@
 
 #include <algorithm>
 
+#include "store/base/hash.h"
 #include "tests/support/client_mesh_check.h"
 
 namespace mtdb::testing {
+
+Bytes UpdateRecord(ByteSpan body) {
+  ByteWriter record;
+  record.bytes().reserve(body.size() + 16);
+  record.PutVarint(body.size());
+  record.Put<uint32_t>(static_cast<uint32_t>(Hash64(body)));
+  record.PutBytes(body);
+  return record.Take();
+}
 
 UpdateFixture::UpdateFixture(const ClusterOptions& options) {
   const ClusterFixture fixture = MakeCluster(options);

@@ -13,6 +13,9 @@
 
 namespace mtdb::testing {
 
+// A record of an update stream with this body.
+Bytes UpdateRecord(ByteSpan body);
+
 class UpdateFixture {
  public:
   explicit UpdateFixture(const ClusterOptions& options);

@@ -133,6 +133,84 @@ TEST_CASE("a flipped bit of an update stream is refused") {
   }
 }
 
+TEST_CASE("updates that cannot be found by walking are listed") {
+  // The square a b c d, whose diagonal a third triangle shares; v in its middle; w, which opens the
+  // edge from b to v, so that it stays open when w goes.
+  enum : VertexIndex { kA, kB, kC, kD, kE, kV, kW };
+  BaseMesh base;
+  base.vertices = {kA, kB, kC, kD, kE};
+  base.positions = {{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 100}};
+  base.triangles = {{kA, kB, kC}, {kA, kC, kD}, {kA, kC, kE}};
+  base.triangle_keys = {0, 1, 2};
+  UpdateBatch v;
+  v.nodes = {{kV, {40, 60, 3}, false, 10, 0, 4, 0}};
+  v.ring = {kA, kB, kC, kD};
+  v.holes = {{0, {0, 1, 2}}, {1, {0, 2, 3}}};
+  UpdateBatch w;
+  w.nodes = {{kW, {60, 20, 1}, true, 20, 0, 3, 0}};
+  w.ring = {kV, kA, kB};
+  w.holes = {{10, {0, 1, 2}}};
+  const auto removal = [](UpdateBatch batch) {
+    batch.insert = false;
+    return batch;
+  };
+  for (const uint32_t remembered : {0u, 1u}) {
+    UpdateEncoder encoder({{}, {}, remembered}, base);
+    UpdateDecoder decoder;
+    Require(decoder.Feed(encoder.start()));
+    const std::multiset<std::string> before = ClientTriangles(decoder.mesh());
+    std::multiset<std::string> full;
+    for (int round = 0; round < 2; ++round) {
+      Require(decoder.Feed(encoder.Encode(std::vector{v, w})));
+      REQUIRE(decoder.mesh().triangle_count() == 6);
+      if (round == 1) REQUIRE(ClientTriangles(decoder.mesh()) == full);
+      full = ClientTriangles(decoder.mesh());
+      Require(decoder.Feed(encoder.Encode(std::vector{removal(w), removal(v)})));
+      REQUIRE(ClientTriangles(decoder.mesh()) == before);
+      REQUIRE(ClientMeshFault(decoder.mesh()).empty());
+    }
+    // v twice out, once in: its second hole's triangles lie side by side.
+    CHECK(encoder.listed_updates() == 3);
+  }
+}
+
+TEST_CASE("damage that the checksum does not see leaves a mesh whose parts agree") {
+  std::mt19937 random(11);
+  for (const ClusterOptions& options : AllOptions()) {
+    const UpdateFixture f(options);
+    UpdateEncoder encoder(f.options(20), f.base());
+    std::vector<Bytes> bodies;
+    std::vector<bool> at(f.cluster().nodes());
+    for (int step = 0; step < 4; ++step) {
+      const std::vector<bool> to = RandomSet(f, random);
+      const Bytes record = encoder.Encode(f.Batches(at, to));
+      at = to;
+      ByteReader reader(record);
+      const uint64_t length = reader.GetVarint();
+      if (record.empty() || reader.remaining() != length + 4) continue;
+      bodies.emplace_back(record.end() - static_cast<std::ptrdiff_t>(length), record.end());
+    }
+    int refused = 0;
+    for (int round = 0; round < 150; ++round) {
+      UpdateDecoder decoder({.triangles = 20000, .vertices = 20000});
+      Require(decoder.Feed(encoder.start()));
+      for (Bytes body : bodies) {
+        if (random() % 2 == 0) {
+          body[random() % body.size()] ^= static_cast<std::byte>(1 << random() % 8);
+        }
+        if (random() % 8 == 0) body.resize(1 + random() % body.size());
+        if (decoder.Feed(UpdateRecord(body)).ok()) continue;
+        ++refused;
+        break;
+      }
+      const std::string fault = ClientMeshFault(decoder.mesh());
+      INFO(fault);
+      REQUIRE(fault.empty());
+    }
+    CHECK(refused > 100);
+  }
+}
+
 TEST_CASE("an update tells which slots it changed") {
   const UpdateFixture f({.side = 12});
   UpdateEncoder encoder(f.options(4), f.base());
