@@ -33,7 +33,12 @@ class TopologyModel {
   template <typename Coder>
   [[gnu::always_inline]] bool CodeAnchor(Coder&& coder, const Patch& patch, uint32_t slot,
                                          bool value) {
-    return coder.Bit(anchor_[AnchorContext(patch.triangle(slot), slot)], value);
+    return CodeAnchor(coder, patch.triangle(slot), slot, value);
+  }
+  template <typename Coder>
+  [[gnu::always_inline]] bool CodeAnchor(Coder&& coder, const Patch::Triangle& t, uint32_t slot,
+                                         bool value) {
+    return coder.Bit(anchor_[AnchorContext(t, slot)], value);
   }
   // Does the hole, of `taken` triangles by now, go on across a half-edge of that shape?
   template <typename Coder>

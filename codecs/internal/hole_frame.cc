@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 
+#include "codecs/client_mesh.h"
+
 namespace mtdb {
 
 namespace {
@@ -37,7 +39,8 @@ constexpr auto kInverse = [] {
 }  // namespace
 
 // Sums up the corners of at most four triangles.
-inline Float4 HoleFrame::Gather(const Patch& patch, std::span<const uint32_t> slots,
+template <typename Mesh>
+inline Float4 HoleFrame::Gather(const Mesh& patch, std::span<const uint32_t> slots,
                                 uint32_t base_vertex, Corners& corners) {
   const Word4* const points = patch.points();
   const Word4 base = points[base_vertex];
@@ -61,7 +64,8 @@ inline Float4 HoleFrame::Gather(const Patch& patch, std::span<const uint32_t> sl
   return sum;
 }
 
-void HoleFrame::Set(const Patch& patch, std::span<const uint32_t> slots,
+template <typename Mesh>
+void HoleFrame::Set(const Mesh& patch, std::span<const uint32_t> slots,
                     std::span<const uint32_t> ring, bool boundary) {
   base_vertex_ = ring[0];
   const Word4* const points = patch.points();
@@ -132,7 +136,8 @@ int32_t HoleFrame::ExpectV(int32_t u) const {
   return Shift(base_[v], Round(mean_[v] + slope_v_ * (du - mean_[u_])));
 }
 
-int32_t HoleFrame::ExpectN(const Patch& patch, std::span<const uint32_t> slots, int32_t u,
+template <typename Mesh>
+int32_t HoleFrame::ExpectN(const Mesh& patch, std::span<const uint32_t> slots, int32_t u,
                            int32_t v) const {
   const int n = axis_n();
   const float du = Offset(u, base_[u_]);
@@ -165,7 +170,8 @@ int32_t HoleFrame::ExpectN(const Patch& patch, std::span<const uint32_t> slots, 
   return Shift(base_[n], Round(height));
 }
 
-float HoleFrame::unevenness(const Patch& patch, std::span<const uint32_t> ring) const {
+template <typename Mesh>
+float HoleFrame::unevenness(const Mesh& patch, std::span<const uint32_t> ring) const {
   const int v = axis_v();
   const int n = axis_n();
   const auto base = Load4<Word4>(base_);
@@ -179,5 +185,16 @@ float HoleFrame::unevenness(const Patch& patch, std::span<const uint32_t> ring) 
   }
   return sum * kInverse[ring.size()];
 }
+
+template void HoleFrame::Set(const Patch&, std::span<const uint32_t>, std::span<const uint32_t>,
+                             bool);
+template int32_t HoleFrame::ExpectN(const Patch&, std::span<const uint32_t>, int32_t,
+                                    int32_t) const;
+template float HoleFrame::unevenness(const Patch&, std::span<const uint32_t>) const;
+template void HoleFrame::Set(const ClientMesh&, std::span<const uint32_t>,
+                             std::span<const uint32_t>, bool);
+template int32_t HoleFrame::ExpectN(const ClientMesh&, std::span<const uint32_t>, int32_t,
+                                    int32_t) const;
+template float HoleFrame::unevenness(const ClientMesh&, std::span<const uint32_t>) const;
 
 }  // namespace mtdb

@@ -5,6 +5,8 @@
 // known (v by the ring's regression line, n by the hole's own surface above (u, v)), which makes
 // the three residuals as independent as those in a rotated frame, by shears alone.
 //
+// A mesh is a Patch or a ClientMesh: points() of vertices, triangle(slot).corners.
+//
 // Numbers are IEEE binary32, relative to the ring's first vertex; each operation is rounded
 // correctly and done in the order of codecs/FORMAT.md, so that every machine predicts the same bits
 // (no contraction, no reassociation).
@@ -22,7 +24,8 @@ namespace mtdb {
 class HoleFrame {
  public:
   // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated.
-  void Set(const Patch& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
+  template <typename Mesh>
+  void Set(const Mesh& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
            bool boundary);
 
   int axis_u() const { return u_; }
@@ -31,14 +34,16 @@ class HoleFrame {
   int32_t ExpectU() const;
   int32_t ExpectV(int32_t u) const;
   // `slots`: those of Set().
-  int32_t ExpectN(const Patch& patch, std::span<const uint32_t> slots, int32_t u, int32_t v) const;
+  template <typename Mesh>
+  int32_t ExpectN(const Mesh& patch, std::span<const uint32_t> slots, int32_t u, int32_t v) const;
   // The squares of the deviations to expect of u and v.
   float variance_u() const { return variance_u_; }
   float variance_v() const { return variance_v_; }
   // How much longer a step along n is than its part along the hole's normal; 1 .. sqrt(3).
   float slant() const { return slant_; }
   // The square of the ring's deviation from the hole's plane, along n.
-  float unevenness(const Patch& patch, std::span<const uint32_t> ring) const;
+  template <typename Mesh>
+  float unevenness(const Mesh& patch, std::span<const uint32_t> ring) const;
 
  private:
   // The corners of four of the hole's triangles, relative to the base: by corner, axis, triangle.
@@ -46,7 +51,8 @@ class HoleFrame {
   struct Corners {
     float at[3][3][4];
   };
-  static Float4 Gather(const Patch& patch, std::span<const uint32_t> slots, uint32_t base_vertex,
+  template <typename Mesh>
+  static Float4 Gather(const Mesh& patch, std::span<const uint32_t> slots, uint32_t base_vertex,
                        Corners& corners);
 
   float mean_[4];     // the predicted point

@@ -1,0 +1,189 @@
+#include "codecs/client_mesh.h"
+
+#include <algorithm>
+#include <cstring>
+#include <tuple>
+
+namespace mtdb {
+
+namespace {
+
+std::vector<ClientMesh::Range> Ranges(std::vector<uint32_t>& slots) {
+  std::sort(slots.begin(), slots.end());
+  std::vector<ClientMesh::Range> ranges;
+  for (const uint32_t slot : slots) {
+    if (ranges.empty() || slot > ranges.back().end) {
+      ranges.push_back({slot, slot + 1});
+    } else {
+      ranges.back().end = slot + 1;
+    }
+  }
+  slots.clear();
+  return ranges;
+}
+
+uint32_t NextCorner(uint32_t i) { return i == 2 ? 0 : i + 1; }
+
+}  // namespace
+
+ClientMesh::ClientMesh(const ClientMeshOptions& options)
+    : options_(options), row_bytes_(options.attributes.row_bytes()) {}
+
+ClientMesh::Changes ClientMesh::TakeChanges() {
+  return {Ranges(changed_triangles_), Ranges(changed_vertices_)};
+}
+
+void ClientMesh::Start(std::span<const Vec3i> positions, Bytes rows,
+                       std::span<const std::array<uint32_t, 3>> triangles) {
+  Box3d box;
+  for (const Vec3i p : positions) box.Add(options_.grid.Position(p));
+  if (!positions.empty()) origin_ = (box.min + box.max) * 0.5;
+  for (size_t v = 0; v < positions.size(); ++v) {
+    AddVertex(positions[v], rows.data() + v * row_bytes_);
+  }
+  for (const auto& t : triangles) AddTriangle(t, kNone32);
+  PairAll();
+}
+
+uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
+  uint32_t vertex = vertex_slots();
+  if (free_vertices_.empty()) {
+    points_.emplace_back();
+    floats_.resize(floats_.size() + 3);
+    rows_.resize(rows_.size() + row_bytes_);
+    degree_.push_back(0);
+    half_edge_.push_back(kNone32);
+    first_of_ring_.push_back(kNone32);
+    place_.push_back(kNone32);
+  } else {
+    vertex = free_vertices_.back();
+    free_vertices_.pop_back();
+  }
+  points_[vertex] = Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
+                          static_cast<uint32_t>(position.z), 0};
+  const Vec3d p = options_.grid.Position(position) - origin_;
+  for (int i = 0; i < 3; ++i)
+    floats_[3 * size_t{vertex} + static_cast<size_t>(i)] = static_cast<float>(p[i]);
+  if (row_bytes_ != 0) std::memcpy(rows_.data() + vertex * row_bytes_, row, row_bytes_);
+  ++vertex_count_;
+  changed_vertices_.push_back(vertex);
+  return vertex;
+}
+
+void ClientMesh::Recall(uint32_t vertex) {
+  const uint32_t last = remembered_.back();
+  remembered_[place_[vertex]] = last;
+  place_[last] = place_[vertex];
+  place_[vertex] = kNone32;
+  remembered_.pop_back();
+  ++vertex_count_;
+}
+
+uint32_t ClientMesh::Forget(uint32_t vertex, uint32_t first_of_ring) {
+  --vertex_count_;
+  uint32_t lost = vertex;
+  if (remembered_.size() < options_.remembered_vertices) {
+    lost = kNone32;
+    place_[vertex] = static_cast<uint32_t>(remembered_.size());
+    remembered_.push_back(vertex);
+  } else if (!remembered_.empty()) {
+    oldest_ = oldest_ < remembered_.size() ? oldest_ : 0;
+    lost = remembered_[oldest_];
+    place_[lost] = kNone32;
+    remembered_[oldest_] = vertex;
+    place_[vertex] = oldest_++;
+  }
+  first_of_ring_[vertex] = first_of_ring;
+  if (lost != kNone32) free_vertices_.push_back(lost);
+  return lost;
+}
+
+uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills) {
+  uint32_t slot = triangle_slots();
+  if (free_triangles_.empty()) {
+    triangles_.emplace_back();
+    indices_.resize(indices_.size() + 3);
+  } else {
+    slot = free_triangles_.back();
+    free_triangles_.pop_back();
+  }
+  triangles_[slot] = {corners, {kNone32, kNone32, kNone32}, next_born_++, fills};
+  for (uint32_t i = 0; i < 3; ++i) {
+    indices_[3 * size_t{slot} + i] = corners[i];
+    ++degree_[corners[i]];
+    half_edge_[corners[i]] = 4 * slot + i;
+  }
+  ++triangle_count_;
+  changed_triangles_.push_back(slot);
+  return slot;
+}
+
+// An edge that occurs twice in one direction is non-manifold: it pairs with nothing.
+void ClientMesh::PairAll() {
+  std::vector<std::tuple<uint32_t, uint32_t, bool, uint32_t>> edges;  // low, high, forward
+  edges.reserve(3 * triangles_.size());
+  for (uint32_t slot = 0; slot < triangle_slots(); ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint32_t a = triangles_[slot].corners[i];
+      const uint32_t b = triangles_[slot].corners[NextCorner(i)];
+      edges.emplace_back(std::min(a, b), std::max(a, b), a < b, 4 * slot + i);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  for (size_t begin = 0, end; begin < edges.size(); begin = end) {
+    const auto same = [&](size_t i) {
+      return std::get<0>(edges[i]) == std::get<0>(edges[begin]) &&
+             std::get<1>(edges[i]) == std::get<1>(edges[begin]);
+    };
+    for (end = begin + 1; end < edges.size() && same(end);) ++end;
+    if (end - begin != 2 || std::get<2>(edges[begin]) == std::get<2>(edges[begin + 1])) continue;
+    const uint32_t g = std::get<3>(edges[begin]);
+    const uint32_t h = std::get<3>(edges[begin + 1]);
+    triangles_[g >> 2].opposite[g & 3] = h;
+    triangles_[h >> 2].opposite[h & 3] = g;
+  }
+}
+
+void ClientMesh::Replace(std::span<const uint32_t> removed,
+                         std::span<const std::array<uint32_t, 3>> created, uint32_t fills,
+                         std::vector<uint32_t>* slots) {
+  // What lies beyond the edges around the removed triangles.
+  std::vector<Edge>& outer = outer_;
+  outer.clear();
+  for (const uint32_t slot : removed) triangles_[slot].born = 0;
+  for (const uint32_t slot : removed) {
+    const Triangle& t = triangles_[slot];
+    for (uint32_t i = 0; i < 3; ++i) {
+      --degree_[t.corners[i]];
+      indices_[3 * size_t{slot} + i] = 0;
+      const uint32_t o = t.opposite[i];
+      if (o == kNone32 || triangles_[o >> 2].born == 0) continue;
+      triangles_[o >> 2].opposite[o & 3] = kNone32;
+      outer.push_back({t.corners[i], t.corners[NextCorner(i)], o});
+    }
+    changed_triangles_.push_back(slot);
+  }
+  triangle_count_ -= static_cast<uint32_t>(removed.size());
+  free_triangles_.insert(free_triangles_.end(), removed.rbegin(), removed.rend());
+  // An edge finds its twin among those before it, and takes it off the list.
+  for (const auto& corners : created) {
+    const uint32_t slot = AddTriangle(corners, fills);
+    if (slots != nullptr) slots->push_back(slot);
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint32_t from = corners[i];
+      const uint32_t to = corners[NextCorner(i)];
+      const auto twin = std::find_if(outer.begin(), outer.end(),
+                                     [&](const Edge& e) { return e.from == from && e.to == to; });
+      if (twin == outer.end()) {
+        outer.push_back({to, from, 4 * slot + i});
+        continue;
+      }
+      const uint32_t o = twin->half_edge;
+      triangles_[slot].opposite[i] = o;
+      triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+      outer.erase(twin);
+    }
+  }
+}
+
+}  // namespace mtdb

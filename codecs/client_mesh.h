@@ -1,0 +1,139 @@
+// ClientMesh: the mesh that an update stream is replayed on, with what a GPU needs. No files, no
+// threads, standard C++ and store/base only, so that it runs in a browser as it is.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "store/base/attributes.h"
+#include "store/base/bytes.h"
+#include "store/base/float4.h"
+#include "store/base/geometry.h"
+#include "store/base/grid.h"
+#include "store/base/ids.h"
+
+namespace mtdb {
+
+// What sender and client agree on.
+struct ClientMeshOptions {
+  Grid grid;
+  AttributeLayout attributes;
+  // Removed vertices that the client keeps, so that they need not travel again.
+  uint32_t remembered_vertices = 0;
+};
+
+// Triangles and vertices lie in slots, which are used again; a slot without a triangle has the
+// indices 0, 0, 0, which draw nothing. Sender and client hold the same mesh slot for slot. One
+// thread. Some 100 bytes a triangle. Half-edge 4 * slot + i leaves corner i for corner i + 1.
+class ClientMesh {
+ public:
+  struct Triangle {
+    std::array<uint32_t, 3> corners{};   // vertex slots
+    std::array<uint32_t, 3> opposite{};  // twin of each half-edge, or kNone32
+    uint64_t born = 0;                   // grows with each new triangle; 0: none is here
+    uint32_t fills = kNone32;            // the vertex whose removal made it, or kNone32
+  };
+  struct Range {
+    uint32_t begin = 0, end = 0;  // slots
+    friend bool operator==(const Range&, const Range&) = default;
+  };
+  struct Changes {
+    std::vector<Range> triangles;  // ascending
+    std::vector<Range> vertices;
+  };
+
+  ClientMesh() = default;
+  explicit ClientMesh(const ClientMeshOptions& options);
+
+  const ClientMeshOptions& options() const { return options_; }
+  uint32_t triangle_count() const { return triangle_count_; }
+  uint32_t vertex_count() const { return vertex_count_; }  // without remembered ones
+  uint32_t triangle_slots() const { return static_cast<uint32_t>(triangles_.size()); }
+  uint32_t vertex_slots() const { return static_cast<uint32_t>(points_.size()); }
+  bool has_triangle(uint32_t slot) const {
+    return slot < triangles_.size() && triangles_[slot].born != 0;
+  }
+  bool has_vertex(uint32_t slot) const { return slot < degree_.size() && degree_[slot] > 0; }
+  const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
+  // On the grid; Grid::Position makes model units of it.
+  Vec3i position(uint32_t vertex) const {
+    const Word4 p = points_[vertex];
+    return {static_cast<int32_t>(p[0]), static_cast<int32_t>(p[1]), static_cast<int32_t>(p[2])};
+  }
+  ByteSpan row(uint32_t vertex) const {
+    return ByteSpan(rows_).subspan(vertex * row_bytes_, row_bytes_);
+  }
+
+  // For a GPU: three indices a triangle slot, three floats a vertex slot, relative to origin().
+  std::span<const uint32_t> indices() const { return indices_; }
+  std::span<const float> positions() const { return floats_; }
+  Vec3d origin() const { return origin_; }
+  const Bytes& rows() const { return rows_; }
+  // The slots that were written since the last call, as ranges that do not touch each other.
+  Changes TakeChanges();
+
+  // ---- for the codec ----
+
+  const Word4* points() const { return points_.data(); }  // of vertex slots: x, y, z, 0
+  uint32_t degree(uint32_t vertex) const { return degree_[vertex]; }
+  // A half-edge that leaves the vertex, which has triangles.
+  uint32_t half_edge_of(uint32_t vertex) const { return half_edge_[vertex]; }
+  // The removed vertices that are remembered, in no order that has a meaning.
+  std::span<const uint32_t> remembered() const { return remembered_; }
+  bool is_remembered(uint32_t vertex) const {
+    return vertex < place_.size() && place_[vertex] != kNone32;
+  }
+  // Of a remembered boundary vertex: the first of its ring; kNone32 of an interior one.
+  uint32_t first_of_ring(uint32_t vertex) const { return first_of_ring_[vertex]; }
+
+  // Makes a mesh of what has neither triangles nor vertices. `triangles` name existing vertices.
+  void Start(std::span<const Vec3i> positions, Bytes rows,
+             std::span<const std::array<uint32_t, 3>> triangles);
+  // Puts a new vertex in a slot. `row`: row_bytes bytes.
+  uint32_t AddVertex(Vec3i position, const std::byte* row);
+  // A remembered vertex is one of the mesh again.
+  void Recall(uint32_t vertex);
+  // The vertex, which has no triangles any more, is remembered, if there is room for any; returns
+  // the vertex that has to go for it (perhaps itself), or kNone32.
+  uint32_t Forget(uint32_t vertex, uint32_t first_of_ring);
+  // Replaces triangles by others with the same boundary. Appends the slots of the new ones, in
+  // their order, to `slots` unless null.
+  void Replace(std::span<const uint32_t> removed, std::span<const std::array<uint32_t, 3>> created,
+               uint32_t fills, std::vector<uint32_t>* slots);
+
+ private:
+  // The directed edge that a new triangle must have to lie across `half_edge`.
+  struct Edge {
+    uint32_t from, to, half_edge;
+  };
+  uint32_t AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills);
+  void PairAll();
+
+  ClientMeshOptions options_;
+  size_t row_bytes_ = 0;
+  Vec3d origin_;
+  uint32_t triangle_count_ = 0;
+  uint32_t vertex_count_ = 0;
+  uint64_t next_born_ = 1;
+  std::vector<Triangle> triangles_;
+  std::vector<uint32_t> indices_;
+  std::vector<uint32_t> free_triangles_;
+  std::vector<Word4> points_;
+  std::vector<float> floats_;
+  Bytes rows_;
+  std::vector<uint32_t> degree_;     // triangles at a vertex
+  std::vector<uint32_t> half_edge_;  // see half_edge_of
+  std::vector<uint32_t> first_of_ring_;
+  std::vector<uint32_t> place_;  // in remembered_, or kNone32
+  std::vector<uint32_t> remembered_;
+  uint32_t oldest_ = 0;  // of remembered_: the next one to go
+  std::vector<uint32_t> free_vertices_;
+  std::vector<Edge> outer_;  // scratch of Replace
+  std::vector<uint32_t> changed_triangles_;
+  std::vector<uint32_t> changed_vertices_;
+};
+
+}  // namespace mtdb

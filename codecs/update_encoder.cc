@@ -1,0 +1,478 @@
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "codecs/internal/update_coder.h"
+#include "codecs/update_stream.h"
+#include "store/base/check.h"
+#include "store/base/hash.h"
+
+namespace mtdb {
+
+namespace {
+
+// Records end at the first batch after so many updates.
+constexpr uint64_t kRecordUpdates = 4096;
+
+}  // namespace
+
+class UpdateEncoder::Impl {
+ public:
+  Impl(const ClientMeshOptions& options, const BaseMesh& base);
+  Bytes Encode(std::span<const UpdateBatch> batches);
+
+  const ClientMeshOptions options_;
+  const size_t row_bytes_;
+  ClientMesh mesh_;
+  UpdateModels models_;
+  Bytes start_;
+  uint64_t listed_ = 0;
+  uint64_t recalled_ = 0;
+
+ private:
+  using Node = UpdateBatch::Node;
+  struct Target {
+    const Node* node;
+    uint32_t at;  // the anchor's slot, or the vertex's
+  };
+
+  void WriteStart(const BaseMesh& base);
+  uint32_t TriangleOf(TriangleKey key) const;
+  uint32_t VertexOf(VertexIndex key) const;
+  void EncodeInsertions(const UpdateBatch& batch);
+  void EncodeRemovals(const UpdateBatch& batch);
+  // Whether the client can find the node's hole (star) by itself, and where it starts.
+  bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
+  bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
+  uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
+  void MarkHole(const UpdateBatch& batch, const Node& node);
+  bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
+
+  void EncodeInsertion(const UpdateBatch& batch, const Target& target);
+  void EncodeRemoval(const UpdateBatch& batch, const Target& target);
+  void EncodeListed(const UpdateBatch& batch, const Node& node);
+  const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
+    return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * row_bytes_;
+  }
+  // Which remembered vertex the node's is, or kNone32.
+  uint32_t RememberedSlot(const Node& node) const;
+  uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
+  void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
+                       uint32_t vertex);
+  void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
+                     uint32_t vertex);
+
+  std::unordered_map<TriangleKey, uint32_t> triangle_of_;
+  std::unordered_map<VertexIndex, uint32_t> vertex_of_;  // remembered ones included
+  std::vector<VertexIndex> keys_;                        // of vertex slots
+  RansEncoder coder_;
+  // The triangles that the last batch made: slots and when they were born.
+  std::vector<std::pair<uint32_t, uint64_t>> fresh_;
+  std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
+  std::vector<uint64_t> marks_;  // per triangle slot
+  uint64_t mark_ = 0;
+  std::vector<uint32_t> slots_;
+  std::vector<std::array<uint32_t, 3>> places_;
+};
+
+UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base)
+    : options_(options),
+      row_bytes_(options.attributes.row_bytes()),
+      mesh_(options),
+      models_(options.attributes) {
+  MTDB_CHECK(base.positions.size() == base.vertices.size() &&
+                 base.triangle_keys.size() == base.triangles.size() &&
+                 base.rows.size() == base.vertices.size() * row_bytes_,
+             "the parts of a base mesh have different lengths");
+  WriteStart(base);
+}
+
+// Vertices go in the order in which the triangles name them.
+void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
+  std::vector<uint32_t> number(base.vertices.size(), kNone32);
+  std::vector<Vec3i> positions;
+  Bytes rows;
+  std::vector<std::array<uint32_t, 3>> triangles;
+  ByteWriter indices;
+  for (const auto& t : base.triangles) {
+    auto& corners = triangles.emplace_back();
+    for (size_t c = 0; c < 3; ++c) {
+      uint32_t& v = number[t[c]];
+      const auto used = static_cast<uint32_t>(positions.size());
+      indices.PutVarint(v == kNone32 ? 0 : used - v);
+      if (v == kNone32) {
+        v = used;
+        positions.push_back(base.positions[t[c]]);
+        const auto row = base.rows.begin() + static_cast<std::ptrdiff_t>(t[c] * row_bytes_);
+        rows.insert(rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
+        vertex_of_[base.vertices[t[c]]] = v;
+        keys_.push_back(base.vertices[t[c]]);
+      }
+      corners[c] = v;
+    }
+  }
+  ByteWriter body;
+  body.bytes().reserve(256 + 8 * positions.size() + indices.size() + rows.size());
+  const Grid& grid = options_.grid;
+  body.Put<uint8_t>(static_cast<uint8_t>(grid.mode));
+  for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
+  body.Put<double>(grid.step);
+  body.PutVarint(options_.attributes.attributes.size());
+  for (const VertexAttribute& a : options_.attributes.attributes) {
+    body.PutString(a.name);
+    body.Put<uint8_t>(static_cast<uint8_t>(a.type));
+  }
+  body.PutVarint(options_.remembered_vertices);
+  body.PutVarint(positions.size());
+  body.PutVarint(triangles.size());
+  Vec3i last{};
+  for (const Vec3i p : positions) {
+    for (int i = 0; i < 3; ++i) {
+      body.PutVarint(ZigZag(static_cast<uint32_t>(p[i]) - static_cast<uint32_t>(last[i])));
+    }
+    last = p;
+  }
+  body.PutBytes(indices.bytes());
+  body.PutBytes(SplitPlanes(rows, row_bytes_));
+
+  ByteWriter start;
+  for (const char c : kUpdateMagic) start.Put(c);
+  start.Put<uint8_t>(kUpdateVersion);
+  start.PutVarint(body.size());
+  start.Put<uint32_t>(static_cast<uint32_t>(Hash64(body.bytes())));
+  start.PutBytes(body.bytes());
+  start_ = start.Take();
+
+  mesh_.Start(positions, rows, triangles);
+  models_.reference = UpdateReference(mesh_);
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    triangle_of_[base.triangle_keys[t]] = static_cast<uint32_t>(t);
+  }
+}
+
+uint32_t UpdateEncoder::Impl::TriangleOf(TriangleKey key) const {
+  const auto at = triangle_of_.find(key);
+  MTDB_CHECK(at != triangle_of_.end(), "an update names a triangle that the client does not have");
+  return at->second;
+}
+
+uint32_t UpdateEncoder::Impl::VertexOf(VertexIndex key) const {
+  const auto at = vertex_of_.find(key);
+  MTDB_CHECK(at != vertex_of_.end(), "an update names a vertex that the client does not have");
+  return at->second;
+}
+
+uint32_t UpdateEncoder::Impl::RememberedSlot(const Node& node) const {
+  const auto at = vertex_of_.find(node.vertex);
+  return at == vertex_of_.end() ? kNone32 : at->second;
+}
+
+void UpdateEncoder::Impl::MarkHole(const UpdateBatch& batch, const Node& node) {
+  ++mark_;
+  marks_.resize(mesh_.triangle_slots());
+  for (const auto& t : batch.hole_of(node)) marks_[TriangleOf(t.key)] = mark_;
+}
+
+uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& node,
+                                        const Patch::Hole& hole) const {
+  const std::span<const VertexIndex> ring = batch.ring_of(node);
+  const uint32_t last = VertexOf(ring.back());
+  const uint32_t first = VertexOf(ring.front());
+  for (uint32_t j = 0; j < hole.ring_count; ++j) {
+    if (hole.ring[j] == last && hole.ring[j + 1 == hole.ring_count ? 0 : j + 1] == first) return j;
+  }
+  return kNone32;
+}
+
+bool UpdateEncoder::Impl::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
+  MarkHole(batch, node);
+  uint32_t anchor = kNone32;
+  for (const auto& t : batch.hole_of(node)) {
+    const uint32_t slot = TriangleOf(t.key);
+    if (anchor == kNone32 || mesh_.triangle(slot).born > mesh_.triangle(anchor).born) {
+      anchor = slot;
+    }
+  }
+  *target = {&node, anchor};
+  UpdateHole update;
+  return WalkHole(mesh_, anchor, update,
+                  [&](uint32_t, uint32_t slot, uint32_t) { return Marked(slot); }) &&
+         update.hole.ring_count == node.ring_count &&
+         update.hole.slot_count == node.ring_count - 2 &&
+         (!node.boundary || SplitEdge(batch, node, update.hole) != kNone32);
+}
+
+bool UpdateEncoder::Impl::FindStar(const UpdateBatch& batch, const Node& node, Target* target) {
+  static_cast<void>(batch);
+  const uint32_t vertex = VertexOf(node.vertex);
+  *target = {&node, vertex};
+  UpdateHole update;
+  return WalkStar(mesh_, vertex, update) && update.hole.ring_count == node.ring_count &&
+         update.boundary == node.boundary;
+}
+
+uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& node,
+                                        uint32_t remembered) {
+  if (remembered != kNone32) {
+    mesh_.Recall(remembered);
+    ++recalled_;
+    return remembered;
+  }
+  const uint32_t vertex = mesh_.AddVertex(node.position, RowOf(batch, node));
+  keys_.resize(mesh_.vertex_slots());
+  keys_[vertex] = node.vertex;
+  vertex_of_[node.vertex] = vertex;
+  return vertex;
+}
+
+void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& node,
+                                          const UpdateHole& update, uint32_t vertex) {
+  slots_.clear();
+  InsertStar(mesh_, models_, update, vertex, &slots_);
+  for (const auto& t : batch.hole_of(node)) triangle_of_.erase(t.key);
+  const std::span<const VertexIndex> ring = batch.ring_of(node);
+  for (size_t j = 0; j < slots_.size(); ++j) {
+    const VertexIndex key = keys_[update.hole.ring[j]];
+    const auto place = std::find(ring.begin(), ring.end(), key) - ring.begin();
+    triangle_of_[node.first_star + static_cast<uint64_t>(place)] = slots_[j];
+    next_fresh_.emplace_back(slots_[j], mesh_.triangle(slots_[j]).born);
+  }
+}
+
+void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target& target) {
+  const Node& node = *target.node;
+  MarkHole(batch, node);
+  UpdateHole update;
+  uint32_t remembered = RememberedSlot(node);
+  bool again = false;
+  if (const uint32_t fills = mesh_.triangle(target.at).fills; mesh_.is_remembered(fills)) {
+    again = fills == remembered && WalkAgain(mesh_, target.at, fills, update) &&
+            update.hole.ring_count == node.ring_count && update.boundary == node.boundary;
+    for (const uint32_t slot : update.hole.slot_span()) again &= Marked(slot);
+    coder_.Bit(models_.again, again);
+  }
+  if (!again) {
+    const UpdateShapes shapes(mesh_, models_);
+    const uint64_t born = mesh_.triangle(target.at).born;
+    WalkHole(mesh_, target.at, update, [&](uint32_t count, uint32_t slot, uint32_t h) {
+      if (mesh_.triangle(slot).born > born) return false;
+      return models_.topology.CodeTake(coder_, count, shapes.Shape(h), Marked(slot));
+    });
+    const uint32_t split = node.boundary ? SplitEdge(batch, node, update.hole) : kNone32;
+    CodeSplitEdge(coder_, models_.topology, update.hole, split);
+    update.boundary = node.boundary;
+    if (node.boundary) update.hole.Rotate(split);
+    const std::span<const uint32_t> all = mesh_.remembered();
+    if (!all.empty() && coder_.Bit(models_.known, remembered != kNone32)) {
+      const auto place = std::find(all.begin(), all.end(), remembered) - all.begin();
+      coder_.Raw(std::bit_width(all.size() - 1), static_cast<uint32_t>(place));
+    } else {
+      Vec3i p = node.position;
+      CodePosition(coder_, models_, mesh_, update, p);
+      if (row_bytes_ != 0) {
+        models_.attribute_coder.Encode(coder_, update.hole.ring_span(), mesh_.rows(),
+                                       RowOf(batch, node));
+      }
+    }
+  }
+  FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
+}
+
+void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch) {
+  std::vector<Target> targets;
+  std::vector<const Node*> listed;
+  for (const Node& node : batch.nodes) {
+    Target target;
+    if (FindHole(batch, node, &target)) {
+      targets.push_back(target);
+    } else {
+      listed.push_back(&node);
+    }
+  }
+  if (!targets.empty()) {
+    std::sort(targets.begin(), targets.end(),
+              [](const Target& a, const Target& b) { return a.at < b.at; });
+    const auto anchored_at = [&](uint32_t slot) -> const Target* {
+      const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
+                                      [](const Target& a, uint32_t at) { return a.at < at; });
+      return t != targets.end() && t->at == slot ? &*t : nullptr;
+    };
+    size_t among_fresh = 0;
+    for (const auto& [slot, born] : fresh_) {
+      if (mesh_.triangle(slot).born == born && anchored_at(slot) != nullptr) ++among_fresh;
+    }
+    coder_.Bit(models_.more, true);
+    coder_.Bit(models_.listed, false);
+    coder_.Bit(models_.insert, true);
+    const bool fresh = among_fresh == targets.size() && fresh_.size() < 32 * targets.size();
+    coder_.Bit(models_.fresh, fresh);
+    CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
+    if (fresh) {
+      size_t left = targets.size();
+      for (size_t i = 0; left > 0; ++i) {
+        const auto [slot, born] = fresh_[i];
+        if (mesh_.triangle(slot).born != born) continue;
+        const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
+        const Target* const target = anchored_at(slot);
+        if (!models_.topology.CodeAnchor(coder_, view, 1, target != nullptr)) continue;
+        EncodeInsertion(batch, *target);
+        --left;
+      }
+    } else {
+      uint32_t next = 0;
+      for (const Target& target : targets) {
+        CodeNumber(coder_, models_.anchor_gap, target.at - next);
+        next = target.at + 1;
+        EncodeInsertion(batch, target);
+      }
+    }
+    fresh_.swap(next_fresh_);
+    next_fresh_.clear();
+  }
+  for (const Node* node : listed) EncodeListed(batch, *node);
+}
+
+void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& node,
+                                        const UpdateHole& update, uint32_t vertex) {
+  // Places in the ring as the client walks it -> the hole's triangles, by their outer corners.
+  const std::span<const VertexIndex> ring = batch.ring_of(node);
+  const std::span<const uint32_t> walked = update.hole.ring_span();
+  std::array<uint32_t, kMaxRing> place{};
+  for (size_t i = 0; i < ring.size(); ++i) {
+    const uint32_t slot = VertexOf(ring[i]);
+    place[i] =
+        static_cast<uint32_t>(std::find(walked.begin(), walked.end(), slot) - walked.begin());
+  }
+  std::array<std::array<uint32_t, kMaxRing>, kMaxRing> apexes{};
+  std::array<std::array<TriangleKey, kMaxRing>, kMaxRing> key_of{};
+  for (const auto& t : batch.hole_of(node)) {
+    std::array<uint32_t, 3> c = {place[t.corners[0]], place[t.corners[1]], place[t.corners[2]]};
+    std::sort(c.begin(), c.end());
+    apexes[c[0]][c[2]] = c[1];
+    key_of[c[0]][c[2]] = t.key;
+  }
+  CodePolygon(
+      coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return apexes[i][j]; },
+      places_);
+  for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
+    triangle_of_.erase(node.first_star + j);
+  }
+  slots_.clear();
+  RemoveStar(mesh_, update, vertex, places_, &slots_);
+  for (size_t i = 0; i < slots_.size(); ++i) {
+    triangle_of_[key_of[places_[i][0]][places_[i][2]]] = slots_[i];
+  }
+  const uint32_t first = update.boundary ? walked[0] : kNone32;
+  if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) {
+    vertex_of_.erase(keys_[lost]);
+  }
+}
+
+void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
+  UpdateHole update;
+  WalkStar(mesh_, target.at, update);
+  FinishRemoval(batch, *target.node, update, target.at);
+}
+
+void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch) {
+  std::vector<Target> targets;
+  std::vector<const Node*> listed;
+  for (const Node& node : batch.nodes) {
+    Target target;
+    if (FindStar(batch, node, &target)) {
+      targets.push_back(target);
+    } else {
+      listed.push_back(&node);
+    }
+  }
+  if (!targets.empty()) {
+    std::sort(targets.begin(), targets.end(),
+              [](const Target& a, const Target& b) { return a.at < b.at; });
+    coder_.Bit(models_.more, true);
+    coder_.Bit(models_.listed, false);
+    coder_.Bit(models_.insert, false);
+    CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
+    uint32_t next = 0;
+    for (const Target& target : targets) {
+      CodeNumber(coder_, models_.vertex_gap, target.at - next);
+      next = target.at + 1;
+      EncodeRemoval(batch, target);
+    }
+  }
+  for (const Node* node : listed) EncodeListed(batch, *node);
+}
+
+// An update whose triangles the client cannot find by walking: where edges are non-manifold.
+void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& node) {
+  ++listed_;
+  coder_.Bit(models_.more, true);
+  coder_.Bit(models_.listed, true);
+  coder_.Bit(models_.insert, batch.insert);
+  UpdateHole update;
+  Patch::Hole& hole = update.hole;
+  update.boundary = node.boundary;
+  for (const VertexIndex v : batch.ring_of(node)) hole.ring[hole.ring_count++] = VertexOf(v);
+  if (batch.insert) {
+    for (const auto& t : batch.hole_of(node)) hole.slots[hole.slot_count++] = TriangleOf(t.key);
+  } else {
+    for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
+      hole.slots[hole.slot_count++] = TriangleOf(node.first_star + j);
+    }
+  }
+  coder_.Raw(1, node.boundary ? 1 : 0);
+  coder_.Raw(6, hole.ring_count);
+  for (const uint32_t v : hole.ring_span()) coder_.Raw(32, v);
+  for (const uint32_t slot : hole.slot_span()) coder_.Raw(32, slot);
+  if (!batch.insert) {
+    const uint32_t vertex = VertexOf(node.vertex);
+    coder_.Raw(32, vertex);
+    FinishRemoval(batch, node, update, vertex);
+    return;
+  }
+  const uint32_t remembered = RememberedSlot(node);
+  coder_.Raw(32, remembered);
+  if (remembered == kNone32) {
+    for (int i = 0; i < 3; ++i) coder_.Raw(32, static_cast<uint32_t>(node.position[i]));
+    const std::byte* row = RowOf(batch, node);
+    for (size_t i = 0; i < row_bytes_; ++i) coder_.Raw(8, static_cast<uint32_t>(row[i]));
+  }
+  FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
+  next_fresh_.clear();
+}
+
+Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches) {
+  ByteWriter out;
+  uint64_t updates = 0;
+  for (size_t b = 0; b < batches.size(); ++b) {
+    const UpdateBatch& batch = batches[b];
+    if (batch.insert) {
+      EncodeInsertions(batch);
+    } else {
+      EncodeRemovals(batch);
+    }
+    updates += batch.nodes.size();
+    if (updates == 0 || (updates < kRecordUpdates && b + 1 < batches.size())) continue;
+    coder_.Bit(models_.more, false);
+    Bytes record = coder_.Finish();
+    MTDB_CHECK(record.size() <= kMaxRecordBytes, "a batch of updates is too long for a record");
+    updates = 0;
+    out.PutVarint(record.size());
+    out.Put<uint32_t>(static_cast<uint32_t>(Hash64(record)));
+    out.PutBytes(record);
+  }
+  return out.Take();
+}
+
+UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base)
+    : impl_(std::make_unique<Impl>(options, base)) {}
+UpdateEncoder::~UpdateEncoder() = default;
+const Bytes& UpdateEncoder::start() const { return impl_->start_; }
+Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches) { return impl_->Encode(batches); }
+const ClientMesh& UpdateEncoder::mesh() const { return impl_->mesh_; }
+uint64_t UpdateEncoder::listed_updates() const { return impl_->listed_; }
+uint64_t UpdateEncoder::recalled_vertices() const { return impl_->recalled_; }
+
+}  // namespace mtdb

@@ -1,0 +1,71 @@
+// The update stream: a base mesh, then batches of vertex insertions and removals, coded against the
+// mesh that the client holds. Dynamic update and progressive transmission. Specified in
+// codecs/FORMAT.md; after De Floriani, Magillo, Puppo, "Efficient implementation of
+// Multi-Triangulations" (1998), with the code of our clusters.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "codecs/client_mesh.h"
+#include "codecs/mesh_update.h"
+#include "store/base/bytes.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// The sender: follows the client's mesh, and names triangles and vertices as the client knows them.
+// One client each; one thread. Memory: the client's mesh and about 80 bytes for each of its
+// triangles and vertices. Deterministic.
+class UpdateEncoder {
+ public:
+  UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base);
+  ~UpdateEncoder();
+
+  // The header and the base mesh: the stream's first bytes.
+  const Bytes& start() const;
+  // The records that apply `batches` in their order; none for none. They must fit the mesh: a
+  // caller's bug otherwise. A batch must not be longer than 2^28 bytes allow, some ten million
+  // nodes.
+  Bytes Encode(std::span<const UpdateBatch> batches);
+  // What the client has when it has read everything.
+  const ClientMesh& mesh() const;
+
+  // So far, of updates: what of them could not be coded by walking (see "Listed updates").
+  uint64_t listed_updates() const;
+  uint64_t recalled_vertices() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// The client. Bytes may come in any portions and may be hostile. One thread.
+class UpdateDecoder {
+ public:
+  struct Limits {
+    uint32_t triangles = 1u << 26;  // of the mesh; more is refused
+    uint32_t vertices = 1u << 25;   // remembered ones included
+  };
+  UpdateDecoder();
+  explicit UpdateDecoder(const Limits& limits);
+  ~UpdateDecoder();
+
+  // Applies all records that are complete, and keeps the rest for later. After an error the mesh is
+  // conforming still: it ends at the last update that could be read; more bytes are refused.
+  // Errors: kCorrupt, with the offset in the stream; kUnsupported for another version.
+  Status Feed(ByteSpan bytes);
+  // True when the base mesh is there.
+  bool started() const;
+  // True when nothing is kept: all bytes were whole records.
+  bool at_record() const;
+  const ClientMesh& mesh() const;
+  ClientMesh::Changes TakeChanges();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mtdb

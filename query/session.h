@@ -1,0 +1,63 @@
+// Session: a cut that moves from query to query, and the updates between. What a server keeps for a
+// client; codecs/update_stream.h sends the updates.
+//
+//   auto session = mtdb::Session::Open(surface);
+//   mtdb::UpdateEncoder encoder(...);                  // for (*session)->Base()
+//   std::vector<mtdb::UpdateBatch> batches;
+//   (*session)->Update(query, &batches);
+//   send(encoder.Encode(batches));
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "codecs/mesh_update.h"
+#include "query/cut.h"
+#include "query/query.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+class Bits;
+class Surface;
+
+struct SessionUpdate {
+  uint64_t insertions = 0;
+  uint64_t removals = 0;
+  ExtractStats stats;  // of the new cut; `triangles` and `vertices` are those of the whole surface
+};
+
+// After De Floriani, Magillo, Puppo, "Efficient implementation of Multi-Triangulations" (1998), its
+// dynamic update. Used by one thread at a time; many sessions share a surface. Between updates it
+// keeps a bit for each node of the clusters with an applied node, and some bytes for each cluster.
+class Session {
+ public:
+  // At the root. `surface` stays alive with the session.
+  static Result<std::unique_ptr<Session>> Open(std::shared_ptr<const Surface> surface);
+  ~Session();
+
+  // The root mesh, which every session starts from. Errors: those of reading root pieces.
+  Result<BaseMesh> Base() const;
+
+  // Moves to the cut that Surface::Select finds for `query`, node for node, and sets `batches` to
+  // the updates between: first removals, children before parents, then insertions, parents before
+  // children; the updates of a batch do not depend on each other. Query::clip and Query::normals
+  // are ignored: a session holds the whole surface. On an error, cancellation included, the cut is
+  // the previous one. Errors: those of Surface::Select.
+  //
+  // Cost: the search is a fresh one, over the clusters in the cache; comparing takes 1/64 step a
+  // node of the clusters in use; the rest is in proportion to the updates.
+  Result<SessionUpdate> Update(const Query& query, std::vector<UpdateBatch>* batches);
+
+  bool applied(ClusterId cluster, NodeIndex node) const;
+  uint64_t applied_count() const { return applied_count_; }
+
+ private:
+  explicit Session(std::shared_ptr<const Surface> surface);
+  const std::shared_ptr<const Surface> surface_;
+  std::vector<Bits> applied_;  // per cluster; empty where no node is applied
+  uint64_t applied_count_ = 0;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,45 @@
+// A cluster's nodes as updates of its in-triangles' mesh, for the tests of the update stream.
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "codecs/client_mesh.h"
+#include "codecs/cluster.h"
+#include "codecs/mesh_update.h"
+#include "tests/codecs/cluster_fixture.h"
+
+namespace mtdb::testing {
+
+// A record of an update stream with this body.
+Bytes UpdateRecord(ByteSpan body);
+
+class UpdateFixture {
+ public:
+  explicit UpdateFixture(const ClusterOptions& options);
+
+  ClientMeshOptions options(uint32_t remembered) const { return {{}, attributes_, remembered}; }
+  const Cluster& cluster() const { return cluster_; }
+  const BaseMesh& base() const { return base_; }
+  // Per node; the closure of some: with all their ancestors.
+  std::vector<bool> Closed(std::vector<bool> wanted) const;
+  // From one closed set to another; removals first.
+  std::vector<UpdateBatch> Batches(const std::vector<bool>& from,
+                                   const std::vector<bool>& to) const;
+  // The mesh of a closed set, as ClientTriangles has it.
+  std::multiset<std::string> Triangles(const std::vector<bool>& applied) const;
+
+ private:
+  std::vector<uint32_t> Parents(uint32_t node) const;
+  void AddNode(uint32_t node, UpdateBatch& batch) const;
+  std::array<uint32_t, 3> Corners(uint32_t slot) const;
+
+  AttributeLayout attributes_;
+  Cluster cluster_;
+  std::vector<uint32_t> creator_;  // per slot, or kNone32
+  BaseMesh base_;
+};
+
+}  // namespace mtdb::testing

@@ -1,0 +1,173 @@
+// A session's cuts against those of Surface::Select, and its updates against the meshes of both.
+#include <array>
+#include <catch2/catch.hpp>
+#include <map>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "query/query_control.h"
+#include "query/session.h"
+#include "query/surface.h"
+#include "tests/query/mt_fixture.h"
+#include "tests/query/oracle.h"
+
+namespace mtdb::testing {
+namespace {
+
+// Checks every rule of UpdateBatch while it follows the updates.
+class ExplicitMesh {
+ public:
+  explicit ExplicitMesh(const BaseMesh& base) {
+    for (size_t v = 0; v < base.vertices.size(); ++v) {
+      positions_[base.vertices[v]] = base.positions[v];
+    }
+    for (size_t t = 0; t < base.triangles.size(); ++t) {
+      const auto& c = base.triangles[t];
+      triangles_[base.triangle_keys[t]] = {base.vertices[c[0]], base.vertices[c[1]],
+                                           base.vertices[c[2]]};
+    }
+  }
+  void Apply(const UpdateBatch& batch) {
+    std::set<TriangleKey> before;
+    for (const auto& [key, t] : triangles_) before.insert(key);
+    for (const UpdateBatch::Node& node : batch.nodes) {
+      const auto ring = batch.ring_of(node);
+      std::vector<std::pair<TriangleKey, TriangleVertices>> hole, star;
+      for (const auto& t : batch.hole_of(node)) {
+        hole.push_back({t.key, {ring[t.corners[0]], ring[t.corners[1]], ring[t.corners[2]]}});
+      }
+      for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
+        star.push_back({node.first_star + j, {node.vertex, ring[j], ring[(j + 1) % ring.size()]}});
+      }
+      for (const auto& [key, t] : batch.insert ? hole : star) {
+        REQUIRE(before.count(key) == 1);  // nothing that this batch made
+        REQUIRE(Rotated(triangles_.at(key)) == Rotated(t));
+        triangles_.erase(key);
+      }
+      for (const auto& [key, t] : batch.insert ? star : hole) {
+        REQUIRE(triangles_.emplace(key, t).second);
+      }
+      if (batch.insert) {
+        REQUIRE(positions_.emplace(node.vertex, node.position).second);
+      } else {
+        REQUIRE(positions_.erase(node.vertex) == 1);
+      }
+    }
+  }
+  std::multiset<std::array<Vec3i, 3>> Positions() const {
+    std::multiset<std::array<Vec3i, 3>> set;
+    for (const auto& [key, t] : triangles_) {
+      set.insert(Smallest(
+          std::array<Vec3i, 3>{positions_.at(t[0]), positions_.at(t[1]), positions_.at(t[2])}));
+    }
+    return set;
+  }
+  template <typename T>
+  static std::array<T, 3> Smallest(const std::array<T, 3>& t) {
+    return std::min({t, std::array<T, 3>{t[1], t[2], t[0]}, std::array<T, 3>{t[2], t[0], t[1]}});
+  }
+
+ private:
+  static TriangleVertices Rotated(const TriangleVertices& t) { return Smallest(t); }
+  std::map<VertexIndex, Vec3i> positions_;
+  std::map<TriangleKey, TriangleVertices> triangles_;
+};
+
+std::multiset<std::array<Vec3i, 3>> CutPositions(const MtFixture& f,
+                                                 const std::vector<bool>& applied) {
+  std::multiset<std::array<Vec3i, 3>> set;
+  for (const uint32_t id : f.mt.Mesh(applied)) {
+    const auto& v = f.mt.triangles[id].vertices;
+    set.insert(ExplicitMesh::Smallest(
+        std::array<Vec3i, 3>{f.mt.positions[v[0]], f.mt.positions[v[1]], f.mt.positions[v[2]]}));
+  }
+  return set;
+}
+
+Query RandomStep(const MtFixture& f, std::mt19937& random) {
+  Query query = RandomQuery(f, random);
+  if (random() % 3 == 0) query.max_triangles = random() % 400;
+  return query;
+}
+
+}  // namespace
+
+TEST_CASE("a session's cuts are those of Select and its updates lead from one to the next") {
+  uint32_t seed = 1;
+  for (const Shape shape : {Shape::kSphere, Shape::kTorus, Shape::kSheet, Shape::kTube}) {
+    for (const bool coincident : {false, true}) {
+      MtOptions options;
+      options.shape = shape;
+      options.coincident = coincident;
+      options.attributes = coincident;
+      options.seed = ++seed;
+      const MtFixture f = MakeMt(options);
+      const auto surface = *Surface::Open(f.source);
+      const auto session = *Session::Open(surface);
+      ExplicitMesh mesh(*session->Base());
+      std::mt19937 random(seed);
+      for (int step = 0; step < 60; ++step) {
+        const Query query = RandomStep(f, random);
+        const Cut cut = *surface->Select(query);
+        std::vector<UpdateBatch> batches;
+        const Result<SessionUpdate> update = session->Update(query, &batches);
+        REQUIRE(update.ok());
+        std::vector<bool> applied;
+        for (const InMemoryMt::Node& node : f.mt.nodes) {
+          applied.push_back(session->applied(node.cluster, node.index));
+          REQUIRE(applied.back() == cut.applied(node.cluster, node.index));
+        }
+        uint64_t nodes[2] = {0, 0};
+        bool inserts = false;
+        for (const UpdateBatch& batch : batches) {
+          REQUIRE(!batch.nodes.empty());
+          REQUIRE(batch.insert >= inserts);  // removals first
+          inserts = batch.insert;
+          nodes[batch.insert ? 1 : 0] += batch.nodes.size();
+          mesh.Apply(batch);
+        }
+        REQUIRE(nodes[0] == update->removals);
+        REQUIRE(nodes[1] == update->insertions);
+        REQUIRE(mesh.Positions() == CutPositions(f, applied));
+        REQUIRE(update->stats.triangles == mesh.Positions().size());
+      }
+      // Back to the root: nothing is left.
+      Query coarsest;
+      coarsest.threshold = CoarsestThreshold();
+      std::vector<UpdateBatch> batches;
+      REQUIRE(session->Update(coarsest, &batches).ok());
+      REQUIRE(session->applied_count() == 0);
+    }
+  }
+}
+
+TEST_CASE("an update that fails or is cancelled leaves the session's cut as it was") {
+  const MtFixture f = MakeMt({});
+  const auto surface = *Surface::Open(f.source, {.cache_bytes = 1});
+  const auto session = *Session::Open(surface);
+  std::vector<UpdateBatch> batches;
+  QueryControl control;
+  control.Cancel();
+  Query query;
+  query.control = &control;
+  const Result<SessionUpdate> cancelled = session->Update(query, &batches);
+  REQUIRE(!cancelled.ok());
+  CHECK(batches.empty());
+  CHECK(session->applied_count() == 0);
+
+  const auto roomy = *Surface::Open(f.source);
+  const auto other = *Session::Open(roomy);
+  f.source->on_read_ = [](uint32_t unit) {
+    return unit == 0 ? IoError("the disk is gone") : Status::Ok();
+  };
+  const Result<SessionUpdate> failed = other->Update({}, &batches);
+  REQUIRE(!failed.ok());
+  CHECK(failed.status().code() == StatusCode::kIoError);
+  CHECK(other->applied_count() == 0);
+  f.source->on_read_ = nullptr;
+  REQUIRE(other->Update({}, &batches).ok());
+  CHECK(other->applied_count() == f.mt.nodes.size());
+}
+
+}  // namespace mtdb::testing

@@ -1,0 +1,127 @@
+// A client that follows a session over stores that the builder made: what it holds is the cut.
+#include <algorithm>
+#include <array>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "codecs/update_stream.h"
+#include "query/session.h"
+#include "tests/builder/fixture.h"
+#include "tests/support/client_mesh_check.h"
+#include "tests/support/mesh_check.h"
+
+namespace mtdb::testing {
+namespace {
+
+// A sheet with a fin along its middle row, where three triangles share an edge, and a cone that
+// stands on one of its vertices.
+TriangleMesh MakeFinnedSheet(int n) {
+  TriangleMesh mesh;
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> noise(-0.01, 0.01);
+  const auto side = static_cast<VertexIndex>(n + 1);
+  const auto add_grid = [&](VertexIndex rows, const auto& number) {
+    for (VertexIndex r = 0; r + 1 < rows; ++r) {
+      for (VertexIndex c = 0; c + 1 < side; ++c) {
+        const VertexIndex a = number(r, c), b = number(r, c + 1);
+        const VertexIndex d = number(r + 1, c), e = number(r + 1, c + 1);
+        mesh.triangles.push_back({a, b, e});
+        mesh.triangles.push_back({a, e, d});
+      }
+    }
+  };
+  for (VertexIndex r = 0; r < side; ++r) {
+    for (VertexIndex c = 0; c < side; ++c) {
+      mesh.positions.push_back(
+          {static_cast<double>(c) / n, static_cast<double>(r) / n, noise(random)});
+    }
+  }
+  const auto sheet = [&](VertexIndex r, VertexIndex c) { return r * side + c; };
+  add_grid(side, sheet);
+  const VertexIndex middle = side / 2;
+  const VertexIndex first = mesh.positions.size();
+  for (VertexIndex r = 1; r < side; ++r) {
+    for (VertexIndex c = 0; c < side; ++c) {
+      mesh.positions.push_back({static_cast<double>(c) / n,
+                                static_cast<double>(middle) / n + noise(random),
+                                static_cast<double>(r) / n});
+    }
+  }
+  const auto fin = [&](VertexIndex r, VertexIndex c) {
+    return r == 0 ? sheet(middle, c) : first + (r - 1) * side + c;
+  };
+  add_grid(side, fin);
+  const VertexIndex tip = sheet(2, 2);
+  const VertexIndex rim = mesh.positions.size();
+  for (int i = 0; i < 12; ++i) {
+    const double angle = 0.5235987755982988 * i;
+    mesh.positions.push_back(mesh.positions[tip] +
+                             Vec3d{0.05 * std::cos(angle), 0.05 * std::sin(angle), -0.2});
+  }
+  for (VertexIndex i = 0; i < 12; ++i) {
+    mesh.triangles.push_back({tip, rim + i, rim + (i + 1) % 12});
+  }
+  return mesh;
+}
+
+std::multiset<std::string> CutTriangles(const Surface& surface, Cut& cut) {
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  REQUIRE(cut.Emit(sink).ok());
+  const size_t row = mesh.header.attributes.row_bytes();
+  std::multiset<std::string> set;
+  for (const TriangleVertices& t : mesh.triangles) {
+    std::array<Vec3i, 3> positions;
+    std::array<ByteSpan, 3> rows;
+    for (size_t c = 0; c < 3; ++c) {
+      positions[c] = surface.record().grid.Quantize(mesh.positions[t[c]]);
+      rows[c] = ByteSpan(mesh.rows).subspan(t[c] * row, row);
+    }
+    set.insert(TriangleText(positions, rows));
+  }
+  return set;
+}
+
+void Walk(const BuiltObject& object, int steps, uint32_t remembered, bool manifold) {
+  const Surface& surface = *object.surface;
+  const auto session = *Session::Open(object.surface);
+  UpdateEncoder encoder({surface.record().grid, surface.record().attributes, remembered},
+                        *session->Base());
+  UpdateDecoder decoder;
+  REQUIRE(decoder.Feed(encoder.start()).ok());
+  std::mt19937 random(7);
+  for (int step = 0; step < steps; ++step) {
+    Query query = RandomCutQuery(surface.record(), random);
+    if (random() % 3 == 0) query.max_triangles = random() % surface.record().triangles;
+    std::vector<UpdateBatch> batches;
+    REQUIRE(session->Update(query, &batches).ok());
+    const Status status = decoder.Feed(encoder.Encode(batches));
+    INFO(status.message());
+    REQUIRE(status.ok());
+    Cut cut = *surface.Select(query);
+    REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut));
+    REQUIRE(ClientMeshFault(decoder.mesh()).empty());
+    if (manifold) REQUIRE(CheckMesh(Compacted(decoder.mesh())).ok());
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a client that follows a session holds the mesh of its cut, attributes included") {
+  TriangleMesh sculpture = MakeSculpture(6000);
+  NumberVertices(&sculpture);
+  Walk(Build(sculpture), 60, 100, true);
+  Walk(Build(MakeTerrain(5000)), 60, 0, true);
+}
+
+TEST_CASE("a client follows a session over non-manifold edges and vertices") {
+  TriangleMesh sheet = MakeFinnedSheet(40);
+  NumberVertices(&sheet);
+  Walk(Build(sheet), 80, 50, false);
+}
+
+}  // namespace mtdb::testing
