@@ -40,6 +40,28 @@ class Bits {
   bool Test(uint32_t i) const { return (words_[i >> 6] >> (i & 63)) & 1; }
   void Set(uint32_t i) { words_[i >> 6] |= uint64_t{1} << (i & 63); }
   void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
+  // Clears the flag unless `keep`.
+  void Keep(uint32_t i, bool keep) { words_[i >> 6] &= ~(uint64_t{!keep} << (i & 63)); }
+  // Takes all flags from bytes that are 0 or 1, size() of them.
+  void Pack(const uint8_t* bytes) {
+    for (uint64_t& word : words_) {
+      word = 0;
+      for (int i = 0; i < 64; i += 8, bytes += 8) {
+        uint64_t eight = 0;
+        for (int b = 0; b < 8; ++b) eight |= uint64_t{bytes[b]} << (8 * b);
+        word |= (eight * 0x0102040810204080u >> 56) << i;
+      }
+    }
+  }
+  // Sets the flags that are set in both, which are as long; returns their number.
+  uint32_t AddBoth(std::span<const uint64_t> a, std::span<const uint64_t> b) {
+    uint32_t n = 0;
+    for (size_t w = 0; w < words_.size(); ++w) {
+      words_[w] |= a[w] & b[w];
+      n += PopCount(a[w] & b[w]);
+    }
+    return n;
+  }
   void SetRange(uint32_t begin, uint32_t end) {
     for (uint32_t i = begin; i < end;) {
       const uint32_t n = std::min(end - i, 64 - (i & 63));

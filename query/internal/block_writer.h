@@ -29,8 +29,13 @@ class BlockWriter {
     positions_.resize(std::max(positions_.size(), vertices_ + count));
     rows_.resize(positions_.size() * row_bytes_);
   }
-  void ReserveTriangles(size_t count) {
+  // Where that unit's triangles go, at most `count` of them, and where they end.
+  TriangleVertices* TriangleRoom(size_t count) {
     triangles_.resize(std::max(triangles_.size(), triangle_count_ + count));
+    return triangles_.data() + triangle_count_;
+  }
+  void AddTriangles(const TriangleVertices* end) {
+    triangle_count_ = static_cast<size_t>(end - triangles_.data());
   }
   void AddVertex(Vec3i position, const std::byte* row) {
     positions_[vertices_] = grid_.Position(position);
@@ -41,7 +46,6 @@ class BlockWriter {
     }
     ++vertices_;
   }
-  void AddTriangle(const TriangleVertices& t) { triangles_[triangle_count_++] = t; }
 
   Status FlushBlocks() {
     if (vertices_ >= kBlock) MTDB_RETURN_IF_ERROR(FlushVertices());

@@ -192,6 +192,11 @@ VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   return numberings_[everything_ ? owner : cut_.state_of[owner]].Of(node);
 }
 
+// Out of line: called once for a vertex, in a loop that needs its registers.
+[[gnu::noinline]] VertexIndex CutImpl::NumberOther(const LoadedUnit& unit, uint32_t local) {
+  return numbers_[local] = NumberOf(unit.vertex(local), unit.owner(local));
+}
+
 Status CutImpl::Emit(MeshSink& sink) {
   const Stopwatch watch;
   const double load_before = stats_.seconds.load;
@@ -313,34 +318,48 @@ void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) cons
 }
 
 template <typename F>
-void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                              F&& f) const {
-  if (slots.empty()) return;
+void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) {
   if (unit.is_root) {
     for (uint32_t slot = 0; slot < unit.piece.triangles.size(); ++slot) {
-      if (BitsAt(slots, slot, 1) != 0) f(unit.piece.triangles[slot]);
+      if (!slots.empty() && BitsAt(slots, slot, 1) != 0) f(unit.piece.triangles[slot]);
     }
     return;
   }
+  FindCreators(unit);
   const Cluster& cluster = unit.cluster;
-  const auto star = [&](NodeIndex i) {
-    const uint32_t begin = cluster.star_begin[i];
-    const uint32_t count = cluster.star_begin[i + 1] - begin;
-    const std::span<const uint32_t> ring = cluster.ring(i);
-    for (uint32_t first = 0; first < count; first += 64) {
-      const uint32_t here = std::min(count - first, 64u);
-      for (uint64_t rest = BitsAt(slots, begin - cluster.in_triangles() + first, here); rest != 0;
-           rest &= rest - 1) {
-        const uint32_t j = first + static_cast<uint32_t>(std::countr_zero(rest));
-        const uint32_t k = j + 1 == ring.size() ? 0 : j + 1;
-        f(std::array<uint32_t, 3>{cluster.external_vertices() + i, ring[j], ring[k]});
-      }
+  const uint32_t external = cluster.external_vertices();
+  const uint32_t first_own = unit.first_own_slot();
+  const uint32_t* const ring_begin = cluster.ring_begin.data();
+  const uint32_t* const star_begin = cluster.star_begin.data();
+  const uint32_t* const ring = cluster.ring_vertices.data();
+  for (uint32_t w = 0; w < slots.size(); ++w) {
+    for (uint64_t rest = slots[w]; rest != 0; rest &= rest - 1) {
+      const uint32_t own = w * 64 + static_cast<uint32_t>(std::countr_zero(rest));
+      const NodeIndex i = creators_[own];
+      const uint32_t begin = ring_begin[i];
+      const uint32_t j = begin + own + first_own - star_begin[i];
+      const uint32_t k = j + 1 == ring_begin[i + 1] ? begin : j + 1;
+      f(std::array<uint32_t, 3>{external + i, ring[j], ring[k]});
     }
+  }
+}
+
+void CutImpl::FindCreators(const LoadedUnit& unit) {
+  constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
+  const Cluster& cluster = unit.cluster;
+  const uint32_t first_own = unit.first_own_slot();
+  creators_.resize(std::max<size_t>(creators_.size(), unit.own_slots() + kLongStar));
+  const auto fill = [&](NodeIndex i) {
+    NodeIndex* const star = creators_.data() + cluster.star_begin[i] - first_own;
+    const uint32_t size = cluster.star_begin[i + 1] - cluster.star_begin[i];
+    // Of no varying length, which would be hard to predict; later stars come later.
+    std::fill_n(star, kLongStar, i);
+    if (size > kLongStar) std::fill_n(star, size, i);
   };
   if (everything_) {
-    for (NodeIndex i = 0; i < unit.nodes(); ++i) star(i);
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) fill(i);
   } else {
-    state(unit.id).applied.ForEach(star);
+    state(unit.id).applied.ForEach(fill);
   }
 }
 
@@ -358,15 +377,16 @@ void CutImpl::NumberOwn(const LoadedUnit& unit) {
 void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
                                 BlockWriter& out) {
   NumberOwn(unit);
+  VertexIndex* const numbers = numbers_.data();
   const auto number = [&](uint32_t local) {
-    VertexIndex& n = numbers_[local];
-    if (n == kUnset) n = NumberOf(unit.vertex(local), unit.owner(local));
-    return n;
+    const VertexIndex n = numbers[local];
+    return n != kUnset ? n : NumberOther(unit, local);
   };
-  out.ReserveTriangles(unit.own_slots());
+  TriangleVertices* next = out.TriangleRoom(unit.own_slots());
   ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
-    out.AddTriangle({number(t[0]), number(t[1]), number(t[2])});
+    *next++ = {number(t[0]), number(t[1]), number(t[2])};
   });
+  out.AddTriangles(next);
 }
 
 bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {

@@ -61,7 +61,9 @@ class CutImpl {
   Status FindNormals(std::vector<Vec3f>* normals);
   // Calls f(local vertices) for each triangle of the unit in `slots`, which has a bit per own slot.
   template <typename F>
-  void ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) const;
+  void ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f);
+  // Fills creators_ where an own slot may be in the output.
+  void FindCreators(const LoadedUnit& unit);
   // Fills numbers_: the output's numbers of the unit's own vertices, kUnset for the others.
   void NumberOwn(const LoadedUnit& unit);
   bool InOutput(VertexIndex vertex, UnitId owner) const;
@@ -73,6 +75,8 @@ class CutImpl {
   }
   // The output's number of a vertex that another unit brings.
   VertexIndex NumberOf(VertexIndex vertex, UnitId owner) const;
+  // Likewise, of a local vertex; notes it in numbers_.
+  VertexIndex NumberOther(const LoadedUnit& unit, uint32_t local);
 
   // True when nothing of this unit is in the output, so that it need not be loaded.
   bool Skips(UnitId unit) const;
@@ -92,7 +96,8 @@ class CutImpl {
   RootNumbering root_numbers_;
   std::vector<Numbering> numberings_;  // per state; when everything_ per cluster
   std::vector<VertexIndex> numbers_;   // scratch: per local vertex
-  std::vector<uint64_t> inactive_;     // scratch: per own slot
+  std::vector<NodeIndex> creators_;    // scratch: per own slot
+  std::vector<uint64_t> inactive_;     // scratch: a bit per own slot
   UnitReader reader_;
   ExtractStats stats_;
 };

@@ -5,6 +5,11 @@
 #include <string>
 
 namespace mtdb {
+namespace {
+
+constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
+
+}  // namespace
 
 // Why the order of work does not matter: activity and validity belong to a triangle, not to the
 // cut, and a node that removes an active invalid triangle of the current mesh is in every valid
@@ -187,12 +192,7 @@ Status Search::LookInto(UnitId unit) {
       }
       return Status::Ok();
     }
-    if (Status status = ApplyInOrder(*loaded, s); !status.ok()) {
-      // Nothing is lost: to be taken again from the start.
-      cut_.nodes_visited -= index_.cluster(ClusterId(unit)).nodes;
-      looked_into_.Clear(unit);
-      return status;
-    }
+    ApplyInOrder(*loaded, s);
     ExamineOutSlots(*loaded, cut_.state(s));
     return Status::Ok();
   }
@@ -221,37 +221,132 @@ void Search::FindParents(const LoadedUnit& unit) {
   }
 }
 
-Status Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
+// Presence is a byte for each slot meanwhile, so that a node is a few plain loads and stores.
+void Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
   UnitState& state = cut_.state(s);
   const Cluster& cluster = unit.cluster;
   const Outlook outlook =
       LookAhead(Bounds(unit.id), index_.cluster(ClusterId(unit.id)).error_code_max);
-  if (outlook.none_active || outlook.all_valid) return Status::Ok();
+  if (outlook.none_active || outlook.all_valid) return;
   const bool by_code = constant_ && outlook.all_active;
   FindParents(unit);
+  TakeBytes(unit, state);
+  // First a list, since codes are hard to predict.
+  candidates_.resize(cluster.nodes());
+  size_t count = 0;
+  const int valid_code = valid_code_;
   for (NodeIndex node = 0; node < cluster.nodes(); ++node) {
-    const uint8_t code = cluster.error_codes[node];
-    if (code <= valid_code_ || state.applied.Test(node)) continue;
-    const std::span<const uint32_t> hole = cluster.hole(node);
-    size_t present = 0;
-    bool wanted = by_code;
-    for (const uint32_t slot : hole) {
-      if (!Present(unit, state, slot)) continue;
-      ++present;
-      if (wanted) continue;
-      const NodeIndex creator = slot < unit.first_own_slot() ? 0 : unit.creator(slot);
-      wanted = Refused(Corners(unit, slot, creator), errors_[code]);
-    }
-    if (!wanted || present == 0) continue;
-    if (present == hole.size()) {
-      ApplyNode(unit, state, node, true);
-      continue;
-    }
-    MTDB_RETURN_IF_ERROR(PlanClosure({s, node}));
-    MTDB_RETURN_IF_ERROR(ApplyPlan());
-    FindParents(unit);
+    candidates_[count] = node;
+    count += cluster.error_codes[node] > valid_code ? 1 : 0;
   }
-  return Status::Ok();
+  for (size_t i = 0; i < count; ++i) {
+    const NodeIndex node = candidates_[i];
+    const std::span<const uint32_t> hole = cluster.hole(node);
+    uint32_t present = 0;
+    for (const uint32_t slot : hole) present += bytes_[slot];
+    if (present == 0 || (!by_code && !IsWanted(unit, node))) continue;
+    if (present == hole.size()) {
+      ApplyInBytes(unit, state, node, true);
+    } else {
+      ForceInBytes(unit, s, node);
+    }
+  }
+  ReturnBytes(unit, state);
+}
+
+// The bounds of the hole, whose corners are the ring, decide most cases.
+bool Search::IsWanted(const LoadedUnit& unit, NodeIndex node) const {
+  const Cluster& cluster = unit.cluster;
+  const double error = errors_[cluster.error_codes[node]];
+  if (!whole_) {
+    Box3i bounds;
+    for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.in.positions[local]);
+    const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
+    if (!query_.region->BoxWithin(box, error)) return false;
+    if (constant_ && query_.region->BoxCovers(box, 0)) return true;
+  }
+  for (const uint32_t slot : cluster.hole(node)) {
+    if (bytes_[slot] == 0) continue;
+    const NodeIndex creator = slot < unit.first_own_slot() ? 0 : unit.creator(slot);
+    if (Refused(Corners(unit, slot, creator), error)) return true;
+  }
+  return false;
+}
+
+void Search::TakeBytes(const LoadedUnit& unit, const UnitState& state) {
+  const uint32_t first_own = unit.first_own_slot();
+  bytes_.assign(size_t{first_own} + state.present.size() + kLongStar, 0);
+  for (uint32_t slot = 0; slot < first_own; ++slot) bytes_[slot] = Present(unit, state, slot);
+  if (state.applied_count > 0) {
+    state.present.ForEach([&](uint32_t own) { bytes_[first_own + own] = 1; });
+  }
+}
+
+void Search::ReturnBytes(const LoadedUnit& unit, UnitState& state) {
+  const uint32_t first_own = unit.first_own_slot();
+  for (uint32_t slot = 0; slot < first_own; ++slot) {
+    const SlotOrigin& origin = unit.origins[slot];
+    const Parent& parent = parents_[origin.parent];
+    if (parent.present != nullptr) {
+      parent.present->Keep(origin.slot - parent.first_own_slot, bytes_[slot] != 0);
+    }
+  }
+  state.present.Pack(bytes_.data() + first_own);
+}
+
+// The hole is present.
+void Search::ApplyInBytes(const LoadedUnit& unit, UnitState& state, NodeIndex node, bool wanted) {
+  const Cluster& cluster = unit.cluster;
+  const std::span<const uint32_t> hole = cluster.hole(node);
+  for (const uint32_t slot : hole) bytes_[slot] = 0;
+  const uint32_t begin = cluster.star_begin[node];
+  const uint32_t size = cluster.star_begin[node + 1] - begin;
+  uint8_t* const star = bytes_.data() + begin;
+  if (size <= kLongStar) {
+    // Of no varying length, which would be hard to predict.
+    for (uint32_t j = 0; j < kLongStar; ++j) star[j] |= j < size ? 1 : 0;
+  } else {
+    std::fill_n(star, size, uint8_t{1});
+  }
+  state.applied.Set(node);
+  ++state.applied_count;
+  ++cut_.nodes_applied;
+  cut_.nodes_forced += wanted ? 0 : 1;
+  cut_.triangles += size;
+  cut_.triangles -= hole.size();
+}
+
+// Applies a node and its missing ancestors as far as these are in the cluster. What needs more, and
+// what the ancestors' stars make wanted, goes the general way later.
+void Search::ForceInBytes(const LoadedUnit& unit, uint32_t s, NodeIndex target) {
+  UnitState& state = cut_.state(s);
+  const Cluster& cluster = unit.cluster;
+  missing_.assign(1, target);
+  while (!missing_.empty()) {
+    const NodeIndex node = missing_.back();
+    const size_t depth = missing_.size();
+    if (!state.applied.Test(node)) {
+      for (const uint32_t slot : cluster.hole(node)) {
+        if (bytes_[slot] != 0) continue;
+        if (slot < unit.first_own_slot() || state.applied.Test(unit.creator(slot))) {
+          return Want(s, target, cluster.error_codes[target]);
+        }
+        missing_.push_back(unit.creator(slot));
+      }
+      if (missing_.size() > depth) continue;
+      ApplyInBytes(unit, state, node, node == target || HasReason(unit, node));
+      for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {
+        const uint32_t remover = cluster.removers[slot];
+        // Later nodes have their turn.
+        if (remover >= target) continue;
+        const uint8_t code = cluster.error_codes[remover];
+        if (code > valid_code_ && Refused(Corners(unit, slot, node), errors_[code])) {
+          Want(s, remover, code);
+        }
+      }
+    }
+    missing_.pop_back();
+  }
 }
 
 void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
@@ -518,8 +613,9 @@ Status Search::SurveyUnit(UnitState& state) {
   if (state.active.empty()) state.active = Bits(unit->own_slots());
   const Outlook outlook = LookAhead(Bounds(state.unit), LargestCode(*unit));
   if (outlook.none_active) return Status::Ok();
-  const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code) {
-    if (!outlook.all_active && !Active(Corners(*unit, slot, creator), errors_[code])) return false;
+  const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code, const Outlook& of) {
+    if (of.none_active) return false;
+    if (!of.all_active && !Active(Corners(*unit, slot, creator), errors_[code])) return false;
     ++cut_.active_triangles;
     cut_.largest_code = std::max(cut_.largest_code, code);
     return true;
@@ -529,29 +625,56 @@ Status Search::SurveyUnit(UnitState& state) {
     FindParents(*unit);
     for (uint32_t slot = 0; slot < first_own; ++slot) {
       if (!Present(*unit, state, slot)) continue;
-      if (!survey(slot, 0, unit->cluster.error_codes[unit->cluster.removers[slot]])) continue;
+      const uint8_t code = unit->cluster.error_codes[unit->cluster.removers[slot]];
+      if (!survey(slot, 0, code, outlook)) continue;
       const SlotOrigin& origin = unit->origins[slot];
       UnitState& parent = *parents_[origin.parent].state;
       if (parent.active.empty()) parent.active = Bits(parent.present.size());
       parent.active.Set(origin.slot - parent.first_own_slot);
     }
   }
-  NodeIndex creator = 0;
-  state.present.ForEach([&](uint32_t own) {
-    const uint32_t slot = own + first_own;
-    if (!unit->is_root) {
-      while (unit->cluster.star_begin[creator + 1] <= slot) ++creator;
-    }
+  // Nothing for what another cluster surveys.
+  const auto code_of = [&](uint32_t slot) -> std::optional<uint8_t> {
     const uint32_t remover = unit->removers()[slot];
-    uint8_t code = 0;
-    if (RemovedByNode(remover)) {
-      code = unit->cluster.error_codes[remover];
-    } else if (RemovedByChild(remover)) {
-      const ClusterId child = unit->children()[ChildOrdinal(remover)];
-      if (looked_into_.Test(child.value)) return;
-      code = index_.cluster(child).error_code_max;
+    if (RemovedByNode(remover)) return unit->cluster.error_codes[remover];
+    if (!RemovedByChild(remover)) return 0;
+    const ClusterId child = unit->children()[ChildOrdinal(remover)];
+    if (looked_into_.Test(child.value)) return std::nullopt;
+    return index_.cluster(child).error_code_max;
+  };
+  if (outlook.all_active) {
+    // What nobody removes needs no look.
+    cut_.active_triangles += state.active.AddBoth(state.present.words(), unit->drain);
+  }
+  if (unit->is_root || outlook.all_active) {
+    state.present.ForEach([&](uint32_t own) {
+      if (state.active.Test(own)) return;
+      const std::optional<uint8_t> code = code_of(own + first_own);
+      if (code && survey(own + first_own, 0, *code, outlook)) state.active.Set(own);
+    });
+    return Status::Ok();
+  }
+  const Cluster& cluster = unit->cluster;
+  state.applied.ForEach([&](NodeIndex node) {
+    star_.clear();
+    uint8_t largest = 0;
+    const uint32_t begin = cluster.star_begin[node] - first_own;
+    const uint32_t end = cluster.star_begin[node + 1] - first_own;
+    for (uint32_t own = state.present.FirstFrom(begin); own < end;
+         own = state.present.FirstFrom(own + 1)) {
+      if (const std::optional<uint8_t> code = code_of(own + first_own)) {
+        star_.emplace_back(own, *code);
+        largest = std::max(largest, *code);
+      }
     }
-    if (survey(slot, creator, code)) state.active.Set(own);
+    if (star_.empty()) return;
+    Box3i bounds;
+    bounds.Add(cluster.position(cluster.external_vertices() + node));
+    for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.position(local));
+    const Outlook of_star = LookAhead(bounds, largest);
+    for (const auto& [own, code] : star_) {
+      if (survey(own + first_own, node, code, of_star)) state.active.Set(own);
+    }
   });
   return Status::Ok();
 }

@@ -60,9 +60,15 @@ class Search {
   Status Refine(Target target, QueryLimit* limit);
   // Examines those in-triangles of a cluster that are present and have not been examined.
   Status LookInto(UnitId unit);
-  // Applies all wanted nodes of a cluster, and what they need, in one pass over its nodes: parents
-  // precede children, so that most holes are there when their node's turn comes.
-  Status ApplyInOrder(const LoadedUnit& unit, uint32_t state);
+  // Applies the wanted nodes of a cluster in one pass over its nodes: parents precede children, so
+  // that most holes are there when their node's turn comes.
+  void ApplyInOrder(const LoadedUnit& unit, uint32_t state);
+  void TakeBytes(const LoadedUnit& unit, const UnitState& state);
+  void ReturnBytes(const LoadedUnit& unit, UnitState& state);
+  // By the bytes: removes an active invalid triangle.
+  bool IsWanted(const LoadedUnit& unit, NodeIndex node) const;
+  void ApplyInBytes(const LoadedUnit& unit, UnitState& state, NodeIndex node, bool wanted);
+  void ForceInBytes(const LoadedUnit& unit, uint32_t state, NodeIndex target);
   // Finds the children that have to be looked into.
   void ExamineOutSlots(const LoadedUnit& unit, UnitState& state);
   void ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot);
@@ -146,6 +152,11 @@ class Search {
   std::vector<Target> plan_;
   std::vector<Parent> parents_;
   std::vector<bool> settled_;  // per child of the unit at hand
+  // Of ApplyInOrder.
+  std::vector<uint8_t> bytes_;  // per slot: 1 when present
+  std::vector<NodeIndex> candidates_;
+  std::vector<NodeIndex> missing_;
+  std::vector<std::pair<uint32_t, uint8_t>> star_;  // of SurveyUnit: slots and error codes
   std::vector<uint32_t> pinned_states_;
 };
 
