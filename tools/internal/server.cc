@@ -190,7 +190,6 @@ class Session : public std::enable_shared_from_this<Session> {
   void Reject(unsigned status, const char* code, const std::string& message) {
     ++metrics().in_flight;
     begin_ = Clock::now();
-    deadline_ = begin_ + Seconds(server_.options().idle_seconds);
     Send(ErrorAnswer(status, code, message));
   }
 
@@ -267,6 +266,10 @@ class Session : public std::enable_shared_from_this<Session> {
   void Send(ServerAnswer answer) {
     state_ = State::kSending;
     answer_ = std::move(answer);
+    // An error has its time, also when it is that the time is over.
+    if (answer_.status != 200) {
+      deadline_ = Clock::now() + Seconds(server_.options().idle_seconds);
+    }
     const uint64_t size = answer_.file.is_open() ? answer_.file.size_bytes() : answer_.body.size();
     chunk_ = "HTTP/1.1 " + std::to_string(answer_.status) + " " +
              std::string(http::obsolete_reason(http::int_to_status(answer_.status))) +
