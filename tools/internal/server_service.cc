@@ -268,8 +268,8 @@ ServerAnswer ServerService::Metrics() {
 
 ServerAnswer ServerService::Failure(const Status& status, const std::string& name,
                                     const ServerCall& call, bool opened) {
-  const std::string text =
-      Replaced(Replaced(status.message(), folder_ + "/", ""), database_->path() + ": ", "");
+  std::string text = Replaced(status.message(), folder_ + "/", "");
+  text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
   switch (status.code()) {
     case StatusCode::kInvalidArgument:
     case StatusCode::kUnsupported: return ErrorAnswer(400, "bad_query", text);
