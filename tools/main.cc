@@ -197,9 +197,9 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
         ->type_name("N")
         ->check(CLI::Range(smallest, largest));
   };
-  AddParsed(verb, "--listen", "ADDRESS:PORT", &o->listen, mtdb::ParseEndpoint,
-            "where; port 0 is any free one. Whoever can connect can read the whole store: there "
-            "are no passwords")
+  AddParsed(verb, "--listen", "WHERE", &o->listen, mtdb::ParseEndpoint,
+            "ADDRESS:PORT, or PORT on 127.0.0.1; port 0 is any free one. Whoever can connect can "
+            "read the whole store: there are no passwords")
       ->default_str("127.0.0.1:8080");
   number("--threads", &o->threads, 1, 1024, "answer N queries at once (default: one per core)");
   AddParsed(verb, "--cache", "SIZE", &o->service.cache_bytes, mtdb::ParseSize,
