@@ -111,7 +111,7 @@ Result<std::unique_ptr<HttpClient>> HttpClient::Connect(const HttpUrl& url, doub
   auto c = std::make_unique<Connection>();
   c->url = url;
   c->idle = std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(idle_seconds));
+      std::chrono::duration<double>(std::min(idle_seconds, kLongestSeconds)));
   tcp::resolver resolver(c->io);
   ErrorCode error;
   const auto endpoints = resolver.resolve(url.host, url.port, error);
