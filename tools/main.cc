@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tools/internal/arguments.h"
+#include "tools/internal/http_client.h"
 #include "tools/internal/query_options.h"
 #include "tools/internal/verbs.h"
 
@@ -188,6 +189,43 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
   });
 }
 
+void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
+  verb->add_option("STORE", o->service.store, "the store file")->required();
+  const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
+                          const char* description) {
+    return verb->add_option(name, *value, description)
+        ->type_name("N")
+        ->check(CLI::Range(smallest, largest));
+  };
+  AddParsed(verb, "--listen", "WHERE", &o->listen, mtdb::ParseEndpoint,
+            "ADDRESS:PORT, or PORT on 127.0.0.1; port 0 is any free one. Whoever can connect can "
+            "read the whole store: there are no passwords")
+      ->default_str("127.0.0.1:8080");
+  number("--threads", &o->threads, 1, 1024, "answer N queries at once (default: one per core)");
+  AddParsed(verb, "--cache", "SIZE", &o->service.cache_bytes, mtdb::ParseSize,
+            "keep decoded clusters of so much memory for each open object")
+      ->default_str("256M");
+  number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
+      ->capture_default_str();
+  number("--max-sessions", &o->max_sessions, 1, 100000,
+         "take at most N connections; others are told to try again")
+      ->capture_default_str();
+  AddParsed(verb, "--max-triangles", "N", &o->service.max_triangles, mtdb::ParseCount,
+            "send no mesh of more triangles")
+      ->default_str("20000000");
+  AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositive,
+            "close a connection that is silent for so long")
+      ->default_str("30");
+  AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, mtdb::ParsePositive,
+            "give up a request that takes longer, its sending included")
+      ->default_str("600");
+  AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, mtdb::ParseNonNegative,
+            "when told to stop, let running requests finish for so long")
+      ->default_str("5");
+  verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
+      ->type_name("DIR");
+}
+
 void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
   verb->add_option("STORE", a->store, "the store file")->required();
   AddName(verb, &a->name, "which object; needed when the store has several");
@@ -298,8 +336,6 @@ int main(int argc, char** argv) {
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(extract_verb, &query, false);
-  extract_verb->add_flag("--normals", query.query.normals,
-                         "add the mesh's normals to its vertices");
 
   CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
   for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {
@@ -333,6 +369,38 @@ int main(int argc, char** argv) {
       add_verb("probe", "find the closest point of a surface, or the first hit of a ray",
                "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5");
   AddProbe(probe_verb, &probe);
+
+  mtdb::ServerOptions serve;
+  CLI::App* serve_verb =
+      add_verb("serve", "give meshes to clients over HTTP",
+               "Prints the server's URL. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
+               "Examples: mtdb serve scans.mtdb --listen 127.0.0.1:8080\n"
+               "          curl http://127.0.0.1:8080/objects\n"
+               "          curl 'http://127.0.0.1:8080/objects/statue/mesh?error=0.5&format=glb' "
+               "-o statue.glb\n"
+               "More: docs/protocol.md");
+  AddServe(serve_verb, &serve);
+
+  CLI::App* fetch_verb =
+      add_verb("fetch", "extract from a server (mtdb serve)",
+               "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
+               "--sphere 0,0,180,60\n"
+               "More: docs/query.md, docs/protocol.md");
+  fetch_verb->add_option("URL", query.store, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
+      ->required()
+      ->check([](const std::string& text) {
+        const auto url = mtdb::ParseHttpUrl(text);
+        return url.ok() ? std::string() : url.status().message();
+      });
+  fetch_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
+      ->required();
+  AddQueryOptions(fetch_verb, &query, false);
+  AddParsed(fetch_verb, "--timeout", "SECONDS", &query.timeout_seconds, mtdb::ParsePositive,
+            "give up when the server does nothing for so long")
+      ->default_str("600");
+  for (CLI::App* verb : {extract_verb, fetch_verb}) {
+    verb->add_flag("--normals", query.query.normals, "add the mesh's normals to its vertices");
+  }
 
   CLI::App* remove_verb = add_verb("remove", "remove an object from a store", "");
   remove_verb->add_option("STORE", inspect.store, "the store file")->required();
@@ -407,6 +475,10 @@ int main(int argc, char** argv) {
     status = mtdb::ExtractVerb(query);
   } else if (render_verb->parsed()) {
     status = mtdb::RenderVerb(query);
+  } else if (serve_verb->parsed()) {
+    status = mtdb::Serve(serve);
+  } else if (fetch_verb->parsed()) {
+    status = mtdb::Fetch(query);
   } else {
     status = mtdb::Generate(generate);
   }

@@ -13,8 +13,8 @@
 namespace mtdb::test {
 namespace {
 
-constexpr const char* kVerbs[] = {"ingest", "info",  "list",   "extract", "verify",
-                                  "render", "probe", "remove", "generate"};
+constexpr const char* kVerbs[] = {"ingest", "info",  "list",  "extract", "verify",  "render",
+                                  "probe",  "serve", "fetch", "remove",  "generate"};
 
 // Half the diagonal of a grid cell: what rounding adds to an error.
 double CellError(const Example& example) { return example.step() * std::numbers::sqrt3 / 2; }
@@ -596,6 +596,12 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
         "--sphere", "--tube", "--frustum", "--clip", "--eye", "--query FILE", "--size", "1200x900",
         "--overview", "--wireframe", "--json"}},
       {"probe", {"STORE", "--name", "--point X,Y,Z", "--ray", "--error E", "--limit D", "--json"}},
+      {"serve",
+       {"STORE", "--listen", "127.0.0.1:8080", "--threads", "--cache SIZE", "--max-objects",
+        "--max-sessions", "--max-triangles", "--idle", "--timeout", "--grace", "--tmp", "curl"}},
+      {"fetch",
+       {"URL OUTPUT", "--name", "--error E", "--box", "--clip", "--query FILE", "--normals",
+        "--timeout", "--json", "http://localhost:8080/objects/statue"}},
       {"remove", {"STORE NAME"}},
       {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "--triangles", "--seed"}}};
   const std::string overview = RunOk({"help"});
@@ -624,11 +630,11 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
     base.insert(base.end(), more.begin(), more.end());
     return base;
   };
-  RunFails(2, {"fetch"}, {"fetch", "mtdb help"});
-  RunFails(2, {"help", "fetch"}, {"fetch"});
-  RunFails(2, {"--fetch"}, {"--fetch"});
+  RunFails(2, {"paint"}, {"paint", "mtdb help"});
+  RunFails(2, {"help", "paint"}, {"paint"});
+  RunFails(2, {"--paint"}, {"--paint"});
   for (const std::string verb : kVerbs) {
-    RunFails(2, {verb, "--fetch"}, {"mtdb help " + verb});
+    RunFails(2, {verb, "--paint"}, {"mtdb help " + verb});
     RunFails(2, {verb}, {"required", "mtdb help " + verb});
   }
   RunFails(2, {"ingest", example.mesh}, {"STORE"});

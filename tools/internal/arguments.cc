@@ -1,5 +1,6 @@
 #include "tools/internal/arguments.h"
 
+#include <arpa/inet.h>
 #include <cctype>
 #include <charconv>
 #include <cmath>
@@ -111,6 +112,27 @@ Result<Ray> ParseRay(const std::string& text) {
   const Ray ray{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
   if (ray.direction == Vec3d{}) return Unexpected(text, "a direction that is not 0");
   return ray;
+}
+
+std::string Endpoint::text() const {
+  const bool colons = address.find(':') != std::string::npos;
+  return (colons ? "[" + address + "]" : address) + ":" + std::to_string(port);
+}
+
+Result<Endpoint> ParseEndpoint(const std::string& text) {
+  const size_t colon = text.rfind(':');
+  std::string address = colon == std::string::npos ? "127.0.0.1" : text.substr(0, colon);
+  if (address == "localhost") address = "127.0.0.1";
+  const bool bracketed = address.starts_with('[') && address.ends_with(']');
+  if (bracketed) address = address.substr(1, address.size() - 2);
+  Endpoint endpoint{address, 0};
+  unsigned char bytes[sizeof(in6_addr)];
+  const bool known = ::inet_pton(bracketed ? AF_INET6 : AF_INET, address.c_str(), bytes) == 1;
+  const auto port = std::string_view(text).substr(colon == std::string::npos ? 0 : colon + 1);
+  if (!known || !ParseWhole(port, &endpoint.port)) {
+    return Unexpected(text, "an address and a port such as 127.0.0.1:8080 or [::1]:8080");
+  }
+  return endpoint;
 }
 
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }

@@ -18,6 +18,13 @@ struct Ray {
   Vec3d origin, direction;
 };
 
+// Where a server listens.
+struct Endpoint {
+  std::string address;  // IPv4 or IPv6
+  uint16_t port = 0;
+  std::string text() const;  // "127.0.0.1:8080", "[::1]:8080"
+};
+
 // "expected (what), found '(text)'".
 Status Unexpected(const std::string& text, const std::string& expected);
 // Finite numbers.
@@ -38,6 +45,8 @@ Result<Extent> ParseExtent(const std::string& text);
 Result<Vec3d> ParsePoint(const std::string& text);
 // "X,Y,Z,DX,DY,DZ"; the direction is not 0.
 Result<Ray> ParseRay(const std::string& text);
+// "127.0.0.1:8080", "[::1]:8080", "localhost:8080", or the port alone, on 127.0.0.1.
+Result<Endpoint> ParseEndpoint(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
 

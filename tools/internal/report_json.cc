@@ -86,6 +86,24 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
   return json;
 }
 
+Json CatalogJson(const std::vector<ObjectRecord>& records) {
+  Json objects = Json::array();
+  for (const ObjectRecord& r : records) {
+    objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
+  }
+  return {{"objects", objects}};
+}
+
+const char* LimitName(QueryLimit limit) {
+  switch (limit) {
+    case QueryLimit::kThreshold: return "accuracy";
+    case QueryLimit::kTriangles: return "triangles";
+    case QueryLimit::kBytes: return "bytes";
+    case QueryLimit::kTime: return "time";
+  }
+  return "unknown";
+}
+
 Json ChecksJson(const CheckReport& report) {
   return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
 }

@@ -67,11 +67,7 @@ Status List(const InspectArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
   if (arguments.json) {
-    Json objects = Json::array();
-    for (const ObjectRecord& r : records) {
-      objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
-    }
-    PrintJson({{"objects", objects}});
+    PrintJson(CatalogJson(records));
     return Status::Ok();
   }
   for (const ObjectRecord& r : records) {

@@ -24,16 +24,6 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   return Surface::Open(std::move(source));
 }
 
-const char* LimitName(QueryLimit limit) {
-  switch (limit) {
-    case QueryLimit::kThreshold: return "accuracy";
-    case QueryLimit::kTriangles: return "triangles";
-    case QueryLimit::kBytes: return "bytes";
-    case QueryLimit::kTime: return "time";
-  }
-  return "unknown";
-}
-
 void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
                 const ExtractStats& stats, double open_seconds, double write_seconds,
                 double total_seconds) {

@@ -10,6 +10,7 @@
 #include "store/base/status.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/query_options.h"
+#include "tools/internal/server.h"
 
 namespace mtdb {
 
@@ -41,18 +42,23 @@ Status Verify(const InspectArguments& arguments, bool* ok);
 Status Remove(const InspectArguments& arguments);
 
 struct QueryArguments {
-  std::string store;
+  std::string store;  // fetch: a URL
   std::string output;
   std::string name;
   QueryOptions query;
   bool print_query = false;
   bool json = false;
-  Extent size{1200, 900};  // render
-  bool wireframe = false;  // render
-  bool overview = false;   // render: not what the camera sees
+  Extent size{1200, 900};        // render
+  bool wireframe = false;        // render
+  bool overview = false;         // render: not what the camera sees
+  double timeout_seconds = 600;  // fetch: of a silent server
 };
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);
+Status Fetch(const QueryArguments& arguments);
+
+// Prints the URL once it can be asked; returns when a signal ends it.
+Status Serve(const ServerOptions& options);
 
 struct ProbeArguments {
   std::string store;

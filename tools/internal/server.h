@@ -1,0 +1,31 @@
+// The HTTP server of `mtdb serve`: connections, limits, shutdown. What it answers is ServerService.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "store/base/status.h"
+#include "tools/internal/arguments.h"
+#include "tools/internal/server_service.h"
+
+namespace mtdb {
+
+struct ServerOptions {
+  ServiceOptions service;
+  Endpoint listen{"127.0.0.1", 8080};  // port 0: any free one
+  unsigned threads = 0;                // queries at once; 0: as many as the machine has
+  unsigned max_sessions = 256;         // connections; those above are answered with 503
+  double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
+  double timeout_seconds = 600;        // from a request's last byte to its answer's last
+  double grace_seconds = 5;            // for running requests when the server is told to stop
+};
+
+// Serves until SIGINT or SIGTERM, then lets running requests finish for grace_seconds, cancels what
+// is left and returns. A second signal cancels at once. `listening` is called with the URL once
+// clients can connect. All connections are served by the calling thread, queries by a pool; an
+// answer on its way takes 64 KiB of memory, whatever its size. Errors: those of
+// ServerService::Open, kInvalidArgument and kIoError when it cannot listen.
+Status RunServer(const ServerOptions& options,
+                 const std::function<void(const std::string& url)>& listening);
+
+}  // namespace mtdb

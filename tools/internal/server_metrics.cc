@@ -1,0 +1,72 @@
+#include "tools/internal/server_metrics.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace mtdb {
+
+namespace {
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.9g", value);
+  return text;
+}
+
+}  // namespace
+
+void ServerMetrics::Finish(unsigned code, double seconds) {
+  const std::lock_guard lock(mutex_);
+  ++requests_[code];
+  const auto slot = std::lower_bound(kBounds.begin(), kBounds.end(), seconds) - kBounds.begin();
+  ++slots_[static_cast<size_t>(slot)];
+  seconds_ += seconds;
+}
+
+std::string ServerMetrics::Text(const Cache& cache) const {
+  std::string text;
+  const auto head = [&](const std::string& name, const char* type, const char* help) {
+    text += "# HELP " + name + " " + help + "\n# TYPE " + name + " " + type + "\n";
+  };
+  const auto add = [&](const std::string& name, const char* type, const char* help,
+                       uint64_t value) {
+    head(name, type, help);
+    text += name + " " + std::to_string(value) + "\n";
+  };
+  const char* counter = "counter";
+  const char* gauge = "gauge";
+  add("mtdb_connections", gauge, "Open connections.", connections);
+  add("mtdb_requests_in_flight", gauge, "Requests read and not yet answered.", in_flight);
+  add("mtdb_queries_total", counter, "Mesh queries begun.", queries);
+  add("mtdb_queries_cancelled_total", counter, "Mesh queries stopped before their end.",
+      queries_cancelled);
+  add("mtdb_queries_running", gauge, "Mesh queries that run.", queries_running);
+  add("mtdb_queries_waiting", gauge, "Mesh queries that wait for a thread.", queries_waiting);
+  add("mtdb_triangles_sent_total", counter, "Triangles of meshes that were sent whole.",
+      triangles_sent);
+  add("mtdb_sent_bytes_total", counter, "Bytes of answers sent.", sent_bytes);
+  add("mtdb_read_bytes_total", counter, "Bytes of payloads read from the store.", read_bytes);
+  add("mtdb_cache_hits_total", counter, "Clusters that a query found decoded.", cache_hits);
+  add("mtdb_cache_decodes_total", counter, "Clusters and root pieces decoded.", cache.decoded);
+  add("mtdb_cache_bytes", gauge, "Bytes of decoded clusters in memory.", cache.bytes);
+  add("mtdb_objects_open", gauge, "Objects that are open.", cache.objects_open);
+
+  const std::lock_guard lock(mutex_);
+  head("mtdb_requests_total", counter, "Requests by status; 499: the client went away.");
+  for (const auto& [code, count] : requests_) {
+    text += "mtdb_requests_total{code=\"" + std::to_string(code) + "\"} " + std::to_string(count) +
+            "\n";
+  }
+  head("mtdb_request_seconds", "histogram", "From a request's last byte to its answer's last.");
+  uint64_t sum = 0;
+  for (size_t i = 0; i < slots_.size(); ++i) {
+    sum += slots_[i];
+    const std::string bound = i < kBounds.size() ? Number(kBounds[i]) : "+Inf";
+    text += "mtdb_request_seconds_bucket{le=\"" + bound + "\"} " + std::to_string(sum) + "\n";
+  }
+  text += "mtdb_request_seconds_sum " + Number(seconds_) + "\n";
+  text += "mtdb_request_seconds_count " + std::to_string(sum) + "\n";
+  return text;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,46 @@
+// Counters of a server, as Prometheus reads them.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+
+namespace mtdb {
+
+// Safe for many threads.
+class ServerMetrics {
+ public:
+  std::atomic<uint64_t> connections{0};  // open now
+  std::atomic<uint64_t> in_flight{0};    // requests read and not yet answered
+  std::atomic<uint64_t> queries{0};      // begun
+  std::atomic<uint64_t> queries_cancelled{0};
+  std::atomic<uint64_t> queries_running{0};
+  std::atomic<uint64_t> queries_waiting{0};  // for a thread
+  std::atomic<uint64_t> triangles_sent{0};   // of meshes that went out whole
+  std::atomic<uint64_t> sent_bytes{0};       // of answers
+  std::atomic<uint64_t> read_bytes{0};       // payloads, from the store
+  std::atomic<uint64_t> cache_hits{0};       // clusters that a query found decoded
+
+  // A request is over. `code` is the HTTP status; 499 when the client went away.
+  void Finish(unsigned code, double seconds);
+
+  struct Cache {
+    uint64_t objects_open = 0;
+    uint64_t bytes = 0;
+    uint64_t decoded = 0;  // units, since the server started
+  };
+  std::string Text(const Cache& cache) const;
+
+ private:
+  static constexpr std::array<double, 10> kBounds{0.001, 0.005, 0.01, 0.05, 0.1,
+                                                  0.5,   1,     5,    10,   60};  // seconds
+  mutable std::mutex mutex_;
+  std::map<unsigned, uint64_t> requests_;  // by code
+  std::array<uint64_t, kBounds.size() + 1> slots_{};
+  double seconds_ = 0;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,347 @@
+#include "tools/internal/server_service.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <sys/stat.h>
+#include <system_error>
+#include <unistd.h>
+
+#include "codecs/mesh_file.h"
+#include "query/cluster_cache.h"
+#include "tools/internal/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Draco's encoder keeps the whole mesh and more in memory.
+constexpr uint64_t kMaxDracoTriangles = 2'000'000;
+
+std::string Dump(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+const char* ContentType(const std::string& format) {
+  if (format == "obj") return "model/obj";
+  if (format == "stl") return "model/stl";
+  if (format == "glb") return "model/gltf-binary";
+  return "application/octet-stream";
+}
+
+// Passes a mesh on, unless it is too large or nobody wants it any more.
+class GuardedSink final : public MeshSink {
+ public:
+  GuardedSink(MeshSink& sink, const QueryControl& control, uint64_t max_triangles)
+      : sink_(sink), control_(control), max_triangles_(max_triangles) {}
+  Status Begin(const MeshHeader& header) override {
+    const uint64_t triangles = header.triangle_count.value_or(0);
+    if (triangles > max_triangles_) {
+      return InvalidArgument("the mesh would have " + std::to_string(triangles) +
+                             " triangles, but this server sends at most " +
+                             std::to_string(max_triangles_) +
+                             " in this format; ask for less, or set max_triangles");
+    }
+    return sink_.Begin(header);
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    MTDB_RETURN_IF_ERROR(Check());
+    return sink_.AddVertices(positions, rows);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    MTDB_RETURN_IF_ERROR(Check());
+    return sink_.AddTriangles(triangles);
+  }
+  Status End() override {
+    MTDB_RETURN_IF_ERROR(Check());
+    return sink_.End();
+  }
+
+ private:
+  Status Check() const {
+    return control_.cancelled() ? Status(StatusCode::kCancelled, "cancelled") : Status::Ok();
+  }
+  MeshSink& sink_;
+  const QueryControl& control_;
+  const uint64_t max_triangles_;
+};
+
+void AddStats(const ExtractStats& stats, ServerAnswer* answer) {
+  char bound[32];
+  std::snprintf(bound, sizeof(bound), "%.17g", stats.error_bound);
+  answer->headers.insert(answer->headers.end(),
+                         {{"X-Mtdb-Triangles", std::to_string(stats.triangles)},
+                          {"X-Mtdb-Vertices", std::to_string(stats.vertices)},
+                          {"X-Mtdb-Active-Triangles", std::to_string(stats.active_triangles)},
+                          {"X-Mtdb-Error-Bound", bound},
+                          {"X-Mtdb-Limit", LimitName(stats.limit)},
+                          {"X-Mtdb-Clusters-Read", std::to_string(stats.clusters_read)},
+                          {"X-Mtdb-Clusters-Cached", std::to_string(stats.clusters_cached)},
+                          {"X-Mtdb-Clusters-Total", std::to_string(stats.clusters_total)},
+                          {"X-Mtdb-Bytes-Read", std::to_string(stats.bytes_read)}});
+}
+
+// `text` with every `place` (a path) replaced by `word`.
+std::string Replaced(std::string text, const std::string& place, const std::string& word) {
+  for (size_t at = 0; (at = text.find(place, at)) != std::string::npos; at += word.size()) {
+    text.replace(at, place.size(), word);
+  }
+  return text;
+}
+
+ServerAnswer NoSuchPath() {
+  return ErrorAnswer(
+      404, "no_such_path",
+      "there are /objects, /objects/NAME, /objects/NAME/mesh, /healthz and /metrics");
+}
+
+}  // namespace
+
+// ---- files and answers --------------------------------------------------------------------------
+
+Result<AnonymousFile> AnonymousFile::TakeOver(const std::string& path) {
+  AnonymousFile file;
+  file.descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int error = errno;
+  ::unlink(path.c_str());
+  struct stat info {};
+  if (file.descriptor_ < 0 || ::fstat(file.descriptor_, &info) != 0) {
+    return IoError(path + ": cannot be read again: " + std::generic_category().message(error));
+  }
+  file.size_bytes_ = static_cast<uint64_t>(info.st_size);
+  return file;
+}
+
+AnonymousFile::~AnonymousFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+size_t AnonymousFile::ReadAt(uint64_t offset, char* out, size_t size) const {
+  while (true) {
+    const ssize_t n = ::pread(descriptor_, out, size, static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    return n < 0 ? 0 : static_cast<size_t>(n);
+  }
+}
+
+ServerAnswer ErrorAnswer(unsigned status, const char* code, const std::string& message) {
+  ServerAnswer answer;
+  answer.status = status;
+  answer.body = Dump({{"error", message}, {"code", code}});
+  if (status == 503) answer.headers.emplace_back("Retry-After", "1");
+  return answer;
+}
+
+// ---- the service --------------------------------------------------------------------------------
+
+Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions& options) {
+  std::unique_ptr<ServerService> service(new ServerService(options));
+  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(options.store));
+  std::error_code error;
+  std::string tmp = options.tmp;
+  if (tmp.empty()) tmp = std::filesystem::temp_directory_path(error).string();
+  std::string folder = tmp + "/mtdb-serve-XXXXXX";
+  if (::mkdtemp(folder.data()) == nullptr) {
+    return IoError(tmp + ": no temporary folder can be made there: " +
+                   std::generic_category().message(errno) + "; choose another with --tmp");
+  }
+  service->folder_ = std::move(folder);
+  return service;
+}
+
+ServerService::~ServerService() {
+  std::error_code error;
+  if (!folder_.empty()) std::filesystem::remove_all(folder_, error);
+}
+
+ServerService::Effort ServerService::EffortOf(const std::string& text) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
+  return target->path.size() == 3 ? Effort::kQuery : Effort::kCatalog;
+}
+
+ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& call) {
+  try {
+    return Route(request, call);
+  } catch (const std::bad_alloc&) {
+    return ErrorAnswer(503, "no_space", "the server is out of memory; try again later");
+  }
+}
+
+ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call) {
+  const Result<RequestTarget> target = ParseTarget(request.target);
+  if (!target.ok()) return ErrorAnswer(400, "bad_request", target.status().message());
+  const std::vector<std::string>& path = target->path;
+  const bool objects = path[0] == "objects" && path.size() <= 3;
+  const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
+  const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
+  if (!alone && !mesh && !(objects && path.size() < 3)) return NoSuchPath();
+  const bool reads = request.method == "GET" || request.method == "HEAD";
+  if (!reads && !(mesh && request.method == "POST")) {
+    ServerAnswer answer = ErrorAnswer(405, "method_not_allowed",
+                                      mesh ? "expected GET, HEAD or POST" : "expected GET or HEAD");
+    answer.headers.emplace_back("Allow", mesh ? "GET, HEAD, POST" : "GET, HEAD");
+    return answer;
+  }
+  if (alone && path[0] == "metrics") return Metrics();
+  if (alone) {
+    ServerAnswer answer;
+    answer.body = Dump({{"status", "ok"}});
+    return answer;
+  }
+  const std::string name = path.size() > 1 ? path[1] : "";
+  if (path.size() > 1 && name.empty()) return NoSuchPath();
+  if (!mesh) {
+    Result<ServerAnswer> answer = path.size() == 1 ? Catalog() : Info(name);
+    return answer.ok() ? *std::move(answer) : Failure(answer.status(), name, call, false);
+  }
+  const Result<MeshRequest> parsed = ParseMeshRequest(*target, request.body);
+  if (!parsed.ok()) return ErrorAnswer(400, "bad_query", parsed.status().message());
+  Result<ServerAnswer> answer = Mesh(name, *parsed, call);
+  if (answer.ok()) return *std::move(answer);
+  // Found in the catalog, then gone.
+  const bool opened = call.control.clusters_loaded() > 0;
+  return Failure(answer.status(), name, call, opened);
+}
+
+Result<ServerAnswer> ServerService::Catalog() {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database_->List());
+  ServerAnswer answer;
+  answer.body = Dump(CatalogJson(records));
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Info(const std::string& name) {
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database_->FileBytes());
+  ServerAnswer answer;
+  answer.body = Dump(RecordJson(record, file_bytes));
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequest& request,
+                                         ServerCall& call) {
+  if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
+  MTDB_ASSIGN_OR_RETURN(Query query, QueryFromJson(request.query, surface->record().diagonal()));
+  query.control = &call.control;
+  const std::string path =
+      folder_ + "/" + std::to_string(next_file_.fetch_add(1)) + "." + request.format;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer, CreateMeshFileWriter(path));
+  const uint64_t most = request.format == "drc"
+                            ? std::min(options_.max_triangles, kMaxDracoTriangles)
+                            : options_.max_triangles;
+  GuardedSink sink(*writer, call.control, most);
+  ++metrics_.queries;
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  metrics_.read_bytes += stats.bytes_read;
+  metrics_.cache_hits += stats.clusters_cached;
+  ServerAnswer answer;
+  answer.content_type = ContentType(request.format);
+  MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::TakeOver(path));
+  answer.triangles = stats.triangles;
+  AddStats(stats, &answer);
+  return answer;
+}
+
+ServerAnswer ServerService::Metrics() {
+  ServerMetrics::Cache cache;
+  {
+    const std::lock_guard lock(mutex_);
+    cache.objects_open = surfaces_.size();
+    cache.decoded = decoded_before_;
+    for (const auto& surface : surfaces_) {
+      cache.bytes += surface->cache().bytes();
+      cache.decoded += surface->cache().decoded();
+    }
+  }
+  ServerAnswer answer;
+  answer.content_type = "text/plain; version=0.0.4";
+  answer.body = metrics_.Text(cache);
+  return answer;
+}
+
+ServerAnswer ServerService::Failure(const Status& status, const std::string& name,
+                                    const ServerCall& call, bool opened) {
+  std::string text = Replaced(status.message(), folder_ + "/", "");
+  text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
+  switch (status.code()) {
+    case StatusCode::kInvalidArgument:
+    case StatusCode::kUnsupported: return ErrorAnswer(400, "bad_query", text);
+    case StatusCode::kNotFound:
+      if (opened) {
+        return ErrorAnswer(410, "gone",
+                           "the object '" + name + "' was removed or replaced meanwhile");
+      }
+      return ErrorAnswer(404, "no_such_object", "no object '" + name + "'; see /objects");
+    case StatusCode::kCancelled: break;
+    case StatusCode::kBudgetExceeded:
+      return ErrorAnswer(503, "budget_exceeded",
+                         "the query does not fit the cache or its max_bytes: " + text);
+    default: {
+      std::fprintf(stderr, "mtdb: %s\n", status.message().c_str());
+      if (status.code() == StatusCode::kNoSpace || status.code() == StatusCode::kBusy) {
+        return ErrorAnswer(503, "no_space", "the server is short of space; try again later");
+      }
+      return ErrorAnswer(500, "store_error",
+                         "the object cannot be read; whoever runs the server finds the reason "
+                         "in what it printed");
+    }
+  }
+  ++metrics_.queries_cancelled;
+  switch (call.stop) {
+    case ServerCall::Stop::kTimeout:
+      return ErrorAnswer(503, "timeout",
+                         "the time for a request is over; ask for less, or set max_milliseconds");
+    case ServerCall::Stop::kShutdown:
+      return ErrorAnswer(503, "shutting_down", "the server is shutting down");
+    default: return ErrorAnswer(499, "cancelled", "the client went away");
+  }
+}
+
+// ---- open objects -------------------------------------------------------------------------------
+
+// Null when it is not open. An object that was replaced has another id.
+std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
+  const std::lock_guard lock(mutex_);
+  for (auto at = surfaces_.begin(); at != surfaces_.end(); ++at) {
+    if ((*at)->record().id != record.id) continue;
+    std::rotate(at, at + 1, surfaces_.end());
+    return surfaces_.back();
+  }
+  return nullptr;
+}
+
+Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& name) {
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
+  if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
+  const std::lock_guard opening(opening_);
+  if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database_->OpenObject(name));
+  SurfaceOptions surface_options;
+  surface_options.cache_bytes = options_.cache_bytes;
+  surface_options.threads = options_.threads;
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface,
+                        Surface::Open(std::move(source), surface_options));
+  std::vector<std::shared_ptr<Surface>> closed;  // outside of the lock
+  const std::lock_guard lock(mutex_);
+  surfaces_.push_back(surface);
+  const auto close = [&](size_t i) {
+    decoded_before_ += surfaces_[i]->cache().decoded();
+    closed.push_back(std::move(surfaces_[i]));
+    surfaces_.erase(surfaces_.begin() + static_cast<ptrdiff_t>(i));
+  };
+  // What stands for an object of that name that was replaced or removed is of no use.
+  for (size_t i = surfaces_.size() - 1; i-- > 0;) {
+    if (surfaces_[i]->record().name == name) close(i);
+  }
+  while (surfaces_.size() > options_.objects) close(0);
+  return surface;
+}
+
+}  // namespace mtdb
