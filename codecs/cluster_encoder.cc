@@ -208,7 +208,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     residuals.push_back(MeasureVertex(patch, hole, node.boundary, p));
     if (row != 0) {
       attribute_coder.Encode(attribute_stream, hole.ring_span(), rows,
-                             updates.rows.data() + node.vertex * row);
+                             updates.rows.data() + node.vertex * row, observer);
       append_row(node.vertex);
     }
     const uint32_t vertex = result.external_vertices + stored;

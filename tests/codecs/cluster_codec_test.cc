@@ -32,6 +32,7 @@ const Case kCases[] = {
     {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4491},
     {"coinciding positions", {.numbers = Numbers::kCoincident, .seed = 8}, 2554},
     {"attributes", {.attributes = true, .seed = 9}, 8273},
+    {"rounded attributes", {.rounded_attributes = true, .seed = 12}, 0},
     {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 83},
     {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12444},
 };

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "builder/build.h"
 #include "store/base/geometry.h"
 #include "store/base/status.h"
 
@@ -38,6 +39,8 @@ Result<Extent> ParseExtent(const std::string& text);
 Result<Vec3d> ParsePoint(const std::string& text);
 // "X,Y,Z,DX,DY,DZ"; the direction is not 0.
 Result<Ray> ParseRay(const std::string& text);
+// "NAME=STEP"; the last "=" counts.
+Result<AttributeStep> ParseAttributeStep(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
 
