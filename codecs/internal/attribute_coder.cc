@@ -110,6 +110,31 @@ int32_t WrapCentred(int32_t x, int32_t centre) {
   return x > centre ? x - range : x < -centre ? x + range : x;
 }
 
+// Of length 1; (0, 0, 0) when it has none.
+Vec3d Unit(const Vec3d& v) {
+  const double length = Length(v);
+  return length > 0 && std::isfinite(length) ? Vec3d{v.x / length, v.y / length, v.z / length}
+                                             : Vec3d{0, 0, 0};
+}
+
+// Of the triangles between the vertex and its ring, each by its area.
+Vec3d StarNormal(const AttributeCoder::Star& star) {
+  const auto offset = [&](uint32_t v) {
+    const Vec3i& q = star.positions[v];
+    const Vec3i& p = star.position;
+    return Vec3d{static_cast<double>(q.x) - p.x, static_cast<double>(q.y) - p.y,
+                 static_cast<double>(q.z) - p.z};
+  };
+  Vec3d sum{0, 0, 0};
+  Vec3d before = offset(star.ring.back());
+  for (const uint32_t v : star.ring) {
+    const Vec3d next = offset(v);
+    sum = sum + Cross(before, next);
+    before = next;
+  }
+  return Unit(sum);
+}
+
 // Encoders read the row and give the residual; decoders write it and ignore what they give.
 template <typename Row>
 constexpr bool kDecodes = !std::is_const_v<Row>;
@@ -252,51 +277,62 @@ void AttributeCoder::CodeStepped(Coder& coder, const Channel& channel,
 }
 
 template <typename Coder, typename Row>
-void AttributeCoder::CodeNormal(Coder& coder, const Channel& channel,
-                                std::span<const uint32_t> ring, const Bytes& rows, Row* row,
-                                Context& context) {
+void AttributeCoder::CodeNormal(Coder& coder, const Channel& channel, const Star& star,
+                                const Bytes& rows, Row* row, Context& context) {
   const int bits = channel.normal_bits;
   const int32_t centre = OctahedralCentre(bits);
+  const std::span<const uint32_t> ring = star.ring;
   const auto normal_at = [](const std::byte* p) {
     return Vec3d{Load<float>(p), Load<float>(p + 4), Load<float>(p + 8)};
   };
+  const auto ring_normal = [&](uint32_t v) {
+    return normal_at(rows.data() + v * row_bytes_ + channel.offset);
+  };
   Vec3d sum{0, 0, 0};
-  for (const uint32_t v : ring) {
-    sum = sum + normal_at(rows.data() + v * row_bytes_ + channel.offset);
-  }
-  OctahedralCode mean = EncodeOctahedral(sum, bits);
+  for (const uint32_t v : ring) sum = sum + ring_normal(v);
+  const Vec3d of_ring = Unit(sum);
+  const Vec3d of_star = StarNormal(star);
+  const std::array<Vec3d, kPredictions> predictions{of_ring, of_star, of_ring + of_star};
+  const auto best = static_cast<size_t>(std::ranges::min_element(costs_) - costs_.begin());
+
+  OctahedralCode mean = EncodeOctahedral(predictions[best], bits);
   // In the half around z = 1 neighbours of a normal are neighbours in the square.
   const bool mirrored = std::abs(mean.s) + std::abs(mean.t) > centre;
   if (mirrored) mean = Mirror(mean, centre);
-  const auto residual_of = [&](const Vec3d& normal) {
-    OctahedralCode code = EncodeOctahedral(normal, bits);
-    if (mirrored) code = Mirror(code, centre);
-    return OctahedralCode{WrapCentred(code.s - mean.s, centre),
-                          WrapCentred(code.t - mean.t, centre)};
+  const auto difference = [&](OctahedralCode code, OctahedralCode from) {
+    return OctahedralCode{WrapCentred(code.s - from.s, centre),
+                          WrapCentred(code.t - from.t, centre)};
+  };
+  const auto code_of = [&](const Vec3d& normal) {
+    const OctahedralCode code = EncodeOctahedral(normal, bits);
+    return mirrored ? Mirror(code, centre) : code;
+  };
+  const auto length = [](OctahedralCode d) {
+    return static_cast<uint32_t>(std::abs(d.s) + std::abs(d.t));
   };
   Spread spread;
-  for (const uint32_t v : ring) {
-    const OctahedralCode r = residual_of(normal_at(rows.data() + v * row_bytes_ + channel.offset));
-    spread.Add(static_cast<uint64_t>(std::abs(r.s) + std::abs(r.t)));
-  }
+  for (const uint32_t v : ring) spread.Add(length(difference(code_of(ring_normal(v)), mean)));
   OctahedralCode residual;
-  if constexpr (!kDecodes<Row>) residual = residual_of(normal_at(row));
+  if constexpr (!kDecodes<Row>) residual = difference(code_of(normal_at(row)), mean);
   const auto code_component = [&](size_t i, int32_t d) {
     const uint64_t z =
         CodeWord(coder, components_[channel.component + i], spread.Mean(2 * ring.size()), context,
                  ZigZagWord(static_cast<uint32_t>(d)));
-    return static_cast<int32_t>(UnZigZagWord(static_cast<uint32_t>(z)));
+    // Hostile ones are clamped; others lie in the range.
+    return std::clamp(static_cast<int32_t>(UnZigZagWord(static_cast<uint32_t>(z))), -centre,
+                      centre);
   };
   residual.s = code_component(0, residual.s);
   residual.t = code_component(1, residual.t);
+  const OctahedralCode code{WrapCentred(mean.s + residual.s, centre),
+                            WrapCentred(mean.t + residual.t, centre)};
+  for (size_t i = 0; i < kPredictions; ++i) {
+    const uint32_t cost =
+        i == best ? length(residual) : length(difference(code, code_of(predictions[i])));
+    costs_[i] = costs_[i] - (costs_[i] >> 4) + std::min(cost, 1u << 18);
+  }
   if constexpr (kDecodes<Row>) {
-    // Hostile residuals are clamped; others lie in the range.
-    const auto add = [&](int32_t m, int32_t d) {
-      return WrapCentred(m + std::clamp(d, -centre, centre), centre);
-    };
-    OctahedralCode code{add(mean.s, residual.s), add(mean.t, residual.t)};
-    if (mirrored) code = Mirror(code, centre);
-    const Vec3d normal = DecodeOctahedral(code, bits);
+    const Vec3d normal = DecodeOctahedral(mirrored ? Mirror(code, centre) : code, bits);
     for (int i = 0; i < 3; ++i) {
       const auto c = static_cast<float>(normal[i]);
       std::memcpy(row + sizeof(float) * static_cast<size_t>(i), &c, sizeof(float));
@@ -344,9 +380,9 @@ void AttributeCoder::CodeColour(Coder& coder, const Channel& channel,
 }
 
 template <typename Coder, typename Row>
-void AttributeCoder::CodeChannel(Coder& coder, const Channel& channel,
-                                 std::span<const uint32_t> ring, const Bytes& rows, Row* row,
-                                 Context& context) {
+void AttributeCoder::CodeChannel(Coder& coder, const Channel& channel, const Star& star,
+                                 const Bytes& rows, Row* row, Context& context) {
+  const std::span<const uint32_t> ring = star.ring;
   const auto scalar = [&]<typename T>(T) {
     if constexpr (std::is_floating_point_v<T>) {
       if (channel.kind == Kind::kStepped) {
@@ -357,7 +393,7 @@ void AttributeCoder::CodeChannel(Coder& coder, const Channel& channel,
     CodeScalar<T>(coder, channel, ring, rows, row, context);
   };
   if (channel.kind == Kind::kNormal) {
-    CodeNormal(coder, channel, ring, rows, row, context);
+    CodeNormal(coder, channel, star, rows, row, context);
     return;
   }
   if (channel.kind == Kind::kColour) {
@@ -376,22 +412,22 @@ void AttributeCoder::CodeChannel(Coder& coder, const Channel& channel,
   }
 }
 
-void AttributeCoder::Encode(RansEncoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
+void AttributeCoder::Encode(RansEncoder& coder, const Star& star, const Bytes& rows,
                             const std::byte* row, ModelObserver* observer) {
   Context context;
   for (const Channel& channel : channels_) {
     const size_t before = coder.decisions();
-    CodeChannel(coder, channel, ring, rows, row + channel.offset, context);
+    CodeChannel(coder, channel, star, rows, row + channel.offset, context);
     if (observer != nullptr) observer->SawAttribute(channel.attribute, coder.BitsSince(before));
   }
 }
 
-void AttributeCoder::Decode(RansDecoder<>& decoder, std::span<const uint32_t> ring,
-                            const Bytes& rows, std::byte* row) {
+void AttributeCoder::Decode(RansDecoder<>& decoder, const Star& star, const Bytes& rows,
+                            std::byte* row) {
   Context context;
   auto coder = decoder.lane();
   for (const Channel& channel : channels_) {
-    CodeChannel(coder, channel, ring, rows, row + channel.offset, context);
+    CodeChannel(coder, channel, star, rows, row + channel.offset, context);
   }
 }
 

@@ -11,6 +11,7 @@
 #include "codecs/internal/rans.h"
 #include "store/base/attributes.h"
 #include "store/base/bytes.h"
+#include "store/base/geometry.h"
 
 namespace mtdb {
 
@@ -23,14 +24,19 @@ constexpr uint32_t UnZigZag(uint32_t v) { return (v >> 1) ^ (0u - (v & 1)); }
 // differ from it). The layout must be valid (IsValidLayout).
 class AttributeCoder {
  public:
+  // A node's star: the vertex, and the ring of those around it.
+  struct Star {
+    Vec3i position;
+    std::span<const uint32_t> ring;
+    std::span<const Vec3i> positions;  // of all vertices before
+  };
   explicit AttributeCoder(const AttributeLayout& layout);
   size_t row_bytes() const { return row_bytes_; }
   // Codes the row at `row` (encoding: read, decoding: written). `observer`, when given, sees the
   // bits of each channel.
-  void Encode(RansEncoder& coder, std::span<const uint32_t> ring, const Bytes& rows,
-              const std::byte* row, ModelObserver* observer = nullptr);
-  void Decode(RansDecoder<>& coder, std::span<const uint32_t> ring, const Bytes& rows,
-              std::byte* row);
+  void Encode(RansEncoder& coder, const Star& star, const Bytes& rows, const std::byte* row,
+              ModelObserver* observer = nullptr);
+  void Decode(RansDecoder<>& coder, const Star& star, const Bytes& rows, std::byte* row);
 
  private:
   static constexpr size_t kSpreads = 16;    // classes of how far the ring's values lie apart
@@ -62,8 +68,8 @@ class AttributeCoder {
   static uint64_t CodeWord(Coder& coder, Component& models, uint64_t spread, Context& context,
                            uint64_t zigzag);
   template <typename Coder, typename Row>
-  void CodeChannel(Coder& coder, const Channel& channel, std::span<const uint32_t> ring,
-                   const Bytes& rows, Row* row, Context& context);
+  void CodeChannel(Coder& coder, const Channel& channel, const Star& star, const Bytes& rows,
+                   Row* row, Context& context);
   template <typename T, typename Coder, typename Row>
   void CodeScalar(Coder& coder, const Channel& channel, std::span<const uint32_t> ring,
                   const Bytes& rows, Row* row, Context& context);
@@ -71,13 +77,16 @@ class AttributeCoder {
   void CodeStepped(Coder& coder, const Channel& channel, std::span<const uint32_t> ring,
                    const Bytes& rows, Row* row, Context& context);
   template <typename Coder, typename Row>
-  void CodeNormal(Coder& coder, const Channel& channel, std::span<const uint32_t> ring,
-                  const Bytes& rows, Row* row, Context& context);
+  void CodeNormal(Coder& coder, const Channel& channel, const Star& star, const Bytes& rows,
+                  Row* row, Context& context);
   template <typename Coder, typename Row>
   void CodeColour(Coder& coder, const Channel& channel, std::span<const uint32_t> ring,
                   const Bytes& rows, Row* row, Context& context);
 
+  // What a normal can be predicted from: the ring's normals, the star's own, both.
+  static constexpr size_t kPredictions = 3;
   std::vector<Channel> channels_;
+  std::array<uint32_t, kPredictions> costs_{};  // of late
   std::vector<Component> components_;
   size_t row_bytes_ = 0;
 };

@@ -466,7 +466,7 @@ TEST_CASE("--normals and --attribute round attributes, and info says so", "[cli]
   const std::string input = folder.File("in.ply");
   const std::string store = folder.File("s.mtdb");
   std::string text = Square(0, false);
-  for (const char* axis : {"nz", "ny", "nx"}) {
+  for (const char* axis : {"nx", "ny", "nz"}) {
     text.insert(text.find("property float quality"), std::string("property float ") + axis + "\n");
   }
   for (size_t at = 0; (at = text.find(" 0.5\n", at)) != std::string::npos; at += 14) {
