@@ -1,10 +1,11 @@
 // How small the codec makes clusters, stream by stream, and how fast it decodes them.
 //
 //   codec_bench [--sculpture N]... [--terrain N]... [--seed S]... [--bits N] [--no-draco] [--json]
-//               [--fit FILE] [MESH]...
+//               [--attributes [--normals BITS]] [--fit FILE] [MESH]...
 //
-// For each mesh (files; generated ones of N triangles for each seed), of its positions alone, in a
-// store of its own:
+// For each mesh (files; generated ones of N triangles for each seed), of its positions alone (with
+// --attributes also of them, and the bits of each; a colour's stand at its red, a normal's on the
+// octahedron at its nx), in a store of its own:
 //   bits a vertex of each stream of its clusters, of the roots, of payloads and of the whole file;
 //   for the decisions that models code: their entropy when each context had the best fixed
 //   distribution of the whole mesh, and what they take;
@@ -70,6 +71,9 @@ class ModelCounts final : public ModelObserver {
   void Saw(const AdaptiveSymbol& model, uint32_t symbol) override {
     Count(&model, symbol, double{1} / kProbabilityOne * (model.end(symbol) - model.begin(symbol)));
   }
+  void SawAttribute(size_t attribute, double bits) override { attribute_bits_[attribute] += bits; }
+  // By the first attribute of the channel.
+  const std::map<size_t, double>& attribute_bits() const { return attribute_bits_; }
   // Adds the counts of another mesh, times `weight`.
   void Add(const ModelCounts& other, double weight) {
     if (tables_.empty()) {
@@ -114,6 +118,7 @@ class ModelCounts final : public ModelObserver {
   }
   std::vector<Table> tables_;
   std::vector<Range> ranges_;
+  std::map<size_t, double> attribute_bits_;
 };
 
 // Writes what the counts make of the priors (codecs/FORMAT.md, "Priors").
@@ -156,6 +161,8 @@ struct Arguments {
   std::vector<std::string> meshes;
   std::vector<uint64_t> sculptures, terrains, seeds{1};
   int bits = 16;
+  bool attributes = false;
+  std::optional<int> normal_bits;
   bool no_draco = false;
   bool json = false;
   std::string fit_path;
@@ -173,8 +180,10 @@ class Bench {
       std::fprintf(stderr, "%s\n", status.message().c_str());
       return false;
     }
-    mesh.header.attributes = {};
-    mesh.rows = {};
+    if (!arguments_.attributes) {
+      mesh.header.attributes = {};
+      mesh.rows = {};
+    }
     return Run(path.substr(path.rfind('/') + 1), mesh);
   }
   bool RunGenerated(bool sculpture, uint64_t triangles, uint64_t seed) {
@@ -197,6 +206,7 @@ class Bench {
     BenchStore store;
     BuildOptions options;
     options.bits = arguments_.bits;
+    if (arguments_.attributes && HasNormals(mesh)) options.normal_bits = arguments_.normal_bits;
     const ObjectRecord record = store.Build("mesh", mesh, options);
     const auto vertices = static_cast<double>(record.vertices);
     const auto triangles = static_cast<double>(record.triangles);
@@ -220,6 +230,10 @@ class Bench {
       cluster_bytes += bytes;
     }
     stream_bits["roots"] = per_vertex(static_cast<double>(record.payload_bytes) - cluster_bytes);
+    for (const auto& [attribute, bits] : counts.attribute_bits()) {
+      row["attribute_bits_per_vertex"][record.attributes.attributes[attribute].name] =
+          bits / vertices;
+    }
     nlohmann::ordered_json& models = row["models"];
     for (const ModelCounts::Table& t : counts.tables()) {
       models[t.name] = {{"entropy_bits_per_vertex", ModelCounts::Entropy(t) / vertices},
@@ -245,6 +259,11 @@ class Bench {
     if (!arguments_.json) std::cout << row.dump(2) << std::endl;
     rows_.push_back(std::move(row));
     return good;
+  }
+
+  static bool HasNormals(const TriangleMesh& mesh) {
+    return std::ranges::any_of(mesh.header.attributes.attributes,
+                               [](const VertexAttribute& a) { return a.name == "nx"; });
   }
 
   // Processor time to load every unit, coarsest first, so that parents are there.
@@ -284,6 +303,7 @@ class Bench {
 
       InPatch in = cluster.in;
       in.positions.resize(cluster.external_vertices());
+      in.rows.resize(cluster.external_vertices() * attributes.row_bytes());
       constexpr int kTimes = 3;  // the best one counts
       double best = 0;
       for (int i = 0; i < kTimes; ++i) {
@@ -320,6 +340,8 @@ int Main(int argc, char** argv) {
   app.add_option("--terrain", arguments.terrains, "Generated terrains of so many triangles");
   app.add_option("--seed", arguments.seeds, "Of the generated meshes");
   app.add_option("--bits", arguments.bits, "Of the grid");
+  app.add_flag("--attributes", arguments.attributes, "Keep the attributes of mesh files");
+  app.add_option("--normals", arguments.normal_bits, "Bits of normals on the octahedron");
   app.add_flag("--no-draco", arguments.no_draco, "Without the peer");
   app.add_flag("--json", arguments.json, "Print one JSON array at the end");
   app.add_option("--fit", arguments.fit_path, "Write the priors that fit these meshes");

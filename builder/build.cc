@@ -13,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "builder/internal/attribute_sink.h"
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
 #include "builder/internal/input_spool.h"
@@ -22,6 +23,7 @@
 #include "builder/internal/tile_cluster.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
+#include "store/base/attribute_grid.h"
 #include "store/base/hash.h"
 #include "store/base/surface_digest.h"
 
@@ -53,6 +55,16 @@ Status CheckOptions(const BuildOptions& options) {
   }
   if (options.tile_triangles < 64 || options.tile_triangles > 65536 || options.reduction < 2) {
     return InvalidArgument("tiles: 64 to 65536 triangles, reduced at least twofold");
+  }
+  if (options.normal_bits &&
+      (*options.normal_bits < kMinNormalBits || *options.normal_bits > kMaxNormalBits)) {
+    return InvalidArgument("normals of " + std::to_string(*options.normal_bits) +
+                           " bits: must be 4 to 16");
+  }
+  for (const AttributeStep& step : options.attribute_steps) {
+    if (!(step.step > 0 && std::isfinite(step.step))) {
+      return InvalidArgument("step of attribute " + step.name + ": must be a positive number");
+    }
   }
   if (options.memory_bytes < kLeastMemory) {
     return InvalidArgument("memory: at least 256 MiB are needed, " +
@@ -187,7 +199,8 @@ class Builder {
   Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
     MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
     InputSpool input(&space_, memory_ / 4, options_.mode == PositionMode::kLossless);
-    MTDB_RETURN_IF_ERROR(produce(input));
+    AttributeSink attributes(&options_, &input);
+    MTDB_RETURN_IF_ERROR(produce(attributes));
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
     MTDB_RETURN_IF_ERROR(CheckDisk(input));
     uint8_t bits = 0;
@@ -267,6 +280,8 @@ class Builder {
     for (const VertexAttribute& a : record_.attributes.attributes) {
       w.PutString(a.name);
       w.Put(static_cast<uint8_t>(a.type));
+      w.Put(a.step);
+      w.Put(a.normal_bits);
     }
     MTDB_ASSIGN_OR_RETURN(journal_,
                           Journal::Open(options_.journal_path, Hash64(w.bytes()), options_.resume));

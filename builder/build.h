@@ -15,11 +15,21 @@
 
 namespace mtdb {
 
+struct AttributeStep {
+  std::string name;
+  double step = 0;  // > 0
+};
+
 struct BuildOptions {
   PositionMode mode = PositionMode::kGrid;
   int bits = 16;               // grid: cells along the longest side are 2^bits - 1; 1..24
   std::optional<double> step;  // grid: model units, instead of bits
-  unsigned threads = 0;        // 0: one per core. The result does not depend on it
+  // Attributes are lossless but for these. nx, ny, nz (float32, side by side) keep their direction
+  // as so many bits a component on the octahedron, 4..16; none: lossless.
+  std::optional<int> normal_bits;
+  // Float attributes, by name, are rounded to multiples of a step.
+  std::vector<AttributeStep> attribute_steps;
+  unsigned threads = 0;  // 0: one per core. The result does not depend on it
   // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB; a
   // thread takes some 16 MiB of it. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
@@ -64,7 +74,8 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // has that cannot be kept is counted in the record's InputReport. Out of core: no step holds the
 // whole mesh, but for the root. Deterministic: the same mesh and options give the same keys and
 // values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32
-// when lossless, indices out of range), kInvalidArgument (options), kNoSpace and kIoError
+// when lossless, indices out of range, attributes that do not fit their step), kInvalidArgument
+// (options, also when the input has no such attribute), kNoSpace and kIoError
 // (temporary files), kBudgetExceeded (a root larger than memory), and what `input` and `writer`
 // return. `report`, when given, says where the time went.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,

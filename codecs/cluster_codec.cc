@@ -214,7 +214,10 @@ void ClusterDecoder::DecodeRow(uint32_t node) {
   Bytes& rows = cluster_.in.rows;
   const size_t at = rows.size();
   rows.resize(at + attribute_coder_.row_bytes());
-  attribute_coder_.Decode(attribute_stream_, cluster_.ring(node), rows, rows.data() + at);
+  const std::span<const Vec3i> positions = cluster_.in.positions;
+  const uint32_t vertex = cluster_.external_vertices() + node;
+  const AttributeCoder::Star star{positions[vertex], cluster_.ring(node), positions.first(vertex)};
+  attribute_coder_.Decode(attribute_stream_, star, rows, rows.data() + at);
 }
 
 Status ClusterDecoder::DecodeGeneration() {

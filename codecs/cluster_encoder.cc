@@ -125,6 +125,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   const size_t row = attribute_coder.row_bytes();
   std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
   Bytes rows;
+  std::vector<Vec3i> positions;  // of vertices that have rows
   const auto append_row = [&](uint64_t vertex) {
     const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
     rows.insert(rows.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
@@ -132,6 +133,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   for (uint32_t v = 0; v < result.external_vertices; ++v) {
     stored_vertex[patch_in.vertices[v]] = v;
     append_row(patch_in.vertices[v]);
+    positions.push_back(updates.positions[patch_in.vertices[v]]);
   }
 
   // Replay, choosing the order of the nodes on the way.
@@ -207,9 +209,10 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     const Vec3i p = updates.positions[node.vertex];
     residuals.push_back(MeasureVertex(patch, hole, node.boundary, p));
     if (row != 0) {
-      attribute_coder.Encode(attribute_stream, hole.ring_span(), rows,
-                             updates.rows.data() + node.vertex * row);
+      attribute_coder.Encode(attribute_stream, {p, hole.ring_span(), positions}, rows,
+                             updates.rows.data() + node.vertex * row, observer);
       append_row(node.vertex);
+      positions.push_back(p);
     }
     const uint32_t vertex = result.external_vertices + stored;
     stored_vertex[node.vertex] = vertex;

@@ -83,8 +83,8 @@ class StoreVerifier {
   void CheckOwners() {
     for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
       std::set<ObjectId> strangers;
-      const Status status = snapshot_.pages().Scan(
-          snapshot_.tree(table), {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
+      const Status status =
+          snapshot_.Scan(table, {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
             ByteReader r(key);
             const ObjectId id{r.GetBigEndian<uint64_t>()};
             ++values_[{table, id}];
@@ -198,7 +198,7 @@ class StoreVerifier {
   // As a reader reads it; besides, the last blob of a value must reach the value's end.
   Result<Bytes> ReadPayload(Table table, const Bytes& key, const PayloadLocation& location,
                             bool ends_value, uint64_t seed, const std::string& where) {
-    MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.pages().Find(snapshot_.tree(table), key));
+    MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.Find(table, key));
     if (!value) return Corrupt(where + ": its value is missing");
     const uint64_t end = uint64_t{location.offset} + kChecksumBytes + location.length;
     if (ends_value && end != value->size) {

@@ -81,9 +81,9 @@ void AddJson(CLI::App* verb, bool* json) {
 }
 
 // An option that may be given several times.
-template <typename Parse>
+template <typename Value, typename Parse>
 CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::string& form,
-                           std::vector<mtdb::QueryJson>* values, Parse parse,
+                           std::vector<Value>* values, Parse parse,
                            const std::string& description) {
   return verb
       ->add_option_function<std::vector<std::string>>(
@@ -262,6 +262,14 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);
+  verb->add_option("--normals", a->normal_bits,
+                   "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
+                   "4 to 16, e.g. 10 (default: lossless)")
+      ->type_name("N")
+      ->check(CLI::Range(4, 16));
+  AddParsedList(
+      verb, "--attribute", "NAME=STEP", &a->attribute_steps, mtdb::ParseAttributeStep,
+      "round a float attribute to multiples of a step (default: lossless); may be repeated");
   verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));

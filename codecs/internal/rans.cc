@@ -1,6 +1,14 @@
 #include "codecs/internal/rans.h"
 
+#include <cmath>
+
 namespace mtdb {
+
+double RansEncoder::BitsSince(size_t decision) const {
+  double bits = 0;
+  for (size_t i = decision; i < log_.size(); ++i) bits += log_[i].bits - std::log2(log_[i].size);
+  return bits;
+}
 
 Bytes RansEncoder::Finish(size_t lanes) {
   if (log_.empty()) return {};

@@ -123,6 +123,8 @@ class ModelObserver {
   virtual ~ModelObserver() = default;
   virtual void Saw(const AdaptiveBit& model, bool bit) = 0;
   virtual void Saw(const AdaptiveSymbol& model, uint32_t symbol) = 0;
+  // What a vertex takes for the channel whose first attribute is this one of the layout.
+  virtual void SawAttribute(size_t attribute, double bits) = 0;
 };
 
 inline constexpr uint64_t kRansLow = uint64_t{1} << 31;
@@ -169,6 +171,9 @@ class RansEncoder {
     lane_ = static_cast<uint8_t>(lane);
     return *this;
   }
+  // For statistics: how many were collected, and what those from one on will take.
+  size_t decisions() const { return log_.size(); }
+  double BitsSince(size_t decision) const;
   // Forgets what was collected. Nothing, when nothing was.
   Bytes Finish(size_t lanes = 1);
 

@@ -33,10 +33,16 @@ constexpr size_t ScalarSize(ScalarType t) {
   return 0;
 }
 
-// One scalar per vertex, named as in PLY: "red", "nx", "quality".
+// One scalar per vertex, named as in PLY: "red", "nx", "quality". A layout may promise that its
+// values lie on a grid, which the codec makes use of; the row holds them in `type` all the same.
 struct VertexAttribute {
   std::string name;
   ScalarType type = ScalarType::kFloat32;
+  // Floats: above 0, each value is a multiple of the step, rounded to the type; see ScalarCode.
+  double step = 0;
+  // Above 0: this and the next two, all float32, are a unit normal of so many bits a component on
+  // the octahedron, 4 to 16; see OctahedralCode. Set on the first of them.
+  uint8_t normal_bits = 0;
   friend bool operator==(const VertexAttribute&, const VertexAttribute&) = default;
 };
 

@@ -78,8 +78,8 @@ Status AddEntry(const std::string& path, ByteSpan key, ByteSpan value, uint64_t 
 Status ListCatalogLeniently(const Snapshot& snapshot, CatalogListing* listing,
                             const std::function<void(const Status&)>& fail) {
   PageReader& pages = snapshot.pages();
-  return pages.Scan(
-      snapshot.tree(Table::kCatalog), {}, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+  return snapshot.Scan(
+      Table::kCatalog, {}, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
         const auto bytes = pages.ReadWhole(value, kMaxRecordBytes);
         const Status status = bytes.ok() ? AddEntry(pages.file().path(), key, *bytes,
                                                     snapshot.superblock().next_object_id, listing)
@@ -102,7 +102,7 @@ Result<CatalogListing> ListCatalog(const Snapshot& snapshot) {
 Result<std::optional<ObjectRecord>> FindObject(const Snapshot& snapshot, const std::string& name) {
   PageReader& pages = snapshot.pages();
   const Bytes key = ObjectKey(name);
-  MTDB_ASSIGN_OR_RETURN(const auto value, pages.Find(snapshot.tree(Table::kCatalog), key));
+  MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kCatalog, key));
   if (!value) return std::optional<ObjectRecord>();
   MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages.ReadWhole(*value, kMaxRecordBytes));
   MTDB_ASSIGN_OR_RETURN(ObjectRecord record,

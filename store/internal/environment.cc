@@ -116,7 +116,6 @@ Status Environment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pa
     map_size_ = size;
     mdb_env_set_mapsize(env_, size);
     mdb_env_set_maxreaders(env_, kReaders);
-    mdb_env_set_maxdbs(env_, kTables);
     unsigned flags = MDB_NOSUBDIR | MDB_NOTLS;
     if (!writable) flags |= MDB_RDONLY;
     rc = mdb_env_open(env_, absolute_path_.c_str(), flags, 0644);
@@ -133,8 +132,7 @@ Status Environment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pa
   mdb_reader_check(env_, &stale);
   writable_ = writable;
   if (!writable) return Status::Ok();
-  Status status = check_pages ? CheckPinnedPages() : Status::Ok();
-  if (status.ok()) status = OpenTables();
+  const Status status = check_pages ? CheckPinnedPages() : Status::Ok();
   if (!status.ok()) CloseLmdb();
   return status;
 }
@@ -160,35 +158,6 @@ Status Environment::CheckPinnedPages() {
 void Environment::CloseLmdb() {
   if (env_ != nullptr) mdb_env_close(env_);
   env_ = nullptr;
-}
-
-Status Environment::OpenTables() {
-  MDB_txn* txn = nullptr;
-  int rc = mdb_txn_begin(env_, nullptr, 0, &txn);
-  if (rc != 0) return Error(rc, "writing");
-  for (size_t i = 0; i < kTables && rc == 0; ++i) {
-    rc = mdb_dbi_open(txn, kTableNames[i], MDB_CREATE, &tables_[i]);
-  }
-  if (rc != 0) {
-    mdb_txn_abort(txn);
-    return Error(rc, "creating the tables");
-  }
-  WriteTransaction write(this, txn);
-  const Bytes key = SuperblockKey();
-  const auto found = write.GetSealed(Table::kCatalog, key);
-  Status status = found.status();
-  if (status.ok() && !*found) {
-    const auto metas = ReadMetaPages(*file_);
-    write.superblock_.transaction_id = mdb_txn_id(txn);
-    write.superblock_.map_size = std::max(map_size_, metas.ok() ? metas->live().map_size : 0);
-    status = write.PutSealed(Table::kCatalog, key, EncodeSuperblock(write.superblock_));
-  }
-  if (!status.ok()) {
-    mdb_txn_abort(txn);
-    return status;
-  }
-  rc = mdb_txn_commit(txn);
-  return rc == 0 ? Status::Ok() : Error(rc, "creating the tables");
 }
 
 Status Environment::MakeWritable() {
@@ -307,6 +276,18 @@ Snapshot::~Snapshot() {
   if (txn_ != nullptr) mdb_txn_abort(txn_);
 }
 
+Result<std::optional<ValueRef>> Snapshot::Find(Table table, ByteSpan key) const {
+  return pages().Find(pages().meta().main_tree, TreeKey(table, key));
+}
+
+Status Snapshot::Scan(Table table, ByteSpan first, const PageReader::Visitor& visit) const {
+  return pages().Scan(pages().meta().main_tree, TreeKey(table, first),
+                      [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+                        if (key.empty() || key[0] != static_cast<std::byte>(table)) return false;
+                        return visit(key.subspan(1), value);
+                      });
+}
+
 // ---- writing ------------------------------------------------------------------------------------
 
 Status Environment::Write(const std::function<Status(WriteTransaction&)>& body) {
@@ -337,13 +318,26 @@ Status Environment::TryWrite(const std::function<Status(WriteTransaction&)>& bod
   MDB_txn* txn = nullptr;
   *lmdb_error = mdb_txn_begin(env_, nullptr, 0, &txn);
   if (*lmdb_error != 0) return Error(*lmdb_error, "writing");
-  WriteTransaction write(this, txn);
+  unsigned tree = 0;
+  *lmdb_error = mdb_dbi_open(txn, nullptr, 0, &tree);
+  MDB_stat stat{};
+  if (*lmdb_error == 0) *lmdb_error = mdb_stat(txn, tree, &stat);
+  if (*lmdb_error != 0) {
+    mdb_txn_abort(txn);
+    return Error(*lmdb_error, "writing");
+  }
+  WriteTransaction write(this, txn, tree);
   const Bytes key = SuperblockKey();
   const std::string where = path() + ": catalog: superblock";
   Status status = [&] {
-    MTDB_ASSIGN_OR_RETURN(const auto found, write.GetSealed(Table::kCatalog, key));
-    if (!found) return Corrupt(where + ": missing");
-    MTDB_ASSIGN_OR_RETURN(write.superblock_, DecodeSuperblock(*found, where));
+    if (stat.ms_entries == 0) {  // the first transaction
+      MTDB_ASSIGN_OR_RETURN(const MetaPages metas, ReadMetaPages(*file_));
+      write.superblock_.map_size = metas.live().map_size;
+    } else {
+      MTDB_ASSIGN_OR_RETURN(const auto found, write.GetSealed(Table::kCatalog, key));
+      if (!found) return Corrupt(where + ": missing");
+      MTDB_ASSIGN_OR_RETURN(write.superblock_, DecodeSuperblock(*found, where));
+    }
     MTDB_RETURN_IF_ERROR(body(write));
     write.superblock_.transaction_id = mdb_txn_id(txn);
     write.superblock_.map_size = std::max(write.superblock_.map_size, map_size_);
@@ -401,43 +395,47 @@ Status Environment::Error(int lmdb_error, const std::string& doing) const {
 }
 
 Result<std::optional<ByteSpan>> WriteTransaction::Get(Table table, ByteSpan key) {
-  MDB_val k = ToVal(key);
+  const Bytes tree_key = TreeKey(table, key);
+  MDB_val k = ToVal(tree_key);
   MDB_val v;
-  const int rc = mdb_get(txn_, environment_->tables_[static_cast<size_t>(table)], &k, &v);
+  const int rc = mdb_get(txn_, tree_, &k, &v);
   if (rc == MDB_NOTFOUND) return std::optional<ByteSpan>();
   if (rc != 0) return Fail(rc);
   return std::optional<ByteSpan>(FromVal(v));
 }
 
 Status WriteTransaction::Put(Table table, ByteSpan key, ByteSpan value) {
-  MDB_val k = ToVal(key);
+  const Bytes tree_key = TreeKey(table, key);
+  MDB_val k = ToVal(tree_key);
   MDB_val v = ToVal(value);
-  const int rc = mdb_put(txn_, environment_->tables_[static_cast<size_t>(table)], &k, &v, 0);
+  const int rc = mdb_put(txn_, tree_, &k, &v, 0);
   return rc == 0 ? Status::Ok() : Fail(rc);
 }
 
 Status WriteTransaction::Delete(Table table, ByteSpan key) {
-  MDB_val k = ToVal(key);
-  const int rc = mdb_del(txn_, environment_->tables_[static_cast<size_t>(table)], &k, nullptr);
+  const Bytes tree_key = TreeKey(table, key);
+  MDB_val k = ToVal(tree_key);
+  const int rc = mdb_del(txn_, tree_, &k, nullptr);
   if (rc == MDB_NOTFOUND) return NotFound(environment_->path() + ": no such entry");
   return rc == 0 ? Status::Ok() : Fail(rc);
 }
 
 Result<bool> WriteTransaction::DeletePrefix(Table table, ByteSpan prefix, uint64_t max_keys,
                                             uint64_t max_bytes) {
+  const Bytes tree_prefix = TreeKey(table, prefix);
   MDB_cursor* cursor = nullptr;
-  int rc = mdb_cursor_open(txn_, environment_->tables_[static_cast<size_t>(table)], &cursor);
+  int rc = mdb_cursor_open(txn_, tree_, &cursor);
   if (rc != 0) return Fail(rc);
   bool done = false;
   uint64_t keys = 0;
   uint64_t bytes = 0;
   while (keys < max_keys && bytes < max_bytes) {
-    MDB_val k = ToVal(prefix);
+    MDB_val k = ToVal(tree_prefix);
     MDB_val v;
-    rc = mdb_cursor_get(cursor, &k, &v, prefix.empty() ? MDB_FIRST : MDB_SET_RANGE);
+    rc = mdb_cursor_get(cursor, &k, &v, MDB_SET_RANGE);
     if (rc == MDB_NOTFOUND ||
-        (rc == 0 && (k.mv_size < prefix.size() ||
-                     !std::ranges::equal(FromVal(k).first(prefix.size()), prefix)))) {
+        (rc == 0 && (k.mv_size < tree_prefix.size() ||
+                     !std::ranges::equal(FromVal(k).first(tree_prefix.size()), tree_prefix)))) {
       rc = 0;
       done = true;
       break;
@@ -455,14 +453,15 @@ Result<bool> WriteTransaction::DeletePrefix(Table table, ByteSpan prefix, uint64
 
 Status WriteTransaction::Scan(Table table, ByteSpan first, const Visitor& visit) {
   MDB_cursor* cursor = nullptr;
-  int rc = mdb_cursor_open(txn_, environment_->tables_[static_cast<size_t>(table)], &cursor);
+  int rc = mdb_cursor_open(txn_, tree_, &cursor);
   if (rc != 0) return Fail(rc);
-  MDB_val k = ToVal(first);
+  const Bytes tree_first = TreeKey(table, first);
+  MDB_val k = ToVal(tree_first);
   MDB_val v;
   Status status = Status::Ok();
-  rc = mdb_cursor_get(cursor, &k, &v, first.empty() ? MDB_FIRST : MDB_SET_RANGE);
-  while (rc == 0) {
-    const Result<bool> go_on = visit(FromVal(k), FromVal(v));
+  rc = mdb_cursor_get(cursor, &k, &v, MDB_SET_RANGE);
+  while (rc == 0 && FromVal(k)[0] == tree_first[0]) {
+    const Result<bool> go_on = visit(FromVal(k).subspan(1), FromVal(v));
     if (!go_on.ok()) status = go_on.status();
     if (!go_on.ok() || !*go_on) break;
     rc = mdb_cursor_get(cursor, &k, &v, MDB_NEXT);

@@ -2,7 +2,6 @@
 // writes; reading goes through PageReader. Start with BeginRead() and Write().
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -37,7 +36,9 @@ class Snapshot {
 
   PageReader& pages() const { return state_->pages; }
   uint64_t txnid() const { return state_->pages.meta().txnid; }
-  const TreeInfo& tree(Table table) const { return state_->trees[static_cast<size_t>(table)]; }
+  Result<std::optional<ValueRef>> Find(Table table, ByteSpan key) const;
+  // Calls `visit` with the keys of the table from `first` on, ascending, until it answers false.
+  Status Scan(Table table, ByteSpan first, const PageReader::Visitor& visit) const;
   const Superblock& superblock() const { return state_->superblock; }
 
  private:
@@ -74,13 +75,14 @@ class WriteTransaction {
 
  private:
   friend class Environment;
-  WriteTransaction(const Environment* environment, MDB_txn* txn)
-      : environment_(environment), txn_(txn) {}
+  WriteTransaction(const Environment* environment, MDB_txn* txn, unsigned tree)
+      : environment_(environment), txn_(txn), tree_(tree) {}
 
   Status Fail(int lmdb_error);
 
   const Environment* environment_;
   MDB_txn* txn_;
+  unsigned tree_;  // LMDB's handle
   Superblock superblock_;
   int lmdb_error_ = 0;
 };
@@ -115,7 +117,6 @@ class Environment {
   Status OpenLmdb(bool writable, uint64_t map_at_least, bool check_pages);
   Status CheckPinnedPages();
   void CloseLmdb();
-  Status OpenTables();
   Status MakeWritable();
   Status CheckBeforeOpen(bool may_be_empty);
   Status Reopen();
@@ -133,7 +134,6 @@ class Environment {
   mutable std::shared_mutex mutex_;
   MDB_env* env_ = nullptr;
   bool writable_ = false;
-  std::array<unsigned, kTables> tables_{};
   uint64_t map_size_ = 0;
   uint32_t page_size_ = 0;
   std::mutex state_mutex_;  // guards state_

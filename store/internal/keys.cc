@@ -11,6 +11,14 @@ ByteWriter CatalogKey(CatalogKind kind) {
 
 }  // namespace
 
+Bytes TreeKey(Table table, ByteSpan key) {
+  ByteWriter w;
+  w.bytes().reserve(1 + key.size());
+  w.Put(static_cast<uint8_t>(table));
+  w.PutBytes(key);
+  return w.Take();
+}
+
 Bytes SuperblockKey() { return CatalogKey(CatalogKind::kSuperblock).Take(); }
 
 Bytes BuildingKey(ObjectId id) {

@@ -1,4 +1,5 @@
-// Keys of the four tables, and the checksum seeds that tie a value to its key. See store/FORMAT.md.
+// Keys of the four tables, which share one tree, and the checksum seeds that tie a value to its
+// key. See store/FORMAT.md.
 #pragma once
 
 #include <array>
@@ -27,6 +28,9 @@ inline constexpr uint32_t kIndexRowsPerValue = 512;
 inline constexpr size_t kClusterKeyBytes = 21;
 inline constexpr size_t kRootKeyBytes = 12;
 inline constexpr size_t kIndexKeyBytes = 13;
+
+// The key in the tree: the table's byte, then the key in the table.
+Bytes TreeKey(Table table, ByteSpan key);
 
 Bytes SuperblockKey();
 Bytes BuildingKey(ObjectId id);

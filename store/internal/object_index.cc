@@ -78,7 +78,7 @@ Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& rec
       const Bytes key = IndexKey(record.id, kind, first);
       const std::string place = where + ": rows from " + std::to_string(first) +
                                 (kind == IndexKind::kClusters ? " (clusters)" : " (root pieces)");
-      MTDB_ASSIGN_OR_RETURN(const auto value, pages.Find(snapshot.tree(Table::kIndex), key));
+      MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kIndex, key));
       if (!value) return Corrupt(place + ": missing");
       MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages.ReadWhole(*value, kMaxIndexValueBytes));
       MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kIndex, key, bytes, place));

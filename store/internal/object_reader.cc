@@ -92,7 +92,7 @@ Result<ValueRef> ObjectReader::FindValue(const Snapshot& snapshot, uint32_t valu
   }
   const Table table = kIsCluster<Id> ? Table::kClusters : Table::kRoot;
   const Bytes key = kIsCluster<Id> ? keys_.ClusterValueKey(value) : keys_.RootValueKey(value);
-  MTDB_ASSIGN_OR_RETURN(const auto found, snapshot.pages().Find(snapshot.tree(table), key));
+  MTDB_ASSIGN_OR_RETURN(const auto found, snapshot.Find(table, key));
   if (!found) {
     return Missing(snapshot, std::string(kTableNames[static_cast<size_t>(table)]) + " value " +
                                  std::to_string(value));

@@ -242,14 +242,16 @@ Status StoreObjectWriter::Queue(Table table, Bytes key, Bytes value) {
   return queued_bytes_ < kBytesPerTransaction ? Status::Ok() : WriteQueue();
 }
 
+Status StoreObjectWriter::PutQueue(WriteTransaction& write) const {
+  for (const QueuedValue& v : queue_) MTDB_RETURN_IF_ERROR(write.Put(v.table, v.key, v.value));
+  ReachTestPoint("values put");
+  return Status::Ok();
+}
+
 Status StoreObjectWriter::WriteQueue() {
   if (queue_.empty()) return Status::Ok();
-  const Status status = environment_->Write([&](WriteTransaction& write) -> Status {
-    for (const QueuedValue& v : queue_) MTDB_RETURN_IF_ERROR(write.Put(v.table, v.key, v.value));
-    ReachTestPoint("values put");
-    return Status::Ok();
-  });
-  MTDB_RETURN_IF_ERROR(status);
+  MTDB_RETURN_IF_ERROR(
+      environment_->Write([&](WriteTransaction& write) { return PutQueue(write); }));
   queue_.clear();
   queued_bytes_ = 0;
   ReachTestPoint("values committed");
@@ -271,7 +273,6 @@ Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
                            std::to_string(index_.root_piece_count()) + " were added");
   }
   MTDB_RETURN_IF_ERROR(QueueIndex());
-  MTDB_RETURN_IF_ERROR(WriteQueue());
   digest_.AddRecord(record);
   record.payload_bytes = payload_bytes_;
   record.stored_bytes = overflow_bytes_ + OverflowPages(node_bytes_, environment_->page_size()) *
@@ -281,7 +282,6 @@ Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
   if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {
     return InvalidArgument("object " + name_ + ": " + check.status().message());
   }
-  ReachTestPoint("index committed");
   std::optional<ObjectId> replaced;
   MTDB_ASSIGN_OR_RETURN(record, FlipCatalog(std::move(record), &replaced));
   published_ = true;
@@ -298,6 +298,8 @@ Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,
                                                     std::optional<ObjectId>* replaced) {
   const Status status = environment_->Write([&](WriteTransaction& write) -> Status {
     replaced->reset();
+    // With what is still queued: a transaction of its own would leave pages to no use.
+    MTDB_RETURN_IF_ERROR(PutQueue(write));
     MTDB_ASSIGN_OR_RETURN(const auto old, FindObject(write, environment_->path(), name_));
     if (old && !replace_) {
       return {StatusCode::kAlreadyExists,
@@ -314,6 +316,7 @@ Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,
     return Status::Ok();
   });
   MTDB_RETURN_IF_ERROR(status);
+  queue_.clear();
   return record;
 }
 

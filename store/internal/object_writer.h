@@ -47,6 +47,7 @@ class StoreObjectWriter final : public ObjectWriter {
   Status PackRootPieces(bool last);
   Status QueueIndex();
   Status Queue(Table table, Bytes key, Bytes value);
+  Status PutQueue(WriteTransaction& write) const;
   Status WriteQueue();
   Result<ObjectRecord> FlipCatalog(ObjectRecord record, std::optional<ObjectId>* replaced);
 

@@ -93,28 +93,6 @@ Result<ValueRef> PageReader::Resolve(const std::shared_ptr<const Page>& page,
   return value;
 }
 
-Result<std::optional<TreeInfo>> PageReader::FindTree(const std::string& name) {
-  MTDB_ASSIGN_OR_RETURN(const auto value, Find(meta_.main_tree, AsBytes(name)));
-  if (!value) return std::optional<TreeInfo>();
-  const std::string place = file_->path() + ": database " + name + ": ";
-  if (value->node.flags != kNodeTree || value->size != kTreeInfoBytes) {
-    return Corrupt(place + "expected a tree of 48 bytes, found flags " +
-                   std::to_string(value->node.flags) + ", " + std::to_string(value->size) +
-                   " bytes");
-  }
-  ByteReader r(value->page->InlineValue(value->node));
-  const TreeInfo tree = ReadTreeInfo(r);
-  if (tree.pad != 0 || tree.flags != 0) {
-    return Corrupt(place + "expected no flags, found " + std::to_string(tree.flags));
-  }
-  const bool is_empty = tree.root == kNoPage;
-  if (is_empty != (tree.depth == 0) || tree.depth > kMaxTreeDepth) {
-    return Corrupt(place + "expected a depth up to 32, 0 when empty, found " +
-                   std::to_string(tree.depth));
-  }
-  return std::optional<TreeInfo>(tree);
-}
-
 Result<std::optional<ValueRef>> PageReader::Find(const TreeInfo& tree, ByteSpan key,
                                                  KeyOrder order) {
   if (tree.root == kNoPage) return std::optional<ValueRef>();

@@ -39,9 +39,6 @@ class PageReader {
   // A checked copy of a branch or leaf page. Keeps the last ones read.
   Result<std::shared_ptr<const Page>> Load(uint64_t number, KeyOrder order);
 
-  // The named database's tree; nothing when there is none.
-  Result<std::optional<TreeInfo>> FindTree(const std::string& name);
-
   Result<std::optional<ValueRef>> Find(const TreeInfo& tree, ByteSpan key,
                                        KeyOrder order = KeyOrder::kBytes);
 

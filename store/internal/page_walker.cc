@@ -39,14 +39,6 @@ class PageWalker {
     Cover(meta.txnid % 2 * meta.page_size, kPageHeaderBytes + kMetaBytes);
     WalkTree(meta.free_tree, kFreeTree);
     WalkTree(meta.main_tree, kMainTree);
-    for (size_t i = 0; i < kTables; ++i) {
-      const auto tree = pages_.FindTree(kTableNames[i]);
-      if (!tree.ok()) {
-        Fail(tree.status().message());
-      } else if (*tree) {
-        WalkTree(**tree, static_cast<int>(i));
-      }
-    }
     CheckPartition();
     return std::move(report_);
   }
@@ -69,10 +61,8 @@ class PageWalker {
     if (options_.covered) options_.covered(offset, bytes);
   }
 
-  std::string TreeName(int tree) const {
-    if (tree == kMainTree) return "main database";
-    if (tree == kFreeTree) return "free database";
-    return std::string("table ") + kTableNames[static_cast<size_t>(tree)];
+  static std::string TreeName(int tree) {
+    return tree == kMainTree ? "main database" : "free database";
   }
 
   // False when the page is taken already.
@@ -151,8 +141,10 @@ class PageWalker {
                       ByteSpan right_first) {
     const PageNode& node = page.node(i);
     if (CompareKeys(order, node.key, right_first) != 0) {
-      const bool stale = name < 0 || !options_.may_be_stale ||
-                         options_.may_be_stale(static_cast<Table>(name), node.key);
+      const bool stale =
+          name == kFreeTree || !options_.may_be_stale ||
+          (IsTableKey(node.key) &&
+           options_.may_be_stale(static_cast<Table>(node.key[0]), node.key.subspan(1)));
       if (!stale) {
         Fail(path_ + ": page " + std::to_string(page.number()) + ": node " + std::to_string(i) +
              ": separator is neither the first key to its right nor a removed object's");
@@ -160,9 +152,10 @@ class PageWalker {
       return;
     }
     // Within one object every change of the separator is noticed; between two, it may look stale.
-    const bool table = name > static_cast<int>(Table::kCatalog);
-    if (table && left_last.size() >= 8 && right_first.size() >= 8 &&
-        std::equal(left_last.begin(), left_last.begin() + 8, right_first.begin())) {
+    constexpr size_t kObject = 9;  // table and object
+    if (name == kMainTree && left_last.size() >= kObject && right_first.size() >= kObject &&
+        left_last[0] != static_cast<std::byte>(Table::kCatalog) &&
+        std::equal(left_last.begin(), left_last.begin() + kObject, right_first.begin())) {
       Cover(page.number() * pages_.meta().page_size + node.node_offset + kNodeHeaderBytes,
             node.key.size());
     }
@@ -181,11 +174,8 @@ class PageWalker {
           (!bounds.high.empty() && CompareKeys(order, node.key, bounds.high) >= 0)) {
         Fail(place + "expected a key between the separators above it");
       }
-      if ((node.flags == kNodeTree) != (name == kMainTree)) {
-        Fail(place + "expected a " + (name == kMainTree ? "named database" : "value") +
-             ", found flags " + std::to_string(node.flags));
-      }
-      if (name == kMainTree && !IsTableName(node.key)) Fail(place + "a database of another kind");
+      if (node.flags == kNodeTree) Fail(place + "expected a value, found a named database");
+      if (name == kMainTree && !IsTableKey(node.key)) Fail(place + "a key of no table");
       const uint64_t at = base + node.node_offset;
       const bool large = node.flags == kNodeOverflow;
       // Of a free list on overflow pages, the size may be more than the list needs.
@@ -211,8 +201,8 @@ class PageWalker {
     return KeyBounds{copy(page->node(0).key), copy(page->node(page->node_count() - 1).key)};
   }
 
-  static bool IsTableName(ByteSpan key) {
-    return std::ranges::find(kTableNames, AsString(key)) != kTableNames.end();
+  static bool IsTableKey(ByteSpan key) {
+    return !key.empty() && static_cast<size_t>(key[0]) < kTables;
   }
 
   void TakeOverflow(const PageNode& node, uint64_t run, int name, Counts* counts) {

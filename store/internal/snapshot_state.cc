@@ -8,23 +8,13 @@ Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
                                                          const MetaPage& meta) {
   auto state = std::make_shared<SnapshotState>(&file, meta);
   const std::string place = file.path() + ": ";
-  size_t found = 0;
-  for (size_t i = 0; i < kTables; ++i) {
-    MTDB_ASSIGN_OR_RETURN(const auto tree, state->pages.FindTree(kTableNames[i]));
-    if (!tree) continue;
-    ++found;
-    state->trees[i] = *tree;
-  }
   if (meta.main_tree.root == kNoPage) return state;
-  if (found != kTables || meta.main_tree.entries != kTables) {
-    return Unsupported(place + "an LMDB file of " + std::to_string(meta.main_tree.entries) +
-                       " databases, " + std::to_string(found) +
-                       " of an mtdb store's 4; check the path");
-  }
   const Bytes key = SuperblockKey();
   MTDB_ASSIGN_OR_RETURN(const auto value,
-                        state->pages.Find(state->trees[static_cast<size_t>(Table::kCatalog)], key));
-  if (!value) return Corrupt(place + "catalog: expected a superblock, found none");
+                        state->pages.Find(meta.main_tree, TreeKey(Table::kCatalog, key)));
+  if (!value) {
+    return Unsupported(place + "an LMDB file without an mtdb store's superblock; check the path");
+  }
   MTDB_ASSIGN_OR_RETURN(const Bytes bytes, state->pages.ReadWhole(*value, 4096));
   const std::string where = place + "catalog: superblock";
   MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kCatalog, key, bytes, where));

@@ -1,7 +1,6 @@
-// SnapshotState: what one transaction left behind: its pages, tables and superblock.
+// SnapshotState: what one transaction left behind: its pages and superblock.
 #pragma once
 
-#include <array>
 #include <memory>
 
 #include "store/base/status.h"
@@ -15,12 +14,11 @@ namespace mtdb {
 struct SnapshotState {
   SnapshotState(const StoreFile* file, const MetaPage& meta) : pages(file, meta) {}
   PageReader pages;
-  std::array<TreeInfo, kTables> trees;
   Superblock superblock;  // of a store that was never written: the default
 };
 
-// Loads the tables' trees and the superblock of the snapshot `meta`, and checks the superblock
-// against it. The snapshot must be pinned, or nobody may be writing.
+// Loads the superblock of the snapshot `meta`, and checks it against the meta page. The snapshot
+// must be pinned, or nobody may be writing.
 Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
                                                          const MetaPage& meta);
 

@@ -67,10 +67,8 @@ Status CheckSuperseded(const StoreFile& file, const MetaPages& metas) {
   if (old.txnid == 0) return Status::Ok();
   // Its pages may be gone or in use again, which is no fault: only a readable superblock counts.
   PageReader pages(&file, old);
-  const auto tree = pages.FindTree(kTableNames[static_cast<size_t>(Table::kCatalog)]);
-  if (!tree.ok() || !*tree) return Status::Ok();
   const Bytes key = SuperblockKey();
-  const auto value = pages.Find(**tree, key);
+  const auto value = pages.Find(old.main_tree, TreeKey(Table::kCatalog, key));
   if (!value.ok() || !*value) return Status::Ok();
   const auto bytes = pages.ReadWhole(**value, 4096);
   if (!bytes.ok()) return Status::Ok();

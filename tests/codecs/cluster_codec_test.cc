@@ -31,7 +31,8 @@ const Case kCases[] = {
     {"lossless", {.surface = Surface::kSheet, .numbers = Numbers::kLossless, .seed = 6}, 3936},
     {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4491},
     {"coinciding positions", {.numbers = Numbers::kCoincident, .seed = 8}, 2554},
-    {"attributes", {.attributes = true, .seed = 9}, 8273},
+    {"attributes", {.attributes = true, .seed = 9}, 8365},
+    {"rounded attributes", {.rounded_attributes = true, .seed = 12}, 3728},
     {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 83},
     {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12444},
 };

@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 
+#include "store/base/attribute_grid.h"
 #include "store/base/grid.h"
 
 namespace mtdb::testing {
@@ -176,6 +177,36 @@ void AddAttributes(ClusterFixture& fixture, uint32_t seed) {
   }
 }
 
+// Of a smooth surface with noise, and normals all around the sphere.
+void AddRoundedAttributes(ClusterFixture& fixture, uint32_t seed) {
+  constexpr int kBits = 10;
+  constexpr double kSteps[] = {0.01, 3e-5};
+  fixture.attributes.attributes = {{"red", ScalarType::kUint8},
+                                   {"green", ScalarType::kUint8},
+                                   {"blue", ScalarType::kUint8},
+                                   {"nx", ScalarType::kFloat32, 0, kBits},
+                                   {"ny", ScalarType::kFloat32},
+                                   {"nz", ScalarType::kFloat32},
+                                   {"a", ScalarType::kFloat32, kSteps[0]},
+                                   {"b", ScalarType::kFloat64, kSteps[1]}};
+  std::mt19937 random(seed);
+  const auto noise = [&] { return static_cast<double>(random() % 1000) * 1e-3 - 0.5; };
+  ByteWriter w;
+  for (const Vec3i& p : fixture.updates.positions) {
+    const Vec3d q{p.x / 5000.0, p.y / 5000.0, p.z / 5000.0};
+    for (int i = 0; i < 3; ++i) {
+      w.Put(static_cast<uint8_t>(static_cast<int>(400 * (q.x + q.y) + 9 * noise()) & 255));
+    }
+    const Vec3d wave{std::sin(5 * q.x) + 0.1 * noise(), std::cos(5 * q.y) + 0.1 * noise(),
+                     std::sin(3 * (q.x + q.y))};
+    const Vec3d normal = DecodeOctahedral(EncodeOctahedral(wave, kBits), kBits);
+    for (int i = 0; i < 3; ++i) w.Put(static_cast<float>(normal[i]));
+    w.Put(Float32OfCode(ScalarCode(100 * q.x + noise(), kSteps[0]), kSteps[0]));
+    w.Put(Float64OfCode(ScalarCode(-7 * q.y + 0.01 * noise(), kSteps[1]), kSteps[1]));
+  }
+  fixture.updates.rows = w.Take();
+}
+
 }  // namespace
 
 ClusterFixture MakeCluster(const ClusterOptions& options) {
@@ -194,6 +225,7 @@ ClusterFixture MakeCluster(const ClusterOptions& options) {
     updates.consumers[t] = {ClusterId(static_cast<uint32_t>(3 + 5 * child)), t, explicit_arc};
   }
   if (options.attributes) AddAttributes(fixture, options.seed);
+  if (options.rounded_attributes) AddRoundedAttributes(fixture, options.seed);
   return fixture;
 }
 

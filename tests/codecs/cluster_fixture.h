@@ -15,7 +15,8 @@ struct ClusterOptions {
   Surface surface = Surface::kTorus;
   int side = 20;  // vertices along a side
   Numbers numbers = Numbers::kGrid;
-  bool attributes = false;
+  bool attributes = false;          // of every type, wild
+  bool rounded_attributes = false;  // colours, a normal on the octahedron, scalars on steps
   bool pierced = false;  // a triangle is missing, and removing one of its corners closes the gap
   int children = 3;
   double keep = 0.3;  // share of vertices that stay

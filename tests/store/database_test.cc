@@ -41,6 +41,28 @@ TEST_CASE("an object comes back as it was written", "[store]") {
   CHECK(published.stored_bytes <= *database->FileBytes());
 }
 
+TEST_CASE("a small store is hardly larger than its values", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("a.mtdb");
+  const auto database = OpenWritable(path);
+  const auto record =
+      WriteObject(*database, "bunny", MakeObject({.clusters = 6, .max_payload = 20000}));
+  REQUIRE(record.status().message() == "");
+  // What is stored, two meta pages, a page that the first transaction wrote, and the list of it.
+  CHECK(*database->FileBytes() == record->stored_bytes + 4 * 4096);
+  CHECK(VerifyFailures(path) == "");
+}
+
+TEST_CASE("a store that was never written is one, of two pages", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("a.mtdb");
+  CHECK(*OpenWritable(path)->FileBytes() == 2 * 4096);
+  CHECK(OpenReadOnly(path)->List()->empty());
+  CHECK(VerifyFailures(path) == "");
+  CHECK(WriteObject(*OpenWritable(path), "x", MakeObject({})).ok());
+  CHECK(VerifyFailures(path) == "");
+}
+
 TEST_CASE("the same input gives the same digest under any name, id and store", "[store]") {
   const TempDir dir;
   const SyntheticObject object = MakeObject({.seed = 5});

@@ -46,8 +46,8 @@ SmallStore MakeSmallStore(const std::string& path) {
   std::vector<bool> payload(store.bytes.size(), false);
   std::vector<bool> value(store.bytes.size(), false);
   for (const Table table : {Table::kCatalog, Table::kClusters, Table::kIndex, Table::kRoot}) {
-    const auto scanned = snapshot->pages().Scan(
-        snapshot->tree(table), {}, [&](ByteSpan, const ValueRef& v) -> Result<bool> {
+    const auto scanned =
+        snapshot->Scan(table, {}, [&](ByteSpan, const ValueRef& v) -> Result<bool> {
           const auto at = static_cast<ptrdiff_t>(v.file_offset);
           std::fill_n(value.begin() + at, v.size, true);
           if (table == Table::kClusters) std::fill_n(payload.begin() + at, v.size, true);

@@ -20,6 +20,11 @@ ObjectRecord FullRecord() {
   o.grid.error_unit = 1e-6;
   o.bits = 32;
   o.error_measure = ErrorMeasure::kVertical;
+  o.attributes.attributes = {{"id", ScalarType::kUint32},
+                             {"nx", ScalarType::kFloat32, 0, 10},
+                             {"ny", ScalarType::kFloat32},
+                             {"nz", ScalarType::kFloat32},
+                             {"quality", ScalarType::kFloat64, 0.001}};
   o.double_positions = true;
   o.georeference = std::string("EPSG:25832");
   o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}};
@@ -131,6 +136,22 @@ TEST_CASE("unknown sections are ignored or refused by their must-understand bit"
   Bytes later = EncodeObjectRecord(FullRecord());
   later[0] = std::byte{2};
   CHECK(DecodeObjectRecord(later, "r").status().code() == StatusCode::kUnsupported);
+}
+
+TEST_CASE("attributes that no codec could use are refused", "[store]") {
+  const auto decodes = [](const auto& change) {
+    ObjectRecord o = FullRecord();
+    change(o.attributes.attributes);
+    return DecodeObjectRecord(EncodeObjectRecord(o), "r").ok();
+  };
+  using Attributes = std::vector<VertexAttribute>;
+  CHECK(decodes([](Attributes&) {}));
+  CHECK_FALSE(decodes([](Attributes& a) { a[0].step = 1; }));  // of integers
+  CHECK_FALSE(decodes([](Attributes& a) { a[1].normal_bits = 17; }));
+  CHECK_FALSE(decodes([](Attributes& a) { a[1].normal_bits = 3; }));
+  CHECK_FALSE(decodes([](Attributes& a) { a[2].normal_bits = 10; }));  // within another
+  CHECK_FALSE(decodes([](Attributes& a) { a[3].step = 1; }));
+  CHECK_FALSE(decodes([](Attributes& a) { a.erase(a.begin() + 2); }));
 }
 
 TEST_CASE("numbers that are not finite are refused", "[store]") {

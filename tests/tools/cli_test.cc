@@ -461,6 +461,42 @@ TEST_CASE("--lossless keeps every bit, --bits and --step set the grid", "[cli]")
   CHECK(ReadText(store) == before);
 }
 
+TEST_CASE("--normals and --attribute round attributes, and info says so", "[cli]") {
+  const Folder folder;
+  const std::string input = folder.File("in.ply");
+  const std::string store = folder.File("s.mtdb");
+  std::string text = Square(0, false);
+  for (const char* axis : {"nx", "ny", "nz"}) {
+    text.insert(text.find("property float quality"), std::string("property float ") + axis + "\n");
+  }
+  for (size_t at = 0; (at = text.find(" 0.5\n", at)) != std::string::npos; at += 14) {
+    text.insert(at, " 0.6 0 0.8");
+  }
+  WriteText(input, text);
+  const Json rounded = RunJson(
+      {"ingest", input, store, "--normals", "8", "--attribute", "quality=0.3", "--name", "a"});
+  const Json& attributes = rounded.at("attributes");
+  REQUIRE(attributes.size() == 4);
+  CHECK(attributes.at(0) == Json{{"name", "nx"}, {"type", "float32"}, {"normal_bits", 8}});
+  CHECK(attributes.at(3) == Json{{"name", "quality"}, {"type", "float32"}, {"step", 0.3}});
+  CHECK_THAT(RunOk({"info", store}), Catch::Contains("attribute    quality, step 0.3"));
+  CHECK_THAT(RunOk({"info", store}), Catch::Contains("attribute    nx and the next two"));
+  const std::string output = folder.File("out.ply");
+  RunOk({"extract", store, output});
+  const TriangleMesh mesh = ReadMesh(output);
+  ByteReader row(mesh.rows);
+  CHECK(row.Get<float>() == Approx(0.6).margin(2.13 / 127));
+  CHECK(row.Get<float>() == Approx(0).margin(2.13 / 127));
+  CHECK(row.Get<float>() == Approx(0.8).margin(2.13 / 127));
+  CHECK(row.Get<float>() == Approx(0.6));
+  RunFails(1, {"ingest", input, store, "--attribute", "none=1", "--quiet"}, {"none"});
+  RunFails(2, {"ingest", input, store, "--attribute", "quality=0"}, {"NAME=STEP"});
+  RunFails(2, {"ingest", input, store, "--attribute", "quality"}, {"NAME=STEP"});
+  RunFails(2, {"ingest", input, store, "--normals", "3"}, {"--normals"});
+  WriteText(input, Square(0, true));
+  RunFails(1, {"ingest", input, store, "--normals", "8", "--quiet"}, {"nx, ny, nz"});
+}
+
 TEST_CASE("the digest does not depend on threads", "[cli]") {
   const Example& example = SmallExample();
   const Folder folder;

@@ -135,6 +135,13 @@ Result<Endpoint> ParseEndpoint(const std::string& text) {
   return endpoint;
 }
 
+Result<AttributeStep> ParseAttributeStep(const std::string& text) {
+  const size_t at = text.rfind('=');
+  const Result<double> step = ParsePositive(at == std::string::npos ? "" : text.substr(at + 1));
+  if (!step.ok() || at == 0) return Unexpected(text, "NAME=STEP, the step a number above 0");
+  return AttributeStep{text.substr(0, at), *step};
+}
+
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 }  // namespace mtdb

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "builder/build.h"
 #include "store/base/geometry.h"
 #include "store/base/status.h"
 
@@ -47,6 +48,8 @@ Result<Vec3d> ParsePoint(const std::string& text);
 Result<Ray> ParseRay(const std::string& text);
 // "127.0.0.1:8080", "[::1]:8080", "localhost:8080", or the port alone, on 127.0.0.1.
 Result<Endpoint> ParseEndpoint(const std::string& text);
+// "NAME=STEP"; the last "=" counts.
+Result<AttributeStep> ParseAttributeStep(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
 

@@ -30,6 +30,8 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
   Json attributes = Json::array();
   for (const VertexAttribute& a : r.attributes.attributes) {
     attributes.push_back({{"name", a.name}, {"type", TypeName(a.type)}});
+    if (a.step > 0) attributes.back()["step"] = a.step;
+    if (a.normal_bits > 0) attributes.back()["normal_bits"] = a.normal_bits;
   }
   Json rounds = Json::array();
   for (const RoundReport& round : r.rounds) {

@@ -141,6 +141,8 @@ Status Ingest(const IngestArguments& arguments) {
   options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
   options.bits = arguments.bits;
   options.step = arguments.step;
+  options.normal_bits = arguments.normal_bits;
+  options.attribute_steps = arguments.attribute_steps;
   options.threads = arguments.threads;
   options.memory_bytes =
       arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));

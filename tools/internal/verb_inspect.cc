@@ -27,7 +27,10 @@ void PrintInfo(const ObjectRecord& r) {
     std::printf("  positions    %d bits, step %.6g\n", r.bits, r.grid.step);
   }
   for (const VertexAttribute& a : r.attributes.attributes) {
-    std::printf("  attribute    %s\n", a.name.c_str());
+    std::printf("  attribute    %s", a.name.c_str());
+    if (a.step > 0) std::printf(", step %.6g", a.step);
+    if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
+    std::printf("\n");
   }
   std::printf("  MT           %llu nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
               U(r.nodes), r.clusters, r.depth, r.max_degree, r.rounds.size());

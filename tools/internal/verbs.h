@@ -21,6 +21,8 @@ struct IngestArguments {
   int bits = 16;
   std::optional<double> step;
   bool lossless = false;
+  std::optional<int> normal_bits;
+  std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;
   std::string tmp;                       // folder of temporary files; empty: the store's
   std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
