@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstring>
+#include <functional>
+#include <initializer_list>
 
 #include "store/internal/catalog_entry.h"
-#include "store/internal/index_codec.h"
 #include "store/internal/keys.h"
-#include "store/internal/meta_page.h"
-#include "store/internal/page.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
@@ -43,30 +42,28 @@ class Patient {
   }
 
   // Changes bodies of catalog entries under `key` that begin so, in all snapshots, and seals them.
-  void Change(ByteSpan key, ByteSpan begin, const std::function<void(std::byte* body)>& change) {
+  void Change(ByteSpan key, ByteSpan begin, size_t size_bytes,
+              const std::function<void(std::byte* body)>& change) {
+    const uint64_t seed = ValueSeed(Table::kCatalog, key);
     size_t changed = 0;
-    for (size_t at = kChecksumBytes; at + begin.size() <= bytes_.size(); ++at) {
-      if (!std::equal(begin.begin(), begin.end(), bytes_.begin() + ptrdiff_t(at))) continue;
-      // The value's size: its checksum tells.
-      for (size_t size = begin.size(); at + size <= bytes_.size() && size < 4096; ++size) {
-        const ByteSpan body = ByteSpan(bytes_).subspan(at, size);
-        const uint64_t seed = ValueSeed(Table::kCatalog, key);
-        if (Hash64(body, seed) != Get<uint64_t>(at - kChecksumBytes)) continue;
-        change(bytes_.data() + at);
-        Put(at - kChecksumBytes, Hash64(body, seed));
-        ++changed;
-        break;
-      }
+    for (size_t at = kChecksumBytes; at + size_bytes <= bytes_.size(); ++at) {
+      const ByteSpan body = ByteSpan(bytes_).subspan(at, size_bytes);
+      if (!std::ranges::equal(begin, body.first(begin.size()))) continue;
+      if (Hash64(body, seed) != Get<uint64_t>(at - kChecksumBytes)) continue;
+      change(bytes_.data() + at);
+      Put(at - kChecksumBytes, Hash64(body, seed));
+      ++changed;
     }
     REQUIRE(changed > 0);
   }
   void ChangeSuperblock(const std::function<void(std::byte* body)>& change) {
-    Change(SuperblockKey(), AsBytes("mtdb store"), change);
+    Change(SuperblockKey(), AsBytes("mtdb store"), kSuperblockBytes, change);
   }
   // From its version on.
   void ChangeRecord(const std::function<void(std::byte* body)>& change) {
-    constexpr uint8_t kBegin[] = {1, 0, 0, 0, 10, 0, 0x81};
-    Change(ObjectKey("sheet"), std::as_bytes(std::span(kBegin)), change);
+    WriteFile(path_, bytes_);
+    const Bytes body = EncodeObjectRecord(OpenReadOnly(path_)->Find("sheet").value());
+    Change(ObjectKey("sheet"), body, body.size(), change);
   }
 
   // Every way in says so.
