@@ -347,6 +347,22 @@ void ClusterCache::Work() {
   }
 }
 
+// What the last reader leaves behind goes back to the system.
+void ClusterCache::RemoveReader(Tally& tally) {
+  std::vector<LoadedUnitPtr> dropped;
+  bool trim = false;
+  {
+    const std::lock_guard lock(mutex_);
+    tally.stopped = true;
+    --readers_;
+    DropIdle(dropped);
+    trim = !dropped.empty() && dropped_bytes_ >= kTrimBytes;
+    if (trim) dropped_bytes_ = 0;
+  }
+  dropped.clear();
+  if (trim) GiveMemoryBack();
+}
+
 size_t ClusterCache::bytes() const {
   const std::lock_guard lock(mutex_);
   return bytes_;

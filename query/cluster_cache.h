@@ -108,6 +108,7 @@ class ClusterCache {
   Status Wait(Errand& errand, Lock& lock);
   bool RunJob(Lock& lock);
   void Work();
+  void RemoveReader(Tally& tally);
 
   // With mutex_ held.
   void Pin(UnitId unit);

@@ -37,11 +37,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
 
 UnitReader::~UnitReader() {
   Release();
-  std::vector<LoadedUnitPtr> dropped;
-  const std::lock_guard lock(cache_.mutex_);
-  tally_->stopped = true;
-  --cache_.readers_;
-  cache_.DropIdle(dropped);
+  cache_.RemoveReader(*tally_);
 }
 
 Status UnitReader::Check() {
