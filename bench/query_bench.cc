@@ -15,6 +15,11 @@
 //                        warm): clusters and kilobytes read.
 //   BM_ColdFull/T        the whole surface at full resolution from a new handle, with T threads.
 //                        Real time.
+//   BM_FormUniform/F/K   a uniform cut of K thousand triangles, no mesh is kept; F: 0 explicit, 1
+//                        implicit. K = 0: full resolution. cache_MB and resident_MB between
+//                        queries, the second the growth of the resident set; peak_MB: the cache
+//                        during a query.
+//   BM_FormBox/F/P       likewise, full resolution in a box as in BM_WarmBox.
 //   BM_DecodeClusters    reading, checking and decoding every cluster, one thread.
 //                        items_per_second: nodes.
 //   BM_Threads/N/M       N threads ask 60 random boxes each of one handle with a cache of M MB, no
@@ -29,6 +34,7 @@
 #include <benchmark/benchmark.h>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <malloc.h>
 #include <random>
 #include <thread>
@@ -152,6 +158,50 @@ void BM_WarmBox(benchmark::State& state) {
   state.counters["outside_percent"] = 100.0 *
                                       static_cast<double>(stats.triangles - inside.triangles) /
                                       static_cast<double>(inside.triangles);
+}
+
+// Warm, with what the form keeps.
+void RepeatInForm(benchmark::State& state, const std::function<Query(const Surface&)>& make) {
+  Store();
+  malloc_trim(0);
+  ResetPeakMemory();
+  const uint64_t before = PeakMemoryBytes();
+  const std::shared_ptr<Surface> surface = Store().OpenSurface(
+      "sculpture", {.cache_bytes = size_t{512} << 20,
+                    .form = state.range(0) == 0 ? RuntimeForm::kExplicit : RuntimeForm::kImplicit,
+                    .threads = 1});
+  const Query query = make(*surface);
+  ExtractStats stats = Count(state, *surface, query);
+  for (auto _ : state) stats = Count(state, *surface, query);
+  if (stats.bytes_read != 0) state.SkipWithError("not warm");
+  malloc_trim(0);
+  ResetPeakMemory();
+  Deliver(state, stats);
+  state.counters["clusters"] = static_cast<double>(stats.clusters_used);
+  state.counters["cache_MB"] = static_cast<double>(surface->cache().bytes()) / 1e6;
+  state.counters["peak_MB"] = static_cast<double>(surface->cache().peak_bytes()) / 1e6;
+  state.counters["resident_MB"] =
+      (static_cast<double>(PeakMemoryBytes()) - static_cast<double>(before)) / 1e6;
+}
+
+void BM_FormUniform(benchmark::State& state) {
+  RepeatInForm(state, [&](const Surface& surface) {
+    Query query;
+    if (state.range(1) == 0) return query;  // full resolution
+    query.max_triangles = 1000 * static_cast<uint64_t>(state.range(1));
+    const std::shared_ptr<Surface> other = OpenWith(1);
+    const ExtractStats budget = Count(state, *other, query);
+    query.max_triangles.reset();
+    query.threshold = ConstantThreshold(budget.error_bound - surface.record().grid.cell_error());
+    return query;
+  });
+}
+
+void BM_FormBox(benchmark::State& state) {
+  RepeatInForm(state, [&](const Surface& surface) {
+    return BoxQuery(surface.record(), Sculpture(kTriangles).positions.size() / 3,
+                    1e-3 * static_cast<double>(state.range(1)));
+  });
 }
 
 void BM_ColdBox(benchmark::State& state) {
@@ -298,6 +348,16 @@ BENCHMARK(BM_ColdFull)
     ->Arg(1)
     ->Arg(2)
     ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_FormUniform)
+    ->ArgNames({"implicit", "thousands"})
+    ->ArgsProduct({{0, 1}, {100, 500, 0}})
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_FormBox)
+    ->ArgNames({"implicit", "per_mille"})
+    ->ArgsProduct({{0, 1}, {90, 200, 600}})
+    ->MeasureProcessCPUTime()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_DecodeClusters)->MeasureProcessCPUTime()->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Threads)

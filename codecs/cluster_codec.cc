@@ -64,6 +64,7 @@ class ClusterDecoder {
   bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
 
   AttributeCoder attribute_coder_;
+  std::vector<Vec3i> ring_positions_;
   const std::string& where_;
   Cluster cluster_;
   uint8_t flags_ = 0;
@@ -216,8 +217,11 @@ void ClusterDecoder::DecodeRow(uint32_t node) {
   rows.resize(at + attribute_coder_.row_bytes());
   const std::span<const Vec3i> positions = cluster_.in.positions;
   const uint32_t vertex = cluster_.external_vertices() + node;
-  const AttributeCoder::Star star{positions[vertex], cluster_.ring(node), positions.first(vertex)};
-  attribute_coder_.Decode(attribute_stream_, star, rows, rows.data() + at);
+  const std::span<const uint32_t> ring = cluster_.ring(node);
+  ring_positions_.clear();
+  for (const uint32_t v : ring) ring_positions_.push_back(positions[v]);
+  attribute_coder_.Decode(attribute_stream_, {positions[vertex], ring, ring_positions_}, rows,
+                          rows.data() + at);
 }
 
 Status ClusterDecoder::DecodeGeneration() {

@@ -122,6 +122,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
 
   // Vertex numbers of the stored cluster; rows in that numbering.
   AttributeCoder attribute_coder(attributes);
+  std::vector<Vec3i> ring_positions;
   const size_t row = attribute_coder.row_bytes();
   std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
   Bytes rows;
@@ -209,7 +210,9 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     const Vec3i p = updates.positions[node.vertex];
     residuals.push_back(MeasureVertex(patch, hole, node.boundary, p));
     if (row != 0) {
-      attribute_coder.Encode(attribute_stream, {p, hole.ring_span(), positions}, rows,
+      ring_positions.clear();
+      for (const uint32_t v : hole.ring_span()) ring_positions.push_back(positions[v]);
+      attribute_coder.Encode(attribute_stream, {p, hole.ring_span(), ring_positions}, rows,
                              updates.rows.data() + node.vertex * row, observer);
       append_row(node.vertex);
       positions.push_back(p);

@@ -48,6 +48,7 @@ class UpdateDecoder::Impl {
   RansDecoder<> decoder_{{}};
   UpdateModels models_{{}};
   Bytes row_;
+  std::vector<Vec3i> ring_;  // positions around the vertex at hand
   std::vector<std::pair<uint32_t, uint64_t>> fresh_;
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
   std::vector<uint32_t> slots_;
@@ -246,8 +247,8 @@ Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
     } else {
       CodePosition(coder, models_, mesh_, update, position);
       if (!row_.empty()) {
-        models_.attribute_coder.Decode(decoder_, update.hole.ring_span(), mesh_.rows(),
-                                       row_.data());
+        models_.attribute_coder.Decode(decoder_, AttributeStar(mesh_, update, position, &ring_),
+                                       mesh_.rows(), row_.data());
       }
     }
   }

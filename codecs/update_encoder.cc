@@ -28,6 +28,7 @@ class UpdateEncoder::Impl {
   const size_t row_bytes_;
   ClientMesh mesh_;
   UpdateModels models_;
+  std::vector<Vec3i> ring_;  // positions around the vertex at hand
   Bytes start_;
   uint64_t listed_ = 0;
   uint64_t recalled_ = 0;
@@ -273,8 +274,8 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
       Vec3i p = node.position;
       CodePosition(coder_, models_, mesh_, update, p);
       if (row_bytes_ != 0) {
-        models_.attribute_coder.Encode(coder_, update.hole.ring_span(), mesh_.rows(),
-                                       RowOf(batch, node));
+        models_.attribute_coder.Encode(coder_, AttributeStar(mesh_, update, p, &ring_),
+                                       mesh_.rows(), RowOf(batch, node));
       }
     }
   }

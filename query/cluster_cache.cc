@@ -43,6 +43,9 @@ void GiveMemoryBack() {
 #endif
 }
 
+// Payloads take at most this share of the budget: the rest is for the units that a query decodes.
+constexpr size_t kPayloadShare = 2;
+
 }  // namespace
 
 // What a load has yet to do: the units that are not ready, and pins on those that they come from.
@@ -117,11 +120,12 @@ class ClusterCache::Plan {
 };
 
 ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes,
-                           unsigned threads)
+                           unsigned threads, RuntimeForm form)
     : source_(std::move(source)),
       index_(source_->index()),
       budget_bytes_(budget_bytes),
       threads_(threads),
+      form_(form),
       entries_(UnitCount(index_)) {}
 
 ClusterCache::~ClusterCache() {
@@ -134,6 +138,7 @@ ClusterCache::~ClusterCache() {
 }
 
 Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
+  std::vector<LoadedUnitPtr> dropped;
   Lock lock(mutex_);
   MTDB_CHECK(unit < entries_.size(), "no such cluster or root piece");
   LoadedUnitPtr value;
@@ -149,13 +154,16 @@ Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
     Enter();
     Result<LoadedUnitPtr> loaded = Load(unit, errand, lock);
     Leave();
+    DropIdle(dropped);
     *stats = tally.stats;
     stats->seconds += watch.Seconds();
     MTDB_ASSIGN_OR_RETURN(value, std::move(loaded));
   }
   return LoadedUnitPtr(value.get(), [this, unit](const LoadedUnit*) {
+    std::vector<LoadedUnitPtr> idle;
     const std::lock_guard unpin_lock(mutex_);
     Unpin(unit);
+    DropIdle(idle);
   });
 }
 
@@ -195,12 +203,13 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
   Entry& entry = entries_[unit];
   LoadStats stats;
+  Payload payload = entry.payload;
   const bool trim = dropped_bytes_ >= kTrimBytes;
   if (trim) dropped_bytes_ = 0;
   lock.unlock();
   dropped.clear();
   if (trim) GiveMemoryBack();
-  Result<LoadedUnitPtr> loaded = ReadAndDecode(unit, errand, stats);
+  Result<LoadedUnitPtr> loaded = ReadAndDecode(unit, errand, stats, payload);
   lock.lock();
   errand.tally.stats.read_seconds += stats.read_seconds;
   errand.tally.stats.decode_seconds += stats.decode_seconds;
@@ -220,6 +229,7 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
     entry.value = *std::move(loaded);
     entry.state = State::kReady;
     ++decoded_;
+    if (form_ == RuntimeForm::kImplicit) KeepPayload(unit, std::move(payload), dropped);
     Link(unit);
   }
   loaded_.notify_all();
@@ -246,14 +256,17 @@ Status ClusterCache::Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnit
   return Status::Ok();
 }
 
-Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats) {
+// `payload`: the one that is kept, or null; then the one that was read.
+Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats,
+                                                  Payload& payload) {
   const Stopwatch read_watch;
   UnitReader* reader = errand.reader;
   const bool keep = reader != nullptr && reader->limits_.max_bytes.has_value();
-  Bytes payload;
-  if (const auto kept =
-          keep ? reader->payloads_.find(unit) : std::unordered_map<UnitId, Bytes>::iterator{};
-      keep && kept != reader->payloads_.end()) {
+  if (payload != nullptr) {
+    // Nothing to read.
+  } else if (const auto kept = keep ? reader->payloads_.find(unit)
+                                    : std::unordered_map<UnitId, Payload>::iterator{};
+             keep && kept != reader->payloads_.end()) {
     payload = kept->second;
   } else {
     if (keep && !IsRootUnit(index_, unit) &&
@@ -264,8 +277,9 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
                                                      std::to_string(*reader->limits_.max_bytes) +
                                                      " bytes; raise it, or the cache's size");
     }
-    MTDB_ASSIGN_OR_RETURN(payload, ReadPayload(unit));
-    stats.bytes_read = payload.size();
+    MTDB_ASSIGN_OR_RETURN(Bytes bytes, ReadPayload(unit));
+    payload = std::make_shared<const Bytes>(std::move(bytes));
+    stats.bytes_read = payload->size();
     if (keep) reader->payloads_.emplace(unit, payload);
     if (reader != nullptr) reader->NoteLoad();
   }
@@ -273,7 +287,7 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
   const Stopwatch decode_watch;
   std::vector<LoadedUnitPtr> parents;
   for (const UnitId p : UnitParents(index_, unit)) parents.push_back(entries_[p].value);
-  Result<LoadedUnitPtr> loaded = LoadUnit(source_->record(), index_, unit, payload, parents);
+  Result<LoadedUnitPtr> loaded = LoadUnit(source_->record(), index_, unit, *payload, parents);
   stats.decode_seconds = decode_watch.Seconds();
   return loaded;
 }
@@ -319,6 +333,8 @@ bool ClusterCache::RunJob(Lock& lock) {
     Errand errand{*job.tally};
     if (Load(job.unit, errand, lock).ok()) Unpin(job.unit);
     Leave();
+    std::vector<LoadedUnitPtr> dropped;  // when the query is over meanwhile
+    DropIdle(dropped);
     return true;
   }
   return false;
@@ -329,6 +345,22 @@ void ClusterCache::Work() {
   while (!stopping_) {
     if (!RunJob(lock)) work_.wait(lock);
   }
+}
+
+// What the last reader leaves behind goes back to the system.
+void ClusterCache::RemoveReader(Tally& tally) {
+  std::vector<LoadedUnitPtr> dropped;
+  bool trim = false;
+  {
+    const std::lock_guard lock(mutex_);
+    tally.stopped = true;
+    --readers_;
+    DropIdle(dropped);
+    trim = !dropped.empty() && dropped_bytes_ >= kTrimBytes;
+    if (trim) dropped_bytes_ = 0;
+  }
+  dropped.clear();
+  if (trim) GiveMemoryBack();
 }
 
 size_t ClusterCache::bytes() const {
@@ -372,21 +404,57 @@ void ClusterCache::Unlink(UnitId unit) {
   (entry.older == kNone32 ? oldest_ : entries_[entry.older].newer) = entry.newer;
 }
 
+// Decoded units go before payloads, which are smaller and cost a read.
 bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
   uint32_t unit = oldest_;
   while (bytes_ + bytes > budget_bytes_ && unit != kNone32) {
-    Entry& entry = entries_[unit];
-    const uint32_t next = entry.newer;
-    if (entry.pins == 0) {
-      Unlink(unit);
-      dropped.push_back(std::move(entry.value));
-      bytes_ -= entry.bytes;
-      dropped_bytes_ += entry.bytes;
-      entry = Entry{};
-    }
+    const uint32_t next = entries_[unit].newer;
+    if (entries_[unit].pins == 0) Drop(unit, dropped);
     unit = next;
   }
+  while (bytes_ + bytes > budget_bytes_ && !payloads_.empty()) DropOldestPayload();
   return bytes_ + bytes <= budget_bytes_;
+}
+
+void ClusterCache::Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped) {
+  Entry& entry = entries_[unit];
+  Unlink(unit);
+  dropped.push_back(std::move(entry.value));
+  bytes_ -= entry.bytes;
+  dropped_bytes_ += entry.bytes;
+  entry.bytes = 0;
+  entry.state = State::kEmpty;
+}
+
+void ClusterCache::DropIdle(std::vector<LoadedUnitPtr>& dropped) {
+  if (form_ == RuntimeForm::kExplicit || readers_ > 0) return;
+  for (uint32_t unit = oldest_; unit != kNone32;) {
+    const uint32_t next = entries_[unit].newer;
+    if (entries_[unit].pins == 0) Drop(unit, dropped);
+    unit = next;
+  }
+}
+
+void ClusterCache::KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped) {
+  if (entries_[unit].payload != nullptr) return;
+  const size_t most = budget_bytes_ / kPayloadShare;
+  const size_t bytes = payload->size();
+  if (bytes > most) return;
+  while (payload_bytes_ + bytes > most) DropOldestPayload();
+  if (!MakeRoom(bytes, dropped)) return;
+  payload_bytes_ += bytes;
+  bytes_ += bytes;
+  peak_bytes_ = std::max(peak_bytes_, bytes_);
+  payloads_.push_back(unit);
+  entries_[unit].payload = std::move(payload);
+}
+
+void ClusterCache::DropOldestPayload() {
+  Payload& payload = entries_[payloads_.front()].payload;
+  payloads_.pop_front();
+  payload_bytes_ -= payload->size();
+  bytes_ -= payload->size();
+  payload.reset();
 }
 
 // Six star triangles a node are usual.

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <mutex>
 #include <queue>
@@ -34,12 +35,15 @@ struct LoadStats {
 // Keeps decoded units within a budget of bytes; the least recently used go first. A unit is pinned
 // while a caller holds it: pinned units count and are never dropped. The budget is hard: what finds
 // no room waits, or fails with kBudgetExceeded. A unit is decoded from its parents, which are
-// loaded on the way, coarsest first; by one thread, however many want it. Safe for many threads; a
-// hit costs one short critical section. Must outlive its readers and the pointers it gave.
+// loaded on the way, coarsest first; by one thread, however many want it. In the implicit form it
+// keeps payloads, within half of the budget, and decoded units only while there is a reader, in
+// what room is left. Safe for many threads; a hit costs one short critical section. Must outlive
+// its readers and the pointers it gave.
 class ClusterCache {
  public:
   // With threads > 1, threads - 1 of its own read and decode what UnitReader::Prefetch names.
-  ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes, unsigned threads = 1);
+  ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes, unsigned threads = 1,
+               RuntimeForm form = RuntimeForm::kExplicit);
   ~ClusterCache();
   ClusterCache(const ClusterCache&) = delete;
   ClusterCache& operator=(const ClusterCache&) = delete;
@@ -51,7 +55,7 @@ class ClusterCache {
 
   unsigned threads() const { return threads_; }
   size_t budget_bytes() const { return budget_bytes_; }
-  // Bytes of the units held now, pinned ones and those being decoded included.
+  // Bytes of the units and payloads held now, pinned ones and those being decoded included.
   size_t bytes() const;
   // The most that bytes() has been.
   size_t peak_bytes() const;
@@ -61,8 +65,10 @@ class ClusterCache {
  private:
   friend class UnitReader;
   enum class State : uint8_t { kEmpty, kLoading, kReady };
+  using Payload = std::shared_ptr<const Bytes>;
   struct Entry {
     LoadedUnitPtr value;  // when kReady
+    Payload payload;      // in the implicit form, or null
     size_t bytes = 0;     // an estimate when kLoading
     uint32_t pins = 0;
     uint32_t newer = kNone32;  // neighbours in the list of ready units by last use
@@ -96,15 +102,23 @@ class ClusterCache {
   Result<LoadedUnitPtr> TryLoad(UnitId unit, Errand& errand, Lock& lock);
   Status LoadOne(UnitId unit, Errand& errand, Lock& lock);
   Status Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnitPtr>& dropped);
-  Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats);
+  Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats,
+                                      Payload& payload);
   Result<Bytes> ReadPayload(UnitId unit);
   Status Wait(Errand& errand, Lock& lock);
   bool RunJob(Lock& lock);
   void Work();
+  void RemoveReader(Tally& tally);
 
   // With mutex_ held.
   void Pin(UnitId unit);
   void Unpin(UnitId unit) { --entries_[unit].pins; }
+  void Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped);
+  // Of a unit that was just decoded, and is not linked yet.
+  void KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped);
+  void DropOldestPayload();
+  // In the implicit form, when nobody asks: drops the units that nobody holds.
+  void DropIdle(std::vector<LoadedUnitPtr>& dropped);
   void Enter() { ++holders_; }
   void Leave();
   void Link(UnitId unit);
@@ -118,6 +132,7 @@ class ClusterCache {
   const ClusterIndex& index_;
   const size_t budget_bytes_;
   const unsigned threads_;
+  const RuntimeForm form_;
 
   mutable std::mutex mutex_;
   std::condition_variable loaded_;  // some unit left kLoading
@@ -126,6 +141,9 @@ class ClusterCache {
   std::vector<Entry> entries_;      // by unit
   uint32_t newest_ = kNone32;
   uint32_t oldest_ = kNone32;
+  std::deque<UnitId> payloads_;  // kept ones, oldest first
+  size_t payload_bytes_ = 0;     // of these; in bytes_ too
+  uint32_t readers_ = 0;
   size_t bytes_ = 0;
   size_t peak_bytes_ = 0;
   uint64_t decoded_ = 0;

@@ -25,6 +25,12 @@ struct SlotOrigin {
   uint32_t creator = 0;  // node of the parent; kNone32 when the parent is a root piece
 };
 
+// How a surface keeps clusters in memory between queries.
+enum class RuntimeForm : uint8_t {
+  kExplicit,  // decoded, as LoadedUnit: holes, stars, arcs are listed
+  kImplicit,  // as in the store: a query decodes what it needs, again
+};
+
 // Immutable once loaded; safe for many threads.
 struct LoadedUnit {
   UnitId id = 0;

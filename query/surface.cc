@@ -56,8 +56,8 @@ Surface::Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& op
     : source_(std::move(source)),
       cache_(std::make_unique<ClusterCache>(
           source_, options.cache_bytes,
-          options.threads > 0 ? options.threads
-                              : std::max(1u, std::thread::hardware_concurrency()))) {}
+          options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency()),
+          options.form)) {}
 
 Surface::~Surface() = default;
 

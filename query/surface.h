@@ -15,6 +15,7 @@
 #include <memory>
 
 #include "query/cut.h"
+#include "query/loaded_unit.h"
 #include "query/query.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
@@ -26,9 +27,13 @@ namespace mtdb {
 class ClusterCache;
 
 struct SurfaceOptions {
-  // Of decoded clusters, those in use included. A query beside that takes about a byte for each
-  // node of the clusters that it uses, and its output's blocks; see docs/design.md.
+  // Of clusters, those in use included. A query beside that takes about a byte for each node of the
+  // clusters that it uses, and its output's blocks; see docs/design.md.
   size_t cache_bytes = size_t{256} << 20;
+  // Implicit: some 4 bytes a node between queries (and attributes) instead of 120, and each query
+  // decodes anew, which takes it 6 to 20 times as long (docs/BENCHMARKS.md). Answers do not depend
+  // on it. For many open surfaces with few queries each.
+  RuntimeForm form = RuntimeForm::kExplicit;
   // That read and decode for one query, its own included. 0: as many as the machine has. Answers do
   // not depend on it.
   unsigned threads = 0;

@@ -25,6 +25,10 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
       tally_(std::make_shared<ClusterCache::Tally>()),
       seen_(cache.entries_.size()) {
   tally_->read.resize(cache.entries_.size());
+  {
+    const std::lock_guard lock(cache.mutex_);
+    ++cache.readers_;
+  }
   if (cache.threads() < 2 || limits.max_bytes || cache.index_.cluster_count() == 0) return;
   const size_t typical = cache.EstimateBytes(0);  // of the finest round, as most are
   prefetch_units_ = std::min(kPrefetchPerThread * cache.threads(),
@@ -33,8 +37,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
 
 UnitReader::~UnitReader() {
   Release();
-  const std::lock_guard lock(cache_.mutex_);
-  tally_->stopped = true;
+  cache_.RemoveReader(*tally_);
 }
 
 Status UnitReader::Check() {
@@ -104,7 +107,9 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
       ClusterCache::Entry& entry = cache_.entries_[unit];
       if (!seen_[unit]) {
         seen_[unit] = true;
-        const bool there = entry.state == ClusterCache::State::kReady && !tally_->read[unit];
+        const bool there =
+            (entry.state == ClusterCache::State::kReady || entry.payload != nullptr) &&
+            !tally_->read[unit];
         if (there && !IsRootUnit(cache_.index_, unit)) ++tally_->stats.clusters_cached;
       }
       Status status;
@@ -176,7 +181,8 @@ uint64_t UnitReader::BytesToRead(UnitId unit) const {
     open.pop_back();
     if (!visited.insert(u).second) continue;
     if (cache_.entries_[u].state == ClusterCache::State::kReady) continue;
-    if (!IsRootUnit(cache_.index_, u) && !payloads_.contains(u)) {
+    if (!IsRootUnit(cache_.index_, u) && !payloads_.contains(u) &&
+        cache_.entries_[u].payload == nullptr) {
       bytes += cache_.index_.location(ClusterId(u)).length;
     }
     for (const UnitId p : UnitParents(cache_.index_, u)) open.push_back(p);

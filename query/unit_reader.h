@@ -73,7 +73,7 @@ class UnitReader {
   std::vector<UnitId> held_;
   std::vector<bool> seen_;  // per unit: wanted before
   // With max_bytes: what was read, so that nothing is read twice.
-  std::unordered_map<UnitId, Bytes> payloads_;
+  std::unordered_map<UnitId, ClusterCache::Payload> payloads_;
   size_t held_bytes_ = 0;
   bool exclusive_ = false;
   bool crowded_ = false;

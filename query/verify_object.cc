@@ -6,6 +6,7 @@
 
 #include "query/cluster_cache.h"
 #include "query/internal/bits.h"
+#include "query/unit_reader.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb {
@@ -210,6 +211,7 @@ class Verifier {
 }  // namespace
 
 Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report) {
+  const UnitReader asks(surface.cache(), {});  // what one step decodes is there for the next
   Verifier verifier(surface, report);
   return level == VerifyLevel::kFull ? verifier.Full() : verifier.Global();
 }

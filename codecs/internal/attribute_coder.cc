@@ -119,16 +119,15 @@ Vec3d Unit(const Vec3d& v) {
 
 // Of the triangles between the vertex and its ring, each by its area.
 Vec3d StarNormal(const AttributeCoder::Star& star) {
-  const auto offset = [&](uint32_t v) {
-    const Vec3i& q = star.positions[v];
+  const auto offset = [&](const Vec3i& q) {
     const Vec3i& p = star.position;
     return Vec3d{static_cast<double>(q.x) - p.x, static_cast<double>(q.y) - p.y,
                  static_cast<double>(q.z) - p.z};
   };
   Vec3d sum{0, 0, 0};
-  Vec3d before = offset(star.ring.back());
-  for (const uint32_t v : star.ring) {
-    const Vec3d next = offset(v);
+  Vec3d before = offset(star.ring_positions.back());
+  for (const Vec3i& q : star.ring_positions) {
+    const Vec3d next = offset(q);
     sum = sum + Cross(before, next);
     before = next;
   }

@@ -28,7 +28,7 @@ class AttributeCoder {
   struct Star {
     Vec3i position;
     std::span<const uint32_t> ring;
-    std::span<const Vec3i> positions;  // of all vertices before
+    std::span<const Vec3i> ring_positions;
   };
   explicit AttributeCoder(const AttributeLayout& layout);
   size_t row_bytes() const { return row_bytes_; }

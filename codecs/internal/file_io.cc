@@ -69,7 +69,9 @@ Result<size_t> InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) cons
 }
 
 BlockReader::BlockReader(const InputFile& file, uint64_t offset)
-    : file_(file), buffer_(kBufferBytes), file_end_(offset) {}
+    : file_(file),
+      buffer_(std::clamp<uint64_t>(file.size_bytes(), 1, kBufferBytes)),
+      file_end_(offset) {}
 
 bool BlockReader::Fill(size_t size_bytes) {
   if (!status_.ok()) return false;

@@ -37,7 +37,8 @@ class InputFile {
   uint64_t size_bytes_;
 };
 
-// A forward cursor over binary data with a buffer of fixed size. `file` must outlive it.
+// A forward cursor over binary data with a buffer of fixed size, or the file's. `file` must outlive
+// it.
 class BlockReader {
  public:
   static constexpr size_t kBufferBytes = size_t{1} << 20;

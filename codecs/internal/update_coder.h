@@ -314,6 +314,14 @@ void CodePosition(Coder& coder, UpdateModels& models, const ClientMesh& mesh,
        frame.unevenness(mesh, hole.ring_span()));
 }
 
+// What attributes are predicted from; fills `positions`, which the result names.
+inline AttributeCoder::Star AttributeStar(const ClientMesh& mesh, const UpdateHole& update, Vec3i p,
+                                          std::vector<Vec3i>* positions) {
+  positions->clear();
+  for (const uint32_t v : update.hole.ring_span()) positions->push_back(mesh.position(v));
+  return {p, update.hole.ring_span(), *positions};
+}
+
 // Puts the star in the place of the hole. `slots`: those of the star's triangles, in ring order.
 inline void InsertStar(ClientMesh& mesh, UpdateModels& models, const UpdateHole& update,
                        uint32_t vertex, std::vector<uint32_t>* slots) {

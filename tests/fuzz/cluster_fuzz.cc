@@ -2,9 +2,11 @@
 // meet it. The first byte chooses the patch.
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <vector>
 
 #include "codecs/cluster_codec.h"
-#include "tests/codecs/cluster_fixture.h"
+#include "tests/fuzz/cluster_fuzz_targets.h"
 
 using mtdb::testing::ClusterFixture;
 using mtdb::testing::MakeCluster;
@@ -23,15 +25,10 @@ struct Target {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  using mtdb::testing::Numbers;
-  using mtdb::testing::Surface;
-  static const Target kTargets[] = {
-      Target({.side = 8}),
-      Target({.surface = Surface::kSheet, .side = 8, .pierced = true}),
-      Target({.side = 8, .numbers = Numbers::kWild, .attributes = true}),
-  };
+  static const std::vector<Target> kTargets(std::begin(mtdb::testing::kClusterFuzzTargets),
+                                            std::end(mtdb::testing::kClusterFuzzTargets));
   if (size == 0) return 0;
-  const Target& target = kTargets[data[0] % 3];
+  const Target& target = kTargets[data[0] % kTargets.size()];
   const auto payload = mtdb::ByteSpan(reinterpret_cast<const std::byte*>(data), size).subspan(1);
   const auto nodes = static_cast<uint32_t>(target.fixture.updates.nodes.size());
   const auto cluster =

@@ -1,0 +1,14 @@
+// The clusters whose in-patches the cluster target decodes against.
+#pragma once
+
+#include "tests/codecs/cluster_fixture.h"
+
+namespace mtdb::testing {
+
+inline constexpr ClusterOptions kClusterFuzzTargets[] = {
+    {.side = 8},
+    {.surface = Surface::kSheet, .side = 8, .pierced = true},
+    {.side = 8, .numbers = Numbers::kWild, .attributes = true},
+};
+
+}  // namespace mtdb::testing

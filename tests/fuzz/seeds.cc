@@ -1,0 +1,170 @@
+// Writes good inputs of every fuzz target: FOLDER/<target>/<seed>. What fuzzing starts from when a
+// format has changed; see README.md.
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "codecs/cluster_codec.h"
+#include "codecs/root_codec.h"
+#include "store/internal/catalog_entry.h"
+#include "store/internal/index_codec.h"
+#include "store/object_record.h"
+#include "tests/fuzz/cluster_fuzz_targets.h"
+
+namespace mtdb {
+namespace {
+
+class SeedFolder {
+ public:
+  explicit SeedFolder(std::string path) : path_(std::move(path)) {}
+  // `choice`: the first byte, which targets take to choose what to read.
+  void Add(const std::string& target, const std::string& seed, int choice, ByteSpan bytes) const {
+    const std::filesystem::path folder = std::filesystem::path(path_) / target;
+    std::filesystem::create_directories(folder);
+    std::ofstream file(folder / seed, std::ios::binary);
+    file << static_cast<char>(choice) << AsString(bytes);
+  }
+  void Add(const std::string& target, const std::string& seed, int choice,
+           const std::string& text) const {
+    Add(target, seed, choice, AsBytes(text));
+  }
+
+ private:
+  const std::string path_;
+};
+
+void AddPayloads(const SeedFolder& folder) {
+  int choice = 0;
+  for (const testing::ClusterOptions& options : testing::kClusterFuzzTargets) {
+    const testing::ClusterFixture fixture = testing::MakeCluster(options);
+    const EncodedCluster encoded = EncodeCluster(fixture.updates, fixture.attributes);
+    folder.Add("cluster", "seed" + std::to_string(choice), choice, encoded.payload);
+    ++choice;
+  }
+  RootPiece piece;
+  for (uint32_t t = 0; t < 20; ++t) {
+    piece.triangles.push_back({t, t + 1, t + 2});
+    piece.removers.push_back(t % 3 == 0 ? kDrain : kChildFlag | t % 2);
+  }
+  for (uint32_t v = 0; v < 22; ++v) {
+    piece.positions.push_back({static_cast<int32_t>(v * v), static_cast<int32_t>(10 * v), -5});
+    piece.vertices.push_back(v * 3);
+  }
+  piece.children = {ClusterId(4), ClusterId(9)};
+  folder.Add("root", "seed0", 0, EncodeRootPiece(piece, {}));
+  piece.explicit_arcs = {{1, 7, 2}, {2, 0, 0}};
+  piece.rows.assign(22 * 5, std::byte{3});
+  const AttributeLayout layout{{{"quality", ScalarType::kFloat32}, {"red", ScalarType::kUint8}}};
+  folder.Add("root", "seed1", 1, EncodeRootPiece(piece, layout));
+}
+
+void AddStoreValues(const SeedFolder& folder) {
+  ClusterIndex index;
+  for (uint32_t c = 0; c < 8; ++c) {
+    ClusterEntry entry;
+    entry.round = static_cast<uint8_t>(1 + c / 4);
+    entry.hilbert = 1000 * c;
+    entry.bounds.Add(Vec3i{-1, 2, 300});
+    entry.bounds.Add(Vec3i{9, 2, 400});
+    entry.nodes = 3;
+    entry.in_triangles = 10;
+    entry.out_triangles = 16;
+    entry.external_vertices = 8;
+    entry.error_code_max = 30;
+    entry.explicit_arcs = c == 5;
+    const ClusterId children[] = {ClusterId{0}, ClusterId{3}};
+    index.AddCluster(entry, {c / 2, c % 2 * 200, 192}, std::span(children, c >= 4 ? 2 : 0));
+  }
+  RootPieceEntry piece;
+  piece.bounds.Add(Vec3i{-1, 2, 300});
+  piece.triangles = 12;
+  const ClusterId children[] = {ClusterId{4}, ClusterId{7}};
+  index.AddRootPiece(piece, {0, 0, 4}, children);
+  index.AddRootPiece(piece, {0, 12, 4}, {});
+  // The second byte: the number of rows.
+  const auto rows = [&](IndexKind kind, uint32_t count) {
+    return std::string(1, static_cast<char>(count)) +
+           std::string(AsString(EncodeIndexRows(index, kind, 0, count)));
+  };
+  folder.Add("index", "clusters", 0, rows(IndexKind::kClusters, 8));
+  folder.Add("index", "root_pieces", 1, rows(IndexKind::kRootPieces, 2));
+
+  folder.Add("catalog", "superblock", 0, EncodeSuperblock({2, uint64_t{1} << 40, 3}));
+  folder.Add("catalog", "pending", 1, EncodePendingEntry({"bunny", 4711}));
+  ObjectRecord record;
+  record.id = ObjectId{1};
+  record.name = std::string("bunny");
+  record.attributes.attributes = {{"red", ScalarType::kUint8}, {"quality", ScalarType::kFloat32}};
+  record.bounds = {{0, 0, 0}, {1, 1, 1}};
+  record.units = std::string("m");
+  record.rounds.resize(2);
+  folder.Add("catalog", "record", 2, EncodeObjectRecord(record));
+}
+
+void AddMeshes(const SeedFolder& folder) {
+  enum Reader { kPly, kObj, kOff, kBinaryStl, kAsciiStl };
+  const std::string properties =
+      "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nelement face 2\nproperty list uchar int vertex_indices\n";
+  const std::string ascii = "0 0 0 1\n1 0 0 2\n0 1 0 3\n1 1 .5 4\n3 0 1 2\n4 0 1 3 2\n";
+  folder.Add("mesh", "ascii.ply", kPly,
+             "ply\nformat ascii 1.0\n" + properties + "end_header\n" + ascii);
+  for (const bool big : {false, true}) {
+    std::string body;
+    for (int v = 0; v < 4; ++v) {
+      const std::string one = big ? std::string("\x3f\x80\0\0", 4) : std::string("\0\0\x80\x3f", 4);
+      for (int axis = 0; axis < 3; ++axis)
+        body += (v >> axis & 1) != 0 ? one : std::string(4, '\0');
+      body += static_cast<char>(v);
+    }
+    for (const std::string corners : {"012", "0132"}) {
+      body += static_cast<char>(corners.size());
+      for (const char c : corners) {
+        const auto digit = static_cast<char>(c - '0');
+        body += big ? std::string(3, '\0') + digit : digit + std::string(3, '\0');
+      }
+    }
+    folder.Add("mesh", big ? "big.ply" : "little.ply", kPly,
+               std::string("ply\nformat binary_") + (big ? "big" : "little") + "_endian 1.0\n" +
+                   properties + "end_header\n" + body);
+  }
+  folder.Add(
+      "mesh", "strips.ply", kPly,
+      "ply\nformat ascii 1.0\ncomment c\nelement vertex 4\nproperty double x\nproperty double y\n"
+      "property double z\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n1 1 0\n7 0 1 2 3 -1 0 1\n");
+  folder.Add(
+      "mesh", "all.obj", kObj,
+      "# c\nmtllib a.mtl\nv 0 0 0\nv 1 0 0 .5 .5 .5\nv 0 1e-3 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2//1 "
+      "-1\nv 1 1 0\nf 1 2 4 \\\n3\ng x\nusemtl m\n");
+  folder.Add("mesh", "plain.off", kOff, "OFF\n# c\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n");
+  folder.Add(
+      "mesh", "colour.off", kOff,
+      "CNOFF 3 1 3\n0 0 0 0 0 1 1 2 3 4\n1 0 0 0 0 1 1 2 3 4\n0 1 0 0 0 1 .1 .2 .3 .4\n3 0 1 2\n");
+  folder.Add("mesh", "binary.stl", kBinaryStl,
+             std::string(80, ' ') + std::string("\1\0\0\0", 4) + std::string(12 + 12, '\0') +
+                 std::string("\0\0\x80\x3f", 4) + std::string(20 + 2, '\0'));
+  folder.Add("mesh", "ascii.stl", kAsciiStl,
+             "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1e0 0\n"
+             "endloop\nendfacet\nendsolid s\n");
+}
+
+}  // namespace
+}  // namespace mtdb
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fputs("usage: fuzz_seeds FOLDER\n", stderr);
+    return 2;
+  }
+  const mtdb::SeedFolder folder(argv[1]);
+  mtdb::AddPayloads(folder);
+  mtdb::AddStoreValues(folder);
+  mtdb::AddMeshes(folder);
+  // The unchanged store; one without its last page; one that a writer opens, with a changed byte.
+  folder.Add("store", "whole", 0, std::string());
+  folder.Add("store", "truncated", 1, std::string());
+  folder.Add("store", "changed", 128, std::string("\x0c\x20\1\x12", 4));
+  return 0;
+}
