@@ -46,6 +46,13 @@ class UpdateEncoder::Impl {
   void EncodeInsertions(const UpdateBatch& batch);
   void EncodeRemovals(const UpdateBatch& batch);
   // Whether the client can find the node's hole (star) by itself, and where it starts.
+  // The nodes of a batch that are found by walking, by where they are, and those to be listed.
+  struct Sorted {
+    std::vector<Target> targets;
+    std::vector<const Node*> listed;
+  };
+  Sorted Sort(const UpdateBatch& batch,
+              bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
   bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
   bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
   uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
@@ -188,6 +195,23 @@ uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& no
   return kNone32;
 }
 
+UpdateEncoder::Impl::Sorted UpdateEncoder::Impl::Sort(const UpdateBatch& batch,
+                                                      bool (Impl::*find)(const UpdateBatch&,
+                                                                         const Node&, Target*)) {
+  Sorted sorted;
+  for (const Node& node : batch.nodes) {
+    Target target;
+    if ((this->*find)(batch, node, &target)) {
+      sorted.targets.push_back(target);
+    } else {
+      sorted.listed.push_back(&node);
+    }
+  }
+  std::sort(sorted.targets.begin(), sorted.targets.end(),
+            [](const Target& a, const Target& b) { return a.at < b.at; });
+  return sorted;
+}
+
 bool UpdateEncoder::Impl::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
   MarkHole(batch, node);
   uint32_t anchor = kNone32;
@@ -283,19 +307,8 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
 }
 
 void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch) {
-  std::vector<Target> targets;
-  std::vector<const Node*> listed;
-  for (const Node& node : batch.nodes) {
-    Target target;
-    if (FindHole(batch, node, &target)) {
-      targets.push_back(target);
-    } else {
-      listed.push_back(&node);
-    }
-  }
+  const auto [targets, listed] = Sort(batch, &Impl::FindHole);
   if (!targets.empty()) {
-    std::sort(targets.begin(), targets.end(),
-              [](const Target& a, const Target& b) { return a.at < b.at; });
     const auto anchored_at = [&](uint32_t slot) -> const Target* {
       const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
                                       [](const Target& a, uint32_t at) { return a.at < at; });
@@ -379,19 +392,8 @@ void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& 
 }
 
 void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch) {
-  std::vector<Target> targets;
-  std::vector<const Node*> listed;
-  for (const Node& node : batch.nodes) {
-    Target target;
-    if (FindStar(batch, node, &target)) {
-      targets.push_back(target);
-    } else {
-      listed.push_back(&node);
-    }
-  }
+  const auto [targets, listed] = Sort(batch, &Impl::FindStar);
   if (!targets.empty()) {
-    std::sort(targets.begin(), targets.end(),
-              [](const Target& a, const Target& b) { return a.at < b.at; });
     coder_.Bit(models_.more, true);
     coder_.Bit(models_.listed, false);
     coder_.Bit(models_.insert, false);

@@ -10,6 +10,7 @@
 #include <string>
 #include <unordered_map>
 
+#include "query/internal/stopwatch.h"
 #include "query/unit_reader.h"
 
 namespace mtdb {
@@ -22,16 +23,6 @@ namespace mtdb {
 // and what finds no room then never will.
 
 namespace {
-
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 // The C library keeps what is freed, thread by thread, beyond any budget. To have it give that back
 // takes a millisecond or two: once in so many bytes that were dropped.

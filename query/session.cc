@@ -241,13 +241,7 @@ Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatc
   stats.nodes_forced = cut.nodes_forced;
   stats.clusters_total = index.cluster_count();
   for (const Bits& bits : applied_) stats.clusters_used += bits.empty() ? 0 : 1;
-  const LoadStats load = reader.stats();
-  stats.clusters_read = load.clusters_read;
-  stats.clusters_cached = load.clusters_cached;
-  stats.bytes_read = load.bytes_read;
-  stats.seconds.load = load.seconds;
-  stats.seconds.read = load.read_seconds;
-  stats.seconds.decode = load.decode_seconds;
+  reader.FillStats(&stats);
   return result;
 }
 

@@ -200,4 +200,14 @@ LoadStats UnitReader::stats() const {
   return tally_->stats;
 }
 
+void UnitReader::FillStats(ExtractStats* stats) const {
+  const LoadStats load = this->stats();
+  stats->clusters_read = load.clusters_read;
+  stats->clusters_cached = load.clusters_cached;
+  stats->bytes_read = load.bytes_read;
+  stats->seconds.load = load.seconds;
+  stats->seconds.read = load.read_seconds;
+  stats->seconds.decode = load.decode_seconds;
+}
+
 }  // namespace mtdb

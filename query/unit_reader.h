@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "query/cluster_cache.h"
+#include "query/cut.h"
 #include "query/query_control.h"
 
 namespace mtdb {
@@ -57,6 +58,8 @@ class UnitReader {
   // True when it should let go after this step: others wait, or it holds much.
   bool ShouldRelease() const;
   LoadStats stats() const;
+  // Sets what `stats` says of reading, loading and the cache.
+  void FillStats(ExtractStats* stats) const;
 
  private:
   friend class ClusterCache;

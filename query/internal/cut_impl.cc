@@ -2,26 +2,16 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <string>
 
 #include "query/internal/search.h"
+#include "query/internal/stopwatch.h"
 
 namespace mtdb {
 namespace {
 
 constexpr VertexIndex kUnset = ~VertexIndex{0};
 constexpr std::array<const char*, 3> kNormalNames{"nx", "ny", "nz"};
-
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 }  // namespace
 
@@ -62,20 +52,10 @@ Status CutImpl::Select() {
   return Status::Ok();
 }
 
-void CutImpl::FillLoadStats() {
-  const LoadStats load = reader_.stats();
-  stats_.clusters_read = load.clusters_read;
-  stats_.clusters_cached = load.clusters_cached;
-  stats_.bytes_read = load.bytes_read;
-  stats_.seconds.load = load.seconds;
-  stats_.seconds.read = load.read_seconds;
-  stats_.seconds.decode = load.decode_seconds;
-}
-
 void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
-  FillLoadStats();
+  reader_.FillStats(&stats_);
   stats_.error_bound = record.grid.cell_error();
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
@@ -225,7 +205,7 @@ Status CutImpl::Emit(MeshSink& sink) {
                    std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
   }
   MTDB_RETURN_IF_ERROR(sink.End());
-  FillLoadStats();
+  reader_.FillStats(&stats_);
   stats_.seconds.emit += watch.Seconds() - (stats_.seconds.load - load_before);
   return Status::Ok();
 }

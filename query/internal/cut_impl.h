@@ -42,7 +42,6 @@ class CutImpl {
   bool WantsEverything() const;
   void FillStats();
   // What was loaded so far.
-  void FillLoadStats();
   // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
   // one at a time, and none when `after` has it sent.
   template <typename F, typename After>

@@ -145,7 +145,7 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   std::error_code error;
   std::string tmp = options.tmp;
   if (tmp.empty()) tmp = std::filesystem::temp_directory_path(error).string();
-  std::string folder = tmp + "/mtdb-serve-XXXXXX";
+  std::string folder = tmp + "/mtdb-serve-" + std::string(6, 'X');
   if (::mkdtemp(folder.data()) == nullptr) {
     return IoError(tmp + ": no temporary folder can be made there: " +
                    std::generic_category().message(errno) + "; choose another with --tmp");
