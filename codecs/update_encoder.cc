@@ -307,7 +307,9 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
 }
 
 void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch) {
-  const auto [targets, listed] = Sort(batch, &Impl::FindHole);
+  const Sorted sorted = Sort(batch, &Impl::FindHole);
+  const std::vector<Target>& targets = sorted.targets;
+  const std::vector<const Node*>& listed = sorted.listed;
   if (!targets.empty()) {
     const auto anchored_at = [&](uint32_t slot) -> const Target* {
       const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
@@ -392,7 +394,7 @@ void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& 
 }
 
 void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch) {
-  const auto [targets, listed] = Sort(batch, &Impl::FindStar);
+  const auto& [targets, listed] = Sort(batch, &Impl::FindStar);
   if (!targets.empty()) {
     coder_.Bit(models_.more, true);
     coder_.Bit(models_.listed, false);
