@@ -245,6 +245,13 @@ Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatc
   return result;
 }
 
+Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink) {
+  std::vector<UpdateBatch> batches;
+  MTDB_ASSIGN_OR_RETURN(SessionUpdate update, Update(query, &batches));
+  MTDB_RETURN_IF_ERROR(sink(batches));
+  return update;
+}
+
 bool Session::applied(ClusterId cluster, NodeIndex node) const {
   MTDB_CHECK(cluster.value < applied_.size() && node < surface_->index().cluster(cluster).nodes,
              "no such node");

@@ -9,7 +9,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "codecs/mesh_update.h"
@@ -21,6 +23,9 @@ namespace mtdb {
 
 class Bits;
 class Surface;
+
+// Takes the batches of one round of an update, in order. What it returns but ok ends the update.
+using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
 
 struct SessionUpdate {
   uint64_t insertions = 0;
@@ -49,6 +54,10 @@ class Session {
   // Cost: the search is a fresh one, over the clusters in the cache; comparing takes 1/64 step a
   // node of the clusters in use; the rest is in proportion to the updates.
   Result<SessionUpdate> Update(const Query& query, std::vector<UpdateBatch>* batches);
+  // Likewise, but hands the batches over round by round, so that they can be sent while the next
+  // round is computed. After each round the cut is the one that its batches lead to; after an
+  // error, the sink's included, it is that of the last round whose batches the sink took.
+  Result<SessionUpdate> Update(const Query& query, const BatchSink& sink);
 
   bool applied(ClusterId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return applied_count_; }
