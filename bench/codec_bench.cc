@@ -161,6 +161,7 @@ struct Arguments {
   std::vector<std::string> meshes;
   std::vector<uint64_t> sculptures, terrains, seeds{1};
   int bits = 16;
+  uint32_t tile_triangles = BuildOptions{}.tile_triangles;
   bool attributes = false;
   std::optional<int> normal_bits;
   bool no_draco = false;
@@ -206,6 +207,7 @@ class Bench {
     BenchStore store;
     BuildOptions options;
     options.bits = arguments_.bits;
+    options.tile_triangles = arguments_.tile_triangles;
     if (arguments_.attributes && HasNormals(mesh)) options.normal_bits = arguments_.normal_bits;
     const ObjectRecord record = store.Build("mesh", mesh, options);
     const auto vertices = static_cast<double>(record.vertices);
@@ -340,6 +342,7 @@ int Main(int argc, char** argv) {
   app.add_option("--terrain", arguments.terrains, "Generated terrains of so many triangles");
   app.add_option("--seed", arguments.seeds, "Of the generated meshes");
   app.add_option("--bits", arguments.bits, "Of the grid");
+  app.add_option("--tile", arguments.tile_triangles, "Triangles of a tile");
   app.add_flag("--attributes", arguments.attributes, "Keep the attributes of mesh files");
   app.add_option("--normals", arguments.normal_bits, "Bits of normals on the octahedron");
   app.add_flag("--no-draco", arguments.no_draco, "Without the peer");

@@ -28,9 +28,6 @@ Status CheckIndex(const ClusterIndex& index, const std::string& where) {
           index.cluster(before).hilbert > index.cluster(id).hilbert) {
         return Corrupt(where + ": cluster " + std::to_string(i) + ": hilbert codes must ascend");
       }
-      if (index.cluster(before).round != round && !begins) {
-        return Corrupt(where + ": cluster " + std::to_string(i) + ": a round begins a value");
-      }
       if (location.value != previous.value + (begins ? 1 : 0) ||
           (!begins && location.offset != previous.offset + kChecksumBytes + previous.length)) {
         return Corrupt(where + ": cluster " + std::to_string(i) +

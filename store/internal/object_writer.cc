@@ -23,6 +23,29 @@ Bytes MakeBlob(ByteSpan payload, uint64_t seed) {
   return w.Take();
 }
 
+// An id that no object had and no other builder holds. Nothing is written for it: the lock keeps
+// others away, and the first transaction with values makes it known.
+Result<std::pair<ObjectId, BuilderLock>> ReserveId(Environment& environment,
+                                                   const std::string& name, bool replace) {
+  uint64_t candidate = 0;
+  std::optional<BuilderLock> lock;  // of the candidate
+  for (;;) {
+    // Looked up under the lock: who had it before may have used the id in the meantime.
+    MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment.BeginRead());
+    MTDB_ASSIGN_OR_RETURN(const auto published, FindObject(snapshot, name));
+    if (published && !replace) {
+      return Status(StatusCode::kAlreadyExists,
+                    environment.path() + ": object " + name +
+                        " is there; choose another name, or replace it");
+    }
+    const uint64_t next = snapshot.superblock().next_object_id;
+    if (lock && candidate >= next) return std::pair(ObjectId{candidate}, *std::move(lock));
+    candidate = std::max(candidate + (lock ? 0 : 1), next);
+    MTDB_ASSIGN_OR_RETURN(
+        lock, BuilderLock::TryAcquire(environment.absolute_path(), ObjectId{candidate}));
+  }
+}
+
 }  // namespace
 
 Result<std::unique_ptr<ObjectWriter>> StoreObjectWriter::Create(
@@ -32,60 +55,30 @@ Result<std::unique_ptr<ObjectWriter>> StoreObjectWriter::Create(
     return InvalidArgument(environment->path() + ": opened for reading; open it writable");
   }
   MTDB_RETURN_IF_ERROR(RemoveDead(*environment));
-  ObjectId id;
-  std::optional<BuilderLock> lock;
-  const Status status = environment->Write([&](WriteTransaction& write) -> Status {
-    const std::string& path = environment->path();
-    MTDB_ASSIGN_OR_RETURN(const auto published, FindObject(write, path, name));
-    if (published && !replace) {
-      return {StatusCode::kAlreadyExists,
-              path + ": object " + name + " is there; choose another name, or replace it"};
-    }
-    std::optional<uint32_t> builder;
-    const Status scanned = write.Scan(
-        Table::kCatalog, BuildingKey(ObjectId{0}),
-        [&](ByteSpan key, ByteSpan value) -> Result<bool> {
-          if (key.empty() || static_cast<CatalogKind>(key[0]) != CatalogKind::kBuilding)
-            return false;
-          const std::string where = path + ": catalog: building entry";
-          MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kCatalog, key, value, where));
-          MTDB_ASSIGN_OR_RETURN(const PendingEntry entry, DecodePendingEntry(body, where));
-          if (entry.name == name) builder = entry.process;
-          return !builder.has_value();
-        });
-    MTDB_RETURN_IF_ERROR(scanned);
-    // Dead ones were removed above; one that died since then counts as alive until the next try.
-    if (builder) {
-      return {StatusCode::kBusy, path + ": object " + name + " is being built by process " +
-                                     std::to_string(*builder) + "; wait for it, or stop it"};
-    }
-    id = ObjectId{write.superblock().next_object_id};
-    lock.reset();
-    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment->absolute_path(), id));
-    if (!lock) {
-      return {StatusCode::kBusy, path + ": object id " + std::to_string(id.value) +
-                                     " is locked by another process; try again"};
-    }
-    write.superblock().next_object_id = id.value + 1;
-    const PendingEntry entry{name, static_cast<uint32_t>(::getpid())};
-    return write.PutSealed(Table::kCatalog, BuildingKey(id), EncodePendingEntry(entry));
-  });
-  MTDB_RETURN_IF_ERROR(status);
+  MTDB_ASSIGN_OR_RETURN(auto name_lock,
+                        BuilderLock::TryAcquire(environment->absolute_path(), name));
+  if (!name_lock) {
+    return Status(StatusCode::kBusy, environment->path() + ": object " + name +
+                                         " is being built already; wait for that, or stop it");
+  }
+  MTDB_ASSIGN_OR_RETURN(auto reserved, ReserveId(*environment, name, replace));
   ReachTestPoint("created");
-  return std::unique_ptr<ObjectWriter>(
-      new StoreObjectWriter(std::move(environment), name, replace, id, *std::move(lock)));
+  return std::unique_ptr<ObjectWriter>(new StoreObjectWriter(
+      std::move(environment), name, replace, *std::move(name_lock), std::move(reserved)));
 }
 
 StoreObjectWriter::StoreObjectWriter(std::shared_ptr<Environment> environment, std::string name,
-                                     bool replace, ObjectId id, BuilderLock lock)
+                                     bool replace, BuilderLock name_lock,
+                                     std::pair<ObjectId, BuilderLock> reserved)
     : environment_(std::move(environment)),
       name_(std::move(name)),
       replace_(replace),
-      id_(id),
-      lock_(std::move(lock)) {}
+      id_(reserved.first),
+      name_lock_(std::move(name_lock)),
+      id_lock_(std::move(reserved.second)) {}
 
 StoreObjectWriter::~StoreObjectWriter() {
-  if (published_) return;
+  if (published_ || !begun_) return;
   queue_.clear();
   // What cannot be removed now goes at the next Create.
   const Status status = RemoveRemains(*environment_, id_);
@@ -125,10 +118,8 @@ Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
                            std::to_string(payload.size()) + " bytes");
   }
   if (entry.round != round_) {
-    MTDB_RETURN_IF_ERROR(PackClusters(true));
     round_ = entry.round;
     round_begin_ = id;
-    values_of_round_ = 0;
   }
   MTDB_RETURN_IF_ERROR(CheckChildren(children, round_begin_));
   hilbert_ = entry.hilbert;
@@ -174,7 +165,10 @@ Status StoreObjectWriter::PackClusters(bool last) {
   for (;;) {
     const size_t count = BlobsOfNextValue(waiting_bytes_, last);
     if (count == 0) return Status::Ok();
-    const Bytes key = ClusterKey(id_, round_, waiting_[0].entry.hilbert, values_of_round_);
+    const ClusterEntry& first = waiting_[0].entry;
+    values_of_round_ = first.round == value_round_ ? values_of_round_ + 1 : 0;
+    value_round_ = first.round;
+    const Bytes key = ClusterKey(id_, first.round, first.hilbert, values_of_round_);
     Bytes value;
     for (size_t i = 0; i < count; ++i) {
       const Waiting& w = waiting_[i];
@@ -184,7 +178,6 @@ Status StoreObjectWriter::PackClusters(bool last) {
       value.insert(value.end(), w.blob.begin(), w.blob.end());
     }
     ++values_;
-    ++values_of_round_;
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
     waiting_bytes_.erase(waiting_bytes_.begin(),
                          waiting_bytes_.begin() + static_cast<ptrdiff_t>(count));
@@ -243,6 +236,8 @@ Status StoreObjectWriter::Queue(Table table, Bytes key, Bytes value) {
 }
 
 Status StoreObjectWriter::PutQueue(WriteTransaction& write) const {
+  uint64_t& next_id = write.superblock().next_object_id;
+  next_id = std::max(next_id, id_.value + 1);
   for (const QueuedValue& v : queue_) MTDB_RETURN_IF_ERROR(write.Put(v.table, v.key, v.value));
   ReachTestPoint("values put");
   return Status::Ok();
@@ -250,8 +245,14 @@ Status StoreObjectWriter::PutQueue(WriteTransaction& write) const {
 
 Status StoreObjectWriter::WriteQueue() {
   if (queue_.empty()) return Status::Ok();
-  MTDB_RETURN_IF_ERROR(
-      environment_->Write([&](WriteTransaction& write) { return PutQueue(write); }));
+  const Status status = environment_->Write([&](WriteTransaction& write) -> Status {
+    const PendingEntry entry{name_, static_cast<uint32_t>(::getpid())};
+    MTDB_RETURN_IF_ERROR(
+        write.PutSealed(Table::kCatalog, BuildingKey(id_), EncodePendingEntry(entry)));
+    return PutQueue(write);
+  });
+  MTDB_RETURN_IF_ERROR(status);
+  begun_ = true;
   queue_.clear();
   queued_bytes_ = 0;
   ReachTestPoint("values committed");
@@ -309,7 +310,7 @@ Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,
       MTDB_RETURN_IF_ERROR(MakeGarbage(write, *old));
       *replaced = old->id;
     }
-    MTDB_RETURN_IF_ERROR(write.Delete(Table::kCatalog, BuildingKey(id_)));
+    if (begun_) MTDB_RETURN_IF_ERROR(write.Delete(Table::kCatalog, BuildingKey(id_)));
     MTDB_RETURN_IF_ERROR(
         write.PutSealed(Table::kCatalog, ObjectKey(name_), EncodeObjectRecord(record)));
     ReachTestPoint("catalog put");

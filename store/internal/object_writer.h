@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "store/database.h"
@@ -40,7 +41,7 @@ class StoreObjectWriter final : public ObjectWriter {
   };
 
   StoreObjectWriter(std::shared_ptr<Environment> environment, std::string name, bool replace,
-                    ObjectId id, BuilderLock lock);
+                    BuilderLock name_lock, std::pair<ObjectId, BuilderLock> reserved);
 
   Status CheckChildren(std::span<const ClusterId> children, uint32_t below) const;
   Status PackClusters(bool last);
@@ -55,7 +56,9 @@ class StoreObjectWriter final : public ObjectWriter {
   const std::string name_;
   const bool replace_;
   const ObjectId id_;
-  BuilderLock lock_;
+  BuilderLock name_lock_;
+  BuilderLock id_lock_;
+  bool begun_ = false;  // a building entry is in the catalog
   bool published_ = false;
 
   ClusterIndex index_;  // without what waits
@@ -66,7 +69,8 @@ class StoreObjectWriter final : public ObjectWriter {
   uint32_t round_begin_ = 0;  // first cluster of round_
   uint64_t hilbert_ = 0;
   uint32_t values_ = 0;           // of clusters
-  uint32_t values_of_round_ = 0;  // likewise
+  uint8_t value_round_ = 0;       // that the last value began in
+  uint32_t values_of_round_ = 0;  // that began in it before the last one
   uint32_t root_values_ = 0;
 
   std::vector<QueuedValue> queue_;
