@@ -277,7 +277,7 @@ void mtdb_free_names(mtdb_names* names) { delete names; }
 
 mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
                            mtdb_object** object, mtdb_error* error) {
-  const mtdb_object_options options{cache_bytes, 0};
+  const mtdb_object_options options{cache_bytes, 0, MTDB_FORM_EXPLICIT};
   return mtdb_open_object_with(database, name, &options, object, error);
 }
 
@@ -294,6 +294,11 @@ mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
                                      " are more than " + std::to_string(mtdb::kMostThreads));
       }
       with.threads = options->threads;
+      if (options->form > MTDB_FORM_IMPLICIT) {
+        return mtdb::InvalidArgument("form: expected an mtdb_form, found " +
+                                     std::to_string(options->form));
+      }
+      if (options->form == MTDB_FORM_IMPLICIT) with.form = mtdb::RuntimeForm::kImplicit;
     }
     MTDB_ASSIGN_OR_RETURN(auto source, database->database->OpenObject(name == nullptr ? "" : name));
     MTDB_ASSIGN_OR_RETURN(auto surface, mtdb::Surface::Open(std::move(source), with));

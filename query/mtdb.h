@@ -92,11 +92,19 @@ MTDB_API void mtdb_free_names(mtdb_names* names);
 /* `name` may be NULL: the store's only object. `cache_bytes` of decoded clusters; 0: 256 MiB. */
 MTDB_API mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
                                     mtdb_object** object, mtdb_error* error);
+/* What the cache keeps between queries. Answers do not depend on it. */
+typedef enum mtdb_form {
+  MTDB_FORM_EXPLICIT = 0, /* decoded clusters */
+  MTDB_FORM_IMPLICIT = 1 /* clusters as in the store: some 30 times smaller, but every query decodes
+                            what it needs. For many objects with few queries each. */
+} mtdb_form;
 typedef struct mtdb_object_options {
   size_t cache_bytes; /* of decoded clusters, those in use included; 0: 256 MiB */
   uint32_t threads;   /* that read and decode for one query; 0: as many as the machine has */
+  uint32_t form;      /* an mtdb_form */
 } mtdb_object_options;
-/* Likewise; `options` NULL: all 0. More than 1024 threads are MTDB_INVALID_ARGUMENT. */
+/* Likewise; `options` NULL: all 0. More than 1024 threads, and an unknown form, are
+ * MTDB_INVALID_ARGUMENT. */
 MTDB_API mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
                                          const mtdb_object_options* options, mtdb_object** object,
                                          mtdb_error* error);

@@ -189,6 +189,12 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
   });
 }
 
+void AddImplicit(CLI::App* verb, bool* implicit) {
+  verb->add_flag("--implicit", *implicit,
+                 "keep clusters in memory as in the store, some 30 times smaller than decoded, and "
+                 "decode what a query needs each time anew; the answers are the same");
+}
+
 void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
   verb->add_option("STORE", o->service.store, "the store file")->required();
   const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
@@ -205,6 +211,7 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
   AddParsed(verb, "--cache", "SIZE", &o->service.cache_bytes, mtdb::ParseSize,
             "keep decoded clusters of so much memory for each open object")
       ->default_str("256M");
+  AddImplicit(verb, &o->service.implicit);
   number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
       ->capture_default_str();
   number("--max-sessions", &o->max_sessions, 1, 100000,
@@ -344,6 +351,7 @@ int main(int argc, char** argv) {
   extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(extract_verb, &query, false);
+  AddImplicit(extract_verb, &query.implicit);
 
   CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
   for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {
@@ -351,6 +359,8 @@ int main(int argc, char** argv) {
     if (verb != list_verb) AddName(verb, &inspect.name, "this object only");
     AddJson(verb, &inspect.json);
   }
+  info_verb->add_flag("--streams", inspect.streams,
+                      "read all clusters, and tell what their streams take, attributes among them");
   verify_verb
       ->add_option("--level", inspect.level,
                    "fast: pages, checksums, index, digests; full: also decodes every cluster; "

@@ -31,7 +31,7 @@ static void check_object(void) {
   mtdb_names* names = NULL;
   mtdb_names* failures = NULL;
   mtdb_object* other = NULL;
-  mtdb_object_options options = {0, 0};
+  mtdb_object_options options = {0, 0, MTDB_FORM_EXPLICIT};
   mtdb_attribute attribute;
   int level;
   CHECK(mtdb_abi_version() == MTDB_ABI_VERSION && strlen(mtdb_version()) > 0);
@@ -67,6 +67,28 @@ static void check_object(void) {
     mtdb_free_query(query);
   }
   mtdb_free_object(other);
+  options.cache_bytes = 0;
+  options.form = MTDB_FORM_IMPLICIT;
+  OK(mtdb_open_object_with(database, NULL, &options, &other, &error));
+  {
+    mtdb_stats explicit_stats, implicit_stats;
+    mtdb_cut* cut = NULL;
+    mtdb_query* query = NULL;
+    OK(mtdb_create_query(&query, &error));
+    OK(mtdb_select(object, query, &cut, &error));
+    OK(mtdb_cut_stats(cut, &explicit_stats, &error));
+    mtdb_free_cut(cut);
+    OK(mtdb_select(other, query, &cut, &error));
+    OK(mtdb_cut_stats(cut, &implicit_stats, &error));
+    mtdb_free_cut(cut);
+    CHECK(explicit_stats.triangles == implicit_stats.triangles);
+    mtdb_free_query(query);
+  }
+  mtdb_free_object(other);
+  options.form = 2;
+  FAILS(MTDB_INVALID_ARGUMENT, "form",
+        mtdb_open_object_with(database, NULL, &options, &other, &error));
+  options.form = MTDB_FORM_EXPLICIT;
   options.threads = 100000;
   FAILS(MTDB_INVALID_ARGUMENT, "threads",
         mtdb_open_object_with(database, NULL, &options, &other, &error));

@@ -177,6 +177,28 @@ TEST_CASE("extract --full gives back the input", "[cli]") {
   CHECK(canonical(ReadMesh(example.full)) == canonical(ReadMesh(example.mesh)));
 }
 
+TEST_CASE("extract --implicit writes the same mesh", "[cli]") {
+  const Example& example = TheExample();
+  Json json;
+  const TriangleMesh mesh = Extract(example, {"--error-rel", "0.002"}, &json);
+  const TriangleMesh again = Extract(example, {"--error-rel", "0.002", "--implicit"}, &json);
+  CHECK(again.positions == mesh.positions);
+  CHECK(again.triangles == mesh.triangles);
+}
+
+TEST_CASE("info --streams tells what the streams take", "[cli]") {
+  const Example& example = TheExample();
+  const Json info = RunJson({"info", example.store, "--streams"}).at("objects").at(0);
+  double sum = 0;
+  for (const auto& [name, bits] : info.at("stream_bits_per_vertex").items()) {
+    sum += bits.get<double>();
+  }
+  const double vertices = info.at("vertices");
+  CHECK(sum == Approx(8 * info.at("payload_bytes").get<double>() / vertices));
+  CHECK(!example.info.contains("stream_bits_per_vertex"));
+  CHECK_THAT(RunOk({"info", example.store, "--streams"}), Catch::Contains("topology"));
+}
+
 TEST_CASE("extract --error and --error-rel keep their promise", "[cli]") {
   const Example& example = TheExample();
   const double diagonal = example.info.at("diagonal");

@@ -326,6 +326,7 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   SurfaceOptions surface_options;
   surface_options.cache_bytes = options_.cache_bytes;
   surface_options.threads = options_.threads;
+  if (options_.implicit) surface_options.form = RuntimeForm::kImplicit;
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface,
                         Surface::Open(std::move(source), surface_options));
   std::vector<std::shared_ptr<Surface>> closed;  // outside of the lock

@@ -23,6 +23,7 @@ struct ServiceOptions {
   std::string store;
   std::string tmp;                             // folder of temporary files; empty: the system's
   uint64_t cache_bytes = uint64_t{256} << 20;  // of decoded clusters, for each open object
+  bool implicit = false;                       // the cache keeps clusters as in the store
   unsigned objects = 4;                        // kept open, the last used
   unsigned threads = 1;                        // of one query's reading and decoding
   uint64_t max_triangles = 20'000'000;         // of one mesh

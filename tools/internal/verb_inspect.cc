@@ -1,5 +1,9 @@
 #include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
 
+#include "codecs/cluster_codec.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
 #include "store/database.h"
@@ -13,6 +17,34 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 unsigned long long U(uint64_t v) { return v; }
+
+using BitsPerVertex = std::map<std::string, double>;
+
+// What the streams of all clusters take, by name, and the root pieces.
+Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecord& record) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<ClusterSource> source,
+                        database.OpenObject(record.name));
+  std::map<std::string, uint64_t> bytes;
+  std::vector<ClusterId> clusters;
+  for (uint32_t i = 0; i < record.clusters; ++i) clusters.emplace_back(i);
+  MTDB_RETURN_IF_ERROR(source->ReadClusters(clusters, [&](ClusterId, const Bytes& payload) {
+    uint64_t listed = 0;
+    for (const StreamSize& s : ClusterStreamSizes(payload)) {
+      bytes[s.name] += s.coded_bytes;
+      listed += s.coded_bytes;
+    }
+    bytes["directory"] += payload.size() - listed;
+    return Status::Ok();
+  }));
+  uint64_t sum = 0;
+  for (const auto& [name, n] : bytes) sum += n;
+  bytes["root"] = record.payload_bytes - sum;
+  BitsPerVertex bits;
+  for (const auto& [name, n] : bytes) {
+    bits[name] = 8.0 * static_cast<double>(n) / static_cast<double>(record.vertices);
+  }
+  return bits;
+}
 
 void PrintInfo(const ObjectRecord& r) {
   std::printf("%s\n", r.name.c_str());
@@ -57,11 +89,23 @@ Status Info(const InspectArguments& arguments) {
   }
   if (arguments.json) {
     Json objects = Json::array();
-    for (const ObjectRecord& r : records) objects.push_back(RecordJson(r, file_bytes));
+    for (const ObjectRecord& r : records) {
+      Json& object = objects.emplace_back(RecordJson(r, file_bytes));
+      if (!arguments.streams) continue;
+      MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+      object["stream_bits_per_vertex"] = bits;
+    }
     PrintJson({{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
     return Status::Ok();
   }
-  for (const ObjectRecord& r : records) PrintInfo(r);
+  for (const ObjectRecord& r : records) {
+    PrintInfo(r);
+    if (!arguments.streams) continue;
+    MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+    for (const auto& [name, n] : bits) {
+      std::printf("  stream       %s, %.2f bits per vertex\n", name.c_str(), n);
+    }
+  }
   std::printf("store: %llu bytes, %zu objects\n", U(file_bytes), records.size());
   return Status::Ok();
 }

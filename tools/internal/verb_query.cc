@@ -21,7 +21,9 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
                         database->OpenObject(arguments.name));
-  return Surface::Open(std::move(source));
+  SurfaceOptions options;
+  if (arguments.implicit) options.form = RuntimeForm::kImplicit;
+  return Surface::Open(std::move(source), options);
 }
 
 void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,

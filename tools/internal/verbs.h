@@ -35,6 +35,7 @@ struct InspectArguments {
   std::string store;
   std::string name;
   std::string level = "fast";  // verify
+  bool streams = false;        // info: read all payloads, and tell what their streams take
   bool json = false;
 };
 Status Info(const InspectArguments& arguments);
@@ -49,6 +50,7 @@ struct QueryArguments {
   std::string name;
   QueryOptions query;
   bool print_query = false;
+  bool implicit = false;  // the cache keeps clusters as in the store; not fetch
   bool json = false;
   Extent size{1200, 900};        // render
   bool wireframe = false;        // render

@@ -1,0 +1,83 @@
+// decode_dump STORE FILE: the payloads of all objects, for decode_digest. See payload_file.h.
+#include <cstdio>
+
+#include "codecs/internal/streams.h"
+#include "query/cluster_cache.h"
+#include "query/surface.h"
+#include "store/database.h"
+#include "tests/codecs/decode_check/payload_file.h"
+
+namespace mtdb {
+
+namespace {
+
+// The same payload without zstd.
+Bytes Expand(ByteSpan payload) {
+  const StreamReader streams = StreamReader::Open(payload, "payload").value();
+  StreamWriter expanded;
+  for (const StreamReader::Size& s : streams.sizes()) {
+    const ByteSpan bytes = streams.bytes(s.tag);
+    expanded.AddCoded(s.tag, Bytes(bytes.begin(), bytes.end()));
+  }
+  return expanded.Finish();
+}
+
+void DumpObject(const Surface& surface, ByteWriter& out) {
+  const ClusterIndex& index = surface.index();
+  PutLayout(out, surface.record().attributes);
+  const size_t row = surface.record().attributes.row_bytes();
+  LoadStats stats;
+  for (UnitId unit = UnitCount(index); unit-- > index.cluster_count();) {
+    const RootPieceId id(unit - index.cluster_count());
+    const Status status =
+        surface.source()->ReadRootPieces({&id, 1}, [&](RootPieceId, const Bytes& payload) {
+          out.Put(kRootPayload);
+          out.PutVarint(surface.record().root_vertices);
+          PutBlob(out, Expand(payload));
+          return Status::Ok();
+        });
+    MTDB_CHECK(status.ok(), status.message().c_str());
+  }
+  for (uint32_t i = index.cluster_count(); i-- > 0;) {
+    const ClusterId id(i);
+    const LoadedUnitPtr loaded = surface.cache().Get(i, &stats).value();
+    const Status status =
+        surface.source()->ReadClusters({&id, 1}, [&](ClusterId, const Bytes& payload) {
+          out.Put(kClusterPayload);
+          out.PutVarint(loaded->cluster.nodes());
+          PutBlob(out, Expand(payload));
+          return Status::Ok();
+        });
+    MTDB_CHECK(status.ok(), status.message().c_str());
+    InPatch in = loaded->cluster.in;
+    in.positions.resize(in.vertices.size());
+    in.rows.resize(in.vertices.size() * row);
+    PutInPatch(out, in);
+  }
+  out.Put(kNothing);
+}
+
+int Main(int argc, char** argv) {
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: decode_dump STORE FILE\n");
+    return 2;
+  }
+  const auto database = Database::Open(argv[1]).value();
+  const auto objects = database->List().value();
+  ByteWriter out;
+  out.PutVarint(objects.size());
+  for (const ObjectRecord& object : objects) {
+    DumpObject(*Surface::Open(database->OpenObject(object.name).value(), {}).value(), out);
+  }
+  std::FILE* const file = std::fopen(argv[2], "wb");
+  MTDB_CHECK(file != nullptr, argv[2]);
+  const ByteSpan bytes = out.bytes();
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  return std::fclose(file) == 0 && written ? 0 : 1;
+}
+
+}  // namespace
+
+}  // namespace mtdb
+
+int main(int argc, char** argv) { return mtdb::Main(argc, argv); }
