@@ -86,8 +86,38 @@ class DropWalk {
 
 // ---- attaching ----
 
-// From the exponent of a residual to that of the variance that PositionModel scales by.
-inline constexpr int kSpreadOffset = 2;
+// The size of a number in half octaves.
+inline int HalfOctaves(uint32_t magnitude) {
+  const int length = static_cast<int>(std::bit_width(magnitude));
+  return 2 * length + (length < 2 ? 0 : static_cast<int>(magnitude >> (length - 2) & 1));
+}
+
+// Codes a residual: its size as a symbol, from some way below the expected size on, then the bits
+// below, and the sign. *symbol becomes that symbol.
+template <typename Coder>
+int32_t CodeResidual(Coder& coder, ResidualModel& model, int expected, int32_t residual,
+                     uint32_t* symbol) {
+  constexpr int kEscape = 15;
+  uint32_t magnitude =
+      residual < 0 ? 0u - static_cast<uint32_t>(residual) : static_cast<uint32_t>(residual);
+  const int base = expected < 8 ? -1 : (expected - 8) | 1;  // odd; symbol 0: no more than that
+  const int wanted = std::clamp(HalfOctaves(magnitude) - base, 0, kEscape);
+  *symbol = coder.Symbol(model, static_cast<uint32_t>(wanted));
+  if (*symbol == 0) {
+    magnitude = coder.Raw(std::max(base / 2, 0), magnitude);
+  } else {
+    int size = base + static_cast<int>(*symbol);
+    if (*symbol == kEscape) {
+      const auto coded = coder.Raw(7, static_cast<uint32_t>(HalfOctaves(magnitude)));
+      size = static_cast<int>(std::min(coded, 65u));
+    }
+    const int low = std::max(size / 2 - 2, 0);
+    const uint32_t bits = coder.Raw(low, magnitude & ((1u << low) - 1));
+    magnitude = size < 4 ? static_cast<uint32_t>(size / 2) : (2u | (size & 1)) << low | bits;
+  }
+  const bool negative = magnitude != 0 && coder.Raw(1, residual < 0 ? 1 : 0) != 0;
+  return static_cast<int32_t>(negative ? 0u - magnitude : magnitude);
+}
 
 // Where the border goes on at an end of an edge without an opposite.
 struct BorderEnd {
@@ -188,16 +218,19 @@ void CodeBeyond(Coder& coder, ClipModels& models, const ClientMesh& mesh, const 
     return static_cast<int32_t>(static_cast<uint32_t>(a[axis]) + static_cast<uint32_t>(b[axis]) -
                                 static_cast<uint32_t>(c[axis]));
   };
+  size_t context = view.near_end().angle / 2;
   const auto code = [&](size_t which, int axis, int32_t expected) {
     int32_t& spread = models.spread[which];
-    const int exponent = std::clamp(longest + (spread >> 8), 0, kMaxExponent);
-    const auto variance = std::bit_cast<float>(static_cast<uint32_t>(exponent + 127) << 23);
     const auto residual =
         static_cast<int32_t>(static_cast<uint32_t>(p[axis]) - static_cast<uint32_t>(expected));
-    const int32_t coded = models.positions.CodeScaled(coder, coder, which, 0, variance, residual);
+    uint32_t symbol = 0;
+    const int expected_size = std::clamp(longest + (spread >> 8), 0, kMaxExponent);
+    const int32_t coded =
+        CodeResidual(coder, models.residual[which][context], expected_size, residual, &symbol);
+    context = symbol < 7 ? 0 : symbol < 9 ? 1 : symbol < 11 ? 2 : 3;
     p[axis] = Shift(expected, coded);
-    const auto magnitude = static_cast<uint32_t>(coded < 0 ? -static_cast<int64_t>(coded) : coded);
-    const int found = 2 * static_cast<int>(std::bit_width(magnitude)) + kSpreadOffset;
+    const int found =
+        HalfOctaves(coded < 0 ? 0u - static_cast<uint32_t>(coded) : static_cast<uint32_t>(coded));
     spread += ((found - longest) * 256 - spread) >> 5;
   };
   code(0, u, opposite(u));
@@ -265,15 +298,16 @@ class Attacher {
       } else if (!AttachAlone()) {
         return false;
       }
-      while (!edges_.empty()) {
-        const uint32_t h = edges_.back();
-        edges_.pop_back();
+      // The oldest edge first, so that the border stays round and hardly meets itself.
+      for (size_t i = 0; i < edges_.size(); ++i) {
+        const uint32_t h = edges_[i];
         if (mesh_.triangle(h >> 2).opposite[h & 3] != kNone32) continue;
         const BorderView view(mesh_, h);
         AdaptiveBit& model = clips_.attach[2 * view.context() + (attached_ ? 1 : 0)];
         attached_ = coder_.Bit(model, side_.Across(h));
         if (attached_ && !AttachTo(view, h)) return false;
       }
+      edges_.clear();
     }
   }
 
@@ -360,7 +394,7 @@ class Attacher {
   ClientMesh& mesh_;
   Side& side_;
   std::vector<uint32_t>* const left_over_;
-  std::vector<uint32_t> edges_;  // to be asked, the last one first
+  std::vector<uint32_t> edges_;  // half-edges that triangles may lie beyond
   bool attached_ = true;
   uint32_t reference_ = 0;
   Vec3i last_{};

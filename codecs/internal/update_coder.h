@@ -30,6 +30,8 @@ struct NumberModel {
   FastAdaptiveSymbol length;
 };
 
+using ResidualModel = AdaptiveSymbolOfRate<6>;
+
 // What clip_coder.h codes with.
 struct ClipModels {
   AdaptiveBit more_drops, more_seeds, at_edge;
@@ -38,10 +40,10 @@ struct ClipModels {
   std::array<AdaptiveBit, 128>
       attach;  // two classes of ends; whether the last edge was attached to
   std::array<AdaptiveBit, 64> near_end, far_end, fresh;  // two classes of ends
-  PositionModel positions;
-  // Of residuals along u, v, and n: 256 times the exponent of their square to expect, from that of
-  // the longest edge at hand on.
-  std::array<int32_t, 3> spread = {-1024, -1024, -1792};
+  // By coordinate u, v, n; by the sharpest angle at the edge's ends, or the residual before.
+  std::array<std::array<ResidualModel, 4>, 3> residual;
+  // 256 times how many half octaves the residuals are larger than the longest edge.
+  std::array<int32_t, 3> spread = {-512, -512, -1024};
 };
 
 // Models that last as long as the stream.
