@@ -36,8 +36,8 @@ class UpdateDecoder::Impl {
   // `count` slots, ascending; each is handed to `decode`.
   template <typename Decode>
   Status DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count, Decode&& decode);
-  // `updates`: those of the record, to which what is attached is added.
-  Status DecodeClip(Coder& coder, size_t record_bytes, uint64_t* updates);
+  // `triangles`: so many may be attached at most.
+  Status DecodeClip(Coder& coder, uint64_t triangles);
   Status DecodeRemoval(Coder& coder, uint32_t vertex);
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
@@ -189,8 +189,8 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
   while (coder.Bit(models_.more)) {
     if (coder.Bit(models_.other)) {
       if (coder.Bit(models_.clip)) {
-        MTDB_RETURN_IF_ERROR(DecodeClip(coder, record.size(), &updates));
-        continue;
+        MTDB_RETURN_IF_ERROR(DecodeClip(coder, record.size() * kMaxUpdatesPerByte - updates));
+        break;
       }
       if (!MayHave(++updates, record.size())) return TooManyUpdates();
       MTDB_RETURN_IF_ERROR(DecodeListed(coder, coder.Bit(models_.insert)));
@@ -401,7 +401,7 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
 // The client has no answers of its own to what clip_coder.h asks.
 class UpdateDecoder::Impl::AttachedSide {
  public:
-  // The record may have so many triangles still.
+  // `triangles`: that the record may have.
   AttachedSide(Impl& decoder, uint64_t triangles) : d_(decoder), triangles_(triangles) {}
 
   uint32_t NextSeed() const { return 0; }
@@ -422,19 +422,16 @@ class UpdateDecoder::Impl::AttachedSide {
   }
   void Recalled() const {}
   bool PutTriangle(uint32_t) {
-    ++attached_;
-    return !d_.decoder_.overrun() && attached_ <= triangles_ &&
+    return !d_.decoder_.overrun() && triangles_-- > 0 &&
            d_.mesh_.triangle_count() <= d_.limits_.triangles;
   }
-  uint64_t attached() const { return attached_; }
 
  private:
   Impl& d_;
-  const uint64_t triangles_;
-  uint64_t attached_ = 0;
+  uint64_t triangles_;
 };
 
-Status UpdateDecoder::Impl::DecodeClip(Coder& coder, size_t record_bytes, uint64_t* updates) {
+Status UpdateDecoder::Impl::DecodeClip(Coder& coder, uint64_t triangles) {
   DropWalk walk(mesh_);
   const auto no_answer = [](uint32_t) { return 0; };
   if (!walk.Code(coder, models_.clips, no_answer, no_answer) || coder.overrun()) {
@@ -442,15 +439,12 @@ Status UpdateDecoder::Impl::DecodeClip(Coder& coder, size_t record_bytes, uint64
   }
   std::vector<uint32_t> left_over;
   mesh_.Drop(walk.dropped(), &left_over);
-  AttachedSide side(*this, record_bytes * kMaxUpdatesPerByte - *updates);
+  AttachedSide side(*this, triangles);
   const bool good = Attacher(coder, models_, mesh_, side, &left_over).Code();
-  *updates += side.attached();
   ForgetLeftOver(mesh_, left_over, [](uint32_t) {});
   if (!good || coder.overrun()) return Corrupted("triangles that cannot be attached");
-  const uint32_t padding = CodeNumber(coder, models_.clips.padding, 0);
-  if (padding > record_bytes) return Corrupted("padding of a record");
-  for (uint32_t i = 0; i < padding; ++i) {
-    if (coder.Raw(8) != 0) return Corrupted("padding of a record");
+  for (uint32_t i = CodeNumber(coder, models_.clips.padding, 0); i > 0; --i) {
+    if (coder.Raw(8) != 0 || coder.overrun()) return Corrupted("padding of a record");
   }
   return Status::Ok();
 }

@@ -50,7 +50,7 @@ class UpdateEncoder::Impl {
 
   void WriteStart(const BaseMesh& base);
   void StartWholeCut();
-  void EndRecord(ByteWriter& out);
+  void PutRecord(ByteWriter& out);
   void PutTriangle(TriangleKey key, uint32_t slot);
   void EraseTriangle(TriangleKey key);
   void ForgetKey(uint32_t vertex) { vertex_of_.erase(keys_[vertex]); }
@@ -201,6 +201,7 @@ void UpdateEncoder::Impl::PutTriangle(TriangleKey key, uint32_t slot) {
 
 void UpdateEncoder::Impl::EraseTriangle(TriangleKey key) {
   const auto at = triangle_of_.find(key);
+  MTDB_CHECK(at != triangle_of_.end(), "an update names a triangle that the client does not have");
   if (whole_) whole_->Unlink(at->second);
   triangle_of_.erase(at);
 }
@@ -522,8 +523,7 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   next_fresh_.clear();
 }
 
-void UpdateEncoder::Impl::EndRecord(ByteWriter& out) {
-  coder_.Bit(models_.more, false);
+void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
   const Bytes record = coder_.Finish();
   MTDB_CHECK(record.size() <= kMaxRecordBytes, "a batch of updates is too long for a record");
   out.PutVarint(record.size());
@@ -554,7 +554,8 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
                    : static_cast<uint64_t>(std::count(follows.begin(), follows.end(), true));
     if (updates == 0 || (updates < kRecordUpdates && (b + 1 < batches.size() || whole_))) continue;
     updates = 0;
-    EndRecord(out);
+    coder_.Bit(models_.more, false);
+    PutRecord(out);
   }
   if (whole_) EncodeClip(updates, out);
   if (!region) whole_.reset();
@@ -679,11 +680,12 @@ std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
 
 void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
                                       std::vector<uint32_t>* left_over) {
+  std::vector<bool> leaves(mesh_.triangle_slots());
+  for (const uint32_t slot : leaving) leaves[slot] = true;
   DropWalk walk(mesh_);
   size_t next = 0;
   walk.Code(
-      coder_, models_.clips,
-      [&](uint32_t slot) { return std::binary_search(leaving.begin(), leaving.end(), slot); },
+      coder_, models_.clips, [&](uint32_t slot) { return leaves[slot]; },
       [&](uint32_t) {
         while (next < leaving.size() && walk.decided(leaving[next])) ++next;
         return next == leaving.size() ? kNone32 : leaving[next];
@@ -714,7 +716,9 @@ void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
   }
   std::vector<uint32_t> coming = Coming();
   if (leaving.empty() && coming.empty()) {
-    if (updates > 0) EndRecord(out);
+    if (updates == 0) return;
+    coder_.Bit(models_.more, false);
+    PutRecord(out);
     return;
   }
   for (size_t begin = 0; begin == 0 || begin < coming.size(); begin += kRecordTriangles) {
@@ -727,14 +731,15 @@ void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
     EncodeDrops(leaving, &left_over);
     leaving.clear();
     AttachedSide side(*this, slots);
-    Attacher(coder_, models_, mesh_, side, &left_over).Code();
+    const bool good = Attacher(coder_, models_, mesh_, side, &left_over).Code();
+    MTDB_CHECK(good, "a triangle of the cut has equal corners");
     updates += slots.size();
     // So that the record has as many bytes as its updates need.
     const uint64_t missing = MissingBytes(updates);
     CodeNumber(coder_, models_.clips.padding, static_cast<uint32_t>(missing));
     for (uint64_t i = 0; i < missing; ++i) coder_.Raw(8, 0);
     ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { ForgetKey(vertex); });
-    EndRecord(out);
+    PutRecord(out);
     updates = 0;
   }
 }
