@@ -51,8 +51,14 @@ class UpdateEncoder::Impl {
   void WriteStart(const BaseMesh& base);
   void StartWholeCut();
   void PutRecord(ByteWriter& out);
-  void PutTriangle(TriangleKey key, uint32_t slot);
-  void EraseTriangle(TriangleKey key);
+  void PutTriangle(TriangleKey key, uint32_t slot) {
+    triangle_of_[key] = slot;
+    if (whole_) whole_->Link(key, slot);
+  }
+  void EraseTriangle(TriangleKey key) {
+    if (whole_) whole_->Unlink(TriangleOf(key));
+    triangle_of_.erase(key);
+  }
   void ForgetKey(uint32_t vertex) { vertex_of_.erase(keys_[vertex]); }
   void EncodeClip(uint64_t updates, ByteWriter& out);
   std::vector<uint32_t> Coming() const;
@@ -103,6 +109,12 @@ class UpdateEncoder::Impl {
   uint64_t mark_ = 0;
   std::vector<uint32_t> slots_;
   std::vector<std::array<uint32_t, 3>> places_;
+  // Of the removal at hand: the hole's triangle on the side of the least and the greatest corner.
+  struct HoleAt {
+    TriangleKey key = 0;
+    uint32_t apex = 0;
+  };
+  std::array<std::array<HoleAt, kMaxRing>, kMaxRing> hole_at_;
 };
 
 UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base,
@@ -192,18 +204,6 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   for (size_t t = 0; t < triangles.size(); ++t) {
     PutTriangle(triangle_keys[t], static_cast<uint32_t>(t));
   }
-}
-
-void UpdateEncoder::Impl::PutTriangle(TriangleKey key, uint32_t slot) {
-  triangle_of_[key] = slot;
-  if (whole_) whole_->Link(key, slot);
-}
-
-void UpdateEncoder::Impl::EraseTriangle(TriangleKey key) {
-  const auto at = triangle_of_.find(key);
-  MTDB_CHECK(at != triangle_of_.end(), "an update names a triangle that the client does not have");
-  if (whole_) whole_->Unlink(at->second);
-  triangle_of_.erase(at);
 }
 
 // The client holds the whole cut.
@@ -438,16 +438,13 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
     place[i] =
         static_cast<uint32_t>(std::find(walked.begin(), walked.end(), slot) - walked.begin());
   }
-  std::array<std::array<uint32_t, kMaxRing>, kMaxRing> apexes{};
-  std::array<std::array<TriangleKey, kMaxRing>, kMaxRing> key_of{};
   for (const auto& t : batch.hole_of(node)) {
     std::array<uint32_t, 3> c = {place[t.corners[0]], place[t.corners[1]], place[t.corners[2]]};
     std::sort(c.begin(), c.end());
-    apexes[c[0]][c[2]] = c[1];
-    key_of[c[0]][c[2]] = t.key;
+    hole_at_[c[0]][c[2]] = {t.key, c[1]};
   }
   CodePolygon(
-      coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return apexes[i][j]; },
+      coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return hole_at_[i][j].apex; },
       places_);
   for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
     EraseTriangle(node.first_star + j);
@@ -455,7 +452,7 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
   slots_.clear();
   RemoveStar(mesh_, update, vertex, places_, &slots_);
   for (size_t i = 0; i < slots_.size(); ++i) {
-    PutTriangle(key_of[places_[i][0]][places_[i][2]], slots_[i]);
+    PutTriangle(hole_at_[places_[i][0]][places_[i][2]].key, slots_[i]);
   }
   const uint32_t first = update.boundary ? walked[0] : kNone32;
   if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) ForgetKey(lost);
