@@ -292,7 +292,8 @@ void AttributeCoder::CodeNormal(Coder& coder, const Channel& channel, const Star
   const Vec3d of_ring = Unit(sum);
   const Vec3d of_star = StarNormal(star);
   const std::array<Vec3d, kPredictions> predictions{of_ring, of_star, of_ring + of_star};
-  const auto best = static_cast<size_t>(std::ranges::min_element(costs_) - costs_.begin());
+  const auto best =
+      static_cast<size_t>(std::min_element(costs_.begin(), costs_.end()) - costs_.begin());
 
   OctahedralCode mean = EncodeOctahedral(predictions[best], bits);
   // In the half around z = 1 neighbours of a normal are neighbours in the square.

@@ -152,6 +152,11 @@ std::vector<std::string> FindViolations(const Sources& sources) {
   return violations;
 }
 
+std::string ReadText(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
 TEST_CASE("every include of the project points the right way", "[layers]") {
   const std::filesystem::path root = MTDB_SOURCE_DIR;
   Sources sources;
@@ -161,13 +166,64 @@ TEST_CASE("every include of the project points the right way", "[layers]") {
       if (extension != ".h" && extension != ".cc" && extension != ".c" && extension != ".inc") {
         continue;
       }
-      std::ifstream in(entry.path());
-      sources[entry.path().lexically_relative(root).generic_string()] = {
-          std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+      sources[entry.path().lexically_relative(root).generic_string()] = ReadText(entry.path());
     }
   }
   CHECK(sources.size() > 100);
   for (const std::string& violation : FindViolations(sources)) FAIL_CHECK(violation);
+}
+
+// What a client of the update stream cannot have, in a browser.
+std::string WrongInClient(const std::string& file, const std::string& text) {
+  static const std::set<std::string> kAbsent{
+      "atomic", "condition_variable", "filesystem", "fstream",    "future", "iostream",
+      "mutex",  "shared_mutex",       "stdexcept",  "stop_token", "thread"};
+  // hash.h hides the checksum's library, float4.h the processor; both have another way.
+  static const std::set<std::string> kOthers{"xxhash.h", "emmintrin.h"};
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const std::string included = IncludedBy(line);
+    const std::string layer = LayerOf(included);
+    if (kAbsent.contains(included)) return file + " includes " + included;
+    if (!layer.empty() && layer != "base" && layer != "codecs") return file + " knows " + layer;
+    if (layer.empty() && included.find_first_of("./") != std::string::npos &&
+        !kOthers.contains(included)) {
+      return file + " includes " + included;
+    }
+    for (const char* word : {" throw ", " throw;", "} catch (", " try {"}) {
+      const size_t at = line.find(word);
+      if (at != std::string::npos && line.find("//") > at) return file + ": " + line;
+    }
+  }
+  return "";
+}
+
+TEST_CASE("the client of an update stream needs standard C++ and store/base only", "[layers]") {
+  const std::filesystem::path root = MTDB_SOURCE_DIR;
+  std::vector<std::string> files;
+  std::istringstream list(ReadText(root / "codecs/client_sources.txt"));
+  for (std::string file; std::getline(list, file);) files.push_back(file);
+  REQUIRE(files.size() > 5);
+  // With all headers of the project that they include.
+  for (size_t i = 0; i < files.size(); ++i) {
+    const std::string text = ReadText(root / files[i]);
+    INFO(files[i]);
+    REQUIRE(!text.empty());
+    CHECK(WrongInClient(files[i], text) == "");
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      const std::string included = IncludedBy(line);
+      if (LayerOf(included).empty()) continue;
+      if (std::find(files.begin(), files.end(), included) == files.end()) files.push_back(included);
+    }
+  }
+  CHECK(files.size() > 20);
+  for (const char* wrong :
+       {"#include <thread>", "#include \"store/database.h\"", "#include <zstd.h>",
+        "#include <sys/mman.h>", "  throw 1;", "  try {"}) {
+    CHECK(!WrongInClient("codecs/x.cc", wrong).empty());
+  }
+  CHECK(WrongInClient("codecs/x.cc", "#include <vector>\n#include \"store/base/ids.h\"\n").empty());
 }
 
 TEST_CASE("the checker of includes finds what is wrong", "[layers]") {

@@ -68,7 +68,9 @@ TriangleMesh MakeFinnedSheet(int n) {
   return mesh;
 }
 
-std::multiset<std::string> CutTriangles(const Surface& surface, Cut& cut) {
+// Those that meet the region.
+std::multiset<std::string> CutTriangles(const Surface& surface, Cut& cut,
+                                        const MeetsRegion& region) {
   TriangleMesh mesh;
   TriangleMeshSink sink(&mesh);
   REQUIRE(cut.Emit(sink).ok());
@@ -77,10 +79,13 @@ std::multiset<std::string> CutTriangles(const Surface& surface, Cut& cut) {
   for (const TriangleVertices& t : mesh.triangles) {
     std::array<Vec3i, 3> positions;
     std::array<ByteSpan, 3> rows;
+    Triangle3d corners;
     for (size_t c = 0; c < 3; ++c) {
       positions[c] = surface.record().grid.Quantize(mesh.positions[t[c]]);
       rows[c] = ByteSpan(mesh.rows).subspan(t[c] * row, row);
+      corners[c] = surface.record().grid.Position(positions[c]);
     }
+    if (region && !region(corners)) continue;
     set.insert(TriangleText(positions, rows));
   }
   return set;
@@ -103,9 +108,43 @@ void Walk(const BuiltObject& object, int steps, uint32_t remembered, bool manifo
     INFO(status.message());
     REQUIRE(status.ok());
     Cut cut = *surface.Select(query);
-    REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut));
+    REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut, {}));
     REQUIRE(ClientMeshFault(decoder.mesh()).empty());
     if (manifold) REQUIRE(CheckMesh(Compacted(decoder.mesh())).ok());
+  }
+}
+
+// As Walk, with a client that is clipped to a box now and then, and gets an update round by round.
+void WalkClipped(const BuiltObject& object, int steps, uint32_t remembered) {
+  const Surface& surface = *object.surface;
+  const ObjectRecord& record = surface.record();
+  const auto session = *Session::Open(object.surface);
+  UpdateEncoder encoder({record.grid, record.attributes, remembered}, *session->Base());
+  UpdateDecoder decoder;
+  REQUIRE(decoder.Feed(encoder.start()).ok());
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> part(0, 1);
+  for (int step = 0; step < steps; ++step) {
+    MeetsRegion region;
+    if (random() % 6 != 0) {
+      const Vec3d size = record.bounds.max - record.bounds.min;
+      const double x = part(random);
+      const double y = part(random);
+      const Vec3d centre = record.bounds.min + Vec3d{x * size.x, y * size.y, part(random) * size.z};
+      Box3d box;
+      box.Add(centre - size * 0.2);
+      box.Add(centre + size * 0.2);
+      region = [box = BoxRegion(box)](const Triangle3d& t) { return box->Within(t, 0); };
+    }
+    const Query query = RandomCutQuery(record, random);
+    const auto sink = [&](std::span<const UpdateBatch> batches) {
+      return decoder.Feed(encoder.Encode(batches, region));
+    };
+    REQUIRE(session->Update(query, sink).ok());
+    REQUIRE(decoder.Feed(encoder.Encode({}, region)).ok());  // where no round was needed
+    Cut cut = *surface.Select(query);
+    REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut, region));
+    REQUIRE(ClientMeshFault(decoder.mesh()).empty());
   }
 }
 
@@ -122,6 +161,14 @@ TEST_CASE("a client follows a session over non-manifold edges and vertices") {
   TriangleMesh sheet = MakeFinnedSheet(40);
   NumberVertices(&sheet);
   Walk(Build(sheet), 80, 50, false);
+}
+
+TEST_CASE("a clipped client that follows a session holds what of its cut meets the region") {
+  TriangleMesh terrain = MakeTerrain(5000);
+  NumberVertices(&terrain);
+  WalkClipped(Build(terrain), 40, 50);
+  WalkClipped(Build(MakeSculpture(6000)), 40, 0);
+  WalkClipped(Build(MakeFinnedSheet(40)), 60, 100);
 }
 
 }  // namespace mtdb::testing
