@@ -253,7 +253,7 @@ TEST_CASE("many clients at once share an object's cache", "[server]") {
 }
 
 TEST_CASE("connections above the limit are told to come again", "[server]") {
-  const ServerProcess server(SmallExample().store, {"--max-sessions", "2"});
+  const ServerProcess server(SmallExample().store, {"--max-connections", "2"});
   RawConnection first(server.port());
   auto second = std::make_unique<RawConnection>(server.port());
   for (RawConnection* connection : {&first, second.get()}) {
