@@ -146,7 +146,8 @@ Status RemoteSession::Impl::Start() {
     MTDB_ASSIGN_OR_RETURN(const Message start, Read());
     if (start.is_text) return Broken(BadInput("the base mesh must come first"));
   }
-  start_bytes_ = bytes_;
+  start_bytes_ = std::exchange(bytes_, 0);
+  messages_ = 0;
   connected_ = true;
   return Status::Ok();
 }
@@ -271,7 +272,10 @@ Result<RemoteUpdate> RemoteSession::Impl::Update(const std::string& query,
     Status status;
     if (!connected_ && options_.reconnect_seconds > 0) {
       status = Start();
-      restarted_ = restarted_ || status.ok();
+      if (status.ok()) {
+        restarted_ = true;
+        bytes_ = start_bytes_;
+      }
       if (!status.ok() && status.code() != StatusCode::kIoError &&
           status.code() != StatusCode::kBusy) {
         return status;

@@ -195,13 +195,13 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
                               "the server has as many sessions as it takes; try again later"));
     }
     ++metrics().sessions;
-    const std::shared_ptr<void> ticket(nullptr,
-                                       [&sessions = metrics().sessions](void*) { --sessions; });
+    std::shared_ptr<void> ticket(nullptr, [&sessions = metrics().sessions](void*) { --sessions; });
     call_ = std::make_shared<ServerCall>();
     state_ = State::kAnswering;
     stream_.expires_never();
     Watch();
-    asio::post(loop_.queries, [self = shared_from_this(), ticket, message = std::move(message),
+    // Not where it would wait for queries.
+    asio::post(loop_.catalog, [self = shared_from_this(), ticket, message = std::move(message),
                                work = asio::make_work_guard(loop_.io)]() mutable {
       auto refusal = std::make_shared<ServerAnswer>();
       std::shared_ptr<ServerService::OpenedSession> opened =
