@@ -8,6 +8,9 @@
 //   cut from scratch (Surface::Select), the session's update, encoding, decoding; updates; bytes.
 // path: a box of full resolution with a margin at 10 error steps moves over a larger sculpture;
 //   bytes per changed triangle, against Draco's for a mesh of just the new triangles of each frame.
+// window: a client that is clipped to a box, which slides along the path of a larger sculpture, in
+//   the smallest cut of full resolution in the box, and in one of the same accuracy everywhere;
+//   bytes per entering triangle, against Draco's for a mesh of just these.
 // progressive: all updates from the root to full resolution: bytes against the payloads of the same
 //   nodes in the store, and the rates of encoding and decoding.
 //
@@ -42,10 +45,10 @@ void Expect(bool right, const char* what) {
 // A session, its stream and its client.
 class Connection {
  public:
-  explicit Connection(const std::shared_ptr<Surface>& surface)
+  explicit Connection(const std::shared_ptr<Surface>& surface, const MeetsRegion& region = {})
       : session_(Session::Open(surface).value()),
         encoder_({surface->record().grid, surface->record().attributes, kRemembered},
-                 session_->Base().value()) {
+                 session_->Base().value(), region) {
     const Status status = decoder_.Feed(encoder_.start());
     MTDB_CHECK(status.ok(), status.message().c_str());
   }
@@ -53,18 +56,19 @@ class Connection {
     double update = 0, encode = 0, decode = 0;  // seconds
     uint64_t insertions = 0, removals = 0, bytes = 0;
   };
-  Frame Move(const Query& query) {
+  Frame Move(const Query& query, const MeetsRegion& region = {}) {
     Frame frame;
     std::vector<UpdateBatch> batches;
     const double begin = ProcessCpuSeconds();
     const SessionUpdate update = session_->Update(query, &batches).value();
     const double updated = ProcessCpuSeconds();
-    const Bytes bytes = encoder_.Encode(batches);
+    const Bytes bytes = encoder_.Encode(batches, region);
     const double encoded = ProcessCpuSeconds();
     const Status status = decoder_.Feed(bytes);
     MTDB_CHECK(status.ok(), status.message().c_str());
     frame = {updated - begin,   encoded - updated, ProcessCpuSeconds() - encoded,
              update.insertions, update.removals,   bytes.size()};
+    if (region) return frame;
     Expect(mesh().triangle_count() == update.stats.triangles, "triangles of the client");
     Expect(mesh().vertex_count() == update.stats.vertices, "vertices of the client");
     return frame;
@@ -237,6 +241,59 @@ void FollowPath(const std::shared_ptr<Surface>& surface, const TriangleMesh& mes
               ratio(totals.bytes), kDracoBits, ratio(draco));
 }
 
+void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, int frames,
+            bool uniform) {
+  const ObjectRecord& record = surface->record();
+  const std::vector<Vec3d> path = Path(mesh, record.bounds, frames);
+  const double side = 0.1 * record.diagonal();
+  const auto region_at = [&](Vec3d centre) -> MeetsRegion {
+    return [region = BoxQuery(centre, side).region](const Triangle3d& t) {
+      return region->Within(t, 0);
+    };
+  };
+  const auto query_at = [&](Vec3d centre) {
+    Query query;
+    if (uniform) {
+      query.threshold = ConstantThreshold(0.0002 * record.diagonal());
+    } else {
+      query = BoxQuery(centre, side);
+    }
+    return query;
+  };
+  Connection connection(surface, region_at(path[0]));
+  const Connection::Frame first = connection.Move(query_at(path[0]), region_at(path[0]));
+  const uint32_t first_triangles = connection.mesh().triangle_count();
+  Totals totals;
+  uint64_t entered = 0;
+  uint64_t held = 0;
+  uint64_t draco = 0;
+  for (size_t f = 1; f < path.size(); ++f) {
+    const uint64_t born = NewestBorn(connection.mesh());
+    totals.Add(connection.Move(query_at(path[f]), region_at(path[f])));
+    const TriangleMesh made = NewTriangles(connection.mesh(), born);
+    entered += made.triangles.size();
+    held += connection.mesh().triangle_count();
+    if (!made.triangles.empty()) draco += MeasureDraco(made, kDracoBits, 10).bytes;
+  }
+  const auto ratio = [&](uint64_t value) {
+    return static_cast<double>(value) / static_cast<double>(std::max<uint64_t>(entered, 1));
+  };
+  const auto n = static_cast<double>(path.size() - 1);
+  std::printf("window, %s: first frame %llu bytes for %u triangles\n",
+              uniform ? "the same accuracy everywhere" : "full resolution in the box",
+              static_cast<unsigned long long>(first.bytes), first_triangles);
+  std::printf(
+      "  per frame: %.0f triangles held, %.0f entered, %.0f bytes; encode %.2f ms, decode %.2f "
+      "ms\n",
+      static_cast<double>(held) / n, static_cast<double>(entered) / n,
+      static_cast<double>(totals.bytes) / n, 1e3 * totals.encode / n, 1e3 * totals.decode / n);
+  std::printf("  bytes per entering triangle: %.2f; Draco (%d bits, of these alone) %.2f\n",
+              ratio(totals.bytes), kDracoBits, ratio(draco));
+  std::printf("  vertices: sent %llu, recalled %llu\n",
+              static_cast<unsigned long long>(connection.encoder().sent_vertices()),
+              static_cast<unsigned long long>(connection.encoder().recalled_vertices()));
+}
+
 void Progressive(const std::shared_ptr<Surface>& surface) {
   const ClusterIndex& index = surface->index();
   uint64_t payloads = 0;
@@ -263,7 +320,7 @@ int Main(int argc, char** argv) {
   std::string file;
   app.add_option("--frames", frames, "of the sweep and the path");
   app.add_option("--triangles", triangles, "of the sculpture without MESH");
-  app.add_option("--large", large, "triangles of the path's sculpture; 0: no path");
+  app.add_option("--large", large, "triangles of the larger sculpture; 0: none");
   app.add_option("MESH", file);
   CLI11_PARSE(app, argc, argv);
 
@@ -289,7 +346,10 @@ int Main(int argc, char** argv) {
   if (large > 0) {
     store.Build("large", Sculpture(large), {});
     const auto larger = store.OpenSurface("large", {.threads = 1});
-    FollowPath(larger, Sculpture(large), std::min(frames, 40));
+    const TriangleMesh large_mesh = Sculpture(large);
+    FollowPath(larger, large_mesh, std::min(frames, 40));
+    Window(larger, large_mesh, frames, false);
+    Window(larger, large_mesh, frames, true);
     Progressive(larger);
   }
   return all_right ? 0 : 1;

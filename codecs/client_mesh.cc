@@ -33,11 +33,9 @@ ClientMesh::Changes ClientMesh::TakeChanges() {
   return {Ranges(changed_triangles_), Ranges(changed_vertices_)};
 }
 
-void ClientMesh::Start(std::span<const Vec3i> positions, Bytes rows,
+void ClientMesh::Start(Vec3d origin, std::span<const Vec3i> positions, const Bytes& rows,
                        std::span<const std::array<uint32_t, 3>> triangles) {
-  Box3d box;
-  for (const Vec3i p : positions) box.Add(options_.grid.Position(p));
-  if (!positions.empty()) origin_ = (box.min + box.max) * 0.5;
+  origin_ = origin;
   for (size_t v = 0; v < positions.size(); ++v) {
     AddVertex(positions[v], rows.data() + v * row_bytes_);
   }
@@ -58,6 +56,7 @@ uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
   } else {
     vertex = free_vertices_.back();
     free_vertices_.pop_back();
+    place_[vertex] = kNone32;
   }
   points_[vertex] = Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
                           static_cast<uint32_t>(position.z), 0};
@@ -89,12 +88,14 @@ uint32_t ClientMesh::Forget(uint32_t vertex, uint32_t first_of_ring) {
   } else if (!remembered_.empty()) {
     oldest_ = oldest_ < remembered_.size() ? oldest_ : 0;
     lost = remembered_[oldest_];
-    place_[lost] = kNone32;
     remembered_[oldest_] = vertex;
     place_[vertex] = oldest_++;
   }
   first_of_ring_[vertex] = first_of_ring;
-  if (lost != kNone32) free_vertices_.push_back(lost);
+  if (lost != kNone32) {
+    place_[lost] = kNowhere;
+    free_vertices_.push_back(lost);
+  }
   return lost;
 }
 
@@ -136,7 +137,13 @@ void ClientMesh::PairAll() {
              std::get<1>(edges[i]) == std::get<1>(edges[begin]);
     };
     for (end = begin + 1; end < edges.size() && same(end);) ++end;
-    if (end - begin != 2 || std::get<2>(edges[begin]) == std::get<2>(edges[begin + 1])) continue;
+    if (end - begin != 2 || std::get<2>(edges[begin]) == std::get<2>(edges[begin + 1])) {
+      for (size_t i = begin; i < end; ++i) {
+        const auto& [low, high, forward, half_edge] = edges[i];
+        Open(forward ? low : high, forward ? high : low, half_edge);
+      }
+      continue;
+    }
     const uint32_t g = std::get<3>(edges[begin]);
     const uint32_t h = std::get<3>(edges[begin + 1]);
     triangles_[g >> 2].opposite[g & 3] = h;
@@ -157,6 +164,7 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
       --degree_[t.corners[i]];
       indices_[3 * size_t{slot} + i] = 0;
       const uint32_t o = t.opposite[i];
+      if (o == kNone32) Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
       if (o == kNone32 || triangles_[o >> 2].born == 0) continue;
       triangles_[o >> 2].opposite[o & 3] = kNone32;
       outer.push_back({t.corners[i], t.corners[NextCorner(i)], o});
@@ -184,6 +192,51 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
       outer.erase(twin);
     }
   }
+  for (const Edge& e : outer) Open(e.to, e.from, e.half_edge);
+}
+
+void ClientMesh::Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over) {
+  Replace(triangles, {}, kNone32, nullptr);
+  // What a free slot was is still there.
+  const auto first = static_cast<std::ptrdiff_t>(left_over->size());
+  for (const uint32_t slot : triangles) {
+    for (const uint32_t v : triangles_[slot].corners) {
+      if (degree_[v] == 0) left_over->push_back(v);
+    }
+  }
+  std::sort(left_over->begin() + first, left_over->end());
+  left_over->erase(std::unique(left_over->begin() + first, left_over->end()), left_over->end());
+}
+
+uint32_t ClientMesh::Attach(const std::array<uint32_t, 3>& corners) {
+  const uint32_t slot = AddTriangle(corners, kNone32);
+  for (uint32_t i = 0; i < 3; ++i) {
+    const uint32_t from = corners[i];
+    const uint32_t to = corners[NextCorner(i)];
+    const uint32_t o = OpenHalfEdge(to, from);
+    if (o == kNone32) {
+      Open(from, to, 4 * slot + i);
+      continue;
+    }
+    Close(to, from, o);
+    triangles_[slot].opposite[i] = o;
+    triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+  }
+  return slot;
+}
+
+uint32_t ClientMesh::OpenHalfEdge(uint32_t from, uint32_t to) const {
+  const uint64_t edge = uint64_t{from} << 32 | to;
+  const auto at = open_.lower_bound({edge, 0});
+  return at != open_.end() && at->first == edge ? at->second : kNone32;
+}
+
+void ClientMesh::Open(uint32_t from, uint32_t to, uint32_t half_edge) {
+  open_.emplace(uint64_t{from} << 32 | to, half_edge);
+}
+
+void ClientMesh::Close(uint32_t from, uint32_t to, uint32_t half_edge) {
+  open_.erase({uint64_t{from} << 32 | to, half_edge});
 }
 
 }  // namespace mtdb

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <set>
 #include <span>
 #include <utility>
 #include <vector>
@@ -84,18 +85,29 @@ class ClientMesh {
   // The removed vertices that are remembered, in no order that has a meaning.
   std::span<const uint32_t> remembered() const { return remembered_; }
   bool is_remembered(uint32_t vertex) const {
-    return vertex < place_.size() && place_[vertex] != kNone32;
+    return vertex < place_.size() && place_[vertex] < kNowhere;
   }
-  // Of a remembered boundary vertex: the first of its ring; kNone32 of an interior one.
+  // Whether the slot holds a vertex, be it of the mesh, remembered, or left over by Drop.
+  bool is_known(uint32_t vertex) const {
+    return vertex < place_.size() && place_[vertex] != kNowhere;
+  }
+  // Of a remembered boundary vertex: the first of its ring; kNone32 of any other.
   uint32_t first_of_ring(uint32_t vertex) const { return first_of_ring_[vertex]; }
 
   // Makes a mesh of what has neither triangles nor vertices. `triangles` name existing vertices.
-  void Start(std::span<const Vec3i> positions, Bytes rows,
+  void Start(Vec3d origin, std::span<const Vec3i> positions, const Bytes& rows,
              std::span<const std::array<uint32_t, 3>> triangles);
   // Puts a new vertex in a slot. `row`: row_bytes bytes.
   uint32_t AddVertex(Vec3i position, const std::byte* row);
   // A remembered vertex is one of the mesh again.
   void Recall(uint32_t vertex);
+  // The first of the half-edges from `from` to `to` that have no opposite, or kNone32.
+  uint32_t OpenHalfEdge(uint32_t from, uint32_t to) const;
+  // Takes triangles away. Vertices that have none any more are appended to `left_over`: they are to
+  // be used by Attach, or forgotten.
+  void Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over);
+  // Adds a triangle beside those that are there; returns its slot.
+  uint32_t Attach(const std::array<uint32_t, 3>& corners);
   // The vertex, which has no triangles any more, is remembered, if there is room for any; returns
   // the vertex that has to go for it (perhaps itself), or kNone32.
   uint32_t Forget(uint32_t vertex, uint32_t first_of_ring);
@@ -111,6 +123,10 @@ class ClientMesh {
   };
   uint32_t AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills);
   void PairAll();
+  void Open(uint32_t from, uint32_t to, uint32_t half_edge);
+  void Close(uint32_t from, uint32_t to, uint32_t half_edge);
+
+  static constexpr uint32_t kNowhere = kNone32 - 1;
 
   ClientMeshOptions options_;
   size_t row_bytes_ = 0;
@@ -127,11 +143,12 @@ class ClientMesh {
   std::vector<uint32_t> degree_;     // triangles at a vertex
   std::vector<uint32_t> half_edge_;  // see half_edge_of
   std::vector<uint32_t> first_of_ring_;
-  std::vector<uint32_t> place_;  // in remembered_, or kNone32
+  std::vector<uint32_t> place_;  // in remembered_; kNone32: not there; kNowhere: a free slot
   std::vector<uint32_t> remembered_;
   uint32_t oldest_ = 0;  // of remembered_: the next one to go
   std::vector<uint32_t> free_vertices_;
-  std::vector<Edge> outer_;  // scratch of Replace
+  std::set<std::pair<uint64_t, uint32_t>> open_;  // (from, to) of half-edges without an opposite
+  std::vector<Edge> outer_;                       // scratch of Replace
   std::vector<uint32_t> changed_triangles_;
   std::vector<uint32_t> changed_vertices_;
 };

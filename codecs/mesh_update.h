@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -16,6 +17,10 @@ namespace mtdb {
 
 // Any number that tells a triangle from all others that a sender will ever name.
 using TriangleKey = uint64_t;
+
+// Whether a triangle, in model units, meets the region that a client is clipped to. A null function
+// is the region of everything.
+using MeetsRegion = std::function<bool(const Triangle3d&)>;
 
 // The mesh that a client starts from.
 struct BaseMesh {

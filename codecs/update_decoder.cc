@@ -1,9 +1,11 @@
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "codecs/internal/clip_coder.h"
 #include "codecs/internal/update_coder.h"
 #include "codecs/update_stream.h"
 #include "store/base/hash.h"
@@ -21,6 +23,7 @@ class UpdateDecoder::Impl {
   ClientMesh mesh_;
 
  private:
+  class AttachedSide;
   using Coder = RansDecoder<>::Lane<0>;
 
   Status Corrupted(const std::string& what) const {
@@ -30,10 +33,24 @@ class UpdateDecoder::Impl {
   Status TakePart(ByteReader& reader, bool* complete);
   Status DecodeStart(ByteSpan body);
   Status DecodeRecord(ByteSpan record);
-  Status DecodeInsertions(Coder& coder, uint32_t count);
-  Status DecodeRemovals(Coder& coder, uint32_t count);
+  // `count` slots, ascending; each is handed to `decode`.
+  template <typename Decode>
+  Status DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count, Decode&& decode);
+  // `updates`: those of the record, to which what is attached is added.
+  Status DecodeClip(Coder& coder, size_t record_bytes, uint64_t* updates);
+  Status DecodeRemoval(Coder& coder, uint32_t vertex);
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
+  // Whether a record may have so many updates.
+  static bool MayHave(uint64_t updates, size_t record_bytes) {
+    return updates <= record_bytes * kMaxUpdatesPerByte;
+  }
+  Status TooManyUpdates() const {
+    return Corrupted("more updates than the bytes of the record can hold");
+  }
+  bool HasRoomForVertex() const {
+    return mesh_.vertex_count() + mesh_.remembered().size() < limits_.vertices;
+  }
   Status FinishInsertion(const UpdateHole& update, uint32_t remembered, Vec3i position);
   Status FinishRemoval(Coder& coder, const UpdateHole& update, uint32_t vertex);
   // Whether the triangles are bounded by just these edges, which it sorts.
@@ -110,6 +127,11 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   options.grid.mode = static_cast<PositionMode>(mode);
   for (int i = 0; i < 3; ++i) options.grid.origin[i] = reader.Get<double>();
   options.grid.step = reader.Get<double>();
+  Vec3d origin;
+  for (int i = 0; i < 3; ++i) origin[i] = reader.Get<double>();
+  if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z)) {
+    return Corrupted("origin of the float positions");
+  }
   const uint64_t attributes = reader.GetVarint();
   if (attributes > reader.remaining()) return Corrupted("count of attributes");
   for (uint64_t i = 0; i < attributes; ++i) {
@@ -153,7 +175,7 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
     return Corrupted("length of the base mesh");
   }
   mesh_ = ClientMesh(options);
-  mesh_.Start(positions, JoinPlanes(planes, row_bytes), corners);
+  mesh_.Start(origin, positions, JoinPlanes(planes, row_bytes), corners);
   models_ = UpdateModels(options.attributes);
   models_.reference = UpdateReference(mesh_);
   row_.resize(row_bytes);
@@ -165,21 +187,24 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
   Coder coder(decoder_);
   uint64_t updates = 0;
   while (coder.Bit(models_.more)) {
-    const bool listed = coder.Bit(models_.listed);
-    const bool insert = coder.Bit(models_.insert);
-    const bool fresh = !listed && insert && coder.Bit(models_.fresh);
-    const uint32_t count = listed ? 1 : CodeNumber(coder, models_.count, 0);
-    updates += count;
-    if (coder.overrun()) return Corrupted("record cut short");
-    if (count == 0 || updates > record.size() * kMaxUpdatesPerByte) {
-      return Corrupted("more updates than the bytes of the record can hold");
-    }
-    if (listed) {
-      MTDB_RETURN_IF_ERROR(DecodeListed(coder, insert));
+    if (coder.Bit(models_.other)) {
+      if (coder.Bit(models_.clip)) {
+        MTDB_RETURN_IF_ERROR(DecodeClip(coder, record.size(), &updates));
+        continue;
+      }
+      if (!MayHave(++updates, record.size())) return TooManyUpdates();
+      MTDB_RETURN_IF_ERROR(DecodeListed(coder, coder.Bit(models_.insert)));
       continue;
     }
+    const bool insert = coder.Bit(models_.insert);
+    const bool fresh = insert && coder.Bit(models_.fresh);
+    const uint32_t count = CodeNumber(coder, models_.count, 0);
+    updates += count;
+    if (coder.overrun()) return Corrupted("record cut short");
+    if (count == 0 || !MayHave(updates, record.size())) return TooManyUpdates();
     if (!insert) {
-      MTDB_RETURN_IF_ERROR(DecodeRemovals(coder, count));
+      MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.vertex_gap, count,
+                                           [&](uint32_t v) { return DecodeRemoval(coder, v); }));
       continue;
     }
     if (fresh) {
@@ -194,7 +219,9 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
         --left;
       }
     } else {
-      MTDB_RETURN_IF_ERROR(DecodeInsertions(coder, count));
+      MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.anchor_gap, count, [&](uint32_t slot) {
+        return DecodeInsertion(coder, slot);
+      }));
     }
     fresh_.swap(next_fresh_);
     next_fresh_.clear();
@@ -203,20 +230,21 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
   return Status::Ok();
 }
 
-Status UpdateDecoder::Impl::DecodeInsertions(Coder& coder, uint32_t count) {
+template <typename Decode>
+Status UpdateDecoder::Impl::DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count,
+                                            Decode&& decode) {
   uint64_t next = 0;
   for (uint32_t i = 0; i < count; ++i) {
-    const uint64_t anchor = next + CodeNumber(coder, models_.anchor_gap, 0);
-    next = anchor + 1;
-    if (anchor >= mesh_.triangle_slots() || !mesh_.has_triangle(static_cast<uint32_t>(anchor))) {
-      return Corrupted("anchor is no triangle");
-    }
-    MTDB_RETURN_IF_ERROR(DecodeInsertion(coder, static_cast<uint32_t>(anchor)));
+    const uint64_t place = next + CodeNumber(coder, gap, 0);
+    if (place >= kNone32) return Corrupted("an update of what is not there");
+    next = place + 1;
+    MTDB_RETURN_IF_ERROR(decode(static_cast<uint32_t>(place)));
   }
   return Status::Ok();
 }
 
 Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
+  if (!mesh_.has_triangle(anchor)) return Corrupted("anchor is no triangle");
   UpdateHole update;
   uint32_t remembered = kNone32;
   Vec3i position{};
@@ -258,8 +286,7 @@ Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
 
 Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t remembered,
                                             Vec3i position) {
-  if (mesh_.triangle_count() > limits_.triangles - 2 ||
-      mesh_.vertex_count() + mesh_.remembered().size() >= limits_.vertices) {
+  if (mesh_.triangle_count() > limits_.triangles - 2 || !HasRoomForVertex()) {
     return Corrupted("the mesh exceeds this client's limit");
   }
   uint32_t vertex = remembered;
@@ -274,21 +301,13 @@ Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t r
   return Status::Ok();
 }
 
-Status UpdateDecoder::Impl::DecodeRemovals(Coder& coder, uint32_t count) {
-  uint64_t next = 0;
-  for (uint32_t i = 0; i < count; ++i) {
-    const uint64_t vertex = next + CodeNumber(coder, models_.vertex_gap, 0);
-    next = vertex + 1;
-    if (vertex >= mesh_.vertex_slots() || !mesh_.has_vertex(static_cast<uint32_t>(vertex))) {
-      return Corrupted("removal of what is no vertex");
-    }
-    UpdateHole update;
-    if (!WalkStar(mesh_, static_cast<uint32_t>(vertex), update)) {
-      return Corrupted("removal of a vertex whose triangles are no fan");
-    }
-    MTDB_RETURN_IF_ERROR(FinishRemoval(coder, update, static_cast<uint32_t>(vertex)));
+Status UpdateDecoder::Impl::DecodeRemoval(Coder& coder, uint32_t vertex) {
+  if (!mesh_.has_vertex(vertex)) return Corrupted("removal of what is no vertex");
+  UpdateHole update;
+  if (!WalkStar(mesh_, vertex, update)) {
+    return Corrupted("removal of a vertex whose triangles are no fan");
   }
-  return Status::Ok();
+  return FinishRemoval(coder, update, vertex);
 }
 
 Status UpdateDecoder::Impl::FinishRemoval(Coder& coder, const UpdateHole& update, uint32_t vertex) {
@@ -376,6 +395,63 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   if (coder.overrun()) return Corrupted("record cut short");
   MTDB_RETURN_IF_ERROR(FinishInsertion(update, vertex, position));
   next_fresh_.clear();
+  return Status::Ok();
+}
+
+// The client has no answers of its own to what clip_coder.h asks.
+class UpdateDecoder::Impl::AttachedSide {
+ public:
+  // The record may have so many triangles still.
+  AttachedSide(Impl& decoder, uint64_t triangles) : d_(decoder), triangles_(triangles) {}
+
+  uint32_t NextSeed() const { return 0; }
+  bool done() const { return false; }
+  bool Across(uint32_t) const { return false; }
+  uint32_t Corner(uint32_t) const { return 0; }
+  Vec3i position() const { return {}; }
+  void CodeRow(const AttributeCoder::Star& star) {
+    if (d_.row_.empty()) return;
+    d_.models_.attribute_coder.Decode(d_.decoder_, star, d_.mesh_.rows(), d_.row_.data());
+  }
+  void CodeRow() {
+    for (std::byte& b : d_.row_) b = static_cast<std::byte>(d_.decoder_.lane().Raw(8));
+  }
+  uint32_t PutVertex(Vec3i p) {
+    if (d_.decoder_.overrun() || !d_.HasRoomForVertex()) return kNone32;
+    return d_.mesh_.AddVertex(p, d_.row_.data());
+  }
+  void Recalled() const {}
+  bool PutTriangle(uint32_t) {
+    ++attached_;
+    return !d_.decoder_.overrun() && attached_ <= triangles_ &&
+           d_.mesh_.triangle_count() <= d_.limits_.triangles;
+  }
+  uint64_t attached() const { return attached_; }
+
+ private:
+  Impl& d_;
+  const uint64_t triangles_;
+  uint64_t attached_ = 0;
+};
+
+Status UpdateDecoder::Impl::DecodeClip(Coder& coder, size_t record_bytes, uint64_t* updates) {
+  DropWalk walk(mesh_);
+  const auto no_answer = [](uint32_t) { return 0; };
+  if (!walk.Code(coder, models_.clips, no_answer, no_answer) || coder.overrun()) {
+    return Corrupted("dropping of what is no triangle");
+  }
+  std::vector<uint32_t> left_over;
+  mesh_.Drop(walk.dropped(), &left_over);
+  AttachedSide side(*this, record_bytes * kMaxUpdatesPerByte - *updates);
+  const bool good = Attacher(coder, models_, mesh_, side, &left_over).Code();
+  *updates += side.attached();
+  ForgetLeftOver(mesh_, left_over, [](uint32_t) {});
+  if (!good || coder.overrun()) return Corrupted("triangles that cannot be attached");
+  const uint32_t padding = CodeNumber(coder, models_.clips.padding, 0);
+  if (padding > record_bytes) return Corrupted("padding of a record");
+  for (uint32_t i = 0; i < padding; ++i) {
+    if (coder.Raw(8) != 0) return Corrupted("padding of a record");
+  }
   return Status::Ok();
 }
 

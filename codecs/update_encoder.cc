@@ -1,11 +1,14 @@
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "codecs/internal/clip_coder.h"
 #include "codecs/internal/update_coder.h"
+#include "codecs/internal/whole_cut.h"
 #include "codecs/update_stream.h"
 #include "store/base/check.h"
 #include "store/base/hash.h"
@@ -16,13 +19,15 @@ namespace {
 
 // Records end at the first batch after so many updates.
 constexpr uint64_t kRecordUpdates = 4096;
+// So many triangles are attached in a record.
+constexpr uint32_t kRecordTriangles = 16384;
 
 }  // namespace
 
 class UpdateEncoder::Impl {
  public:
-  Impl(const ClientMeshOptions& options, const BaseMesh& base);
-  Bytes Encode(std::span<const UpdateBatch> batches);
+  Impl(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
+  Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region);
 
   const ClientMeshOptions options_;
   const size_t row_bytes_;
@@ -31,27 +36,39 @@ class UpdateEncoder::Impl {
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
   Bytes start_;
   uint64_t listed_ = 0;
+  uint64_t sent_ = 0;
   uint64_t recalled_ = 0;
 
  private:
+  class AttachedSide;
   using Node = UpdateBatch::Node;
+  using Follows = std::vector<bool>;  // which nodes of a batch the client follows; empty: all
   struct Target {
     const Node* node;
     uint32_t at;  // the anchor's slot, or the vertex's
   };
 
   void WriteStart(const BaseMesh& base);
+  void StartWholeCut();
+  void EndRecord(ByteWriter& out);
+  void PutTriangle(TriangleKey key, uint32_t slot);
+  void EraseTriangle(TriangleKey key);
+  void ForgetKey(uint32_t vertex) { vertex_of_.erase(keys_[vertex]); }
+  void EncodeClip(uint64_t updates, ByteWriter& out);
+  std::vector<uint32_t> Coming() const;
+  void EncodeDrops(const std::vector<uint32_t>& leaving, std::vector<uint32_t>* left_over);
+  uint64_t MissingBytes(uint64_t updates) const;
   uint32_t TriangleOf(TriangleKey key) const;
   uint32_t VertexOf(VertexIndex key) const;
-  void EncodeInsertions(const UpdateBatch& batch);
-  void EncodeRemovals(const UpdateBatch& batch);
+  void EncodeInsertions(const UpdateBatch& batch, const Follows& follows);
+  void EncodeRemovals(const UpdateBatch& batch, const Follows& follows);
   // Whether the client can find the node's hole (star) by itself, and where it starts.
   // The nodes of a batch that are found by walking, by where they are, and those to be listed.
   struct Sorted {
     std::vector<Target> targets;
     std::vector<const Node*> listed;
   };
-  Sorted Sort(const UpdateBatch& batch,
+  Sorted Sort(const UpdateBatch& batch, const Follows& follows,
               bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
   bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
   bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
@@ -68,11 +85,13 @@ class UpdateEncoder::Impl {
   // Which remembered vertex the node's is, or kNone32.
   uint32_t RememberedSlot(const Node& node) const;
   uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
+  uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
   void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                        uint32_t vertex);
   void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                      uint32_t vertex);
 
+  std::optional<WholeCut> whole_;  // while the client is clipped
   std::unordered_map<TriangleKey, uint32_t> triangle_of_;
   std::unordered_map<VertexIndex, uint32_t> vertex_of_;  // remembered ones included
   std::vector<VertexIndex> keys_;                        // of vertex slots
@@ -86,7 +105,8 @@ class UpdateEncoder::Impl {
   std::vector<std::array<uint32_t, 3>> places_;
 };
 
-UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base)
+UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base,
+                          const MeetsRegion& region)
     : options_(options),
       row_bytes_(options.attributes.row_bytes()),
       mesh_(options),
@@ -95,6 +115,10 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
                  base.triangle_keys.size() == base.triangles.size() &&
                  base.rows.size() == base.vertices.size() * row_bytes_,
              "the parts of a base mesh have different lengths");
+  if (region) {
+    whole_.emplace(options, base);
+    whole_->Choose(region);
+  }
   WriteStart(base);
 }
 
@@ -104,8 +128,12 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   std::vector<Vec3i> positions;
   Bytes rows;
   std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<TriangleKey> triangle_keys;
   ByteWriter indices;
-  for (const auto& t : base.triangles) {
+  for (size_t i = 0; i < base.triangles.size(); ++i) {
+    if (whole_ && !whole_->chosen(static_cast<uint32_t>(i))) continue;
+    const auto& t = base.triangles[i];
+    triangle_keys.push_back(base.triangle_keys[i]);
     auto& corners = triangles.emplace_back();
     for (size_t c = 0; c < 3; ++c) {
       uint32_t& v = number[t[c]];
@@ -128,6 +156,10 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   body.Put<uint8_t>(static_cast<uint8_t>(grid.mode));
   for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
   body.Put<double>(grid.step);
+  Box3d box;
+  for (const Vec3i p : base.positions) box.Add(grid.Position(p));
+  const Vec3d origin = base.positions.empty() ? Vec3d{} : (box.min + box.max) * 0.5;
+  for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
   body.PutVarint(options_.attributes.attributes.size());
   for (const VertexAttribute& a : options_.attributes.attributes) {
     body.PutString(a.name);
@@ -154,11 +186,46 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   start.PutBytes(body.bytes());
   start_ = start.Take();
 
-  mesh_.Start(positions, rows, triangles);
+  mesh_.Start(origin, positions, rows, triangles);
+  sent_ = positions.size();
   models_.reference = UpdateReference(mesh_);
   for (size_t t = 0; t < triangles.size(); ++t) {
-    triangle_of_[base.triangle_keys[t]] = static_cast<uint32_t>(t);
+    PutTriangle(triangle_keys[t], static_cast<uint32_t>(t));
   }
+}
+
+void UpdateEncoder::Impl::PutTriangle(TriangleKey key, uint32_t slot) {
+  triangle_of_[key] = slot;
+  if (whole_) whole_->Link(key, slot);
+}
+
+void UpdateEncoder::Impl::EraseTriangle(TriangleKey key) {
+  const auto at = triangle_of_.find(key);
+  if (whole_) whole_->Unlink(at->second);
+  triangle_of_.erase(at);
+}
+
+// The client holds the whole cut.
+void UpdateEncoder::Impl::StartWholeCut() {
+  BaseMesh base;
+  std::vector<uint32_t> number(mesh_.vertex_slots(), kNone32);
+  for (uint32_t v = 0; v < mesh_.vertex_slots(); ++v) {
+    if (!mesh_.has_vertex(v)) continue;
+    number[v] = static_cast<uint32_t>(base.vertices.size());
+    base.vertices.push_back(keys_[v]);
+    base.positions.push_back(mesh_.position(v));
+    base.rows.insert(base.rows.end(), mesh_.row(v).begin(), mesh_.row(v).end());
+  }
+  std::vector<std::pair<uint32_t, TriangleKey>> by_slot;
+  for (const auto& [key, slot] : triangle_of_) by_slot.emplace_back(slot, key);
+  std::sort(by_slot.begin(), by_slot.end());
+  for (const auto& [slot, key] : by_slot) {
+    const auto& c = mesh_.triangle(slot).corners;
+    base.triangles.push_back({number[c[0]], number[c[1]], number[c[2]]});
+    base.triangle_keys.push_back(key);
+  }
+  whole_.emplace(options_, base);
+  for (const auto& [slot, key] : by_slot) whole_->Link(key, slot);
 }
 
 uint32_t UpdateEncoder::Impl::TriangleOf(TriangleKey key) const {
@@ -196,10 +263,13 @@ uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& no
 }
 
 UpdateEncoder::Impl::Sorted UpdateEncoder::Impl::Sort(const UpdateBatch& batch,
+                                                      const Follows& follows,
                                                       bool (Impl::*find)(const UpdateBatch&,
                                                                          const Node&, Target*)) {
   Sorted sorted;
-  for (const Node& node : batch.nodes) {
+  for (size_t i = 0; i < batch.nodes.size(); ++i) {
+    if (!follows.empty() && !follows[i]) continue;
+    const Node& node = batch.nodes[i];
     Target target;
     if ((this->*find)(batch, node, &target)) {
       sorted.targets.push_back(target);
@@ -239,6 +309,15 @@ bool UpdateEncoder::Impl::FindStar(const UpdateBatch& batch, const Node& node, T
          update.boundary == node.boundary;
 }
 
+uint32_t UpdateEncoder::Impl::AddVertex(VertexIndex key, Vec3i position, const std::byte* row) {
+  ++sent_;
+  const uint32_t vertex = mesh_.AddVertex(position, row);
+  keys_.resize(mesh_.vertex_slots());
+  keys_[vertex] = key;
+  vertex_of_[key] = vertex;
+  return vertex;
+}
+
 uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& node,
                                         uint32_t remembered) {
   if (remembered != kNone32) {
@@ -246,23 +325,19 @@ uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& no
     ++recalled_;
     return remembered;
   }
-  const uint32_t vertex = mesh_.AddVertex(node.position, RowOf(batch, node));
-  keys_.resize(mesh_.vertex_slots());
-  keys_[vertex] = node.vertex;
-  vertex_of_[node.vertex] = vertex;
-  return vertex;
+  return AddVertex(node.vertex, node.position, RowOf(batch, node));
 }
 
 void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& node,
                                           const UpdateHole& update, uint32_t vertex) {
   slots_.clear();
   InsertStar(mesh_, models_, update, vertex, &slots_);
-  for (const auto& t : batch.hole_of(node)) triangle_of_.erase(t.key);
+  for (const auto& t : batch.hole_of(node)) EraseTriangle(t.key);
   const std::span<const VertexIndex> ring = batch.ring_of(node);
   for (size_t j = 0; j < slots_.size(); ++j) {
     const VertexIndex key = keys_[update.hole.ring[j]];
     const auto place = std::find(ring.begin(), ring.end(), key) - ring.begin();
-    triangle_of_[node.first_star + static_cast<uint64_t>(place)] = slots_[j];
+    PutTriangle(node.first_star + static_cast<uint64_t>(place), slots_[j]);
     next_fresh_.emplace_back(slots_[j], mesh_.triangle(slots_[j]).born);
   }
 }
@@ -306,8 +381,8 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
   FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
 }
 
-void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch) {
-  const Sorted sorted = Sort(batch, &Impl::FindHole);
+void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch, const Follows& follows) {
+  const Sorted sorted = Sort(batch, follows, &Impl::FindHole);
   const std::vector<Target>& targets = sorted.targets;
   const std::vector<const Node*>& listed = sorted.listed;
   if (!targets.empty()) {
@@ -321,7 +396,7 @@ void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch) {
       if (mesh_.triangle(slot).born == born && anchored_at(slot) != nullptr) ++among_fresh;
     }
     coder_.Bit(models_.more, true);
-    coder_.Bit(models_.listed, false);
+    coder_.Bit(models_.other, false);
     coder_.Bit(models_.insert, true);
     const bool fresh = among_fresh == targets.size() && fresh_.size() < 32 * targets.size();
     coder_.Bit(models_.fresh, fresh);
@@ -374,17 +449,15 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
       coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return apexes[i][j]; },
       places_);
   for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
-    triangle_of_.erase(node.first_star + j);
+    EraseTriangle(node.first_star + j);
   }
   slots_.clear();
   RemoveStar(mesh_, update, vertex, places_, &slots_);
   for (size_t i = 0; i < slots_.size(); ++i) {
-    triangle_of_[key_of[places_[i][0]][places_[i][2]]] = slots_[i];
+    PutTriangle(key_of[places_[i][0]][places_[i][2]], slots_[i]);
   }
   const uint32_t first = update.boundary ? walked[0] : kNone32;
-  if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) {
-    vertex_of_.erase(keys_[lost]);
-  }
+  if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) ForgetKey(lost);
 }
 
 void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
@@ -393,11 +466,11 @@ void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& 
   FinishRemoval(batch, *target.node, update, target.at);
 }
 
-void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch) {
-  const auto& [targets, listed] = Sort(batch, &Impl::FindStar);
+void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch, const Follows& follows) {
+  const auto& [targets, listed] = Sort(batch, follows, &Impl::FindStar);
   if (!targets.empty()) {
     coder_.Bit(models_.more, true);
-    coder_.Bit(models_.listed, false);
+    coder_.Bit(models_.other, false);
     coder_.Bit(models_.insert, false);
     CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
     uint32_t next = 0;
@@ -414,7 +487,8 @@ void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch) {
 void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& node) {
   ++listed_;
   coder_.Bit(models_.more, true);
-  coder_.Bit(models_.listed, true);
+  coder_.Bit(models_.other, true);
+  coder_.Bit(models_.clip, false);
   coder_.Bit(models_.insert, batch.insert);
   UpdateHole update;
   Patch::Hole& hole = update.hole;
@@ -448,36 +522,234 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   next_fresh_.clear();
 }
 
-Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches) {
+void UpdateEncoder::Impl::EndRecord(ByteWriter& out) {
+  coder_.Bit(models_.more, false);
+  const Bytes record = coder_.Finish();
+  MTDB_CHECK(record.size() <= kMaxRecordBytes, "a batch of updates is too long for a record");
+  out.PutVarint(record.size());
+  out.Put<uint32_t>(static_cast<uint32_t>(Hash64(record)));
+  out.PutBytes(record);
+}
+
+Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
   ByteWriter out;
+  if (region && !whole_) StartWholeCut();
+  std::vector<Follows> plan(batches.size());
+  if (whole_) {
+    for (const UpdateBatch& batch : batches) whole_->Apply(batch);
+    whole_->Choose(region);
+    plan = whole_->Plan(batches, triangle_of_);
+  }
   uint64_t updates = 0;
   for (size_t b = 0; b < batches.size(); ++b) {
     const UpdateBatch& batch = batches[b];
+    const Follows& follows = plan[b];
     if (batch.insert) {
-      EncodeInsertions(batch);
+      EncodeInsertions(batch, follows);
     } else {
-      EncodeRemovals(batch);
+      EncodeRemovals(batch, follows);
     }
-    updates += batch.nodes.size();
-    if (updates == 0 || (updates < kRecordUpdates && b + 1 < batches.size())) continue;
-    coder_.Bit(models_.more, false);
-    Bytes record = coder_.Finish();
-    MTDB_CHECK(record.size() <= kMaxRecordBytes, "a batch of updates is too long for a record");
+    updates += follows.empty()
+                   ? batch.nodes.size()
+                   : static_cast<uint64_t>(std::count(follows.begin(), follows.end(), true));
+    if (updates == 0 || (updates < kRecordUpdates && (b + 1 < batches.size() || whole_))) continue;
     updates = 0;
-    out.PutVarint(record.size());
-    out.Put<uint32_t>(static_cast<uint32_t>(Hash64(record)));
-    out.PutBytes(record);
+    EndRecord(out);
   }
+  if (whole_) EncodeClip(updates, out);
+  if (!region) whole_.reset();
   return out.Take();
 }
 
-UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base)
-    : impl_(std::make_unique<Impl>(options, base)) {}
+// The client's answers to what clip_coder.h asks, out of the whole cut.
+class UpdateEncoder::Impl::AttachedSide {
+ public:
+  // `slots`: the triangles of the whole cut that are to be attached.
+  AttachedSide(Impl& encoder, std::span<const uint32_t> slots)
+      : e_(encoder),
+        whole_(*encoder.whole_),
+        slots_(slots),
+        pending_(whole_.mesh().triangle_slots()) {
+    for (const uint32_t slot : slots) pending_[slot] = true;
+    for (const uint32_t slot : slots) {
+      for (const uint32_t o : whole_.mesh().triangle(slot).opposite) {
+        if (o == kNone32 || whole_.client_slot(o >> 2) == kNone32) continue;
+        if (const uint32_t h = ClientHalfEdge(o); h != kNone32) seeds_.emplace_back(h, slot);
+      }
+    }
+    std::sort(seeds_.begin(), seeds_.end());
+  }
+
+  uint32_t NextSeed() {
+    for (; seed_ < seeds_.size(); ++seed_) {
+      const auto [h, slot] = seeds_[seed_];
+      if (!pending_[slot] || e_.mesh_.triangle(h >> 2).opposite[h & 3] != kNone32) continue;
+      return h;
+    }
+    target_ = slots_[alone_];
+    first_corner_ = 0;
+    return kNone32;
+  }
+  bool done() {
+    while (alone_ < slots_.size() && !pending_[slots_[alone_]]) ++alone_;
+    return alone_ == slots_.size();
+  }
+  bool Across(uint32_t h) {
+    const uint32_t o = WholeOpposite(h);
+    if (o == kNone32 || !pending_[o >> 2]) return false;
+    target_ = o >> 2;
+    first_corner_ = o & 3;
+    return true;
+  }
+  uint32_t Corner(uint32_t i) {
+    corner_ = whole_.mesh().triangle(target_).corners[(first_corner_ + i) % 3];
+    const auto at = e_.vertex_of_.find(whole_.vertex_key(corner_));
+    return at == e_.vertex_of_.end() ? kNone32 : at->second;
+  }
+  Vec3i position() const { return whole_.mesh().position(corner_); }
+  void CodeRow(const AttributeCoder::Star& star) {
+    if (e_.row_bytes_ == 0) return;
+    e_.models_.attribute_coder.Encode(e_.coder_, star, e_.mesh_.rows(), row());
+  }
+  void CodeRow() {
+    for (size_t i = 0; i < e_.row_bytes_; ++i) e_.coder_.Raw(8, static_cast<uint32_t>(row()[i]));
+  }
+  uint32_t PutVertex(Vec3i p) { return e_.AddVertex(whole_.vertex_key(corner_), p, row()); }
+  void Recalled() { ++e_.recalled_; }
+  bool PutTriangle(uint32_t slot) {
+    pending_[target_] = false;
+    e_.PutTriangle(whole_.key(target_), slot);
+    return true;
+  }
+
+ private:
+  const std::byte* row() const { return whole_.mesh().row(corner_).data(); }
+  // The half-edge of the client's triangle that is the whole cut's half-edge.
+  uint32_t ClientHalfEdge(uint32_t half_edge) const {
+    const VertexIndex from =
+        whole_.vertex_key(whole_.mesh().triangle(half_edge >> 2).corners[half_edge & 3]);
+    const uint32_t slot = whole_.client_slot(half_edge >> 2);
+    const auto& corners = e_.mesh_.triangle(slot).corners;
+    for (uint32_t i = 0; i < 3; ++i) {
+      if (e_.keys_[corners[i]] == from) return 4 * slot + i;
+    }
+    return kNone32;
+  }
+  // What lies beyond the client's half-edge in the whole cut.
+  uint32_t WholeOpposite(uint32_t half_edge) const {
+    const VertexIndex from = e_.keys_[e_.mesh_.triangle(half_edge >> 2).corners[half_edge & 3]];
+    const ClientMesh::Triangle& t = whole_.mesh().triangle(whole_.held(half_edge >> 2).whole);
+    for (size_t i = 0; i < 3; ++i) {
+      if (whole_.vertex_key(t.corners[i]) == from) return t.opposite[i];
+    }
+    return kNone32;
+  }
+
+  Impl& e_;
+  const WholeCut& whole_;
+  const std::span<const uint32_t> slots_;
+  std::vector<bool> pending_;
+  std::vector<std::pair<uint32_t, uint32_t>> seeds_;  // half-edges of the client; what lies beyond
+  size_t seed_ = 0;
+  size_t alone_ = 0;
+  uint32_t target_ = 0, first_corner_ = 0, corner_ = 0;  // of the whole cut
+};
+
+// The triangles of the whole cut that the client is to have and has not, neighbours by neighbours.
+std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
+  const ClientMesh& mesh = whole_->mesh();
+  std::vector<uint32_t> coming;
+  std::vector<bool> seen(mesh.triangle_slots());
+  const auto visit = [&](uint32_t slot) {
+    if (seen[slot] || !whole_->chosen(slot) || whole_->client_slot(slot) != kNone32) return;
+    seen[slot] = true;
+    coming.push_back(slot);
+  };
+  for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
+    const size_t first = coming.size();
+    visit(slot);
+    for (size_t i = first; i < coming.size(); ++i) {
+      for (const uint32_t o : mesh.triangle(coming[i]).opposite) {
+        if (o != kNone32) visit(o >> 2);
+      }
+    }
+  }
+  return coming;
+}
+
+void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
+                                      std::vector<uint32_t>* left_over) {
+  DropWalk walk(mesh_);
+  size_t next = 0;
+  walk.Code(
+      coder_, models_.clips,
+      [&](uint32_t slot) { return std::binary_search(leaving.begin(), leaving.end(), slot); },
+      [&](uint32_t) {
+        while (next < leaving.size() && walk.decided(leaving[next])) ++next;
+        return next == leaving.size() ? kNone32 : leaving[next];
+      });
+  for (const uint32_t slot : walk.dropped()) EraseTriangle(whole_->held(slot).key);
+  mesh_.Drop(walk.dropped(), left_over);
+}
+
+// What the record at hand is short of the bytes that so many updates need.
+uint64_t UpdateEncoder::Impl::MissingBytes(uint64_t updates) const {
+  const double needed = static_cast<double>(updates / kMaxUpdatesPerByte + 1);
+  double bytes = 0;
+  for (size_t last = 256; bytes < needed; last *= 4) {
+    const size_t all = coder_.decisions();
+    bytes = coder_.BitsSince(all - std::min(last, all)) / 8;
+    if (last >= all) break;
+  }
+  return bytes < needed ? static_cast<uint64_t>(needed - bytes) + 1 : 0;
+}
+
+// Drops what is not chosen, and attaches what is. `updates`: those of the record that is begun.
+void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
+  std::vector<uint32_t> leaving;
+  for (uint32_t slot = 0; slot < mesh_.triangle_slots(); ++slot) {
+    if (!mesh_.has_triangle(slot)) continue;
+    const uint32_t whole = whole_->held(slot).whole;
+    if (whole == kNone32 || !whole_->chosen(whole)) leaving.push_back(slot);
+  }
+  std::vector<uint32_t> coming = Coming();
+  if (leaving.empty() && coming.empty()) {
+    if (updates > 0) EndRecord(out);
+    return;
+  }
+  for (size_t begin = 0; begin == 0 || begin < coming.size(); begin += kRecordTriangles) {
+    const size_t end = std::min<size_t>(begin + kRecordTriangles, coming.size());
+    const auto slots = std::span<const uint32_t>(coming).subspan(begin, end - begin);
+    coder_.Bit(models_.more, true);
+    coder_.Bit(models_.other, true);
+    coder_.Bit(models_.clip, true);
+    std::vector<uint32_t> left_over;
+    EncodeDrops(leaving, &left_over);
+    leaving.clear();
+    AttachedSide side(*this, slots);
+    Attacher(coder_, models_, mesh_, side, &left_over).Code();
+    updates += slots.size();
+    // So that the record has as many bytes as its updates need.
+    const uint64_t missing = MissingBytes(updates);
+    CodeNumber(coder_, models_.clips.padding, static_cast<uint32_t>(missing));
+    for (uint64_t i = 0; i < missing; ++i) coder_.Raw(8, 0);
+    ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { ForgetKey(vertex); });
+    EndRecord(out);
+    updates = 0;
+  }
+}
+
+UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,
+                             const MeetsRegion& region)
+    : impl_(std::make_unique<Impl>(options, base, region)) {}
 UpdateEncoder::~UpdateEncoder() = default;
 const Bytes& UpdateEncoder::start() const { return impl_->start_; }
-Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches) { return impl_->Encode(batches); }
+Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
+  return impl_->Encode(batches, region);
+}
 const ClientMesh& UpdateEncoder::mesh() const { return impl_->mesh_; }
 uint64_t UpdateEncoder::listed_updates() const { return impl_->listed_; }
+uint64_t UpdateEncoder::sent_vertices() const { return impl_->sent_; }
 uint64_t UpdateEncoder::recalled_vertices() const { return impl_->recalled_; }
 
 }  // namespace mtdb

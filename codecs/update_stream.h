@@ -1,5 +1,6 @@
 // The update stream: a base mesh, then batches of vertex insertions and removals, coded against the
-// mesh that the client holds. Dynamic update and progressive transmission. Specified in
+// mesh that the client holds; for a client that is clipped to a region, also what enters and leaves
+// it. Dynamic update and progressive transmission. Specified in
 // codecs/FORMAT.md; after De Floriani, Magillo, Puppo, "Efficient implementation of
 // Multi-Triangulations" (1998), with the code of our clusters.
 #pragma once
@@ -17,23 +18,33 @@ namespace mtdb {
 
 // The sender: follows the client's mesh, and names triangles and vertices as the client knows them.
 // One client each; one thread. Memory: the client's mesh and about 80 bytes for each of its
-// triangles and vertices. Deterministic.
+// triangles and vertices; while the client is clipped, some 200 bytes more for each triangle of the
+// whole cut. Deterministic.
+//
+// A client that is clipped to a region holds just those triangles of the cut that meet it. The
+// region may be another one in each call.
 class UpdateEncoder {
  public:
-  UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base);
+  // `base` is the whole mesh that the first batch fits.
+  UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,
+                const MeetsRegion& region = {});
   ~UpdateEncoder();
 
   // The header and the base mesh: the stream's first bytes.
   const Bytes& start() const;
   // The records that apply `batches` in their order; none for none. They must fit the mesh: a
   // caller's bug otherwise. A batch must not be longer than 2^28 bytes allow, some ten million
-  // nodes.
-  Bytes Encode(std::span<const UpdateBatch> batches);
+  // nodes. What the client of a region cannot or need not follow as an update goes by dropping and
+  // attaching triangles, after the batches. Cost of a region: `region` is asked for every triangle
+  // of the whole cut.
+  Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region = {});
   // What the client has when it has read everything.
   const ClientMesh& mesh() const;
 
-  // So far, of updates: what of them could not be coded by walking (see "Listed updates").
+  // So far: updates that could not be coded by walking (see "Listed updates"), vertices that
+  // travelled, base mesh included, and those that came back from the client's memory.
   uint64_t listed_updates() const;
+  uint64_t sent_vertices() const;
   uint64_t recalled_vertices() const;
 
  private:

@@ -11,19 +11,6 @@ namespace mtdb {
 
 namespace {
 
-// floor(x + 1/2), for x that is clamped to +-2^30; not a number counts as the least.
-int32_t Round(float x) {
-  constexpr float kLimit = 1073741824.0f;
-  const float above = x > -kLimit ? x : -kLimit;
-  const float up = (above < kLimit ? above : kLimit) + 0.5f;
-  const auto truncated = static_cast<int32_t>(up);
-  return truncated - (static_cast<float>(truncated) > up ? 1 : 0);
-}
-
-int32_t Shift(int32_t base, int32_t offset) {
-  return static_cast<int32_t>(static_cast<uint32_t>(base) + static_cast<uint32_t>(offset));
-}
-
 float Offset(int32_t to, int32_t from) {
   return static_cast<float>(
       static_cast<int32_t>(static_cast<uint32_t>(to) - static_cast<uint32_t>(from)));
@@ -128,12 +115,12 @@ void HoleFrame::Set(const Mesh& patch, std::span<const uint32_t> slots,
   variance_v_ = std::max(by_axis[0][axis_v()] - slope_v_ * uv, 0.0f);
 }
 
-int32_t HoleFrame::ExpectU() const { return Shift(base_[u_], Round(mean_[u_])); }
+int32_t HoleFrame::ExpectU() const { return Shift(base_[u_], RoundCoordinate(mean_[u_])); }
 
 int32_t HoleFrame::ExpectV(int32_t u) const {
   const float du = Offset(u, base_[u_]);
   const int v = axis_v();
-  return Shift(base_[v], Round(mean_[v] + slope_v_ * (du - mean_[u_])));
+  return Shift(base_[v], RoundCoordinate(mean_[v] + slope_v_ * (du - mean_[u_])));
 }
 
 template <typename Mesh>
@@ -158,7 +145,7 @@ int32_t HoleFrame::ExpectN(const Mesh& patch, std::span<const uint32_t> slots, i
     const Int4 inside = (wa * side_ >= 0) & (wb * side_ >= 0) & (wc * side_ >= 0) & (area != 0);
     if (const uint32_t lanes = MaskBits(inside); lanes != 0) {
       const Float4 heights = (wa * axis(0, n) + wb * axis(1, n) + wc * axis(2, n)) / area;
-      return Shift(base_[n], Round(heights[std::countr_zero(lanes)]));
+      return Shift(base_[n], RoundCoordinate(heights[std::countr_zero(lanes)]));
     }
     h += 4;
     if (h >= slots.size()) break;
@@ -167,7 +154,7 @@ int32_t HoleFrame::ExpectN(const Mesh& patch, std::span<const uint32_t> slots, i
   }
   const float height =
       mean_[n] - (slope_n_[u_] * (du - mean_[u_]) + slope_n_[axis_v()] * (dv - mean_[axis_v()]));
-  return Shift(base_[n], Round(height));
+  return Shift(base_[n], RoundCoordinate(height));
 }
 
 template <typename Mesh>

@@ -21,6 +21,19 @@
 
 namespace mtdb {
 
+// floor(x + 1/2), for x that is clamped to +-2^30; not a number counts as the least.
+inline int32_t RoundCoordinate(float x) {
+  constexpr float kLimit = 1073741824.0f;
+  const float above = x > -kLimit ? x : -kLimit;
+  const float up = (above < kLimit ? above : kLimit) + 0.5f;
+  const auto truncated = static_cast<int32_t>(up);
+  return truncated - (static_cast<float>(truncated) > up ? 1 : 0);
+}
+// Modulo 2^32.
+inline int32_t Shift(int32_t base, int32_t offset) {
+  return static_cast<int32_t>(static_cast<uint32_t>(base) + static_cast<uint32_t>(offset));
+}
+
 class HoleFrame {
  public:
   // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated.

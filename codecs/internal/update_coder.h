@@ -20,24 +20,43 @@
 namespace mtdb {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 1;
-// A record has at most so many updates for each of its bytes: a bound on what hostile bytes cost.
+inline constexpr uint8_t kUpdateVersion = 2;
+// A record has at most so many updates and attached triangles for each of its bytes: a bound on
+// what hostile bytes cost.
 inline constexpr uint64_t kMaxUpdatesPerByte = 64;
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
+
+struct NumberModel {
+  FastAdaptiveSymbol length;
+};
+
+using ResidualModel = AdaptiveSymbolOfRate<6>;
+
+// What clip_coder.h codes with.
+struct ClipModels {
+  AdaptiveBit more_drops, more_seeds, at_edge;
+  NumberModel drop_gap, edge_gap, reference, coordinate, padding;
+  std::array<AdaptiveBit, 64> drop;  // see DropContext
+  std::array<AdaptiveBit, 128>
+      attach;  // two classes of ends; whether the last edge was attached to
+  std::array<AdaptiveBit, 64> near_end, far_end, fresh;  // two classes of ends
+  // By coordinate u, v, n; by the sharpest angle at the edge's ends, or the residual before.
+  std::array<std::array<ResidualModel, 4>, 3> residual;
+  // 256 times how many half octaves the residuals are larger than the longest edge.
+  std::array<int32_t, 3> spread = {-512, -512, -1024};
+};
 
 // Models that last as long as the stream.
 struct UpdateModels {
   explicit UpdateModels(const AttributeLayout& attributes) : attribute_coder(attributes) {}
-  struct Number {
-    FastAdaptiveSymbol length;
-  };
   TopologyModel topology;
   PositionModel positions;
   AttributeCoder attribute_coder;
-  AdaptiveBit more, listed, insert, fresh;
+  AdaptiveBit more, other, clip, insert, fresh;
   AdaptiveBit again;  // a remembered vertex comes back to the triangles that its removal left
   AdaptiveBit known;  // a remembered vertex comes back elsewhere
-  Number count, anchor_gap, vertex_gap;
+  NumberModel count, anchor_gap, vertex_gap;
+  ClipModels clips;
   std::array<std::array<AdaptiveBit, 8>, 8> apex;  // candidates left, rank
   int32_t reference = 0;  // 256 times the typical exponent of a star's squared longest edge
 };
@@ -52,7 +71,7 @@ struct UpdateHole {
 
 // A number, mostly small, as its length and its bits below the top one.
 template <typename Coder>
-uint32_t CodeNumber(Coder& coder, UpdateModels::Number& model, uint32_t value) {
+uint32_t CodeNumber(Coder& coder, NumberModel& model, uint32_t value) {
   uint32_t length = static_cast<uint32_t>(std::bit_width(value));
   if (const uint32_t s = coder.Symbol(model.length, std::min(length, 15u)); s < 15) {
     length = s;
@@ -220,6 +239,11 @@ class UpdateShapes {
   const int shortest_;
 };
 
+// The length at hand changes the typical one.
+inline void AdaptReference(UpdateModels& models, int exponent) {
+  models.reference += (exponent * 256 - models.reference) >> 6;
+}
+
 // UpdateModels::reference for a base mesh.
 inline int32_t UpdateReference(const ClientMesh& mesh) {
   const UpdateModels models{{}};
@@ -333,8 +357,7 @@ inline void InsertStar(ClientMesh& mesh, UpdateModels& models, const UpdateHole&
     star.push_back({vertex, ring[j], ring[j + 1 == ring.size() ? 0 : j + 1]});
   }
   mesh.Replace(update.hole.slot_span(), star, kNone32, slots);
-  const int exponent = UpdateShapes(mesh, models).LongestExponent(slots->back());
-  models.reference += (exponent * 256 - models.reference) >> 6;
+  AdaptReference(models, UpdateShapes(mesh, models).LongestExponent(slots->back()));
 }
 
 // The hole of a remembered vertex that comes back to the triangles that its removal left.

@@ -112,7 +112,8 @@ std::vector<UpdateBatch> UpdateFixture::Batches(const std::vector<bool>& from,
   return batches;
 }
 
-std::multiset<std::string> UpdateFixture::Triangles(const std::vector<bool>& applied) const {
+std::multiset<std::string> UpdateFixture::Triangles(const std::vector<bool>& applied,
+                                                    const MeetsRegion& region) const {
   std::multiset<std::string> set;
   const size_t row = attributes_.row_bytes();
   const auto row_of = [&](uint32_t v) { return ByteSpan(cluster_.in.rows).subspan(v * row, row); };
@@ -121,6 +122,8 @@ std::multiset<std::string> UpdateFixture::Triangles(const std::vector<bool>& app
     if (creator_[s] != kNone32 && !applied[creator_[s]]) continue;
     if (RemovedByNode(remover) && applied[remover]) continue;
     const auto c = Corners(s);
+    const auto at = [&](size_t i) { return options(0).grid.Position(cluster_.position(c[i])); };
+    if (region && !region({at(0), at(1), at(2)})) continue;
     set.insert(
         TriangleText({cluster_.position(c[0]), cluster_.position(c[1]), cluster_.position(c[2])},
                      {row_of(c[0]), row_of(c[1]), row_of(c[2])}));

@@ -28,8 +28,9 @@ class UpdateFixture {
   // From one closed set to another; removals first.
   std::vector<UpdateBatch> Batches(const std::vector<bool>& from,
                                    const std::vector<bool>& to) const;
-  // The mesh of a closed set, as ClientTriangles has it.
-  std::multiset<std::string> Triangles(const std::vector<bool>& applied) const;
+  // The mesh of a closed set, or what of it meets the region, as ClientTriangles has it.
+  std::multiset<std::string> Triangles(const std::vector<bool>& applied,
+                                       const MeetsRegion& region = {}) const;
 
  private:
   std::vector<uint32_t> Parents(uint32_t node) const;

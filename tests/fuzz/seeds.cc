@@ -11,6 +11,7 @@
 #include "store/internal/index_codec.h"
 #include "store/object_record.h"
 #include "tests/fuzz/cluster_fuzz_targets.h"
+#include "tests/fuzz/update_fuzz_targets.h"
 
 namespace mtdb {
 namespace {
@@ -57,6 +58,33 @@ void AddPayloads(const SeedFolder& folder) {
   piece.rows.assign(22 * 5, std::byte{3});
   const AttributeLayout layout{{{"quality", ScalarType::kFloat32}, {"red", ScalarType::kUint8}}};
   folder.Add("root", "seed1", 1, EncodeRootPiece(piece, layout));
+}
+
+// Records that follow what comes before; and a whole stream.
+void AddUpdates(const SeedFolder& folder) {
+  for (size_t choice = 0; choice < testing::kUpdateFuzzTargets; ++choice) {
+    const auto add = [&](const std::string& name, bool refine, bool clip) {
+      const testing::UpdateFuzzTarget target(choice);
+      std::vector<bool> none(target.fixture.cluster().nodes());
+      const std::vector<bool> all(none.size(), refine);
+      const Bytes record = target.encoder->Encode(target.fixture.Batches(none, all),
+                                                  clip ? target.Half() : MeetsRegion());
+      if (record.empty()) return;
+      ByteReader reader(record);
+      const uint64_t length = reader.GetVarint();
+      static_cast<void>(reader.Get<uint32_t>());
+      folder.Add("update", name + std::to_string(choice), static_cast<int>(choice),
+                 reader.GetBytes(length));
+      Bytes stream = target.prefix;
+      stream.insert(stream.end(), record.begin(), record.end());
+      folder.Add("update", name + "_stream" + std::to_string(choice),
+                 static_cast<int>(testing::kUpdateFuzzTargets), stream);
+    };
+    add("refined", true, false);
+    add("clipped", false, true);
+    add("refined_clipped", true, true);
+    add("whole", false, false);
+  }
 }
 
 void AddStoreValues(const SeedFolder& folder) {
@@ -176,6 +204,7 @@ int main(int argc, char** argv) {
   }
   const mtdb::SeedFolder folder(argv[1]);
   mtdb::AddPayloads(folder);
+  mtdb::AddUpdates(folder);
   mtdb::AddStoreValues(folder);
   mtdb::AddMeshes(folder);
   mtdb::AddSessionMessages(folder);
