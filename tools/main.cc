@@ -218,7 +218,7 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
             "send no mesh of more triangles")
       ->default_str("20000000");
   AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, mtdb::ParseCount,
-            "let no session's mesh have more triangles; each takes some 300 bytes here")
+            "let no session's mesh have more triangles; each takes some 400 bytes here")
       ->default_str("1000000");
   AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositive,
             "close a connection that is silent for so long")

@@ -384,7 +384,6 @@ ServerService::SessionOutcome ServerService::Update(ServerSession& session,
   const auto update = [&]() -> Result<ServerSession::End> {
     if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
     MTDB_ASSIGN_OR_RETURN(Query query, ParseQuery(request.query, record.diagonal()));
-    if (query.clip) return InvalidArgument("clip: a session holds the whole surface; leave it out");
     if (query.normals) {
       return InvalidArgument("normals: a session's client makes them itself; leave it out");
     }

@@ -1,5 +1,6 @@
 #include "tools/internal/server_session.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
@@ -21,7 +22,8 @@ ServerSession::ServerSession(std::shared_ptr<const Surface> surface,
       session_(std::move(session)),
       encoder_({surface_->record().grid, surface_->record().attributes,
                 static_cast<uint32_t>(options.remembered_vertices)},
-               base) {}
+               base),
+      triangles_(base.triangles.size()) {}
 
 Result<std::unique_ptr<ServerSession>> ServerSession::Open(std::shared_ptr<const Surface> surface,
                                                            const Options& options) {
@@ -51,25 +53,32 @@ SessionHello ServerSession::Hello() const {
   return hello;
 }
 
-bool ServerSession::Fits(std::span<const UpdateBatch> batches) const {
-  uint64_t gained = 0, lost = 0;
+uint64_t ServerSession::TrianglesAfter(std::span<const UpdateBatch> batches) const {
+  uint64_t triangles = triangles_;
   for (const UpdateBatch& batch : batches) {
     for (const UpdateBatch::Node& node : batch.nodes) {
       // A star has two triangles more than its hole, at the border one.
-      (batch.insert ? gained : lost) += UpdateBatch::StarCount(node) - (node.ring_count - 2);
+      const uint32_t more = UpdateBatch::StarCount(node) - (node.ring_count - 2);
+      triangles = batch.insert ? triangles + more : triangles - more;
     }
   }
-  return gained <= lost || mesh().triangle_count() + gained - lost <= options_.max_triangles;
+  return triangles;
 }
 
-void ServerSession::Send(std::span<const UpdateBatch> batches, const Pace& pace) {
+void ServerSession::Send(std::span<const UpdateBatch> batches, const MeetsRegion& region,
+                         const Pace& pace) {
+  const auto send = [&](std::span<const UpdateBatch> some) {
+    Bytes records = encoder_.Encode(some, region);
+    if (!records.empty()) pace.send(std::move(records));
+  };
+  // The encoder looks at the whole cut each time that there is a region, or was one.
+  if (std::exchange(clipped_, static_cast<bool>(region)) || region) return send(batches);
   size_t begin = 0;
   uint64_t updates = 0;
   for (size_t i = 0; i < batches.size(); ++i) {
     updates += batches[i].nodes.size();
     if (updates < kMessageUpdates && i + 1 < batches.size()) continue;
-    Bytes records = encoder_.Encode(batches.subspan(begin, i + 1 - begin));
-    if (!records.empty()) pace.send(std::move(records));
+    send(batches.subspan(begin, i + 1 - begin));
     begin = i + 1;
     updates = 0;
   }
@@ -77,6 +86,11 @@ void ServerSession::Send(std::span<const UpdateBatch> batches, const Pace& pace)
 
 Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace& pace,
                                                  Progress* progress, SessionUpdate* update) {
+  MeetsRegion region;
+  if (query.clip && query.region != nullptr && !query.region->whole()) {
+    region = [&query](const Triangle3d& t) { return query.region->Within(t, 0); };
+  }
+  bool sent = false;
   std::optional<End> stopped;
   const auto stop = [&](End end) {
     stopped = end;
@@ -85,8 +99,11 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
   const auto take = [&](std::span<const UpdateBatch> batches) -> Status {
     if (progress->rounds > 0 && pace.superseded()) return stop(End::kSuperseded);
     if (pace.full()) return stop(End::kPaused);
-    if (!Fits(batches)) return stop(End::kTooLarge);
-    Send(batches, pace);
+    const uint64_t triangles = TrianglesAfter(batches);
+    if (triangles > std::max(triangles_, options_.max_triangles)) return stop(End::kTooLarge);
+    Send(batches, region, pace);
+    triangles_ = triangles;
+    sent = true;
     for (const UpdateBatch& batch : batches) {
       (batch.insert ? progress->insertions : progress->removals) += batch.nodes.size();
     }
@@ -96,7 +113,9 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
   Result<SessionUpdate> result = session_->Update(query, take);
   if (stopped) return *stopped;
   if (!result.ok()) return result.status();
+  if (!sent) Send({}, region, pace);  // the region may be another
   *update = *result;
+  if (region) update->stats.active_triangles = mesh().triangle_count();
   return End::kDone;
 }
 

@@ -16,13 +16,13 @@
 
 namespace mtdb {
 
-// One thread at a time. Memory: Session's, and some 200 bytes for each triangle of the client's
-// mesh.
+// One thread at a time. Memory: Session's, and some 200 bytes for each triangle of the cut, 400
+// when the client holds a part of it only.
 class ServerSession {
  public:
   struct Options {
     uint64_t remembered_vertices = 0;
-    uint64_t max_triangles = 0;  // of the client's mesh
+    uint64_t max_triangles = 0;  // of the cut
   };
   // At the coarsest mesh. Errors: those of reading it; kInvalidArgument when it is too large.
   static Result<std::unique_ptr<ServerSession>> Open(std::shared_ptr<const Surface> surface,
@@ -46,9 +46,9 @@ class ServerSession {
     uint64_t insertions = 0;
     uint64_t removals = 0;
   };
-  // Moves the cut to that of `query` and adds what it did to `progress`. Whatever ends it, the cut
-  // is the one that was sent: paused, it goes on when called again. Errors: those of
-  // Session::Update.
+  // Moves the cut to that of `query`, the client to what Query::clip leaves of it, and adds what it
+  // did to `progress`. Whatever ends it, the cut is the one that was sent: paused, it goes on when
+  // called again. Errors: those of Session::Update.
   Result<End> Update(const Query& query, const Pace& pace, Progress* progress,
                      SessionUpdate* update);
 
@@ -58,13 +58,16 @@ class ServerSession {
  private:
   ServerSession(std::shared_ptr<const Surface> surface, std::unique_ptr<Session> session,
                 const BaseMesh& base, const Options& options);
-  bool Fits(std::span<const UpdateBatch> batches) const;
-  void Send(std::span<const UpdateBatch> batches, const Pace& pace);
+  // Of the cut after `batches`.
+  uint64_t TrianglesAfter(std::span<const UpdateBatch> batches) const;
+  void Send(std::span<const UpdateBatch> batches, const MeetsRegion& region, const Pace& pace);
 
   const std::shared_ptr<const Surface> surface_;
   const Options options_;
   const std::unique_ptr<Session> session_;
   UpdateEncoder encoder_;
+  uint64_t triangles_;    // of the cut
+  bool clipped_ = false;  // the client holds a part of it
 };
 
 }  // namespace mtdb

@@ -11,15 +11,32 @@ using Json = nlohmann::json;
 
 constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
 
-// The object that `text` is; discarded when it is none. Nothing deep is ever made.
+// Deep values would take deep recursions.
+bool IsTooDeep(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (size_t i = 0; i < text.size() && depth <= kDeepest; ++i) {
+    const char c = text[i];
+    if (quoted && c == '\\') {
+      ++i;
+    } else if (c == '"') {
+      quoted = !quoted;
+    } else if (!quoted && (c == '{' || c == '[')) {
+      ++depth;
+    } else if (!quoted && (c == '}' || c == ']')) {
+      --depth;
+    }
+  }
+  return depth > kDeepest;
+}
+
+// The object that `text` is; discarded when it is none. (nlohmann's callbacks could watch the
+// depth, but take quadratic time.)
 Json ParseObject(std::string_view text) {
-  bool too_deep = false;
-  const auto watch = [&](int depth, Json::parse_event_t, const Json&) {
-    too_deep = too_deep || depth > kDeepest;
-    return !too_deep;
-  };
-  Json json = Json::parse(text, watch, false);
-  return too_deep || !json.is_object() ? Json(Json::value_t::discarded) : json;
+  const Json none(Json::value_t::discarded);
+  if (IsTooDeep(text)) return none;
+  Json json = Json::parse(text, nullptr, false);
+  return json.is_object() ? json : none;
 }
 
 std::string Text(const Json& json) {

@@ -38,7 +38,7 @@ struct SessionHello {
   double cell_error = 0;          // what rounding to the grid makes positions off by, model units
   bool double_positions = false;  // positions need more than float32
   uint64_t remembered_vertices = 0;
-  uint64_t max_triangles = 0;  // of the session's mesh
+  uint64_t max_triangles = 0;  // of the cut: before clipping
   uint64_t max_message_bytes = kMaxSessionMessageBytes;
 };
 
