@@ -1,5 +1,6 @@
 # What `cmake --install` puts where. Components: query (headers and libraries of base, store, codecs
-# and query), builder, c (libmtdb.so) and tools (the program); without --component, all of them.
+# and query), builder, client, c (libmtdb.so) and tools (the program); without --component, all of
+# them.
 include(CMakePackageConfigHelpers)
 set(MTDB_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/mtdb)
 
@@ -21,6 +22,8 @@ mtdb_install_headers(query store codecs query)
 mtdb_install_targets(query mtdb_base mtdb_store mtdb_codecs mtdb_query)
 mtdb_install_headers(builder builder)
 mtdb_install_targets(builder mtdb_builder)
+install(FILES tools/client.h DESTINATION ${MTDB_INSTALL_HEADERS}/tools COMPONENT client)
+mtdb_install_targets(client mtdb_client)
 install(FILES query/mtdb.h DESTINATION ${MTDB_INSTALL_HEADERS}/query COMPONENT c)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)

@@ -13,7 +13,7 @@ namespace mtdb {
 
 namespace {
 
-using QueryJson = nlohmann::ordered_json;
+using QueryJson = nlohmann::json;  // not ordered_json, which takes quadratic time
 
 constexpr int kDeepest = 64;             // braces and brackets within each other
 constexpr double kLargestNumber = 1e30;  // its eighth power, which distances need, is finite

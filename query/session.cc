@@ -247,8 +247,15 @@ Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatc
 
 Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink) {
   std::vector<UpdateBatch> batches;
+  const std::vector<Bits> applied = applied_;
+  const uint64_t applied_count = applied_count_;
   MTDB_ASSIGN_OR_RETURN(SessionUpdate update, Update(query, &batches));
-  MTDB_RETURN_IF_ERROR(sink(batches));
+  const Status status = sink(batches);
+  if (!status.ok()) {
+    applied_ = applied;
+    applied_count_ = applied_count;
+    return status;
+  }
   return update;
 }
 

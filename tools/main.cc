@@ -9,8 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "tools/client.h"
 #include "tools/internal/arguments.h"
-#include "tools/internal/http_client.h"
+#include "tools/internal/follow_path.h"
 #include "tools/internal/query_options.h"
 #include "tools/internal/verbs.h"
 
@@ -214,23 +215,76 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
   AddImplicit(verb, &o->service.implicit);
   number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
       ->capture_default_str();
-  number("--max-sessions", &o->max_sessions, 1, 100000,
+  number("--max-connections", &o->max_connections, 1, 100000,
          "take at most N connections; others are told to try again")
+      ->capture_default_str();
+  number("--max-sessions", &o->max_sessions, 1, 100000,
+         "open at most N sessions among them; others are told to try again")
       ->capture_default_str();
   AddParsed(verb, "--max-triangles", "N", &o->service.max_triangles, mtdb::ParseCount,
             "send no mesh of more triangles")
       ->default_str("20000000");
+  AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, mtdb::ParseCount,
+            "let no session's mesh have more triangles; each takes some 400 bytes here")
+      ->default_str("1000000");
   AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositive,
             "close a connection that is silent for so long")
       ->default_str("30");
+  AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, mtdb::ParsePositive,
+            "close a session whose client has said nothing for so long, nor answered a ping")
+      ->default_str("300");
   AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, mtdb::ParsePositive,
             "give up a request that takes longer, its sending included")
       ->default_str("600");
   AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, mtdb::ParseNonNegative,
             "when told to stop, let running requests finish for so long")
       ->default_str("5");
+  verb->add_option("--allow-origin", o->allowed_origin,
+                   "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
+                   "any (default: the server's own)")
+      ->type_name("ORIGIN");
   verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
       ->type_name("DIR");
+}
+
+// A server's URL.
+void AddUrl(CLI::App* verb, std::string* url) {
+  verb->add_option("URL", *url, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
+      ->required()
+      ->check([](const std::string& text) { return mtdb::CheckUrl(text).message(); });
+}
+
+void AddTimeout(CLI::App* verb, double* seconds) {
+  AddParsed(verb, "--timeout", "SECONDS", seconds, mtdb::ParsePositive,
+            "give up when the server does nothing for so long")
+      ->default_str("600");
+}
+
+void AddFollow(CLI::App* verb, mtdb::FollowArguments* a) {
+  AddUrl(verb, &a->url);
+  verb->add_option("--path", a->path,
+                   "what to ask for: a JSON object a line, a query of its own or a keyframe; "
+                   "required")
+      ->required()
+      ->type_name("FILE");
+  verb->add_option("--output", a->output,
+                   "write the mesh of each step; %d or %03d stands for the step: step-%03d.ply")
+      ->type_name("PATTERN")
+      ->check([](const std::string& text) { return mtdb::StepFile(text, 0).status().message(); });
+  verb->add_option("--csv", a->csv,
+                   "write a table of bytes, milliseconds and triangles, a row a step")
+      ->type_name("FILE");
+  AddName(verb, &a->name, "which object; needed when the server has several");
+  verb->add_option("--remember", a->remembered_vertices,
+                   "remember N removed vertices, so that they need not come again")
+      ->type_name("N")
+      ->check(CLI::Range(0u, 1u << 24))
+      ->capture_default_str();
+  AddTimeout(verb, &a->timeout_seconds);
+  AddParsed(verb, "--reconnect", "SECONDS", &a->reconnect_seconds, mtdb::ParseNonNegative,
+            "when the connection is lost, try so long to get another, and go on from the base mesh")
+      ->default_str("0");
+  AddJson(verb, &a->json);
 }
 
 void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
@@ -390,7 +444,7 @@ int main(int argc, char** argv) {
 
   mtdb::ServerOptions serve;
   CLI::App* serve_verb =
-      add_verb("serve", "give meshes to clients over HTTP",
+      add_verb("serve", "give meshes and sessions to clients over HTTP",
                "Prints the server's URL. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
                "Examples: mtdb serve scans.mtdb --listen 127.0.0.1:8080\n"
                "          curl http://127.0.0.1:8080/objects\n"
@@ -404,21 +458,29 @@ int main(int argc, char** argv) {
                "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
                "--sphere 0,0,180,60\n"
                "More: docs/query.md, docs/protocol.md");
-  fetch_verb->add_option("URL", query.store, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
-      ->required()
-      ->check([](const std::string& text) {
-        const auto url = mtdb::ParseHttpUrl(text);
-        return url.ok() ? std::string() : url.status().message();
-      });
+  AddUrl(fetch_verb, &query.store);
   fetch_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
       ->required();
   AddQueryOptions(fetch_verb, &query, false);
-  AddParsed(fetch_verb, "--timeout", "SECONDS", &query.timeout_seconds, mtdb::ParsePositive,
-            "give up when the server does nothing for so long")
-      ->default_str("600");
+  AddTimeout(fetch_verb, &query.timeout_seconds);
   for (CLI::App* verb : {extract_verb, fetch_verb}) {
     verb->add_flag("--normals", query.query.normals, "add the mesh's normals to its vertices");
   }
+
+  mtdb::FollowArguments follow;
+  CLI::App* follow_verb =
+      add_verb("follow", "drive a session of a server (mtdb serve) along a path of queries",
+               "A line of FILE is a query (docs/query.md), or has short forms of one:\n"
+               "  {\"camera\": {\"eye\": [0, -9, 4], \"target\": [0, 0, 3]}, \"pixels\": 1}\n"
+               "  {\"camera\": {\"eye\": [9, 0, 4], \"target\": [0, 0, 3]}, \"pixels\": 1, "
+               "\"steps\": 30}\n"
+               "  {\"box\": {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}, \"error\": 0.01}\n"
+               "With \"steps\" so many queries lead from the line before to this one, along a "
+               "straight line.\n"
+               "Example: mtdb follow http://localhost:8080/objects/statue --path flight.jsonl "
+               "--output step-%03d.ply --csv flight.csv\n"
+               "More: docs/protocol.md");
+  AddFollow(follow_verb, &follow);
 
   CLI::App* remove_verb = add_verb("remove", "remove an object from a store", "");
   remove_verb->add_option("STORE", inspect.store, "the store file")->required();
@@ -497,6 +559,8 @@ int main(int argc, char** argv) {
     status = mtdb::Serve(serve);
   } else if (fetch_verb->parsed()) {
     status = mtdb::Fetch(query);
+  } else if (follow_verb->parsed()) {
+    status = mtdb::Follow(follow);
   } else {
     status = mtdb::Generate(generate);
   }

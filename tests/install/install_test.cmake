@@ -43,4 +43,7 @@ foreach(program consumer consumer_c)
   run(${work}/build/${program} ${work}/a.mtdb)
   expect("${output}" "^${triangles} triangles\n$")
 endforeach()
+# What a client says when nobody listens.
+run(${work}/build/consumer_client http://127.0.0.1:1/objects/a)
+expect("${output}" "^http://127.0.0.1:1: cannot connect: ")
 file(REMOVE_RECURSE ${work})

@@ -70,7 +70,8 @@ std::string OwnerOfInternal(const std::string& path) {
 // A header that `cmake --install` gives to others.
 bool IsInstalled(const std::string& file) {
   return file.ends_with(".h") && OwnerOfInternal(file).empty() &&
-         (kMayInclude.at("query").contains(LayerOf(file)) || LayerOf(file) == "builder");
+         (kMayInclude.at("query").contains(LayerOf(file)) || LayerOf(file) == "builder" ||
+          file == "tools/client.h");
 }
 
 // A folder's own files and tests; benchmarks; fuzz targets what reads bytes; and all tests what

@@ -4,6 +4,7 @@
 #include <arpa/inet.h>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <map>
 #include <memory>
@@ -56,6 +57,11 @@ class RawConnection {
     if (socket_ >= 0) ::close(std::exchange(socket_, -1));
   }
   void CloseSending() { ::shutdown(socket_, SHUT_WR); }
+  // Sends what goes without waiting; false when that is not all.
+  bool SendNow(std::string_view bytes) {
+    return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
+           static_cast<ssize_t>(bytes.size());
+  }
 
   bool Send(std::string_view bytes) {
     while (!bytes.empty()) {
@@ -75,6 +81,14 @@ class RawConnection {
     if (n <= 0) return false;
     received_.append(block, static_cast<size_t>(n));
     return true;
+  }
+  // The next `size` bytes; fewer when the server closes.
+  std::string Take(size_t size) {
+    while (received_.size() < size && Receive()) {
+    }
+    const std::string bytes = received_.substr(0, size);
+    received_.erase(0, size);
+    return bytes;
   }
   // All that comes until the server closes.
   std::string ReceiveAll() {
@@ -126,8 +140,10 @@ inline std::string RequestText(const std::string& method, const std::string& tar
 // A server of one store; stopped by the destructor.
 class ServerProcess {
  public:
-  explicit ServerProcess(const std::string& store, const Arguments& options = {}) {
-    Arguments arguments{"serve", store, "--listen", "127.0.0.1:0", "--tmp", TmpFolder()};
+  // On any free port, or on `port`.
+  explicit ServerProcess(const std::string& store, const Arguments& options = {}, int port = 0) {
+    const std::string listen = "127.0.0.1:" + std::to_string(port);
+    Arguments arguments{"serve", store, "--listen", listen, "--tmp", TmpFolder()};
     arguments.insert(arguments.end(), options.begin(), options.end());
     process_ = Start(arguments, folder_.File("out"), folder_.File("err"));
     for (int i = 0; i < 2000 && port_ == 0; ++i) {
@@ -185,13 +201,27 @@ class ServerProcess {
     const size_t at = text.find("\n" + name + " ");
     return at == std::string::npos ? -1 : std::stod(text.substr(at + name.size() + 2));
   }
-  // Waits until a value of /metrics is at least `least`.
+  // Waits until a value of /metrics is at least `least`, or exactly `value`.
   bool Reaches(const std::string& name, double least) const {
+    return Await([&] { return Metric(name) >= least; });
+  }
+  bool Becomes(const std::string& name, double value) const {
+    return Await([&] { return Metric(name) == value; });
+  }
+  template <typename Condition>
+  static bool Await(Condition&& condition) {
     for (int i = 0; i < 2000; ++i) {
-      if (Metric(name) >= least) return true;
+      if (condition()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     return false;
+  }
+  // What the server's process has in memory.
+  uint64_t resident_bytes() const {
+    std::istringstream statm(ReadText("/proc/" + std::to_string(process_) + "/statm"));
+    uint64_t total = 0, resident = 0;
+    statm >> total >> resident;
+    return resident * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
   }
 
  private:
@@ -200,5 +230,18 @@ class ServerProcess {
   std::string url_;
   int port_ = 0;
 };
+
+// A query that takes some seconds: the polygon has to be looked at for every triangle.
+inline std::string SlowQuery() {
+  Json polygon = Json::array();
+  constexpr int kCorners = 20000;
+  for (int i = 0; i < kCorners; ++i) {
+    const double angle = 6.283 * i / kCorners;
+    const double radius = i % 2 == 0 ? 100 : 0.001;
+    polygon.push_back({std::round(1e4 * radius * std::cos(angle)) / 1e4,
+                       std::round(1e4 * radius * std::sin(angle)) / 1e4});
+  }
+  return Json{{"region", {{"prism", {{"polygon", polygon}}}}}}.dump();
+}
 
 }  // namespace mtdb::test

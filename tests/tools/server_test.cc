@@ -31,19 +31,6 @@ std::string Extracted(const std::string& store, Arguments options,
   return ReadText(output);
 }
 
-// A query that takes some seconds: the polygon has to be looked at for every triangle.
-std::string SlowQuery() {
-  Json polygon = Json::array();
-  constexpr int kCorners = 20000;
-  for (int i = 0; i < kCorners; ++i) {
-    const double angle = 6.283 * i / kCorners;
-    const double radius = i % 2 == 0 ? 100 : 0.001;
-    polygon.push_back({std::round(1e4 * radius * std::cos(angle)) / 1e4,
-                       std::round(1e4 * radius * std::sin(angle)) / 1e4});
-  }
-  return Json{{"region", {{"prism", {{"polygon", polygon}}}}}}.dump();
-}
-
 void CheckHidesPaths(const HttpAnswer& answer, const Example& example) {
   const std::string folder = std::filesystem::path(example.store).parent_path();
   CHECK(answer.body.find(folder) == std::string::npos);
@@ -253,7 +240,7 @@ TEST_CASE("many clients at once share an object's cache", "[server]") {
 }
 
 TEST_CASE("connections above the limit are told to come again", "[server]") {
-  const ServerProcess server(SmallExample().store, {"--max-sessions", "2"});
+  const ServerProcess server(SmallExample().store, {"--max-connections", "2"});
   RawConnection first(server.port());
   auto second = std::make_unique<RawConnection>(server.port());
   for (RawConnection* connection : {&first, second.get()}) {

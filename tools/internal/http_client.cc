@@ -2,33 +2,24 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/asio/connect.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/buffer_body.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <boost/beast/http/read.hpp>
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/http/write.hpp>
 #include <cctype>
-#include <chrono>
 #include <limits>
 #include <utility>
+
+#include "tools/internal/blocking_connection.h"
+#include "tools/internal/network.h"
 
 namespace mtdb {
 
 namespace {
 
-namespace asio = boost::asio;
-namespace beast = boost::beast;
-namespace http = boost::beast::http;
-using boost::asio::ip::tcp;
-using ErrorCode = boost::system::error_code;
-
 constexpr uint32_t kMaxHeaderBytes = 64 << 10;
-constexpr double kLongestSeconds = 1e8;  // as a duration it does not overflow
 
 std::string LowerCase(std::string text) {
   for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -76,31 +67,24 @@ std::string HttpResponse::header(const std::string& name) const {
   return at == headers.end() ? "" : at->second;
 }
 
+std::string PercentEncode(const std::string& text) {
+  constexpr const char* kDigits = "0123456789ABCDEF";
+  std::string encoded;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 0x80 &&
+        (std::isalnum(byte) != 0 || std::string_view("-._~").find(c) != std::string_view::npos)) {
+      encoded += c;
+    } else {
+      encoded += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+    }
+  }
+  return encoded;
+}
+
 struct HttpClient::Connection {
-  HttpUrl url;
-  std::chrono::steady_clock::duration idle;
-  asio::io_context io{1};
-  beast::tcp_stream stream{io};
+  BlockingConnection base;
   beast::flat_buffer buffer{2 * kMaxHeaderBytes};
-
-  // Runs one asynchronous operation to its end or until the server has been idle for too long.
-  template <typename Start>
-  ErrorCode Await(Start&& start) {
-    ErrorCode result;
-    stream.expires_after(idle);
-    start([&result](ErrorCode error, auto&&...) { result = error; });
-    io.restart();
-    io.run();
-    return result;
-  }
-
-  Status Failure(const std::string& what, ErrorCode error) const {
-    std::string why = error == beast::error::timeout ? "the server does not answer"
-                      : error == http::error::end_of_stream || error == http::error::partial_message
-                          ? "the server closed the connection"
-                          : error.message();
-    return IoError(url.origin() + ": " + what + ": " + why);
-  }
 };
 
 HttpClient::HttpClient(std::unique_ptr<Connection> connection)
@@ -108,28 +92,20 @@ HttpClient::HttpClient(std::unique_ptr<Connection> connection)
 HttpClient::~HttpClient() = default;
 
 Result<std::unique_ptr<HttpClient>> HttpClient::Connect(const HttpUrl& url, double idle_seconds) {
-  auto c = std::make_unique<Connection>();
-  c->url = url;
-  c->idle = std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(std::min(idle_seconds, kLongestSeconds)));
-  tcp::resolver resolver(c->io);
-  ErrorCode error;
-  const auto endpoints = resolver.resolve(url.host, url.port, error);
-  if (error) return c->Failure("no such host", error);
-  error = c->Await(
-      [&](auto&& done) { c->stream.async_connect(endpoints, std::forward<decltype(done)>(done)); });
-  if (error) return c->Failure("cannot connect", error);
+  std::unique_ptr<Connection> c(new Connection{{url, idle_seconds}});
+  MTDB_RETURN_IF_ERROR(c->base.Connect());
   return std::unique_ptr<HttpClient>(new HttpClient(std::move(c)));
 }
 
 Result<HttpResponse> HttpClient::Send(const std::string& method, const std::string& target,
                                       const std::string& body, const Receiver& receive) {
-  Connection& c = *connection_;
+  BlockingConnection& c = connection_->base;
+  beast::flat_buffer& buffer = connection_->buffer;
   http::request<http::string_body> request;
   request.method_string(method);
   request.target(target);
   request.version(11);
-  request.set(http::field::host, c.url.origin().substr(7));
+  request.set(http::field::host, c.url().origin().substr(7));
   request.set(http::field::user_agent, "mtdb");
   if (!body.empty()) {
     request.set(http::field::content_type, "application/json");
@@ -137,7 +113,7 @@ Result<HttpResponse> HttpClient::Send(const std::string& method, const std::stri
     request.prepare_payload();
   }
   ErrorCode error = c.Await([&](auto&& done) {
-    http::async_write(c.stream, request, std::forward<decltype(done)>(done));
+    http::async_write(c.stream(), request, std::forward<decltype(done)>(done));
   });
   // A server that refuses may answer and close before it has read everything.
   if (error == beast::error::timeout) return c.Failure("sending", error);
@@ -146,7 +122,7 @@ Result<HttpResponse> HttpClient::Send(const std::string& method, const std::stri
   parser.header_limit(kMaxHeaderBytes);
   parser.body_limit(std::numeric_limits<uint64_t>::max());
   error = c.Await([&](auto&& done) {
-    http::async_read_header(c.stream, c.buffer, parser, std::forward<decltype(done)>(done));
+    http::async_read_header(c.stream(), buffer, parser, std::forward<decltype(done)>(done));
   });
   if (error) return c.Failure("waiting for an answer", error);
   HttpResponse response;
@@ -154,12 +130,12 @@ Result<HttpResponse> HttpClient::Send(const std::string& method, const std::stri
   for (const auto& field : parser.get()) {
     response.headers[LowerCase(std::string(field.name_string()))] = std::string(field.value());
   }
-  std::array<char, 64 << 10> block;
+  std::array<char, kBlockBytes> block;
   while (!parser.is_done()) {
     parser.get().body().data = block.data();
     parser.get().body().size = block.size();
     error = c.Await([&](auto&& done) {
-      http::async_read_some(c.stream, c.buffer, parser, std::forward<decltype(done)>(done));
+      http::async_read_some(c.stream(), buffer, parser, std::forward<decltype(done)>(done));
     });
     if (error && error != http::error::need_buffer) return c.Failure("the answer broke off", error);
     const size_t size = block.size() - parser.get().body().size;

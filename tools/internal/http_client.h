@@ -1,5 +1,4 @@
-// HttpClient: one connection to an HTTP/1.1 server, for `mtdb fetch` and other clients of `mtdb
-// serve`.
+// HttpClient: one connection to an HTTP/1.1 server, for the client library (tools/client.h).
 #pragma once
 
 #include <cstdint>
@@ -22,6 +21,8 @@ struct HttpUrl {
 };
 // "http://HOST[:PORT][/PATH]". kInvalidArgument.
 Result<HttpUrl> ParseHttpUrl(const std::string& text);
+// Bytes other than letters, digits and -._~ as %XX.
+std::string PercentEncode(const std::string& text);
 
 struct HttpResponse {
   unsigned status = 0;

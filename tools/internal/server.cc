@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/asio/thread_pool.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
@@ -16,31 +14,26 @@
 #include <boost/beast/http/rfc7230.hpp>
 #include <boost/beast/http/status.hpp>
 #include <boost/beast/http/string_body.hpp>
-#include <chrono>
+#include <boost/beast/websocket/rfc6455.hpp>
 #include <csignal>
 #include <ctime>
 #include <memory>
 #include <optional>
 #include <poll.h>
-#include <set>
 #include <thread>
 #include <utility>
+#include <vector>
+
+#include "tools/internal/network.h"
+#include "tools/internal/server_loop.h"
+#include "tools/internal/server_websocket.h"
 
 namespace mtdb {
 
 namespace {
 
-namespace asio = boost::asio;
-namespace beast = boost::beast;
-namespace http = boost::beast::http;
-using boost::asio::ip::tcp;
-using Clock = std::chrono::steady_clock;
-using ErrorCode = boost::system::error_code;
-
 constexpr uint32_t kMaxHeaderBytes = 16 << 10;
 constexpr uint64_t kMaxBodyBytes = 1 << 20;
-constexpr size_t kBufferBytes = 64 << 10;  // of a connection, each way
-constexpr double kLongestSeconds = 1e8;    // as a duration it does not overflow
 constexpr auto kWatchPeriod = std::chrono::milliseconds(50);
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 // What a client still sends when its connection is about to be closed is read for so long: a reset
@@ -49,11 +42,6 @@ constexpr auto kLingerTime = std::chrono::seconds(2);
 constexpr uint64_t kLingerBytes = 8 << 20;
 // Connections above the limit that are told so; those above these are just closed.
 constexpr size_t kMaxRefused = 64;
-
-Clock::duration Seconds(double seconds) {
-  return std::chrono::duration_cast<Clock::duration>(
-      std::chrono::duration<double>(std::min(seconds, kLongestSeconds)));
-}
 
 std::string HttpDate() {
   const std::time_t now = std::time(nullptr);
@@ -64,76 +52,31 @@ std::string HttpDate() {
   return text;
 }
 
-class Session;
-
-class Server {
- public:
-  Server(const ServerOptions& options, ServerService& service)
-      : options_(options), service_(service), queries_(options.threads), catalog_(1) {}
-
-  Status Run(const std::function<void(const std::string& url)>& listening);
-
-  const ServerOptions& options() const { return options_; }
-  ServerService& service() { return service_; }
-  asio::io_context& io() { return io_; }
-  asio::thread_pool& pool(ServerService::Effort effort) {
-    return effort == ServerService::Effort::kQuery ? queries_ : catalog_;
-  }
-  bool stopping() const { return stopping_; }
-  void Enter(Session* session);
-  void Leave(Session* session);
-
- private:
-  void Accept();
-  void OnAccept(tcp::socket socket);
-  void AwaitSignal();
-  void Stop();
-  void Abort();
-
-  const ServerOptions& options_;
-  ServerService& service_;
-  std::set<Session*> sessions_;
-  bool stopping_ = false;
-  asio::io_context io_{1};
-  tcp::acceptor acceptor_{io_};
-  asio::signal_set signals_{io_};
-  asio::steady_timer pause_{io_};
-  asio::steady_timer grace_{io_};
-  // Last, so that their threads end first.
-  asio::thread_pool queries_;
-  asio::thread_pool catalog_;
-};
-
 // One connection: reads a request, has it answered, sends the answer, and again. All of it runs on
-// the thread of the io_context, but ServerService::Answer. A protocol that begins with a request,
-// as WebSocket does, would take the stream over in OnRequest.
-class Session : public std::enable_shared_from_this<Session> {
+// the loop's thread, but ServerService::Answer. A request for a session hands the stream over to a
+// ServerWebSocket.
+class Connection final : public ServerPeer, public std::enable_shared_from_this<Connection> {
  public:
-  Session(Server& server, tcp::socket socket, bool refused)
-      : server_(server), stream_(std::move(socket)), watch_(server.io()), refused_(refused) {
-    server_.Enter(this);
-  }
-  ~Session() { server_.Leave(this); }
+  Connection(ServerLoop& loop, Tcp::socket socket, bool refused)
+      : ServerPeer(loop), stream_(std::move(socket)), watch_(loop.io), refused_(refused) {}
 
   void Read() {
     state_ = State::kReading;
     parser_.emplace();
     parser_->header_limit(kMaxHeaderBytes);
     parser_->body_limit(kMaxBodyBytes);
-    stream_.expires_after(Seconds(server_.options().idle_seconds));
+    stream_.expires_after(Seconds(loop_.options.idle_seconds));
     http::async_read_header(stream_, buffer_, *parser_,
                             [self = shared_from_this()](ErrorCode error, size_t) {
                               error ? self->OnReadError(error) : self->OnHeader();
                             });
   }
 
-  // The server stops: finishes what it does.
-  void Drain() {
+  void Drain() override {
     keep_alive_ = false;
     if (state_ == State::kReading || state_ == State::kLingering) stream_.close();
   }
-  // The server has waited long enough.
-  void Abort() {
+  void Abort() override {
     Drain();
     if (state_ == State::kAnswering) call_->Cancel(ServerCall::Stop::kShutdown);
     if (state_ == State::kSending) stream_.close();
@@ -142,7 +85,7 @@ class Session : public std::enable_shared_from_this<Session> {
  private:
   enum class State : uint8_t { kReading, kAnswering, kSending, kLingering };
 
-  ServerMetrics& metrics() { return server_.service().metrics(); }
+  ServerMetrics& metrics() { return loop_.service.metrics(); }
 
   // ---- the request ----
 
@@ -197,29 +140,32 @@ class Session : public std::enable_shared_from_this<Session> {
     auto message = parser_->release();
     ++metrics().in_flight;
     begin_ = Clock::now();
-    deadline_ = begin_ + Seconds(server_.options().timeout_seconds);
+    deadline_ = begin_ + Seconds(loop_.options.timeout_seconds);
     head_ = message.method() == http::verb::head;
-    keep_alive_ = message.keep_alive() && !refused_ && !server_.stopping();
+    keep_alive_ = message.keep_alive() && !refused_ && !loop_.stopping;
     if (refused_) {
       return Send(ErrorAnswer(503, "too_many_connections",
                               "the server has as many connections as it takes; try again later"));
+    }
+    if (websocket::is_upgrade(message) && ServerService::IsSession(std::string(message.target()))) {
+      return OpenSession(std::move(message));
     }
     ServerRequest request{std::string(message.method_string()), std::string(message.target()),
                           std::move(message.body())};
     call_ = std::make_shared<ServerCall>();
     const ServerService::Effort effort = ServerService::EffortOf(request.target);
     if (effort == ServerService::Effort::kNone) {
-      return Send(server_.service().Answer(request, *call_));
+      return Send(loop_.service.Answer(request, *call_));
     }
     state_ = State::kAnswering;
     stream_.expires_never();
     const bool query = effort == ServerService::Effort::kQuery;
     if (query) ++metrics().queries_waiting;
     Watch();
-    asio::post(server_.pool(effort), [self = shared_from_this(), call = call_, query,
-                                      work = asio::make_work_guard(server_.io()),
-                                      request = std::move(request)]() mutable {
-      ServerService& service = self->server_.service();
+    asio::post(loop_.pool(effort), [self = shared_from_this(), call = call_, query,
+                                    work = asio::make_work_guard(loop_.io),
+                                    request = std::move(request)]() mutable {
+      ServerService& service = self->loop_.service;
       if (query) {
         --service.metrics().queries_waiting;
         ++service.metrics().queries_running;
@@ -227,9 +173,60 @@ class Session : public std::enable_shared_from_this<Session> {
       auto answer = std::make_shared<ServerAnswer>(service.Answer(request, *call));
       if (query) --service.metrics().queries_running;
       // The last owner of a session is on its own thread.
-      asio::io_context& io = self->server_.io();
+      asio::io_context& io = self->loop_.io;
       asio::post(io, [moved = std::move(self), answer] { moved->OnAnswer(std::move(*answer)); });
     });
+  }
+
+  // ---- sessions ----
+
+  void OpenSession(ServerWebSocket::Request message) {
+    keep_alive_ = false;
+    if (!ServerWebSocket::MayOpen(message, loop_.options.allowed_origin)) {
+      return Send(ErrorAnswer(403, "foreign_origin",
+                              "web pages of another origin may not open sessions here; whoever "
+                              "runs the server may allow it (--allow-origin)"));
+    }
+    if (buffer_.size() > 0) {
+      return Send(ErrorAnswer(400, "bad_request", "wait for the upgrade before you send more"));
+    }
+    if (metrics().sessions >= loop_.options.max_sessions) {
+      return Send(ErrorAnswer(503, "too_many_sessions",
+                              "the server has as many sessions as it takes; try again later"));
+    }
+    ++metrics().sessions;
+    std::shared_ptr<void> ticket(nullptr, [&sessions = metrics().sessions](void*) { --sessions; });
+    call_ = std::make_shared<ServerCall>();
+    state_ = State::kAnswering;
+    stream_.expires_never();
+    Watch();
+    // Not where it would wait for queries.
+    asio::post(loop_.catalog, [self = shared_from_this(), ticket, message = std::move(message),
+                               work = asio::make_work_guard(loop_.io)]() mutable {
+      auto refusal = std::make_shared<ServerAnswer>();
+      std::shared_ptr<ServerService::OpenedSession> opened =
+          self->loop_.service.OpenSession(std::string(message.target()), refusal.get());
+      asio::io_context& io = self->loop_.io;
+      asio::post(io, [moved = std::move(self), held = std::move(ticket), opened = std::move(opened),
+                      refusal, request = std::move(message)]() mutable {
+        if (opened == nullptr) return moved->OnAnswer(std::move(*refusal));
+        moved->OnOpened(std::move(opened), std::move(held), std::move(request));
+      });
+    });
+  }
+
+  void OnOpened(std::shared_ptr<ServerService::OpenedSession> opened, std::shared_ptr<void> ticket,
+                ServerWebSocket::Request request) {
+    watch_.cancel();
+    state_ = State::kSending;
+    if (loop_.stopping || call_->control.cancelled()) {
+      stream_.close();
+      return Finish(499);
+    }
+    Finish(101);
+    std::make_shared<ServerWebSocket>(loop_, std::move(stream_), std::move(opened),
+                                      std::move(ticket))
+        ->Accept(std::move(request));
   }
 
   // ---- while it is answered ----
@@ -257,7 +254,7 @@ class Session : public std::enable_shared_from_this<Session> {
       stream_.close();
       return Finish(499);
     }
-    if (server_.stopping()) keep_alive_ = false;
+    if (loop_.stopping) keep_alive_ = false;
     Send(std::move(answer));
   }
 
@@ -268,7 +265,7 @@ class Session : public std::enable_shared_from_this<Session> {
     answer_ = std::move(answer);
     // An error has its time, also when it is that the time is over.
     if (answer_.status != 200) {
-      deadline_ = Clock::now() + Seconds(server_.options().idle_seconds);
+      deadline_ = Clock::now() + Seconds(loop_.options.idle_seconds);
     }
     const uint64_t size = answer_.file.is_open() ? answer_.file.size_bytes() : answer_.body.size();
     chunk_ = "HTTP/1.1 " + std::to_string(answer_.status) + " " +
@@ -289,7 +286,7 @@ class Session : public std::enable_shared_from_this<Session> {
       const uint64_t left =
           answer_.file.is_open() && !head_ ? answer_.file.size_bytes() - file_sent_ : 0;
       if (left == 0) return OnSent();
-      chunk_.resize(std::min<uint64_t>(left, kBufferBytes));
+      chunk_.resize(std::min<uint64_t>(left, kBlockBytes));
       chunk_.resize(answer_.file.ReadAt(file_sent_, chunk_.data(), chunk_.size()));
       chunk_sent_ = 0;
       file_sent_ += chunk_.size();
@@ -297,7 +294,7 @@ class Session : public std::enable_shared_from_this<Session> {
     }
     const Clock::time_point now = Clock::now();
     if (now >= deadline_) return Break(503);
-    stream_.expires_after(std::min(deadline_ - now, Seconds(server_.options().idle_seconds)));
+    stream_.expires_after(std::min(deadline_ - now, Seconds(loop_.options.idle_seconds)));
     stream_.async_write_some(asio::buffer(chunk_.data() + chunk_sent_, chunk_.size() - chunk_sent_),
                              [self = shared_from_this()](ErrorCode error, size_t size) {
                                if (error)
@@ -322,11 +319,11 @@ class Session : public std::enable_shared_from_this<Session> {
     head_ = false;
     if (keep_alive_) return Read();
     ErrorCode ignored;
-    stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
-    if (server_.stopping()) return stream_.close();
+    stream_.socket().shutdown(Tcp::socket::shutdown_send, ignored);
+    if (loop_.stopping) return stream_.close();
     state_ = State::kLingering;
     stream_.expires_after(kLingerTime);
-    chunk_.resize(kBufferBytes);
+    chunk_.resize(kBlockBytes);
     Linger(0);
   }
 
@@ -343,11 +340,10 @@ class Session : public std::enable_shared_from_this<Session> {
     metrics().Finish(code, std::chrono::duration<double>(Clock::now() - begin_).count());
   }
 
-  Server& server_;
   beast::tcp_stream stream_;
   asio::steady_timer watch_;
   const bool refused_;
-  beast::flat_buffer buffer_{kBufferBytes};
+  beast::flat_buffer buffer_{kBlockBytes};
   std::optional<http::request_parser<http::string_body>> parser_;
   State state_ = State::kReading;
   bool head_ = false;
@@ -362,31 +358,43 @@ class Session : public std::enable_shared_from_this<Session> {
 
 // ---- the server ---------------------------------------------------------------------------------
 
-void Server::Enter(Session* session) {
-  sessions_.insert(session);
-  service_.metrics().connections = sessions_.size();
-}
+class Server {
+ public:
+  Server(const ServerOptions& options, ServerService& service) : loop_(options, service) {
+    loop_.on_last_left = [this] {
+      ErrorCode ignored;
+      signals_.cancel(ignored);
+      grace_.cancel();
+    };
+  }
 
-void Server::Leave(Session* session) {
-  sessions_.erase(session);
-  service_.metrics().connections = sessions_.size();
-  if (!stopping_ || !sessions_.empty()) return;
-  ErrorCode ignored;
-  signals_.cancel(ignored);
-  grace_.cancel();
-}
+  Status Run(const std::function<void(const std::string& url)>& listening);
+
+ private:
+  void Accept();
+  void OnAccept(Tcp::socket socket);
+  void AwaitSignal();
+  void Stop();
+  void Abort();
+
+  ServerLoop loop_;
+  Tcp::acceptor acceptor_{loop_.io};
+  asio::signal_set signals_{loop_.io};
+  asio::steady_timer pause_{loop_.io};
+  asio::steady_timer grace_{loop_.io};
+};
 
 Status Server::Run(const std::function<void(const std::string& url)>& listening) {
-  const Endpoint& listen = options_.listen;
+  const Endpoint& listen = loop_.options.listen;
   const std::string where = listen.text();
   ErrorCode error;
   const auto address = asio::ip::make_address(listen.address, error);
   if (error) {
     return InvalidArgument(where + ": expected an address of this machine such as 127.0.0.1");
   }
-  const tcp::endpoint endpoint(address, listen.port);
+  const Tcp::endpoint endpoint(address, listen.port);
   acceptor_.open(endpoint.protocol(), error);
-  if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
+  if (!error) acceptor_.set_option(Tcp::acceptor::reuse_address(true), error);
   if (!error) acceptor_.bind(endpoint, error);
   if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
   if (error) {
@@ -398,15 +406,15 @@ Status Server::Run(const std::function<void(const std::string& url)>& listening)
   AwaitSignal();
   Accept();
   listening("http://" + Endpoint{listen.address, acceptor_.local_endpoint().port()}.text());
-  io_.run();
-  queries_.join();
-  catalog_.join();
+  loop_.io.run();
+  loop_.queries.join();
+  loop_.catalog.join();
   return Status::Ok();
 }
 
 void Server::Accept() {
-  acceptor_.async_accept([this](ErrorCode error, tcp::socket socket) {
-    if (stopping_) return;
+  acceptor_.async_accept([this](ErrorCode error, Tcp::socket socket) {
+    if (loop_.stopping) return;
     if (!error) {
       OnAccept(std::move(socket));
       return Accept();
@@ -414,44 +422,44 @@ void Server::Accept() {
     // Most likely out of descriptors: others must finish first.
     pause_.expires_after(kAcceptPause);
     pause_.async_wait([this](ErrorCode) {
-      if (!stopping_) Accept();
+      if (!loop_.stopping) Accept();
     });
   });
 }
 
-void Server::OnAccept(tcp::socket socket) {
-  if (sessions_.size() >= options_.max_sessions + kMaxRefused) return;
+void Server::OnAccept(Tcp::socket socket) {
+  if (loop_.peers.size() >= loop_.options.max_connections + kMaxRefused) return;
   ErrorCode ignored;
-  socket.set_option(tcp::no_delay(true), ignored);
-  const bool refused = sessions_.size() >= options_.max_sessions;
-  std::make_shared<Session>(*this, std::move(socket), refused)->Read();
+  socket.set_option(Tcp::no_delay(true), ignored);
+  const bool refused = loop_.peers.size() >= loop_.options.max_connections;
+  std::make_shared<Connection>(loop_, std::move(socket), refused)->Read();
 }
 
 void Server::AwaitSignal() {
   signals_.async_wait([this](ErrorCode error, int) {
     if (error) return;
-    stopping_ ? Abort() : Stop();
+    loop_.stopping ? Abort() : Stop();
     AwaitSignal();
   });
 }
 
 void Server::Stop() {
-  stopping_ = true;
+  loop_.stopping = true;
   ErrorCode ignored;
   acceptor_.close(ignored);
   pause_.cancel();
-  const std::set<Session*> sessions = sessions_;
-  for (Session* session : sessions) session->Drain();
-  if (sessions.empty()) return io_.stop();
-  grace_.expires_after(Seconds(options_.grace_seconds));
+  const std::set<ServerPeer*> peers = loop_.peers;
+  for (ServerPeer* peer : peers) peer->Drain();
+  if (peers.empty()) return loop_.io.stop();
+  grace_.expires_after(Seconds(loop_.options.grace_seconds));
   grace_.async_wait([this](ErrorCode error) {
     if (!error) Abort();
   });
 }
 
 void Server::Abort() {
-  const std::set<Session*> sessions = sessions_;
-  for (Session* session : sessions) session->Abort();
+  const std::set<ServerPeer*> peers = loop_.peers;
+  for (ServerPeer* peer : peers) peer->Abort();
 }
 
 }  // namespace

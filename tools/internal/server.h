@@ -14,8 +14,11 @@ struct ServerOptions {
   ServiceOptions service;
   Endpoint listen{"127.0.0.1", 8080};  // port 0: any free one
   unsigned threads = 0;                // queries at once; 0: as many as the machine has
-  unsigned max_sessions = 256;         // connections; those above are answered with 503
+  unsigned max_connections = 256;      // those above are answered with 503
+  unsigned max_sessions = 64;          // likewise
   double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
+  double session_idle_seconds = 300;   // of a session's client that answers no ping
+  std::string allowed_origin;          // of web pages beside the server's own; "*": any
   double timeout_seconds = 600;        // from a request's last byte to its answer's last
   double grace_seconds = 5;            // for running requests when the server is told to stop
 };
@@ -23,7 +26,8 @@ struct ServerOptions {
 // Serves until SIGINT or SIGTERM, then lets running requests finish for grace_seconds, cancels what
 // is left and returns. A second signal cancels at once. `listening` is called with the URL once
 // clients can connect. All connections are served by the calling thread, queries by a pool; an
-// answer on its way takes 64 KiB of memory, whatever its size. Errors: those of
+// answer on its way takes 64 KiB of memory, whatever its size, and a session's updates wait when a
+// MiB of them is on its way. Errors: those of
 // ServerService::Open, kInvalidArgument and kIoError when it cannot listen.
 Status RunServer(const ServerOptions& options,
                  const std::function<void(const std::string& url)>& listening);

@@ -51,6 +51,14 @@ std::string ServerMetrics::Text(const Cache& cache) const {
   add("mtdb_cache_bytes", gauge, "Bytes of decoded clusters in memory.", cache.bytes);
   add("mtdb_objects_open", gauge, "Objects that are open.", cache.objects_open);
 
+  add("mtdb_sessions", gauge, "Open sessions.", sessions);
+  add("mtdb_sessions_total", counter, "Sessions opened.", sessions_opened);
+  add("mtdb_session_updates_total", counter, "Queries of sessions that were answered in full.",
+      updates);
+  add("mtdb_session_updates_superseded_total", counter,
+      "Queries of sessions that a later one took the place of.", updates_superseded);
+  add("mtdb_session_stream_bytes_total", counter, "Bytes of update streams sent.", stream_bytes);
+
   const std::lock_guard lock(mutex_);
   head("mtdb_requests_total", counter, "Requests by status; 499: the client went away.");
   for (const auto& [code, count] : requests_) {

@@ -23,6 +23,11 @@ class ServerMetrics {
   std::atomic<uint64_t> sent_bytes{0};       // of answers
   std::atomic<uint64_t> read_bytes{0};       // payloads, from the store
   std::atomic<uint64_t> cache_hits{0};       // clusters that a query found decoded
+  std::atomic<uint64_t> sessions{0};         // open now
+  std::atomic<uint64_t> sessions_opened{0};
+  std::atomic<uint64_t> updates{0};  // of sessions, done
+  std::atomic<uint64_t> updates_superseded{0};
+  std::atomic<uint64_t> stream_bytes{0};  // sent
 
   // A request is over. `code` is the HTTP status; 499 when the client went away.
   void Finish(unsigned code, double seconds);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <set>
 #include <string_view>
 
@@ -153,21 +152,6 @@ Result<RequestTarget> ParseTarget(const std::string& text) {
         return Status::Ok();
       }));
   return target;
-}
-
-std::string PercentEncode(const std::string& text) {
-  constexpr const char* kDigits = "0123456789ABCDEF";
-  std::string encoded;
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte < 0x80 &&
-        (std::isalnum(byte) != 0 || std::string_view("-._~").find(c) != std::string_view::npos)) {
-      encoded += c;
-    } else {
-      encoded += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
-    }
-  }
-  return encoded;
 }
 
 Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::string& body) {

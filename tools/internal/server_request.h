@@ -19,8 +19,6 @@ struct RequestTarget {
 };
 // kInvalidArgument for what is no target.
 Result<RequestTarget> ParseTarget(const std::string& text);
-// Bytes other than letters, digits and -._~ as %XX.
-std::string PercentEncode(const std::string& text);
 
 struct MeshRequest {
   std::string format = "ply";  // ply, obj, stl, off, glb or drc

@@ -12,6 +12,8 @@
 
 #include "codecs/mesh_file.h"
 #include "query/cluster_cache.h"
+#include "query/query_json.h"
+#include "tools/internal/arguments.h"
 #include "tools/internal/report_json.h"
 
 namespace mtdb {
@@ -94,10 +96,25 @@ std::string Replaced(std::string text, const std::string& place, const std::stri
   return text;
 }
 
+// The limits that a session's client states: it may hold less than the server gives.
+Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options* options) {
+  for (const auto& [name, text] : target.parameters) {
+    if (name != "remember" && name != "triangles") {
+      return InvalidArgument(name + ": no such parameter; known are remember and triangles");
+    }
+    const Result<uint64_t> count = text == "0" ? Result<uint64_t>(uint64_t{0}) : ParseCount(text);
+    if (!count.ok()) return InvalidArgument(name + ": " + count.status().message());
+    (name == "remember" ? options->remembered_vertices : options->max_triangles) =
+        std::min(*count, options->max_triangles);
+  }
+  return Status::Ok();
+}
+
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
       404, "no_such_path",
-      "there are /objects, /objects/NAME, /objects/NAME/mesh, /healthz and /metrics");
+      "there are /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/session, /healthz and "
+      "/metrics");
 }
 
 }  // namespace
@@ -129,11 +146,11 @@ size_t AnonymousFile::ReadAt(uint64_t offset, char* out, size_t size) const {
   }
 }
 
-ServerAnswer ErrorAnswer(unsigned status, const char* code, const std::string& message) {
+ServerAnswer ErrorAnswer(const ServerError& error) {
   ServerAnswer answer;
-  answer.status = status;
-  answer.body = Dump({{"error", message}, {"code", code}});
-  if (status == 503) answer.headers.emplace_back("Retry-After", "1");
+  answer.status = error.status;
+  answer.body = Dump({{"error", error.message}, {"code", error.code}});
+  if (error.status == 503) answer.headers.emplace_back("Retry-After", "1");
   return answer;
 }
 
@@ -178,6 +195,13 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   if (!target.ok()) return ErrorAnswer(400, "bad_request", target.status().message());
   const std::vector<std::string>& path = target->path;
   const bool objects = path[0] == "objects" && path.size() <= 3;
+  if (IsSession(request.target)) {
+    ServerAnswer answer =
+        ErrorAnswer(426, "upgrade_required",
+                    "sessions speak WebSocket: ask for an upgrade; see docs/protocol.md");
+    answer.headers.emplace_back("Upgrade", "websocket");
+    return answer;
+  }
   const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
   const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
   if (!alone && !mesh && !(objects && path.size() < 3)) return NoSuchPath();
@@ -198,7 +222,8 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   if (path.size() > 1 && name.empty()) return NoSuchPath();
   if (!mesh) {
     Result<ServerAnswer> answer = path.size() == 1 ? Catalog() : Info(name);
-    return answer.ok() ? *std::move(answer) : Failure(answer.status(), name, call, false);
+    return answer.ok() ? *std::move(answer)
+                       : ErrorAnswer(Failure(answer.status(), name, call, false));
   }
   const Result<MeshRequest> parsed = ParseMeshRequest(*target, request.body);
   if (!parsed.ok()) return ErrorAnswer(400, "bad_query", parsed.status().message());
@@ -206,7 +231,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   if (answer.ok()) return *std::move(answer);
   // Found in the catalog, then gone.
   const bool opened = call.control.clusters_loaded() > 0;
-  return Failure(answer.status(), name, call, opened);
+  return ErrorAnswer(Failure(answer.status(), name, call, opened));
 }
 
 Result<ServerAnswer> ServerService::Catalog() {
@@ -266,45 +291,143 @@ ServerAnswer ServerService::Metrics() {
   return answer;
 }
 
-ServerAnswer ServerService::Failure(const Status& status, const std::string& name,
-                                    const ServerCall& call, bool opened) {
+ServerError ServerService::Failure(const Status& status, const std::string& name,
+                                   const ServerCall& call, bool opened) {
   std::string text = Replaced(status.message(), folder_ + "/", "");
   text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
   switch (status.code()) {
     case StatusCode::kInvalidArgument:
-    case StatusCode::kUnsupported: return ErrorAnswer(400, "bad_query", text);
+    case StatusCode::kUnsupported: return ServerError{400, "bad_query", text};
     case StatusCode::kNotFound:
       if (opened) {
-        return ErrorAnswer(410, "gone",
-                           "the object '" + name + "' was removed or replaced meanwhile");
+        return ServerError{410, "gone",
+                           "the object '" + name + "' was removed or replaced meanwhile"};
       }
-      return ErrorAnswer(404, "no_such_object", "no object '" + name + "'; see /objects");
+      return ServerError{404, "no_such_object", "no object '" + name + "'; see /objects"};
     case StatusCode::kCancelled: break;
     case StatusCode::kBudgetExceeded:
-      return ErrorAnswer(503, "budget_exceeded",
-                         "the query does not fit the cache or its max_bytes: " + text);
+      return ServerError{503, "budget_exceeded",
+                         "the query does not fit the cache or its max_bytes: " + text};
     default: {
       std::fprintf(stderr, "mtdb: %s\n", status.message().c_str());
       if (status.code() == StatusCode::kNoSpace || status.code() == StatusCode::kBusy) {
-        return ErrorAnswer(503, "no_space", "the server is short of space; try again later");
+        return ServerError{503, "no_space", "the server is short of space; try again later"};
       }
-      return ErrorAnswer(500, "store_error",
+      return ServerError{500, "store_error",
                          "the object cannot be read; whoever runs the server finds the reason "
-                         "in what it printed");
+                         "in what it printed"};
     }
   }
-  ++metrics_.queries_cancelled;
+  if (call.stop != ServerCall::Stop::kSuperseded) ++metrics_.queries_cancelled;
   switch (call.stop) {
     case ServerCall::Stop::kTimeout:
-      return ErrorAnswer(503, "timeout",
-                         "the time for a request is over; ask for less, or set max_milliseconds");
+      return ServerError{503, "timeout",
+                         "the time for a request is over; ask for less, or set max_milliseconds"};
     case ServerCall::Stop::kShutdown:
-      return ErrorAnswer(503, "shutting_down", "the server is shutting down");
-    default: return ErrorAnswer(499, "cancelled", "the client went away");
+      return ServerError{503, "shutting_down", "the server is shutting down"};
+    default: return ServerError{499, "cancelled", "the client went away"};
   }
 }
 
+// ---- sessions -----------------------------------------------------------------------------------
+
+bool ServerService::IsSession(const std::string& text) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  return target.ok() && target->path.size() == 3 && target->path[0] == "objects" &&
+         !target->path[1].empty() && target->path[2] == "session";
+}
+
+ServerService::OpenedSession::~OpenedSession() {
+  if (surface != nullptr) service->Unpin(surface.get());
+}
+
+std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const std::string& text,
+                                                                         ServerAnswer* refusal) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  MTDB_CHECK(target.ok(), "IsSession has looked at it");
+  ServerSession::Options options;
+  options.max_triangles = options_.session_triangles;
+  auto opened = std::make_unique<OpenedSession>();
+  opened->service = this;
+  const auto open = [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(ReadSessionParameters(*target, &options));
+    MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface, OpenSurface(target->path[1]));
+    if (!Pin(surface.get())) return Status::Ok();
+    opened->surface = std::move(surface);
+    MTDB_ASSIGN_OR_RETURN(opened->session, ServerSession::Open(opened->surface, options));
+    return Status::Ok();
+  };
+  try {
+    const Status status = open();
+    if (!status.ok()) {
+      *refusal = ErrorAnswer(Failure(status, target->path[1], {}, false));
+    } else if (opened->surface == nullptr) {
+      *refusal = ErrorAnswer(503, "too_many_objects",
+                             "sessions are open on as many objects as the server keeps open; try "
+                             "again later");
+    } else {
+      return opened;
+    }
+  } catch (const std::bad_alloc&) {
+    *refusal = ErrorAnswer(503, "no_space", "the server is out of memory; try again later");
+  }
+  return nullptr;
+}
+
+ServerService::SessionOutcome ServerService::Update(ServerSession& session,
+                                                    const SessionRequest& request,
+                                                    const ServerSession::Pace& pace,
+                                                    ServerCall& call,
+                                                    ServerSession::Progress* progress) {
+  const ObjectRecord& record = session.surface().record();
+  SessionOutcome outcome;
+  const auto update = [&]() -> Result<ServerSession::End> {
+    if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+    MTDB_ASSIGN_OR_RETURN(Query query, ParseQuery(request.query, record.diagonal()));
+    if (query.normals) {
+      return InvalidArgument("normals: a session's client makes them itself; leave it out");
+    }
+    query.control = &call.control;
+    return session.Update(query, pace, progress, &outcome.update);
+  };
+  try {
+    const Result<ServerSession::End> end = update();
+    metrics_.read_bytes += outcome.update.stats.bytes_read;
+    metrics_.cache_hits += outcome.update.stats.clusters_cached;
+    const bool too_large =
+        end.ok() ? *end == ServerSession::End::kTooLarge : call.stop == ServerCall::Stop::kTooLarge;
+    if (too_large) {
+      outcome.error = {400, "too_many_triangles",
+                       "the mesh would have more than the " +
+                           std::to_string(session.max_triangles()) +
+                           " triangles that this session holds; ask for less, or set "
+                           "max_triangles"};
+    } else if (end.ok()) {
+      outcome.end = *end;
+    } else {
+      outcome.error = Failure(end.status(), record.name, call, true);
+    }
+  } catch (const std::bad_alloc&) {
+    outcome.broken = true;  // somewhere between two updates
+    outcome.error = {503, "no_space", "the server is out of memory; try again later"};
+  }
+  return outcome;
+}
+
 // ---- open objects -------------------------------------------------------------------------------
+
+// Sessions keep what they use open, on no more objects than may be open.
+bool ServerService::Pin(const Surface* surface) {
+  const std::lock_guard lock(mutex_);
+  if (!pins_.contains(surface) && pins_.size() >= options_.objects) return false;
+  ++pins_[surface];
+  return true;
+}
+
+void ServerService::Unpin(const Surface* surface) {
+  const std::lock_guard lock(mutex_);
+  if (--pins_[surface] == 0) pins_.erase(surface);
+}
 
 // Null when it is not open. An object that was replaced has another id.
 std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
@@ -341,7 +464,14 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   for (size_t i = surfaces_.size() - 1; i-- > 0;) {
     if (surfaces_[i]->record().name == name) close(i);
   }
-  while (surfaces_.size() > options_.objects) close(0);
+  // The last used last; pinned ones stay.
+  for (size_t i = 0; surfaces_.size() > options_.objects && i + 1 < surfaces_.size();) {
+    if (pins_.contains(surfaces_[i].get())) {
+      ++i;
+    } else {
+      close(i);
+    }
+  }
   return surface;
 }
 

@@ -4,8 +4,10 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +18,8 @@
 #include "store/database.h"
 #include "tools/internal/server_metrics.h"
 #include "tools/internal/server_request.h"
+#include "tools/internal/server_session.h"
+#include "tools/internal/session_message.h"
 
 namespace mtdb {
 
@@ -27,6 +31,7 @@ struct ServiceOptions {
   unsigned objects = 4;                        // kept open, the last used
   unsigned threads = 1;                        // of one query's reading and decoding
   uint64_t max_triangles = 20'000'000;         // of one mesh
+  uint64_t session_triangles = 1'000'000;      // of the mesh of a session's client
 };
 
 // A file without a name, open for reading.
@@ -68,12 +73,20 @@ struct ServerAnswer {
   AnonymousFile file;      // when it is open
   uint64_t triangles = 0;  // in it
 };
+struct ServerError {
+  unsigned status = 500;  // HTTP's
+  const char* code = "";  // for programs
+  std::string message;
+};
 // {"error": message, "code": code}
-ServerAnswer ErrorAnswer(unsigned status, const char* code, const std::string& message);
+ServerAnswer ErrorAnswer(const ServerError& error);
+inline ServerAnswer ErrorAnswer(unsigned status, const char* code, const std::string& message) {
+  return ErrorAnswer({status, code, message});
+}
 
 // One request on its way; shared by the connection and the thread that answers.
 struct ServerCall {
-  enum class Stop : uint8_t { kNone, kClientGone, kTimeout, kShutdown };
+  enum class Stop : uint8_t { kNone, kClientGone, kTimeout, kShutdown, kSuperseded, kTooLarge };
   QueryControl control;
   std::atomic<Stop> stop{Stop::kNone};
 
@@ -87,6 +100,20 @@ struct ServerCall {
 // Safe for many threads.
 class ServerService {
  public:
+  // A session, and what goes with it.
+  struct OpenedSession {
+    ~OpenedSession();
+    ServerService* service = nullptr;
+    std::shared_ptr<Surface> surface;  // stays open with the session
+    std::unique_ptr<ServerSession> session;
+  };
+  struct SessionOutcome {
+    std::optional<ServerSession::End> end;  // none: an error
+    SessionUpdate update;                   // of kDone
+    ServerError error;
+    bool broken = false;  // the session is of no use any more
+  };
+
   // Errors: those of opening the store, kIoError when there is no place for temporary files.
   static Result<std::unique_ptr<ServerService>> Open(const ServiceOptions& options);
   ~ServerService();
@@ -99,6 +126,15 @@ class ServerService {
   // files) goes to standard error.
   ServerAnswer Answer(const ServerRequest& request, ServerCall& call);
 
+  // Whether `target` asks for a session: /objects/NAME/session.
+  static bool IsSession(const std::string& target);
+  // The session, or the answer that says why there is none.
+  std::unique_ptr<OpenedSession> OpenSession(const std::string& target, ServerAnswer* refusal);
+  // One thread at a time for each session. Adds to `progress`.
+  SessionOutcome Update(ServerSession& session, const SessionRequest& request,
+                        const ServerSession::Pace& pace, ServerCall& call,
+                        ServerSession::Progress* progress);
+
   ServerMetrics& metrics() { return metrics_; }
 
  private:
@@ -108,11 +144,13 @@ class ServerService {
   Result<ServerAnswer> Info(const std::string& name);
   Result<ServerAnswer> Mesh(const std::string& name, const MeshRequest& request, ServerCall& call);
   ServerAnswer Metrics();
-  ServerAnswer Failure(const Status& status, const std::string& name, const ServerCall& call,
-                       bool opened);
+  ServerError Failure(const Status& status, const std::string& name, const ServerCall& call,
+                      bool opened);
 
   Result<std::shared_ptr<Surface>> OpenSurface(const std::string& name);
   std::shared_ptr<Surface> FindOpen(const ObjectRecord& record);
+  bool Pin(const Surface* surface);
+  void Unpin(const Surface* surface);
 
   const ServiceOptions options_;
   std::shared_ptr<Database> database_;
@@ -123,6 +161,7 @@ class ServerService {
   std::mutex opening_;  // held while an object is opened
   std::mutex mutex_;
   std::vector<std::shared_ptr<Surface>> surfaces_;  // the last used last
+  std::map<const Surface*, size_t> pins_;           // sessions, by surface
   uint64_t decoded_before_ = 0;                     // by surfaces that were closed
 };
 

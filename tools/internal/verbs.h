@@ -61,6 +61,19 @@ Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);
 Status Fetch(const QueryArguments& arguments);
 
+struct FollowArguments {
+  std::string url;
+  std::string path;    // a file of keyframes
+  std::string output;  // a pattern of mesh files; empty: none
+  std::string csv;     // empty: none
+  std::string name;
+  uint32_t remembered_vertices = 65536;
+  double timeout_seconds = 600;
+  double reconnect_seconds = 0;
+  bool json = false;
+};
+Status Follow(const FollowArguments& arguments);
+
 // Prints the URL once it can be asked; returns when a signal ends it.
 Status Serve(const ServerOptions& options);
 

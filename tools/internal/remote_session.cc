@@ -1,0 +1,370 @@
+#include <array>
+#include <boost/beast/http/string_body.hpp>
+#include <boost/beast/websocket/stream.hpp>
+#include <deque>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "codecs/update_stream.h"
+#include "tools/client.h"
+#include "tools/internal/blocking_connection.h"
+#include "tools/internal/remote_object.h"
+#include "tools/internal/session_message.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr auto kReconnectPause = std::chrono::milliseconds(100);
+
+double Milliseconds(Clock::time_point from, Clock::time_point to) {
+  return std::chrono::duration<double, std::milli>(to - from).count();
+}
+
+StatusCode CodeOf(const std::string& code) {
+  if (code == "gone") return StatusCode::kNotFound;
+  if (code == "budget_exceeded" || code == "too_many_triangles") return StatusCode::kBudgetExceeded;
+  if (code == "timeout" || code == "no_space" || code == "shutting_down") return StatusCode::kBusy;
+  return code == "store_error" ? StatusCode::kIoError : StatusCode::kInvalidArgument;
+}
+
+}  // namespace
+
+class RemoteSession::Impl {
+ public:
+  Impl(HttpUrl url, std::string path, const RemoteSessionOptions& options)
+      : options_(options),
+        url_(std::move(url)),
+        where_(url_.origin() + path),
+        path_(std::move(path)) {}
+
+  // A new connection, and a new mesh.
+  Status Start();
+  Result<RemoteUpdate> Update(const std::string& query, const OnMessage& on_message);
+  Result<uint64_t> Send(const std::string& query);
+  Result<RemoteUpdate> Receive(const OnMessage& on_message);
+  void Close();
+
+  const RemoteSessionOptions options_;
+  const HttpUrl url_;
+  const std::string where_;  // in messages
+  const std::string path_;
+  bool connected_ = false;
+  SessionHello hello_;
+  uint64_t start_bytes_ = 0;
+  std::optional<UpdateDecoder> decoder_;
+
+ private:
+  struct Connection {
+    BlockingConnection base;
+    websocket::stream<beast::tcp_stream&> socket{base.stream()};
+  };
+  struct Query {
+    uint64_t id = 0;
+    Clock::time_point sent;
+    std::optional<Clock::time_point> first;  // bytes of the stream
+  };
+  // Of a whole message: the text, or how many bytes the stream went on by.
+  struct Message {
+    bool is_text = false;
+    std::string text;
+    uint64_t bytes = 0;
+  };
+
+  Status Handshake();
+  Result<Message> Read();
+  // A query's error when the reply is one.
+  Result<RemoteUpdate> Answer(const SessionReply& reply);
+  Status Lost(const std::string& what, ErrorCode error);
+  Status Broken(const Status& why);
+
+  std::unique_ptr<Connection> connection_;
+  std::vector<std::byte> block_ = std::vector<std::byte>(kBlockBytes);
+  uint64_t next_id_ = 1;
+  std::deque<Query> queries_;  // without an answer
+  uint64_t bytes_ = 0, messages_ = 0;
+  bool restarted_ = false;
+};
+
+// The connection is of no use any more.
+Status RemoteSession::Impl::Broken(const Status& why) {
+  connected_ = false;
+  queries_.clear();
+  if (connection_) connection_->base.stream().close();
+  return {why.code(), where_ + ": " + why.message()};
+}
+
+Status RemoteSession::Impl::Lost(const std::string& what, ErrorCode error) {
+  const Status status = connection_->base.Failure(what, error);
+  std::string reason(connection_->socket.reason().reason.c_str());
+  for (char& c : reason) c = c < ' ' ? '?' : c;
+  static_cast<void>(Broken(status));
+  return {status.code(), status.message() + (reason.empty() ? "" : " (" + reason + ")")};
+}
+
+Status RemoteSession::Impl::Handshake() {
+  auto& socket = connection_->socket;
+  socket.set_option(websocket::stream_base::decorator(
+      [](websocket::request_type& request) { request.set(http::field::user_agent, "mtdb"); }));
+  socket.read_message_max(0);  // what it says is taken piece by piece
+  const std::string target = path_ +
+                             "/session?remember=" + std::to_string(options_.remembered_vertices) +
+                             "&triangles=" + std::to_string(options_.max_triangles);
+  const std::string host = url_.origin().substr(7);
+  websocket::response_type response;
+  const ErrorCode error = connection_->base.Await([&](auto&& done) {
+    socket.async_handshake(response, host, target, std::forward<decltype(done)>(done));
+  });
+  if (error == websocket::error::upgrade_declined) {
+    return Refused(where_, response.result_int(), response.body());
+  }
+  return error ? Lost("opening a session", error) : Status::Ok();
+}
+
+Status RemoteSession::Impl::Start() {
+  connection_.reset(new Connection{{url_, options_.timeout_seconds}});
+  connected_ = false;
+  queries_.clear();
+  bytes_ = messages_ = 0;
+  MTDB_RETURN_IF_ERROR(connection_->base.Connect());
+  MTDB_RETURN_IF_ERROR(Handshake());
+  decoder_.emplace(UpdateDecoder::Limits{
+      options_.max_triangles, options_.max_triangles + std::min(options_.remembered_vertices,
+                                                                ~0u - options_.max_triangles)});
+  MTDB_ASSIGN_OR_RETURN(const Message message, Read());
+  if (!message.is_text) return Broken(BadInput("a session must begin with a hello"));
+  const Result<SessionReply> reply = ParseSessionReply(message.text);
+  if (!reply.ok()) return Broken(reply.status());
+  if (reply->kind != SessionReply::Kind::kHello) {
+    return Broken(BadInput("a session must begin with a hello"));
+  }
+  hello_ = reply->hello;
+  while (!decoder_->started()) {
+    MTDB_ASSIGN_OR_RETURN(const Message start, Read());
+    if (start.is_text) return Broken(BadInput("the base mesh must come first"));
+  }
+  start_bytes_ = std::exchange(bytes_, 0);
+  messages_ = 0;
+  connected_ = true;
+  return Status::Ok();
+}
+
+Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
+  auto& socket = connection_->socket;
+  Message message;
+  do {
+    size_t size = 0;
+    const ErrorCode error = connection_->base.Await([&](auto&& done) {
+      socket.async_read_some(
+          asio::buffer(block_),
+          [&size, then = std::forward<decltype(done)>(done)](ErrorCode result, size_t n) mutable {
+            size = n;
+            then(result);
+          });
+    });
+    if (error) return Lost("the session broke off", error);
+    message.is_text = socket.got_text();
+    const ByteSpan piece = ByteSpan(block_).first(size);
+    if (message.is_text) {
+      if (message.text.size() + size > kMaxSessionMessageBytes) {
+        return Broken(BadInput("a control message is longer than 1 MiB"));
+      }
+      message.text += AsString(piece);
+      continue;
+    }
+    message.bytes += size;
+    const Status status = decoder_->Feed(piece);
+    if (!status.ok()) return Broken(status);
+  } while (!socket.is_message_done());
+  if (!message.is_text) {
+    bytes_ += message.bytes;
+    ++messages_;
+    for (Query& query : queries_) {
+      if (!query.first) query.first = Clock::now();
+    }
+  }
+  return message;
+}
+
+Result<uint64_t> RemoteSession::Impl::Send(const std::string& query) {
+  const auto json = nlohmann::json::parse(query, nullptr, false);
+  if (!json.is_object()) return InvalidArgument("the query is not a JSON object");
+  if (!connected_) return IoError(where_ + ": the session is closed");
+  const std::string text = SessionRequestText({next_id_, query});
+  if (text.size() > hello_.max_message_bytes) {
+    return InvalidArgument(where_ + ": the query is longer than the " +
+                           std::to_string(hello_.max_message_bytes) + " bytes that it may have");
+  }
+  connection_->socket.text(true);
+  const Clock::time_point sent = Clock::now();
+  const ErrorCode error = connection_->base.Await([&](auto&& done) {
+    connection_->socket.async_write(asio::buffer(text), std::forward<decltype(done)>(done));
+  });
+  if (error) return Lost("sending a query", error);
+  queries_.push_back({next_id_, sent, {}});
+  return next_id_++;
+}
+
+Result<RemoteUpdate> RemoteSession::Impl::Answer(const SessionReply& reply) {
+  const auto query = std::find_if(queries_.begin(), queries_.end(),
+                                  [&](const Query& q) { return reply.id == q.id; });
+  if (query == queries_.end()) {
+    if (reply.kind == SessionReply::Kind::kError) {
+      return Broken({CodeOf(reply.code), reply.error});
+    }
+    return Broken(BadInput("the server answered what was not asked"));
+  }
+  RemoteUpdate update;
+  update.id = query->id;
+  update.done_ms = Milliseconds(query->sent, Clock::now());
+  update.first_ms = query->first ? Milliseconds(query->sent, *query->first) : update.done_ms;
+  queries_.erase(query);
+  update.superseded = reply.kind == SessionReply::Kind::kSuperseded;
+  update.restarted = std::exchange(restarted_, false);
+  if (update.superseded) return update;
+  update.bytes = std::exchange(bytes_, 0);
+  update.messages = std::exchange(messages_, 0);
+  if (reply.kind != SessionReply::Kind::kDone) {
+    return Status(CodeOf(reply.code), where_ + ": " + reply.error);
+  }
+  const SessionDone& done = reply.done;
+  const ClientMesh& mesh = decoder_->mesh();
+  if (mesh.triangle_count() != done.triangles || mesh.vertex_count() != done.vertices) {
+    return Broken(BadInput("the update stream ends with " + std::to_string(mesh.triangle_count()) +
+                           " triangles, the server has " + std::to_string(done.triangles)));
+  }
+  update.triangles = done.triangles;
+  update.vertices = done.vertices;
+  update.active_triangles = done.active_triangles;
+  update.insertions = done.insertions;
+  update.removals = done.removals;
+  update.error_bound = done.error_bound;
+  update.server_ms = done.milliseconds;
+  update.limit = done.limit;
+  return update;
+}
+
+Result<RemoteUpdate> RemoteSession::Impl::Receive(const OnMessage& on_message) {
+  if (!connected_) return IoError(where_ + ": the session is closed");
+  if (queries_.empty()) return InvalidArgument("there is no query without an answer");
+  while (true) {
+    MTDB_ASSIGN_OR_RETURN(const Message message, Read());
+    if (!message.is_text) {
+      if (on_message) MTDB_RETURN_IF_ERROR(on_message(message.bytes));
+      continue;
+    }
+    const Result<SessionReply> reply = ParseSessionReply(message.text);
+    if (!reply.ok()) return Broken(reply.status());
+    if (reply->kind == SessionReply::Kind::kHello) {
+      return Broken(BadInput("the server said hello twice"));
+    }
+    return Answer(*reply);
+  }
+}
+
+Result<RemoteUpdate> RemoteSession::Impl::Update(const std::string& query,
+                                                 const OnMessage& on_message) {
+  const Clock::time_point end = Clock::now() + Seconds(options_.reconnect_seconds);
+  while (true) {
+    Status status;
+    if (!connected_ && options_.reconnect_seconds > 0) {
+      status = Start();
+      if (status.ok()) {
+        restarted_ = true;
+        bytes_ = start_bytes_;
+      }
+      if (!status.ok() && status.code() != StatusCode::kIoError &&
+          status.code() != StatusCode::kBusy) {
+        return status;
+      }
+    }
+    if (status.ok()) {
+      const Result<uint64_t> id = Send(query);
+      status = id.status();
+      while (status.ok()) {
+        Result<RemoteUpdate> update = Receive(on_message);
+        if (update.ok() && update->id != *id) continue;  // those sent before
+        if (update.ok() || connected_) return update;
+        status = update.status();
+      }
+      if (connected_ || status.code() != StatusCode::kIoError) return status;
+    }
+    if (options_.reconnect_seconds <= 0 || Clock::now() + kReconnectPause > end) return status;
+    std::this_thread::sleep_for(kReconnectPause);
+  }
+}
+
+void RemoteSession::Impl::Close() {
+  if (!connected_) return;
+  // What is still on its way is read and dropped.
+  (void)connection_->base.Await([&](auto&& done) {
+    connection_->socket.async_close(websocket::close_code::normal,
+                                    std::forward<decltype(done)>(done));
+  });
+  connected_ = false;
+  connection_->base.stream().close();
+}
+
+// ---- the public face ----------------------------------------------------------------------------
+
+RemoteSession::RemoteSession(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RemoteSession::~RemoteSession() = default;
+
+Result<std::unique_ptr<RemoteSession>> RemoteSession::Open(const std::string& url,
+                                                           const RemoteSessionOptions& options) {
+  MTDB_ASSIGN_OR_RETURN(const HttpUrl parsed, ParseHttpUrl(url));
+  MTDB_ASSIGN_OR_RETURN(std::string path, ObjectPath(parsed, options.name));
+  if (path.empty()) {
+    MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<HttpClient> client,
+                          HttpClient::Connect(parsed, options.timeout_seconds));
+    MTDB_ASSIGN_OR_RETURN(path, OnlyObjectPath(parsed, *client));
+  }
+  auto impl = std::make_unique<Impl>(parsed, std::move(path), options);
+  MTDB_RETURN_IF_ERROR(impl->Start());
+  return std::unique_ptr<RemoteSession>(new RemoteSession(std::move(impl)));
+}
+
+Result<RemoteUpdate> RemoteSession::Update(const std::string& query, const OnMessage& on_message) {
+  return impl_->Update(query, on_message);
+}
+Result<uint64_t> RemoteSession::Send(const std::string& query) { return impl_->Send(query); }
+Result<RemoteUpdate> RemoteSession::Receive(const OnMessage& on_message) {
+  return impl_->Receive(on_message);
+}
+bool RemoteSession::connected() const { return impl_->connected_; }
+void RemoteSession::Close() { impl_->Close(); }
+const std::string& RemoteSession::object() const { return impl_->hello_.object; }
+double RemoteSession::diagonal() const { return impl_->hello_.diagonal; }
+uint64_t RemoteSession::object_triangles() const { return impl_->hello_.triangles; }
+uint64_t RemoteSession::start_bytes() const { return impl_->start_bytes_; }
+uint32_t RemoteSession::remembered_vertices() const { return mesh().options().remembered_vertices; }
+const ClientMesh& RemoteSession::mesh() const { return impl_->decoder_->mesh(); }
+ClientMesh::Changes RemoteSession::TakeChanges() { return impl_->decoder_->TakeChanges(); }
+
+Status RemoteSession::SendMesh(MeshSink& sink) const {
+  const ClientMesh& client = mesh();
+  TriangleMesh mesh;
+  mesh.header.attributes = client.options().attributes;
+  mesh.header.double_positions = impl_->hello_.double_positions;
+  mesh.header.vertex_count = client.vertex_count();
+  mesh.header.triangle_count = client.triangle_count();
+  std::vector<VertexIndex> number(client.vertex_slots());
+  for (uint32_t v = 0; v < client.vertex_slots(); ++v) {
+    if (!client.has_vertex(v)) continue;
+    number[v] = mesh.positions.size();
+    mesh.positions.push_back(client.options().grid.Position(client.position(v)));
+    const ByteSpan row = client.row(v);
+    mesh.rows.insert(mesh.rows.end(), row.begin(), row.end());
+  }
+  for (uint32_t slot = 0; slot < client.triangle_slots(); ++slot) {
+    if (!client.has_triangle(slot)) continue;
+    const auto& c = client.triangle(slot).corners;
+    mesh.triangles.push_back({number[c[0]], number[c[1]], number[c[2]]});
+  }
+  return mtdb::SendMesh(mesh, sink);
+}
+
+}  // namespace mtdb

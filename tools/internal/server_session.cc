@@ -1,0 +1,122 @@
+#include "tools/internal/server_session.h"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace mtdb {
+
+namespace {
+
+// A message takes whole batches until it has so many updates, some 10 KB.
+constexpr uint64_t kMessageUpdates = 4096;
+
+}  // namespace
+
+ServerSession::ServerSession(std::shared_ptr<const Surface> surface,
+                             std::unique_ptr<Session> session, const BaseMesh& base,
+                             const Options& options)
+    : surface_(std::move(surface)),
+      options_(options),
+      session_(std::move(session)),
+      encoder_({surface_->record().grid, surface_->record().attributes,
+                static_cast<uint32_t>(options.remembered_vertices)},
+               base),
+      triangles_(base.triangles.size()) {}
+
+Result<std::unique_ptr<ServerSession>> ServerSession::Open(std::shared_ptr<const Surface> surface,
+                                                           const Options& options) {
+  const uint64_t root = surface->record().root_triangles;
+  if (root > options.max_triangles) {
+    return InvalidArgument("the coarsest mesh has " + std::to_string(root) +
+                           " triangles, but this session holds at most " +
+                           std::to_string(options.max_triangles));
+  }
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<Session> session, Session::Open(surface));
+  MTDB_ASSIGN_OR_RETURN(const BaseMesh base, session->Base());
+  return std::unique_ptr<ServerSession>(
+      new ServerSession(std::move(surface), std::move(session), base, options));
+}
+
+SessionHello ServerSession::Hello() const {
+  const ObjectRecord& record = surface_->record();
+  SessionHello hello;
+  hello.object = record.name;
+  hello.triangles = record.triangles;
+  hello.vertices = record.vertices;
+  hello.diagonal = record.diagonal();
+  hello.cell_error = record.grid.cell_error();
+  hello.double_positions = record.double_positions;
+  hello.remembered_vertices = options_.remembered_vertices;
+  hello.max_triangles = options_.max_triangles;
+  return hello;
+}
+
+uint64_t ServerSession::TrianglesAfter(std::span<const UpdateBatch> batches) const {
+  uint64_t triangles = triangles_;
+  for (const UpdateBatch& batch : batches) {
+    for (const UpdateBatch::Node& node : batch.nodes) {
+      // A star has two triangles more than its hole, at the border one.
+      const uint32_t more = UpdateBatch::StarCount(node) - (node.ring_count - 2);
+      triangles = batch.insert ? triangles + more : triangles - more;
+    }
+  }
+  return triangles;
+}
+
+void ServerSession::Send(std::span<const UpdateBatch> batches, const MeetsRegion& region,
+                         const Pace& pace) {
+  const auto send = [&](std::span<const UpdateBatch> some) {
+    Bytes records = encoder_.Encode(some, region);
+    if (!records.empty()) pace.send(std::move(records));
+  };
+  // The encoder looks at the whole cut each time that there is a region, or was one.
+  if (std::exchange(clipped_, static_cast<bool>(region)) || region) return send(batches);
+  size_t begin = 0;
+  uint64_t updates = 0;
+  for (size_t i = 0; i < batches.size(); ++i) {
+    updates += batches[i].nodes.size();
+    if (updates < kMessageUpdates && i + 1 < batches.size()) continue;
+    send(batches.subspan(begin, i + 1 - begin));
+    begin = i + 1;
+    updates = 0;
+  }
+}
+
+Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace& pace,
+                                                 Progress* progress, SessionUpdate* update) {
+  MeetsRegion region;
+  if (query.clip && query.region != nullptr && !query.region->whole()) {
+    region = [&query](const Triangle3d& t) { return query.region->Within(t, 0); };
+  }
+  bool sent = false;
+  std::optional<End> stopped;
+  const auto stop = [&](End end) {
+    stopped = end;
+    return Status(StatusCode::kCancelled, "stopped");
+  };
+  const auto take = [&](std::span<const UpdateBatch> batches) -> Status {
+    if (progress->rounds > 0 && pace.superseded()) return stop(End::kSuperseded);
+    if (pace.full()) return stop(End::kPaused);
+    const uint64_t triangles = TrianglesAfter(batches);
+    if (triangles > std::max(triangles_, options_.max_triangles)) return stop(End::kTooLarge);
+    Send(batches, region, pace);
+    triangles_ = triangles;
+    sent = true;
+    for (const UpdateBatch& batch : batches) {
+      (batch.insert ? progress->insertions : progress->removals) += batch.nodes.size();
+    }
+    ++progress->rounds;
+    return Status::Ok();
+  };
+  Result<SessionUpdate> result = session_->Update(query, take);
+  if (stopped) return *stopped;
+  if (!result.ok()) return result.status();
+  if (!sent) Send({}, region, pace);  // the region may be another
+  *update = *result;
+  if (region) update->stats.active_triangles = mesh().triangle_count();
+  return End::kDone;
+}
+
+}  // namespace mtdb
