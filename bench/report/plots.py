@@ -6,14 +6,15 @@ from raw import mesh_name, size_name
 
 # Told apart by all eyes (Okabe and Ito), and by their marks.
 COLOURS = ["#0072B2", "#E69F00", "#009E73", "#CC79A7"]
+PAIRS = ["#0072B2", "#56B4E9", "#D55E00", "#E69F00"]  # two of a kind, dark and light
 MARKS = [7, 5, 9, 11]
 SET_UP = """
 set encoding utf8
 set border 3 lw 1 lc rgb "#666666"
 set tics nomirror out textcolor rgb "#333333"
-set grid ytics lw 1 lc rgb "#DDDDDD"
-set key outside bottom center horizontal samplen 2 textcolor rgb "#333333"
-set title font ",14"
+set grid ytics lt 1 lw 1 lc rgb "#CCCCCC"
+set key outside top center horizontal noenhanced samplen 2 textcolor rgb "#333333"
+set title font ",14" noenhanced
 """
 
 
@@ -39,7 +40,7 @@ def curves(named):
         f"title {quoted(name)}" for i, name in enumerate(named))
 
 
-def bars(named, labels, tilt=False):
+def bars(named, labels, tilt=False, colours=COLOURS):
     """Bars in groups: name -> one value (or None) for each label."""
     wide = 0.8 / len(named)
     data = "set style fill solid 0.9 noborder\nset xrange [-0.6:%g]\n" % (len(labels) - 0.4)
@@ -49,7 +50,7 @@ def bars(named, labels, tilt=False):
         data += block(f"b{s}", [(i + (s - 0.5 * (len(named) - 1)) * wide, v)
                                 for i, v in enumerate(values) if v is not None] or [("NaN", "NaN")])
     return data + "plot " + ", ".join(
-        f'$b{s} with boxes lc rgb "{COLOURS[s]}" title {quoted(name)}'
+        f'$b{s} with boxes lc rgb "{colours[s]}" title {quoted(name)}'
         for s, name in enumerate(named)) + "\n", f"set boxwidth {0.92 * wide}\n"
 
 
@@ -57,7 +58,7 @@ def error_over_triangles(raw, path):
     meshes = tables.quality_meshes(raw)
     shown = list(dict.fromkeys([meshes[0], meshes[-1]]))
     script = ('set logscale xy\nset format y "10^{%T}"\nset xlabel "triangles"\n'
-              'set grid xtics lw 1 lc rgb "#DDDDDD"\n'
+              'set grid xtics lt 1 lw 1 lc rgb "#CCCCCC"\nset key inside top right vertical\n'
               'set ylabel "distance / diagonal"\n'
               f"set multiplot layout 1,{len(shown)}\n")
     for mesh in shown:
@@ -80,7 +81,7 @@ def extraction_rate(raw, path):
                          "boxes at full resolution": points("BM_WarmBox")})
     draw(path, 640, 380, 'set logscale x\nset format x "10^{%T}"\nset yrange [0:*]\n'
          'set xlabel "triangles of the answer"\nset ylabel "million triangles a second"\n'
-         f'set title "Warm clusters, one thread"\n{data}plot {plot}\n')
+         f"{data}plot {plot}\n")
 
 
 def regions(raw, path):
@@ -94,9 +95,10 @@ def regions(raw, path):
     def ms(method, key):
         return [1e3 * pair[method][key] for pair in both.values()]
     data, width = bars({"mtdb, cold": ms("mtdb", "cold_seconds"),
-                        "load all, cold": ms("naive", "cold_seconds"),
                         "mtdb, warm": ms("mtdb", "warm_seconds"),
-                        "all in memory, warm": ms("naive", "warm_seconds")}, list(both))
+                        "all loaded, cold": ms("naive", "cold_seconds"),
+                        "all loaded, warm": ms("naive", "warm_seconds")}, list(both),
+                       colours=PAIRS)
     draw(path, 720, 400, width + 'set logscale y\nset ylabel "milliseconds"\n'
          f"set title {quoted('One region of ' + size_name(dense) + ' triangles')}\n" + data)
 
@@ -109,7 +111,7 @@ def size(raw, path):
         named[label] = [r[packed]["bits_per_vertex"] for r in rows]
     data, width = bars(named, [mesh_name(r["mesh"]) for r in rows], tilt=True)
     draw(path, 860, 440, width + 'set yrange [0:*]\nset ylabel "bits per vertex"\n'
-         'set rmargin 8\nset key outside top center horizontal\n' + data)
+         'set rmargin 8\n' + data)
 
 
 def sessions(raw, path):

@@ -43,14 +43,14 @@ def page(raw, folder):
         try:
             filled.append(fill(raw, section, folder))
         except NotMeasured as reason:
-            heading = PLACE.sub("", section.split("\n")[0]).strip()
+            heading = fill(raw, section.split("\n")[0], folder)
             filled.append(f"{heading}\n\n{reason}\n\n")
     return re.sub(r"\n{3,}", "\n\n", "".join(filled)).strip() + "\n"
 
 
 def readme_figures(raw):
     try:
-        return (f"![{tables.FIGURES['picture_caption'](raw)}](docs/benchmarks/box.png)\n\n"
+        return (f"{tables.FIGURES['quick_warning'](raw)}![{tables.FIGURES['picture_caption'](raw)}](docs/benchmarks/box.png)\n\n"
                 f"{tables.FIGURES['picture_caption'](raw)}.\n\n{tables.FIGURES['summary'](raw)}\n\n"
                 "Measured by `tools/benchmark`, with peers in the same run: "
                 "[docs/BENCHMARKS.md](docs/BENCHMARKS.md).")

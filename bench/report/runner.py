@@ -12,11 +12,13 @@ A step is one JSON file in the folder of results:
 
 A step that is there for the same context and settings, and ended well, is not run again.
 """
+import ctypes
 import json
 import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -27,7 +29,8 @@ PEERS = {"CGAL": "libcgal-dev", "meshoptimizer": "libmeshoptimizer-dev", "Draco"
 # What the page is made of does not change what is measured.
 NOT_MEASURED = [":(exclude)docs", ":(exclude)*.md", ":(exclude)bench/report/page.md.in",
                 ":(exclude)bench/report/report.py", ":(exclude)bench/report/tables.py",
-                ":(exclude)bench/report/plots.py", ":(exclude)tests"]
+                ":(exclude)bench/report/plots.py", ":(exclude)bench/report/raw.py",
+                ":(exclude)bench/report/published.json", ":(exclude)tests"]
 
 
 class Failed(Exception):
@@ -84,6 +87,12 @@ def forget_file(path):
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
+def end_with_parent():
+    """In a child: killed when tools/benchmark is, however that ends."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
 class Runner:
     def __init__(self, build, results, settings):
         self.build = build
@@ -103,7 +112,8 @@ class Runner:
                 pathlib.Path(part).name if part.startswith("/") else part for part in shown))
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
             begin = time.monotonic()
-            process = subprocess.Popen(command, stdout=out, stderr=err, cwd=ROOT)
+            process = subprocess.Popen(command, stdout=out, stderr=err, cwd=ROOT,
+                                       preexec_fn=end_with_parent)
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
             used = {"wall_seconds": time.monotonic() - begin,

@@ -25,18 +25,18 @@ FULL = {
     "sculpture": 2000000, "dense": 20000000, "dense_memory": "512M", "bounds": 1000000,
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
-    "min_time": 0.5, "build": [100000, 1000000], "boxes": 100, "normal_bits": [0, 8, 10, 12],
+    "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100, "normal_bits": [0, 8, 10, 12],
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
     "sculpture": 100000, "dense": 300000, "dense_memory": "256M", "bounds": 20000,
     "quality": 20000, "ratios": [0.1, 0.01], "samples": 10000,
     "codec": [50000], "terrain": [50000], "session": 50000, "frames": 10,
-    "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
+    "picture": 60000, "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
-LARGE = {"triangles": 100000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
-LARGE_QUICK = {"triangles": 1000000, "memory": "256M", "cache_mb": 256, "boxes": 10}
+LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
+LARGE_QUICK = {"triangles": 1000000, "small": 100000, "memory": "256M", "cache_mb": 256, "boxes": 10}
 
 
 class Data:
@@ -51,6 +51,8 @@ class Data:
     def generated(self, shape, triangles):
         path = self.folder / f"{shape}-{triangles}.ply"
         if not path.exists():
+            for part in self.folder.glob(path.name + ".*.part*"):  # of a run that was killed
+                part.unlink()
             require_space(self.folder, GENERATE_BYTES_PER_TRIANGLE * triangles, "generation")
             self.runner.run(self.runner.build / "tools" / "mtdb", "generate", shape, path,
                             "--triangles", triangles)
@@ -270,10 +272,9 @@ def terrain(runner, data):
 
 def picture(runner, data):
     """One box at full resolution in a coarse whole, drawn for the README."""
-    mesh = data.generated("sculpture", data.sizes["bounds"])
-    store = data.store(mesh)[0]
+    store = data.store(data.generated("sculpture", data.sizes["picture"]))[0]
     drawn = runner.mtdb("render", store, runner.results / "box.png", "--full",
-                        "--box=-0.2,-0.5,0.1,0.4,0.1,0.7", "--wireframe", "--size", "1000x750")[0]
+                        "--box=-0.2,-0.5,0.1,0.4,0.1,0.7", "--wireframe", "--size", "800x600")[0]
     whole = runner.mtdb("info", store)[0]["objects"][0]
     return [{"triangles": drawn["triangles"], "clusters_read": drawn["clusters_read"],
              "clusters_total": drawn["clusters_total"], "bytes_read": drawn["bytes_read"],
@@ -306,7 +307,7 @@ def large_files(data):
 
 def large_regions(runner, data):
     mesh, store = large_files(data)
-    queries = region_queries(boxes_of(runner, data, min(2000000, data.sizes["triangles"])),
+    queries = region_queries(boxes_of(runner, data, data.sizes["small"]),
                              whole=False)
     memory = runner.context["machine"]["memory_bytes"]
     naive = NAIVE_BYTES_PER_TRIANGLE * data.sizes["triangles"] < 0.7 * memory
@@ -318,7 +319,7 @@ def large_regions(runner, data):
 
 
 def large_locality(runner, data):
-    small = data.store(data.generated("sculpture", min(2000000, data.sizes["triangles"])))[0]
+    small = data.store(data.generated("sculpture", data.sizes["small"]))[0]
     return runner.rows("locality_bench", "stores", "--queries", data.sizes["boxes"], small,
                        large_files(data)[1])
 

@@ -1,7 +1,7 @@
 """The tables and the sentences' figures of docs/BENCHMARKS.md, by the name that page.md.in has."""
 import math
 
-from raw import Row, mesh_name, mib, millis, sig, size_name, table, whole
+from raw import NotMeasured, Row, mesh_name, mib, millis, sig, size_name, table, whole
 
 FIGURES = {}
 METHODS = {"mtdb": "mtdb", "meshopt": "meshopt_simplify", "cgal_gh": "CGAL Garland-Heckbert",
@@ -22,7 +22,7 @@ def mean_ratio(values):
 
 @figure
 def quick_warning(raw):
-    return ("**A quick run on small data, to try the programs: these figures say nothing.**\n"
+    return ("**A quick run on small data, to try the programs: these figures say nothing.**\n\n"
             if raw.quick else "")
 
 
@@ -219,30 +219,48 @@ def attributes(raw):
 
 # One region from nothing.
 
-def region_lines(raw, step):
+def beside(value, number):
+    """A figure; a dash where there is nothing to measure."""
+    return number(value) if value > 1e-5 else "-"
+
+
+def region_costs(raw, step):
+    return table(["sculpture of", "query", "triangles", "clusters read", "of", "KB of payloads",
+                  "cold, ms", "warm, ms", "peak MiB"],
+                 [[size_name(r["object_triangles"]), r["query"], whole(r["triangles"]),
+                   whole(r["clusters_read"]), whole(r["clusters_total"]),
+                   whole(r["payload_bytes_read"] / 1e3), millis(r["cold_seconds"]),
+                   millis(r["warm_seconds"]), mib(r["peak_rss_bytes"])]
+                  for r in raw.rows(step, method="mtdb")])
+
+
+def region_peers(raw, step):
     lines = []
     rows = raw.rows(step)
-    for row in rows:
-        if row["method"] != "mtdb":
+    for hand in rows:
+        if hand["method"] != "naive":
             continue
-        hand = next((r for r in rows if r["method"] == "naive" and r["query"] == row["query"]
-                     and r["object_triangles"] == row["object_triangles"]), None)
-        lines.append([size_name(row["object_triangles"]), row["query"], whole(row["triangles"]),
-                      f"{whole(row['clusters_read'])} / {whole(row['clusters_total'])}",
-                      whole(row["payload_bytes_read"] / 1e3), whole(row["storage_bytes_read"] / 1e3),
-                      millis(row["cold_seconds"]), millis(row["warm_seconds"]),
-                      mib(row["peak_rss_bytes"])]
-                     + ([whole(hand["triangles"]), whole(hand["storage_bytes_read"] / 1e3),
-                         millis(hand["cold_seconds"]), millis(hand["warm_seconds"]),
-                         mib(hand["peak_rss_bytes"])] if hand else ["-"] * 5))
-    return table(["sculpture of", "query", "triangles", "clusters read", "KB of payloads",
-                  "KB from disk", "cold, ms", "warm, ms", "peak MiB", "naive: triangles",
-                  "KB from disk", "cold, ms", "warm, ms", "peak MiB"], lines)
+        ours = raw.row(step, method="mtdb", query=hand["query"],
+                       object_triangles=hand["object_triangles"])
+        line = [size_name(hand["object_triangles"]), hand["query"]]
+        for row in (ours, hand):
+            line += [whole(row["triangles"]), whole(row["storage_bytes_read"] / 1e3),
+                     millis(row["cold_seconds"]), beside(row["warm_seconds"], millis),
+                     mib(row["peak_rss_bytes"])]
+        lines.append(line)
+    head = ["triangles", "KB from disk", "cold, ms", "warm, ms", "peak MiB"]
+    return table(["sculpture of", "query", *("mtdb: " + h if h == head[0] else h for h in head),
+                  *("naive: " + h if h == head[0] else h for h in head)], lines)
 
 
 @figure
 def regions(raw):
-    return region_lines(raw, "regions")
+    return region_costs(raw, "regions")
+
+
+@figure
+def naive(raw):
+    return region_peers(raw, "regions")
 
 
 def camera_row(raw, method):
@@ -268,8 +286,8 @@ def warm(raw):
     lines = []
     for row in raw.google("query", "BM_WarmUniform") + raw.google("query", "BM_WarmFull"):
         lines.append(["uniform" if row["arguments"] else "all", whole(row["triangles"]),
-                      sig(1e-6 * row["items_per_second"]), sig(row["select_M"]), sig(row["emit_M"]),
-                      "-"])
+                      sig(1e-6 * row["items_per_second"]),
+                      sig(row["select_M"]) if row["arguments"] else "-", sig(row["emit_M"]), "-"])
     for row in raw.google("query", "BM_WarmBox"):
         lines.append([f"box of {row['arguments']['per_mille'] / 10:g} % of the diagonal, full",
                       whole(row["triangles"]), sig(1e-6 * row["items_per_second"]),
@@ -480,7 +498,14 @@ def large_ingest(raw):
 
 @figure
 def large_regions(raw):
-    return region_lines(raw, "large_regions")
+    return region_costs(raw, "large_regions")
+
+
+@figure
+def large_naive(raw):
+    if not any(row["method"] == "naive" for row in raw.rows("large_regions")):
+        return "This machine's memory does not hold the whole mesh, as the naive user wants it."
+    return region_peers(raw, "large_regions")
 
 
 @figure
@@ -500,12 +525,22 @@ def large_verify(raw):
 
 # The README.
 
+def ingested(raw):
+    """What was ingested in one go."""
+    rows = raw.rows("ingest")
+    try:
+        rows += [r for r in raw.rows("large_ingest", what="ingest") if not r["resumed"]]
+    except NotMeasured:
+        pass
+    return rows
+
+
 @figure
 def summary(raw):
     lines = []
     rows = raw.rows("size")
     row = max(rows, key=lambda r: r["vertices"] * r["mesh"].startswith("sculpture"))
-    built = max(raw.rows("ingest"), key=lambda r: (r["triangles"], r["threads"]))
+    built = max(ingested(raw), key=lambda r: (r["triangles"], r["threads"]))
     lines.append([f"ingest of {size_name(built['triangles'])} triangles under {built['memory']}",
                   f"{sig(1e-6 * built['triangles'] / built['wall_seconds'])} M triangles/s, "
                   f"{mib(built['peak_rss_bytes'])} MiB at the peak", "-"])
