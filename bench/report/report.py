@@ -69,6 +69,9 @@ def write(content, output, picture):
         raise MissingFigure("README.md: the marks of the figures are not there")
     before, rest = readme.split(BEGIN)
     readme = f"{before}{BEGIN}\n{readme_figures(raw)}\n{END}{rest.split(END)[1]}"
+    for plot in folder.glob("*.svg"):  # of steps that did not end well this time
+        if f"benchmarks/{plot.name}" not in text:
+            plot.unlink()
     (folder / "results.json").write_text(json.dumps(content, indent=1) + "\n")
     (output / "docs" / "BENCHMARKS.md").write_text(text)
     (output / "README.md").write_text(readme)

@@ -19,6 +19,7 @@ PIXELS = 1
 INGEST_BYTES_PER_TRIANGLE = 130  # of the store and its temporary files, with room to spare
 MESH_BYTES_PER_TRIANGLE = 20
 GENERATE_BYTES_PER_TRIANGLE = 2 * 13 + 6  # the faces twice, the vertices once
+RUN_BYTES_PER_TRIANGLE = INGEST_BYTES_PER_TRIANGLE + MESH_BYTES_PER_TRIANGLE
 NAIVE_BYTES_PER_TRIANGLE = 80  # of memory
 
 FULL = {
@@ -98,6 +99,7 @@ class Data:
 def data_sets(runner, data):
     rows = []
     store = data.folder / "scans.mtdb"
+    require_space(data.folder, RUN_BYTES_PER_TRIANGLE * data.sizes["dense"], "the run")
     for path in data.scans():
         info = runner.mtdb("ingest", path, store, "--name", path.stem, "--force")[0]
         source = "package libcgal-demo" if path.parent == data.folder else "shared/data"
