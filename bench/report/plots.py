@@ -45,7 +45,7 @@ def bars(named, labels, tilt=False, colours=COLOURS):
     wide = 0.8 / len(named)
     data = "set style fill solid 0.9 noborder\nset xrange [-0.6:%g]\n" % (len(labels) - 0.4)
     data += "set xtics (" + ", ".join(f"{quoted(l.replace('%', '%%'))} {i}" for i, l in enumerate(labels)) + ")"
-    data += " rotate by -30 left\n" if tilt else "\n"
+    data += " noenhanced rotate by -30 left\n" if tilt else " noenhanced\n"
     for s, values in enumerate(named.values()):
         data += block(f"b{s}", [(i + (s - 0.5 * (len(named) - 1)) * wide, v)
                                 for i, v in enumerate(values) if v is not None] or [("NaN", "NaN")])
@@ -57,7 +57,7 @@ def bars(named, labels, tilt=False, colours=COLOURS):
 def error_over_triangles(raw, path):
     meshes = tables.quality_meshes(raw)
     shown = list(dict.fromkeys([meshes[0], meshes[-1]]))
-    script = ('set logscale xy\nset format y "10^{%T}"\nset xlabel "triangles"\n'
+    script = ('set logscale xy\nset format "10^{%T}"\nset xlabel "triangles"\n'
               'set grid xtics lt 1 lw 1 lc rgb "#CCCCCC"\nset key inside top right vertical\n'
               'set ylabel "distance / diagonal"\n'
               f"set multiplot layout 1,{len(shown)}\n")
@@ -128,7 +128,7 @@ def sessions(raw, path):
     scratch.append(terrain["select_ms"])
     update.append(terrain["update_ms"])
     data, width = bars({"a cut from scratch": scratch, "an update": update}, labels)
-    draw(path, 640, 380, width + 'set yrange [0:*]\nset ylabel "milliseconds a frame"\n' + data)
+    draw(path, 640, 380, width + 'set logscale y\nset ylabel "milliseconds a frame"\n' + data)
 
 
 PLOTS = {f.__name__: f for f in (error_over_triangles, extraction_rate, regions, size, sessions)}

@@ -59,7 +59,8 @@ def readme_figures(raw):
 
 
 def write(content, output, picture):
-    """Writes docs/ and README.md below `output`; `picture` is the folder that box.png may be in."""
+    """Writes docs/ and README.md below `output`; `picture` is the folder that box.png may be in. Returns
+    the page."""
     raw = Raw(content)
     folder = output / "docs" / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
@@ -77,3 +78,4 @@ def write(content, output, picture):
     (output / "README.md").write_text(readme)
     if (picture / "box.png").exists():
         shutil.copyfile(picture / "box.png", folder / "box.png")
+    return text

@@ -3,6 +3,7 @@ import json
 import math
 import os
 import pathlib
+import shutil
 import tarfile
 
 from runner import ROOT, Failed, Unavailable, forget_file, require_space
@@ -41,13 +42,17 @@ LARGE_QUICK = {"triangles": 1000000, "small": 100000, "memory": "256M", "cache_m
 
 
 class Data:
-    """Meshes and stores in a folder, made when they are first wanted."""
+    """Meshes and stores in a folder, made by this commit when they are first wanted. Those of other
+    commits are removed; with `again`, those of this one too."""
 
-    def __init__(self, runner, folder):
+    def __init__(self, runner, folder, again):
         self.runner = runner
-        self.folder = folder
+        self.folder = folder / runner.context["commit"]
         self.sizes = runner.settings
-        folder.mkdir(parents=True, exist_ok=True)
+        for other in folder.iterdir() if folder.exists() else []:
+            if other != self.folder or again:
+                shutil.rmtree(other) if other.is_dir() else other.unlink()
+        self.folder.mkdir(parents=True, exist_ok=True)
 
     def generated(self, shape, triangles):
         path = self.folder / f"{shape}-{triangles}.ply"
