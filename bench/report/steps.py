@@ -128,8 +128,8 @@ def data_sets(runner, data):
 
 def quality(runner, data):
     meshes = data.scans() + [data.generated("sculpture", data.sizes["quality"])]
-    return runner.rows("quality_bench", *meshes, "--samples", data.sizes["samples"], "--ratio",
-                       *data.sizes["ratios"])
+    return runner.rows("quality_bench", *meshes, "--measure-only", "--samples",
+                       data.sizes["samples"], "--ratio", *data.sizes["ratios"])
 
 
 def bounds(runner, data):
