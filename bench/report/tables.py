@@ -405,12 +405,13 @@ def session_kinds(raw):
 
 def ms_of(row, word):
     """The milliseconds a frame of what the word names; None where the row has none."""
+    to_ms = {"ms": 1, "milliseconds": 1, "us": 1e-3, "seconds": 1e3, "s": 1e3}
     for key, value in row.items():
-        if word in key.split("_"):
-            if key.endswith("_ms"):
-                return value
-            if key.endswith("_seconds"):
-                return 1e3 * value
+        parts = key.split("_")
+        if word in parts and isinstance(value, (int, float)):
+            for part in parts:
+                if part in to_ms:
+                    return to_ms[part] * value
     return None
 
 
@@ -422,7 +423,17 @@ def update_ms(row):
     return ms_of(row, "update")
 
 
+def cut_triangles(row):
+    """Of the mean cut of a row of session_bench."""
+    for key in ("cut_triangles", "triangles_in_cut", "triangles_per_frame", "triangles"):
+        if key in row:
+            return row[key]
+    return row["cut_triangles"]  # which is not there
+
+
 def cell(value):
+    if value is None:
+        return "-"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
     return whole(value) if isinstance(value, int) else sig(value)
@@ -456,10 +467,11 @@ def year(raw):
 def experiments(raw):
     p = raw.published["paper"]
     lines = []
-    sweep = session_kinds(raw).get("sweep", [Row({}, "step session, the sweep")])[0]
+    sweep = next((rows[0] for kind, rows in session_kinds(raw).items() if "sweep" in kind),
+                 Row({}, "step session, the sweep"))
     lines.append(["bunny, a box that moves", whole(p["bunny_triangles"]), whole(p["bunny_inside"]),
-                  p["bunny_ms"], whole(sweep["cut_triangles"]), whole(p["bunny_inside"]),
-                  sig(scratch_ms(sweep)), sig(update_ms(sweep))])
+                  p["bunny_ms"], whole(cut_triangles(sweep)), whole(p["bunny_inside"]),
+                  cell(scratch_ms(sweep)), cell(update_ms(sweep))])
     row = raw.row("terrain")
     lines.append([f"terrain of {whole(row['object_triangles'])} triangles, a wedge",
                   whole(p["terrain_triangles"]), whole(p["terrain_inside"]), p["terrain_ms"],
