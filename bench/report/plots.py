@@ -2,7 +2,7 @@
 import subprocess
 
 import tables
-from raw import mesh_name, size_name
+from raw import MissingFigure, mesh_name, size_name
 
 # Told apart by all eyes (Okabe and Ito), and by their marks.
 COLOURS = ["#0072B2", "#E69F00", "#009E73", "#CC79A7"]
@@ -115,20 +115,40 @@ def size(raw, path):
 
 
 def sessions(raw, path):
-    labels, scratch, update = [], [], []
-    for kind, rows in tables.session_kinds(raw).items():
-        for row in rows:
-            if tables.scratch_ms(row) is None or tables.update_ms(row) is None:
-                continue
-            labels.append(kind)
-            scratch.append(tables.scratch_ms(row))
-            update.append(tables.update_ms(row))
+    """Of the sweep, of the cameras on the largest object, of the terrain."""
+    rows = raw.rows("session", experiment="sweep")
+    cameras = raw.rows("session", experiment="camera")
+    largest = max(row["object_triangles"] for row in cameras)
+    rows += [row for row in cameras if row["object_triangles"] == largest]
+    labels = [row["experiment"] if row["experiment"] == "sweep"
+              else f"{row['path']}, {row['threshold']}" for row in rows] + ["terrain"]
     terrain = raw.row("terrain")
-    labels.append("terrain")
-    scratch.append(terrain["select_ms"])
-    update.append(terrain["update_ms"])
-    data, width = bars({"a cut from scratch": scratch, "an update": update}, labels)
-    draw(path, 640, 380, width + 'set logscale y\nset ylabel "milliseconds a frame"\n' + data)
+    data, width = bars({"a cut from scratch": [row["scratch_ms"] for row in rows]
+                        + [terrain["select_ms"] + terrain["emit_ms"]],
+                        "an update": [row["update_ms"] for row in rows] + [terrain["update_ms"]]},
+                       labels, tilt=True)
+    draw(path, 760, 420, width + 'set logscale y\nset rmargin 8\n'
+         'set ylabel "milliseconds a frame"\n' + data)
 
 
-PLOTS = {f.__name__: f for f in (error_over_triangles, extraction_rate, regions, size, sessions)}
+def rounds(raw, path):
+    """The distance from the last mesh over what was received, of the largest object."""
+    rows = raw.rows("session", experiment="rounds")
+    largest = max(row["object_triangles"] for row in rows)
+    rows = [row for row in rows if row["object_triangles"] == largest]
+    points = [(row["bytes"], row["distance_of_diagonal"]) for row in rows
+              if row["distance_of_diagonal"] > 0]
+    if not points:
+        raise MissingFigure("step session: no round is off by anything")
+    end = max(row["bytes"] for row in rows)
+    data, plot = curves({"mtdb, round by round": sorted(points)})
+    low, high = (f(y for _, y in points) for f in (min, max))
+    ends = block("end", [(end, low), (end, high)])
+    draco = block("draco", [(rows[0]["draco_bytes"], low), (rows[0]["draco_bytes"], high)])
+    draw(path, 640, 380, 'set logscale xy\nset format "10^{%T}"\n'
+         'set xlabel "bytes received"\nset ylabel "distance / diagonal"\n' + data + ends + draco +
+         f'plot {plot}, $end with lines lw 2 dt 2 lc rgb "{COLOURS[0]}" title "mtdb has all", '
+         f'$draco with lines lw 2 dt 2 lc rgb "{COLOURS[1]}" title "Draco has all"\n')
+
+
+PLOTS = {f.__name__: f for f in (error_over_triangles, extraction_rate, regions, size, sessions, rounds)}

@@ -72,9 +72,9 @@ def whole(number):
 
 
 def sig(number, digits=3):
-    """With so many significant digits, without an exponent."""
+    """With so many significant digits; large numbers without an exponent."""
     text = f"{number:.{digits}g}"
-    return f"{float(text):,.0f}" if "e" in text or abs(number) >= 10 ** digits else text
+    return f"{float(text):,.0f}" if abs(float(text)) >= 10 ** digits else text
 
 
 def millis(seconds):

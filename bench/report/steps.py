@@ -269,8 +269,10 @@ def regions(runner, data):
 
 
 def session(runner, data):
-    return runner.rows("session_bench", "--frames", data.sizes["frames"], "--large",
-                       data.sizes["session"], data.bunny())
+    frames = ["--frames", data.sizes["frames"]]
+    dense = data.store(data.generated("sculpture", data.sizes["dense"]))[0]
+    return (runner.rows("session_bench", *frames, "--large", data.sizes["session"], data.bunny())
+            + runner.rows("session_bench", *frames, "--store", dense))
 
 
 def terrain(runner, data):

@@ -394,48 +394,26 @@ def layouts(raw):
 
 # Sessions, and the experiments of the paper.
 
+SESSION_COLUMNS = ["path", "threshold", "object_triangles", "cut_triangles", "triangles", "nodes",
+                   "scratch_ms", "emit_ms", "update_ms", "update_of_scratch",
+                   "update_encode_decode_ms", "at_once_ms", "encode_ms", "decode_ms", "insertions",
+                   "removals", "new_triangles", "bytes", "bytes_per_new_triangle",
+                   "draco_bytes_per_new_triangle"]
+
+
 def session_kinds(raw):
-    """The rows of session_bench by experiment: what their first text says."""
+    """The rows of session_bench by experiment."""
     kinds = {}
     for row in raw.rows("session"):
-        kind = next((value for value in row.values() if isinstance(value, str)), "session")
-        kinds.setdefault(kind, []).append(row)
+        kinds.setdefault(row["experiment"], []).append(row)
     return kinds
 
 
-def ms_of(row, word):
-    """The milliseconds a frame of what the word names; None where the row has none."""
-    to_ms = {"ms": 1, "milliseconds": 1, "us": 1e-3, "seconds": 1e3, "s": 1e3}
-    for key, value in row.items():
-        parts = key.split("_")
-        if word in parts and isinstance(value, (int, float)):
-            for part in parts:
-                if part in to_ms:
-                    return to_ms[part] * value
-    return None
-
-
-def scratch_ms(row):
-    return ms_of(row, "scratch")
-
-
-def update_ms(row):
-    return ms_of(row, "update")
-
-
-def cut_triangles(row):
-    """Of the mean cut of a row of session_bench."""
-    for key in ("cut_triangles", "triangles_in_cut", "triangles_per_frame", "triangles"):
-        if key in row:
-            return row[key]
-    return row["cut_triangles"]  # which is not there
-
-
 def cell(value):
-    if value is None:
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return str(value)
+    if isinstance(value, bool):
+        return "yes" if value else ""
+    if isinstance(value, str):
+        return value
     return whole(value) if isinstance(value, int) else sig(value)
 
 
@@ -443,11 +421,11 @@ def cell(value):
 def sessions(raw):
     parts = []
     for kind, rows in session_kinds(raw).items():
-        keys = [key for key in dict.fromkeys(key for row in rows for key in row)
-                if not any(isinstance(row.get(key), (dict, list)) for row in rows)
-                and any(row.get(key) != kind for row in rows)]
+        there = list(dict.fromkeys(key for row in rows for key in row if key != "experiment"))
+        keys = [key for key in SESSION_COLUMNS if key in there]
+        keys += [key for key in there if key not in keys]
         parts.append(f"**{kind}**\n\n" + table(
-            [key.replace("_", " ") for key in keys],
+            [key.replace("_", " ").replace(" of scratch", " / scratch") for key in keys],
             [[cell(row.get(key, "-")) for key in keys] for row in rows]))
     return "\n\n".join(parts)
 
@@ -467,11 +445,10 @@ def year(raw):
 def experiments(raw):
     p = raw.published["paper"]
     lines = []
-    sweep = next((rows[0] for kind, rows in session_kinds(raw).items() if "sweep" in kind),
-                 Row({}, "step session, the sweep"))
+    sweep = raw.row("session", experiment="sweep")
     lines.append(["bunny, a box that moves", whole(p["bunny_triangles"]), whole(p["bunny_inside"]),
-                  p["bunny_ms"], whole(cut_triangles(sweep)), whole(p["bunny_inside"]),
-                  cell(scratch_ms(sweep)), cell(update_ms(sweep))])
+                  p["bunny_ms"], whole(sweep["cut_triangles"]), f"about {whole(p['bunny_inside'])}",
+                  sig(sweep["scratch_ms"]), sig(sweep["update_ms"])])
     row = raw.row("terrain")
     lines.append([f"terrain of {whole(row['object_triangles'])} triangles, a wedge",
                   whole(p["terrain_triangles"]), whole(p["terrain_inside"]), p["terrain_ms"],
