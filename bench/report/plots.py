@@ -115,18 +115,15 @@ def size(raw, path):
 
 
 def sessions(raw, path):
-    """Of the sweep, of the cameras on the largest object, of the terrain."""
+    """Of the sweep, and of the cameras on the largest object."""
     rows = raw.rows("session", experiment="sweep")
     cameras = raw.rows("session", experiment="camera")
     largest = max(row["object_triangles"] for row in cameras)
     rows += [row for row in cameras if row["object_triangles"] == largest]
     labels = [row["experiment"] if row["experiment"] == "sweep"
-              else f"{row['path']}, {row['threshold']}" for row in rows] + ["terrain"]
-    terrain = raw.row("terrain")
-    data, width = bars({"a cut from scratch": [row["scratch_ms"] for row in rows]
-                        + [terrain["select_ms"] + terrain["emit_ms"]],
-                        "an update": [row["update_ms"] for row in rows] + [terrain["update_ms"]]},
-                       labels, tilt=True)
+              else f"{row['path']}, {row['threshold']}" for row in rows]
+    data, width = bars({"a cut from scratch": [row["scratch_ms"] for row in rows],
+                        "an update": [row["update_ms"] for row in rows]}, labels, tilt=True)
     draw(path, 760, 420, width + 'set logscale y\nset rmargin 8\n'
          'set ylabel "milliseconds a frame"\n' + data)
 
