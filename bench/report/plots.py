@@ -44,7 +44,8 @@ def bars(named, labels, tilt=False, colours=COLOURS):
     """Bars in groups: name -> one value (or None) for each label."""
     wide = 0.8 / len(named)
     data = "set style fill solid 0.9 noborder\nset xrange [-0.6:%g]\n" % (len(labels) - 0.4)
-    data += "set xtics (" + ", ".join(f"{quoted(l.replace('%', '%%'))} {i}" for i, l in enumerate(labels)) + ")"
+    tics = (f"{quoted(label.replace('%', '%%'))} {i}" for i, label in enumerate(labels))
+    data += "set xtics (" + ", ".join(tics) + ")"
     data += " noenhanced rotate by -30 left\n" if tilt else " noenhanced\n"
     for s, values in enumerate(named.values()):
         data += block(f"b{s}", [(i + (s - 0.5 * (len(named) - 1)) * wide, v)
@@ -142,8 +143,10 @@ def rounds(raw, path):
     draco = block("draco", [(rows[0]["draco_bytes"], low), (rows[0]["draco_bytes"], high)])
     draw(path, 640, 380, 'set logscale xy\nset format "10^{%T}"\n'
          'set xlabel "bytes received"\nset ylabel "distance / diagonal"\n' + data + ends + draco +
-         f'plot {plot + ", " if points else ""}$end with lines lw 2 dt 2 lc rgb "{COLOURS[0]}" title "mtdb has all", '
+         f'plot {plot + ", " if points else ""}'
+         f'$end with lines lw 2 dt 2 lc rgb "{COLOURS[0]}" title "mtdb has all", '
          f'$draco with lines lw 2 dt 2 lc rgb "{COLOURS[1]}" title "Draco has all"\n')
 
 
-PLOTS = {f.__name__: f for f in (error_over_triangles, extraction_rate, regions, size, sessions, rounds)}
+PLOTS = {f.__name__: f for f in (error_over_triangles, extraction_rate, regions, size, sessions,
+                                 rounds)}

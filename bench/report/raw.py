@@ -1,4 +1,4 @@
-"""What was measured, step by step, and how it is asked for: every figure that is not there is an error."""
+"""What was measured, step by step. To ask for a figure that is not there is an error."""
 import json
 import pathlib
 

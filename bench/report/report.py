@@ -50,8 +50,9 @@ def page(raw, folder):
 
 def readme_figures(raw):
     try:
-        return (f"{tables.FIGURES['quick_warning'](raw)}![{tables.FIGURES['picture_caption'](raw)}](docs/benchmarks/box.png)\n\n"
-                f"{tables.FIGURES['picture_caption'](raw)}.\n\n{tables.FIGURES['summary'](raw)}\n\n"
+        caption = tables.picture_caption(raw)
+        return (f"{tables.quick_warning(raw)}![{caption}](docs/benchmarks/box.png)\n\n"
+                f"{caption}.\n\n{tables.summary(raw)}\n\n"
                 "Measured by `tools/benchmark`, with peers in the same run: "
                 "[docs/BENCHMARKS.md](docs/BENCHMARKS.md).")
     except NotMeasured as reason:
@@ -59,8 +60,8 @@ def readme_figures(raw):
 
 
 def write(content, output, picture):
-    """Writes docs/ and README.md below `output`; `picture` is the folder that box.png may be in. Returns
-    the page."""
+    """Writes docs/ and README.md below `output`, and returns the page. `picture` is the folder that
+    box.png may be in."""
     raw = Raw(content)
     folder = output / "docs" / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)

@@ -188,9 +188,10 @@ class Runner:
         partial = self.path(name).with_suffix(".partial")
         partial.write_text(json.dumps(step, indent=1) + "\n")
         partial.replace(self.path(name))
+        absent = step.get("unavailable", False)
         print(f"{step.get('wall_seconds', 0):.1f} s" if step["ok"]
-              else ("not here: " if step["unavailable"] else "FAILED: ") + step["error"], flush=True)
-        return step["ok"] or step["unavailable"]
+              else ("not here: " if absent else "FAILED: ") + step["error"], flush=True)
+        return step["ok"] or absent
 
 
 def require_space(folder, size_bytes, what):

@@ -27,7 +27,8 @@ FULL = {
     "sculpture": 2000000, "dense": 20000000, "dense_memory": "512M", "bounds": 1000000,
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
-    "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100, "normal_bits": [0, 8, 10, 12],
+    "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100,
+    "normal_bits": [0, 8, 10, 12],
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
@@ -38,7 +39,8 @@ QUICK = {
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
 LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
-LARGE_QUICK = {"triangles": 1000000, "small": 100000, "memory": "256M", "cache_mb": 256, "boxes": 10}
+LARGE_QUICK = {"triangles": 1000000, "small": 100000, "memory": "256M", "cache_mb": 256,
+               "boxes": 10}
 
 
 class Data:

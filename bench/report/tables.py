@@ -42,13 +42,15 @@ def machine(raw):
         of = "" if context is first else " (" + ", ".join(names) + ")"
         lines.append(("commit, compiler" + of, f"{context['commit']}, {context['compiler']}"))
     lines.append(("peers", ", ".join(f"{k} {v}" for k, v in first["peers"].items())))
-    lines.append(("load before the steps", f"at most {max(s['load'] for s in raw.steps.values()):.1f}"))
+    load = max(step["load"] for step in raw.steps.values())
+    lines.append(("load before the steps", f"at most {load:.1f}"))
     return table(["", ""], lines)
 
 
 @figure
 def data_sets(raw):
-    return table(["data set", "triangles", "vertices", "border edges", "non-manifold edges", "from"],
+    return table(["data set", "triangles", "vertices", "border edges", "non-manifold edges",
+                  "from"],
                  [[r["name"], whole(r["triangles"]), whole(r["vertices"]),
                    whole(r["boundary_edges"]), whole(r["nonmanifold_edges"]), r["source"]]
                   for r in raw.rows("data_sets")])
@@ -83,7 +85,8 @@ def quality_best(raw):
     groups = {}
     for row in raw.rows("quality"):
         groups.setdefault((row["mesh"], row["ratio"]), []).append(row)
-    best = sum(min(g, key=lambda r: r["hausdorff_rel"])["method"] == "mtdb" for g in groups.values())
+    best = sum(min(group, key=lambda r: r["hausdorff_rel"])["method"] == "mtdb"
+               for group in groups.values())
     return f"{best} of {len(groups)}"
 
 
@@ -108,7 +111,8 @@ def bounds(raw):
     lines = []
     for mesh in meshes:
         ratios = {row["threshold_steps"]: row["ratio"] for row in raw.rows("bounds", mesh=mesh)}
-        lines.append([mesh_name(mesh)] + [f"{ratios[s]:.3f}" if s in ratios else "-" for s in steps])
+        lines.append([mesh_name(mesh),
+                      *(f"{ratios[s]:.3f}" if s in ratios else "-" for s in steps)])
     return table(["mesh"] + [whole(s) for s in steps], lines)
 
 
@@ -212,7 +216,8 @@ def attributes(raw):
         colours = f"{parts['red']:.2f}" if "red" in parts else "-"
         bits = row["normal_bits"]
         lines.append([mesh_name(row["mesh"]), bits or "lossless", f"{parts['nx']:.2f}", colours,
-                      f"{row['payload_bits_per_vertex']:.2f}", f"{row['file_bits_per_vertex']:.2f}"])
+                      f"{row['payload_bits_per_vertex']:.2f}",
+                      f"{row['file_bits_per_vertex']:.2f}"])
     return table(["mesh", "bits of a normal's component", "normals", "colours", "payloads",
                   "whole file"], lines)
 
@@ -291,7 +296,8 @@ def warm(raw):
     for row in raw.google("query", "BM_WarmBox"):
         lines.append([f"box of {row['arguments']['per_mille'] / 10:g} % of the diagonal, full",
                       whole(row["triangles"]), sig(1e-6 * row["items_per_second"]),
-                      sig(row["select_M"]), sig(row["emit_M"]), whole(row["outside_percent"]) + " %"])
+                      sig(row["select_M"]), sig(row["emit_M"]),
+                      whole(row["outside_percent"]) + " %"])
     return table(["cut", "triangles", "M triangles/s", "selecting alone", "emitting alone",
                   "outside / inside"], lines)
 
@@ -383,7 +389,8 @@ def locality(raw):
 
 @figure
 def layouts(raw):
-    return table(["tile triangles", "reduction", "file, bits per vertex", "clusters read", "KB read",
+    return table(["tile triangles", "reduction", "file, bits per vertex", "clusters read",
+                  "KB read",
                   "read / needed", "triangles", "CPU ms", "order", "values", "pages", "runs"],
                  [[row["tile_triangles"], row["reduction"], f"{row['bits_per_vertex']:.1f}",
                    f"{row['clusters']:.1f}", whole(row["kilobytes"]),
