@@ -560,4 +560,4 @@ def picture_caption(raw):
     row = raw.row("picture")
     return (f"A box of full resolution in a surface that is otherwise as coarse as it goes: "
             f"{whole(row['triangles'])} of {whole(row['object_triangles'])} triangles in one "
-            f"conforming mesh, from {row['clusters_read']} of {row['clusters_total']} clusters")
+            "conforming mesh")
