@@ -1,7 +1,7 @@
 // How small the codec makes clusters, stream by stream, and how fast it decodes them.
 //
-//   codec_bench [--sculpture N]... [--terrain N]... [--seed S]... [--bits N] [--no-draco] [--json]
-//               [--attributes [--normals BITS]] [--fit FILE] [MESH]...
+//   codec_bench [--sculpture N]... [--terrain N]... [--seed S]... [--bits N] [--no-peers]
+//               [--attributes [--normals BITS]] [--fit FILE] [--json FILE] [MESH]...
 //
 // For each mesh (files; generated ones of N triangles for each seed), of its positions alone (with
 // --attributes also of them, and the bits of each; a colour's stand at its red, a normal's on the
@@ -12,8 +12,8 @@
 //   decode: all clusters, each from its payload and its in-triangles to its explicit form
 //   (DecodeCluster); load: reading, checking and gathering the in-triangles included (LoadUnit),
 //   from a new handle. Both in full-resolution triangles of the mesh per second of processor time.
-//   peer: Draco's size at levels 10 and 7 of the full-resolution mesh alone, with as many bits, and
-//   its rate of decoding.
+//   peers: Draco's size at levels 10 and 7 of the full-resolution mesh alone, with as many bits,
+//   and its rate of decoding; likewise zstd's at levels 3 and 19 of the mesh as a binary PLY file.
 // With --fit, the priors of the models are fitted to these meshes, each counting the same, and
 // written to FILE (codecs/internal/cluster_priors.inc), which makes another format.
 //
@@ -26,12 +26,12 @@
 #include <fstream>
 #include <iostream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "bench/internal/draco_peer.h"
 #include "bench/internal/workload.h"
+#include "bench/internal/zstd_peer.h"
 #include "codecs/internal/cluster_payload.h"
 #include "codecs/mesh_file.h"
 #include "query/cluster_cache.h"
@@ -164,8 +164,8 @@ struct Arguments {
   uint32_t tile_triangles = BuildOptions{}.tile_triangles;
   bool attributes = false;
   std::optional<int> normal_bits;
-  bool no_draco = false;
-  bool json = false;
+  bool no_peers = false;
+  std::string json;  // a file
   std::string fit_path;
 };
 
@@ -199,7 +199,7 @@ class Bench {
                mesh);
   }
 
-  const nlohmann::ordered_json& rows() const { return rows_; }
+  const Json& rows() const { return rows_; }
   const ModelCounts& counts() const { return all_counts_; }
 
  private:
@@ -221,11 +221,11 @@ class Bench {
     const bool good = Walk(*store.OpenSurface("mesh"), name, counts, streams, decode_seconds);
     all_counts_.Add(counts, 1e5 / vertices);
 
-    nlohmann::ordered_json row{{"mesh", name},
-                               {"vertices", record.vertices},
-                               {"triangles", record.triangles},
-                               {"clusters", record.clusters}};
-    nlohmann::ordered_json& stream_bits = row["stream_bits_per_vertex"];
+    Json row{{"mesh", name},
+             {"vertices", record.vertices},
+             {"triangles", record.triangles},
+             {"clusters", record.clusters}};
+    Json& stream_bits = row["stream_bits_per_vertex"];
     double cluster_bytes = 0;
     for (const auto& [stream, bytes] : streams) {
       stream_bits[stream] = per_vertex(bytes);
@@ -236,7 +236,7 @@ class Bench {
       row["attribute_bits_per_vertex"][record.attributes.attributes[attribute].name] =
           bits / vertices;
     }
-    nlohmann::ordered_json& models = row["models"];
+    Json& models = row["models"];
     for (const ModelCounts::Table& t : counts.tables()) {
       models[t.name] = {{"entropy_bits_per_vertex", ModelCounts::Entropy(t) / vertices},
                         {"spent_bits_per_vertex", t.spent_bits / vertices}};
@@ -249,7 +249,7 @@ class Bench {
     row["load_mtriangles_per_core_second"] = 1e-6 * triangles / load_seconds;
     row["decode_ns_per_node"] = 1e9 * decode_seconds / static_cast<double>(record.nodes);
     for (const int level : {10, 7}) {
-      if (arguments_.no_draco) break;
+      if (arguments_.no_peers) break;
       const DracoResult draco = MeasureDraco(mesh, arguments_.bits, level);
       const auto bytes = static_cast<double>(draco.bytes);
       row["draco_level_" + std::to_string(level)] = {
@@ -258,7 +258,18 @@ class Bench {
           {"file_to_it", file_bytes / bytes},
           {"decode_mtriangles_per_core_second", 1e-6 * triangles / draco.decode_seconds}};
     }
-    if (!arguments_.json) std::cout << row.dump(2) << std::endl;
+    if (!arguments_.no_peers) {
+      const ZstdPeer zstd = MeasureZstd(mesh, {3, 19});
+      row["ply_bits_per_vertex"] = per_vertex(static_cast<double>(zstd.file_bytes));
+      for (const ZstdResult& result : zstd.results) {
+        row["zstd_level_" + std::to_string(result.level)] = {
+            {"bits_per_vertex", per_vertex(static_cast<double>(result.bytes))},
+            {"file_to_it", file_bytes / static_cast<double>(result.bytes)},
+            {"encode_mtriangles_per_core_second", 1e-6 * triangles / result.encode_seconds},
+            {"decode_mtriangles_per_core_second", 1e-6 * triangles / result.decode_seconds}};
+      }
+    }
+    if (arguments_.json.empty()) std::cout << row.dump(2) << std::endl;
     rows_.push_back(std::move(row));
     return good;
   }
@@ -330,7 +341,7 @@ class Bench {
   }
 
   const Arguments& arguments_;
-  nlohmann::ordered_json rows_ = nlohmann::ordered_json::array();
+  Json rows_ = Json::array();
   ModelCounts all_counts_;
 };
 
@@ -345,8 +356,8 @@ int Main(int argc, char** argv) {
   app.add_option("--tile", arguments.tile_triangles, "Triangles of a tile");
   app.add_flag("--attributes", arguments.attributes, "Keep the attributes of mesh files");
   app.add_option("--normals", arguments.normal_bits, "Bits of normals on the octahedron");
-  app.add_flag("--no-draco", arguments.no_draco, "Without the peer");
-  app.add_flag("--json", arguments.json, "Print one JSON array at the end");
+  app.add_flag("--no-peers", arguments.no_peers, "Without Draco and zstd");
+  app.add_option("--json", arguments.json, "Write the rows to a file, not to standard output");
   app.add_option("--fit", arguments.fit_path, "Write the priors that fit these meshes");
   try {
     app.parse(argc, argv);
@@ -360,7 +371,7 @@ int Main(int argc, char** argv) {
     for (const uint64_t n : arguments.sculptures) good &= bench.RunGenerated(true, n, seed);
     for (const uint64_t n : arguments.terrains) good &= bench.RunGenerated(false, n, seed);
   }
-  if (arguments.json) std::cout << bench.rows().dump(2) << "\n";
+  if (!arguments.json.empty()) good &= WriteRows(arguments.json, bench.rows());
   if (!arguments.fit_path.empty()) {
     std::ofstream out(arguments.fit_path);
     WritePriors(bench.counts(), out);

@@ -1,7 +1,7 @@
 // What a region costs to read.
 //
-//   locality_bench stores STORE... [--queries N] [--json]
-//   locality_bench layouts [--triangles N] [--queries N] [--json]
+//   locality_bench stores STORE... [--queries N] [--json FILE]
+//   locality_bench layouts [--triangles N] [--queries N] [--json FILE]
 //
 // stores: the same boxes at the same errors from stores of one shape in several samplings (the
 // first object of each; `mtdb generate sculpture` with one seed makes such shapes), each query from
@@ -24,9 +24,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <iostream>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
 #include <string>
@@ -40,8 +38,6 @@
 
 namespace mtdb {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct BoxQuery {
   Box3d box;
@@ -145,7 +141,7 @@ struct Arguments {
   std::vector<std::string> stores;
   uint64_t triangles = 2000000;
   size_t queries = 100;
-  bool json = false;
+  std::string json;  // a file
 };
 
 int CompareStores(const Arguments& arguments) {
@@ -159,7 +155,7 @@ int CompareStores(const Arguments& arguments) {
     sources.push_back(OpenFirst(*databases.back()));
   }
   Json rows = Json::array();
-  if (!arguments.json) {
+  if (arguments.json.empty()) {
     std::printf(
         "| error | triangles of the store | clusters read | KB | triangles | CPU ms |"
         " clusters, KB, triangles, ms: to the first store |\n|---|---|---|---|---|---|---|\n");
@@ -195,15 +191,14 @@ int CompareStores(const Arguments& arguments) {
                       {"kilobytes_ratio", ratio.kilobytes},
                       {"triangles_ratio", ratio.triangles},
                       {"cpu_ratio", ratio.milliseconds}});
-      if (arguments.json) continue;
+      if (!arguments.json.empty()) continue;
       std::printf("| %g | %llu | %.0f | %.0f | %.0f | %.0f | %.2f, %.2f, %.2f, %.2f |\n", error,
                   static_cast<unsigned long long>(source->record().triangles), sum.clusters,
                   sum.kilobytes, sum.triangles, sum.milliseconds, ratio.clusters, ratio.kilobytes,
                   ratio.triangles, ratio.milliseconds);
     }
   }
-  if (arguments.json) std::cout << rows.dump(2) << "\n";
-  return 0;
+  return arguments.json.empty() || WriteRows(arguments.json, rows) ? 0 : 1;
 }
 
 // Where each cluster lies when the clusters fill values one after the other in some order.
@@ -298,7 +293,7 @@ int CompareLayouts(const Arguments& arguments) {
                                Shape{8192, 8}};
   Json rows = Json::array();
   std::vector<BoxQuery> queries;  // the same for all
-  if (!arguments.json) {
+  if (arguments.json.empty()) {
     std::printf(
         "| tile triangles | reduction | file, bits a vertex | clusters read | KB read | read / "
         "needed |"
@@ -348,7 +343,7 @@ int CompareLayouts(const Arguments& arguments) {
                       {"values", touched[o].values / n},
                       {"pages", touched[o].pages / n},
                       {"runs", touched[o].runs / n}});
-      if (arguments.json) continue;
+      if (!arguments.json.empty()) continue;
       std::printf(
           "| %u | %u | %.1f | %.1f | %.0f | %.2f | %.0f | %.1f | %s | %.1f | %.0f | %.1f |\n",
           shape.tile_triangles, shape.reduction, bits, sum.clusters / n, sum.kilobytes / n,
@@ -356,8 +351,7 @@ int CompareLayouts(const Arguments& arguments) {
           touched[o].values / n, touched[o].pages / n, touched[o].runs / n);
     }
   }
-  if (arguments.json) std::cout << rows.dump(2) << "\n";
-  return 0;
+  return arguments.json.empty() || WriteRows(arguments.json, rows) ? 0 : 1;
 }
 
 int Main(int argc, char** argv) {
@@ -370,7 +364,7 @@ int Main(int argc, char** argv) {
   layouts->add_option("--triangles", arguments.triangles, "Of the generated sculpture");
   for (CLI::App* verb : {stores, layouts}) {
     verb->add_option("--queries", arguments.queries, "Number of boxes")->check(CLI::PositiveNumber);
-    verb->add_flag("--json", arguments.json, "Print a JSON array instead of a table");
+    verb->add_option("--json", arguments.json, "Write the rows to a file; no table");
   }
   try {
     app.parse(argc, argv);

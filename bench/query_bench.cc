@@ -1,14 +1,14 @@
 // How fast a store answers.
 //
-//   query_bench [--benchmark_filter=...]
+//   query_bench [--triangles=N] [--benchmark_filter=...]
 //
-// Workloads, on a store of a generated sculpture of 2,000,000 triangles:
+// Workloads, on a store of a generated sculpture of 2,000,000 (or N) triangles:
 //   BM_WarmUniform/K     a uniform cut of K thousand triangles into a TriangleMesh that is filled
 //                        again, clusters in the cache, one thread. items_per_second: triangles
 //                        delivered; select_M and emit_M: millions a second of either stage.
 //   BM_WarmFull          full resolution, likewise.
 //   BM_WarmBox/P         full resolution in a box of a side of P per mille of the diagonal,
-//   likewise.
+//   likewise;
 //                        outside_percent: triangles that do not meet the box, to those that do.
 //   BM_WarmBudget/K      the same cuts as BM_WarmUniform, found by a budget of triangles.
 //   BM_ColdBox           a box from a new handle with an empty cache (the system's file cache is
@@ -37,6 +37,8 @@
 #include <functional>
 #include <malloc.h>
 #include <random>
+#include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -47,13 +49,13 @@
 namespace mtdb {
 namespace {
 
-constexpr uint64_t kTriangles = 2000000;
+uint64_t store_triangles = 2000000;
 
 const BenchStore& Store() {
   static BenchStore store;
   static const ObjectRecord kRecord =
-      store.Build("sculpture", Sculpture(kTriangles), BuildOptions{});
-  MTDB_CHECK(kRecord.triangles == Sculpture(kTriangles).triangles.size(), "all is stored");
+      store.Build("sculpture", Sculpture(store_triangles), BuildOptions{});
+  MTDB_CHECK(kRecord.triangles == Sculpture(store_triangles).triangles.size(), "all is stored");
   return store;
 }
 
@@ -63,7 +65,7 @@ std::shared_ptr<Surface> OpenWith(unsigned threads, size_t cache_bytes = size_t{
 
 // A box around a vertex of the surface, of a side relative to the diagonal.
 Query BoxQuery(const ObjectRecord& record, size_t vertex, double side) {
-  const Vec3d centre = Sculpture(kTriangles).positions[vertex];
+  const Vec3d centre = Sculpture(store_triangles).positions[vertex];
   const double half = 0.5 * side * record.diagonal();
   Box3d box;
   box.Add(centre - Vec3d{half, half, half});
@@ -150,7 +152,7 @@ void BM_WarmFull(benchmark::State& state) { Repeat(state, *OpenWith(1), Query{})
 void BM_WarmBox(benchmark::State& state) {
   const std::shared_ptr<Surface> surface = OpenWith(1);
   const double side = 1e-3 * static_cast<double>(state.range(0));
-  Query query = BoxQuery(surface->record(), Sculpture(kTriangles).positions.size() / 3, side);
+  Query query = BoxQuery(surface->record(), Sculpture(store_triangles).positions.size() / 3, side);
   const ExtractStats stats = Repeat(state, *surface, query);
   query.clip = true;
   const ExtractStats inside = Count(state, *surface, query);
@@ -199,7 +201,7 @@ void BM_FormUniform(benchmark::State& state) {
 
 void BM_FormBox(benchmark::State& state) {
   RepeatInForm(state, [&](const Surface& surface) {
-    return BoxQuery(surface.record(), Sculpture(kTriangles).positions.size() / 3,
+    return BoxQuery(surface.record(), Sculpture(store_triangles).positions.size() / 3,
                     1e-3 * static_cast<double>(state.range(1)));
   });
 }
@@ -209,7 +211,7 @@ void BM_ColdBox(benchmark::State& state) {
   ExtractStats stats;
   for (auto _ : state) {
     const std::shared_ptr<Surface> surface = OpenWith(1);
-    stats = Count(state, *surface, BoxQuery(surface->record(), kTriangles / 6, 0.09));
+    stats = Count(state, *surface, BoxQuery(surface->record(), store_triangles / 6, 0.09));
   }
   if (stats.clusters_read == 0) state.SkipWithError("not cold");
   Deliver(state, stats);
@@ -224,7 +226,7 @@ void BM_ColdFull(benchmark::State& state) {
   for (auto _ : state) {
     stats = Count(state, *OpenWith(static_cast<unsigned>(state.range(0))), Query{});
   }
-  if (stats.triangles != Sculpture(kTriangles).triangles.size()) {
+  if (stats.triangles != Sculpture(store_triangles).triangles.size()) {
     state.SkipWithError("not the whole surface");
   }
   Deliver(state, stats);
@@ -244,8 +246,9 @@ void BM_Threads(benchmark::State& state) {
   const auto ask = [&](size_t t) {
     std::mt19937 random(static_cast<unsigned>(t));
     for (int i = 0; i < kQueries; ++i) {
-      Query query = BoxQuery(surface->record(), random() % Sculpture(kTriangles).positions.size(),
-                             std::ldexp(0.2, -static_cast<int>(random() % 4)));
+      Query query =
+          BoxQuery(surface->record(), random() % Sculpture(store_triangles).positions.size(),
+                   std::ldexp(0.2, -static_cast<int>(random() % 4)));
       query.threshold = ConstantThreshold(1e-4 * surface->record().diagonal());
       CountingSink sink;
       const auto start = std::chrono::steady_clock::now();
@@ -322,6 +325,8 @@ void BM_DecodeClusters(benchmark::State& state) {
 
 BENCHMARK(BM_WarmUniform)
     ->ArgName("thousands")
+    ->Arg(10)
+    ->Arg(30)
     ->Arg(100)
     ->Arg(200)
     ->Arg(500)
@@ -380,4 +385,16 @@ BENCHMARK(BM_CacheHits)
 }  // namespace
 }  // namespace mtdb
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  constexpr std::string_view kOption = "--triangles=";
+  if (argc > 1 && std::string_view(argv[1]).starts_with(kOption)) {
+    mtdb::store_triangles = std::stoull(argv[1] + kOption.size());
+    argv[1] = argv[0];
+    --argc;
+    ++argv;
+  }
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

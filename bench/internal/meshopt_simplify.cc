@@ -14,20 +14,30 @@ MeshoptInput::MeshoptInput(const TriangleMesh& mesh) {
   }
 }
 
-std::vector<uint32_t> SimplifyByMeshopt(const MeshoptInput& input, uint64_t triangles) {
-  constexpr float kAnyError = 1e10f;
+namespace {
+std::vector<uint32_t> Simplify(const MeshoptInput& input, uint64_t triangles, float error) {
   std::vector<uint32_t> result(input.indices.size());
   result.resize(meshopt_simplify(result.data(), input.indices.data(), input.indices.size(),
                                  input.positions.data(), input.positions.size() / 3,
-                                 3 * sizeof(float), 3 * triangles, kAnyError, 0, nullptr));
+                                 3 * sizeof(float), 3 * triangles, error, 0, nullptr));
   return result;
 }
+}  // namespace
 
-TriangleMesh MeshByMeshopt(const TriangleMesh& mesh, uint64_t triangles) {
-  const MeshoptInput input(mesh);
+std::vector<uint32_t> SimplifyByMeshopt(const MeshoptInput& input, uint64_t triangles) {
+  constexpr float kAnyError = 1e10f;
+  return Simplify(input, triangles, kAnyError);
+}
+
+std::vector<uint32_t> SimplifyByMeshoptToError(const MeshoptInput& input, double error_model) {
+  const float scale =
+      meshopt_simplifyScale(input.positions.data(), input.positions.size() / 3, 3 * sizeof(float));
+  return Simplify(input, 0, static_cast<float>(error_model) / scale);
+}
+
+TriangleMesh MeshOf(const MeshoptInput& input, const std::vector<uint32_t>& indices) {
   TriangleMesh result;
   std::unordered_map<uint32_t, VertexIndex> number;
-  const std::vector<uint32_t> indices = SimplifyByMeshopt(input, triangles);
   for (size_t i = 0; i < indices.size(); ++i) {
     const auto [at, fresh] = number.try_emplace(indices[i], result.positions.size());
     if (fresh) {
@@ -38,6 +48,11 @@ TriangleMesh MeshByMeshopt(const TriangleMesh& mesh, uint64_t triangles) {
     result.triangles.back()[i % 3] = at->second;
   }
   return result;
+}
+
+TriangleMesh MeshByMeshopt(const TriangleMesh& mesh, uint64_t triangles) {
+  const MeshoptInput input(mesh);
+  return MeshOf(input, SimplifyByMeshopt(input, triangles));
 }
 
 }  // namespace mtdb

@@ -18,7 +18,12 @@ struct MeshoptInput {
 // meshopt_simplify with any error permitted: vertices are a subset of the input's. May leave more
 // than `triangles` where the topology forbids collapses.
 std::vector<uint32_t> SimplifyByMeshopt(const MeshoptInput& input, uint64_t triangles);
-// The same, with the vertices it uses (as float32 values).
+// Likewise, until the next collapse would be off by more than `error_model`, as far as
+// meshoptimizer's estimate knows.
+std::vector<uint32_t> SimplifyByMeshoptToError(const MeshoptInput& input, double error_model);
+// The triangles that are left, with the vertices that they use (as float32 values).
+TriangleMesh MeshOf(const MeshoptInput& input, const std::vector<uint32_t>& indices);
+// SimplifyByMeshopt as a mesh.
 TriangleMesh MeshByMeshopt(const TriangleMesh& mesh, uint64_t triangles);
 
 }  // namespace mtdb

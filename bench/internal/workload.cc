@@ -1,5 +1,6 @@
 #include "bench/internal/workload.h"
 
+#include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
@@ -72,6 +73,14 @@ uint64_t DracoBytes(const TriangleMesh& mesh, int bits) {
   MTDB_CHECK(status.ok(), status.message().c_str());
   std::filesystem::remove(path);
   return writer->bytes_written();
+}
+
+bool WriteRows(const std::string& path, const Json& rows) {
+  std::ofstream out(path);
+  out << rows.dump(2) << "\n";
+  out.flush();
+  if (!out.good()) std::fprintf(stderr, "%s: cannot be written\n", path.c_str());
+  return out.good();
 }
 
 double ProcessCpuSeconds() {

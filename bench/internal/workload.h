@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "builder/build.h"
@@ -40,6 +41,11 @@ TriangleMesh ExtractMesh(const Surface& surface, const Query& query, ExtractStat
 
 // Bytes of the mesh as a Draco file, with positions of `bits` and Draco's slowest level.
 uint64_t DracoBytes(const TriangleMesh& mesh, int bits);
+
+// What programs write with --json: an array of flat rows, by key. False, with a line on standard
+// error, when the file cannot be written.
+using Json = nlohmann::ordered_json;
+bool WriteRows(const std::string& path, const Json& rows);
 
 // Seconds of all threads of the process so far.
 double ProcessCpuSeconds();
