@@ -16,6 +16,7 @@
 // stream exceeds 1.4 times the payloads.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -255,6 +256,79 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
   Expect(ratio <= 1.4, "the progressive stream is at most 1.4 times the payloads");
 }
 
+// Takes the mesh and lets it go.
+class NullSink final : public MeshSink {
+ public:
+  Status Begin(const MeshHeader&) override { return Status::Ok(); }
+  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
+  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
+  Status End() override { return Status::Ok(); }
+};
+
+// A camera that looks at the object's centre from `angle` and at a distance in diagonals.
+Camera CameraAt(const ObjectRecord& record, double angle_rad, double distance) {
+  const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
+  Camera camera;
+  camera.eye = centre + Vec3d{std::cos(angle_rad), std::sin(angle_rad), 0.3} *
+                            (distance * record.diagonal() / std::hypot(1, 0.3));
+  camera.direction = centre - camera.eye;
+  return camera;
+}
+
+void FollowCamera(const std::shared_ptr<Surface>& surface, uint64_t triangles, int frames) {
+  const ObjectRecord& record = surface->record();
+  for (const bool screen : {true, false}) {
+    for (const bool orbit : {true, false}) {
+      const auto query_at = [&](int frame, double scale) {
+        const double moved = 0.01 * frame;
+        const Camera camera =
+            orbit ? CameraAt(record, moved / 0.9, 0.9) : CameraAt(record, 0, 0.9 - moved);
+        Query query;
+        query.threshold = screen ? ScreenThreshold(camera, scale * 1000)
+                                 : LinearThreshold(camera.eye, 0, scale);
+        return query;
+      };
+      double low = 1e-7, high = 1;
+      for (int i = 0; i < 12; ++i) {
+        const double mid = std::sqrt(low * high);
+        (surface->Select(query_at(0, mid)).value().triangle_count() > triangles ? low : high) = mid;
+      }
+      const auto session = Session::Open(surface).value();
+      std::vector<UpdateBatch> batches;
+      double select = 0, emit = 0, update = 0;
+      uint64_t insertions = 0, removals = 0, cut_triangles = 0;
+      for (int f = 0; f <= frames; ++f) {
+        const Query query = query_at(f, high);
+        double begin = ProcessCpuSeconds();
+        Cut cut = surface->Select(query).value();
+        const double selected = ProcessCpuSeconds();
+        NullSink sink;
+        Expect(cut.Emit(sink).ok(), "emission");
+        const double emitted = ProcessCpuSeconds();
+        const SessionUpdate u = session->Update(query, &batches).value();
+        const double updated = ProcessCpuSeconds();
+        Expect(session->applied_count() == cut.applied_count(), "nodes of the session");
+        if (f == 0) {
+          std::printf("first update %.1f ms of %llu nodes visited %llu\n", 1e3 * (updated - emitted),
+                      (unsigned long long)u.insertions, (unsigned long long)cut.stats().nodes_visited);
+          continue;
+        }
+        select += selected - begin;
+        emit += emitted - selected;
+        update += updated - emitted;
+        insertions += u.insertions;
+        removals += u.removals;
+        cut_triangles += cut.triangle_count();
+      }
+      std::printf("camera %s %s: cut %llu triangles; select %.1f emit %.1f update %.1f ms; +%llu -%llu\n",
+                  screen ? "screen" : "linear", orbit ? "orbit" : "approach",
+                  (unsigned long long)(cut_triangles / frames), 1e3 * select / frames,
+                  1e3 * emit / frames, 1e3 * update / frames, (unsigned long long)(insertions / frames),
+                  (unsigned long long)(removals / frames));
+    }
+  }
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Dynamic updates: time, updates and bytes");
   int frames = 100;
@@ -265,7 +339,19 @@ int Main(int argc, char** argv) {
   app.add_option("--triangles", triangles, "of the sculpture without MESH");
   app.add_option("--large", large, "triangles of the path's sculpture; 0: no path");
   app.add_option("MESH", file);
+  std::string store_file;
+  app.add_option("--store", store_file);
   CLI11_PARSE(app, argc, argv);
+  if (!store_file.empty()) {
+    const auto database = Database::Open(store_file).value();
+    const auto names = database->List().value();
+    const auto surface =
+        Surface::Open(database->OpenObject(names[0].name).value(),
+                      {.cache_bytes = size_t{8} << 30, .threads = 1})
+            .value();
+    FollowCamera(surface, surface->record().triangles / 20, std::min(frames, 10));
+    return 0;
+  }
 
   TriangleMesh mesh;
   if (file.empty()) {
