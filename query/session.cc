@@ -20,6 +20,8 @@
 namespace mtdb {
 namespace {
 
+constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to come
+
 constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
 
 UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
@@ -145,7 +147,8 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
     if (taken.ok()) applied_count_ = cut.totals().applied;
     return taken;
   };
-  MTDB_RETURN_IF_ERROR(cut.Move(reader, query, rounds && fresh == nullptr, end_round));
+  MTDB_RETURN_IF_ERROR(
+      cut.Move(reader, query, rounds && fresh == nullptr ? kRoundNodes : 0, end_round));
   if (fresh != nullptr) {
     Changes changes(*surface_);
     for (UnitId c = 0; c < settled_.size(); ++c) changes.AddUnit(c, settled_[c], cut.applied(c));

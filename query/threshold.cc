@@ -207,13 +207,18 @@ class Screen final : public Threshold {
   }
 
   ErrorRange Range(const Box3d& box, double distance) const override {
-    const Place place = PlaceOf(box);
-    const double slack = Rounding(box, distance, LargestCoordinate(eye_));
-    if (place.high + distance + slack < near_) return {kInfinity, kInfinity};
-    const double low = At(place.low - distance - slack, place.aside + distance + slack);
-    const double high = At(place.high + slack, 0);
-    const bool in_front = place.low - slack >= near_;
-    return Widened({low, in_front ? high : kInfinity}, Slack(low, high));
+    const Vec3d half = (box.max - box.min) * 0.5;
+    const Vec3d centre = box.min + half - eye_;
+    const double slack = 4 * Rounding(box, distance, LargestCoordinate(eye_));
+    const double depth = Dot(centre, forward_);
+    const double deep = std::abs(half.x * forward_.x) + std::abs(half.y * forward_.y) +
+                        std::abs(half.z * forward_.z) + slack;
+    if (depth + deep + distance < near_) return {kInfinity, kInfinity};
+    const double aside = std::sqrt(SquaredLength(centre - forward_ * depth));
+    const double wide = std::sqrt(SquaredLength(half)) + slack;
+    const double low = About(depth - deep - distance, aside + wide + distance);
+    const double high = About(depth + deep, std::max(0.0, aside - wide));
+    return Widened({low, depth - deep >= near_ ? high : kInfinity}, Slack(low, high));
   }
 
   // The field's slope along the axis of view is from 0 to kDepthSlope, and at least `least` in
@@ -292,6 +297,13 @@ class Screen final : public Threshold {
     const double z = std::max({depth, near_, 0.0});
     const double aside = std::min(from_axis, z * corner_);
     return z > 0 ? factor_ * z * (z / std::hypot(z, aside)) : 0;
+  }
+
+  // Likewise, up to rounding, and faster.
+  double About(double depth, double from_axis) const {
+    const double z = std::max({depth, near_, 0.0});
+    const double aside = std::min(from_axis, z * corner_);
+    return z > 0 ? factor_ * z * (z / std::sqrt(z * z + aside * aside)) : 0;
   }
 
   Vec3d eye_;

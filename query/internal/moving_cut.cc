@@ -167,12 +167,13 @@ void MovingCut::Undo() {
   for (auto& list : later_gates_) list.clear();
 }
 
-Status MovingCut::Move(UnitReader& reader, const Query& query, bool rounds, const Commit& commit) {
+Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_nodes,
+                       const Commit& commit) {
   reader_ = &reader;
   totals_before_ = totals_;
   inserted_ = 0;
   evaluated_ = 0;
-  const Status status = Step(query, rounds, commit);
+  const Status status = Step(query, round_nodes, commit);
   if (!status.ok()) {
     Undo();
   } else {
@@ -183,7 +184,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, bool rounds, cons
   return status;
 }
 
-Status MovingCut::Step(const Query& query, bool rounds, const Commit& commit) {
+Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
   const ThresholdPtr threshold = query.threshold == nullptr ? FullResolution() : query.threshold;
   const RegionPtr region = query.region == nullptr ? WholeRegion() : query.region;
   const ThresholdPtr old = std::exchange(threshold_, threshold);
@@ -222,7 +223,7 @@ Status MovingCut::Step(const Query& query, bool rounds, const Commit& commit) {
   if (open_.empty()) {
     for (uint32_t r = 0; r < index_.root_piece_count(); ++r) Open(index_.cluster_count() + r);
   }
-  return Refine(rounds, commit);
+  return Refine(round_nodes, commit);
 }
 
 MovingCut::Activity MovingCut::ActivityOf(const Box3d& box, double reach) const {
@@ -230,7 +231,7 @@ MovingCut::Activity MovingCut::ActivityOf(const Box3d& box, double reach) const 
   return region_->BoxWithin(box, reach) ? Activity::kSome : Activity::kNone;
 }
 
-void MovingCut::FindExpired(const Unit& u, bool all) {
+void MovingCut::FindExpired(Unit& u, bool all) {
   expired_.clear();
   expired_gates_.clear();
   const float low = Down(u.low);
@@ -251,6 +252,11 @@ void MovingCut::FindExpired(const Unit& u, bool all) {
       expired_.push_back(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
     }
   }
+  std::erase_if(u.mixed, [&](const Unit::Mixed& m) {
+    if (!all && low > m.low && high < m.high) return false;
+    if (!all) expired_.push_back(m.node);
+    return true;
+  });
   for (uint32_t g = 0; g < u.gates.size(); ++g) {
     if (all || low <= u.gates[g]) expired_gates_.push_back(g);
   }
@@ -298,20 +304,20 @@ Triangle3d MovingCut::Corners(const LoadedUnit& unit, uint32_t slot) const {
 // are the ring, then triangle by triangle.
 MovingCut::Verdict MovingCut::Judge(const Unit& u, const LoadedUnit& unit, NodeIndex node) {
   const double error = errors_[unit.cluster.error_codes[node]];
-  if (u.activity == Activity::kNone) return {false, false, kInfinity};
+  if (u.activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
   const double good = kGoodMargin * (u.range.high - u.range.low);
-  if (u.range.low - error >= good) return {false, false, u.range.low - error};
+  if (u.range.low - error >= good) return {false, false, u.range.low - error, kInfinity};
   if (u.activity == Activity::kAll && error - u.range.high >= good && error > u.range.high) {
-    return {true, true, error - u.range.high};
+    return {true, true, kInfinity, error - u.range.high};
   }
   Box3i bounds;
   for (const uint32_t local : unit.cluster.ring(node)) bounds.Add(unit.cluster.position(local));
   const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
   const bool all_active = u.activity == Activity::kAll || region_->BoxCovers(box, 0);
-  if (!all_active && !region_->BoxWithin(box, error)) return {false, false, kInfinity};
+  if (!all_active && !region_->BoxWithin(box, error)) return {false, false, kInfinity, kInfinity};
   const ErrorRange range = threshold_->Range(box, error);
-  if (error <= range.low) return {false, false, range.low - error};
-  if (all_active && error > range.high) return {true, true, error - range.high};
+  if (error <= range.low) return {false, false, range.low - error, kInfinity};
+  if (all_active && error > range.high) return {true, true, kInfinity, error - range.high};
   return JudgeTriangles(unit, node, all_active);
 }
 
@@ -319,37 +325,39 @@ MovingCut::Verdict MovingCut::JudgeTriangles(const LoadedUnit& unit, NodeIndex n
                                              bool all_active) {
   const double error = errors_[unit.cluster.error_codes[node]];
   const std::span<const uint32_t> hole = unit.cluster.hole(node);
-  scratch_.assign(hole.size(), false);
-  double valid = kInfinity;
-  double invalid = kInfinity;
-  size_t count = 0;
+  refusals_.assign(hole.size(), false);
+  Verdict verdict{false, true, kInfinity, kInfinity};
   for (size_t i = 0; i < hole.size(); ++i) {
     const Triangle3d t = Corners(unit, hole[i]);
-    if (!all_active && !region_->Within(t, error)) continue;
-    const double least = threshold_->Min(t, error);
+    const bool active = all_active || region_->Within(t, error);
+    const double least = active ? threshold_->Min(t, error) : kInfinity;
     if (error <= least) {
-      valid = std::min(valid, least - error);
+      verdict.all = false;
+      verdict.fall = std::min(verdict.fall, least - error);
     } else {
-      invalid = std::min(invalid, error - least);
-      scratch_[i] = true;
-      ++count;
+      verdict.some = refusals_[i] = true;
+      verdict.rise = std::min(verdict.rise, error - least);
     }
   }
-  if (count == 0) return {false, false, valid};
-  return {true, count == hole.size(), valid == kInfinity ? invalid : -kInfinity};
+  return verdict;
 }
 
 // Returns whether what it refuses has changed.
 bool MovingCut::Evaluate(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   ++evaluated_;
   const Verdict verdict = Judge(u, unit, node);
-  u.deadlines[node] = verdict.some ? Down(u.high + verdict.margin) : Up(u.low - verdict.margin);
+  const bool mixed = verdict.some && !verdict.all;
+  if (mixed) {
+    u.mixed.push_back({node, Up(u.low - verdict.fall), Down(u.high + verdict.rise)});
+    u.deadlines[node] = std::numeric_limits<float>::infinity();
+  } else {
+    u.deadlines[node] = verdict.some ? Down(u.high + verdict.rise) : Up(u.low - verdict.fall);
+  }
   const uint32_t begin = unit.cluster.hole_begin[node];
   const uint32_t end = unit.cluster.hole_begin[node + 1];
-  const bool mixed = verdict.some && !verdict.all;
   bool same = true;
   if (mixed) {
-    for (uint32_t i = begin; i < end; ++i) same &= u.refused.Test(i) == scratch_[i - begin];
+    for (uint32_t i = begin; i < end; ++i) same &= u.refused.Test(i) == refusals_[i - begin];
   } else {
     same = u.refused.CountRange(begin, end) == (verdict.all ? end - begin : 0);
   }
@@ -358,7 +366,7 @@ bool MovingCut::Evaluate(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   u.refused.ClearRange(begin, end);
   if (verdict.all) u.refused.SetRange(begin, end);
   for (uint32_t i = begin; mixed && i < end; ++i) {
-    if (scratch_[i - begin]) u.refused.Set(i);
+    if (refusals_[i - begin]) u.refused.Set(i);
   }
   if (verdict.some) {
     u.refusing.Set(node);

@@ -33,10 +33,11 @@ class MovingCut {
   explicit MovingCut(const ClusterSource& source);
   ~MovingCut();
 
-  // Moves to the least cut of the query: in one round, or with `rounds` in several when many nodes
-  // are to be inserted, those of large errors first. Each round ends with a cut. On an error the
-  // cut is that of the last round.
-  Status Move(UnitReader& reader, const Query& query, bool rounds, const Commit& commit);
+  // Moves to the least cut of the query: in one round, or with round_nodes > 0 in several when many
+  // nodes are to be inserted, those of large errors first: a round inserts at least so many nodes,
+  // and a quarter of all. Each round ends with a cut. On an error the cut is that of the last
+  // round.
+  Status Move(UnitReader& reader, const Query& query, uint64_t round_nodes, const Commit& commit);
 
   // Calls f(unit, before, now) with the applied bits of clusters that this round may have changed.
   // Empty bits stand for none.
@@ -91,6 +92,12 @@ class MovingCut {
     // Per node: to be looked at again when `low` has fallen to it, or, for those that refuse, when
     // `high` has risen to it. Whole words of nodes.
     std::vector<float> deadlines;
+    // Nodes that refuse some of their triangles: both deadlines count.
+    struct Mixed {
+      NodeIndex node;
+      float low, high;
+    };
+    std::vector<Mixed> mixed;
     std::vector<float> gates;  // per child that is not open: likewise when `low` has fallen
     const LoadedUnit* pin = nullptr;
     std::unique_ptr<Flags> before;  // at the end of the last round, where it differs
@@ -117,18 +124,18 @@ class MovingCut {
   Status EndRoundWith(const Commit& commit);
   void Enqueue(Unit& u);
 
-  Status Step(const Query& query, bool rounds, const Commit& commit);
+  Status Step(const Query& query, uint64_t round_nodes, const Commit& commit);
   // 1. What the new query decides otherwise.
   Status Decide(Unit& u);
-  void FindExpired(const Unit& u, bool all);
+  void FindExpired(Unit& u, bool all);
   // As deadlines: what is at least, at most the value.
   static float Up(double value);
   static float Down(double value);
 
   bool Evaluate(Unit& u, const LoadedUnit& unit, NodeIndex node);
   struct Verdict {
-    bool some = false, all = false;
-    double margin = 0;
+    bool some = false, all = false;  // triangles are refused
+    double fall = 0, rise = 0;       // of the threshold, that change that
   };
   Verdict Judge(const Unit& u, const LoadedUnit& unit, NodeIndex node);
   Verdict JudgeTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active);
@@ -143,7 +150,7 @@ class MovingCut {
   Status RemoveUnfounded();
   void Remove(Unit& u, const LoadedUnit& unit, NodeIndex node);
   // 3. What is missing.
-  Status Refine(bool rounds, const Commit& commit);
+  Status Refine(uint64_t round_nodes, const Commit& commit);
   bool LowerFloor(int step);
   Status RunQueue();
   Status Advance(Unit& u);
@@ -189,7 +196,7 @@ class MovingCut {
   std::vector<NodeIndex> expired_;
   std::vector<uint32_t> expired_gates_;
   std::vector<NodeIndex> missing_;
-  std::vector<bool> scratch_;
+  std::vector<bool> refusals_;  // of a node that refuses some of its triangles
   std::vector<bool> gates_open_;
   std::vector<UnitId> idle_;
   std::vector<Key> seeds_;

@@ -9,20 +9,18 @@ namespace {
 
 constexpr float kNever = -std::numeric_limits<float>::infinity();
 constexpr float kAlways = std::numeric_limits<float>::infinity();
-// A round ends when it has inserted so many nodes, and such a share of all.
-constexpr uint64_t kRoundNodes = 4096;
-constexpr uint64_t kRoundShare = 4;
-constexpr int kFloorStep = 8;  // codes: an octave
+constexpr uint64_t kRoundShare = 4;  // a round inserts at least this part of all nodes
+constexpr int kFloorStep = 8;        // codes: an octave
 
 }  // namespace
 
 // Nodes of large errors first. That is Search's refinement, and like there the order does not
 // matter for where it ends.
-Status MovingCut::Refine(bool rounds, const Commit& commit) {
+Status MovingCut::Refine(uint64_t round_nodes, const Commit& commit) {
   MTDB_RETURN_IF_ERROR(RunQueue());
-  while (LowerFloor(rounds ? kFloorStep : 256)) {
+  while (LowerFloor(round_nodes > 0 ? kFloorStep : 256)) {
     MTDB_RETURN_IF_ERROR(RunQueue());
-    if (rounds && inserted_ >= std::max(kRoundNodes, totals_.applied / kRoundShare)) {
+    if (round_nodes > 0 && inserted_ >= std::max(round_nodes, totals_.applied / kRoundShare)) {
       MTDB_RETURN_IF_ERROR(EndRoundWith(commit));
     }
   }
