@@ -265,7 +265,7 @@ void MovingCut::FindExpired(Unit& u, bool all) {
 Status MovingCut::Decide(Unit& u) {
   if (expired_.empty() && expired_gates_.empty()) return Status::Ok();
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
-  for (const NodeIndex node : expired_) {
+  ForEachFetched(*unit, expired_, false, [&](NodeIndex node) {
     const bool applied = u.applied.Test(node);
     if (!applied) {
       const std::span<const uint32_t> hole = unit->cluster.hole(node);
@@ -273,7 +273,7 @@ Status MovingCut::Decide(Unit& u) {
                        [&](uint32_t slot) { return Present(u, *unit, slot); })) {
         Save(u);
         u.known.Clear(node);
-        continue;
+        return;
       }
     }
     if (Evaluate(u, *unit, node) && applied) {
@@ -282,7 +282,7 @@ Status MovingCut::Decide(Unit& u) {
       if (!u.strong.Test(node)) seeds_.push_back(KeyOf(u.id, node));
     }
     if (!applied && u.refusing.Test(node)) Want(u, node, unit->cluster.error_codes[node]);
-  }
+  });
   for (const uint32_t g : expired_gates_) {
     const ClusterId child = unit->children()[g];
     u.gates[g] = kNever;

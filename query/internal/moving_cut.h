@@ -1,9 +1,11 @@
 // MovingCut: the least cut of a query, kept up to date as the query changes.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <set>
 #include <span>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "query/internal/bits.h"
+#include "query/internal/fetch_nodes.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -132,6 +135,10 @@ class MovingCut {
   static float Up(double value);
   static float Down(double value);
 
+  // Known, but waits to be looked at.
+  static bool Unjudged(const Unit& u, NodeIndex node) {
+    return u.deadlines[node] == std::numeric_limits<float>::infinity() && !u.refusing.Test(node);
+  }
   bool Evaluate(Unit& u, const LoadedUnit& unit, NodeIndex node);
   struct Verdict {
     bool some = false, all = false;  // triangles are refused
@@ -196,6 +203,7 @@ class MovingCut {
   std::vector<NodeIndex> expired_;
   std::vector<uint32_t> expired_gates_;
   std::vector<NodeIndex> missing_;
+  std::vector<NodeIndex> todo_;
   std::vector<bool> refusals_;  // of a node that refuses some of its triangles
   std::vector<bool> gates_open_;
   std::vector<UnitId> idle_;

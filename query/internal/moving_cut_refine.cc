@@ -86,17 +86,28 @@ Status MovingCut::Advance(Unit& u) {
     Touch(u, *unit, node);
   }
   u.arrivals.clear();
-  for (const NodeIndex node : u.todo) {
-    if (u.applied.Test(node)) continue;
-    if (u.deadlines[node] == kAlways && !u.refusing.Test(node)) Evaluate(u, *unit, node);
-    if (u.refusing.Test(node)) u.wanted.Set(node);
-  }
-  u.todo.clear();
   if (!u.gates_todo.empty()) PassGates(u, *unit);
   bool waits = false;
-  for (NodeIndex n = u.wanted.FirstFrom(0); n != kNone32; n = u.wanted.FirstFrom(n + 1)) {
-    MTDB_RETURN_IF_ERROR(Insert(u, *unit, n, &waits));
-  }
+  do {
+    todo_.swap(u.todo);
+    ForEachFetched(*unit, todo_, false, [&](NodeIndex node) {
+      if (u.applied.Test(node)) return;
+      if (Unjudged(u, node)) Evaluate(u, *unit, node);
+      if (u.refusing.Test(node)) u.wanted.Set(node);
+    });
+    todo_.clear();
+    u.wanted.ForEach([&](NodeIndex node) { todo_.push_back(node); });
+    Status status;
+    ForEachFetched(*unit, todo_, true, [&](NodeIndex node) {
+      if (status.ok()) status = Insert(u, *unit, node, &waits);
+    });
+    todo_.clear();
+    MTDB_RETURN_IF_ERROR(status);
+    // Those that have become wanted on the way.
+    for (NodeIndex n = u.wanted.FirstFrom(0); n != kNone32; n = u.wanted.FirstFrom(n + 1)) {
+      MTDB_RETURN_IF_ERROR(Insert(u, *unit, n, &waits));
+    }
+  } while (!u.todo.empty());
   if (waits) Enqueue(u);  // the parents that it waits for come first
   return Status::Ok();
 }
@@ -118,20 +129,22 @@ void MovingCut::LookAt(Unit& u, const LoadedUnit& unit) {
   }
 }
 
-// One of the triangles that the node removes has become present.
+// One of the triangles that the node removes has become present. For Advance, which goes on with
+// `todo`.
 void MovingCut::Touch(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   const uint8_t code = unit.cluster.error_codes[node];
   if (!u.known.Test(node)) {
     Save(u);
     u.known.Set(node);
+    u.refusing.Clear(node);
+    u.refused.ClearRange(unit.cluster.hole_begin[node], unit.cluster.hole_begin[node + 1]);
+    u.deadlines[node] = kAlways;
     if (code <= floor_) {
-      u.refusing.Clear(node);
-      u.refused.ClearRange(unit.cluster.hole_begin[node], unit.cluster.hole_begin[node + 1]);
-      u.deadlines[node] = kAlways;
       later_[code].emplace_back(u.id, node);
-      return;
+    } else {
+      u.todo.push_back(node);
     }
-    Evaluate(u, unit, node);
+    return;
   }
   if (u.refusing.Test(node)) Want(u, node, code);
 }
@@ -222,7 +235,7 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   ++inserted_;
   totals_.triangles += end - begin;
   totals_.triangles -= hole.size();
-  if (!u.known.Test(node) || (u.deadlines[node] == kAlways && !u.refusing.Test(node))) {
+  if (!u.known.Test(node) || Unjudged(u, node)) {
     u.known.Set(node);
     Evaluate(u, unit, node);
   }

@@ -51,6 +51,9 @@ Status MovingCut::Strengthen() {
       u.dirty.Set(node);
     }
     u.arrivals.clear();
+    u.dirty.ForEach([&](NodeIndex node) { todo_.push_back(node); });
+    ForEachFetched(*unit, todo_, true, [](NodeIndex) {});
+    todo_.clear();
     for (NodeIndex n = u.dirty.FirstFrom(0); n != kNone32; n = u.dirty.FirstFrom(n + 1)) {
       u.dirty.Clear(n);
       if (!u.applied.Test(n)) continue;
@@ -89,6 +92,7 @@ void MovingCut::Suspend(Unit& u, NodeIndex node) {
 
 Status MovingCut::SuspendAll() {
   suspended_.clear();
+  suspended_.reserve(seeds_.size());
   leads_.clear();
   for (const Key key : seeds_) {
     Suspend(*Find(static_cast<UnitId>(key >> 32)), static_cast<NodeIndex>(key));
@@ -104,9 +108,9 @@ Status MovingCut::SuspendAll() {
     }
     u.arrivals.clear();
     while (!u.todo.empty()) {
-      const NodeIndex node = u.todo.back();
-      u.todo.pop_back();
-      SuspendAround(u, *unit, node);
+      todo_.swap(u.todo);
+      ForEachFetched(*unit, todo_, true, [&](NodeIndex node) { SuspendAround(u, *unit, node); });
+      todo_.clear();
     }
   }
   return Status::Ok();
@@ -171,11 +175,16 @@ Status MovingCut::RemoveUnfounded() {
   std::vector<Key> unfounded;
   for (const auto& [key, slots] : suspended_) unfounded.push_back(key ^ 0xffffffffu);
   std::sort(unfounded.begin(), unfounded.end());
-  for (const Key key : unfounded) {
-    Unit& u = *Find(static_cast<UnitId>(key >> 32));
+  for (size_t i = 0; i < unfounded.size();) {
+    Unit& u = *Find(static_cast<UnitId>(unfounded[i] >> 32));
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
-    Remove(u, *unit, ~static_cast<NodeIndex>(key));
+    todo_.clear();
+    for (; i < unfounded.size() && unfounded[i] >> 32 == u.id; ++i) {
+      todo_.push_back(~static_cast<NodeIndex>(unfounded[i]));
+    }
+    ForEachFetched(*unit, todo_, true, [&](NodeIndex node) { Remove(u, *unit, node); });
   }
+  todo_.clear();
   return Status::Ok();
 }
 

@@ -5,6 +5,8 @@
 #include <span>
 #include <utility>
 
+#include "query/internal/fetch_nodes.h"
+
 namespace mtdb {
 namespace {
 
@@ -42,14 +44,18 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
     }
     nodes.clear();
     u.changes.ForEach([&](NodeIndex node) { nodes.push_back(node); });
+    if (!insert_) std::reverse(nodes.begin(), nodes.end());
     const uint32_t first_own = unit->first_own_slot();
-    for (size_t n = 0; n < nodes.size(); ++n) {
+    size_t n = 0;
+    ForEachFetched(*unit, nodes, true, [&](NodeIndex node) {
       const size_t i = insert_ ? n : nodes.size() - 1 - n;
-      const NodeIndex node = nodes[i];
+      ++n;
+      creators_.clear();
       for (const uint32_t slot : unit->cluster.hole(node)) {
         uint32_t* parent = nullptr;
+        creators_.push_back(slot >= first_own ? unit->creator(slot) : 0);
         if (slot >= first_own) {
-          parent = Level(&u, unit->creator(slot));
+          parent = Level(&u, creators_.back());
         } else if (const SlotOrigin& origin = unit->origins[slot]; origin.creator != kNone32) {
           parent = Level(parents_[origin.parent], origin.creator);
         }
@@ -61,11 +67,22 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
         }
       }
       const size_t batch = first + u.levels[i];
-      while (batches->size() <= batch) batches->emplace_back().insert = insert_;
+      while (batches->size() <= batch) {
+        batches->emplace_back().insert = insert_;
+        if (batches->size() == first + 1) Reserve(batches->back());
+      }
       AddNode(*unit, node, (*batches)[batch]);
-    }
+    });
   }
   return Status::Ok();
+}
+
+void UpdateBatches::Reserve(UpdateBatch& batch) const {
+  constexpr uint64_t kRing = 6;
+  batch.nodes.reserve(count_);
+  batch.ring.reserve(count_ * kRing);
+  batch.holes.reserve(count_ * (kRing - 2));
+  batch.rows.reserve(count_ * row_bytes_);
 }
 
 void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const {
@@ -85,7 +102,9 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch&
     batch.ring.push_back(v < external ? c.in.vertices[v] : first_vertex + (v - external));
   }
   out.hole_begin = static_cast<uint32_t>(batch.holes.size());
-  for (const uint32_t slot : c.hole(node)) {
+  const std::span<const uint32_t> hole = c.hole(node);
+  for (size_t h = 0; h < hole.size(); ++h) {
+    const uint32_t slot = hole[h];
     UpdateBatch::HoleTriangle& t = batch.holes.emplace_back();
     const bool own = slot >= unit.first_own_slot();
     if (own) {
@@ -93,7 +112,7 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch&
     } else {
       t.key = KeyOf(unit.parents[unit.origins[slot].parent], unit.origins[slot].slot);
     }
-    const std::array<uint32_t, 3> corners = unit.corners(slot, own ? unit.creator(slot) : 0);
+    const std::array<uint32_t, 3> corners = unit.corners(slot, creators_[h]);
     for (size_t i = 0; i < 3; ++i) {
       t.corners[i] =
           static_cast<uint8_t>(std::find(ring.begin(), ring.end(), corners[i]) - ring.begin());

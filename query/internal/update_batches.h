@@ -44,13 +44,16 @@ class UpdateBatches {
     return &unit->levels[unit->Place(node)];
   }
   void AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const;
+  // Room for the nodes of a batch, of usual rings.
+  void Reserve(UpdateBatch& batch) const;
 
   const ClusterIndex& index_;
   const size_t row_bytes_;
   const bool insert_;
   uint64_t count_ = 0;
   std::vector<Unit> units_;
-  std::vector<Unit*> parents_;  // of the unit at hand
+  std::vector<Unit*> parents_;       // of the unit at hand
+  std::vector<NodeIndex> creators_;  // of the hole at hand
 };
 
 }  // namespace mtdb
