@@ -24,6 +24,10 @@ constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to c
 
 constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
 
+double ErrorBound(const ObjectRecord& record, uint8_t largest_code) {
+  return record.grid.cell_error() + record.grid.Error(largest_code);
+}
+
 UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
   return [&reader](UnitId unit) {
     reader.Release();
@@ -159,6 +163,8 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
   }
   ExtractStats& stats = update->stats;
   stats.triangles = cut.totals().triangles;
+  stats.active_triangles = cut.active().triangles;
+  stats.error_bound = ErrorBound(surface_->record(), cut.active().largest_code);
   stats.nodes_forced = cut.totals().forced;
   stats.clusters_used = cut.totals().clusters_used;
   stats.nodes_visited = cut.evaluated();
@@ -190,7 +196,7 @@ Status Session::Settle(UnitReader& reader, const Query& query, const TakeBatches
   ExtractStats& stats = update->stats;
   stats.triangles = cut.triangles;
   stats.active_triangles = cut.active_triangles;
-  stats.error_bound = record.grid.cell_error() + record.grid.Error(cut.largest_code);
+  stats.error_bound = ErrorBound(record, cut.largest_code);
   stats.limit = cut.limit;
   stats.nodes_visited = cut.nodes_visited;
   stats.nodes_forced = cut.nodes_forced;

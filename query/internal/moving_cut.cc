@@ -287,7 +287,7 @@ Status MovingCut::Decide(Unit& u) {
     const ClusterId child = unit->children()[g];
     u.gates[g] = kNever;
     if (Find(child.value) != nullptr) continue;
-    later_gates_[index_.cluster(child).error_code_max].emplace_back(u.id, g);
+    later_gates_[LargestCode(child)].emplace_back(u.id, g);
   }
   return Status::Ok();
 }

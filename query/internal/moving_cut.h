@@ -56,7 +56,16 @@ class MovingCut {
     uint64_t applied = 0;
     uint64_t forced = 0;         // applied nodes that remove no refused triangle; between moves
     uint64_t clusters_used = 0;  // between moves
+    // Of the mesh: triangles by the code of their error; for a child that is not open its largest.
+    std::array<uint64_t, 256> by_code{};
   };
+  // After a move, with errors as in ExtractStats: triangles within their error of the region, and
+  // the largest code of these.
+  struct Active {
+    uint64_t triangles = 0;
+    uint8_t largest_code = 0;
+  };
+  const Active& active() const { return active_; }
   const Totals& totals() const { return totals_; }
   // Nodes looked at by the last move.
   uint64_t evaluated() const { return evaluated_; }
@@ -169,6 +178,9 @@ class MovingCut {
   void PassGates(Unit& u, const LoadedUnit& unit);
   void PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_t ordinal);
   double GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slot, double error) const;
+  Status Survey();
+  void SurveyUnit(const Unit& u, const LoadedUnit& unit);
+  uint8_t LargestCode(ClusterId cluster) const { return index_.cluster(cluster).error_code_max; }
   // 4. Closes units that no present triangle can need.
   void CloseIdle();
   bool Close(Unit& u, const LoadedUnit& unit);
@@ -185,6 +197,7 @@ class MovingCut {
   std::vector<std::unique_ptr<Unit>> units_;
   std::vector<UnitId> open_;
   Totals totals_;
+  Active active_;
   uint64_t evaluated_ = 0;
   ThresholdPtr threshold_;
   RegionPtr region_;

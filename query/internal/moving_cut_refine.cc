@@ -24,6 +24,7 @@ Status MovingCut::Refine(uint64_t round_nodes, const Commit& commit) {
       MTDB_RETURN_IF_ERROR(EndRoundWith(commit));
     }
   }
+  MTDB_RETURN_IF_ERROR(Survey());
   return EndRoundWith(commit);
 }
 
@@ -83,6 +84,7 @@ Status MovingCut::Advance(Unit& u) {
   }
   for (const Arc& arc : u.arrivals) {
     MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(*unit, arc));
+    ++totals_.by_code[unit->cluster.error_codes[node]];
     Touch(u, *unit, node);
   }
   u.arrivals.clear();
@@ -116,7 +118,11 @@ Status MovingCut::Advance(Unit& u) {
 void MovingCut::LookAt(Unit& u, const LoadedUnit& unit) {
   if (!unit.is_root) {
     for (uint32_t slot = 0; slot < u.first_own; ++slot) {
-      if (Present(u, unit, slot)) Touch(u, unit, unit.cluster.removers[slot]);
+      if (!Present(u, unit, slot)) continue;
+      const NodeIndex node = unit.cluster.removers[slot];
+      --totals_.by_code[LargestCode(ClusterId(u.id))];
+      ++totals_.by_code[unit.cluster.error_codes[node]];
+      Touch(u, unit, node);
     }
     return;
   }
@@ -125,7 +131,12 @@ void MovingCut::LookAt(Unit& u, const LoadedUnit& unit) {
   totals_.triangles += triangles;
   for (uint32_t slot = 0; slot < triangles; ++slot) {
     const uint32_t remover = unit.piece.removers[slot];
-    if (RemovedByChild(remover)) PassGate(u, unit, slot, ChildOrdinal(remover));
+    if (RemovedByChild(remover)) {
+      ++totals_.by_code[LargestCode(unit.children()[ChildOrdinal(remover)])];
+      PassGate(u, unit, slot, ChildOrdinal(remover));
+    } else {
+      ++totals_.by_code[0];
+    }
   }
 }
 
@@ -235,6 +246,7 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   ++inserted_;
   totals_.triangles += end - begin;
   totals_.triangles -= hole.size();
+  totals_.by_code[cluster.error_codes[node]] -= hole.size();
   if (!u.known.Test(node) || Unjudged(u, node)) {
     u.known.Set(node);
     Evaluate(u, unit, node);
@@ -247,8 +259,15 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   for (uint32_t slot = begin; slot < end; ++slot) {
     const uint32_t remover = cluster.removers[slot];
     if (RemovedByNode(remover)) {
+      ++totals_.by_code[cluster.error_codes[remover]];
       Touch(u, unit, remover);
-    } else if (remover != kDrain) {
+    } else if (remover == kDrain) {
+      ++totals_.by_code[0];
+    } else {
+      // A child that has looked around counts what arrives.
+      const ClusterId id = cluster.children[ChildOrdinal(remover)];
+      const Unit* const child = Find(id.value);
+      if (child == nullptr || !child->looked) ++totals_.by_code[LargestCode(id)];
       PassGate(u, unit, slot, ChildOrdinal(remover));
     }
   }
@@ -281,7 +300,7 @@ void MovingCut::PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_
     return;
   }
   if (u.gates[ordinal] == kAlways) return;  // it waits
-  const uint8_t code = index_.cluster(id).error_code_max;
+  const uint8_t code = LargestCode(id);
   if (code <= floor_) {
     u.gates[ordinal] = kAlways;
     later_gates_[code].emplace_back(u.id, ordinal);
@@ -309,6 +328,52 @@ double MovingCut::GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slo
   return error <= least ? least - error : -1;
 }
 
+// Which triangles are active: where there is a region, all of its mesh is looked at.
+Status MovingCut::Survey() {
+  active_ = {};
+  if (region_->whole()) {
+    active_.triangles = totals_.triangles;
+    for (size_t code = 0; code < 256; ++code) {
+      if (totals_.by_code[code] > 0) active_.largest_code = static_cast<uint8_t>(code);
+    }
+    return Status::Ok();
+  }
+  for (const UnitId id : open_) {
+    Unit& u = *units_[id];
+    if (u.activity == Activity::kNone) continue;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
+    SurveyUnit(u, *unit);
+  }
+  return Status::Ok();
+}
+
+// What enters the unit, and what it creates but for open children.
+void MovingCut::SurveyUnit(const Unit& u, const LoadedUnit& unit) {
+  const auto survey = [&](uint32_t slot, uint8_t code) {
+    if (u.activity == Activity::kSome && !region_->Within(Corners(unit, slot), errors_[code])) {
+      return;
+    }
+    ++active_.triangles;
+    active_.largest_code = std::max(active_.largest_code, code);
+  };
+  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
+    if (!Present(u, unit, slot)) continue;
+    survey(slot, unit.cluster.error_codes[unit.cluster.removers[slot]]);
+  }
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + u.first_own;
+    const uint32_t remover = unit.removers()[slot];
+    if (RemovedByNode(remover)) {
+      survey(slot, unit.cluster.error_codes[remover]);
+    } else if (remover == kDrain) {
+      survey(slot, 0);
+    } else if (const ClusterId child = unit.children()[ChildOrdinal(remover)];
+               Find(child.value) == nullptr) {
+      survey(slot, LargestCode(child));
+    }
+  });
+}
+
 // What fails here is done later, or not at all.
 void MovingCut::CloseIdle() {
   // Children first, for whose sake parents may be open.
@@ -328,7 +393,7 @@ void MovingCut::CloseIdle() {
 // Closes a unit without applied nodes when no triangle that enters it could be refused with its
 // largest error.
 bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
-  const double error = errors_[index_.cluster(ClusterId(u.id)).error_code_max];
+  const double error = errors_[LargestCode(ClusterId(u.id))];
   std::vector<double> margins(unit.parents.size(), std::numeric_limits<double>::infinity());
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!Present(u, unit, slot)) continue;
@@ -346,6 +411,11 @@ bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
                               : index_.children(ClusterId(parent->id));
     const auto at = std::lower_bound(children.begin(), children.end(), ClusterId(u.id));
     parent->gates[static_cast<size_t>(at - children.begin())] = Up(parent->low - margins[p]);
+  }
+  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
+    if (!Present(u, unit, slot)) continue;
+    --totals_.by_code[unit.cluster.error_codes[unit.cluster.removers[slot]]];
+    ++totals_.by_code[LargestCode(ClusterId(u.id))];
   }
   units_[u.id].reset();
   return true;

@@ -185,6 +185,18 @@ Status MovingCut::RemoveUnfounded() {
     ForEachFetched(*unit, todo_, true, [&](NodeIndex node) { Remove(u, *unit, node); });
   }
   todo_.clear();
+  // Open children know the errors of what has gone.
+  while (!queue_.empty()) {
+    Unit& u = *Find(*queue_.begin());
+    queue_.erase(queue_.begin());
+    u.queued = false;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
+    for (const Arc& arc : u.arrivals) {
+      MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(*unit, arc));
+      --totals_.by_code[unit->cluster.error_codes[node]];
+    }
+    u.arrivals.clear();
+  }
   return Status::Ok();
 }
 
@@ -201,6 +213,21 @@ void MovingCut::Remove(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   --totals_.applied;
   totals_.triangles -= end - begin;
   totals_.triangles += hole.size();
+  totals_.by_code[cluster.error_codes[node]] += hole.size();
+  for (uint32_t slot = begin + u.first_own; slot < end + u.first_own; ++slot) {
+    const uint32_t remover = cluster.removers[slot];
+    if (RemovedByNode(remover)) {
+      --totals_.by_code[cluster.error_codes[remover]];
+    } else if (remover == kDrain) {
+      --totals_.by_code[0];
+    } else if (const ClusterId id = cluster.children[ChildOrdinal(remover)];
+               Unit* const child = Find(id.value)) {
+      child->arrivals.push_back({u.id, slot});
+      Enqueue(*child);
+    } else {
+      --totals_.by_code[LargestCode(id)];
+    }
+  }
 }
 
 }  // namespace mtdb

@@ -137,6 +137,9 @@ class Follower {
         REQUIRE(applied[static_cast<size_t>(p)]);
     }
     REQUIRE(cut.totals().applied == count);
+    uint64_t triangles = 0;
+    for (const uint64_t of_code : cut.totals().by_code) triangles += of_code;
+    REQUIRE(triangles == cut.totals().triangles);
   }
   void RequireCut(const Cut& cut) const {
     for (size_t n = 0; n < applied.size(); ++n) {
@@ -191,6 +194,22 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
       REQUIRE(cut.totals().triangles == select.triangle_count());
       REQUIRE(cut.totals().forced == select.stats().nodes_forced);
       REQUIRE(cut.totals().clusters_used == select.stats().clusters_used);
+      // Clusters that stayed open tell more of their errors than a search learns.
+      uint64_t active = 0;
+      uint8_t largest = 0;
+      const Oracle oracle(f, query);
+      for (const uint32_t id : f.mt.Mesh(follower.applied)) {
+        if (!oracle.active(id)) continue;
+        ++active;
+        const int remover = f.mt.triangles[id].remover;
+        if (remover >= 0)
+          largest = std::max(largest, f.mt.nodes[static_cast<size_t>(remover)].code);
+      }
+      const Grid& grid = f.source->record_.grid;
+      REQUIRE(cut.active().triangles >= active);
+      REQUIRE(cut.active().triangles <= select.stats().active_triangles);
+      REQUIRE(cut.active().largest_code >= largest);
+      REQUIRE(grid.Error(cut.active().largest_code) + grid.cell_error() <= select.error_bound());
       weak += select.stats().nodes_forced;
     }
   }
@@ -234,7 +253,9 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
       });
       if (status.ok()) {
         query.control = nullptr;
-        follower.RequireCut(*surface->Select(query));
+        const Cut select = *surface->Select(query);
+        follower.RequireCut(select);
+        REQUIRE(cut.totals().triangles == select.triangle_count());
         continue;
       }
       ++stopped;
