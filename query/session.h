@@ -33,12 +33,17 @@ using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
 struct SessionUpdate {
   uint64_t insertions = 0;
   uint64_t removals = 0;
-  ExtractStats stats;  // of the new cut; `triangles` and `vertices` are those of the whole surface
+  // Of the new cut; `triangles` and `vertices` are those of the whole surface, `nodes_visited`
+  // those that were looked at, `seconds.select` includes the sink's time. Clusters that are in use
+  // still tell more of their errors than a search would learn: `active_triangles` and `error_bound`
+  // may be below those of Surface::Select.
+  ExtractStats stats;
 };
 
 // After De Floriani, Magillo, Puppo, "Efficient implementation of Multi-Triangulations" (1998), its
-// dynamic update. Used by one thread at a time; many sessions share a surface. Between updates it
-// keeps a bit for each node of the clusters with an applied node, and some bytes for each cluster.
+// dynamic update; how it finds what to take away is ours (docs/design.md). Used by one thread at a
+// time; many sessions share a surface. Between updates it keeps some 6 bytes for each node of the
+// clusters in use, and a pointer for each cluster.
 class Session {
  public:
   // At the root. `surface` stays alive with the session.
@@ -55,9 +60,10 @@ class Session {
   // the previous one. Errors: those of Surface::Select.
   //
   // Cost: in proportion to the updates and to the nodes whose decisions the new query may change,
-  // which is told from Threshold::Change; some steps for each cluster in use. A threshold that
-  // cannot tell its change, and where a region ends, all decisions are made again. With a budget
-  // the search is a fresh one, and so is the next one without.
+  // which is told from Threshold::Change; a step of 1 ns for each node of the clusters in use.
+  // Where a region ends, and everywhere for a threshold that cannot tell its change, all decisions
+  // are made again; with a region, the active triangles are counted anew. With a budget the search
+  // is a fresh one, and so is the next one without.
   Result<SessionUpdate> Update(const Query& query, std::vector<UpdateBatch>* batches);
   // Likewise, but hands the batches over round by round, so that they can be sent while the next
   // round is computed: removals with the first, insertions by falling errors, in a few rounds when
