@@ -1,6 +1,7 @@
 // What moving a cut costs: time, updates and bytes.
 //
-//   session_bench [--frames N] [--triangles T] [--large T] [MESH]
+//   session_bench [--frames N] [--triangles T] [--large T] [--json FILE] [MESH]
+//   session_bench [--frames N] [--json FILE] --store STORE
 //
 // sweep: the experiment of De Floriani, Magillo and Puppo (1998): a box of full resolution that
 //   holds some 500 triangles moves over the mesh (a sculpture of T triangles when none is given)
@@ -14,16 +15,31 @@
 // progressive: all updates from the root to full resolution: bytes against the payloads of the same
 //   nodes in the store, and the rates of encoding and decoding.
 //
+// camera: a viewer goes around the larger sculpture, towards it and away from it, 1 % of the
+// diagonal
+//   a frame; the threshold is in pixels or linear in the distance from the eye, and such that a
+//   twentieth of the triangles is left. From scratch is Surface::Select and Emit to a sink that
+//   drops the mesh. One thread, warm cache. Bytes per new triangle against Draco's.
+// rounds: the cut of an even error with a twentieth of the triangles, from the root: after each
+//   round the time so far, bytes, triangles, and the distance of the last mesh from this one; Draco
+//   shows nothing before its last byte.
+// With --store only these two, on the first object of the store. --json writes all rows to a file.
+//
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
 // that the session applied as many nodes as Select. Exits with 1 when not, or when the progressive
 // stream exceeds 1.4 times the payloads.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/internal/draco_peer.h"
+#include "bench/internal/hausdorff.h"
 #include "bench/internal/workload.h"
 #include "codecs/mesh_file.h"
 #include "codecs/update_stream.h"
@@ -40,6 +56,20 @@ void Expect(bool right, const char* what) {
   if (right) return;
   std::printf("WRONG: %s\n", what);
   all_right = false;
+}
+
+nlohmann::json rows = nlohmann::json::array();
+
+void AddRow(nlohmann::json row) { rows.push_back(std::move(row)); }
+
+// Writes the rows; what the program returns.
+int Finish(const std::string& json_file) {
+  if (!json_file.empty()) {
+    std::ofstream out(json_file);
+    out << rows.dump(1) << '\n';
+    Expect(out.good(), "the file of rows cannot be written");
+  }
+  return all_right ? 0 : 1;
 }
 
 // A session, its stream and its client.
@@ -168,6 +198,16 @@ void Sweep(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, in
               1e3 * per(totals.decode));
   std::printf("  per frame: %.1f insertions, %.1f removals, %.1f bytes\n", per(totals.insertions),
               per(totals.removals), per(totals.bytes));
+  AddRow({{"experiment", "sweep"},
+          {"object_triangles", surface->record().triangles},
+          {"cut_triangles", per(triangles)},
+          {"scratch_ms", 1e3 * per(totals.scratch)},
+          {"update_ms", 1e3 * per(totals.update)},
+          {"encode_ms", 1e3 * per(totals.encode)},
+          {"decode_ms", 1e3 * per(totals.decode)},
+          {"insertions", per(totals.insertions)},
+          {"removals", per(totals.removals)},
+          {"bytes", per(totals.bytes)}});
   std::printf("  listed %llu, recalled %llu\n",
               static_cast<unsigned long long>(connection.encoder().listed_updates()),
               static_cast<unsigned long long>(connection.encoder().recalled_vertices()));
@@ -239,6 +279,17 @@ void FollowPath(const std::shared_ptr<Surface>& surface, const TriangleMesh& mes
               1e3 * totals.update / n, 1e3 * totals.encode / n, 1e3 * totals.decode / n);
   std::printf("  bytes per new triangle: %.2f; Draco (%d bits, of the new triangles alone) %.2f\n",
               ratio(totals.bytes), kDracoBits, ratio(draco));
+  AddRow({{"experiment", "path"},
+          {"object_triangles", record.triangles},
+          {"update_ms", 1e3 * totals.update / n},
+          {"encode_ms", 1e3 * totals.encode / n},
+          {"decode_ms", 1e3 * totals.decode / n},
+          {"insertions", static_cast<double>(totals.insertions) / n},
+          {"removals", static_cast<double>(totals.removals) / n},
+          {"bytes", static_cast<double>(totals.bytes) / n},
+          {"new_triangles", static_cast<double>(changed) / n},
+          {"bytes_per_new_triangle", ratio(totals.bytes)},
+          {"draco_bytes_per_new_triangle", ratio(draco)}});
 }
 
 void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, int frames,
@@ -309,7 +360,210 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
               8.0 * static_cast<double>(payloads) / nodes, ratio);
   std::printf("  update %.2f us, encode %.2f us, decode %.2f us a node\n",
               1e6 * frame.update / nodes, 1e6 * frame.encode / nodes, 1e6 * frame.decode / nodes);
+  AddRow({{"experiment", "progressive"},
+          {"object_triangles", surface->record().triangles},
+          {"nodes", frame.insertions},
+          {"bits_per_node", 8.0 * static_cast<double>(frame.bytes) / nodes},
+          {"payload_bits_per_node", 8.0 * static_cast<double>(payloads) / nodes},
+          {"update_us_per_node", 1e6 * frame.update / nodes},
+          {"encode_us_per_node", 1e6 * frame.encode / nodes},
+          {"decode_us_per_node", 1e6 * frame.decode / nodes}});
   Expect(ratio <= 1.4, "the progressive stream is at most 1.4 times the payloads");
+}
+
+// Takes the mesh and lets it go.
+class NullSink final : public MeshSink {
+ public:
+  Status Begin(const MeshHeader&) override { return Status::Ok(); }
+  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
+  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
+  Status End() override { return Status::Ok(); }
+};
+
+// The factor at which `query_with` leaves about so many triangles.
+template <typename F>
+double FactorFor(const Surface& surface, uint64_t triangles, F&& query_with) {
+  double low = 1e-8;
+  double high = 1;
+  for (int i = 0; i < 16; ++i) {
+    const double middle = std::sqrt(low * high);
+    const Cut cut = surface.Select(query_with(middle)).value();
+    (cut.triangle_count() > triangles ? low : high) = middle;
+  }
+  return high;
+}
+
+// A camera that looks at the object's centre from `angle_rad` and from a distance in diagonals.
+Camera CameraAt(const ObjectRecord& record, double angle_rad, double distance) {
+  const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
+  const Vec3d away{std::cos(angle_rad), std::sin(angle_rad), 0.3};
+  Camera camera;
+  camera.eye = centre + away * (distance * record.diagonal() / Length(away));
+  camera.direction = centre - camera.eye;
+  return camera;
+}
+
+void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const char* path,
+                  int frames) {
+  const ObjectRecord& record = surface->record();
+  constexpr double kStep = 0.01;
+  constexpr double kDistance = 0.9;
+  const auto query_at = [&](int frame, double factor) {
+    const double moved = kStep * frame;
+    const std::string way = path;
+    const Camera camera = way == "around"    ? CameraAt(record, moved / kDistance, kDistance)
+                          : way == "towards" ? CameraAt(record, 0, kDistance - moved)
+                                             : CameraAt(record, 0, kDistance + moved);
+    Query query;
+    query.threshold =
+        in_pixels ? ScreenThreshold(camera, 1000 * factor) : LinearThreshold(camera.eye, 0, factor);
+    return query;
+  };
+  const double factor =
+      FactorFor(*surface, record.triangles / 20, [&](double value) { return query_at(0, value); });
+  double select = 0;
+  double emit = 0;
+  std::vector<uint64_t> nodes;
+  for (int f = 0; f <= frames; ++f) {
+    const double begin = ProcessCpuSeconds();
+    Cut cut = surface->Select(query_at(f, factor)).value();
+    const double selected = ProcessCpuSeconds();
+    NullSink sink;
+    Expect(cut.Emit(sink).ok(), "emission");
+    nodes.push_back(cut.applied_count());
+    if (f == 0) continue;
+    select += selected - begin;
+    emit += ProcessCpuSeconds() - selected;
+  }
+  Connection connection(surface);
+  Totals totals;
+  uint64_t changed = 0;
+  uint64_t draco = 0;
+  for (int f = 0; f <= frames; ++f) {
+    const uint64_t born = NewestBorn(connection.mesh());
+    const Connection::Frame frame = connection.Move(query_at(f, factor));
+    Expect(connection.session().applied_count() == nodes[static_cast<size_t>(f)],
+           "nodes of the session");
+    if (f == 0) continue;
+    totals.Add(frame);
+    const TriangleMesh made = NewTriangles(connection.mesh(), born);
+    changed += made.triangles.size();
+    if (!made.triangles.empty()) draco += MeasureDraco(made, kDracoBits, 10).bytes;
+  }
+  const auto per = [&](auto value) { return static_cast<double>(value) / frames; };
+  const auto of_changed = [&](uint64_t value) {
+    return static_cast<double>(value) / static_cast<double>(std::max<uint64_t>(changed, 1));
+  };
+  const double ratio = totals.update / (select + emit);
+  std::printf(
+      "camera %s, %s: %u triangles; from scratch %.2f ms (emission %.2f), update %.2f ms: %.3f\n",
+      path, in_pixels ? "pixels" : "linear", connection.mesh().triangle_count(),
+      1e3 * per(select + emit), 1e3 * per(emit), 1e3 * per(totals.update), ratio);
+  std::printf(
+      "  per frame: %.0f insertions, %.0f removals, encode %.2f ms, decode %.2f ms, %.0f bytes\n",
+      per(totals.insertions), per(totals.removals), 1e3 * per(totals.encode),
+      1e3 * per(totals.decode), per(totals.bytes));
+  std::printf("  bytes per new triangle: %.2f; Draco (%d bits, of the new triangles alone) %.2f\n",
+              of_changed(totals.bytes), kDracoBits, of_changed(draco));
+  AddRow({{"experiment", "camera"},
+          {"path", path},
+          {"threshold", in_pixels ? "pixels" : "linear"},
+          {"object_triangles", record.triangles},
+          {"cut_triangles", connection.mesh().triangle_count()},
+          {"scratch_ms", 1e3 * per(select + emit)},
+          {"emit_ms", 1e3 * per(emit)},
+          {"update_ms", 1e3 * per(totals.update)},
+          {"update_of_scratch", ratio},
+          {"encode_ms", 1e3 * per(totals.encode)},
+          {"decode_ms", 1e3 * per(totals.decode)},
+          {"insertions", per(totals.insertions)},
+          {"removals", per(totals.removals)},
+          {"bytes", per(totals.bytes)},
+          {"new_triangles", per(changed)},
+          {"bytes_per_new_triangle", of_changed(totals.bytes)},
+          {"draco_bytes_per_new_triangle", of_changed(draco)}});
+}
+
+void Rounds(const std::shared_ptr<Surface>& surface) {
+  const ObjectRecord& record = surface->record();
+  const auto query_with = [&](double factor) {
+    Query query;
+    query.threshold = ConstantThreshold(factor * record.diagonal());
+    return query;
+  };
+  const Query query = query_with(FactorFor(*surface, record.triangles / 20, query_with));
+  const double begin_once = ProcessCpuSeconds();
+  std::vector<UpdateBatch> batches;
+  const uint64_t triangles =
+      Session::Open(surface).value()->Update(query, &batches).value().stats.triangles;
+  const double once = ProcessCpuSeconds() - begin_once;
+
+  const auto session = Session::Open(surface).value();
+  UpdateEncoder encoder({record.grid, record.attributes, kRemembered}, session->Base().value());
+  UpdateDecoder decoder;
+  Expect(decoder.Feed(encoder.start()).ok(), "the first message");
+  struct Round {
+    double update = 0, total = 0;  // seconds so far
+    uint64_t bytes = 0;            // so far
+    TriangleMesh mesh;
+  };
+  std::vector<Round> rounds;
+  Round sum;
+  sum.bytes = encoder.start().size();
+  double begin = ProcessCpuSeconds();
+  const Status status = session
+                            ->Update(query,
+                                     [&](std::span<const UpdateBatch> round) {
+                                       const double updated = ProcessCpuSeconds();
+                                       const Bytes bytes = encoder.Encode(round);
+                                       MTDB_RETURN_IF_ERROR(decoder.Feed(bytes));
+                                       sum.update += updated - begin;
+                                       sum.total += ProcessCpuSeconds() - begin;
+                                       sum.bytes += bytes.size();
+                                       rounds.push_back(sum);
+                                       rounds.back().mesh = NewTriangles(decoder.mesh(), 0);
+                                       begin = ProcessCpuSeconds();
+                                       return Status::Ok();
+                                     })
+                            .status();
+  Expect(status.ok() && !rounds.empty(), "the rounds");
+  Expect(decoder.mesh().triangle_count() == triangles, "triangles after the last round");
+  const TriangleMesh& last = rounds.back().mesh;
+  const DracoResult draco = MeasureDraco(last, kDracoBits, 10);
+  std::printf(
+      "rounds: %llu triangles; all at once %.1f ms, in %zu rounds %.1f ms; Draco %llu bytes\n",
+      static_cast<unsigned long long>(triangles), 1e3 * once, rounds.size(),
+      1e3 * rounds.back().update, static_cast<unsigned long long>(draco.bytes));
+  bool usable = false;
+  for (const Round& r : rounds) {
+    const double distance = OneSidedHausdorff(last, r.mesh, 0) / record.diagonal();
+    const bool first = !usable && r.mesh.triangles.size() * 100 >= triangles;
+    usable |= first;
+    std::printf("  %7zu triangles after %.1f ms (update %.1f ms), %llu bytes: distance %.2g%s\n",
+                r.mesh.triangles.size(), 1e3 * r.total, 1e3 * r.update,
+                static_cast<unsigned long long>(r.bytes), distance,
+                first ? "; the first usable mesh" : "");
+    AddRow({{"experiment", "rounds"},
+            {"object_triangles", record.triangles},
+            {"cut_triangles", triangles},
+            {"triangles", r.mesh.triangles.size()},
+            {"update_ms", 1e3 * r.update},
+            {"update_encode_decode_ms", 1e3 * r.total},
+            {"bytes", r.bytes},
+            {"distance_of_diagonal", distance},
+            {"first_usable", first},
+            {"at_once_ms", 1e3 * once},
+            {"draco_bytes", draco.bytes},
+            {"draco_decode_ms", 1e3 * draco.decode_seconds}});
+  }
+}
+
+void FollowCameras(const std::shared_ptr<Surface>& surface, int frames) {
+  for (const bool in_pixels : {true, false}) {
+    for (const char* const path : {"around", "towards", "away"}) {
+      FollowCamera(surface, in_pixels, path, frames);
+    }
+  }
 }
 
 int Main(int argc, char** argv) {
@@ -318,12 +572,26 @@ int Main(int argc, char** argv) {
   uint64_t triangles = 70000;
   uint64_t large = 1000000;
   std::string file;
+  std::string store_file;
+  std::string json_file;
   app.add_option("--frames", frames, "of the sweep and the path");
   app.add_option("--triangles", triangles, "of the sculpture without MESH");
   app.add_option("--large", large, "triangles of the larger sculpture; 0: none");
   app.add_option("MESH", file);
+  app.add_option("--store", store_file, "measure the camera and the rounds on its first object");
+  app.add_option("--json", json_file, "write the rows there");
   CLI11_PARSE(app, argc, argv);
 
+  if (!store_file.empty()) {
+    const auto database = Database::Open(store_file).value();
+    const std::string name = database->List().value().at(0).name;
+    const auto surface = Surface::Open(database->OpenObject(name).value(),
+                                       {.cache_bytes = size_t{8} << 30, .threads = 1})
+                             .value();
+    FollowCameras(surface, std::min(frames, 20));
+    Rounds(surface);
+    return Finish(json_file);
+  }
   TriangleMesh mesh;
   if (file.empty()) {
     mesh = Sculpture(triangles);
@@ -351,8 +619,10 @@ int Main(int argc, char** argv) {
     Window(larger, large_mesh, frames, false);
     Window(larger, large_mesh, frames, true);
     Progressive(larger);
+    FollowCameras(larger, std::min(frames, 20));
+    Rounds(larger);
   }
-  return all_right ? 0 : 1;
+  return Finish(json_file);
 }
 
 }  // namespace

@@ -22,7 +22,10 @@
 namespace mtdb {
 
 class Bits;
+struct CutState;
+class MovingCut;
 class Surface;
+class UnitReader;
 
 // Takes the batches of one round of an update, in order. What it returns but ok ends the update.
 using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
@@ -30,12 +33,17 @@ using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
 struct SessionUpdate {
   uint64_t insertions = 0;
   uint64_t removals = 0;
-  ExtractStats stats;  // of the new cut; `triangles` and `vertices` are those of the whole surface
+  // Of the new cut; `triangles` and `vertices` are those of the whole surface, `nodes_visited`
+  // those that were looked at, `seconds.select` includes the sink's time. Clusters that are in use
+  // still tell more of their errors than a search would learn: `active_triangles` and `error_bound`
+  // may be below those of Surface::Select.
+  ExtractStats stats;
 };
 
 // After De Floriani, Magillo, Puppo, "Efficient implementation of Multi-Triangulations" (1998), its
-// dynamic update. Used by one thread at a time; many sessions share a surface. Between updates it
-// keeps a bit for each node of the clusters with an applied node, and some bytes for each cluster.
+// dynamic update; how it finds what to take away is ours (docs/design.md). Used by one thread at a
+// time; many sessions share a surface. Between updates it keeps some 6 bytes for each node of the
+// clusters in use, and a pointer for each cluster.
 class Session {
  public:
   // At the root. `surface` stays alive with the session.
@@ -51,21 +59,33 @@ class Session {
   // are ignored: a session holds the whole surface. On an error, cancellation included, the cut is
   // the previous one. Errors: those of Surface::Select.
   //
-  // Cost: the search is a fresh one, over the clusters in the cache; comparing takes 1/64 step a
-  // node of the clusters in use; the rest is in proportion to the updates.
+  // Cost: in proportion to the updates and to the nodes whose decisions the new query may change,
+  // which is told from Threshold::Change; a step of 1 ns for each node of the clusters in use.
+  // Where a region ends, and everywhere for a threshold that cannot tell its change, all decisions
+  // are made again; with a region, the active triangles are counted anew. With a budget the search
+  // is a fresh one, and so is the next one without.
   Result<SessionUpdate> Update(const Query& query, std::vector<UpdateBatch>* batches);
   // Likewise, but hands the batches over round by round, so that they can be sent while the next
-  // round is computed. After each round the cut is the one that its batches lead to; after an
-  // error, the sink's included, it is that of the last round whose batches the sink took.
+  // round is computed: removals with the first, insertions by falling errors, in a few rounds when
+  // they are many. After each round the cut is the one that its batches lead to; after an error,
+  // the sink's included, it is that of the last round whose batches the sink took.
   Result<SessionUpdate> Update(const Query& query, const BatchSink& sink);
 
   bool applied(ClusterId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return applied_count_; }
 
  private:
+  using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
   explicit Session(std::shared_ptr<const Surface> surface);
+  Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
+  Status Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
+              SessionUpdate* update);
+  Status Settle(UnitReader& reader, const Query& query, const TakeBatches& take,
+                SessionUpdate* update);
+  const Bits& BitsOf(uint32_t cluster) const;
   const std::shared_ptr<const Surface> surface_;
-  std::vector<Bits> applied_;  // per cluster; empty where no node is applied
+  std::unique_ptr<MovingCut> moving_;  // null after an update with a budget
+  std::vector<Bits> settled_;          // then: per cluster, empty where no node is applied
   uint64_t applied_count_ = 0;
 };
 

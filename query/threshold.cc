@@ -13,22 +13,76 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// For sums of a few numbers of these sizes.
+double Slack(double a, double b) {
+  const double size = std::max(std::abs(a), std::abs(b));
+  return std::isfinite(size) ? kBoxRounding * size : 0;
+}
+ErrorRange Widened(ErrorRange range, double slack) {
+  return {range.low - slack, range.high + slack};
+}
+ErrorRange Hull(ErrorRange a, ErrorRange b) {
+  return {std::min(a.low, b.low), std::max(a.high, b.high)};
+}
+double Difference(double to, double from) { return to == from ? 0 : to - from; }
+
 class Constant final : public Threshold {
  public:
   explicit Constant(double value) : value_(value) {}
   double Min(const Triangle3d&, double) const override { return value_; }
   std::optional<double> constant() const override { return value_; }
+  ErrorRange Range(const Box3d&, double) const override { return {value_, value_}; }
+  ErrorRange Change(const Threshold& to, const Box3d&, double) const override {
+    const std::optional<double> value = to.constant();
+    if (!value) return {};
+    const double change = Difference(*value, value_);
+    return Widened({change, change}, change == 0 ? 0 : Slack(*value, value_));
+  }
 
  private:
   double value_;
 };
 
-// A monotone function of the distance from a point.
-template <typename Function>
+// The distances of the box's points from `p`.
+ErrorRange Distances(const Box3d& box, Vec3d p) {
+  double far2 = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double far = std::max(std::abs(box.min[i] - p[i]), std::abs(box.max[i] - p[i]));
+    far2 += far * far;
+  }
+  return {std::sqrt(SquaredDistancePointBox(p, box)), std::sqrt(far2)};
+}
+
+// How the distance from a point that moves from a to b changes, for the points q of the box:
+// |q - b| - |q - a| = (a - b) (2q - a - b) / (|q - a| + |q - b|), whose numerator is linear in q.
+ErrorRange DistanceChange(const Box3d& box, Vec3d a, Vec3d b) {
+  if (a == b) return {0, 0};
+  const ErrorRange from = Distances(box, a);
+  const ErrorRange to = Distances(box, b);
+  const double length = Length(b - a);
+  ErrorRange top{0, 0};
+  for (int i = 0; i < 3; ++i) {
+    const double step = a[i] - b[i];
+    const double at_min = step * (2 * box.min[i] - a[i] - b[i]);
+    const double at_max = step * (2 * box.max[i] - a[i] - b[i]);
+    top.low += std::min(at_min, at_max);
+    top.high += std::max(at_min, at_max);
+  }
+  const double least = from.low + to.low;
+  const double most = from.high + to.high;
+  const double low = top.low < 0 ? (least > 0 ? top.low / least : -length) : top.low / most;
+  const double high = top.high > 0 ? (least > 0 ? top.high / least : length) : top.high / most;
+  const double slack = Rounding(box, length, std::max(LargestCoordinate(a), LargestCoordinate(b)));
+  return Widened({std::max(low, -length), std::min(high, length)}, 4 * slack);
+}
+
+// base + factor * Shape::Of(r), with r the distance from a point: monotone in r. Shapes are convex
+// or concave, and grow.
+template <typename Shape>
 class OfDistance final : public Threshold {
  public:
-  OfDistance(Vec3d point, bool grows, Function function)
-      : point_(point), grows_(grows), function_(function) {}
+  OfDistance(Vec3d point, double base, double factor, Shape shape)
+      : point_(point), base_(base), factor_(factor), grows_(factor >= 0), shape_(shape) {}
 
   // A growing field is smallest at the nearest point, a falling one at the farthest: the farthest
   // point of a triangle is a corner.
@@ -36,21 +90,96 @@ class OfDistance final : public Threshold {
     double d2 = 0;
     if (grows_) {
       d2 = SquaredDistancePointTriangle(point_, t[0], t[1], t[2]);
-      return function_(std::max(0.0, std::sqrt(d2) - distance));
+      return At(std::max(0.0, std::sqrt(d2) - distance));
     }
     for (const Vec3d& p : t) d2 = std::max(d2, SquaredLength(p - point_));
-    return function_(std::sqrt(d2) + distance);
+    return At(std::sqrt(d2) + distance);
+  }
+
+  ErrorRange Range(const Box3d& box, double distance) const override {
+    const ErrorRange r = Reach(box, distance);
+    const double a = At(r.low);
+    const double b = At(r.high);
+    return Known(Widened({std::min(a, b), std::max(a, b)}, Slack(a, b)));
+  }
+
+  // In two steps: the distance changes, then the function. What either does to the value is largest
+  // and smallest at an end of the range of distances, or where the distance becomes 0.
+  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+    const auto* const other = dynamic_cast<const OfDistance*>(&to);
+    if (other == nullptr || other->grows_ != grows_ || !(other->shape_ == shape_)) return {};
+    const bool same = base_ == other->base_ && factor_ == other->factor_;
+    if (same && point_ == other->point_) return {0, 0};
+    const ErrorRange from = Reach(box, distance);
+    const ErrorRange into = other->Reach(box, distance);
+    ErrorRange moved = DistanceChange(box, point_, other->point_);
+    // Where the neighbourhood of a triangle can hold the point, the distance from it stays 0.
+    if (grows_ && (from.low <= 0 || into.low <= 0)) moved = Hull(moved, {0, 0});
+    ErrorRange change{kInfinity, -kInfinity};
+    double size = 0;
+    for (const double step : {moved.low, moved.high}) {
+      for (const double r : {from.low, from.high, std::clamp(-step, from.low, from.high)}) {
+        const double value = other->At(r);
+        const double next = other->At(std::max(0.0, r + step));
+        change = Hull(change, {next - value, next - value});
+        size = std::max({size, std::abs(value), std::abs(next)});
+      }
+    }
+    if (!same) {
+      const double a = other->At(from.low) - At(from.low);
+      const double b = other->At(from.high) - At(from.high);
+      size = std::max({size, std::abs(At(from.low)), std::abs(At(from.high))});
+      change.low += std::min(a, b);
+      change.high += std::max(a, b);
+    }
+    return Known(Widened(change, 4 * Slack(size, size)));
   }
 
  private:
+  double At(double r) const { return shape_.Value(base_, factor_, r); }
+  // The distances at which Min may take the function.
+  ErrorRange Reach(const Box3d& box, double distance) const {
+    const ErrorRange r = Distances(box, point_);
+    const double slack = Rounding(box, distance, LargestCoordinate(point_));
+    if (grows_) return {std::max(0.0, r.low - distance - slack), r.high + slack};
+    return {std::max(0.0, r.low - slack), r.high + distance + slack};
+  }
+  static ErrorRange Known(ErrorRange range) {
+    return std::isfinite(range.low) && std::isfinite(range.high) ? range : ErrorRange{};
+  }
+
   Vec3d point_;
+  double base_;
+  double factor_;
   bool grows_;
-  Function function_;
+  Shape shape_;
 };
 
-template <typename Function>
-ThresholdPtr MakeOfDistance(Vec3d point, bool grows, Function function) {
-  return std::make_shared<OfDistance<Function>>(point, grows, function);
+struct Line {
+  static double Value(double base, double factor, double r) { return base + factor * r; }
+  friend bool operator==(Line, Line) = default;
+};
+struct Square {
+  static double Value(double base, double factor, double r) { return base + factor * r * r; }
+  friend bool operator==(Square, Square) = default;
+};
+struct Root {
+  static double Value(double base, double factor, double r) { return base + factor * std::sqrt(r); }
+  friend bool operator==(Root, Root) = default;
+};
+// The factor only says whether the field grows.
+struct Exponential {
+  double start;
+  double rate;
+  double Value(double, double, double r) const {
+    return start == 0 ? 0.0 : start * std::exp(rate * r);
+  }
+  friend bool operator==(Exponential, Exponential) = default;
+};
+
+template <typename Shape>
+ThresholdPtr MakeOfDistance(Vec3d point, double base, double factor, Shape shape) {
+  return std::make_shared<OfDistance<Shape>>(point, base, factor, shape);
 }
 
 class Screen final : public Threshold {
@@ -74,14 +203,109 @@ class Screen final : public Threshold {
       aside2 = std::max(aside2, SquaredLength(from_eye - forward_ * depth));
     }
     if (high + distance < near_) return kInfinity;
-    // z^2 / r grows with z and falls with the distance from the axis, which in sight is at most z
-    // times the tangent to the picture's corner.
-    const double z = std::max({low - distance, near_, 0.0});
-    const double aside = std::min(std::sqrt(aside2) + distance, z * corner_);
-    return z > 0 ? factor_ * z * (z / std::hypot(z, aside)) : 0;
+    return At(low - distance, std::sqrt(aside2) + distance);
+  }
+
+  ErrorRange Range(const Box3d& box, double distance) const override {
+    const Vec3d half = (box.max - box.min) * 0.5;
+    const Vec3d centre = box.min + half - eye_;
+    const double slack = 4 * Rounding(box, distance, LargestCoordinate(eye_));
+    const double depth = Dot(centre, forward_);
+    const double deep = std::abs(half.x * forward_.x) + std::abs(half.y * forward_.y) +
+                        std::abs(half.z * forward_.z) + slack;
+    if (depth + deep + distance < near_) return {kInfinity, kInfinity};
+    const double aside = std::sqrt(SquaredLength(centre - forward_ * depth));
+    const double wide = std::sqrt(SquaredLength(half)) + slack;
+    const double low = About(depth - deep - distance, aside + wide + distance);
+    const double high = About(depth + deep, std::max(0.0, aside - wide));
+    return Widened({low, depth - deep >= near_ ? high : kInfinity}, Slack(low, high));
+  }
+
+  // The field's slope along the axis of view is from 0 to kDepthSlope, and at least `least` in
+  // sight; away from the axis it is from -kAsideSlope to 0.
+  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+    const auto* const other = dynamic_cast<const Screen*>(&to);
+    if (other == nullptr || other->near_ != near_ || other->corner_ != corner_) return {};
+    const bool same = other->factor_ == factor_;
+    if (same && other->eye_ == eye_ && other->forward_ == forward_) return {0, 0};
+    const Place a = PlaceOf(box);
+    const Place b = other->PlaceOf(box);
+    const double slack =
+        8 *
+        Rounding(box, distance, std::max(LargestCoordinate(eye_), LargestCoordinate(other->eye_)));
+    if (std::max(a.high, b.high) + distance + slack < near_) return {0, 0};
+    if (std::min(a.low, b.low) - slack < near_) return {};
+    ErrorRange depth{kInfinity, -kInfinity};
+    ErrorRange aside{0, 0};
+    for (int i = 0; i < 8; ++i) {
+      const Vec3d p = Corner(box, i) - eye_;
+      const Vec3d q = Corner(box, i) - other->eye_;
+      const double from = Dot(p, forward_);
+      const double into = Dot(q, other->forward_);
+      depth = Hull(depth, {into - from, into - from});
+      // A length of what is linear in the point: largest at a corner.
+      const double step = Length((q - other->forward_ * into) - (p - forward_ * from));
+      aside.high = std::max(aside.high, step);
+    }
+    aside.low = -aside.high;
+    depth = Widened(depth, slack);
+    aside = Widened(aside, slack);
+    // Within `distance` of the near plane the depth stays there.
+    if (std::min(a.low, b.low) - distance - slack <= near_) depth = Hull(depth, {0, 0});
+    const double least = 1 / std::hypot(1.0, corner_);
+    const auto product = [&](double step, double small, double large) {
+      return step * (step > 0 ? large : small);
+    };
+    ErrorRange change{depth.low < 0 ? depth.low * kDepthSlope : depth.low * least,
+                      product(depth.high, least, kDepthSlope)};
+    change.low = change.low * other->factor_ - kAsideSlope * aside.high * other->factor_;
+    change.high = change.high * other->factor_ - kAsideSlope * aside.low * other->factor_;
+    const double most = std::max(a.high, b.high) * std::max(factor_, other->factor_);
+    if (!same) {
+      const double grown = (other->factor_ - factor_) * (a.high + slack);
+      change.low += std::min(0.0, grown);
+      change.high += std::max(0.0, grown);
+    }
+    return Widened(change, 8 * Slack(most, most));
   }
 
  private:
+  // Bounds of sqrt(1 + u^2)^-3 (1 + 2 u^2) and of sqrt(1 + u^2)^-3 u, with u the tangent of the
+  // angle with the axis.
+  static constexpr double kDepthSlope = 1.0887;
+  static constexpr double kAsideSlope = 0.38491;
+
+  struct Place {
+    double low, high;  // depths
+    double aside;      // the largest distance from the axis
+  };
+  Place PlaceOf(const Box3d& box) const {
+    Place place{kInfinity, -kInfinity, 0};
+    for (int i = 0; i < 8; ++i) {
+      const Vec3d p = Corner(box, i) - eye_;
+      const double depth = Dot(p, forward_);
+      place.low = std::min(place.low, depth);
+      place.high = std::max(place.high, depth);
+      place.aside = std::max(place.aside, SquaredLength(p - forward_ * depth));
+    }
+    place.aside = std::sqrt(place.aside);
+    return place;
+  }
+  // z^2 / r grows with z and falls with the distance from the axis, which in sight is at most z
+  // times the tangent to the picture's corner.
+  double At(double depth, double from_axis) const {
+    const double z = std::max({depth, near_, 0.0});
+    const double aside = std::min(from_axis, z * corner_);
+    return z > 0 ? factor_ * z * (z / std::hypot(z, aside)) : 0;
+  }
+
+  // Likewise, up to rounding, and faster.
+  double About(double depth, double from_axis) const {
+    const double z = std::max({depth, near_, 0.0});
+    const double aside = std::min(from_axis, z * corner_);
+    return z > 0 ? factor_ * z * (z / std::sqrt(z * z + aside * aside)) : 0;
+  }
+
   Vec3d eye_;
   Vec3d forward_;
   double near_;
@@ -99,6 +323,23 @@ class ByRegion final : public Threshold {
     const double inside = inside_->Min(t, distance);
     if (region_->Covers(t, distance)) return inside;
     return std::min(inside, outside_->Min(t, distance));
+  }
+  ErrorRange Range(const Box3d& box, double distance) const override {
+    if (!region_->BoxWithin(box, distance)) return outside_->Range(box, distance);
+    const ErrorRange inside = inside_->Range(box, distance);
+    if (region_->BoxCovers(box, distance)) return inside;
+    return Hull(inside, outside_->Range(box, distance));
+  }
+  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+    const auto* const other = dynamic_cast<const ByRegion*>(&to);
+    if (other == nullptr) return {};
+    const auto inside = [&] { return inside_->Change(*other->inside_, box, distance); };
+    const auto outside = [&] { return outside_->Change(*other->outside_, box, distance); };
+    const auto covers = [&](const Region& r) { return r.BoxCovers(box, distance); };
+    const auto misses = [&](const Region& r) { return !r.BoxWithin(box, distance); };
+    if (misses(*region_) && misses(*other->region_)) return outside();
+    if (covers(*region_) && covers(*other->region_)) return inside();
+    return region_ == other->region_ ? Hull(inside(), outside()) : ErrorRange{};
   }
 
  private:
@@ -137,6 +378,24 @@ class Chosen final : public Threshold {
     for (const ThresholdPtr& p : thresholds_) value = choose_(value, p->Min(t, distance));
     return value;
   }
+  ErrorRange Range(const Box3d& box, double distance) const override {
+    ErrorRange range{none_, none_};
+    for (const ThresholdPtr& p : thresholds_) {
+      const ErrorRange one = p->Range(box, distance);
+      range = {choose_(range.low, one.low), choose_(range.high, one.high)};
+    }
+    return range;
+  }
+  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+    const auto* const other = dynamic_cast<const Chosen*>(&to);
+    if (other == nullptr || other->thresholds_.size() != thresholds_.size()) return {};
+    ErrorRange change{0, 0};
+    for (size_t i = 0; i < thresholds_.size(); ++i) {
+      const ErrorRange one = thresholds_[i]->Change(*other->thresholds_[i], box, distance);
+      change = i == 0 ? one : Hull(change, one);
+    }
+    return change;
+  }
   std::optional<double> constant() const override {
     double value = none_;
     for (const ThresholdPtr& p : thresholds_) {
@@ -160,6 +419,12 @@ ThresholdPtr MakeChosen(std::vector<ThresholdPtr> thresholds, double none, Choos
 
 }  // namespace
 
+ErrorRange Threshold::Range(const Box3d&, double) const { return {}; }
+
+ErrorRange Threshold::Change(const Threshold& to, const Box3d&, double) const {
+  return this == &to ? ErrorRange{0, 0} : ErrorRange{};
+}
+
 ThresholdPtr ConstantThreshold(double error_model) {
   return std::make_shared<Constant>(error_model);
 }
@@ -175,20 +440,19 @@ ThresholdPtr CoarsestThreshold() {
 }
 
 ThresholdPtr LinearThreshold(Vec3d point, double base, double slope) {
-  return MakeOfDistance(point, slope >= 0, [=](double r) { return base + slope * r; });
+  return MakeOfDistance(point, base, slope, Line{});
 }
 
 ThresholdPtr QuadraticThreshold(Vec3d point, double base, double factor) {
-  return MakeOfDistance(point, factor >= 0, [=](double r) { return base + factor * r * r; });
+  return MakeOfDistance(point, base, factor, Square{});
 }
 
 ThresholdPtr SquareRootThreshold(Vec3d point, double base, double factor) {
-  return MakeOfDistance(point, factor >= 0, [=](double r) { return base + factor * std::sqrt(r); });
+  return MakeOfDistance(point, base, factor, Root{});
 }
 
 ThresholdPtr ExponentialThreshold(Vec3d point, double base, double rate) {
-  return MakeOfDistance(point, base * rate >= 0,
-                        [=](double r) { return base == 0 ? 0.0 : base * std::exp(rate * r); });
+  return MakeOfDistance(point, 0, base * rate, Exponential{base, rate});
 }
 
 ThresholdPtr ScreenThreshold(const Camera& camera, double pixels) {

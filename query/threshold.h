@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -14,6 +15,12 @@
 #include "store/base/geometry.h"
 
 namespace mtdb {
+
+// All numbers from `low` to `high`; by default nothing is known of one.
+struct ErrorRange {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+};
 
 // A field of largest permitted errors over space, both in model units. Negative: only the full
 // resolution will do. Immutable; safe for many threads.
@@ -27,6 +34,12 @@ class Threshold {
   // smallest value, up to rounding, where a kind of threshold does not say otherwise. The same
   // arguments always give the same answer.
   virtual double Min(const Triangle3d& t, double distance) const = 0;
+  // Where Min(t, d) lies for all triangles t inside the box and all d from 0 to `distance`.
+  virtual ErrorRange Range(const Box3d& box, double distance) const;
+  // Where to.Min(t, d) - Min(t, d) lies for all these t and d; two infinite values of one sign
+  // differ by 0. For those who follow a field that moves, as a camera's does. Known for constants,
+  // fields of a distance and of the screen when only the place moves, and what consists of them.
+  virtual ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const;
   // The field's value when it is the same everywhere, so that the geometry need not be looked at.
   virtual std::optional<double> constant() const { return std::nullopt; }
   // True when no error is permitted anywhere, not even 0.

@@ -42,15 +42,21 @@ class Bits {
   void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
   // Clears the flag unless `keep`.
   void Keep(uint32_t i, bool keep) { words_[i >> 6] &= ~(uint64_t{!keep} << (i & 63)); }
-  // Takes all flags from bytes that are 0 or 1, size() of them.
+  // 64 flags from bytes that are 0 or 1.
+  static uint64_t PackWord(const uint8_t* bytes) {
+    uint64_t word = 0;
+    for (int i = 0; i < 64; i += 8, bytes += 8) {
+      uint64_t eight = 0;
+      for (int b = 0; b < 8; ++b) eight |= uint64_t{bytes[b]} << (8 * b);
+      word |= (eight * 0x0102040810204080u >> 56) << i;
+    }
+    return word;
+  }
+  // Takes all flags from such bytes, size() of them.
   void Pack(const uint8_t* bytes) {
     for (uint64_t& word : words_) {
-      word = 0;
-      for (int i = 0; i < 64; i += 8, bytes += 8) {
-        uint64_t eight = 0;
-        for (int b = 0; b < 8; ++b) eight |= uint64_t{bytes[b]} << (8 * b);
-        word |= (eight * 0x0102040810204080u >> 56) << i;
-      }
+      word = PackWord(bytes);
+      bytes += 64;
     }
   }
   // Sets the flags that are set in both, which are as long; returns their number.
@@ -61,6 +67,37 @@ class Bits {
       n += PopCount(a[w] & b[w]);
     }
     return n;
+  }
+  // Clears the flags that are set in `other`, which is as long; returns the number of those left.
+  uint32_t RemoveAll(std::span<const uint64_t> other) {
+    uint32_t n = 0;
+    for (size_t w = 0; w < words_.size(); ++w) {
+      words_[w] &= ~other[w];
+      n += PopCount(words_[w]);
+    }
+    return n;
+  }
+  // The number of flags that are set here and not in `other`, which is as long.
+  uint32_t CountWithout(std::span<const uint64_t> other) const {
+    uint32_t n = 0;
+    for (size_t w = 0; w < words_.size(); ++w) n += PopCount(words_[w] & ~other[w]);
+    return n;
+  }
+  void ClearRange(uint32_t begin, uint32_t end) {
+    for (uint32_t i = begin; i < end;) {
+      const uint32_t n = std::min(end - i, 64 - (i & 63));
+      words_[i >> 6] &= ~((~uint64_t{0} >> (64 - n)) << (i & 63));
+      i += n;
+    }
+  }
+  uint32_t CountRange(uint32_t begin, uint32_t end) const {
+    uint32_t count = 0;
+    for (uint32_t i = begin; i < end;) {
+      const uint32_t n = std::min(end - i, 64 - (i & 63));
+      count += PopCount(words_[i >> 6] >> (i & 63) & (~uint64_t{0} >> (64 - n)));
+      i += n;
+    }
+    return count;
   }
   void SetRange(uint32_t begin, uint32_t end) {
     for (uint32_t i = begin; i < end;) {

@@ -171,4 +171,53 @@ TEST_CASE("a clipped client that follows a session holds what of its cut meets t
   WalkClipped(Build(MakeFinnedSheet(40)), 60, 100);
 }
 
+TEST_CASE("a client that takes round after round holds a mesh after each, of falling errors") {
+  const BuiltObject object = Build(MakeSculpture(100000));
+  const Surface& surface = *object.surface;
+  const auto session = *Session::Open(object.surface);
+  UpdateEncoder encoder({surface.record().grid, surface.record().attributes, 1000},
+                        *session->Base());
+  UpdateDecoder decoder;
+  REQUIRE(decoder.Feed(encoder.start()).ok());
+  const auto move = [&](const Query& query, uint64_t taken) {
+    uint64_t rounds = 0;
+    uint64_t applied = session->applied_count();
+    const Result<SessionUpdate> update =
+        session->Update(query, [&](std::span<const UpdateBatch> batches) {
+          if (rounds == taken) return IoError("the client is gone");
+          ++rounds;
+          REQUIRE(decoder.Feed(encoder.Encode(batches)).ok());
+          REQUIRE(ClientMeshFault(decoder.mesh()).empty());
+          REQUIRE(CheckMesh(Compacted(decoder.mesh())).ok());
+          for (const UpdateBatch& batch : batches) {
+            applied += batch.insert ? batch.nodes.size() : 0;
+            applied -= batch.insert ? 0 : batch.nodes.size();
+          }
+          return Status::Ok();
+        });
+    REQUIRE(session->applied_count() == applied);
+    REQUIRE(decoder.mesh().vertex_count() == surface.index().root_vertices() + applied);
+    REQUIRE(update.ok() == (taken == 100));
+    if (update.ok()) {
+      Cut cut = *surface.Select(query);
+      REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut));
+      REQUIRE(update->stats.triangles == cut.triangle_count());
+      REQUIRE(update->stats.nodes_forced == cut.stats().nodes_forced);
+    }
+    return rounds;
+  };
+  const double diagonal = surface.record().diagonal();
+  const Vec3d corner = surface.record().bounds.max;
+  Query query;
+  query.threshold = LinearThreshold(corner, 0, 0.001);
+  CHECK(move(query, 100) >= 2);
+  query.threshold = LinearThreshold(corner + Vec3d{0.01, 0, 0} * diagonal, 0, 0.001);
+  CHECK(move(query, 100) == 1);  // a small step
+  query.threshold = nullptr;
+  CHECK(move(query, 2) == 2);  // then the client refuses
+  CHECK(move(query, 100) >= 2);
+  query.threshold = ConstantThreshold(0.1 * diagonal);
+  CHECK(move(query, 100) == 1);
+}
+
 }  // namespace mtdb::testing

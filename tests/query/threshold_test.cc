@@ -237,4 +237,105 @@ TEST_CASE("Constants know that they are constant") {
   REQUIRE(!MinThreshold({LinearThreshold({}, 1, 1), ConstantThreshold(1)})->constant());
 }
 
+TEST_CASE("a threshold knows where Min lies in a box, and how it changes as the threshold moves") {
+  std::mt19937 random(11);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const auto point = [&](double size) {
+    return Vec3d{uniform(-size, size), uniform(-size, size), uniform(-size, size)};
+  };
+  // Makes two thresholds of a kind; `step` says how far they are apart.
+  const auto pair = [&](int kind, double step) -> std::array<ThresholdPtr, 2> {
+    const Vec3d at = point(3);
+    const Vec3d to = at + point(step);
+    const double base = uniform(0, 1);
+    const double factor = uniform(-0.5, 0.5);
+    const double next = random() % 2 == 0 ? factor : factor * uniform(1, 1 + step);
+    Camera camera{.eye = at, .direction = point(1), .up = point(1)};
+    camera.near = random() % 2 == 0 ? 0.1 : 0;
+    Camera moved = camera;
+    moved.eye = to;
+    if (random() % 2 == 0) moved.direction = camera.direction + point(0.2 * step);
+    const double pixels = uniform(1, 100);
+    const double more = random() % 2 == 0 ? pixels : pixels * uniform(1, 1 + step);
+    const auto screens = [&]() -> std::array<ThresholdPtr, 2> {
+      return {ScreenThreshold(camera, pixels), ScreenThreshold(moved, more)};
+    };
+    switch (kind) {
+      case 0: return {ConstantThreshold(base), ConstantThreshold(base + uniform(-step, step))};
+      case 1: return {LinearThreshold(at, base, factor), LinearThreshold(to, base, next)};
+      case 2: return {QuadraticThreshold(at, base, factor), QuadraticThreshold(to, base, next)};
+      case 3: return {SquareRootThreshold(at, base, factor), SquareRootThreshold(to, base, next)};
+      case 4:
+        return {ExponentialThreshold(at, base, factor), ExponentialThreshold(to, base, factor)};
+      case 5: return screens();
+      case 6: {
+        const RegionPtr ball = SphereRegion(at, uniform(0.1, 3));
+        const RegionPtr other = random() % 2 == 0 ? ball : SphereRegion(to, uniform(0.1, 3));
+        return {RegionThreshold(ball, ConstantThreshold(base), LinearThreshold(at, 0, 1)),
+                RegionThreshold(other, ConstantThreshold(base + step), LinearThreshold(to, 0, 1))};
+      }
+      case 7: {
+        const auto [a, b] = screens();
+        return {MaxThreshold({a, ConstantThreshold(0.01), LinearThreshold(at, 0, 0.1)}),
+                MaxThreshold({b, ConstantThreshold(0.02), LinearThreshold(to, 0, 0.1)})};
+      }
+      default: {
+        const auto [a, b] = screens();
+        return {MinThreshold({a, LinearThreshold(at, 1, -0.1)}),
+                MinThreshold({b, LinearThreshold(to, 1, -0.1)})};
+      }
+    }
+  };
+  for (int kind = 0; kind < 9; ++kind) {
+    int told = 0;
+    for (int i = 0; i < 3000; ++i) {
+      const double step = std::pow(10, uniform(-4, 0));
+      const auto [from, to] = pair(kind, step);
+      Box3d box;
+      box.Add(point(3));
+      box.Add(box.min + point(random() % 2 == 0 ? 0.2 : 2));
+      const double distance = random() % 4 == 0 ? 0 : uniform(0, 0.3);
+      const ErrorRange range = from->Range(box, distance);
+      const ErrorRange change = from->Change(*to, box, distance);
+      told += std::isfinite(change.low) && std::isfinite(change.high) ? 1 : 0;
+      for (int j = 0; j < 20; ++j) {
+        Triangle3d t;
+        for (Vec3d& p : t) {
+          for (int c = 0; c < 3; ++c) {
+            const double x = uniform(0, 1);
+            p[c] = j < 10 ? (x < 0.5 ? box.min[c] : box.max[c])
+                          : box.min[c] + x * (box.max[c] - box.min[c]);
+          }
+        }
+        const double d = j % 2 == 0 ? distance : uniform(0, distance);
+        const double a = from->Min(t, d);
+        const double b = to->Min(t, d);
+        INFO("kind " << kind << " from " << a << " to " << b);
+        REQUIRE((range.low <= a && a <= range.high));
+        const double difference = a == b ? 0 : b - a;
+        REQUIRE((change.low <= difference && difference <= change.high));
+      }
+    }
+    INFO("kind " << kind);
+    CHECK(told > 300);
+  }
+  // Not only true, but of use: who comes nearer by 0.1 sees what is ahead at up to as much more.
+  const Box3d ahead{{5, -1, -1}, {6, 1, 1}};
+  const ErrorRange nearer =
+      LinearThreshold({0, 0, 0}, 0, 0.5)->Change(*LinearThreshold({0.1, 0, 0}, 0, 0.5), ahead, 0.1);
+  CHECK(nearer.low > -0.0501);
+  CHECK(nearer.high < -0.04);
+  Camera camera{.eye = {0, 0, 0}, .direction = {1, 0, 0}};
+  const ThresholdPtr before = ScreenThreshold(camera, 1);
+  camera.eye.x = 0.1;
+  const ErrorRange seen = before->Change(*ScreenThreshold(camera, 1), ahead, 0.1);
+  CHECK(seen.low > -0.12 * camera.pixel());
+  CHECK(seen.high < -0.07 * camera.pixel());
+  const ThresholdPtr field = FunctionThreshold([](const Box3d& box) { return box.min.x; });
+  CHECK(field->Change(*field, {}, 0).high == 0);
+  CHECK(field->Change(*ConstantThreshold(1), {}, 0).high == kInfinity);
+}
+
 }  // namespace mtdb::testing

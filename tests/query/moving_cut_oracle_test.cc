@@ -1,0 +1,274 @@
+// Random walks of a moving cut, whose cuts are those of a search from the root.
+#include <catch2/catch.hpp>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "query/internal/moving_cut.h"
+#include "query/query_control.h"
+#include "query/surface.h"
+#include "tests/query/mt_fixture.h"
+#include "tests/query/oracle.h"
+
+namespace mtdb::testing {
+namespace {
+
+// A viewer that moves a little, or jumps, and what it asks for.
+class Walker {
+ public:
+  // Jumps once in so many steps.
+  Walker(const MtFixture& f, uint32_t seed, uint32_t jumps) : f_(f), random_(seed), jumps_(jumps) {
+    Jump();
+  }
+
+  Query Step() {
+    if (random_() % jumps_ == 0) Jump();
+    if (random_() % 6 == 0) factor_ *= Uniform(0.7, 1.4);
+    const double step = 0.02 * f_.source->record_.diagonal();
+    for (int i = 0; i < 3; ++i) at_[i] += Uniform(-step, step);
+    turn_ += Uniform(-0.05, 0.05);
+    Query query;
+    query.threshold = Field();
+    query.region = Near();
+    return query;
+  }
+  std::mt19937& random() { return random_; }
+
+ private:
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  void Jump() {
+    const Box3d& box = f_.source->record_.bounds;
+    const double size = Diagonal(box);
+    for (int i = 0; i < 3; ++i) at_[i] = Uniform(box.min[i] - size, box.max[i] + size);
+    if (random_() % 3 == 0) at_ = at_ * 0.3 + (box.min + box.max) * 0.35;  // may be inside
+    turn_ = Uniform(0, 6);
+    factor_ = Uniform(0.2, 3);
+    error_ = f_.source->record_.grid.Error(static_cast<uint8_t>(random_() % 110));
+    kind_ = random_() % 10;
+    region_ = random_() % 7;
+  }
+  Camera View() const {
+    Camera camera;
+    camera.eye = at_;
+    const Box3d& box = f_.source->record_.bounds;
+    camera.direction = (box.min + box.max) * 0.5 - at_ +
+                       Vec3d{std::cos(turn_), std::sin(turn_), 0.1} * (0.2 * Diagonal(box));
+    if (Length(Cross(camera.direction, camera.up)) < 1e-3) camera.up = {1, 0, 0};
+    camera.near = kind_ % 2 == 0 ? 0.05 : 0;
+    return camera;
+  }
+  ThresholdPtr Field() {
+    const double slope = factor_ * error_ / Diagonal(f_.source->record_.bounds);
+    switch (kind_) {
+      case 0: return ConstantThreshold(factor_ * error_);
+      case 1: return LinearThreshold(at_, 0, slope);
+      case 2: return LinearThreshold(at_, 2 * error_, -slope);
+      case 3: return QuadraticThreshold(at_, error_, factor_ * error_);
+      case 4: return SquareRootThreshold(at_, 0.2 * error_, factor_ * error_);
+      case 5: return ExponentialThreshold(at_, error_, factor_);
+      case 6: return ScreenThreshold(View(), 100 * factor_);
+      case 7: return ScreenThreshold(View(), 20 * factor_);
+      case 8:
+        return RegionThreshold(SphereRegion(at_, 0.5), LinearThreshold(at_, 0, slope),
+                               ConstantThreshold(2 * error_));
+      default:
+        return MinThreshold({LinearThreshold(at_, error_, slope), ConstantThreshold(2 * error_),
+                             MaxThreshold({ScreenThreshold(View(), 50), ConstantThreshold(0)})});
+    }
+  }
+  RegionPtr Near() {
+    const double size = 0.3 * factor_ * Diagonal(f_.source->record_.bounds);
+    switch (region_) {
+      case 0: {
+        Box3d box;
+        box.Add(at_ - Vec3d{size, size, size});
+        box.Add(at_ + Vec3d{size, size, size});
+        return BoxRegion(box);
+      }
+      case 1: return SphereRegion(at_, size);
+      case 2: return FrustumRegion(View());
+      case 3: return WholeRegion();
+      default: return nullptr;
+    }
+  }
+
+  const MtFixture& f_;
+  std::mt19937 random_;
+  uint32_t jumps_;
+  Vec3d at_;
+  double turn_ = 0;
+  double factor_ = 1;
+  double error_ = 0;
+  uint32_t kind_ = 0;
+  uint32_t region_ = 0;
+};
+
+// What a moving cut tells of its changes, round by round.
+class Follower {
+ public:
+  explicit Follower(const MtFixture& f) : f_(f), numbers_(f.source->index_.cluster_count()) {
+    for (size_t n = 0; n < f.mt.nodes.size(); ++n) {
+      const InMemoryMt::Node& node = f.mt.nodes[n];
+      auto& of = numbers_[node.cluster.value];
+      if (of.size() <= node.index) of.resize(node.index + 1);
+      of[node.index] = n;
+    }
+    applied.assign(f.mt.nodes.size(), false);
+  }
+  // Checks that the changes begin where the last ones ended, and that the cut holds all parents.
+  void Follow(const MovingCut& cut) {
+    cut.ForEachChange([&](UnitId unit, const Bits& before, const Bits& now) {
+      for (NodeIndex i = 0; i < numbers_[unit].size(); ++i) {
+        const size_t n = numbers_[unit][i];
+        REQUIRE(applied[n] == (!before.empty() && before.Test(i)));
+        applied[n] = now.Test(i);
+      }
+    });
+    uint64_t count = 0;
+    for (size_t n = 0; n < applied.size(); ++n) {
+      const InMemoryMt::Node& node = f_.mt.nodes[n];
+      const Bits& bits = cut.applied(node.cluster.value);
+      REQUIRE(applied[n] == (!bits.empty() && bits.Test(node.index)));
+      if (!applied[n]) continue;
+      ++count;
+      for (const int p : f_.mt.Parents(static_cast<int>(n)))
+        REQUIRE(applied[static_cast<size_t>(p)]);
+    }
+    REQUIRE(cut.totals().applied == count);
+    uint64_t triangles = 0;
+    for (const uint64_t of_code : cut.totals().by_code) triangles += of_code;
+    REQUIRE(triangles == cut.totals().triangles);
+  }
+  void RequireCut(const Cut& cut) const {
+    for (size_t n = 0; n < applied.size(); ++n) {
+      const InMemoryMt::Node& node = f_.mt.nodes[n];
+      REQUIRE(applied[n] == cut.applied(node.cluster, node.index));
+    }
+  }
+  std::vector<bool> applied;
+
+ private:
+  const MtFixture& f_;
+  std::vector<std::vector<size_t>> numbers_;  // per cluster and node
+};
+
+MtOptions Varied(uint32_t i) {
+  MtOptions options;
+  options.shape = static_cast<Shape>(i % 4);
+  options.seed = i;
+  options.resolution = i % 3 == 0 ? 14 : 9;
+  options.rounds = i % 2 == 0 ? 4 : 3;
+  options.coincident = i % 5 == 1;
+  // Random errors grow along many arcs; nearly equal ones along few.
+  options.code_min = i % 3 == 1 ? 80 : 0;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("a moving cut is at the least cut after every step of a random walk") {
+  uint64_t weak = 0;
+  for (uint32_t i = 0; i < 12; ++i) {
+    const MtFixture f = MakeMt(Varied(i));
+    // Some caches are too small for what a step may hold.
+    const auto surface = *Surface::Open(f.source, {.cache_bytes = i % 4 == 3 ? 400000u : 8u << 20});
+    MovingCut cut(*f.source);
+    Follower follower(f);
+    Walker walker(f, i, 20);
+    for (int step = 0; step < 600; ++step) {
+      const Query query = walker.Step();
+      const uint64_t round_nodes = walker.random()() % 3 == 0 ? 1 + walker.random()() % 20 : 0;
+      {
+        UnitReader reader(surface->cache(), {});
+        const Status status = cut.Move(reader, query, round_nodes, [&] {
+          follower.Follow(cut);
+          return Status::Ok();
+        });
+        INFO(status.message());
+        REQUIRE(status.ok());
+      }
+      const Cut select = *surface->Select(query);
+      follower.RequireCut(select);
+      REQUIRE(cut.totals().triangles == select.triangle_count());
+      REQUIRE(cut.totals().forced == select.stats().nodes_forced);
+      REQUIRE(cut.totals().clusters_used == select.stats().clusters_used);
+      // Clusters that stayed open tell more of their errors than a search learns.
+      uint64_t active = 0;
+      uint8_t largest = 0;
+      const Oracle oracle(f, query);
+      for (const uint32_t id : f.mt.Mesh(follower.applied)) {
+        if (!oracle.active(id)) continue;
+        ++active;
+        const int remover = f.mt.triangles[id].remover;
+        if (remover >= 0)
+          largest = std::max(largest, f.mt.nodes[static_cast<size_t>(remover)].code);
+      }
+      const Grid& grid = f.source->record_.grid;
+      REQUIRE(cut.active().triangles >= active);
+      REQUIRE(cut.active().triangles <= select.stats().active_triangles);
+      REQUIRE(cut.active().largest_code >= largest);
+      REQUIRE(grid.Error(cut.active().largest_code) + grid.cell_error() <= select.error_bound());
+      weak += select.stats().nodes_forced;
+    }
+  }
+  CHECK(weak > 0);
+}
+
+TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round, and goes on") {
+  uint64_t stopped = 0;
+  uint64_t in_rounds = 0;
+  for (uint32_t i = 0; i < 6; ++i) {
+    const MtFixture f = MakeMt(Varied(i));
+    const auto surface = *Surface::Open(f.source);
+    MovingCut cut(*f.source);
+    Follower follower(f);
+    Walker walker(f, i + 100, 3);
+    std::mt19937& random = walker.random();
+    for (int step = 0; step < 500; ++step) {
+      Query query = walker.Step();
+      // The threshold counts the questions and cancels, or the taker of a round fails.
+      QueryControl control;
+      query.control = &control;
+      const bool cancels = random() % 3 == 0;
+      int left = static_cast<int>(random() % 300);
+      if (cancels) {
+        const ThresholdPtr field = query.threshold;
+        query.threshold = FunctionThreshold([&, field](const Box3d& box) {
+          if (left-- == 0) control.Cancel();
+          return field->Range(box, 0).low;
+        });
+      }
+      const bool rounds_fail = random() % 3 == 0;
+      int rounds_left = rounds_fail ? static_cast<int>(random() % 3) : 1000;
+      const uint64_t round_nodes = rounds_fail || random() % 2 == 0 ? 1 + random() % 5 : 0;
+      uint32_t rounds = 0;
+      UnitReader reader(surface->cache(), {&control, std::nullopt});
+      const Status status = cut.Move(reader, query, round_nodes, [&] {
+        if (rounds_left-- == 0) return IoError("the client is gone");
+        ++rounds;
+        follower.Follow(cut);
+        return Status::Ok();
+      });
+      if (status.ok()) {
+        query.control = nullptr;
+        const Cut select = *surface->Select(query);
+        follower.RequireCut(select);
+        REQUIRE(cut.totals().triangles == select.triangle_count());
+        continue;
+      }
+      ++stopped;
+      in_rounds += rounds > 0 ? 1 : 0;
+      for (size_t n = 0; n < f.mt.nodes.size(); ++n) {
+        const InMemoryMt::Node& node = f.mt.nodes[n];
+        const Bits& bits = cut.applied(node.cluster.value);
+        REQUIRE(follower.applied[n] == (!bits.empty() && bits.Test(node.index)));
+      }
+    }
+  }
+  CHECK(stopped > 100);
+  CHECK(in_rounds > 20);
+}
+
+}  // namespace mtdb::testing
