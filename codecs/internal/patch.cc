@@ -82,21 +82,29 @@ Patch::Patch(const InPatch& in, int reference_length, size_t expected_nodes)
 // non-manifold: it pairs with nothing.
 void Patch::PairEdges() {
   const uint32_t n = slots();
-  // Open addressing by undirected edge: its first half-edge, and how often each direction occurs.
-  struct Entry {
-    uint64_t edge = ~uint64_t{0};
-    uint32_t half_edge = 0;
-    uint8_t uses[2] = {0, 0};
+  // By undirected edge: its first half-edge, and how often each direction occurs. Lists of those of
+  // one hash, in the order of coming, so that little memory is touched.
+  struct Edge {
+    uint64_t ends;
+    uint32_t half_edge;
+    uint32_t next;
+    uint8_t uses[2];
   };
-  const size_t capacity = std::bit_ceil(4 * size_t{n} + 2);
+  const auto edges = std::make_unique_for_overwrite<Edge[]>(3 * size_t{n});
+  uint32_t edge_count = 0;
+  const size_t capacity = std::bit_ceil(2 * size_t{n} + 2);
   const int shift = 64 - std::countr_zero(capacity);
-  std::vector<Entry> table(capacity);
-  const auto find = [&](uint64_t edge) -> Entry& {
-    size_t at = edge * 0x9e3779b97f4a7c15ull >> shift;
-    while (table[at].edge != edge && table[at].edge != ~uint64_t{0}) at = (at + 1) & (capacity - 1);
-    return table[at];
+  std::vector<uint32_t> lists(capacity, kNone32);
+  const auto find = [&](uint64_t ends) -> Edge& {
+    uint32_t& list = lists[ends * 0x9e3779b97f4a7c15ull >> shift];
+    for (uint32_t e = list; e != kNone32; e = edges[e].next) {
+      if (edges[e].ends == ends) return edges[e];
+    }
+    edges[edge_count] = {ends, kNone32, list, {0, 0}};
+    list = edge_count;
+    return edges[edge_count++];
   };
-  const auto edge_of = [&](uint32_t slot, uint32_t i) {
+  const auto ends_of = [&](uint32_t slot, uint32_t i) {
     const auto& c = triangles_[slot].corners;
     const uint32_t from = c[i];
     const uint32_t to = c[i == 2 ? 0 : i + 1];
@@ -105,10 +113,10 @@ void Patch::PairEdges() {
   bool repeated = false;
   for (uint32_t slot = 0; slot < n; ++slot) {
     for (uint32_t i = 0; i < 3; ++i) {
-      const auto [edge, forward] = edge_of(slot, i);
-      Entry& e = find(edge);
-      if (e.edge != edge) {
-        e = {edge, 4 * slot + i, {0, 0}};
+      const auto [ends, forward] = ends_of(slot, i);
+      Edge& e = find(ends);
+      if (e.half_edge == kNone32) {
+        e.half_edge = 4 * slot + i;
         e.uses[forward] = 1;
       } else if (++e.uses[forward] == 1) {
         triangles_[slot].opposite[i] = e.half_edge;
@@ -122,7 +130,7 @@ void Patch::PairEdges() {
   if (!repeated) return;
   for (uint32_t slot = 0; slot < n; ++slot) {
     for (uint32_t i = 0; i < 3; ++i) {
-      const Entry& e = find(edge_of(slot, i).first);
+      const Edge& e = find(ends_of(slot, i).first);
       if (e.uses[0] > 1 || e.uses[1] > 1) triangles_[slot].opposite[i] = kNone32;
     }
   }
