@@ -26,7 +26,8 @@
 // With --store only these two, on the first object of the store. --json writes all rows to a file.
 //
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
-// that the session applied as many nodes as Select. Exits with 1 when not, or when the progressive
+// that the session applied as many nodes as Select; of a clipped client, that it has as many
+// triangles as the cut has in the region. Exits with 1 when not, or when the progressive
 // stream exceeds 1.4 times the payloads.
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -292,6 +293,19 @@ void FollowPath(const std::shared_ptr<Surface>& surface, const TriangleMesh& mes
           {"draco_bytes_per_new_triangle", ratio(draco)}});
 }
 
+// How many triangles of the query's cut meet the region.
+uint32_t CountMeeting(const Surface& surface, const Query& query, const MeetsRegion& region) {
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  Cut cut = surface.Select(query).value();
+  const Status status = cut.Emit(sink);
+  MTDB_CHECK(status.ok(), status.message().c_str());
+  return static_cast<uint32_t>(
+      std::count_if(mesh.triangles.begin(), mesh.triangles.end(), [&](const TriangleVertices& t) {
+        return region({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]});
+      }));
+}
+
 void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, int frames,
             bool uniform) {
   const ObjectRecord& record = surface->record();
@@ -324,6 +338,9 @@ void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, i
     const TriangleMesh made = NewTriangles(connection.mesh(), born);
     entered += made.triangles.size();
     held += connection.mesh().triangle_count();
+    Expect(connection.mesh().triangle_count() ==
+               CountMeeting(*surface, query_at(path[f]), region_at(path[f])),
+           "triangles of the clipped client");
     if (!made.triangles.empty()) draco += MeasureDraco(made, kDracoBits, 10).bytes;
   }
   const auto ratio = [&](uint64_t value) {

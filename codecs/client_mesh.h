@@ -26,9 +26,10 @@ struct ClientMeshOptions {
   uint32_t remembered_vertices = 0;
 };
 
-// Triangles and vertices lie in slots, which are used again; a slot without a triangle has the
-// indices 0, 0, 0, which draw nothing. Sender and client hold the same mesh slot for slot. One
-// thread. Some 100 bytes a triangle. Half-edge 4 * slot + i leaves corner i for corner i + 1.
+// The mesh of a cut, or of what of it meets the sender's region. Triangles and vertices lie in
+// slots, which are used again; a slot without a triangle has the indices 0, 0, 0, which draw
+// nothing. Sender and client hold the same mesh slot for slot. One thread. Some 100 bytes a
+// triangle. Half-edge 4 * slot + i leaves corner i for corner i + 1.
 class ClientMesh {
  public:
   struct Triangle {

@@ -48,7 +48,7 @@ class UpdateEncoder::Impl {
     uint32_t at;  // the anchor's slot, or the vertex's
   };
 
-  void WriteStart(const BaseMesh& base);
+  void WriteStart(const BaseMesh& base, Vec3d origin);
   void StartWholeCut();
   void PutRecord(ByteWriter& out);
   void PutTriangle(TriangleKey key, uint32_t slot) {
@@ -127,25 +127,30 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
                  base.triangle_keys.size() == base.triangles.size() &&
                  base.rows.size() == base.vertices.size() * row_bytes_,
              "the parts of a base mesh have different lengths");
-  if (region) {
-    whole_.emplace(options, base);
-    whole_->Choose(region);
+  Box3d box;
+  for (const Vec3i p : base.positions) box.Add(options.grid.Position(p));
+  const Vec3d origin = base.positions.empty() ? Vec3d{} : (box.min + box.max) * 0.5;
+  if (!region) {
+    WriteStart(base, origin);
+    return;
   }
-  WriteStart(base);
+  // An empty mesh, to which what meets the region is attached.
+  whole_.emplace(options, base);
+  whole_->Choose(region);
+  WriteStart({}, origin);
+  ByteWriter attached;
+  EncodeClip(0, attached);
+  start_.insert(start_.end(), attached.bytes().begin(), attached.bytes().end());
 }
 
 // Vertices go in the order in which the triangles name them.
-void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
+void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   std::vector<uint32_t> number(base.vertices.size(), kNone32);
   std::vector<Vec3i> positions;
   Bytes rows;
   std::vector<std::array<uint32_t, 3>> triangles;
-  std::vector<TriangleKey> triangle_keys;
   ByteWriter indices;
-  for (size_t i = 0; i < base.triangles.size(); ++i) {
-    if (whole_ && !whole_->chosen(static_cast<uint32_t>(i))) continue;
-    const auto& t = base.triangles[i];
-    triangle_keys.push_back(base.triangle_keys[i]);
+  for (const auto& t : base.triangles) {
     auto& corners = triangles.emplace_back();
     for (size_t c = 0; c < 3; ++c) {
       uint32_t& v = number[t[c]];
@@ -168,9 +173,6 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   body.Put<uint8_t>(static_cast<uint8_t>(grid.mode));
   for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
   body.Put<double>(grid.step);
-  Box3d box;
-  for (const Vec3i p : base.positions) box.Add(grid.Position(p));
-  const Vec3d origin = base.positions.empty() ? Vec3d{} : (box.min + box.max) * 0.5;
   for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
   body.PutVarint(options_.attributes.attributes.size());
   for (const VertexAttribute& a : options_.attributes.attributes) {
@@ -202,7 +204,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base) {
   sent_ = positions.size();
   models_.reference = UpdateReference(mesh_);
   for (size_t t = 0; t < triangles.size(); ++t) {
-    PutTriangle(triangle_keys[t], static_cast<uint32_t>(t));
+    PutTriangle(base.triangle_keys[t], static_cast<uint32_t>(t));
   }
 }
 

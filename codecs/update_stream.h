@@ -30,7 +30,7 @@ class UpdateEncoder {
                 const MeetsRegion& region = {});
   ~UpdateEncoder();
 
-  // The header and the base mesh: the stream's first bytes.
+  // The header and the base mesh, or what of it meets the region: the stream's first bytes.
   const Bytes& start() const;
   // The records that apply `batches` in their order; none for none. They must fit the mesh: a
   // caller's bug otherwise. A batch must not be longer than 2^28 bytes allow, some ten million
@@ -67,7 +67,7 @@ class UpdateDecoder {
   // conforming still: it ends at the last update that could be read; more bytes are refused.
   // Errors: kCorrupt, with the offset in the stream; kUnsupported for another version.
   Status Feed(ByteSpan bytes);
-  // True when the base mesh is there.
+  // True when the base mesh is there; that of a region comes as records behind it.
   bool started() const;
   // True when nothing is kept: all bytes were whole records.
   bool at_record() const;

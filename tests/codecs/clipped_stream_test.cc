@@ -245,6 +245,24 @@ TEST_CASE("a record of what can hardly be shorter has the bytes that its triangl
   }
 }
 
+TEST_CASE("a client refuses what exceeds its limits when it is attached") {
+  const UpdateFixture f({.side = 20});
+  const auto nothing = [](const Triangle3d&) { return false; };
+  UpdateEncoder encoder(f.options(0), f.base(), nothing);
+  const Bytes all = encoder.Encode({}, {});
+  const auto triangles = static_cast<uint32_t>(f.base().triangles.size());
+  const auto vertices = static_cast<uint32_t>(f.base().vertices.size());
+  for (const auto& [limits, enough] :
+       {std::pair(UpdateDecoder::Limits{triangles, vertices}, true),
+        std::pair(UpdateDecoder::Limits{triangles - 1, vertices}, false),
+        std::pair(UpdateDecoder::Limits{triangles, vertices - 1}, false)}) {
+    UpdateDecoder decoder(limits);
+    Require(decoder.Feed(encoder.start()));
+    CHECK(decoder.Feed(all).ok() == enough);
+    CHECK(ClientMeshFault(decoder.mesh()).empty());
+  }
+}
+
 TEST_CASE("a flipped bit of a clipped client's stream is refused, every prefix waits for more") {
   const UpdateFixture f({.surface = Surface::kSheet, .side = 8, .attributes = true});
   std::vector<size_t> ends;
