@@ -188,7 +188,7 @@ void ServerWebSocket::Watch() {
   watch_.expires_after(kWatchPeriod);
   watch_.async_wait([self = shared_from_this()](ErrorCode error) {
     if (error || self->ended_ || !self->work_) return;
-    Work& work = *self->work_;
+    SessionWork& work = *self->work_;
     const Clock::time_point now = Clock::now();
     if (!work.call) {
       if (now > work.deadline) {
@@ -300,7 +300,7 @@ void ServerWebSocket::OnWritten(size_t size) {
   Begin();
   if (writing_ || ended_) return;  // Begin has said something
   if (!outbox_.empty()) return Write();
-  if (closing_) CloseWhenSent();
+  CloseWhenSent();
 }
 
 // ---- the end ------------------------------------------------------------------------------------
@@ -310,10 +310,12 @@ void ServerWebSocket::Close(websocket::close_code code, const std::string& reaso
   if (ended_ || closing_) return;
   closing_.emplace(code, reason.substr(0, 120));
   if (work_ && work_->call) work_->call->Cancel(ServerCall::Stop::kClientGone);
-  if (!writing_) CloseWhenSent();
+  CloseWhenSent();
 }
 
 void ServerWebSocket::CloseWhenSent() {
+  if (!closing_ || close_sent_ || writing_ || !outbox_.empty()) return;
+  close_sent_ = true;
   AwaitProgress();
   socket_.async_close(*closing_, [self = shared_from_this()](ErrorCode) { self->Drop(); });
 }

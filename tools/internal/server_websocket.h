@@ -20,6 +20,15 @@
 
 namespace mtdb {
 
+// A query of a session on its way.
+struct SessionWork {
+  SessionRequest request;
+  Clock::time_point begin, deadline;
+  ServerSession::Progress progress;
+  uint64_t messages = 0, bytes = 0;
+  std::shared_ptr<ServerCall> call;  // while a thread works on it
+};
+
 // All of it runs on the loop's thread, but ServerService::Update. One query is worked on at a time,
 // the latest waits, and those between are superseded. When a MiB of the stream is on its way to the
 // client, an update stops after its round, holding neither a thread nor clusters, and goes on when
@@ -45,14 +54,6 @@ class ServerWebSocket final : public ServerPeer,
   void Abort() override;
 
  private:
-  // A query on its way.
-  struct Work {
-    SessionRequest request;
-    Clock::time_point begin, deadline;
-    ServerSession::Progress progress;
-    uint64_t messages = 0, bytes = 0;
-    std::shared_ptr<ServerCall> call;  // while a thread works on it
-  };
   struct Message {
     bool is_text = false;
     std::string text;  // this
@@ -93,8 +94,8 @@ class ServerWebSocket final : public ServerPeer,
 
   beast::flat_buffer buffer_;
   bool reading_ = false;
-  std::optional<Work> waiting_;
-  std::optional<Work> work_;
+  std::optional<SessionWork> waiting_;
+  std::optional<SessionWork> work_;
   Clock::duration patience_;         // with an update that a later one supersedes
   std::atomic<bool> newer_{false};   // a query waits
   std::atomic<uint64_t> on_way_{0};  // bytes of the stream
@@ -104,6 +105,7 @@ class ServerWebSocket final : public ServerPeer,
   size_t replies_ = 0;  // texts in it
   bool writing_ = false;
   std::optional<websocket::close_reason> closing_;
+  bool close_sent_ = false;
 };
 
 }  // namespace mtdb
