@@ -117,7 +117,7 @@ class MovingCut {
     // Work.
     Bits wanted;  // per node
     Bits forced_to;
-    Bits dirty;  // per node: may have become strong or weak
+    Bits dirty;  // per node: may have become strong or weak; then: is suspended
     std::vector<Arc> arrivals;
     std::vector<NodeIndex> todo;
     std::vector<uint32_t> gates_todo;
@@ -221,8 +221,10 @@ class MovingCut {
   std::vector<bool> gates_open_;
   std::vector<UnitId> idle_;
   std::vector<Key> seeds_;
-  std::unordered_map<Key, int32_t> suspended_;  // slots by which others hold it
-  std::vector<std::pair<Key, Key>> leads_;      // the first, if founded, makes the second so
+  std::vector<Key> suspended_;  // all of them; those that stay so are `dirty`
+  // Per node of these: its triangles that nodes remove which are not suspended. Not listed: none.
+  std::unordered_map<Key, int32_t> holds_;
+  std::vector<std::pair<Key, Key>> leads_;  // the first, if founded, makes the second so
 };
 
 template <typename F>
