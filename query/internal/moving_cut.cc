@@ -171,7 +171,8 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
                        const Commit& commit) {
   reader_ = &reader;
   totals_before_ = totals_;
-  inserted_ = 0;
+  control_ = query.control;
+  inserted_ = inserted_in_all_ = 0;
   evaluated_ = 0;
   const Status status = Step(query, round_nodes, commit);
   if (!status.ok()) {
@@ -181,6 +182,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
   }
   ReleasePins();
   reader_ = nullptr;
+  control_ = nullptr;
   return status;
 }
 

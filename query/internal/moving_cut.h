@@ -212,7 +212,9 @@ class MovingCut {
   // What has an error of at most this code waits in `later_` (nodes) and `later_gates_` (children).
   int floor_ = -1;
   std::array<std::vector<std::pair<UnitId, uint32_t>>, 256> later_, later_gates_;
+  QueryControl* control_ = nullptr;
   uint64_t inserted_ = 0;  // in this round
+  uint64_t inserted_in_all_ = 0;
   std::vector<NodeIndex> expired_;
   std::vector<uint32_t> expired_gates_;
   std::vector<NodeIndex> missing_;
