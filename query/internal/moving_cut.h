@@ -67,6 +67,8 @@ class MovingCut {
   };
   const Active& active() const { return active_; }
   const Totals& totals() const { return totals_; }
+  // Units of which something is kept.
+  size_t open_units() const { return open_.size(); }
   // Nodes looked at by the last move.
   uint64_t evaluated() const { return evaluated_; }
 
@@ -199,6 +201,7 @@ class MovingCut {
   Totals totals_;
   Active active_;
   uint64_t evaluated_ = 0;
+  uint32_t moves_ = 0;
   ThresholdPtr threshold_;
   RegionPtr region_;
 
