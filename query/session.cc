@@ -47,6 +47,7 @@ class Changes {
     removals_.AddUnit(unit, now, before);
     insertions_.AddUnit(unit, before, now);
   }
+  uint64_t count() const { return removals_.count() + insertions_.count(); }
   template <typename Take>
   Status Send(const UpdateBatches::GetUnit& get, const Take& take, SessionUpdate* update) {
     std::vector<UpdateBatch> batches;
@@ -147,6 +148,8 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
     cut.ForEachChange([&](UnitId unit, const Bits& before, const Bits& now) {
       changes.AddUnit(unit, before, now);
     });
+    // The last of several rounds may have nothing to add.
+    if (changes.count() == 0 && update->insertions + update->removals > 0) return Status::Ok();
     const Status taken = changes.Send([&](UnitId unit) { return cut.Pin(unit); }, take, update);
     if (taken.ok()) applied_count_ = cut.totals().applied;
     return taken;

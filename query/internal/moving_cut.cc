@@ -13,6 +13,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNever = -std::numeric_limits<float>::infinity();  // as a deadline of `low`
 // A judgement for all of a unit's box stands when its margin is this share of the range of Min.
 constexpr double kGoodMargin = 0.5;
+constexpr uint32_t kAsk = 16;  // moves
 
 }  // namespace
 
@@ -171,7 +172,8 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
                        const Commit& commit) {
   reader_ = &reader;
   totals_before_ = totals_;
-  inserted_ = 0;
+  control_ = query.control;
+  inserted_ = inserted_in_all_ = 0;
   evaluated_ = 0;
   const Status status = Step(query, round_nodes, commit);
   if (!status.ok()) {
@@ -181,6 +183,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
   }
   ReleasePins();
   reader_ = nullptr;
+  control_ = nullptr;
   return status;
 }
 
@@ -190,6 +193,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   const ThresholdPtr old = std::exchange(threshold_, threshold);
   const bool region_moved = std::exchange(region_, region) != region;
   floor_ = 255;  // all that is missing waits
+  ++moves_;
   seeds_.clear();
   idle_.clear();
   {
@@ -209,6 +213,10 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
       }
       u.range = threshold_->Range(u.box, u.reach);
       if (all) u.low = u.high = 0;
+      // Now and then a unit that only waits is asked whether it still has to.
+      if (u.applied_count == 0 && !IsRootUnit(index_, id) && (all || (id + moves_) % kAsk == 0)) {
+        idle_.push_back(id);
+      }
       // Nothing was or is active there.
       if (!all && u.activity == Activity::kNone) continue;
       // Until it has been looked at; a failure leaves it so.

@@ -67,6 +67,8 @@ class MovingCut {
   };
   const Active& active() const { return active_; }
   const Totals& totals() const { return totals_; }
+  // Units of which something is kept.
+  size_t open_units() const { return open_.size(); }
   // Nodes looked at by the last move.
   uint64_t evaluated() const { return evaluated_; }
 
@@ -117,7 +119,7 @@ class MovingCut {
     // Work.
     Bits wanted;  // per node
     Bits forced_to;
-    Bits dirty;  // per node: may have become strong or weak
+    Bits dirty;  // per node: may have become strong or weak; then: is suspended
     std::vector<Arc> arrivals;
     std::vector<NodeIndex> todo;
     std::vector<uint32_t> gates_todo;
@@ -199,6 +201,7 @@ class MovingCut {
   Totals totals_;
   Active active_;
   uint64_t evaluated_ = 0;
+  uint32_t moves_ = 0;
   ThresholdPtr threshold_;
   RegionPtr region_;
 
@@ -212,7 +215,9 @@ class MovingCut {
   // What has an error of at most this code waits in `later_` (nodes) and `later_gates_` (children).
   int floor_ = -1;
   std::array<std::vector<std::pair<UnitId, uint32_t>>, 256> later_, later_gates_;
+  QueryControl* control_ = nullptr;
   uint64_t inserted_ = 0;  // in this round
+  uint64_t inserted_in_all_ = 0;
   std::vector<NodeIndex> expired_;
   std::vector<uint32_t> expired_gates_;
   std::vector<NodeIndex> missing_;
@@ -221,8 +226,10 @@ class MovingCut {
   std::vector<bool> gates_open_;
   std::vector<UnitId> idle_;
   std::vector<Key> seeds_;
-  std::unordered_map<Key, int32_t> suspended_;  // slots by which others hold it
-  std::vector<std::pair<Key, Key>> leads_;      // the first, if founded, makes the second so
+  std::vector<Key> suspended_;  // all of them; those that stay so are `dirty`
+  // Per node of these: its triangles that nodes remove which are not suspended. Not listed: none.
+  std::unordered_map<Key, int32_t> holds_;
+  std::vector<std::pair<Key, Key>> leads_;  // the first, if founded, makes the second so
 };
 
 template <typename F>

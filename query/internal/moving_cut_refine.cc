@@ -71,6 +71,9 @@ Status MovingCut::RunQueue() {
     queue_.erase(queue_.begin());
     u.queued = false;
     MTDB_RETURN_IF_ERROR(Advance(u));
+    if (control_ != nullptr) {
+      control_->nodes_applied_.store(inserted_in_all_, std::memory_order_relaxed);
+    }
   }
   return Status::Ok();
 }
@@ -244,6 +247,7 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   ++u.applied_count;
   ++totals_.applied;
   ++inserted_;
+  ++inserted_in_all_;
   totals_.triangles += end - begin;
   totals_.triangles -= hole.size();
   totals_.by_code[cluster.error_codes[node]] -= hole.size();

@@ -85,14 +85,16 @@ Status MovingCut::Strengthen() {
 
 void MovingCut::Suspend(Unit& u, NodeIndex node) {
   if (!u.applied.Test(node) || u.strong.Test(node)) return;
-  if (!suspended_.try_emplace(KeyOf(u.id, node), 0).second) return;
+  if (u.dirty.Test(node)) return;
+  u.dirty.Set(node);
+  suspended_.push_back(KeyOf(u.id, node));
   u.todo.push_back(node);
   Enqueue(u);
 }
 
 Status MovingCut::SuspendAll() {
   suspended_.clear();
-  suspended_.reserve(seeds_.size());
+  holds_.clear();
   leads_.clear();
   for (const Key key : seeds_) {
     Suspend(*Find(static_cast<UnitId>(key >> 32)), static_cast<NodeIndex>(key));
@@ -134,15 +136,15 @@ void MovingCut::SuspendAround(Unit& u, const LoadedUnit& unit, NodeIndex node) {
     }
     if (of->strong.Test(creator)) continue;
     Suspend(*of, creator);
-    --suspended_[KeyOf(of->id, creator)];
+    --holds_[KeyOf(of->id, creator)];
     leads_.emplace_back(key, KeyOf(of->id, creator));
     if (u.refused.Test(hole_begin + i)) leads_.emplace_back(KeyOf(of->id, creator), key);
   }
   const uint32_t begin = cluster.star_begin[node] - u.first_own;
   const uint32_t end = cluster.star_begin[node + 1] - u.first_own;
   const uint32_t removed = end - begin - u.present.CountRange(begin, end);
-  suspended_[key] += static_cast<int32_t>(removed);
   if (removed == 0) return;
+  holds_[key] += static_cast<int32_t>(removed);
   for (uint32_t own = begin; own < end; ++own) {
     if (u.present.Test(own)) continue;
     const uint32_t remover = cluster.removers[own + u.first_own];
@@ -159,21 +161,33 @@ void MovingCut::SuspendAround(Unit& u, const LoadedUnit& unit, NodeIndex node) {
 Status MovingCut::RemoveUnfounded() {
   std::sort(leads_.begin(), leads_.end());
   std::vector<Key> founded;
-  for (const auto& [key, slots] : suspended_) {
-    if (slots > 0) founded.push_back(key);
+  const auto found = [&](Key key) {
+    Unit& u = *Find(static_cast<UnitId>(key >> 32));
+    const auto node = static_cast<NodeIndex>(key);
+    if (!u.dirty.Test(node)) return;
+    u.dirty.Clear(node);
+    founded.push_back(key);
+  };
+  for (const auto& [key, slots] : holds_) {
+    if (slots > 0) found(key);
   }
-  for (const Key key : founded) suspended_.erase(key);
   while (!founded.empty()) {
     const Key key = founded.back();
     founded.pop_back();
     for (auto lead = std::lower_bound(leads_.begin(), leads_.end(), std::pair(key, Key{0}));
          lead != leads_.end() && lead->first == key; ++lead) {
-      if (suspended_.erase(lead->second) > 0) founded.push_back(lead->second);
+      found(lead->second);
     }
   }
   // Children before parents: ascending units, descending nodes.
   std::vector<Key> unfounded;
-  for (const auto& [key, slots] : suspended_) unfounded.push_back(key ^ 0xffffffffu);
+  for (const Key key : suspended_) {
+    Unit& u = *Find(static_cast<UnitId>(key >> 32));
+    const auto node = static_cast<NodeIndex>(key);
+    if (!u.dirty.Test(node)) continue;
+    u.dirty.Clear(node);
+    unfounded.push_back(key ^ 0xffffffffu);
+  }
   std::sort(unfounded.begin(), unfounded.end());
   for (size_t i = 0; i < unfounded.size();) {
     Unit& u = *Find(static_cast<UnitId>(unfounded[i] >> 32));

@@ -271,4 +271,33 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
   CHECK(in_rounds > 20);
 }
 
+TEST_CASE("a moving cut keeps nothing of clusters that it no longer needs") {
+  for (uint32_t i = 0; i < 8; ++i) {
+    const MtFixture f = MakeMt(Varied(i));
+    const auto surface = *Surface::Open(f.source);
+    const size_t clusters = f.source->index_.cluster_count();
+    const size_t root_pieces = f.source->index_.root_piece_count();
+    MovingCut cut(*f.source);
+    const auto move = [&](const ThresholdPtr& threshold) {
+      Query query;
+      query.threshold = threshold;
+      UnitReader reader(surface->cache(), {});
+      REQUIRE(cut.Move(reader, query, 0, [] { return Status::Ok(); }).ok());
+    };
+    move(CoarsestThreshold());
+    CHECK(cut.open_units() == root_pieces);
+    move(FullResolution());
+    CHECK(cut.open_units() == root_pieces + clusters);
+    move(CoarsestThreshold());
+    CHECK(cut.open_units() == root_pieces);
+    // By small steps, of which the last ones change nothing.
+    for (int code = 0; code < 120; ++code) {
+      move(ConstantThreshold(f.source->record_.grid.Error(static_cast<uint8_t>(code))));
+    }
+    const double largest = f.source->record_.grid.Error(120);
+    for (int step = 1; step < 30; ++step) move(ConstantThreshold(largest + 0.001 * step));
+    CHECK(cut.open_units() == root_pieces);
+  }
+}
+
 }  // namespace mtdb::testing
