@@ -35,6 +35,14 @@ UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
   };
 }
 
+template <typename Take>
+auto Releasing(UnitReader& reader, const Take& take) {
+  return [&reader, &take](std::vector<UpdateBatch> batches) {
+    reader.Release();
+    return take(std::move(batches));
+  };
+}
+
 // From one cut to another.
 class Changes {
  public:
@@ -150,7 +158,13 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
     });
     // The last of several rounds may have nothing to add.
     if (changes.count() == 0 && update->insertions + update->removals > 0) return Status::Ok();
-    const Status taken = changes.Send([&](UnitId unit) { return cut.Pin(unit); }, take, update);
+    // Whoever takes the batches may take his time: nobody should wait for units meanwhile.
+    const auto release_and_take = [&](std::vector<UpdateBatch> batches) {
+      cut.ReleasePins();
+      return take(std::move(batches));
+    };
+    const auto get = [&](UnitId unit) { return cut.Pin(unit); };
+    const Status taken = changes.Send(get, release_and_take, update);
     if (taken.ok()) applied_count_ = cut.totals().applied;
     return taken;
   };
@@ -159,7 +173,7 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
   if (fresh != nullptr) {
     Changes changes(*surface_);
     for (UnitId c = 0; c < settled_.size(); ++c) changes.AddUnit(c, settled_[c], cut.applied(c));
-    MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), take, update));
+    MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
     applied_count_ = cut.totals().applied;
     moving_ = std::move(fresh);
     settled_.clear();
@@ -192,7 +206,7 @@ Status Session::Settle(UnitReader& reader, const Query& query, const TakeBatches
   }
   // What the updates need was in the search's reach, or is what the client holds: no budget.
   UnitReader updates(surface_->cache(), {query.control, std::nullopt});
-  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(updates), take, update));
+  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(updates), Releasing(updates, take), update));
   settled_ = std::move(applied);
   moving_.reset();
   applied_count_ = cut.nodes_applied;

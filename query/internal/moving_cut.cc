@@ -13,7 +13,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNever = -std::numeric_limits<float>::infinity();  // as a deadline of `low`
 // A judgement for all of a unit's box stands when its margin is this share of the range of Min.
 constexpr double kGoodMargin = 0.5;
-constexpr uint32_t kAsk = 16;  // moves
+constexpr uint32_t kAskEvery = 16;  // moves
 
 }  // namespace
 
@@ -214,7 +214,8 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
       u.range = threshold_->Range(u.box, u.reach);
       if (all) u.low = u.high = 0;
       // Now and then a unit that only waits is asked whether it still has to.
-      if (u.applied_count == 0 && !IsRootUnit(index_, id) && (all || (id + moves_) % kAsk == 0)) {
+      if (u.applied_count == 0 && !IsRootUnit(index_, id) &&
+          (all || (id + moves_) % kAskEvery == 0)) {
         idle_.push_back(id);
       }
       // Nothing was or is active there.

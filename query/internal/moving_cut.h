@@ -50,6 +50,8 @@ class MovingCut {
   const Bits& applied(UnitId unit) const;
   // During Move: the unit, until the next call.
   Result<const LoadedUnit*> Pin(UnitId unit);
+  // During Move: lets go of all units.
+  void ReleasePins();
 
   struct Totals {
     uint64_t triangles = 0;
@@ -130,7 +132,6 @@ class MovingCut {
   Unit* Find(UnitId unit) const { return units_[unit].get(); }
   Unit& Open(UnitId unit);
   Result<const LoadedUnit*> Pin(Unit& u);
-  void ReleasePins();
   void Size(Unit& u, const LoadedUnit& unit) const;
   void Save(Unit& u);
   void Undo();
