@@ -6,7 +6,7 @@
 // sweep: the experiment of De Floriani, Magillo and Puppo (1998): a box of full resolution that
 //   holds some 500 triangles moves over the mesh (a sculpture of T triangles when none is given)
 //   along its longest axis, from border to border. Per frame, in milliseconds of processor time: a
-//   cut from scratch (Surface::Select), the session's update, encoding, decoding; updates; bytes.
+//   mesh from scratch (Select and Emit), the session's update, encoding, decoding; updates; bytes.
 // path: a box of full resolution with a margin at 10 error steps moves over a larger sculpture;
 //   bytes per changed triangle, against Draco's for a mesh of just the new triangles of each frame.
 // window: a client that is clipped to a box, which slides along the path of a larger sculpture, in
@@ -14,16 +14,16 @@
 //   bytes per entering triangle, against Draco's for a mesh of just these.
 // progressive: all updates from the root to full resolution: bytes against the payloads of the same
 //   nodes in the store, and the rates of encoding and decoding.
-//
 // camera: a viewer goes around the larger sculpture, towards it and away from it, 1 % of the
-// diagonal
-//   a frame; the threshold is in pixels or linear in the distance from the eye, and such that a
-//   twentieth of the triangles is left. From scratch is Surface::Select and Emit to a sink that
-//   drops the mesh. One thread, warm cache. Bytes per new triangle against Draco's.
+//   diagonal a frame; the threshold is in pixels or linear in the distance from the eye, and such
+//   that a twentieth of the triangles is left. From scratch is Select and Emit to a sink that drops
+//   the mesh. One thread, warm cache. Bytes per new triangle against Draco's.
 // rounds: the cut of an even error with a twentieth of the triangles, from the root: after each
 //   round the time so far, bytes, triangles, and the distance of the last mesh from this one; Draco
 //   shows nothing before its last byte.
-// With --store only these two, on the first object of the store. --json writes all rows to a file.
+//
+// With --store only the last two, on the first object of the store. --json writes all rows to a
+// file.
 //
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
 // that the session applied as many nodes as Select; of a clipped client, that it has as many
@@ -160,6 +160,15 @@ double SideFor(const Surface& surface, const std::vector<Vec3d>& path, uint64_t 
   return low;
 }
 
+// Takes the mesh and lets it go.
+class NullSink final : public MeshSink {
+ public:
+  Status Begin(const MeshHeader&) override { return Status::Ok(); }
+  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
+  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
+  Status End() override { return Status::Ok(); }
+};
+
 struct Totals {
   double scratch = 0, update = 0, encode = 0, decode = 0;
   uint64_t insertions = 0, removals = 0, bytes = 0;
@@ -180,20 +189,30 @@ void Sweep(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, in
   connection.Move(BoxQuery(path[0], side));
   Totals totals;
   uint64_t triangles = 0;
+  uint64_t inside = 0;
   for (size_t f = 1; f < path.size(); ++f) {
-    const Query query = BoxQuery(path[f], side);
+    Query query = BoxQuery(path[f], side);
+    query.clip = true;
+    inside += surface->Select(query).value().triangle_count();
+    query.clip = false;
     const double begin = ProcessCpuSeconds();
-    const Cut cut = surface->Select(query).value();
+    Cut cut = surface->Select(query).value();
+    NullSink sink;
+    const Status status = cut.Emit(sink);
     totals.scratch += ProcessCpuSeconds() - begin;
+    MTDB_CHECK(status.ok(), status.message().c_str());
     totals.Add(connection.Move(query));
     triangles += cut.triangle_count();
     Expect(connection.session().applied_count() == cut.applied_count(), "nodes of the session");
   }
   const auto n = static_cast<double>(path.size() - 1);
   const auto per = [&](auto value) { return static_cast<double>(value) / n; };
-  std::printf("sweep: %llu triangles, box side %.4g of the diagonal, %.0f triangles in the cut\n",
-              static_cast<unsigned long long>(surface->record().triangles),
-              side / surface->record().diagonal(), per(triangles));
+  std::printf(
+      "sweep: %llu triangles, box side %.4g of the diagonal, %.0f triangles in the cut, %.0f in "
+      "the "
+      "box\n",
+      static_cast<unsigned long long>(surface->record().triangles),
+      side / surface->record().diagonal(), per(triangles), per(inside));
   std::printf("  per frame: from scratch %.3f ms, update %.3f ms, encode %.3f ms, decode %.3f ms\n",
               1e3 * per(totals.scratch), 1e3 * per(totals.update), 1e3 * per(totals.encode),
               1e3 * per(totals.decode));
@@ -202,6 +221,7 @@ void Sweep(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, in
   AddRow({{"experiment", "sweep"},
           {"object_triangles", surface->record().triangles},
           {"cut_triangles", per(triangles)},
+          {"inside", per(inside)},
           {"scratch_ms", 1e3 * per(totals.scratch)},
           {"update_ms", 1e3 * per(totals.update)},
           {"encode_ms", 1e3 * per(totals.encode)},
@@ -360,6 +380,17 @@ void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, i
   std::printf("  vertices: sent %llu, recalled %llu\n",
               static_cast<unsigned long long>(connection.encoder().sent_vertices()),
               static_cast<unsigned long long>(connection.encoder().recalled_vertices()));
+  AddRow({{"experiment", "window"},
+          {"threshold", uniform ? "everywhere" : "in the box"},
+          {"object_triangles", record.triangles},
+          {"held_triangles", static_cast<double>(held) / n},
+          {"new_triangles", static_cast<double>(entered) / n},
+          {"update_ms", 1e3 * totals.update / n},
+          {"encode_ms", 1e3 * totals.encode / n},
+          {"decode_ms", 1e3 * totals.decode / n},
+          {"bytes", static_cast<double>(totals.bytes) / n},
+          {"bytes_per_new_triangle", ratio(totals.bytes)},
+          {"draco_bytes_per_new_triangle", ratio(draco)}});
 }
 
 void Progressive(const std::shared_ptr<Surface>& surface) {
@@ -387,15 +418,6 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
           {"decode_us_per_node", 1e6 * frame.decode / nodes}});
   Expect(ratio <= 1.4, "the progressive stream is at most 1.4 times the payloads");
 }
-
-// Takes the mesh and lets it go.
-class NullSink final : public MeshSink {
- public:
-  Status Begin(const MeshHeader&) override { return Status::Ok(); }
-  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
-  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
-  Status End() override { return Status::Ok(); }
-};
 
 // The factor at which `query_with` leaves about so many triangles.
 template <typename F>
