@@ -558,6 +558,7 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   }
   if (whole_) EncodeClip(updates, out);
   if (!region) whole_.reset();
+  mesh_.TakeChanges();  // nobody asks for them here
   return out.Take();
 }
 

@@ -132,6 +132,8 @@ class OfDistance final : public Threshold {
       change.low += std::min(a, b);
       change.high += std::max(a, b);
     }
+    // Between two infinite values nothing is known of what lies nearer.
+    if (!std::isfinite(size)) return {};
     return Known(Widened(change, 4 * Slack(size, size)));
   }
 

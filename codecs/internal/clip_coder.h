@@ -98,6 +98,7 @@ template <typename Coder>
 int32_t CodeResidual(Coder& coder, ResidualModel& model, int expected, int32_t residual,
                      uint32_t* symbol) {
   constexpr int kEscape = 15;
+  constexpr int kLargest = 65;  // of 32 bits
   uint32_t magnitude =
       residual < 0 ? 0u - static_cast<uint32_t>(residual) : static_cast<uint32_t>(residual);
   const int base = expected < 8 ? -1 : (expected - 8) | 1;  // odd; symbol 0: no more than that
@@ -108,9 +109,9 @@ int32_t CodeResidual(Coder& coder, ResidualModel& model, int expected, int32_t r
   } else {
     int size = base + static_cast<int>(*symbol);
     if (*symbol == kEscape) {
-      const auto coded = coder.Raw(7, static_cast<uint32_t>(HalfOctaves(magnitude)));
-      size = static_cast<int>(std::min(coded, 65u));
+      size = static_cast<int>(coder.Raw(7, static_cast<uint32_t>(HalfOctaves(magnitude))));
     }
+    size = std::min(size, kLargest);
     const int low = std::max(size / 2 - 2, 0);
     const uint32_t bits = coder.Raw(low, magnitude & ((1u << low) - 1));
     magnitude = size < 4 ? static_cast<uint32_t>(size / 2) : (2u | (size & 1)) << low | bits;

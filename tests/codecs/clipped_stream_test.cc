@@ -9,6 +9,7 @@
 #include <random>
 #include <set>
 
+#include "codecs/internal/clip_coder.h"
 #include "codecs/update_stream.h"
 #include "tests/codecs/mesh_file_testing.h"
 #include "tests/codecs/update_fixture.h"
@@ -316,6 +317,35 @@ TEST_CASE("damage of a clip that the checksum does not see leaves a mesh whose p
       REQUIRE(fault.empty());
     }
     CHECK(refused > 100);
+  }
+}
+
+TEST_CASE("a residual of any size comes back, and none has more than 32 bits") {
+  for (int expected = 0; expected <= kMaxExponent; ++expected) {
+    ResidualModel writing, reading;
+    RansEncoder encoder;
+    std::vector<int32_t> residuals{INT32_MIN, INT32_MAX, 0};
+    for (int bit = 0; bit < 31; ++bit) {
+      for (const int32_t r : {1 << bit, 3 << bit >> 1}) residuals.insert(residuals.end(), {r, -r});
+    }
+    uint32_t symbol = 0;
+    for (const int32_t r : residuals) CodeResidual(encoder, writing, expected, r, &symbol);
+    // A symbol beyond the largest size.
+    encoder.Symbol(writing, 14);
+    encoder.Raw(30, 12345);
+    encoder.Raw(1, 0);
+    encoder.Raw(16, 54321);
+    const Bytes bytes = encoder.Finish();
+    RansDecoder<> decoder(bytes);
+    auto lane = decoder.lane();
+    for (const int32_t r : residuals) {
+      REQUIRE(CodeResidual(lane, reading, expected, 0, &symbol) == r);
+    }
+    if (expected < kMaxExponent) continue;
+    CHECK(CodeResidual(lane, reading, expected, 0, &symbol) ==
+          static_cast<int32_t>(3u << 30 | 12345));
+    CHECK(lane.Raw(16) == 54321);
+    CHECK(decoder.Done());
   }
 }
 

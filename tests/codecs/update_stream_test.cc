@@ -211,6 +211,21 @@ TEST_CASE("damage that the checksum does not see leaves a mesh whose parts agree
   }
 }
 
+TEST_CASE("a sender does not gather changes that nobody takes") {
+  const UpdateFixture f({.side = 12});
+  UpdateEncoder encoder(f.options(4), f.base());
+  std::vector<bool> at(f.cluster().nodes());
+  std::mt19937 random(3);
+  for (int step = 0; step < 4; ++step) {
+    const std::vector<bool> to = RandomSet(f, random);
+    encoder.Encode(f.Batches(at, to));
+    at = to;
+    ClientMesh mesh = encoder.mesh();
+    const ClientMesh::Changes changes = mesh.TakeChanges();
+    CHECK((changes.triangles.empty() && changes.vertices.empty()));
+  }
+}
+
 TEST_CASE("an update tells which slots it changed") {
   const UpdateFixture f({.side = 12});
   UpdateEncoder encoder(f.options(4), f.base());

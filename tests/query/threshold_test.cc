@@ -336,6 +336,12 @@ TEST_CASE("a threshold knows where Min lies in a box, and how it changes as the 
   const ThresholdPtr field = FunctionThreshold([](const Box3d& box) { return box.min.x; });
   CHECK(field->Change(*field, {}, 0).high == 0);
   CHECK(field->Change(*ConstantThreshold(1), {}, 0).high == kInfinity);
+  // Infinite at the far end of the box, before and after, and much changed on the way there.
+  const ThresholdPtr steep = ExponentialThreshold({0, 0, 0}, 1, 1000);
+  const ThresholdPtr moved = ExponentialThreshold({0.01, 0, 0}, 1, 1000);
+  const Vec3d half{0.5, 0, 0};
+  const ErrorRange fall = steep->Change(*moved, {{0.1, -1, -1}, {2, 1, 1}}, 0);
+  CHECK(fall.low <= moved->Min({half, half, half}, 0) - steep->Min({half, half, half}, 0));
 }
 
 }  // namespace mtdb::testing
