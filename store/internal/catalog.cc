@@ -127,6 +127,15 @@ Status MakeGarbage(WriteTransaction& write, const ObjectRecord& record) {
 }
 
 Status RemoveRemains(Environment& environment, ObjectId id) {
+  bool there = false;
+  MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {
+    for (const Bytes& key : {BuildingKey(id), GarbageKey(id)}) {
+      MTDB_ASSIGN_OR_RETURN(const auto entry, write.Get(Table::kCatalog, key));
+      there = there || entry.has_value();
+    }
+    return Status::Ok();
+  }));
+  if (!there) return Status::Ok();
   const Bytes prefix = ObjectPrefix(id);
   for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
     bool done = false;
@@ -160,16 +169,7 @@ Status RemoveDead(Environment& environment) {
     MTDB_ASSIGN_OR_RETURN(const auto lock,
                           BuilderLock::TryAcquire(environment.absolute_path(), id));
     if (!lock) continue;
-    // A builder may have published between the listing and the lock.
-    bool still_there = false;
-    MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {
-      MTDB_ASSIGN_OR_RETURN(const auto building, write.Get(Table::kCatalog, BuildingKey(id)));
-      still_there = building.has_value();
-      MTDB_ASSIGN_OR_RETURN(const auto garbage, write.Get(Table::kCatalog, GarbageKey(id)));
-      still_there = still_there || garbage.has_value();
-      return Status::Ok();
-    }));
-    if (still_there) MTDB_RETURN_IF_ERROR(RemoveRemains(environment, id));
+    MTDB_RETURN_IF_ERROR(RemoveRemains(environment, id));
   }
   return Status::Ok();
 }

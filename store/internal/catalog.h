@@ -36,7 +36,8 @@ Result<std::optional<ObjectRecord>> FindObject(WriteTransaction& write, const st
 // Object entry -> garbage entry.
 Status MakeGarbage(WriteTransaction& write, const ObjectRecord& record);
 
-// Deletes the object's values in bounded transactions, then the building or garbage entry.
+// Deletes the object's values in bounded transactions, then the building or garbage entry. Nothing
+// without such an entry: the object may have been published, though its builder was told otherwise.
 Status RemoveRemains(Environment& environment, ObjectId id);
 
 // RemoveRemains for what dead builders and removers left. What live ones hold is skipped.
