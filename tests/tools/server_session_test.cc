@@ -307,10 +307,22 @@ TEST_CASE("who may not open a session is told why, by HTTP", "[server]") {
   refused(kSession + "?triangles=1", "", 400, "bad_query");
   refused(kSession, "Origin: http://elsewhere.example\r\n", 403, "foreign_origin");
   refused(kSession, "Origin: null\r\n", 403, "foreign_origin");
+  refused(kSession, "Origin: https://localhost\r\n", 403, "foreign_origin");
   CHECK(server.Get(kSession).code() == "upgrade_required");
-  RawConnection own(server.port());
-  own.Send(UpgradeRequest(kSession, "Origin: http://localhost\r\n"));
-  CHECK(own.ReceiveAnswer(true).status == 101);
+  const auto of_host = [&](const std::string& host) {
+    std::string request = UpgradeRequest(kSession, "Origin: http://" + host + "\r\n");
+    const std::string usual = "Host: localhost\r\n";
+    request.replace(request.find(usual), usual.size(), "Host: " + host + "\r\n");
+    RawConnection own(server.port());
+    own.Send(request);
+    return own.ReceiveAnswer(true).status;
+  };
+  CHECK(of_host("localhost") == 101);
+  CHECK(of_host("localhost:8080") == 101);
+  CHECK(of_host("127.0.0.1:8080") == 101);
+  CHECK(of_host("[::1]:8080") == 101);
+  // A name that somebody made mean this machine.
+  CHECK(of_host("rebound.example:8080") == 403);
   const ServerProcess open(SmallExample().store, {"--allow-origin", "http://a.example"});
   RawConnection page(open.port());
   page.Send(UpgradeRequest(kSession, "Origin: http://a.example\r\n"));
@@ -476,6 +488,24 @@ TEST_CASE("a server that is told to stop ends its sessions", "[server]") {
   // It does not wait for the client's last word for long.
   CHECK(server.Finish().exit_code == 0);
   CHECK(server.errors().empty());
+}
+
+TEST_CASE("a server that is told to stop takes no more queries", "[server]") {
+  ServerProcess server(TheExample().store, {"--grace", "600"});
+  RawSession running(server.port(), kSession);
+  CHECK(running.ReceiveText().contains("hello"));
+  running.Send(TextFrame(QueryMessage(4, SlowQuery())));
+  REQUIRE(server.Reaches("mtdb_queries_running", 1));
+  server.Signal(SIGTERM);
+  REQUIRE(ServerProcess::Await([&] { return server.Get("/healthz").status == 0; }));
+  running.Send(TextFrame(QueryMessage(5, kFull)));
+  const Json refused = running.ReceiveText();
+  CHECK(refused.at("id") == 5);
+  CHECK(refused.at("code") == "shutting_down");
+  server.Signal(SIGTERM);
+  CHECK(running.ReceiveText().at("id") == 4);
+  CHECK(running.ReceiveClose() == 1001);
+  CHECK(server.Finish().exit_code == 0);
 }
 
 TEST_CASE("a client whose server is killed says so, or finds another", "[server]") {
