@@ -318,6 +318,33 @@ TEST_CASE("sessions above the limits are told to come again", "[server]") {
   CHECK(RawSession(server.port(), kSession).status() == 101);
 }
 
+TEST_CASE("the hello says which limits hold", "[server]") {
+  const ServerProcess server(SmallExample().store, {"--session-triangles", "99999999999999"});
+  const auto hello = [&](const std::string& parameters) {
+    RawSession session(server.port(), kSession + parameters);
+    return session.ReceiveText().at("hello");
+  };
+  const uint64_t most = hello("").at("max_triangles");
+  CHECK(most < uint64_t{1} << 30);
+  CHECK(hello("").at("remember") == 0);
+  CHECK(hello("?remember=99999999999").at("remember") == most);
+  for (const char* parameters : {"?triangles=700&remember=900", "?remember=900&triangles=700"}) {
+    CHECK(hello(parameters).at("max_triangles") == 700);
+    CHECK(hello(parameters).at("remember") == 900);
+  }
+}
+
+TEST_CASE("a store's short name leaves what clients are told as it is", "[server]") {
+  const Folder folder;
+  std::filesystem::copy_file(SmallExample().store, folder.File("s"));
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(std::filesystem::path(folder.File("s")).parent_path());
+  const auto server = std::make_unique<ServerProcess>("s");
+  std::filesystem::current_path(before);
+  CHECK_THAT(OpenSession(*server)->Update(R"({"normals": true})").status().message(),
+             Catch::EndsWith("normals: a session's client makes them itself; leave it out"));
+}
+
 TEST_CASE("who may not open a session is told why, by HTTP", "[server]") {
   const ServerProcess& server = TheServer();
   const auto refused = [&](const std::string& target, const std::string& more, int status,
@@ -486,7 +513,7 @@ TEST_CASE("clients of sessions that do nothing are dropped", "[server]") {
 }
 
 TEST_CASE("an update that takes too long is given up, not the session", "[server]") {
-  const ServerProcess server(TheExample().store, {"--timeout", "0.3"});
+  const ServerProcess server(TheExample().store, {"--timeout", "1"});
   const auto session = OpenSession(server);
   const auto update = session->Update(SlowQuery());
   CHECK(update.status().code() == StatusCode::kBusy);
