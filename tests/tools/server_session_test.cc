@@ -334,6 +334,25 @@ TEST_CASE("the hello says which limits hold", "[server]") {
   }
 }
 
+TEST_CASE("a client's limit on triangles leaves room for their vertices", "[server]") {
+  constexpr int kTriangles = 20;  // which do not touch
+  const Folder folder;
+  const std::string mesh = folder.File("loose.obj");
+  std::string text;
+  for (int i = 0; i < kTriangles; ++i) {
+    const std::string x = std::to_string(3 * i);
+    text += "v " + x + " 0 0\nv " + x + " 1 0\nv " + x + " 0 1\nf -3 -2 -1\n";
+  }
+  WriteText(mesh, text);
+  RunOk({"ingest", mesh, folder.File("store.mtdb"), "--quiet"});
+  const ServerProcess server(folder.File("store.mtdb"));
+  RemoteSessionOptions options;
+  options.max_triangles = kTriangles;
+  options.remembered_vertices = 0;
+  const auto session = OpenSession(server, options);
+  CHECK(UpdateOk(*session, kFull).vertices == 3 * kTriangles);
+}
+
 TEST_CASE("a store's short name leaves what clients are told as it is", "[server]") {
   const Folder folder;
   std::filesystem::copy_file(SmallExample().store, folder.File("s"));

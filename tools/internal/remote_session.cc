@@ -100,8 +100,7 @@ Status RemoteSession::Impl::Broken(const Status& why) {
 
 Status RemoteSession::Impl::Lost(const std::string& what, ErrorCode error) {
   const Status status = connection_->base.Failure(what, error);
-  std::string reason(connection_->socket.reason().reason.c_str());
-  for (char& c : reason) c = c < ' ' ? '?' : c;
+  const std::string reason(connection_->socket.reason().reason.c_str());
   static_cast<void>(Broken(status));
   return {status.code(), status.message() + (reason.empty() ? "" : " (" + reason + ")")};
 }
@@ -132,9 +131,12 @@ Status RemoteSession::Impl::Start() {
   bytes_ = messages_ = 0;
   MTDB_RETURN_IF_ERROR(connection_->base.Connect());
   MTDB_RETURN_IF_ERROR(Handshake());
-  decoder_.emplace(UpdateDecoder::Limits{
-      options_.max_triangles, options_.max_triangles + std::min(options_.remembered_vertices,
-                                                                ~0u - options_.max_triangles)});
+  // The decoder has room for two triangles before it takes one in. Of vertices, triangles that do
+  // not touch have three each.
+  const uint64_t triangles = uint64_t{options_.max_triangles} + 2;
+  const uint64_t vertices = 3 * triangles + options_.remembered_vertices;
+  decoder_.emplace(UpdateDecoder::Limits{static_cast<uint32_t>(std::min<uint64_t>(triangles, ~0u)),
+                                         static_cast<uint32_t>(std::min<uint64_t>(vertices, ~0u))});
   MTDB_ASSIGN_OR_RETURN(const Message message, Read());
   if (!message.is_text) return Broken(BadInput("a session must begin with a hello"));
   const Result<SessionReply> reply = ParseSessionReply(message.text);
