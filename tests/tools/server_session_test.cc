@@ -515,7 +515,7 @@ TEST_CASE("a client that does not read is waited for, within bounds", "[server]"
 }
 
 TEST_CASE("clients of sessions that do nothing are dropped", "[server]") {
-  const ServerProcess server(TheExample().store, {"--idle", "0.3", "--session-idle", "0.6"});
+  const ServerProcess server(TheExample().store, {"--idle", "1", "--session-idle", "0.6"});
   RawSession deaf(server.port(), kSession, 4096);
   // Far more than the system takes.
   for (uint64_t id = 0; id < 200; ++id) {
