@@ -79,7 +79,8 @@ struct RemoteUpdate {
   bool restarted = false;  // the connection was replaced: the mesh was made anew, bytes has all
 };
 
-// A mesh that follows queries. One thread. Memory: some 100 bytes a triangle.
+// A mesh that follows queries. One thread. Memory: some 100 bytes a triangle. Pings of the server
+// are answered within calls only: it closes a session without one for its --session-idle (300 s).
 class RemoteSession {
  public:
   // Connects and receives the base mesh, the coarsest.
@@ -92,7 +93,8 @@ class RemoteSession {
   // with the next one.
   using OnMessage = std::function<Status(uint64_t bytes)>;
 
-  // Send, and Receive until the answer to it is there. After an error that the server told, and
+  // Send, and Receive until the answer to it is there; answers to those sent before are dropped,
+  // errors too. After an error that the server told, and
   // after errors of `on_message`, the session goes on; after others it is closed, and the next
   // Update fails, or starts anew from the base mesh (reconnect_seconds).
   Result<RemoteUpdate> Update(const std::string& query, const OnMessage& on_message = {});
@@ -103,6 +105,8 @@ class RemoteSession {
   Result<uint64_t> Send(const std::string& query);
   // The next answer; every query has one. kInvalidArgument when none is due.
   Result<RemoteUpdate> Receive(const OnMessage& on_message = {});
+  // The query that the last Receive brought the answer to, be it an error; 0: to none.
+  uint64_t answered() const;
 
   bool connected() const;
   // Tells the server, and waits until it knows. The mesh stays.

@@ -241,7 +241,7 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
       ->default_str("5");
   verb->add_option("--allow-origin", o->allowed_origin,
                    "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
-                   "any (default: the server's own)")
+                   "any (default: those that come from the server's own address only)")
       ->type_name("ORIGIN");
   verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
       ->type_name("DIR");

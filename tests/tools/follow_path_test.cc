@@ -61,11 +61,12 @@ TEST_CASE("what is wrong with a path is told with its line", "[cli]") {
   wrong(R"({"pixels": 2})", "line 1: pixels: needs a camera");
   wrong(R"({"camera": {"eye": [0, 0, 0]}, "pixels": 0})", "line 1: pixels: expected");
   wrong(R"({"error": 1, "threshold": 1})", "line 1: threshold: is given twice");
-  wrong("{\"error\": 1}\n{\"error\": 2, \"max_triangles\": 7, \"steps\": 2}", "line 2: ");
+  wrong("{\"error\": 1}\n{\"error\": 2, \"max_triangles\": 7, \"steps\": 2}",
+        "line 2: query: steps lead");
   wrong(
       "{\"region\": {\"point\": [0, 0, 0]}}\n{\"region\": {\"sphere\": {\"centre\": [0, 0, 0], "
       "\"radius\": 1}}, \"steps\": 2}",
-      "line 2: ");
+      "line 2: sphere: steps lead");
   wrong("{\"error\": 1}\n{\"error\": 2, \"steps\": 1000000}", "line 2: more than 1000000 steps");
 }
 

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "tools/internal/http_client.h"
+#include "tools/internal/remote_object.h"
 
 namespace mtdb::test {
 namespace {
@@ -93,6 +94,21 @@ TEST_CASE("a URL is taken apart, or refused", "[server]") {
     INFO(wrong);
     CHECK_FALSE(ParseHttpUrl(wrong).ok());
   }
+}
+
+TEST_CASE("a refusal says whether it is one of mtdb serve", "[server]") {
+  const auto code = [](unsigned status, const std::string& text) {
+    return Refused("http://host:80", status, text).code();
+  };
+  const std::string told = R"({"error": "no object 'x'", "code": "no_such_object"})";
+  CHECK(Refused("http://host:80", 404, told).message() == "http://host:80: 404: no object 'x'");
+  CHECK(code(404, told) == StatusCode::kNotFound);
+  CHECK(code(400, told) == StatusCode::kInvalidArgument);
+  CHECK(code(503, told) == StatusCode::kBusy);
+  CHECK(code(500, told) == StatusCode::kIoError);
+  CHECK(code(404, "<html>") == StatusCode::kBadInput);
+  CHECK(code(200, "{}") == StatusCode::kBadInput);
+  CHECK(code(503, "<html>") == StatusCode::kBusy);  // a proxy before it
 }
 
 }  // namespace

@@ -126,7 +126,7 @@ Result<std::vector<QueryJson>> ParseFollowPath(const std::string& text) {
     }
     for (size_t i = 1; i < steps; ++i) {
       Result<QueryJson> query =
-          Between(from, frame->query, static_cast<double>(i) / static_cast<double>(steps), "");
+          Between(from, frame->query, static_cast<double>(i) / static_cast<double>(steps), "query");
       if (!query.ok()) return Wrong(number, query.status().message());
       const Status status = ParseQueryText(query->dump()).status();
       if (!status.ok()) return Wrong(number, "on the way to it: " + status.message());

@@ -54,9 +54,10 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
 Status Refused(const std::string& where, unsigned status, const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);
   const bool told = json.is_object() && json.contains("error") && json["error"].is_string();
-  const std::string why =
-      told ? json["error"].get<std::string>() : "an answer that mtdb does not know";
-  const std::string message = where + ": " + std::to_string(status) + ": " + why;
+  const std::string message =
+      where + ": " + std::to_string(status) + ": " +
+      (told ? json["error"].get<std::string>() : "not an answer of mtdb serve; does it run there?");
+  if (!told && status < 500) return BadInput(message);
   if (status == 404 || status == 410) return NotFound(message);
   if (status == 503) return {StatusCode::kBusy, message};
   return status >= 500 ? IoError(message) : InvalidArgument(message);

@@ -55,6 +55,7 @@ class RemoteSession::Impl {
   bool connected_ = false;
   SessionHello hello_;
   uint64_t start_bytes_ = 0;
+  uint64_t answered_ = 0;  // by the last answer; 0: none
   std::optional<UpdateDecoder> decoder_;
 
  private:
@@ -99,8 +100,7 @@ Status RemoteSession::Impl::Broken(const Status& why) {
 
 Status RemoteSession::Impl::Lost(const std::string& what, ErrorCode error) {
   const Status status = connection_->base.Failure(what, error);
-  std::string reason(connection_->socket.reason().reason.c_str());
-  for (char& c : reason) c = c < ' ' ? '?' : c;
+  const std::string reason(connection_->socket.reason().reason.c_str());
   static_cast<void>(Broken(status));
   return {status.code(), status.message() + (reason.empty() ? "" : " (" + reason + ")")};
 }
@@ -131,9 +131,12 @@ Status RemoteSession::Impl::Start() {
   bytes_ = messages_ = 0;
   MTDB_RETURN_IF_ERROR(connection_->base.Connect());
   MTDB_RETURN_IF_ERROR(Handshake());
-  decoder_.emplace(UpdateDecoder::Limits{
-      options_.max_triangles, options_.max_triangles + std::min(options_.remembered_vertices,
-                                                                ~0u - options_.max_triangles)});
+  // The decoder has room for two triangles before it takes one in. Of vertices, triangles that do
+  // not touch have three each.
+  const uint64_t triangles = uint64_t{options_.max_triangles} + 2;
+  const uint64_t vertices = 3 * triangles + options_.remembered_vertices;
+  decoder_.emplace(UpdateDecoder::Limits{static_cast<uint32_t>(std::min<uint64_t>(triangles, ~0u)),
+                                         static_cast<uint32_t>(std::min<uint64_t>(vertices, ~0u))});
   MTDB_ASSIGN_OR_RETURN(const Message message, Read());
   if (!message.is_text) return Broken(BadInput("a session must begin with a hello"));
   const Result<SessionReply> reply = ParseSessionReply(message.text);
@@ -218,7 +221,7 @@ Result<RemoteUpdate> RemoteSession::Impl::Answer(const SessionReply& reply) {
     return Broken(BadInput("the server answered what was not asked"));
   }
   RemoteUpdate update;
-  update.id = query->id;
+  update.id = answered_ = query->id;
   update.done_ms = Milliseconds(query->sent, Clock::now());
   update.first_ms = query->first ? Milliseconds(query->sent, *query->first) : update.done_ms;
   queries_.erase(query);
@@ -248,6 +251,7 @@ Result<RemoteUpdate> RemoteSession::Impl::Answer(const SessionReply& reply) {
 }
 
 Result<RemoteUpdate> RemoteSession::Impl::Receive(const OnMessage& on_message) {
+  answered_ = 0;
   if (!connected_) return IoError(where_ + ": the session is closed");
   if (queries_.empty()) return InvalidArgument("there is no query without an answer");
   while (true) {
@@ -267,7 +271,7 @@ Result<RemoteUpdate> RemoteSession::Impl::Receive(const OnMessage& on_message) {
 
 Result<RemoteUpdate> RemoteSession::Impl::Update(const std::string& query,
                                                  const OnMessage& on_message) {
-  const Clock::time_point end = Clock::now() + Seconds(options_.reconnect_seconds);
+  std::optional<Clock::time_point> end;  // of the attempts to connect
   while (true) {
     Status status;
     if (!connected_ && options_.reconnect_seconds > 0) {
@@ -286,13 +290,14 @@ Result<RemoteUpdate> RemoteSession::Impl::Update(const std::string& query,
       status = id.status();
       while (status.ok()) {
         Result<RemoteUpdate> update = Receive(on_message);
-        if (update.ok() && update->id != *id) continue;  // those sent before
+        if (connected_ && answered_ != 0 && answered_ != *id) continue;  // those sent before
         if (update.ok() || connected_) return update;
         status = update.status();
       }
       if (connected_ || status.code() != StatusCode::kIoError) return status;
     }
-    if (options_.reconnect_seconds <= 0 || Clock::now() + kReconnectPause > end) return status;
+    if (!end) end = Clock::now() + Seconds(options_.reconnect_seconds);
+    if (options_.reconnect_seconds <= 0 || Clock::now() + kReconnectPause > *end) return status;
     std::this_thread::sleep_for(kReconnectPause);
   }
 }
@@ -334,6 +339,7 @@ Result<uint64_t> RemoteSession::Send(const std::string& query) { return impl_->S
 Result<RemoteUpdate> RemoteSession::Receive(const OnMessage& on_message) {
   return impl_->Receive(on_message);
 }
+uint64_t RemoteSession::answered() const { return impl_->answered_; }
 bool RemoteSession::connected() const { return impl_->connected_; }
 void RemoteSession::Close() { impl_->Close(); }
 const std::string& RemoteSession::object() const { return impl_->hello_.object; }

@@ -219,9 +219,11 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
                 ServerWebSocket::Request request) {
     watch_.cancel();
     state_ = State::kSending;
-    if (loop_.stopping || call_->control.cancelled()) {
-      stream_.close();
-      return Finish(499);
+    if (loop_.stopping) {
+      return OnAnswer(ErrorAnswer(503, "shutting_down", "the server is shutting down"));
+    }
+    if (call_->control.cancelled()) {
+      return OnAnswer(ErrorAnswer(503, "timeout", "the time for opening a session is over"));
     }
     Finish(101);
     std::make_shared<ServerWebSocket>(loop_, std::move(stream_), std::move(opened),

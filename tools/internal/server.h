@@ -18,7 +18,7 @@ struct ServerOptions {
   unsigned max_sessions = 64;          // likewise
   double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
   double session_idle_seconds = 300;   // of a session's client that answers no ping
-  std::string allowed_origin;          // of web pages beside the server's own; "*": any
+  std::string allowed_origin;          // of web pages that may open sessions; "*": any
   double timeout_seconds = 600;        // from a request's last byte to its answer's last
   double grace_seconds = 5;            // for running requests when the server is told to stop
 };

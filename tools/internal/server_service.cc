@@ -24,6 +24,8 @@ using Json = nlohmann::ordered_json;
 
 // Draco's encoder keeps the whole mesh and more in memory.
 constexpr uint64_t kMaxDracoTriangles = 2'000'000;
+// A ClientMesh numbers half-edges, four a triangle, in 32 bits.
+constexpr uint64_t kMaxSessionTriangles = uint64_t{1} << 28;
 
 std::string Dump(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
@@ -98,6 +100,7 @@ std::string Replaced(std::string text, const std::string& place, const std::stri
 
 // The limits that a session's client states: it may hold less than the server gives.
 Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options* options) {
+  const uint64_t most = options->max_triangles;
   for (const auto& [name, text] : target.parameters) {
     if (name != "remember" && name != "triangles") {
       return InvalidArgument(name + ": no such parameter; known are remember and triangles");
@@ -105,7 +108,7 @@ Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options
     const Result<uint64_t> count = text == "0" ? Result<uint64_t>(uint64_t{0}) : ParseCount(text);
     if (!count.ok()) return InvalidArgument(name + ": " + count.status().message());
     (name == "remember" ? options->remembered_vertices : options->max_triangles) =
-        std::min(*count, options->max_triangles);
+        std::min(*count, most);
   }
   return Status::Ok();
 }
@@ -158,8 +161,10 @@ ServerAnswer ErrorAnswer(const ServerError& error) {
 
 Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions& options) {
   std::unique_ptr<ServerService> service(new ServerService(options));
-  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(options.store));
   std::error_code error;
+  // A whole path, so that Failure finds it in messages, and nothing that only looks like it.
+  const std::filesystem::path store = std::filesystem::absolute(options.store, error);
+  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(error ? options.store : store.string()));
   std::string tmp = options.tmp;
   if (tmp.empty()) tmp = std::filesystem::temp_directory_path(error).string();
   std::string folder = tmp + "/mtdb-serve-" + std::string(6, 'X');
@@ -346,7 +351,7 @@ std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const s
   const Result<RequestTarget> target = ParseTarget(text);
   MTDB_CHECK(target.ok(), "IsSession has looked at it");
   ServerSession::Options options;
-  options.max_triangles = options_.session_triangles;
+  options.max_triangles = std::min(options_.session_triangles, kMaxSessionTriangles);
   auto opened = std::make_unique<OpenedSession>();
   opened->service = this;
   const auto open = [&]() -> Status {

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <utility>
 
+#include "tools/internal/http_client.h"
 #include "tools/internal/report_json.h"
 
 namespace mtdb {
@@ -21,6 +23,8 @@ constexpr auto kWatchPeriod = std::chrono::milliseconds(20);
 constexpr auto kPatience = std::chrono::milliseconds(100);
 // For the last words, when the server has waited long enough.
 constexpr auto kHurry = std::chrono::seconds(1);
+
+ServerError ShuttingDown() { return {503, "shutting_down", "the server is shutting down"}; }
 
 }  // namespace
 
@@ -45,7 +49,13 @@ ServerWebSocket::~ServerWebSocket() = default;
 bool ServerWebSocket::MayOpen(const Request& request, const std::string& allowed) {
   const std::string origin(request[http::field::origin]);
   const std::string host(request[http::field::host]);
-  return origin.empty() || allowed == "*" || origin == allowed || origin == "http://" + host;
+  if (origin.empty() || allowed == "*" || origin == allowed) return true;
+  if (origin != "http://" + host) return false;
+  // Under a name the page may be anybody's, who makes the name mean this machine (DNS rebinding).
+  const Result<HttpUrl> url = ParseHttpUrl(origin);
+  ErrorCode error;
+  if (url.ok()) asio::ip::make_address(url->host, error);
+  return url.ok() && (!error || url->host == "localhost");
 }
 
 void ServerWebSocket::Accept(Request request) {
@@ -97,6 +107,10 @@ void ServerWebSocket::OnMessage() {
   Result<SessionRequest> request = ParseSessionRequest(text, &id);
   if (!request.ok()) {
     ReplyError(id, {400, "bad_message", request.status().message()});
+    return Read();
+  }
+  if (loop_.stopping) {
+    ReplyError(request->id, ShuttingDown());
     return Read();
   }
   if (waiting_) ReplySuperseded(waiting_->request.id);
@@ -166,7 +180,7 @@ void ServerWebSocket::OnOutcome(ServerService::SessionOutcome outcome) {
   const uint64_t id = work_->request.id;
   const bool superseded = outcome.end == ServerSession::End::kSuperseded ||
                           (!outcome.end && stop == ServerCall::Stop::kSuperseded);
-  if (outcome.end == ServerSession::End::kPaused) return Begin();
+  if (outcome.end == ServerSession::End::kPaused) return hurry_ ? Drop() : Begin();
   patience_ = superseded && work_->progress.rounds == 0 ? 2 * patience_ : kPatience;
   if (superseded) {
     ReplySuperseded(id);
@@ -334,7 +348,7 @@ void ServerWebSocket::Drop() {
 void ServerWebSocket::Drain() {
   if (ended_ || !open_ || (work_ && !waiting_)) return;
   if (waiting_) {
-    ReplyError(waiting_->request.id, {503, "shutting_down", "the server is shutting down"});
+    ReplyError(waiting_->request.id, ShuttingDown());
     waiting_.reset();
     newer_ = false;
     if (work_) return;

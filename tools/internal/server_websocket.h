@@ -44,8 +44,8 @@ class ServerWebSocket final : public ServerPeer,
                   std::shared_ptr<void> ticket);
   ~ServerWebSocket() override;
 
-  // Whether a client of this request may open a session: programs may, and web pages of the
-  // server's own origin or of `allowed`.
+  // Whether a client of this request may open a session: programs may, and web pages of `allowed`
+  // or of the server's own origin, when that has an address or localhost for a name.
   static bool MayOpen(const Request& request, const std::string& allowed);
   // Answers the upgrade and goes on by itself.
   void Accept(Request request);
