@@ -95,7 +95,7 @@ Status MovingCut::Advance(Unit& u) {
   bool waits = false;
   do {
     todo_.swap(u.todo);
-    ForEachFetched(*unit, todo_, false, [&](NodeIndex node) {
+    ForEachFetched(*unit, todo_, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) return;
       if (Unjudged(u, node)) Evaluate(u, *unit, node);
       if (u.refusing.Test(node)) u.wanted.Set(node);
@@ -103,7 +103,7 @@ Status MovingCut::Advance(Unit& u) {
     todo_.clear();
     u.wanted.ForEach([&](NodeIndex node) { todo_.push_back(node); });
     Status status;
-    ForEachFetched(*unit, todo_, true, [&](NodeIndex node) {
+    ForEachFetched(*unit, todo_, Fetch::kStars, [&](NodeIndex node) {
       if (status.ok()) status = Insert(u, *unit, node, &waits);
     });
     todo_.clear();
@@ -150,8 +150,12 @@ void MovingCut::Touch(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   if (!u.known.Test(node)) {
     Save(u);
     u.known.Set(node);
-    u.refusing.Clear(node);
-    u.refused.ClearRange(unit.cluster.hole_begin[node], unit.cluster.hole_begin[node + 1]);
+    // Most are valid by far, and their code says so.
+    if (const double fall = u.range.low - errors_[code]; fall >= GoodMargin(u)) {
+      ++evaluated_;
+      u.deadlines[node] = Up(u.low - fall);
+      return;
+    }
     u.deadlines[node] = kAlways;
     if (code <= floor_) {
       later_[code].emplace_back(u.id, node);

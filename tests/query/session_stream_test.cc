@@ -200,7 +200,7 @@ TEST_CASE("a client that takes round after round holds a mesh after each, of fal
     REQUIRE(update.ok() == (taken == 100));
     if (update.ok()) {
       Cut cut = *surface.Select(query);
-      REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut));
+      REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut, {}));
       REQUIRE(update->stats.triangles == cut.triangle_count());
       REQUIRE(update->stats.nodes_forced == cut.stats().nodes_forced);
     }
