@@ -83,7 +83,7 @@ struct LoadedUnit {
   }
   size_t memory_bytes() const;
 
-  static constexpr uint32_t kCreatorStep = 64;
+  static constexpr uint32_t kCreatorStep = 16;
 };
 
 using LoadedUnitPtr = std::shared_ptr<const LoadedUnit>;

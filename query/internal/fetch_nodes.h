@@ -3,17 +3,24 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 #include "query/loaded_unit.h"
 
 namespace mtdb {
 
+enum class Fetch : uint8_t {
+  kShapes,  // holes, and where their corners are
+  kStars,   // holes, and what removes the stars
+};
+
 // Calls f(node) for each. What is known of the nodes' holes lies in five places of the unit, each
 // found by the one before, and seldom in a processor's cache; so it is asked of the memory for some
-// nodes at once. Likewise with `stars`.
+// nodes at once.
 template <typename F>
-void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, bool stars, F&& f) {
+void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, Fetch what, F&& f) {
+  const bool stars = what == Fetch::kStars;
   constexpr size_t kAtOnce = 32;
   const Cluster& c = unit.cluster;
   while (!nodes.empty()) {
@@ -21,17 +28,19 @@ void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, bo
     nodes = nodes.subspan(some.size());
     for (const NodeIndex n : some) {
       __builtin_prefetch(&c.error_codes[n]);
-      __builtin_prefetch(&c.ring_begin[n]);
+      if (!stars) __builtin_prefetch(&c.ring_begin[n]);
       __builtin_prefetch(&c.hole_begin[n]);
       if (stars) __builtin_prefetch(&c.star_begin[n]);
     }
     for (const NodeIndex n : some) {
-      __builtin_prefetch(c.ring_vertices.data() + c.ring_begin[n]);
+      if (!stars) __builtin_prefetch(c.ring_vertices.data() + c.ring_begin[n]);
       __builtin_prefetch(c.hole_slots.data() + c.hole_begin[n]);
       if (stars) __builtin_prefetch(c.removers.data() + c.star_begin[n]);
     }
     for (const NodeIndex n : some) {
-      for (const uint32_t local : c.ring(n)) __builtin_prefetch(&c.in.positions[local]);
+      if (!stars) {
+        for (const uint32_t local : c.ring(n)) __builtin_prefetch(&c.in.positions[local]);
+      }
       for (const uint32_t slot : c.hole(n)) {
         if (slot < unit.first_own_slot()) {
           __builtin_prefetch(&unit.origins[slot]);

@@ -11,9 +11,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNever = -std::numeric_limits<float>::infinity();  // as a deadline of `low`
-// A judgement for all of a unit's box stands when its margin is this share of the range of Min.
-constexpr double kGoodMargin = 0.5;
-constexpr uint32_t kAskEvery = 16;  // moves
+constexpr uint32_t kAskEvery = 16;                                 // moves
 
 }  // namespace
 
@@ -210,6 +208,8 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
         all = !std::isfinite(change.low) || !std::isfinite(change.high);
         u.low += change.low;
         u.high += change.high;
+        u.fell = change.low < 0;
+        u.rose = change.high > 0;
       }
       u.range = threshold_->Range(u.box, u.reach);
       if (all) u.low = u.high = 0;
@@ -240,6 +240,7 @@ MovingCut::Activity MovingCut::ActivityOf(const Box3d& box, double reach) const 
   return region_->BoxWithin(box, reach) ? Activity::kSome : Activity::kNone;
 }
 
+// What did not fall passes no deadline of `low`, and likewise for `high`: no need to look.
 void MovingCut::FindExpired(Unit& u, bool all) {
   expired_.clear();
   expired_gates_.clear();
@@ -247,15 +248,21 @@ void MovingCut::FindExpired(Unit& u, bool all) {
   const float high = Up(u.high);
   for (uint32_t w = 0; w < u.known.words().size(); ++w) {
     uint64_t rest = u.known.words()[w];
-    if (rest == 0) continue;
     if (!all) {
       const float* const deadlines = u.deadlines.data() + size_t{w} * 64;
-      std::array<uint8_t, 64> fallen, risen;
-      for (size_t i = 0; i < 64; ++i) fallen[i] = low <= deadlines[i] ? 1 : 0;
-      for (size_t i = 0; i < 64; ++i) risen[i] = high >= deadlines[i] ? 1 : 0;
       const uint64_t refusing = u.refusing.words()[w];
-      rest &=
-          (Bits::PackWord(risen.data()) & refusing) | (Bits::PackWord(fallen.data()) & ~refusing);
+      const uint64_t may_fall = u.fell ? rest & ~refusing : 0;
+      const uint64_t may_rise = u.rose ? rest & refusing : 0;
+      rest = 0;
+      std::array<uint8_t, 64> passed;
+      if (may_fall != 0) {
+        for (size_t i = 0; i < 64; ++i) passed[i] = low <= deadlines[i] ? 1 : 0;
+        rest |= Bits::PackWord(passed.data()) & may_fall;
+      }
+      if (may_rise != 0) {
+        for (size_t i = 0; i < 64; ++i) passed[i] = high >= deadlines[i] ? 1 : 0;
+        rest |= Bits::PackWord(passed.data()) & may_rise;
+      }
     }
     for (; rest != 0; rest &= rest - 1) {
       expired_.push_back(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
@@ -274,7 +281,7 @@ void MovingCut::FindExpired(Unit& u, bool all) {
 Status MovingCut::Decide(Unit& u) {
   if (expired_.empty() && expired_gates_.empty()) return Status::Ok();
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
-  ForEachFetched(*unit, expired_, false, [&](NodeIndex node) {
+  ForEachFetched(*unit, expired_, Fetch::kShapes, [&](NodeIndex node) {
     const bool applied = u.applied.Test(node);
     if (!applied) {
       const std::span<const uint32_t> hole = unit->cluster.hole(node);
@@ -282,6 +289,8 @@ Status MovingCut::Decide(Unit& u) {
                        [&](uint32_t slot) { return Present(u, *unit, slot); })) {
         Save(u);
         u.known.Clear(node);
+        u.refusing.Clear(node);
+        u.refused.ClearRange(unit->cluster.hole_begin[node], unit->cluster.hole_begin[node + 1]);
         return;
       }
     }
@@ -314,7 +323,7 @@ Triangle3d MovingCut::Corners(const LoadedUnit& unit, uint32_t slot) const {
 MovingCut::Verdict MovingCut::Judge(const Unit& u, const LoadedUnit& unit, NodeIndex node) {
   const double error = errors_[unit.cluster.error_codes[node]];
   if (u.activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
-  const double good = kGoodMargin * (u.range.high - u.range.low);
+  const double good = GoodMargin(u);
   if (u.range.low - error >= good) return {false, false, u.range.low - error, kInfinity};
   if (u.activity == Activity::kAll && error - u.range.high >= good && error > u.range.high) {
     return {true, true, kInfinity, error - u.range.high};

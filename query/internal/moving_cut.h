@@ -81,9 +81,10 @@ class MovingCut {
     uint32_t slot;
   };
   struct Flags {
-    Bits applied;   // per node
-    Bits strong;    // per node: applied, and refused triangles alone explain why; see Strengthen
-    Bits known;     // per node: what follows is known of it; all that are applied, and more
+    Bits applied;  // per node
+    Bits strong;   // per node: applied, and refused triangles alone explain why; see Strengthen
+    // Per node: what follows is known of it; all that are applied, and more. False for the others.
+    Bits known;
     Bits refusing;  // per node: removes a refused triangle
     Bits refused;   // per place in Cluster::hole_slots: that triangle is refused
     Bits present;   // per own slot: in the mesh of the cut
@@ -105,6 +106,7 @@ class MovingCut {
     ErrorRange range;  // of the threshold's Min in the box
     // Bounds of the sum of all changes of Min since the deadlines began.
     double low = 0, high = 0;
+    bool fell = true, rose = true;  // in this move
     // Per node: to be looked at again when `low` has fallen to it, or, for those that refuse, when
     // `high` has risen to it. Whole words of nodes.
     std::vector<float> deadlines;
@@ -150,6 +152,11 @@ class MovingCut {
   // Known, but waits to be looked at.
   static bool Unjudged(const Unit& u, NodeIndex node) {
     return u.deadlines[node] == std::numeric_limits<float>::infinity() && !u.refusing.Test(node);
+  }
+  // A judgement for all of a unit's box stands with such a margin: a share of the range of Min.
+  static double GoodMargin(const Unit& u) {
+    constexpr double kShare = 0.5;
+    return kShare * (u.range.high - u.range.low);
   }
   bool Evaluate(Unit& u, const LoadedUnit& unit, NodeIndex node);
   struct Verdict {

@@ -11,6 +11,8 @@ constexpr float kNever = -std::numeric_limits<float>::infinity();
 constexpr float kAlways = std::numeric_limits<float>::infinity();
 constexpr uint64_t kRoundShare = 4;  // a round inserts at least this part of all nodes
 constexpr int kFloorStep = 8;        // codes: an octave
+// For a gate the box of the child tells enough when the margin is this share of the range of Min.
+constexpr double kGoodShare = 0.1;
 
 }  // namespace
 
@@ -95,7 +97,7 @@ Status MovingCut::Advance(Unit& u) {
   bool waits = false;
   do {
     todo_.swap(u.todo);
-    ForEachFetched(*unit, todo_, false, [&](NodeIndex node) {
+    ForEachFetched(*unit, todo_, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) return;
       if (Unjudged(u, node)) Evaluate(u, *unit, node);
       if (u.refusing.Test(node)) u.wanted.Set(node);
@@ -103,7 +105,7 @@ Status MovingCut::Advance(Unit& u) {
     todo_.clear();
     u.wanted.ForEach([&](NodeIndex node) { todo_.push_back(node); });
     Status status;
-    ForEachFetched(*unit, todo_, true, [&](NodeIndex node) {
+    ForEachFetched(*unit, todo_, Fetch::kStars, [&](NodeIndex node) {
       if (status.ok()) status = Insert(u, *unit, node, &waits);
     });
     todo_.clear();
@@ -150,8 +152,12 @@ void MovingCut::Touch(Unit& u, const LoadedUnit& unit, NodeIndex node) {
   if (!u.known.Test(node)) {
     Save(u);
     u.known.Set(node);
-    u.refusing.Clear(node);
-    u.refused.ClearRange(unit.cluster.hole_begin[node], unit.cluster.hole_begin[node + 1]);
+    // Most are valid by far, and their code says so.
+    if (const double fall = u.range.low - errors_[code]; fall >= GoodMargin(u)) {
+      ++evaluated_;
+      u.deadlines[node] = Up(u.low - fall);
+      return;
+    }
     u.deadlines[node] = kAlways;
     if (code <= floor_) {
       later_[code].emplace_back(u.id, node);
@@ -279,11 +285,20 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
 
 void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
   gates_open_.assign(u.gates.size(), false);
+  bool any = false;
   for (const uint32_t ordinal : u.gates_todo) {
-    gates_open_[ordinal] = true;
-    u.gates[ordinal] = kNever;
+    const ClusterId child = unit.children()[ordinal];
+    const double error = errors_[LargestCode(child)];
+    const Box3i& bounds = index_.cluster(child).bounds;
+    const ErrorRange range =
+        threshold_->Range({grid_.Position(bounds.min), grid_.Position(bounds.max)}, error);
+    const double fall = range.low - error;
+    gates_open_[ordinal] = !(fall >= kGoodShare * (range.high - range.low));
+    u.gates[ordinal] = gates_open_[ordinal] ? kNever : Up(u.low - fall);
+    any |= gates_open_[ordinal];
   }
   u.gates_todo.clear();
+  if (!any) return;
   const std::vector<uint32_t>& removers = unit.removers();
   u.present.ForEach([&](uint32_t own) {
     const uint32_t remover = removers[own + u.first_own];

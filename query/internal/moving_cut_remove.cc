@@ -52,7 +52,7 @@ Status MovingCut::Strengthen() {
     }
     u.arrivals.clear();
     u.dirty.ForEach([&](NodeIndex node) { todo_.push_back(node); });
-    ForEachFetched(*unit, todo_, true, [](NodeIndex) {});
+    ForEachFetched(*unit, todo_, Fetch::kStars, [](NodeIndex) {});
     todo_.clear();
     for (NodeIndex n = u.dirty.FirstFrom(0); n != kNone32; n = u.dirty.FirstFrom(n + 1)) {
       u.dirty.Clear(n);
@@ -111,7 +111,8 @@ Status MovingCut::SuspendAll() {
     u.arrivals.clear();
     while (!u.todo.empty()) {
       todo_.swap(u.todo);
-      ForEachFetched(*unit, todo_, true, [&](NodeIndex node) { SuspendAround(u, *unit, node); });
+      ForEachFetched(*unit, todo_, Fetch::kStars,
+                     [&](NodeIndex node) { SuspendAround(u, *unit, node); });
       todo_.clear();
     }
   }
@@ -196,7 +197,7 @@ Status MovingCut::RemoveUnfounded() {
     for (; i < unfounded.size() && unfounded[i] >> 32 == u.id; ++i) {
       todo_.push_back(~static_cast<NodeIndex>(unfounded[i]));
     }
-    ForEachFetched(*unit, todo_, true, [&](NodeIndex node) { Remove(u, *unit, node); });
+    ForEachFetched(*unit, todo_, Fetch::kStars, [&](NodeIndex node) { Remove(u, *unit, node); });
   }
   todo_.clear();
   // Open children know the errors of what has gone.

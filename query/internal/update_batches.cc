@@ -45,19 +45,26 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
     nodes.clear();
     u.changes.ForEach([&](NodeIndex node) { nodes.push_back(node); });
     if (!insert_) std::reverse(nodes.begin(), nodes.end());
+    const Cluster& cluster = unit->cluster;
     const uint32_t first_own = unit->first_own_slot();
+    const auto place = [&](size_t n) { return insert_ ? n : nodes.size() - 1 - n; };
     size_t n = 0;
-    ForEachFetched(*unit, nodes, true, [&](NodeIndex node) {
-      const size_t i = insert_ ? n : nodes.size() - 1 - n;
-      ++n;
-      creators_.clear();
-      for (const uint32_t slot : unit->cluster.hole(node)) {
+    creators_.clear();
+    // On the way it asks for what AddNode will read.
+    ForEachFetched(*unit, nodes, Fetch::kStars, [&](NodeIndex node) {
+      const size_t i = place(n++);
+      __builtin_prefetch(&cluster.ring_begin[node]);
+      for (const uint32_t slot : cluster.hole(node)) {
         uint32_t* parent = nullptr;
         creators_.push_back(slot >= first_own ? unit->creator(slot) : 0);
         if (slot >= first_own) {
+          __builtin_prefetch(&cluster.ring_begin[creators_.back()]);
           parent = Level(&u, creators_.back());
-        } else if (const SlotOrigin& origin = unit->origins[slot]; origin.creator != kNone32) {
-          parent = Level(parents_[origin.parent], origin.creator);
+        } else {
+          __builtin_prefetch(&cluster.in.triangles[slot]);
+          if (const SlotOrigin& origin = unit->origins[slot]; origin.creator != kNone32) {
+            parent = Level(parents_[origin.parent], origin.creator);
+          }
         }
         if (parent == nullptr) continue;
         if (insert_) {
@@ -66,13 +73,25 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
           *parent = std::max(*parent, u.levels[i] + 1);
         }
       }
-      const size_t batch = first + u.levels[i];
+    });
+    for (const NodeIndex node : nodes) {
+      __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[node]);
+      __builtin_prefetch(&cluster.in.positions[cluster.external_vertices() + node]);
+    }
+    for (const NodeIndex creator : creators_) {
+      __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator]);
+    }
+    std::span<const NodeIndex> creators = creators_;
+    for (n = 0; n < nodes.size(); ++n) {
+      const size_t batch = first + u.levels[place(n)];
       while (batches->size() <= batch) {
         batches->emplace_back().insert = insert_;
         if (batches->size() == first + 1) Reserve(batches->back());
       }
-      AddNode(*unit, node, (*batches)[batch]);
-    });
+      const size_t holes = cluster.hole(nodes[n]).size();
+      AddNode(*unit, nodes[n], creators.first(holes), (*batches)[batch]);
+      creators = creators.subspan(holes);
+    }
   }
   return Status::Ok();
 }
@@ -85,7 +104,8 @@ void UpdateBatches::Reserve(UpdateBatch& batch) const {
   batch.rows.reserve(count_ * row_bytes_);
 }
 
-void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const {
+void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
+                            std::span<const NodeIndex> creators, UpdateBatch& batch) const {
   const Cluster& c = unit.cluster;
   const uint32_t external = c.external_vertices();
   const VertexIndex first_vertex = index_.first_vertex(ClusterId(unit.id));
@@ -98,26 +118,31 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch&
   out.ring_begin = static_cast<uint32_t>(batch.ring.size());
   const std::span<const uint32_t> ring = c.ring(node);
   out.ring_count = static_cast<uint32_t>(ring.size());
-  for (const uint32_t v : ring) {
-    batch.ring.push_back(v < external ? c.in.vertices[v] : first_vertex + (v - external));
-  }
+  batch.ring.resize(batch.ring.size() + ring.size());
+  std::transform(ring.begin(), ring.end(), batch.ring.begin() + out.ring_begin, [&](uint32_t v) {
+    return v < external ? c.in.vertices[v] : first_vertex + (v - external);
+  });
   out.hole_begin = static_cast<uint32_t>(batch.holes.size());
   const std::span<const uint32_t> hole = c.hole(node);
+  batch.holes.resize(batch.holes.size() + hole.size());
   for (size_t h = 0; h < hole.size(); ++h) {
     const uint32_t slot = hole[h];
-    UpdateBatch::HoleTriangle& t = batch.holes.emplace_back();
+    UpdateBatch::HoleTriangle& t = batch.holes[out.hole_begin + h];
     const bool own = slot >= unit.first_own_slot();
     if (own) {
       t.key = KeyOf(unit.id, slot);
     } else {
       t.key = KeyOf(unit.parents[unit.origins[slot].parent], unit.origins[slot].slot);
     }
-    const std::array<uint32_t, 3> corners = unit.corners(slot, creators_[h]);
-    for (size_t i = 0; i < 3; ++i) {
-      t.corners[i] =
-          static_cast<uint8_t>(std::find(ring.begin(), ring.end(), corners[i]) - ring.begin());
+    const std::array<uint32_t, 3> corners = unit.corners(slot, creators[h]);
+    // All of the ring each time: no branch to guess.
+    for (uint8_t at = 0; at < ring.size(); ++at) {
+      for (size_t i = 0; i < 3; ++i) {
+        if (ring[at] == corners[i]) t.corners[i] = at;
+      }
     }
   }
+  if (row_bytes_ == 0) return;
   const auto row = c.in.rows.begin() + static_cast<std::ptrdiff_t>(local * row_bytes_);
   batch.rows.insert(batch.rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "codecs/mesh_update.h"
@@ -43,7 +44,9 @@ class UpdateBatches {
     if (unit == nullptr || !unit->changes.Test(node)) return nullptr;
     return &unit->levels[unit->Place(node)];
   }
-  void AddNode(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const;
+  // `creators` of the hole's triangles that the unit creates.
+  void AddNode(const LoadedUnit& unit, NodeIndex node, std::span<const NodeIndex> creators,
+               UpdateBatch& batch) const;
   // Room for the nodes of a batch, of usual rings.
   void Reserve(UpdateBatch& batch) const;
 
@@ -53,7 +56,7 @@ class UpdateBatches {
   uint64_t count_ = 0;
   std::vector<Unit> units_;
   std::vector<Unit*> parents_;       // of the unit at hand
-  std::vector<NodeIndex> creators_;  // of the hole at hand
+  std::vector<NodeIndex> creators_;  // of the holes of the unit at hand
 };
 
 }  // namespace mtdb
