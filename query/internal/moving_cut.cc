@@ -430,4 +430,11 @@ void MovingCut::Enqueue(Unit& u) {
   queue_.insert(u.id);
 }
 
+MovingCut::Unit& MovingCut::TakeQueued() {
+  Unit& u = *Find(*queue_.begin());
+  queue_.erase(queue_.begin());
+  u.queued = false;
+  return u;
+}
+
 }  // namespace mtdb

@@ -140,6 +140,8 @@ class MovingCut {
   void Count(Unit& u);
   Status EndRoundWith(const Commit& commit);
   void Enqueue(Unit& u);
+  // The first of the queue, which is not empty, leaves it.
+  Unit& TakeQueued();
 
   Status Step(const Query& query, uint64_t round_nodes, const Commit& commit);
   // 1. What the new query decides otherwise.

@@ -69,9 +69,7 @@ Status MovingCut::RunQueue() {
       if (it != queue_.begin()) ahead_.push_back(*it);
     }
     if (!ahead_.empty()) reader_->Prefetch(ahead_);
-    Unit& u = *Find(*queue_.begin());
-    queue_.erase(queue_.begin());
-    u.queued = false;
+    Unit& u = TakeQueued();
     MTDB_RETURN_IF_ERROR(Advance(u));
     if (control_ != nullptr) {
       control_->nodes_applied_.store(inserted_in_all_, std::memory_order_relaxed);

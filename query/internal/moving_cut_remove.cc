@@ -42,9 +42,7 @@ bool MovingCut::IsStrong(const Unit& u, const LoadedUnit& unit, NodeIndex node) 
 
 Status MovingCut::Strengthen() {
   while (!queue_.empty()) {
-    Unit& u = *Find(*queue_.begin());
-    queue_.erase(queue_.begin());
-    u.queued = false;
+    Unit& u = TakeQueued();
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
     for (const Arc& arc : u.arrivals) {
       MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(*unit, arc));
@@ -100,9 +98,7 @@ Status MovingCut::SuspendAll() {
     Suspend(*Find(static_cast<UnitId>(key >> 32)), static_cast<NodeIndex>(key));
   }
   while (!queue_.empty()) {
-    Unit& u = *Find(*queue_.begin());
-    queue_.erase(queue_.begin());
-    u.queued = false;
+    Unit& u = TakeQueued();
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
     for (const Arc& arc : u.arrivals) {
       MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(*unit, arc));
@@ -202,9 +198,7 @@ Status MovingCut::RemoveUnfounded() {
   todo_.clear();
   // Open children know the errors of what has gone.
   while (!queue_.empty()) {
-    Unit& u = *Find(*queue_.begin());
-    queue_.erase(queue_.begin());
-    u.queued = false;
+    Unit& u = TakeQueued();
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
     for (const Arc& arc : u.arrivals) {
       MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(*unit, arc));

@@ -7,6 +7,13 @@
 
 namespace mtdb::testing {
 
+void Damage(std::mt19937& random, Bytes* body) {
+  if (random() % 2 == 0) {
+    (*body)[random() % body->size()] ^= static_cast<std::byte>(1 << random() % 8);
+  }
+  if (random() % 8 == 0) body->resize(1 + random() % body->size());
+}
+
 Bytes UpdateRecord(ByteSpan body) {
   ByteWriter record;
   record.bytes().reserve(body.size() + 16);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <random>
 #include <set>
 #include <string>
 #include <vector>
@@ -15,6 +16,8 @@ namespace mtdb::testing {
 
 // A record of an update stream with this body.
 Bytes UpdateRecord(ByteSpan body);
+// Flips a bit of it in every second call, and cuts it short in every eighth.
+void Damage(std::mt19937& random, Bytes* body);
 
 class UpdateFixture {
  public:

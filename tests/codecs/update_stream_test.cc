@@ -195,10 +195,7 @@ TEST_CASE("damage that the checksum does not see leaves a mesh whose parts agree
       UpdateDecoder decoder({.triangles = 20000, .vertices = 20000});
       Require(decoder.Feed(encoder.start()));
       for (Bytes body : bodies) {
-        if (random() % 2 == 0) {
-          body[random() % body.size()] ^= static_cast<std::byte>(1 << random() % 8);
-        }
-        if (random() % 8 == 0) body.resize(1 + random() % body.size());
+        Damage(random, &body);
         if (decoder.Feed(UpdateRecord(body)).ok()) continue;
         ++refused;
         break;
