@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -358,9 +359,7 @@ int Usage(const std::string& problem, const std::string& verb) {
   return kExitUsage;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int Run(int argc, char** argv) {
   // A store on a full quota or a closed pipe is an error to report, not a reason to die.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
@@ -573,4 +572,16 @@ int main(int argc, char** argv) {
     return kExitError;
   }
   return ok ? 0 : kExitError;
+}
+
+}  // namespace
+
+// What memory runs out in unwinds, and so leaves nothing behind.
+int main(int argc, char** argv) {
+  try {
+    return Run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fputs("mtdb: out of memory\n", stderr);
+    return kExitError;
+  }
 }
