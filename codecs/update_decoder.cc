@@ -8,6 +8,7 @@
 #include "codecs/internal/clip_coder.h"
 #include "codecs/internal/update_coder.h"
 #include "codecs/update_stream.h"
+#include "store/base/attribute_layout.h"
 #include "store/base/hash.h"
 
 namespace mtdb {
@@ -132,15 +133,9 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z)) {
     return Corrupted("origin of the float positions");
   }
-  const uint64_t attributes = reader.GetVarint();
-  if (attributes > reader.remaining()) return Corrupted("count of attributes");
-  for (uint64_t i = 0; i < attributes; ++i) {
-    VertexAttribute& a = options.attributes.attributes.emplace_back();
-    a.name = reader.GetString();
-    const auto type = reader.Get<uint8_t>();
-    if (type > static_cast<uint8_t>(ScalarType::kFloat64)) return Corrupted("type of an attribute");
-    a.type = static_cast<ScalarType>(type);
-  }
+  Result<AttributeLayout> layout = GetAttributeLayout(&reader);
+  if (!layout.ok()) return Corrupted(layout.status().message());
+  options.attributes = *std::move(layout);
   const uint64_t remembered = reader.GetVarint();
   const uint64_t vertices = reader.GetVarint();
   const uint64_t triangles = reader.GetVarint();

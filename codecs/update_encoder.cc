@@ -10,6 +10,7 @@
 #include "codecs/internal/update_coder.h"
 #include "codecs/internal/whole_cut.h"
 #include "codecs/update_stream.h"
+#include "store/base/attribute_layout.h"
 #include "store/base/check.h"
 #include "store/base/hash.h"
 
@@ -174,11 +175,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
   body.Put<double>(grid.step);
   for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
-  body.PutVarint(options_.attributes.attributes.size());
-  for (const VertexAttribute& a : options_.attributes.attributes) {
-    body.PutString(a.name);
-    body.Put<uint8_t>(static_cast<uint8_t>(a.type));
-  }
+  PutAttributeLayout(options_.attributes, &body);
   body.PutVarint(options_.remembered_vertices);
   body.PutVarint(positions.size());
   body.PutVarint(triangles.size());

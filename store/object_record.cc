@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "store/base/attribute_grid.h"
+#include "store/base/attribute_layout.h"
 #include "store/internal/keys.h"
 
 namespace mtdb {
@@ -96,6 +96,12 @@ class RecordReader {
     if (ok() && !(v > 0)) Fail(std::string(what) + ": expected a number above 0");
     return v;
   }
+  AttributeLayout GetLayout() {
+    Result<AttributeLayout> layout = GetAttributeLayout(&r_);
+    if (layout.ok()) return *std::move(layout);
+    Fail(layout.status().message());
+    return {};
+  }
   // True when `count` items of at least `bytes` bytes each can follow.
   bool Fits(uint64_t count, size_t bytes, const char* what) {
     if (ok() && count > r_.remaining() / bytes) {
@@ -147,43 +153,14 @@ void GetGrid(RecordReader* r, ObjectRecord* o) {
   o->error_measure = static_cast<ErrorMeasure>(r->GetAtMost(1, "error measure"));
 }
 
-// Beside the scalar type.
-constexpr uint8_t kStepped = 0x10;
-constexpr uint8_t kNormal = 0x20;
-
 ByteWriter PutAttributes(const ObjectRecord& o) {
   ByteWriter w;
-  w.PutVarint(o.attributes.attributes.size());
-  for (const VertexAttribute& a : o.attributes.attributes) {
-    w.PutString(a.name);
-    const bool stepped = a.step > 0;
-    const bool normal = a.normal_bits > 0;
-    w.Put(static_cast<uint8_t>(static_cast<uint8_t>(a.type) | (stepped ? kStepped : 0) |
-                               (normal ? kNormal : 0)));
-    if (stepped) w.Put(a.step);
-    if (normal) w.Put(a.normal_bits);
-  }
+  PutAttributeLayout(o.attributes, &w);
   w.Put(static_cast<uint8_t>(o.double_positions));
   return w;
 }
 void GetAttributes(RecordReader* r, ObjectRecord* o) {
-  const uint64_t count = r->Get64();
-  if (!r->Fits(count, 2, "attributes")) return;
-  o->attributes.attributes.clear();
-  for (uint64_t i = 0; i < count && r->ok(); ++i) {
-    VertexAttribute a;
-    a.name = r->GetString();
-    const uint8_t type = r->GetAtMost(kNormal | 7, "scalar type");
-    if (type & 8) r->Fail("scalar type: expected at most 7, and flags");
-    a.type = static_cast<ScalarType>(type & 7);
-    if (type & kStepped) a.step = r->GetPositive("step of an attribute");
-    if (type & kNormal) {
-      a.normal_bits = r->GetAtMost(kMaxNormalBits, "bits of a normal");
-      if (a.normal_bits == 0) r->Fail("bits of a normal: expected 4 to 16, found 0");
-    }
-    o->attributes.attributes.push_back(std::move(a));
-  }
-  if (r->ok() && !IsValidLayout(o->attributes)) r->Fail("attributes: steps or normals of no use");
+  o->attributes = r->GetLayout();
   o->double_positions = r->GetAtMost(1, "double positions") != 0;
 }
 

@@ -26,6 +26,11 @@ Status AttributeSink::Begin(const MeshHeader& header) {
     a.step = 0;
     a.normal_bits = 0;
   }
+  if (all.size() > kMaxAttributes) {
+    return BadInput("the vertices have " + std::to_string(all.size()) +
+                    " attributes, but an object has at most " + std::to_string(kMaxAttributes) +
+                    "; leave some out");
+  }
   if (options_->normal_bits) {
     constexpr const char* kNames[] = {"nx", "ny", "nz"};
     const auto first = std::ranges::find(all, kNames[0], &VertexAttribute::name);

@@ -20,7 +20,7 @@
 namespace mtdb {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 2;
+inline constexpr uint8_t kUpdateVersion = 3;
 // A record has at most so many updates and attached triangles for each of its bytes: a bound on
 // what hostile bytes cost.
 inline constexpr uint64_t kMaxUpdatesPerByte = 64;

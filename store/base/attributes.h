@@ -46,7 +46,11 @@ struct VertexAttribute {
   friend bool operator==(const VertexAttribute&, const VertexAttribute&) = default;
 };
 
-// The attributes of a mesh. A vertex's row is their values, packed in this order, little-endian.
+// More are refused when a mesh comes in: a coder has some 3 KB of models for each.
+inline constexpr size_t kMaxAttributes = 4096;
+
+// The attributes of a mesh, at most kMaxAttributes. A vertex's row is their values, packed in this
+// order, little-endian.
 struct AttributeLayout {
   std::vector<VertexAttribute> attributes;
   size_t row_bytes() const {

@@ -84,6 +84,14 @@ BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
   return built;
 }
 
+BuiltObject Build(const AttributeKind& kind) {
+  BuildOptions options;
+  if (kind.lossless_positions) options.mode = PositionMode::kLossless;
+  options.normal_bits = kind.normal_bits;
+  for (const auto& [name, step] : kind.steps) options.attribute_steps.push_back({name, step});
+  return Build(kind.mesh, options);
+}
+
 TriangleMesh Extract(const Surface& surface, const Query& query, ExtractStats* stats) {
   TriangleMesh mesh;
   TriangleMeshSink sink(&mesh);

@@ -12,6 +12,7 @@
 #include "query/surface.h"
 #include "store/base/mesh_sink.h"
 #include "store/database.h"
+#include "tests/support/attribute_kinds.h"
 
 namespace mtdb::testing {
 
@@ -44,6 +45,7 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
                                const ProgressCallback& progress = {});
 // The same with a new store; requires success, and that VerifyStore and VerifyObject agree.
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options = {});
+BuiltObject Build(const AttributeKind& kind);
 TriangleMesh Extract(const Surface& surface, const Query& query, ExtractStats* stats = nullptr);
 
 TriangleMesh MakeSculpture(uint64_t triangles, uint64_t seed = 1);

@@ -31,7 +31,8 @@ std::vector<Case> AllCases() {
       {{.surface = Surface::kSheet, .side = 16, .pierced = true}, false},
       {{.surface = Surface::kSheet, .side = 14, .numbers = Numbers::kLossless, .attributes = true}},
       {{.side = 12, .numbers = Numbers::kWild}},
-      {{.side = 12, .numbers = Numbers::kCoincident, .attributes = true}}};
+      {{.side = 12, .numbers = Numbers::kCoincident, .attributes = true}},
+      {{.surface = Surface::kSheet, .side = 16, .rounded_attributes = true}}};
 }
 
 void Require(const Status& status) {

@@ -20,7 +20,9 @@ std::vector<ClusterOptions> AllOptions() {
           {.surface = Surface::kSheet, .side = 16, .pierced = true},
           {.side = 12, .numbers = Numbers::kLossless, .attributes = true},
           {.side = 12, .numbers = Numbers::kWild},
-          {.side = 12, .numbers = Numbers::kCoincident, .attributes = true}};
+          {.side = 12, .numbers = Numbers::kCoincident, .attributes = true},
+          {.side = 16, .rounded_attributes = true},
+          {.surface = Surface::kSheet, .side = 12, .rounded_attributes = true, .pierced = true}};
 }
 
 std::vector<bool> RandomSet(const UpdateFixture& f, std::mt19937& random) {

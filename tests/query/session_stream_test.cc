@@ -148,6 +148,32 @@ void WalkClipped(const BuiltObject& object, int steps, uint32_t remembered) {
   }
 }
 
+// From the root to full resolution and back, twice: the second time out of the client's memory.
+void WalkToFullAndBack(const BuiltObject& object) {
+  const Surface& surface = *object.surface;
+  const auto session = *Session::Open(object.surface);
+  UpdateEncoder encoder({surface.record().grid, surface.record().attributes, 1u << 20},
+                        *session->Base());
+  UpdateDecoder decoder;
+  REQUIRE(decoder.Feed(encoder.start()).ok());
+  const std::multiset<std::string> root = ClientTriangles(decoder.mesh());
+  for (int round = 0; round < 2; ++round) {
+    for (const double error : {0.0, 1e300}) {
+      Query query;
+      query.threshold = ConstantThreshold(error);
+      std::vector<UpdateBatch> batches;
+      REQUIRE(session->Update(query, &batches).ok());
+      const Status status = decoder.Feed(encoder.Encode(batches));
+      INFO(status.message());
+      REQUIRE(status.ok());
+      Cut cut = *surface.Select(query);
+      REQUIRE(ClientTriangles(decoder.mesh()) == CutTriangles(surface, cut, {}));
+    }
+    REQUIRE(ClientTriangles(decoder.mesh()) == root);
+  }
+  CHECK(encoder.recalled_vertices() == surface.record().nodes);
+}
+
 }  // namespace
 
 TEST_CASE("a client that follows a session holds the mesh of its cut, attributes included") {
@@ -169,6 +195,17 @@ TEST_CASE("a clipped client that follows a session holds what of its cut meets t
   WalkClipped(Build(terrain), 40, 50);
   WalkClipped(Build(MakeSculpture(6000)), 40, 0);
   WalkClipped(Build(MakeFinnedSheet(40)), 60, 100);
+}
+
+TEST_CASE("a client holds the rows of its cut, of every kind of attribute") {
+  for (const AttributeKind& kind : AttributeKinds(MakeSculpture(3000))) {
+    INFO(kind.name);
+    const BuiltObject object = Build(kind);
+    Walk(object, 15, 0, false);
+    Walk(object, 15, 100, true);
+    WalkClipped(object, 15, 50);
+    WalkToFullAndBack(object);
+  }
 }
 
 TEST_CASE("a client that takes round after round holds a mesh after each, of falling errors") {

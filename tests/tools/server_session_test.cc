@@ -9,6 +9,7 @@
 #include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
+#include "tests/support/attribute_kinds.h"
 #include "tests/support/client_mesh_check.h"
 #include "tests/tools/websocket_testing.h"
 #include "tools/client.h"
@@ -41,16 +42,18 @@ RemoteUpdate UpdateOk(RemoteSession& session, const std::string& query) {
   return *update;
 }
 
-using Corners = std::array<std::array<double, 3>, 3>;
+using Corner = std::pair<std::array<double, 3>, std::string>;  // position and row
+using Corners = std::array<Corner, 3>;
 
-// The triangles as positions, each from its smallest corner on.
+// The triangles as positions and attributes, each from its smallest corner on.
 std::multiset<Corners> TrianglesOf(const TriangleMesh& mesh) {
+  const size_t row = mesh.header.attributes.row_bytes();
   std::multiset<Corners> set;
   for (const TriangleVertices& t : mesh.triangles) {
     Corners c;
     for (size_t i = 0; i < 3; ++i) {
       const Vec3d p = mesh.positions[t[i]];
-      c[i] = {p.x, p.y, p.z};
+      c[i] = {{p.x, p.y, p.z}, std::string(AsString(ByteSpan(mesh.rows).subspan(t[i] * row, row)))};
     }
     set.insert(std::min({c, Corners{c[1], c[2], c[0]}, Corners{c[2], c[0], c[1]}}));
   }
@@ -67,8 +70,9 @@ std::multiset<Corners> TrianglesOf(const RemoteSession& session) {
 // The store without a server.
 class LocalObject {
  public:
-  explicit LocalObject(const std::string& store)
-      : surface_(*Surface::Open(*(*Database::Open(store))->OpenObject(""))) {}
+  explicit LocalObject(const std::string& store, const std::string& name = "")
+      : surface_(*Surface::Open(*(*Database::Open(store))->OpenObject(name))) {}
+  const ObjectRecord& record() const { return surface_->record(); }
   std::multiset<Corners> Extract(const std::string& text, ExtractStats* stats = nullptr) const {
     const auto query = ParseQuery(text, surface_->record().diagonal());
     REQUIRE(query.ok());
@@ -157,6 +161,54 @@ TEST_CASE("a session's client has the mesh that extract gives, query after query
   CHECK(TheServer().Becomes("mtdb_sessions", 0));
   CHECK(TheServer().Metric("mtdb_session_stream_bytes_total") > 0);
   CHECK(TheServer().errors().empty());
+}
+
+TEST_CASE("every kind of attribute reaches a session's client, and what follow writes",
+          "[server]") {
+  const Folder folder;
+  const std::string store = folder.File("kinds.mtdb");
+  const std::string input = folder.File("kind.ply");
+  const std::string path = folder.File("path.jsonl");
+  WriteText(path, std::string(kFull) + "\n" + kCoarsest + "\n" + kFull + "\n");
+  const std::vector<testing::AttributeKind> kinds =
+      testing::AttributeKinds(ReadMesh(SmallExample().mesh));
+  for (const testing::AttributeKind& kind : kinds) {
+    const auto writer = CreateMeshFileWriter(input, {});
+    REQUIRE(writer.ok());
+    REQUIRE(SendMesh(kind.mesh, **writer).ok());
+    Arguments ingest{"ingest", input, store, "--quiet", "--name", kind.name};
+    if (kind.lossless_positions) ingest.push_back("--lossless");
+    if (kind.normal_bits) {
+      ingest.insert(ingest.end(), {"--normals", std::to_string(*kind.normal_bits)});
+    }
+    for (const auto& [name, step] : kind.steps) {
+      ingest.insert(ingest.end(), {"--attribute", name + "=" + std::to_string(step)});
+    }
+    RunOk(ingest);
+  }
+  const ServerProcess server(store);
+  std::mt19937 random(17);
+  for (const testing::AttributeKind& kind : kinds) {
+    INFO(kind.name);
+    const LocalObject object(store, kind.name);
+    RemoteSessionOptions options;
+    options.name = kind.name;
+    options.remembered_vertices = 300;
+    const auto session = OpenSession(server, options);
+    CHECK(session->mesh().options().attributes == object.record().attributes);
+    for (int step = 0; step < 6; ++step) {
+      const std::string query = step % 2 == 0 ? kFull : step == 1 ? kCoarsest : RandomQuery(random);
+      UpdateOk(*session, query);
+      const bool same = TrianglesOf(*session) == object.Extract(query);
+      REQUIRE(same);
+    }
+    const std::string out = folder.File("step-%d.ply");
+    RunOk({"follow", server.url(), "--name", kind.name, "--path", path, "--output", out});
+    RunOk({"extract", store, folder.File("full.ply"), "--name", kind.name});
+    const bool same = TrianglesOf(ReadMesh(folder.File("step-3.ply"))) ==
+                      TrianglesOf(ReadMesh(folder.File("full.ply")));
+    CHECK(same);
+  }
 }
 
 TEST_CASE("a query that is wrong or too large is refused, and the session goes on", "[server]") {

@@ -8,6 +8,7 @@
 
 #include "codecs/cluster_codec.h"
 #include "codecs/root_codec.h"
+#include "store/base/attribute_layout.h"
 #include "store/base/hash.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
@@ -70,7 +71,7 @@ Status DigestFile(const char* path) {
   Digest digest;
   uint64_t units = 0;
   for (uint64_t objects = in.GetVarint(); objects > 0; --objects) {
-    const AttributeLayout layout = GetLayout(in);
+    const AttributeLayout layout = *GetAttributeLayout(&in);
     for (;;) {
       const auto kind = in.Get<uint8_t>();
       if (kind == kNothing) break;

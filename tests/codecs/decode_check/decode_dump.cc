@@ -4,6 +4,7 @@
 #include "codecs/internal/streams.h"
 #include "query/cluster_cache.h"
 #include "query/surface.h"
+#include "store/base/attribute_layout.h"
 #include "store/database.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
@@ -24,7 +25,7 @@ Bytes Expand(ByteSpan payload) {
 
 void DumpObject(const Surface& surface, ByteWriter& out) {
   const ClusterIndex& index = surface.index();
-  PutLayout(out, surface.record().attributes);
+  PutAttributeLayout(surface.record().attributes, &out);
   const size_t row = surface.record().attributes.row_bytes();
   LoadStats stats;
   for (UnitId unit = UnitCount(index); unit-- > index.cluster_count();) {

@@ -8,7 +8,6 @@
 #include <string>
 
 #include "codecs/cluster.h"
-#include "store/base/attributes.h"
 #include "store/base/bytes.h"
 
 namespace mtdb {
@@ -23,27 +22,6 @@ inline void PutBlob(ByteWriter& out, ByteSpan bytes) {
   out.PutBytes(bytes);
 }
 inline ByteSpan GetBlob(ByteReader& in) { return in.GetBytes(in.GetVarint()); }
-
-inline void PutLayout(ByteWriter& out, const AttributeLayout& layout) {
-  out.PutVarint(layout.attributes.size());
-  for (const VertexAttribute& a : layout.attributes) {
-    PutBlob(out, AsBytes(a.name));
-    out.Put(static_cast<uint8_t>(a.type));
-    out.Put(a.step);
-    out.Put(a.normal_bits);
-  }
-}
-inline AttributeLayout GetLayout(ByteReader& in) {
-  AttributeLayout layout;
-  for (uint64_t i = in.GetVarint(); i > 0; --i) {
-    VertexAttribute& a = layout.attributes.emplace_back();
-    a.name = std::string(AsString(GetBlob(in)));
-    a.type = static_cast<ScalarType>(in.Get<uint8_t>());
-    a.step = in.Get<double>();
-    a.normal_bits = in.Get<uint8_t>();
-  }
-  return layout;
-}
 
 inline void PutInPatch(ByteWriter& out, const InPatch& patch) {
   out.PutVarint(patch.triangles.size());
