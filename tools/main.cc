@@ -244,6 +244,10 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
                    "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
                    "any (default: those that come from the server's own address only)")
       ->type_name("ORIGIN");
+  verb->add_option("--allow-host", o->allowed_hosts,
+                   "let clients call the server by this name, e.g. scans.example.org; * is any "
+                   "(default: by address and localhost only)")
+      ->type_name("NAME");
   verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
       ->type_name("DIR");
 }

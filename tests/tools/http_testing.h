@@ -36,8 +36,9 @@ struct HttpAnswer {
 // A TCP connection that sends what it is told.
 class RawConnection {
  public:
-  // With `receive_bytes`, so small a receive buffer that the server soon has to wait.
-  explicit RawConnection(int port, int receive_bytes = 0)
+  // With `receive_bytes`, so small a receive buffer that the server soon has to wait. From
+  // 127.0.0.`from`: each is a client of its own to the server.
+  explicit RawConnection(int port, int receive_bytes = 0, int from = 1)
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     if (receive_bytes > 0) {
       ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_bytes, sizeof(receive_bytes));
@@ -46,6 +47,10 @@ class RawConnection {
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<uint16_t>(port));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    sockaddr_in own{};
+    own.sin_family = AF_INET;
+    own.sin_addr.s_addr = htonl(INADDR_LOOPBACK - 1 + static_cast<uint32_t>(from));
+    if (from != 1) ::bind(socket_, reinterpret_cast<sockaddr*>(&own), sizeof(own));
     connected_ = ::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
   }
   ~RawConnection() { Close(); }
@@ -210,12 +215,13 @@ class ServerProcess {
   }
   template <typename Condition>
   static bool Await(Condition&& condition) {
-    for (int i = 0; i < 2000; ++i) {
+    for (int i = 0; i < 12000; ++i) {
       if (condition()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     return false;
   }
+  pid_t process() const { return process_; }
   // What the server's process has in memory.
   uint64_t resident_bytes() const {
     std::istringstream statm(ReadText("/proc/" + std::to_string(process_) + "/statm"));
@@ -242,6 +248,17 @@ inline std::string SlowQuery() {
                        std::round(1e4 * radius * std::sin(angle)) / 1e4});
   }
   return Json{{"region", {{"prism", {{"polygon", polygon}}}}}}.dump();
+}
+
+// A query that takes ten seconds or more: each triangle's distance from many places.
+inline std::string EndlessQuery() {
+  std::string spheres;
+  for (int i = 0; i < 18000; ++i) {
+    const std::string x = std::to_string(i % 180 - 90), y = std::to_string(i / 180 - 50);
+    spheres += (i == 0 ? "" : ",") + (R"({"sphere":{"centre":[)" + x + "e-2," + y) +
+               R"(e-2,0],"radius":1e-9}})";
+  }
+  return R"({"region":{"outside":{"union":[)" + spheres + R"(]}},"clip":true})";
 }
 
 }  // namespace mtdb::test

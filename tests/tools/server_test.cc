@@ -122,6 +122,40 @@ TEST_CASE("requests that cannot be served get a status and a reason", "[server]"
   CHECK(server.Ask("DELETE", kMesh).header("Allow") == "GET, HEAD, POST");
 }
 
+TEST_CASE("a name that is made to mean this machine does not open the server", "[server]") {
+  const auto status = [](const ServerProcess& server, const std::string& host,
+                         const std::string& target) {
+    RawConnection connection(server.port());
+    connection.Send("GET " + target + " HTTP/1.1\r\n" + host + "\r\n");
+    const HttpAnswer answer = connection.ReceiveAnswer();
+    if (answer.status == 403) CHECK(answer.code() == "foreign_host");
+    return answer.status;
+  };
+  for (const std::string target : {"/objects", "/healthz", "/metrics", "/nothing"}) {
+    CHECK(status(TheServer(), "Host: rebound.example\r\n", target) == 403);
+  }
+  const auto of = [&](const ServerProcess& server, const std::string& host) {
+    return status(server, "Host: " + host + "\r\n", "/healthz");
+  };
+  for (const std::string host : {"127.0.0.1", "127.0.0.1:8080", "[::1]:80", "localhost",
+                                 "LocalHost:8080", "192.168.1.7:99"}) {
+    CHECK(of(TheServer(), host) == 200);
+  }
+  for (const std::string host : {"rebound.example", "localhost.rebound.example:80", "127.0.0.1.x",
+                                 "x@127.0.0.1", "[::1", ":80", "localhost:x", "1.2.3.4.5"}) {
+    CHECK(of(TheServer(), host) == 403);
+  }
+  // Programs of the past, and no browser.
+  CHECK(status(TheServer(), "", "/healthz") == 200);
+  const ServerProcess named(SmallExample().store,
+                            {"--allow-host", "scans.example", "--allow-host", "b.example"});
+  CHECK(of(named, "Scans.Example:8080") == 200);
+  CHECK(of(named, "b.example") == 200);
+  CHECK(of(named, "x.scans.example") == 403);
+  const ServerProcess open(SmallExample().store, {"--allow-host", "*"});
+  CHECK(of(open, "any.example") == 200);
+}
+
 TEST_CASE("requests beyond the limits are refused before they are read", "[server]") {
   const ServerProcess& server = TheServer();
   const auto sent = [&](const std::string& text) {

@@ -53,9 +53,9 @@ inline std::string QueryMessage(uint64_t id, const std::string& query) {
 
 class RawSession : public RawConnection {
  public:
-  // `receive_bytes` as RawConnection's.
-  RawSession(int port, const std::string& target, int receive_bytes = 0)
-      : RawConnection(port, receive_bytes) {
+  // `receive_bytes` and `from` as RawConnection's.
+  RawSession(int port, const std::string& target, int receive_bytes = 0, int from = 1)
+      : RawConnection(port, receive_bytes, from) {
     Send(UpgradeRequest(target));
     status_ = ReceiveAnswer(true).status;
   }

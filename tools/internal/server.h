@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "store/base/status.h"
 #include "tools/internal/arguments.h"
@@ -19,16 +20,21 @@ struct ServerOptions {
   double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
   double session_idle_seconds = 300;   // of a session's client that answers no ping
   std::string allowed_origin;          // of web pages that may open sessions; "*": any
-  double timeout_seconds = 600;        // from a request's last byte to its answer's last
-  double grace_seconds = 5;            // for running requests when the server is told to stop
+  // Names that clients may call the server by, beside addresses and localhost; "*": any.
+  std::vector<std::string> allowed_hosts;
+  double timeout_seconds = 600;  // from a request's last byte to its answer's last
+  double grace_seconds = 5;      // for running requests when the server is told to stop
 };
 
 // Serves until SIGINT or SIGTERM, then lets running requests finish for grace_seconds, cancels what
-// is left and returns. A second signal cancels at once. `listening` is called with the URL once
-// clients can connect. All connections are served by the calling thread, queries by a pool; an
-// answer on its way takes 64 KiB of memory, whatever its size, and a session's updates wait when a
-// MiB of them is on its way. Errors: those of
-// ServerService::Open, kInvalidArgument and kIoError when it cannot listen.
+// is left and returns. A second signal cancels at once. What does not stop within two seconds after
+// that is left: the process ends, with status 0 and a line on standard error. `listening` is called
+// with the URL once clients can connect. All connections are served by the calling thread, queries
+// by a pool that gives each client its share of time (fair_queue.h); an answer on its way takes 64
+// KiB of memory, whatever its size, and a session's updates wait when a MiB of them is on its way.
+// Without memory a request gets 503 or its connection ends, and the next one is served. Errors:
+// those of ServerService::Open, kInvalidArgument and kIoError when it cannot listen, kNoSpace
+// without memory for a thread.
 Status RunServer(const ServerOptions& options,
                  const std::function<void(const std::string& url)>& listening);
 

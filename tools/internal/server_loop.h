@@ -2,28 +2,32 @@
 // what takes long.
 #pragma once
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/thread_pool.hpp>
-#include <functional>
+#include <exception>
+#include <memory>
 #include <set>
+#include <utility>
 
 #include "tools/internal/server.h"
+#include "tools/internal/server_pool.h"
 #include "tools/internal/server_service.h"
 
 namespace mtdb {
 
 class ServerPeer;
 
-// All but ServerService is used by the loop's thread only.
+// All but ServerService and ServerMail::Post is used by the loop's thread only.
 class ServerLoop {
  public:
   ServerLoop(const ServerOptions& server_options, ServerService& server_service)
       : options(server_options),
         service(server_service),
-        queries(server_options.threads),
-        catalog(1) {}
+        queries(mail, {server_options.threads, server_options.threads},
+                server_service.metrics().query_jobs),
+        catalog(mail, {1, 1}, server_service.metrics().catalog_jobs) {}
 
-  boost::asio::thread_pool& pool(ServerService::Effort effort) {
+  ServerPool& pool(ServerService::Effort effort) {
     return effort == ServerService::Effort::kQuery ? queries : catalog;
   }
   ServerMetrics& metrics() { return service.metrics(); }
@@ -31,36 +35,56 @@ class ServerLoop {
   const ServerOptions& options;
   ServerService& service;
   std::set<ServerPeer*> peers;
-  bool stopping = false;
-  std::function<void()> on_last_left;  // while stopping
+  uint64_t next_connection = 0;
+  bool stopping = false;  // no more queries
+  bool aborting = false;  // and those that run are cancelled
   boost::asio::io_context io{1};
+  ServerMail mail;
   // Last, so that their threads end first.
-  boost::asio::thread_pool queries;
-  boost::asio::thread_pool catalog;
+  ServerPool queries;
+  ServerPool catalog;
 };
 
 // Somebody who is connected.
 class ServerPeer {
  public:
-  explicit ServerPeer(ServerLoop& loop) : loop_(loop) {
+  ServerPeer(ServerLoop& loop, ServerClient client) : loop_(loop), client_(std::move(client)) {
     loop_.peers.insert(this);
     loop_.metrics().connections = loop_.peers.size();
   }
   virtual ~ServerPeer() {
     loop_.peers.erase(this);
     loop_.metrics().connections = loop_.peers.size();
-    if (loop_.stopping && loop_.peers.empty()) loop_.on_last_left();
   }
   ServerPeer(const ServerPeer&) = delete;
   ServerPeer& operator=(const ServerPeer&) = delete;
 
+  // Several times a second: what must not go on for ever is looked at.
+  virtual void Tick(Clock::time_point now) = 0;
   // The server stops: finish what runs.
   virtual void Drain() = 0;
   // The server has waited long enough.
   virtual void Abort() = 0;
+  // Something could not be done, for want of memory as a rule: the connection ends, the server
+  // goes on.
+  virtual void GiveUp() noexcept = 0;
 
  protected:
+  // `f`, called with the peer and what comes with the call, as something that keeps it alive and
+  // lets nothing be thrown.
+  template <typename Peer, typename F>
+  static auto Guarded(std::shared_ptr<Peer> self, F f) {
+    return [self = std::move(self), f = std::move(f)](auto&&... arguments) mutable {
+      try {
+        f(*self, std::forward<decltype(arguments)>(arguments)...);
+      } catch (const std::exception&) {
+        self->GiveUp();
+      }
+    };
+  }
+
   ServerLoop& loop_;
+  const ServerClient client_;
 };
 
 }  // namespace mtdb

@@ -17,7 +17,7 @@ std::string Number(double value) {
 
 void ServerMetrics::Finish(unsigned code, double seconds) {
   const std::lock_guard lock(mutex_);
-  ++requests_[code];
+  ++requests_[std::min<size_t>(code, requests_.size() - 1)];
   const auto slot = std::lower_bound(kBounds.begin(), kBounds.end(), seconds) - kBounds.begin();
   ++slots_[static_cast<size_t>(slot)];
   seconds_ += seconds;
@@ -40,8 +40,12 @@ std::string ServerMetrics::Text(const Cache& cache) const {
   add("mtdb_queries_total", counter, "Mesh queries begun.", queries);
   add("mtdb_queries_cancelled_total", counter, "Mesh queries stopped before their end.",
       queries_cancelled);
-  add("mtdb_queries_running", gauge, "Mesh queries that run.", queries_running);
-  add("mtdb_queries_waiting", gauge, "Mesh queries that wait for a thread.", queries_waiting);
+  add("mtdb_queries_running", gauge, "Queries and updates that run.", query_jobs.running);
+  add("mtdb_queries_waiting", gauge, "Queries and updates that wait for their turn.",
+      query_jobs.waiting);
+  add("mtdb_queries_preempted_total", counter,
+      "Queries and updates that were stopped and begun anew later, for others that waited.",
+      query_jobs.preempted);
   add("mtdb_triangles_sent_total", counter, "Triangles of meshes that were sent whole.",
       triangles_sent);
   add("mtdb_sent_bytes_total", counter, "Bytes of answers sent.", sent_bytes);
@@ -61,9 +65,10 @@ std::string ServerMetrics::Text(const Cache& cache) const {
 
   const std::lock_guard lock(mutex_);
   head("mtdb_requests_total", counter, "Requests by status; 499: the client went away.");
-  for (const auto& [code, count] : requests_) {
-    text += "mtdb_requests_total{code=\"" + std::to_string(code) + "\"} " + std::to_string(count) +
-            "\n";
+  for (size_t code = 0; code < requests_.size(); ++code) {
+    if (requests_[code] == 0) continue;
+    text += "mtdb_requests_total{code=\"" + std::to_string(code) + "\"} " +
+            std::to_string(requests_[code]) + "\n";
   }
   head("mtdb_request_seconds", "histogram", "From a request's last byte to its answer's last.");
   uint64_t sum = 0;

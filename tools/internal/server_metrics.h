@@ -4,9 +4,10 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
-#include <map>
 #include <mutex>
 #include <string>
+
+#include "tools/internal/server_pool.h"
 
 namespace mtdb {
 
@@ -17,13 +18,13 @@ class ServerMetrics {
   std::atomic<uint64_t> in_flight{0};    // requests read and not yet answered
   std::atomic<uint64_t> queries{0};      // begun
   std::atomic<uint64_t> queries_cancelled{0};
-  std::atomic<uint64_t> queries_running{0};
-  std::atomic<uint64_t> queries_waiting{0};  // for a thread
-  std::atomic<uint64_t> triangles_sent{0};   // of meshes that went out whole
-  std::atomic<uint64_t> sent_bytes{0};       // of answers
-  std::atomic<uint64_t> read_bytes{0};       // payloads, from the store
-  std::atomic<uint64_t> cache_hits{0};       // clusters that a query found decoded
-  std::atomic<uint64_t> sessions{0};         // open now
+  ServerPool::Figures query_jobs;           // meshes and updates
+  ServerPool::Figures catalog_jobs;         // what is short
+  std::atomic<uint64_t> triangles_sent{0};  // of meshes that went out whole
+  std::atomic<uint64_t> sent_bytes{0};      // of answers
+  std::atomic<uint64_t> read_bytes{0};      // payloads, from the store
+  std::atomic<uint64_t> cache_hits{0};      // clusters that a query found decoded
+  std::atomic<uint64_t> sessions{0};        // open now
   std::atomic<uint64_t> sessions_opened{0};
   std::atomic<uint64_t> updates{0};  // of sessions, done
   std::atomic<uint64_t> updates_superseded{0};
@@ -43,7 +44,7 @@ class ServerMetrics {
   static constexpr std::array<double, 10> kBounds{0.001, 0.005, 0.01, 0.05, 0.1,
                                                   0.5,   1,     5,    10,   60};  // seconds
   mutable std::mutex mutex_;
-  std::map<unsigned, uint64_t> requests_;  // by code
+  std::array<uint64_t, 600> requests_{};  // by code
   std::array<uint64_t, kBounds.size() + 1> slots_{};
   double seconds_ = 0;
 };

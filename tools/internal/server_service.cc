@@ -113,6 +113,10 @@ Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options
   return Status::Ok();
 }
 
+ServerError OutOfMemory() {
+  return {503, "no_space", "the server is out of memory; try again later"};
+}
+
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
       404, "no_such_path",
@@ -191,7 +195,9 @@ ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& cal
   try {
     return Route(request, call);
   } catch (const std::bad_alloc&) {
-    return ErrorAnswer(503, "no_space", "the server is out of memory; try again later");
+    return ErrorAnswer(OutOfMemory());
+  } catch (const std::system_error&) {  // no thread
+    return ErrorAnswer(OutOfMemory());
   }
 }
 
@@ -323,8 +329,14 @@ ServerError ServerService::Failure(const Status& status, const std::string& name
                          "in what it printed"};
     }
   }
-  if (call.stop != ServerCall::Stop::kSuperseded) ++metrics_.queries_cancelled;
-  switch (call.stop) {
+  return Stopped(call);
+}
+
+ServerError ServerService::Stopped(const ServerCall& call) {
+  const ServerCall::Stop why = call.stop;
+  if (why == ServerCall::Stop::kPreempted) return ServerError{ServerError::kPreempted, "", ""};
+  if (why != ServerCall::Stop::kSuperseded) ++metrics_.queries_cancelled;
+  switch (why) {
     case ServerCall::Stop::kTimeout:
       return ServerError{503, "timeout",
                          "the time for a request is over; ask for less, or set max_milliseconds"};
@@ -374,7 +386,9 @@ std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const s
       return opened;
     }
   } catch (const std::bad_alloc&) {
-    *refusal = ErrorAnswer(503, "no_space", "the server is out of memory; try again later");
+    *refusal = ErrorAnswer(OutOfMemory());
+  } catch (const std::system_error&) {
+    *refusal = ErrorAnswer(OutOfMemory());
   }
   return nullptr;
 }
@@ -412,9 +426,9 @@ ServerService::SessionOutcome ServerService::Update(ServerSession& session,
     } else {
       outcome.error = Failure(end.status(), record.name, call, true);
     }
-  } catch (const std::bad_alloc&) {
-    outcome.broken = true;  // somewhere between two updates
-    outcome.error = {503, "no_space", "the server is out of memory; try again later"};
+  } catch (const std::exception&) {  // no memory, no thread
+    outcome.broken = true;           // somewhere between two updates
+    outcome.error = OutOfMemory();
   }
   return outcome;
 }

@@ -74,8 +74,9 @@ struct ServerAnswer {
   uint64_t triangles = 0;  // in it
 };
 struct ServerError {
-  unsigned status = 500;  // HTTP's
-  const char* code = "";  // for programs
+  static constexpr unsigned kPreempted = 0;  // as a status: to be asked again
+  unsigned status = 500;                     // HTTP's
+  const char* code = "";                     // for programs
   std::string message;
 };
 // {"error": message, "code": code}
@@ -86,7 +87,15 @@ inline ServerAnswer ErrorAnswer(unsigned status, const char* code, const std::st
 
 // One request on its way; shared by the connection and the thread that answers.
 struct ServerCall {
-  enum class Stop : uint8_t { kNone, kClientGone, kTimeout, kShutdown, kSuperseded, kTooLarge };
+  enum class Stop : uint8_t {
+    kNone,
+    kClientGone,
+    kTimeout,
+    kShutdown,
+    kSuperseded,
+    kTooLarge,
+    kPreempted
+  };
   QueryControl control;
   std::atomic<Stop> stop{Stop::kNone};
 
@@ -125,6 +134,9 @@ class ServerService {
   // Never fails: errors are answers. What clients need not know of an error (paths, places in
   // files) goes to standard error.
   ServerAnswer Answer(const ServerRequest& request, ServerCall& call);
+
+  // Why the call has no answer: for one that was cancelled.
+  ServerError Stopped(const ServerCall& call);
 
   // Whether `target` asks for a session: /objects/NAME/session.
   static bool IsSession(const std::string& target);

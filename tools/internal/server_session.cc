@@ -5,6 +5,8 @@
 #include <string>
 #include <utility>
 
+#include "query/query_control.h"
+
 namespace mtdb {
 
 namespace {
@@ -98,7 +100,6 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
   };
   const auto take = [&](std::span<const UpdateBatch> batches) -> Status {
     if (progress->rounds > 0 && pace.superseded()) return stop(End::kSuperseded);
-    if (pace.full()) return stop(End::kPaused);
     const uint64_t triangles = TrianglesAfter(batches);
     if (triangles > std::max(triangles_, options_.max_triangles)) return stop(End::kTooLarge);
     Send(batches, region, pace);
@@ -108,11 +109,18 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
       (batch.insert ? progress->insertions : progress->removals) += batch.nodes.size();
     }
     ++progress->rounds;
+    // What was taken stays: the search ends before the next round.
+    if (pace.pause()) {
+      stopped = End::kPaused;
+      query.control->Cancel();
+    }
     return Status::Ok();
   };
   Result<SessionUpdate> result = session_->Update(query, take);
-  if (stopped) return *stopped;
-  if (!result.ok()) return result.status();
+  if (!result.ok()) {
+    if (stopped && result.status().code() == StatusCode::kCancelled) return *stopped;
+    return result.status();
+  }
   if (!sent) Send({}, region, pace);  // the region may be another
   *update = *result;
   if (region) update->stats.active_triangles = mesh().triangle_count();

@@ -37,7 +37,7 @@ class ServerSession {
   // How an update shares its way with others. Called by Update's thread.
   struct Pace {
     std::function<bool()> superseded;  // asked before each round but the first
-    std::function<bool()> full;        // asked before each round: what was sent must go out first
+    std::function<bool()> pause;       // asked after each round: it is to go on later
     std::function<void(Bytes)> send;   // whole records of the stream
   };
   enum class End : uint8_t { kDone, kSuperseded, kPaused, kTooLarge };
@@ -48,7 +48,8 @@ class ServerSession {
   };
   // Moves the cut to that of `query`, the client to what Query::clip leaves of it, and adds what it
   // did to `progress`. Whatever ends it, the cut is the one that was sent: paused, it goes on when
-  // called again. Errors: those of Session::Update.
+  // called again. `query` has a control, which is cancelled to pause. Errors: those of
+  // Session::Update.
   Result<End> Update(const Query& query, const Pace& pace, Progress* progress,
                      SessionUpdate* update);
 

@@ -1,13 +1,10 @@
 #include "tools/internal/server_websocket.h"
 
 #include <algorithm>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/ip/address.hpp>
-#include <boost/asio/post.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
+#include <new>
 #include <utility>
 
-#include "tools/internal/http_client.h"
 #include "tools/internal/report_json.h"
 
 namespace mtdb {
@@ -17,7 +14,8 @@ namespace {
 constexpr uint64_t kMostOnWay = 1 << 20;     // bytes of the stream, before a round begins
 constexpr int kSendBufferBytes = 256 << 10;  // of the system, so that a slow client shows soon
 constexpr size_t kMostReplies = 32;          // that the client has not taken
-constexpr auto kWatchPeriod = std::chrono::milliseconds(20);
+// Longer messages are read by a thread, not by the loop's.
+constexpr size_t kShortMessageBytes = 4096;
 // How long an update may go on without a round when a later query waits. Doubled when that was
 // too short, so that a client that asks all the time gets somewhere.
 constexpr auto kPatience = std::chrono::milliseconds(100);
@@ -32,31 +30,17 @@ const void* ServerWebSocket::Message::data() const {
   return is_text ? static_cast<const void*>(text.data()) : bytes.data();
 }
 
-ServerWebSocket::ServerWebSocket(ServerLoop& loop, beast::tcp_stream stream,
+ServerWebSocket::ServerWebSocket(ServerLoop& loop, ServerClient client, beast::tcp_stream stream,
                                  std::shared_ptr<ServerService::OpenedSession> opened,
                                  std::shared_ptr<void> ticket)
-    : ServerPeer(loop),
+    : ServerPeer(loop, std::move(client)),
       socket_(std::move(stream)),
       opened_(std::move(opened)),
       ticket_(std::move(ticket)),
-      watch_(loop.io),
-      stall_(loop.io),
       buffer_(kMaxSessionMessageBytes),
       patience_(kPatience) {}
 
 ServerWebSocket::~ServerWebSocket() = default;
-
-bool ServerWebSocket::MayOpen(const Request& request, const std::string& allowed) {
-  const std::string origin(request[http::field::origin]);
-  const std::string host(request[http::field::host]);
-  if (origin.empty() || allowed == "*" || origin == allowed) return true;
-  if (origin != "http://" + host) return false;
-  // Under a name the page may be anybody's, who makes the name mean this machine (DNS rebinding).
-  const Result<HttpUrl> url = ParseHttpUrl(origin);
-  ErrorCode error;
-  if (url.ok()) asio::ip::make_address(url->host, error);
-  return url.ok() && (!error || url->host == "localhost");
-}
 
 void ServerWebSocket::Accept(Request request) {
   websocket::stream_base::timeout timeout{};
@@ -71,40 +55,63 @@ void ServerWebSocket::Accept(Request request) {
   beast::get_lowest_layer(socket_).socket().set_option(
       asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
   const auto kept = std::make_shared<Request>(std::move(request));
-  socket_.async_accept(*kept, [self = shared_from_this(), kept](ErrorCode error) {
-    if (error) return self->Drop();
-    self->open_ = true;
-    ++self->metrics().sessions_opened;
+  socket_.async_accept(*kept, Then([kept](ServerWebSocket& self, ErrorCode error) {
+    if (error) return self.Drop();
+    self.open_ = true;
+    ++self.metrics().sessions_opened;
     SessionReply hello;
     hello.kind = SessionReply::Kind::kHello;
-    hello.hello = self->opened_->session->Hello();
-    self->Reply(std::move(hello));
-    self->on_way_ += self->opened_->session->start().size();
-    self->Push({false, "", self->opened_->session->start()});
-    self->Read();
-    if (self->loop_.stopping) self->Drain();
-  });
+    hello.hello = self.opened_->session->Hello();
+    self.Reply(std::move(hello));
+    self.on_way_ += self.opened_->session->start().size();
+    self.Push({false, "", self.opened_->session->start()});
+    self.Read();
+    if (self.loop_.stopping) self.Drain();
+  }));
 }
 
 // ---- what the client says -----------------------------------------------------------------------
 
 void ServerWebSocket::Read() {
-  if (ended_ || closing_ || reading_ || replies_ >= kMostReplies) return;
+  if (ended_ || closing_ || reading_ || parsing_ || replies_ >= kMostReplies) return;
   reading_ = true;
-  socket_.async_read(buffer_, [self = shared_from_this()](ErrorCode error, size_t) {
-    self->reading_ = false;
-    error ? self->Drop() : self->OnMessage();
-  });
+  socket_.async_read(buffer_, Then([](ServerWebSocket& self, ErrorCode error, size_t) {
+                       self.reading_ = false;
+                       error ? self.Drop() : self.OnMessage();
+                     }));
 }
 
 void ServerWebSocket::OnMessage() {
-  const std::string text = beast::buffers_to_string(buffer_.data());
+  struct Parsed {
+    std::string text;
+    std::optional<uint64_t> id;
+    Result<SessionRequest> request = Status(StatusCode::kInvalidArgument, "");
+  };
+  const auto message = std::make_shared<Parsed>();
+  message->text = beast::buffers_to_string(buffer_.data());
   buffer_.consume(buffer_.size());
   if (!socket_.got_text()) {
     return Close(websocket::close_code::unknown_data, "expected text");
   }
-  std::optional<uint64_t> id;
-  Result<SessionRequest> request = ParseSessionRequest(text, &id);
+  const auto parse = [message] {
+    message->request = ParseSessionRequest(message->text, &message->id);
+  };
+  if (message->text.size() <= kShortMessageBytes) {
+    parse();
+    return Take(std::move(message->request), message->id);
+  }
+  parsing_ = std::make_shared<ServerPool::Job>();
+  parsing_->client = client_;
+  parsing_->work = parse;
+  parsing_->done = Then([message](ServerWebSocket& self) {
+    const bool failed = std::exchange(self.parsing_, nullptr)->failed;
+    if (failed) throw std::bad_alloc();
+    if (!self.ended_ && !self.closing_) self.Take(std::move(message->request), message->id);
+  });
+  loop_.catalog.Submit(parsing_);
+}
+
+void ServerWebSocket::Take(Result<SessionRequest> request, std::optional<uint64_t> id) {
   if (!request.ok()) {
     ReplyError(id, {400, "bad_message", request.status().message()});
     return Read();
@@ -140,47 +147,59 @@ void ServerWebSocket::Begin() {
     work_ = std::move(waiting_);
     waiting_.reset();
     newer_ = false;
-    Watch();
   }
   if (on_way_ < kMostOnWay) Run();
 }
 
 void ServerWebSocket::Run() {
-  work_->call = std::make_shared<ServerCall>();
-  ++metrics().queries_waiting;
-  asio::post(loop_.queries, [self = shared_from_this(), call = work_->call, work = &*work_,
-                             guard = asio::make_work_guard(loop_.io)]() mutable {
-    asio::io_context& io = self->loop_.io;
-    ServerMetrics& metrics = self->metrics();
-    --metrics.queries_waiting;
-    ++metrics.queries_running;
+  const auto call = std::make_shared<ServerCall>();
+  const auto job = std::make_shared<ServerPool::Job>();
+  const auto outcome = std::make_shared<ServerService::SessionOutcome>();
+  job->client = client_;
+  job->is_long = work_->is_long;
+  const auto self = shared_from_this();
+  job->work = [self, call, outcome, work = &*work_, job = job.get()] {
+    ServerMail& mail = self->loop_.mail;
     ServerSession::Pace pace;
     pace.superseded = [&] { return self->newer_.load(); };
-    pace.full = [&] { return self->on_way_ >= kMostOnWay; };
+    pace.pause = [&] {
+      return self->on_way_ >= kMostOnWay || self->loop_.queries.ShouldYield(*job);
+    };
     pace.send = [&](Bytes bytes) {
       self->on_way_ += bytes.size();
       ++work->messages;
       work->bytes += bytes.size();
-      asio::post(io, [self, sent = std::move(bytes)]() mutable {
-        self->Push({false, "", std::move(sent)});
-      });
+      const auto sent = std::make_shared<Bytes>(std::move(bytes));
+      mail.Post(ServerMail::Write(self->Then([sent](ServerWebSocket& session) {
+        session.Push({false, "", std::move(*sent)});
+      })));
     };
-    auto outcome = std::make_shared<ServerService::SessionOutcome>(self->loop_.service.Update(
-        *self->opened_->session, work->request, pace, *call, &work->progress));
-    --metrics.queries_running;
-    // The last owner is on the loop's thread.
-    asio::post(io, [moved = std::move(self), outcome] { moved->OnOutcome(std::move(*outcome)); });
+    *outcome = self->loop_.service.Update(*self->opened_->session, work->request, pace, *call,
+                                          &work->progress);
+  };
+  job->done = Then([outcome, job = job.get()](ServerWebSocket& session) {
+    if (job->failed) throw std::bad_alloc();
+    session.OnOutcome(std::move(*outcome));
   });
+  job->stop_soon = [call] { call->Cancel(ServerCall::Stop::kPreempted); };
+  work_->call = call;
+  work_->job = job;
+  loop_.queries.Submit(job);
 }
 
 void ServerWebSocket::OnOutcome(ServerService::SessionOutcome outcome) {
   const ServerCall::Stop stop = work_->call->stop;
   work_->call.reset();
+  work_->job.reset();
   if (ended_) return;
   const uint64_t id = work_->request.id;
   const bool superseded = outcome.end == ServerSession::End::kSuperseded ||
                           (!outcome.end && stop == ServerCall::Stop::kSuperseded);
-  if (outcome.end == ServerSession::End::kPaused) return hurry_ ? Drop() : Begin();
+  const bool preempted = !outcome.end && stop == ServerCall::Stop::kPreempted;
+  if (outcome.end == ServerSession::End::kPaused || (preempted && !outcome.broken)) {
+    work_->is_long = preempted;
+    return hurry_ ? Drop() : Begin();
+  }
   patience_ = superseded && work_->progress.rounds == 0 ? 2 * patience_ : kPatience;
   if (superseded) {
     ReplySuperseded(id);
@@ -190,39 +209,48 @@ void ServerWebSocket::OnOutcome(ServerService::SessionOutcome outcome) {
     ReplyError(id, outcome.error);
   }
   work_.reset();
-  watch_.cancel();
   if (outcome.broken) {
     return Close(websocket::close_code::internal_error, outcome.error.message);
   }
   Begin();
 }
 
-// Looks now and then whether the query at hand should go on.
-void ServerWebSocket::Watch() {
-  watch_.expires_after(kWatchPeriod);
-  watch_.async_wait([self = shared_from_this()](ErrorCode error) {
-    if (error || self->ended_ || !self->work_) return;
-    SessionWork& work = *self->work_;
-    const Clock::time_point now = Clock::now();
-    if (!work.call) {
-      if (now > work.deadline) {
-        self->ReplyError(work.request.id, {503, "timeout", "the time for a query is over"});
-        self->work_.reset();
-        return self->Begin();
-      }
-      return self->Watch();
-    }
-    const ServerSession& session = *self->opened_->session;
-    // Each node that was applied is one of the cut, and has brought a triangle at least.
-    const uint64_t at_least =
-        session.surface().record().root_triangles + work.call->control.nodes_applied();
-    if (at_least > session.max_triangles()) work.call->Cancel(ServerCall::Stop::kTooLarge);
-    if (now > work.deadline) work.call->Cancel(ServerCall::Stop::kTimeout);
-    if (self->waiting_ && now > work.begin + self->patience_) {
-      work.call->Cancel(ServerCall::Stop::kSuperseded);
-    }
-    self->Watch();
-  });
+void ServerWebSocket::Tick(Clock::time_point now) {
+  if (ended_) return;
+  const auto self = shared_from_this();
+  try {
+    if (stall_ && now > *stall_) return Drop();
+    if (work_) Watch(now);
+  } catch (const std::exception&) {
+    Drop();
+  }
+}
+
+// Whether the query at hand should go on.
+void ServerWebSocket::Watch(Clock::time_point now) {
+  SessionWork& work = *work_;
+  if (!work.call) {
+    if (now <= work.deadline) return;
+    ReplyError(work.request.id, {503, "timeout", "the time for a query is over"});
+    work_.reset();
+    return Begin();
+  }
+  const ServerSession& session = *opened_->session;
+  // Each node that was applied is one of the cut, and has brought a triangle at least.
+  const uint64_t at_least =
+      session.surface().record().root_triangles + work.call->control.nodes_applied();
+  if (at_least > session.max_triangles()) work.call->Cancel(ServerCall::Stop::kTooLarge);
+  if (now > work.deadline) work.call->Cancel(ServerCall::Stop::kTimeout);
+  if (waiting_ && now > work.begin + patience_) work.call->Cancel(ServerCall::Stop::kSuperseded);
+  EndWork();
+}
+
+// What was cancelled and has not begun need not begin.
+void ServerWebSocket::EndWork() {
+  if (!work_->call->control.cancelled() || !loop_.queries.Withdraw(work_->job)) return;
+  ServerService::SessionOutcome outcome;
+  outcome.error = loop_.service.Stopped(*work_->call);
+  OnOutcome(std::move(outcome));
 }
 
 void ServerWebSocket::Reply(SessionReply reply) {
@@ -282,17 +310,14 @@ void ServerWebSocket::Write() {
   socket_.text(message.is_text);
   socket_.async_write_some(last,
                            asio::buffer(static_cast<const char*>(message.data()) + sent_, size),
-                           [self = shared_from_this(), size](ErrorCode error, size_t) {
-                             self->stall_.cancel();
-                             error ? self->Drop() : self->OnWritten(size);
-                           });
+                           Then([size](ServerWebSocket& self, ErrorCode error, size_t) {
+                             self.stall_.reset();
+                             error ? self.Drop() : self.OnWritten(size);
+                           }));
 }
 
 void ServerWebSocket::AwaitProgress() {
-  stall_.expires_after(hurry_ ? Clock::duration(kHurry) : Seconds(options().idle_seconds));
-  stall_.async_wait([self = shared_from_this()](ErrorCode error) {
-    if (!error) self->Drop();
-  });
+  stall_ = Clock::now() + (hurry_ ? Clock::duration(kHurry) : Seconds(options().idle_seconds));
 }
 
 void ServerWebSocket::OnWritten(size_t size) {
@@ -331,21 +356,42 @@ void ServerWebSocket::CloseWhenSent() {
   if (!closing_ || close_sent_ || writing_ || !outbox_.empty()) return;
   close_sent_ = true;
   AwaitProgress();
-  socket_.async_close(*closing_, [self = shared_from_this()](ErrorCode) { self->Drop(); });
+  socket_.async_close(*closing_, Then([](ServerWebSocket& self, ErrorCode) { self.Drop(); }));
 }
 
 // The connection ends at once. An update that runs is cancelled, and holds the session till then.
-void ServerWebSocket::Drop() {
+void ServerWebSocket::Drop() noexcept {
   if (ended_) return;
   ended_ = true;
-  if (work_ && work_->call) work_->call->Cancel(ServerCall::Stop::kClientGone);
-  watch_.cancel();
-  stall_.cancel();
+  stall_.reset();
+  if (parsing_ && loop_.catalog.Withdraw(parsing_)) parsing_.reset();
+  if (work_ && work_->call) {
+    work_->call->Cancel(ServerCall::Stop::kClientGone);
+    if (loop_.queries.Withdraw(work_->job)) work_.reset();
+  }
   outbox_.clear();
   beast::get_lowest_layer(socket_).close();
 }
 
 void ServerWebSocket::Drain() {
+  const auto self = shared_from_this();
+  try {
+    TryDrain();
+  } catch (const std::exception&) {
+    Drop();
+  }
+}
+
+void ServerWebSocket::Abort() {
+  const auto self = shared_from_this();
+  try {
+    TryAbort();
+  } catch (const std::exception&) {
+    Drop();
+  }
+}
+
+void ServerWebSocket::TryDrain() {
   if (ended_ || !open_ || (work_ && !waiting_)) return;
   if (waiting_) {
     ReplyError(waiting_->request.id, ShuttingDown());
@@ -356,12 +402,13 @@ void ServerWebSocket::Drain() {
   Close(websocket::close_code::going_away, "the server is shutting down");
 }
 
-void ServerWebSocket::Abort() {
+void ServerWebSocket::TryAbort() {
   if (ended_ || hurry_ || !work_ || !work_->call) return Drop();
   // Its outcome is the last that the client hears.
   hurry_ = true;
   work_->call->Cancel(ServerCall::Stop::kShutdown);
   if (writing_) AwaitProgress();
+  EndWork();
 }
 
 }  // namespace mtdb

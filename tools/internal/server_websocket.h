@@ -3,7 +3,6 @@
 #pragma once
 
 #include <atomic>
-#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/message.hpp>
@@ -26,7 +25,9 @@ struct SessionWork {
   Clock::time_point begin, deadline;
   ServerSession::Progress progress;
   uint64_t messages = 0, bytes = 0;
-  std::shared_ptr<ServerCall> call;  // while a thread works on it
+  bool is_long = false;              // it took long before its first round while others waited
+  std::shared_ptr<ServerCall> call;  // while it waits for a thread or one works on it
+  ServerPool::JobPtr job;            // likewise
 };
 
 // All of it runs on the loop's thread, but ServerService::Update. One query is worked on at a time,
@@ -39,19 +40,18 @@ class ServerWebSocket final : public ServerPeer,
   using Request = http::request<http::string_body>;
 
   // `ticket` counts the session as long as it lives.
-  ServerWebSocket(ServerLoop& loop, beast::tcp_stream stream,
+  ServerWebSocket(ServerLoop& loop, ServerClient client, beast::tcp_stream stream,
                   std::shared_ptr<ServerService::OpenedSession> opened,
                   std::shared_ptr<void> ticket);
   ~ServerWebSocket() override;
 
-  // Whether a client of this request may open a session: programs may, and web pages of `allowed`
-  // or of the server's own origin, when that has an address or localhost for a name.
-  static bool MayOpen(const Request& request, const std::string& allowed);
   // Answers the upgrade and goes on by itself.
   void Accept(Request request);
 
+  void Tick(Clock::time_point now) override;
   void Drain() override;
   void Abort() override;
+  void GiveUp() noexcept override { Drop(); }
 
  private:
   struct Message {
@@ -64,13 +64,19 @@ class ServerWebSocket final : public ServerPeer,
 
   ServerMetrics& metrics() { return loop_.metrics(); }
   const ServerOptions& options() const { return loop_.options; }
+  template <typename F>
+  auto Then(F f) {
+    return Guarded(shared_from_this(), std::move(f));
+  }
 
   void Read();
   void OnMessage();
+  void Take(Result<SessionRequest> request, std::optional<uint64_t> id);
   void Begin();
   void Run();
   void OnOutcome(ServerService::SessionOutcome outcome);
-  void Watch();
+  void Watch(Clock::time_point now);
+  void EndWork();
   void Reply(SessionReply reply);
   void ReplyDone(const SessionUpdate& update);
   void ReplyError(std::optional<uint64_t> id, const ServerError& error);
@@ -80,20 +86,23 @@ class ServerWebSocket final : public ServerPeer,
   void Write();
   void OnWritten(size_t size);
   void AwaitProgress();
+  void TryDrain();
+  void TryAbort();
   void Close(websocket::close_code code, const std::string& reason);
   void CloseWhenSent();
-  void Drop();
+  void Drop() noexcept;
 
   websocket::stream<beast::tcp_stream> socket_;
   const std::shared_ptr<ServerService::OpenedSession> opened_;
   const std::shared_ptr<void> ticket_;
-  asio::steady_timer watch_, stall_;
-  bool open_ = false;   // the client was told that there is a session
-  bool ended_ = false;  // the connection is of no use any more
-  bool hurry_ = false;  // the server has waited long enough
+  std::optional<Clock::time_point> stall_;  // when something must have been written
+  bool open_ = false;                       // the client was told that there is a session
+  bool ended_ = false;                      // the connection is of no use any more
+  bool hurry_ = false;                      // the server has waited long enough
 
   beast::flat_buffer buffer_;
   bool reading_ = false;
+  ServerPool::JobPtr parsing_;  // a message that is read by a thread
   std::optional<SessionWork> waiting_;
   std::optional<SessionWork> work_;
   Clock::duration patience_;         // with an update that a later one supersedes
