@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstring>
 #include <ctime>
-#include <malloc.h>
 #include <memory>
 #include <string>
 #include <sys/statvfs.h>
 #include <thread>
 #include <utility>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "builder/internal/attribute_sink.h"
 #include "builder/internal/corner_join.h"
@@ -41,6 +43,13 @@ constexpr double kLargestError = 1.0 / 16;
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
 constexpr double kJoinShare = 0.12;
+
+// Gives free pages back to the system, where the C library has a way.
+void ReturnFreedMemory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
 
 Status CheckOptions(const BuildOptions& options) {
   if (!options.step && (options.bits < 1 || options.bits > kMaxGridBits)) {
@@ -160,6 +169,7 @@ class Builder {
     std::vector<uint64_t> codes;
     SurfaceDigest digest;
     Box3i bounds;
+    uint64_t hash = 0;  // of all that later steps see of it
   };
 
   Status Report(const char* stage, uint32_t round, uint64_t done, uint64_t total, double overall) {
@@ -226,12 +236,17 @@ class Builder {
         for (const Vec3i& p : t.positions) joined.bounds.Add(p);
         joined.digest.AddTriangle(t.positions);
       }
+      joined.hash = Hash64(std::as_bytes(std::span(joined.block.triangles)));
+      joined.hash = Hash64(std::as_bytes(std::span(joined.codes)), joined.hash);
+      joined.hash = Hash64(joined.block.rows, joined.hash);
     });
+    uint64_t joined_hash = 0;
     uint64_t taken = 0;
     const auto take = [&] {
       const JoinedBlock joined = pipeline.Take();
       digest.Merge(joined.digest);
       bounds.Add(joined.bounds);
+      joined_hash = Mix64(joined_hash ^ joined.hash);
       MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, **sorter));
       const uint64_t before = std::exchange(taken, taken + joined.codes.size());
       if (before >> 20 == taken >> 20) return Status::Ok();
@@ -242,7 +257,7 @@ class Builder {
     const JoinOptions join{&space_, memory_ / 4, threads_};
     const auto receive = [&](TriangleBlock block) {
       if (pipeline.in_flight() == ahead()) MTDB_RETURN_IF_ERROR(take());
-      pipeline.Submit({std::move(block), {}, {}, {}});
+      pipeline.Submit({std::move(block), {}, {}, {}, 0});
       return Status::Ok();
     };
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
@@ -260,21 +275,34 @@ class Builder {
     record_.boundary_edges = totals.boundary_edges;
     record_.surface_digest = digest.surface_digest();
     record_.border_digest = digest.border_digest();
-    return OpenJournal();
+    return OpenJournal(joined_hash);
   }
 
-  // What the build depends on: the input's surface and the options that shape the result.
-  Status OpenJournal() {
+  // `input`: the hash of the joined triangles.
+  Status OpenJournal(uint64_t input) {
     if (options_.journal_path.empty()) return Status::Ok();
-    ByteWriter w;
-    for (const uint64_t n : {record_.surface_digest, record_.border_digest, record_.input.vertices,
-                             record_.input.triangles, uint64_t{options_.degree_limit},
-                             uint64_t{options_.tile_triangles}, uint64_t{options_.reduction},
-                             static_cast<uint64_t>(record_.grid.mode)}) {
-      w.Put(n);
+    ByteWriter o;
+    o.Put(static_cast<uint8_t>(options_.mode));
+    if (options_.mode == PositionMode::kGrid) {
+      o.Put<uint8_t>(options_.step.has_value());
+      o.Put(options_.step ? *options_.step : static_cast<double>(options_.bits));
     }
-    for (const double x : {record_.grid.origin.x, record_.grid.origin.y, record_.grid.origin.z,
-                           record_.grid.step, record_.grid.error_unit}) {
+    o.Put(options_.normal_bits.value_or(0));
+    std::vector<AttributeStep> steps = options_.attribute_steps;
+    std::ranges::sort(steps, {}, &AttributeStep::name);
+    for (const AttributeStep& step : steps) {
+      o.PutString(step.name);
+      o.Put(step.step);
+    }
+    for (const uint32_t n : {options_.degree_limit, options_.tile_triangles, options_.reduction}) {
+      o.Put(n);
+    }
+    ByteWriter w;
+    w.Put(input);
+    const Grid& grid = record_.grid;  // a moved or scaled mesh may have the same integers
+    for (const double x : {grid.origin.x, grid.origin.y, grid.origin.z, grid.step, grid.error_unit,
+                           record_.bounds.min.x, record_.bounds.min.y, record_.bounds.min.z,
+                           record_.bounds.max.x, record_.bounds.max.y, record_.bounds.max.z}) {
       w.Put(x);
     }
     for (const VertexAttribute& a : record_.attributes.attributes) {
@@ -283,8 +311,9 @@ class Builder {
       w.Put(a.step);
       w.Put(a.normal_bits);
     }
-    MTDB_ASSIGN_OR_RETURN(journal_,
-                          Journal::Open(options_.journal_path, Hash64(w.bytes()), options_.resume));
+    const JournalKey key{Hash64(o.bytes()), Hash64(w.bytes())};
+    MTDB_ASSIGN_OR_RETURN(journal_, Journal::Open(options_.journal_path, key, options_.journal_note,
+                                                  options_.resume));
     return Status::Ok();
   }
 
@@ -381,7 +410,7 @@ class Builder {
       }
     }
     *sorter = std::move(next);
-    malloc_trim(0);
+    ReturnFreedMemory();
     report.triangles_out = (*sorter)->count();
     record_.rounds.push_back(report);
     return Status::Ok();

@@ -36,10 +36,14 @@ struct BuildOptions {
   std::string tmp_directory =
       ".";  // of temporary files, which have no names and go with the process
   // Where finished tiles are noted down, so that the build can go on after an interruption; empty:
-  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published, or when the
-  // input or the options are at fault.
+  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published. After a power
+  // failure it lacks at most the last 64 MiB of results.
   std::string journal_path;
-  bool resume = false;         // go on with what the journal holds, if it is there; see Journal
+  std::string journal_note;  // kept in it, for whoever finds it: up to 64 KiB
+  // Go on with what the journal holds, if it is there. It serves only a build of the same input
+  // (triangles, attributes and their order) and of the options that shape the result; threads,
+  // memory and the temporary folder may be others.
+  bool resume = false;
   uint32_t degree_limit = 12;  // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;
   uint32_t reduction = 4;  // a round leaves about 1 / reduction of a tile's triangles
@@ -75,13 +79,23 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // whole mesh, but for the root. Deterministic: the same mesh and options give the same keys and
 // values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32
 // when lossless, indices out of range, attributes that do not fit their step), kInvalidArgument
-// (options, also when the input has no such attribute), kNoSpace and kIoError
-// (temporary files), kBudgetExceeded (a root larger than memory), and what `input` and `writer`
-// return. `report`, when given, says where the time went.
+// (options, also when the input has no such attribute, or the journal is another build's), kNoSpace
+// and kIoError (temporary files), kBudgetExceeded (a root larger than memory), and what `input` and
+// `writer` return. `report`, when given, says where the time went.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},
                                  BuildReport* report = nullptr);
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {});
+
+// A journal that an interrupted build has left, or that a running one writes.
+struct JournalInfo {
+  std::string note;     // BuildOptions::journal_note
+  uint64_t bytes = 0;   // size of the file
+  bool in_use = false;  // a build is running
+  bool usable = false;  // it is whole at its beginning, and of this version
+};
+// Changes nothing. Errors: kNotFound, kIoError.
+Result<JournalInfo> ReadJournalInfo(const std::string& path);
 
 }  // namespace mtdb

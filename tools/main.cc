@@ -350,6 +350,13 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   AddJson(verb, &a->json);
 }
 
+// The command line that goes on with an interrupted ingest of this one.
+std::string ResumeCommand(int argc, char** argv, bool resumes) {
+  std::string command = "mtdb";
+  for (int i = 1; i < argc; ++i) command += " " + mtdb::QuoteForShell(argv[i]);
+  return command + (resumes ? "" : " --resume");
+}
+
 // One line, whatever names of files and objects are in it.
 void PrintError(std::string message) {
   for (char& c : message) {
@@ -395,7 +402,8 @@ int Run(int argc, char** argv) {
 
   mtdb::InspectArguments inspect;
   CLI::App* info_verb = add_verb("info", "tell what a store holds, in detail", "");
-  CLI::App* list_verb = add_verb("list", "list the objects of a store", "");
+  CLI::App* list_verb =
+      add_verb("list", "list the objects of a store, and ingests that were interrupted", "");
 
   mtdb::QueryArguments query;
   CLI::App* extract_verb =
@@ -416,6 +424,10 @@ int Run(int argc, char** argv) {
     if (verb != list_verb) AddName(verb, &inspect.name, "this object only");
     AddJson(verb, &inspect.json);
   }
+  list_verb
+      ->add_option("--tmp", inspect.tmp,
+                   "look for journals of interrupted ingests in DIR (default: the store's folder)")
+      ->type_name("DIR");
   info_verb->add_flag("--streams", inspect.streams,
                       "read all clusters, and tell what their streams take, attributes among them");
   verify_verb
@@ -543,6 +555,7 @@ int Run(int argc, char** argv) {
   if (ingest_verb->parsed()) {
     ingest.store = paths.back();
     ingest.inputs.assign(paths.begin(), paths.end() - 1);
+    ingest.resume_command = ResumeCommand(argc, argv, ingest.resume);
     status = mtdb::Ingest(ingest);
   } else if (info_verb->parsed()) {
     status = mtdb::Info(inspect);

@@ -13,11 +13,20 @@ namespace mtdb {
 
 namespace {
 
-constexpr char kMagic[16] = "mtdb journal 01";
-constexpr uint64_t kHeaderBytes = sizeof(kMagic) + 8;
-constexpr uint64_t kRecordHeaderBytes = 12;  // u32 length, u64 checksum
-constexpr uint32_t kMaxRecordBytes = 1u << 30;
+// The header: magic, u64 checksum of what follows, the key, u32 length of the note, the note. The
+// magic's number changes with the records, and with what the builder or the codecs make of a tile.
+constexpr char kMagic[16] = "mtdb journal 02";
+constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + 8 + 4 + 16;
+constexpr size_t kMaxNoteBytes = 64 << 10;
+constexpr uint64_t kRecordHeaderBytes = 16;  // u64 length, u64 checksum
 constexpr uint64_t kSyncBytes = uint64_t{64} << 20;
+
+struct Header {
+  JournalKey key;
+  std::string note;
+  uint64_t checksum = 0;
+  uint64_t bytes = 0;  // of the header
+};
 
 void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   const TileCluster& c = o.cluster;
@@ -80,50 +89,119 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   return !r.failed() && r.remaining() == 0;
 }
 
-bool ReadAt(int file, uint64_t at, void* data, size_t size) {
+// Reads up to `size` bytes; fewer at the end of the file only. Negative: errno.
+ssize_t ReadAt(int file, uint64_t at, void* data, size_t size) {
   size_t done = 0;
   while (done < size) {
     const ssize_t n = pread(file, static_cast<std::byte*>(data) + done, size - done,
                             static_cast<off_t>(at + done));
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
+    if (n < 0) return -errno;
+    if (n == 0) break;
     done += static_cast<size_t>(n);
   }
-  return true;
+  return static_cast<ssize_t>(done);
+}
+
+enum class Found { kHeader, kNothingWhole, kOtherVersion, kUnreadable };
+
+// Reads the header; `*error` is errno when the file is unreadable.
+Found ReadHeader(int file, Header* header, int* error) {
+  Bytes bytes(kFixedHeaderBytes + kMaxNoteBytes);
+  const ssize_t n = ReadAt(file, 0, bytes.data(), bytes.size());
+  if (n < 0) {
+    *error = static_cast<int>(-n);
+    return Found::kUnreadable;
+  }
+  bytes.resize(static_cast<size_t>(n));
+  ByteReader r(bytes);
+  const ByteSpan magic = r.GetBytes(sizeof(kMagic));
+  header->checksum = r.Get<uint64_t>();
+  if (r.failed()) return Found::kNothingWhole;
+  const size_t hashed = r.position();
+  if (std::memcmp(magic.data(), kMagic, sizeof(kMagic)) != 0) {
+    return AsString(magic).starts_with("mtdb journal ") ? Found::kOtherVersion
+                                                        : Found::kNothingWhole;
+  }
+  header->key.options = r.Get<uint64_t>();
+  header->key.input = r.Get<uint64_t>();
+  header->note = AsString(r.GetBytes(r.Get<uint32_t>()));
+  header->bytes = r.position();
+  if (r.failed() ||
+      Hash64(ByteSpan(bytes).subspan(hashed, header->bytes - hashed)) != header->checksum) {
+    return Found::kNothingWhole;
+  }
+  return Found::kHeader;
 }
 
 }  // namespace
 
-Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, uint64_t fingerprint,
-                                               bool resume) {
-  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const JournalKey& key,
+                                               const std::string& note, bool resume) {
+  // The folder may be open to all: a link or a file of somebody else's is not followed or believed.
+  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
   std::unique_ptr<Journal> journal(new Journal(file, path));
   if (file < 0) return journal->Error("cannot be made", errno);
   if (flock(file, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return journal->Error("cannot be locked", errno);
     return Status(StatusCode::kBusy, path + ": another process builds this object; wait for it");
   }
   struct stat info;
   if (fstat(file, &info) != 0) return journal->Error("cannot be examined", errno);
-  char header[kHeaderBytes];
-  std::memcpy(header, kMagic, sizeof(kMagic));
-  std::memcpy(header + sizeof(kMagic), &fingerprint, sizeof(fingerprint));
-  const auto size = static_cast<uint64_t>(info.st_size);
-  if (resume && size >= kHeaderBytes) {
-    char found[kHeaderBytes];
-    if (!ReadAt(file, 0, found, kHeaderBytes)) return journal->Error("cannot be read", EIO);
-    if (std::memcmp(found, header, kHeaderBytes) != 0) {
-      return InvalidArgument(path +
-                             ": the interrupted build had another input or other options; "
-                             "repeat them, or begin anew without --resume");
-    }
-    journal->size_ = size;
-  } else {
-    if (ftruncate(file, 0) != 0) return journal->Error("cannot be emptied", errno);
-    MTDB_RETURN_IF_ERROR(journal->Write(std::as_bytes(std::span(header))));
-    journal->size_ = kHeaderBytes;
+  if (!S_ISREG(info.st_mode) || info.st_uid != geteuid()) {
+    return IoError(path + ": is no journal of yours; remove it, or choose another folder");
   }
-  journal->at_ = kHeaderBytes;
+  if (resume && info.st_size > 0) {
+    Header header;
+    int error = 0;
+    const auto refuse = [&](const char* difference) {
+      return InvalidArgument(path + ": the interrupted build had " + difference +
+                             "; repeat it as it was, or begin anew without --resume");
+    };
+    switch (ReadHeader(file, &header, &error)) {
+      case Found::kUnreadable: return journal->Error("cannot be read", error);
+      case Found::kOtherVersion: return refuse("another version of mtdb");
+      case Found::kNothingWhole: break;
+      case Found::kHeader:
+        if (header.key.options != key.options) return refuse("other options");
+        if (header.key.input != key.input) {
+          return refuse("another input (or the same files in another order)");
+        }
+        journal->size_ = static_cast<uint64_t>(info.st_size);
+        journal->at_ = header.bytes;
+        journal->chain_ = header.checksum;
+        return journal;
+    }
+  }
+  MTDB_RETURN_IF_ERROR(journal->Begin(key, note));
   return journal;
+}
+
+Status Journal::Begin(const JournalKey& key, const std::string& note) {
+  if (ftruncate(file_, 0) != 0) return Error("cannot be emptied", errno);
+  const std::string kept = note.substr(0, kMaxNoteBytes);
+  ByteWriter body;
+  body.Put(key.options);
+  body.Put(key.input);
+  body.Put(static_cast<uint32_t>(kept.size()));
+  body.PutBytes(AsBytes(kept));
+  chain_ = Hash64(body.bytes());
+  ByteWriter header;
+  header.PutBytes(std::as_bytes(std::span(kMagic)));
+  header.Put(chain_);
+  header.PutBytes(body.bytes());
+  MTDB_RETURN_IF_ERROR(Write(header.bytes()));
+  size_ = at_;
+  MTDB_RETURN_IF_ERROR(Sync());
+  // The name too, else a power failure takes the file with it.
+  const size_t slash = path_.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path_.substr(0, slash + 1);
+  const int directory = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory < 0) return Status::Ok();  // a folder that may be written to only
+  const bool synced = fsync(directory) == 0 || errno == EINVAL;
+  const int error = errno;
+  close(directory);
+  return synced ? Status::Ok() : Error("cannot be written", error);
 }
 
 Journal::~Journal() {
@@ -139,19 +217,23 @@ Status Journal::Error(const char* what, int error) const {
 
 Result<std::optional<TileOutcome>> Journal::Next() {
   if (!reading_) return std::optional<TileOutcome>();
-  uint32_t length = 0;
-  uint64_t checksum = 0;
   std::byte header[kRecordHeaderBytes];
-  if (size_ - at_ >= kRecordHeaderBytes && ReadAt(file_, at_, header, kRecordHeaderBytes)) {
+  if (size_ - at_ >= kRecordHeaderBytes) {
+    const ssize_t n = ReadAt(file_, at_, header, kRecordHeaderBytes);
+    if (n < 0) return Error("cannot be read", static_cast<int>(-n));
+    uint64_t length = 0;
+    uint64_t checksum = 0;
     std::memcpy(&length, header, sizeof(length));
     std::memcpy(&checksum, header + sizeof(length), sizeof(checksum));
-    if (length <= kMaxRecordBytes && size_ - at_ - kRecordHeaderBytes >= length) {
+    if (n == kRecordHeaderBytes && length <= size_ - at_ - kRecordHeaderBytes) {
       Bytes bytes(length);
+      const ssize_t m = ReadAt(file_, at_ + kRecordHeaderBytes, bytes.data(), length);
+      if (m < 0) return Error("cannot be read", static_cast<int>(-m));
       std::optional<TileOutcome> outcome(std::in_place);
-      if (ReadAt(file_, at_ + kRecordHeaderBytes, bytes.data(), length) &&
-          Hash64(bytes, sequence_) == checksum && GetOutcome(bytes, &*outcome)) {
+      if (static_cast<uint64_t>(m) == length && Hash64(bytes, chain_) == checksum &&
+          GetOutcome(bytes, &*outcome)) {
         at_ += kRecordHeaderBytes + length;
-        ++sequence_;
+        chain_ = checksum;
         return outcome;
       }
     }
@@ -166,12 +248,12 @@ Status Journal::Append(const TileOutcome& outcome) {
   MTDB_CHECK(!reading_, "a journal is read to its end before it is continued");
   ByteWriter body;
   PutOutcome(outcome, body);
-  MTDB_CHECK(body.size() <= kMaxRecordBytes, "a tile's result is larger than a record may be");
-  ByteWriter record;
-  record.Put(static_cast<uint32_t>(body.size()));
-  record.Put(Hash64(body.bytes(), sequence_++));
-  record.PutBytes(body.bytes());
-  return Write(record.bytes());
+  chain_ = Hash64(body.bytes(), chain_);
+  ByteWriter header;
+  header.Put(uint64_t{body.size()});
+  header.Put(chain_);
+  MTDB_RETURN_IF_ERROR(Write(header.bytes()));
+  return Write(body.bytes());
 }
 
 Status Journal::Write(ByteSpan bytes) {
@@ -185,13 +267,38 @@ Status Journal::Write(ByteSpan bytes) {
   }
   at_ += done;
   unsynced_ += done;
-  if (unsynced_ >= kSyncBytes) {
-    if (fdatasync(file_) != 0) return Error("cannot be written", errno);
-    unsynced_ = 0;
-  }
+  return unsynced_ >= kSyncBytes ? Sync() : Status::Ok();
+}
+
+Status Journal::Sync() {
+  if (fdatasync(file_) != 0) return Error("cannot be written", errno);
+  unsynced_ = 0;
   return Status::Ok();
 }
 
 void Journal::Remove() { unlink(path_.c_str()); }
+
+Result<JournalInfo> ReadJournalInfo(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  if (file < 0) {
+    const int error = errno;
+    const std::string what = path + ": " + std::strerror(error);
+    return error == ENOENT ? NotFound(what) : IoError(what);
+  }
+  JournalInfo journal;
+  struct stat info;
+  Header header;
+  int error = 0;
+  const bool examined = fstat(file, &info) == 0;
+  const Found found =
+      examined && S_ISREG(info.st_mode) ? ReadHeader(file, &header, &error) : Found::kNothingWhole;
+  journal.in_use = flock(file, LOCK_SH | LOCK_NB) != 0;
+  close(file);
+  if (found == Found::kUnreadable) return IoError(path + ": " + std::strerror(error));
+  journal.bytes = examined ? static_cast<uint64_t>(info.st_size) : 0;
+  journal.note = std::move(header.note);
+  journal.usable = found == Found::kHeader;
+  return journal;
+}
 
 }  // namespace mtdb

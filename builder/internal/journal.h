@@ -2,7 +2,13 @@
 //
 // A build is deterministic, so its journal is just the list of its tiles' results in order. Going
 // on means to read the input again, to take the results that are there instead of decimating, and
-// to append from then on. Records carry checksums: a torn end is cut off.
+// to append from then on.
+//
+// Nothing is believed that was not written whole: each record's checksum is seeded with the one
+// before it, the first with the header's. So a record serves only when all before it are there, in
+// their order, and of this build; from the first that is torn, zeroed or misplaced on, the file is
+// cut off. The file and its name reach the disk at the beginning, its records every 64 MiB: a power
+// failure costs the work since then, a killed process none.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +16,7 @@
 #include <optional>
 #include <string>
 
+#include "builder/build.h"
 #include "builder/internal/tile_cluster.h"
 #include "store/base/status.h"
 
@@ -23,14 +30,21 @@ struct TileOutcome {
   uint64_t stuck_degree = 0;
 };
 
+// What a journal stands on: a build whose key differs can take nothing from it.
+struct JournalKey {
+  uint64_t options = 0;  // hash of those that shape the result
+  uint64_t input = 0;    // hash of the joined triangles in order, with their attributes
+};
+
 // A file, locked while it is open. Single thread.
 class Journal {
  public:
-  // Opens `path` for the build with this fingerprint (of input and options). With `resume`, a
-  // journal of another build is kInvalidArgument and none at all begins a new one; without, what is
-  // there is overwritten. kBusy when another process has it open.
-  static Result<std::unique_ptr<Journal>> Open(const std::string& path, uint64_t fingerprint,
-                                               bool resume);
+  // Opens `path` for the build of this key. With `resume`, a journal of another build is
+  // kInvalidArgument, which says what differs, and none at all, or one without a whole header,
+  // begins a new one; without, what is there is overwritten. kBusy when another process has it
+  // open. `note` is kept for ReadJournalInfo().
+  static Result<std::unique_ptr<Journal>> Open(const std::string& path, const JournalKey& key,
+                                               const std::string& note, bool resume);
   ~Journal();
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
@@ -38,19 +52,21 @@ class Journal {
   // The next tile's result, or none when the journal ends here; after that, only Append.
   Result<std::optional<TileOutcome>> Next();
   Status Append(const TileOutcome& outcome);
-  // Removes the file: the object is published, or nothing is worth keeping.
+  // Removes the file: the object is published.
   void Remove();
 
  private:
   Journal(int file, std::string path) : file_(file), path_(std::move(path)) {}
   Status Error(const char* what, int error) const;
+  Status Begin(const JournalKey& key, const std::string& note);
   Status Write(ByteSpan bytes);
+  Status Sync();
 
   int file_;
   std::string path_;
   uint64_t at_ = 0;        // where the next record begins
   uint64_t size_ = 0;      // of what was there when it was opened
-  uint64_t sequence_ = 0;  // of the next record
+  uint64_t chain_ = 0;     // checksum of what is before at_
   uint64_t unsynced_ = 0;  // bytes
   bool reading_ = true;
 };

@@ -140,7 +140,7 @@ Status Spool::Read(uint64_t offset, void* data, size_t size) const {
 bool SpoolReader::Refill(size_t size) {
   MTDB_CHECK(remaining() >= size, "a read beyond the end of a spool");
   const size_t kept = buffer_.size() - at_;
-  std::memmove(buffer_.data(), buffer_.data() + at_, kept);
+  if (kept != 0) std::memmove(buffer_.data(), buffer_.data() + at_, kept);
   const auto fresh =
       static_cast<size_t>(std::min<uint64_t>(end_ - next_, std::max(block_, size) - kept));
   buffer_.resize(kept + fresh);

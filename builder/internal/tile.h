@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -24,8 +25,9 @@ struct TileTriangle {
   uint8_t border_edges = 0;   // bit i: edge (i, i+1) lies on the surface's border
   uint8_t fixed_corners = 0;  // bit i: corner i is at a non-manifold vertex or edge
   bool explicit_arc = false;  // the child needs slot and rotation named
+  uint8_t unused = 0;         // instead of padding: a triangle's bytes are hashed and noted down
 };
-static_assert(sizeof(TileTriangle) == 68);
+static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, unused) == 67);
 
 // Some triangles, with the attribute rows of their corners (three a triangle).
 struct TriangleBlock {

@@ -1,7 +1,9 @@
 #include "store/base/grid.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace mtdb {
 
@@ -16,7 +18,9 @@ Vec3i Grid::Quantize(Vec3d p) const {
             OrderedFromFloat(static_cast<float>(p.z))};
   }
   const auto round = [&](double v, double o) {
-    return static_cast<int32_t>(std::floor((v - o) / step + 0.5));
+    constexpr double kLeast = std::numeric_limits<int32_t>::min();
+    constexpr double kMost = std::numeric_limits<int32_t>::max();
+    return static_cast<int32_t>(std::clamp(std::floor((v - o) / step + 0.5), kLeast, kMost));
   };
   return {round(p.x, origin.x), round(p.y, origin.y), round(p.z, origin.z)};
 }

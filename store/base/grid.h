@@ -30,6 +30,8 @@ struct Grid {
   double step = 1;        // model units; > 0
   double error_unit = 1;  // model units; > 0
 
+  // The nearest point of the grid. `p` is finite; what lies beyond the grid's 2^32 cells is drawn
+  // to its rim.
   Vec3i Quantize(Vec3d p) const;
   Vec3d Position(Vec3i i) const {
     if (mode == PositionMode::kLossless) {

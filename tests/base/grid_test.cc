@@ -127,5 +127,15 @@ TEST_CASE("ErrorCode is the smallest code whose error is at least the error") {
   }
 }
 
+TEST_CASE("Points beyond the grid are drawn to its rim") {
+  Grid grid;
+  grid.step = 1e-3;
+  constexpr int32_t kLeast = std::numeric_limits<int32_t>::min();
+  constexpr int32_t kMost = std::numeric_limits<int32_t>::max();
+  CHECK(grid.Quantize({1e12, -1e12, 0.002}) == Vec3i{kMost, kLeast, 2});
+  CHECK(grid.Quantize({std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest(),
+                       grid.step * kMost}) == Vec3i{kMost, kLeast, kMost});
+}
+
 }  // namespace
 }  // namespace mtdb

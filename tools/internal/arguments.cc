@@ -1,9 +1,11 @@
 #include "tools/internal/arguments.h"
 
+#include <algorithm>
 #include <arpa/inet.h>
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <string_view>
 #include <vector>
@@ -143,5 +145,15 @@ Result<AttributeStep> ParseAttributeStep(const std::string& text) {
 }
 
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+std::string QuoteForShell(const std::string& word) {
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) != 0 || std::strchr("_-./,:=+@%", c) != nullptr;
+  };
+  if (!word.empty() && std::ranges::all_of(word, plain)) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
 
 }  // namespace mtdb

@@ -52,5 +52,7 @@ Result<Endpoint> ParseEndpoint(const std::string& text);
 Result<AttributeStep> ParseAttributeStep(const std::string& text);
 // The file's name without folders and extension: an object's name by default.
 std::string Stem(const std::string& path);
+// As a shell reads it back as one word.
+std::string QuoteForShell(const std::string& word);
 
 }  // namespace mtdb

@@ -7,9 +7,9 @@
 #include <unistd.h>
 
 #include "builder/build.h"
-#include "store/base/hash.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/generate.h"
+#include "tools/internal/ingest_journal.h"
 #include "tools/internal/late_writer.h"
 #include "tools/internal/merge.h"
 #include "tools/internal/progress.h"
@@ -19,12 +19,6 @@
 namespace mtdb {
 
 namespace {
-
-// The folder that a path lies in.
-std::string Folder(const std::string& path) {
-  const std::string folder = std::filesystem::path(path).parent_path().string();
-  return folder.empty() ? "." : folder;
-}
 
 uint64_t MachineMemory() {
   return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) *
@@ -54,15 +48,6 @@ std::string Describe(const BuildProgress& p, double rate) {
 
 // Set by Ctrl-C.
 volatile std::sig_atomic_t g_interrupted = 0;
-
-// Where the finished tiles of this object are noted down.
-std::string JournalPath(const std::string& folder, const std::string& store,
-                        const std::string& name) {
-  char hash[17];
-  std::snprintf(hash, sizeof(hash), "%016llx",
-                static_cast<unsigned long long>(Hash64(AsBytes(name))));
-  return folder + "/" + std::filesystem::path(store).filename().string() + "." + hash + ".journal";
-}
 
 // The rate of the current stage, from one report to the next.
 class StageRate {
@@ -146,10 +131,12 @@ Status Ingest(const IngestArguments& arguments) {
   options.threads = arguments.threads;
   options.memory_bytes =
       arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
-  options.tmp_directory = arguments.tmp.empty() ? Folder(arguments.store) : arguments.tmp;
+  const std::string store = RealStorePath(arguments.store);
+  options.tmp_directory = arguments.tmp.empty() ? FolderOf(store) : arguments.tmp;
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
 
-  options.journal_path = JournalPath(options.tmp_directory, arguments.store, name);
+  options.journal_path = JournalPath(options.tmp_directory, store, name);
+  options.journal_note = JournalNote(store, name, arguments.resume_command);
   options.resume = arguments.resume;
   std::signal(SIGINT, [](int) { g_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_interrupted = 1; });

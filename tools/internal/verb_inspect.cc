@@ -1,4 +1,5 @@
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -8,6 +9,8 @@
 #include "query/verify_object.h"
 #include "store/database.h"
 #include "store/verify_store.h"
+#include "tools/internal/arguments.h"
+#include "tools/internal/ingest_journal.h"
 #include "tools/internal/report_json.h"
 #include "tools/internal/verbs.h"
 
@@ -75,6 +78,44 @@ void PrintInfo(const ObjectRecord& r) {
   std::printf("  digest       %s\n", r.digest_hex().c_str());
 }
 
+Json JournalsJson(const std::vector<IngestJournal>& journals) {
+  Json list = Json::array();
+  for (const IngestJournal& j : journals) {
+    list.push_back({{"object", j.object},
+                    {"running", j.running},
+                    {"journal", j.path},
+                    {"bytes", j.bytes},
+                    {"folder", j.folder},
+                    {"resume", j.command}});
+  }
+  return list;
+}
+
+// A journal's texts come from a file that anybody may have written.
+std::string Printable(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ' || c == 127) c = '?';
+  }
+  return text;
+}
+
+void PrintJournal(const IngestJournal& j) {
+  const std::string object = j.object.empty() ? "an object" : Printable(j.object);
+  const double megabytes = static_cast<double>(j.bytes) / 1e6;
+  if (j.running) {
+    std::printf("  being ingested: %s; its journal %s has %.1f MB\n", object.c_str(),
+                Printable(j.path).c_str(), megabytes);
+    return;
+  }
+  std::printf("  interrupted: the ingest of %s; its journal %s has %.1f MB\n", object.c_str(),
+              Printable(j.path).c_str(), megabytes);
+  if (!j.command.empty()) {
+    std::printf("    to go on, in %s: %s\n", Printable(j.folder).c_str(),
+                Printable(j.command).c_str());
+  }
+  std::printf("    to give it up: rm %s\n", QuoteForShell(Printable(j.path)).c_str());
+}
+
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
@@ -111,15 +152,31 @@ Status Info(const InspectArguments& arguments) {
 }
 
 Status List(const InspectArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
-  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
+  const std::string store = RealStorePath(arguments.store);
+  const std::vector<IngestJournal> journals =
+      FindJournals(arguments.tmp.empty() ? FolderOf(store) : arguments.tmp, store);
+  const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store));
+    return database->List();
+  };
+  Result<std::vector<ObjectRecord>> records = list();
+  // The first ingest may have been interrupted before it made the store, or while it did.
+  std::error_code error;
+  const bool none = !journals.empty() && (records.status().code() == StatusCode::kNotFound ||
+                                          std::filesystem::is_empty(store, error));
+  if (!records.ok() && !none) return records.status();
+  if (none) records = std::vector<ObjectRecord>();
   if (arguments.json) {
-    PrintJson(CatalogJson(records));
+    Json json = CatalogJson(*records);
+    if (!journals.empty()) json["journals"] = JournalsJson(journals);
+    PrintJson(json);
     return Status::Ok();
   }
-  for (const ObjectRecord& r : records) {
+  for (const ObjectRecord& r : *records) {
     std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
   }
+  for (const IngestJournal& j : journals) PrintJournal(j);
   return Status::Ok();
 }
 

@@ -27,6 +27,7 @@ struct IngestArguments {
   std::string tmp;                       // folder of temporary files; empty: the store's
   std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
   bool resume = false;
+  std::string resume_command;  // the command line that goes on with this ingest
   bool force = false, quiet = false, json = false;
 };
 Status Ingest(const IngestArguments& arguments);
@@ -36,6 +37,7 @@ struct InspectArguments {
   std::string name;
   std::string level = "fast";  // verify
   bool streams = false;        // info: read all payloads, and tell what their streams take
+  std::string tmp;             // list: where journals lie; empty: the store's folder
   bool json = false;
 };
 Status Info(const InspectArguments& arguments);

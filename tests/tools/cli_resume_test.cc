@@ -1,0 +1,108 @@
+// Ingests that were killed: what is left, what `list` says of it, and how they go on.
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
+#include <thread>
+
+#include "tests/tools/cli_testing.h"
+
+namespace mtdb::test {
+namespace {
+
+std::vector<std::string> FilesOf(const Folder& folder, const std::string& ending) {
+  std::vector<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.File(""))) {
+    if (entry.path().string().ends_with(ending)) files.push_back(entry.path().string());
+  }
+  return files;
+}
+
+// Kills an ingest into `store` as soon as its journal in `folder` holds something; returns the
+// journal.
+std::string IngestAndKill(const Arguments& arguments, const std::string& store,
+                          const Folder& folder) {
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    const Folder prints;
+    const pid_t process = Start(arguments, prints.File("out"), prints.File("err"));
+    const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    std::vector<std::string> journals;
+    while (std::chrono::steady_clock::now() < until) {
+      journals = FilesOf(folder, ".journal");
+      std::error_code error;
+      if (journals.size() == 1 && std::filesystem::file_size(journals[0], error) > 50000) break;
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    ::kill(process, SIGKILL);
+    const Outcome outcome = Finish(process);
+    INFO(ReadText(prints.File("err")));
+    if (outcome.signal == SIGKILL && Exists(journals.at(0))) return journals[0];
+    REQUIRE(outcome.exit_code == 0);  // it was faster than this process
+    std::filesystem::remove(store);
+    std::filesystem::remove(store + "-lock");
+  }
+  FAIL("no ingest could be killed in time");
+  return "";
+}
+
+TEST_CASE("list tells of an interrupted ingest, and its command goes on with it", "[cli]") {
+  const Folder folder;
+  const std::string mesh = folder.File("a mesh's.ply");
+  const std::string store = folder.File("store.mtdb");
+  RunOk({"generate", "sculpture", mesh, "--triangles", "150000"});
+  const Json fresh = RunJson({"ingest", mesh, folder.File("other.mtdb"), "--name", "o'1"});
+  const std::string journal = IngestAndKill(
+      {"ingest", mesh, "--name", "o'1", "--threads", "2", store, "--bits", "16"}, store, folder);
+  CHECK(FilesOf(folder, ".tmp").empty());
+  const Json list = RunJson({"list", store});
+  REQUIRE(list.at("journals").size() == 1);
+  const Json& left = list["journals"][0];
+  CHECK(left.at("object") == "o'1");
+  CHECK(left.at("running") == false);
+  CHECK(left.at("journal") == journal);
+  CHECK(left.at("bytes") == std::filesystem::file_size(journal));
+  const std::string text = RunOk({"list", store});
+  CHECK_THAT(text, Catch::Contains("o'1") && Catch::Contains(journal) &&
+                       Catch::Contains("--resume") && Catch::Contains("rm "));
+  // Other stores and folders have none.
+  CHECK_FALSE(RunJson({"list", folder.File("other.mtdb")}).contains("journals"));
+  // The command that list prints works as it is, in a shell.
+  const std::string resume = left.at("resume");
+  REQUIRE(resume.starts_with("mtdb ingest "));
+  const std::string command = "cd '" + left.at("folder").get<std::string>() + "' && '" +
+                              MTDB_BINARY + "'" + resume.substr(4) + " --quiet";
+  INFO(command);
+  REQUIRE(std::system(command.c_str()) == 0);
+  CHECK_FALSE(Exists(journal));
+  CHECK_FALSE(RunJson({"list", store}).contains("journals"));
+  CHECK(RunJson({"info", store}).at("objects").at(0).at("digest") == fresh.at("digest"));
+}
+
+TEST_CASE("a journal serves its own ingest only: other files, other order, other options",
+          "[cli]") {
+  const Folder folder;
+  const std::string a = folder.File("a.ply");
+  const std::string b = folder.File("b.ply");
+  const std::string store = folder.File("store.mtdb");
+  RunOk({"generate", "sculpture", a, "--triangles", "80000"});
+  RunOk({"generate", "terrain", b, "--triangles", "60000"});
+  const Json fresh = RunJson({"ingest", a, b, folder.File("other.mtdb"), "--name", "both"});
+  const std::string journal = IngestAndKill(
+      {"ingest", a, b, "--name", "both", "--quiet", store, "--threads", "2"}, store, folder);
+  RunFails(1, {"ingest", b, a, store, "--name", "both", "--resume", "--quiet"},
+           {journal, "another input"});
+  RunFails(1, {"ingest", a, store, "--name", "both", "--resume", "--quiet"},
+           {journal, "another input"});
+  RunFails(1, {"ingest", a, b, store, "--name", "both", "--resume", "--bits", "12", "--quiet"},
+           {journal, "other options"});
+  // By another name of the same store it is the same journal.
+  const std::string link = folder.File("link.mtdb");
+  std::filesystem::create_symlink(store, link);
+  CHECK(RunJson({"list", link}).at("journals").size() == 1);
+  CHECK(RunJson({"ingest", a, b, link, "--name", "both", "--resume"}).at("digest") ==
+        fresh.at("digest"));
+  CHECK_FALSE(Exists(journal));
+  CHECK(RunJson({"verify", store, "--level", "full"}).at("ok") == true);
+}
+
+}  // namespace
+}  // namespace mtdb::test
