@@ -24,7 +24,12 @@ std::string JournalPrefix(const std::string& store) {
 
 std::string RealStorePath(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path real = std::filesystem::weakly_canonical(path, error);
+  std::filesystem::path target = path;
+  // A link may point to a store that is still to be made; weakly_canonical does not follow it.
+  for (int links = 0; links < 40 && std::filesystem::is_symlink(target, error); ++links) {
+    target = target.parent_path() / std::filesystem::read_symlink(target, error);
+  }
+  const std::filesystem::path real = std::filesystem::weakly_canonical(target, error);
   return error || real.empty() ? path : real.string();
 }
 
