@@ -270,6 +270,7 @@ class Builder {
     record_.input.duplicate_triangles = totals.duplicate_triangles;
     record_.input.nonmanifold_edges = totals.nonmanifold_edges;
     record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
+    record_.rounding_error = totals.rounding_error;
     record_.vertices = totals.vertices;
     record_.triangles = totals.triangles;
     record_.boundary_edges = totals.boundary_edges;

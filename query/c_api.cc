@@ -193,9 +193,10 @@ class CallbackSink final : public MeshSink {
 
 void PutAnswer(const ProbeAnswer& answer, mtdb_hit* hit) {
   *hit = {};
-  hit->error_bound = answer.error_bound;
   if (!answer.hit) return;
   hit->found = 1;
+  hit->error_bound = answer.error_bound;
+  hit->excess = answer.excess;
   hit->front = answer.hit->front ? 1 : 0;
   hit->distance = answer.hit->distance;
   Put(answer.hit->point, hit->point);
@@ -324,7 +325,7 @@ mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_erro
     info->clusters = record.clusters;
     mtdb::Put(record.bounds.min, info->bounds_min);
     mtdb::Put(record.bounds.max, info->bounds_max);
-    info->cell_error = record.grid.cell_error();
+    info->rounding_error = record.rounding_error;
     info->error_max = record.grid.Error(record.error_code_max);
     info->attributes = static_cast<uint32_t>(record.attributes.attributes.size());
     info->row_bytes = static_cast<uint32_t>(record.attributes.row_bytes());
@@ -550,6 +551,13 @@ mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_erro
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {details, "details"}}));
     const mtdb::ExtractStats& s = cut->cut.stats();
+    mtdb_shortfall shortfall{};
+    shortfall.triangles = s.shortfall.triangles;
+    shortfall.excess = s.shortfall.excess;
+    if (s.shortfall.any()) {
+      mtdb::Put(s.shortfall.bounds.min, shortfall.bounds_min);
+      mtdb::Put(s.shortfall.bounds.max, shortfall.bounds_max);
+    }
     *details = {static_cast<mtdb_limit>(s.limit),
                 cut->row_bytes,
                 s.active_triangles,
@@ -562,7 +570,8 @@ mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_erro
                 s.seconds.load,
                 s.seconds.read,
                 s.seconds.decode,
-                s.seconds.emit};
+                s.seconds.emit,
+                shortfall};
     return Status::Ok();
   });
 }

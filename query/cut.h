@@ -6,6 +6,7 @@
 
 #include "store/base/ids.h"
 #include "store/base/mesh_sink.h"
+#include "store/base/shortfall.h"
 #include "store/base/status.h"
 
 namespace mtdb {
@@ -19,11 +20,13 @@ enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime };
 struct ExtractStats {
   uint64_t triangles = 0;  // of the mesh that is emitted: after clipping
   uint64_t vertices = 0;   // likewise
-  // Those within e(t) of the region. Where the cluster of a triangle's remover was not needed, its
-  // largest error stands for e(t), here and in error_bound.
+  // Those within b(t) of the region. Where the cluster of a triangle's remover was not needed, its
+  // largest error stands for e(t), here and below.
   uint64_t active_triangles = 0;
-  // Model units: the largest e(t) over the active triangles, plus half the diagonal of a grid cell.
+  // Model units: the largest b(t) over the active triangles; without any, of those that no node
+  // removes. In the region, mesh and input (as it was before rounding) are that close, both ways.
   double error_bound = 0;
+  Shortfall shortfall;  // of the active triangles
   QueryLimit limit = QueryLimit::kThreshold;
   uint64_t nodes_visited = 0;  // of the clusters that were looked into
   uint64_t nodes_applied = 0;

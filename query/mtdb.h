@@ -119,10 +119,10 @@ typedef struct mtdb_info {
   uint64_t clusters;
   double bounds_min[3];
   double bounds_max[3];
-  double cell_error;   /* the stored positions are that close to the input's */
-  double error_max;    /* of the coarsest mesh */
-  uint32_t attributes; /* scalars of a vertex beside its position */
-  uint32_t row_bytes;  /* of all of them */
+  double rounding_error; /* the stored positions are that close to the input's */
+  double error_max;      /* of the coarsest mesh */
+  uint32_t attributes;   /* scalars of a vertex beside its position */
+  uint32_t row_bytes;    /* of all of them */
 } mtdb_info;
 MTDB_API mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error);
 
@@ -241,11 +241,19 @@ MTDB_API mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_e
 
 /* What ended the refinement. */
 typedef enum mtdb_limit {
-  MTDB_LIMIT_THRESHOLD = 0, /* all is as accurate as was asked for */
+  MTDB_LIMIT_THRESHOLD = 0, /* all is as accurate as was asked for, but for the shortfall */
   MTDB_LIMIT_TRIANGLES = 1,
   MTDB_LIMIT_BYTES = 2,
   MTDB_LIMIT_TIME = 3
 } mtdb_limit;
+/* Where an answer is farther from the input than its query asks: vertices were rounded by more
+ * when the object was ingested, or a budget ended the refinement. */
+typedef struct mtdb_shortfall {
+  uint64_t triangles;   /* 0: nowhere, and the rest means nothing */
+  double excess;        /* the largest of their bounds less the error that was asked for there */
+  double bounds_min[3]; /* around these triangles */
+  double bounds_max[3];
+} mtdb_shortfall;
 /* What mtdb_stats does not say. */
 typedef struct mtdb_details {
   mtdb_limit limit;
@@ -261,6 +269,7 @@ typedef struct mtdb_details {
   double read_seconds;      /* of all threads that worked for the query */
   double decode_seconds;    /* likewise */
   double emit_seconds;      /* so far; with the callbacks' time, without load_seconds */
+  mtdb_shortfall shortfall;
 } mtdb_details;
 MTDB_API mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_error* error);
 
@@ -298,6 +307,7 @@ typedef struct mtdb_hit {
   double distance;    /* closest point: in units; ray: the parameter t of origin + t * direction */
   double triangle[9]; /* corners of the triangle that was met */
   double error_bound;
+  double excess; /* error_bound less largest_error, where rounding at ingest does not permit that */
 } mtdb_hit;
 /* Nothing farther than max_distance; it may be INFINITY. */
 MTDB_API mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3],

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "query/internal/probe_geometry.h"
+#include "query/internal/promise.h"
 
 namespace mtdb {
 namespace {
@@ -31,9 +32,10 @@ Status CheckOptions(const ProbeOptions& options) {
 // Thresholds from the root's down to the one asked for.
 std::vector<double> FallingErrors(const ObjectRecord& record, double last) {
   std::vector<double> errors;
-  double error = record.grid.Error(record.error_code_max);
+  double error = BoundOf(record.grid, record.error_code_max, record.rounding_error);
   // No node has an error between 0 and the unit.
-  for (; error > std::max(last, record.grid.error_unit); error /= kFall) errors.push_back(error);
+  const double least = BoundOf(record.grid, 1, record.rounding_error);
+  for (; error > std::max(last, least); error /= kFall) errors.push_back(error);
   errors.push_back(last);
   return errors;
 }
@@ -52,6 +54,7 @@ Result<TriangleMesh> TrianglesAt(const Surface& surface, RegionPtr region, doubl
   answer->clusters_read += stats.clusters_read;
   answer->bytes_read += stats.bytes_read;
   answer->error_bound = stats.error_bound;
+  answer->excess = error < 0 ? 0 : std::max(0.0, stats.error_bound - error);
   return mesh;
 }
 
@@ -121,7 +124,8 @@ Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
         TrianglesAt(surface, SphereRegion(point, answer.reach), errors[i], &answer));
     const std::optional<ProbeHit> hit = Closest(mesh, point);
     if (!hit) continue;
-    const double next = hit->distance + answer.error_bound + std::max(errors[i + 1], 0.0);
+    const double next =
+        hit->distance + answer.error_bound + std::max(errors[i + 1], record.rounding_error);
     answer.reach = std::min(answer.reach, next * kRoundUp);
   }
   for (;; answer.reach = std::min(all, 2 * answer.reach)) {

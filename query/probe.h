@@ -10,7 +10,7 @@
 namespace mtdb {
 
 struct ProbeOptions {
-  // Model units: triangles of at most this error are good enough; negative: only those of the full
+  // Model units: triangles of at most this bound are good enough; negative: only those of the full
   // resolution are.
   double error_model = -1;
   // Nothing farther away is looked for. Closest point: a distance in model units. Ray: a parameter,
@@ -33,7 +33,11 @@ struct ProbeAnswer {
   // the point, or up to the parameter `reach` of the ray. At least hit->distance; as far as the
   // object goes, or the limit, when there is no hit.
   double reach = 0;
-  double error_bound = 0;      // model units; see below
+  // Of the part of the surface within `reach`, in model units; see below. Means nothing without a
+  // hit.
+  double error_bound = 0;
+  double excess =
+      0;  // error_bound less error_model where rounding at ingest does not permit that; else 0
   uint32_t queries = 0;        // cuts that were made
   uint64_t clusters_read = 0;  // payloads read from the source, of all cuts
   uint64_t bytes_read = 0;

@@ -13,10 +13,13 @@ class QueryControl;
 
 // "This region, at this accuracy, within this budget." The default asks for everything.
 //
-// Let e(t) be the error of a triangle t: the error of the node that removes it, 0 if none does. t
-// is active when its distance to the region is at most e(t). An active t is valid when no node
-// removes it or e(t) <= the threshold everywhere within e(t) of t. The answer is the least
-// parent-closed set of nodes in whose mesh every active triangle is valid; it is unique.
+// Let e(t) be the error of a triangle t: the error of the node that removes it, 0 if none does; h
+// what rounding displaced (ObjectRecord::rounding_error, and MeshSink::LargestRounding of the sink
+// that Surface::Extract has); b(t) = e(t) + h its bound. t is active when its distance to the
+// region is at most b(t). An active t is valid when no node removes it or b(t) <= the threshold
+// everywhere within b(t) of t, where a threshold from 0 to h counts as h: nothing better is to be
+// had, and the answer's shortfall says so. The answer is the least parent-closed set of nodes in
+// whose mesh every active triangle is valid; it is unique.
 struct Query {
   RegionPtr region;        // null: all of space
   ThresholdPtr threshold;  // null: full resolution

@@ -11,6 +11,7 @@
 
 #include "query/internal/bits.h"
 #include "query/internal/moving_cut.h"
+#include "query/internal/promise.h"
 #include "query/internal/search.h"
 #include "query/internal/stopwatch.h"
 #include "query/internal/update_batches.h"
@@ -23,10 +24,6 @@ namespace {
 constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to come
 
 constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
-
-double ErrorBound(const ObjectRecord& record, uint8_t largest_code) {
-  return record.grid.cell_error() + record.grid.Error(largest_code);
-}
 
 UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
   return [&reader](UnitId unit) {
@@ -181,7 +178,9 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
   ExtractStats& stats = update->stats;
   stats.triangles = cut.totals().triangles;
   stats.active_triangles = cut.active().triangles;
-  stats.error_bound = ErrorBound(surface_->record(), cut.active().largest_code);
+  const ObjectRecord& record = surface_->record();
+  stats.error_bound = BoundOf(record.grid, cut.active().largest_code, record.rounding_error);
+  stats.shortfall = cut.active().shortfall;
   stats.nodes_forced = cut.totals().forced;
   stats.clusters_used = cut.totals().clusters_used;
   stats.nodes_visited = cut.evaluated();
@@ -193,7 +192,7 @@ Status Session::Settle(UnitReader& reader, const Query& query, const TakeBatches
                        SessionUpdate* update) {
   const ObjectRecord& record = surface_->record();
   const ClusterIndex& index = surface_->index();
-  Search search(*surface_->source(), reader, query);
+  Search search(*surface_->source(), reader, query, record.rounding_error);
   MTDB_RETURN_IF_ERROR(search.Run());
   const CutState cut = search.TakeState();
   std::vector<Bits> applied(index.cluster_count());
@@ -213,7 +212,8 @@ Status Session::Settle(UnitReader& reader, const Query& query, const TakeBatches
   ExtractStats& stats = update->stats;
   stats.triangles = cut.triangles;
   stats.active_triangles = cut.active_triangles;
-  stats.error_bound = ErrorBound(record, cut.largest_code);
+  stats.error_bound = BoundOf(record.grid, cut.largest_code, record.rounding_error);
+  stats.shortfall = cut.shortfall;
   stats.limit = cut.limit;
   stats.nodes_visited = cut.nodes_visited;
   stats.nodes_forced = cut.nodes_forced;

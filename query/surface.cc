@@ -69,15 +69,20 @@ Result<std::shared_ptr<Surface>> Surface::Open(std::shared_ptr<ClusterSource> so
 }
 
 Result<Cut> Surface::Select(const Query& query) const {
-  auto impl = std::make_unique<CutImpl>(shared_from_this(), query);
+  auto impl = std::make_unique<CutImpl>(shared_from_this(), query, 0);
   MTDB_RETURN_IF_ERROR(impl->Select());
   return Cut(std::move(impl));
 }
 
 Result<ExtractStats> Surface::Extract(const Query& query, MeshSink& sink) const {
-  MTDB_ASSIGN_OR_RETURN(Cut cut, Select(query));
-  MTDB_RETURN_IF_ERROR(cut.Emit(sink));
-  return cut.stats();
+  MeshHeader header;
+  header.attributes = record().attributes;
+  header.double_positions = record().double_positions;
+  header.bounds = record().bounds;
+  auto impl = std::make_unique<CutImpl>(shared_from_this(), query, sink.LargestRounding(header));
+  MTDB_RETURN_IF_ERROR(impl->Select());
+  MTDB_RETURN_IF_ERROR(impl->Emit(sink));
+  return impl->stats();
 }
 
 }  // namespace mtdb

@@ -71,9 +71,9 @@ ThresholdPtr SquareRootThreshold(Vec3d point, double base, double factor);
 ThresholdPtr ExponentialThreshold(Vec3d point, double base, double rate);
 
 // What the camera sees is off by at most `pixels` (> 0) pixels. In full: where a triangle with
-// error e satisfies this threshold, any two points in sight that are at most e apart, one of them
+// bound e satisfies this threshold, any two points in sight that are at most e apart, one of them
 // on the triangle, are drawn at most `pixels` apart. So is every point in sight of the surface from
-// its counterpart, but for the rounding of positions to the grid.
+// its counterpart.
 //
 // A step of length s from a point at depth z and at distance r from the eye moves its image by at
 // most s * r / z^2 / camera.pixel(). So the field is pixels * camera.pixel() * z^2 / r, with z at

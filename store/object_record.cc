@@ -142,6 +142,7 @@ ByteWriter PutGrid(const ObjectRecord& o) {
   w.Put(o.grid.error_unit);
   w.Put(o.bits);
   w.Put(static_cast<uint8_t>(o.error_measure));
+  w.Put(o.rounding_error);
   return w;
 }
 void GetGrid(RecordReader* r, ObjectRecord* o) {
@@ -151,6 +152,9 @@ void GetGrid(RecordReader* r, ObjectRecord* o) {
   o->grid.error_unit = r->GetPositive("error unit");
   o->bits = r->GetAtMost(32, "bits");
   o->error_measure = static_cast<ErrorMeasure>(r->GetAtMost(1, "error measure"));
+  o->rounding_error = r->GetFinite("rounding error");
+  if (r->ok() && o->rounding_error < 0)
+    r->Fail("rounding error: expected one that is not negative");
 }
 
 ByteWriter PutAttributes(const ObjectRecord& o) {

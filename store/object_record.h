@@ -48,6 +48,9 @@ struct ObjectRecord {
 
   Grid grid;
   uint8_t bits = 0;  // of the longest side; 32 when lossless
+  // Model units: no vertex of the input, and no point of its surface, was farther than this from
+  // where it is stored. 0: the input lies on the grid.
+  double rounding_error = 0;
   ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
   AttributeLayout attributes;
   bool double_positions = false;  // the input's positions were doubles

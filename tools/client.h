@@ -22,6 +22,7 @@
 
 #include "codecs/client_mesh.h"
 #include "store/base/mesh_sink.h"
+#include "store/base/shortfall.h"
 #include "store/base/status.h"
 
 namespace mtdb {
@@ -40,6 +41,7 @@ struct FetchAnswer {
   uint64_t vertices = 0;
   uint64_t active_triangles = 0;
   double error_bound = 0;  // model units
+  Shortfall shortfall;     // where it is above the error that was asked for
   std::string limit;       // what ended the refinement: "accuracy", "triangles", "bytes", "time"
   uint64_t clusters_read = 0, clusters_cached = 0, clusters_total = 0;
   uint64_t bytes_read = 0;  // by the server, from its store
@@ -69,6 +71,7 @@ struct RemoteUpdate {
   uint64_t active_triangles = 0;
   uint64_t insertions = 0, removals = 0;  // of vertices
   double error_bound = 0;                 // model units
+  Shortfall shortfall;                    // where it is above the error that was asked for
   double server_ms = 0;                   // from the query's arrival to its last update
   std::string limit;                      // as in FetchAnswer
   // Of the update stream since the last answer that was not superseded.

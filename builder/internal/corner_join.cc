@@ -147,8 +147,9 @@ class Join {
              fits(grid.Quantize(input.bounds().max));
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
-    const uint64_t need = 3 * triangles * kCornerMemory +
-                          vertices * (sizeof(Vec3i) + input.row_bytes() + sizeof(uint32_t));
+    const uint64_t need =
+        3 * triangles * kCornerMemory +
+        vertices * (sizeof(Vec3i) + sizeof(double) + input.row_bytes() + sizeof(uint32_t));
     // Half of the memory for the ranges at work, the rest for spools. A range is a power of two,
     // and small enough that its tables stay near the processor.
     const unsigned threads = std::max(1u, options.threads);
@@ -183,6 +184,7 @@ class Join {
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
+      totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
     return Collect(receive);
   }
@@ -196,6 +198,7 @@ class Join {
     Link link;
     JoinTotals totals;
     std::vector<Vec3i> positions;
+    std::vector<double> displaced;
     Bytes rows;
     std::vector<Corner> corners;
     std::vector<uint32_t> begin, places;
@@ -228,13 +231,16 @@ class Join {
         static_cast<uint32_t>(std::min(uint64_t{1} << range_bits_, input_.vertices() - first));
     const size_t row = input_.row_bytes();
     w.positions.resize(vertices);
+    w.displaced.resize(vertices);
     w.rows.resize(vertices * row);
     SpoolReader vertex_reader(&input_.vertex_spool(), first * input_.vertex_bytes(),
                               (first + vertices) * input_.vertex_bytes());
     for (uint32_t v = 0; v < vertices; ++v) {
       const std::byte* bytes = vertex_reader.Next(input_.vertex_bytes());
       if (bytes == nullptr) return vertex_reader.status();
-      w.positions[v] = grid_.Quantize(input_.Position(bytes));
+      const Vec3d position = input_.Position(bytes);
+      w.positions[v] = grid_.Quantize(position);
+      w.displaced[v] = grid_.Displacement(position);
       std::copy_n(input_.Row(bytes), row, w.rows.data() + v * row);
     }
     const uint64_t count = questions_[r].size() / sizeof(Corner);
@@ -258,6 +264,7 @@ class Join {
         continue;
       }
       ++w.totals.vertices;
+      w.totals.rounding_error = std::max(w.totals.rounding_error, w.displaced[v]);
       const Link::Counts counts =
           w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
                          w.corners.data(), w.flags.data());

@@ -20,6 +20,7 @@ struct JoinTotals {
   uint64_t duplicate_triangles = 0;
   uint64_t nonmanifold_edges = 0;
   uint64_t nonmanifold_vertices = 0;
+  double rounding_error = 0;  // see ObjectRecord
 };
 
 struct JoinOptions {

@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "query/internal/promise.h"
 #include "query/internal/search.h"
 #include "query/internal/stopwatch.h"
 
@@ -15,10 +16,12 @@ constexpr std::array<const char*, 3> kNormalNames{"nx", "ny", "nz"};
 
 }  // namespace
 
-CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query)
+CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query, double sink_rounding)
     : surface_(std::move(surface)),
       index_(surface_->index()),
       query_(query),
+      rounding_(surface_->record().rounding_error),
+      sink_rounding_(sink_rounding),
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
       root_numbers_(index_.root_vertices()),
       reader_(surface_->cache(), {query.control, query.max_bytes}) {}
@@ -41,7 +44,7 @@ Status CutImpl::Select() {
   MTDB_RETURN_IF_ERROR(reader_.Check());
   everything_ = WantsEverything();
   if (!everything_) {
-    Search search(*surface_->source(), reader_, query_);
+    Search search(*surface_->source(), reader_, query_, rounding_ + sink_rounding_);
     MTDB_RETURN_IF_ERROR(search.Run());
     cut_ = search.TakeState();
     if (clip_) MTDB_RETURN_IF_ERROR(MarkClipped());
@@ -56,7 +59,8 @@ void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
   reader_.FillStats(&stats_);
-  stats_.error_bound = record.grid.cell_error();
+  stats_.error_bound = BoundOf(record.grid, cut_.largest_code, rounding_ + sink_rounding_);
+  stats_.shortfall = cut_.shortfall;
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
     stats_.vertices = record.vertices;
@@ -64,7 +68,6 @@ void CutImpl::FillStats() {
     stats_.clusters_used = index_.cluster_count();
     return;
   }
-  stats_.error_bound += record.grid.Error(cut_.largest_code);
   stats_.limit = cut_.limit;
   stats_.nodes_visited = cut_.nodes_visited;
   stats_.nodes_applied = cut_.nodes_applied;
@@ -82,6 +85,28 @@ void CutImpl::FillStats() {
     stats_.triangles += s->kept.Count();
   }
   stats_.active_triangles = stats_.triangles;
+}
+
+void CutImpl::AddSinkRounding(double rounding) {
+  const ObjectRecord& record = surface_->record();
+  stats_.error_bound = BoundOf(record.grid, cut_.largest_code, rounding_ + rounding);
+  stats_.shortfall = cut_.shortfall;
+  const ThresholdPtr& asked = query_.threshold;
+  if (asked == nullptr || rounding == sink_rounding_) return;
+  Shortfall& shortfall = stats_.shortfall;
+  if (const std::optional<double> value = asked->constant()) {
+    if (*value < 0) return;
+    shortfall.excess = stats_.error_bound - *value;
+  } else {
+    // What was expected and did not come makes up for a part of it.
+    shortfall.excess += rounding - sink_rounding_;
+  }
+  if (!(shortfall.excess > 0)) {
+    shortfall = {};
+  } else if (!shortfall.any()) {
+    shortfall.triangles = stats_.active_triangles;
+    shortfall.bounds = record.bounds;
+  }
 }
 
 bool CutImpl::applied(ClusterId cluster, NodeIndex node) const {
@@ -185,6 +210,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   MeshHeader header;
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
+  header.bounds = record.bounds;
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
   std::vector<Vec3f> normals;
@@ -205,6 +231,7 @@ Status CutImpl::Emit(MeshSink& sink) {
                    std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
   }
   MTDB_RETURN_IF_ERROR(sink.End());
+  AddSinkRounding(sink.rounding());
   reader_.FillStats(&stats_);
   stats_.seconds.emit += watch.Seconds() - (stats_.seconds.load - load_before);
   return Status::Ok();

@@ -30,7 +30,8 @@ class CutImpl {
   };
 
  public:
-  CutImpl(std::shared_ptr<const Surface> surface, const Query& query);
+  // The threshold is kept when whoever takes the mesh moves its vertices by up to `sink_rounding`.
+  CutImpl(std::shared_ptr<const Surface> surface, const Query& query, double sink_rounding);
 
   Status Select();
   Status Emit(MeshSink& sink);
@@ -41,6 +42,8 @@ class CutImpl {
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
   void FillStats();
+  // Puts what the sink has moved vertices by into the bound, in place of what was expected.
+  void AddSinkRounding(double rounding);
   // What was loaded so far.
   // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
   // one at a time, and none when `after` has it sent.
@@ -88,6 +91,8 @@ class CutImpl {
   const std::shared_ptr<const Surface> surface_;
   const ClusterIndex& index_;
   const Query query_;
+  const double rounding_;       // at ingest, model units
+  const double sink_rounding_;  // expected
   const bool clip_;
   bool everything_ = false;
   CutState cut_;

@@ -43,6 +43,7 @@ struct CutState {
   QueryLimit limit = QueryLimit::kThreshold;
   bool all_active = false;   // UnitState::active is not filled
   uint8_t largest_code = 0;  // of the errors of active triangles
+  Shortfall shortfall;
 
   UnitState& state(uint32_t s) { return *states[s]; }
   const UnitState& state(uint32_t s) const { return *states[s]; }

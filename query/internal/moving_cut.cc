@@ -29,9 +29,9 @@ MovingCut::MovingCut(const ClusterSource& source)
     : source_(source),
       index_(source.index()),
       grid_(source.record().grid),
-      units_(UnitCount(source.index())) {
-  for (size_t code = 0; code < 256; ++code) errors_[code] = grid_.Error(static_cast<uint8_t>(code));
-}
+      rounding_(source.record().rounding_error),
+      bounds_(BoundsByCode(grid_, rounding_)),
+      units_(UnitCount(source.index())) {}
 
 MovingCut::~MovingCut() = default;
 
@@ -57,7 +57,7 @@ MovingCut::Unit& MovingCut::Open(UnitId id) {
   const auto children = root ? index_.children(RootPieceId(id - index_.cluster_count()))
                              : index_.children(ClusterId(id));
   for (const ClusterId c : children) largest = std::max(largest, index_.cluster(c).error_code_max);
-  u.reach = errors_[largest];
+  u.reach = bounds_[largest];
   u.range = threshold_->Range(u.box, u.reach);
   u.activity = ActivityOf(u.box, u.reach);
   u.stale = false;
@@ -186,7 +186,9 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
 }
 
 Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
-  const ThresholdPtr threshold = query.threshold == nullptr ? FullResolution() : query.threshold;
+  const bool same = threshold_ != nullptr && asked_ == query.threshold;
+  asked_ = query.threshold;
+  const ThresholdPtr threshold = same ? threshold_ : Attainable(asked_, rounding_);
   const RegionPtr region = query.region == nullptr ? WholeRegion() : query.region;
   const ThresholdPtr old = std::exchange(threshold_, threshold);
   const bool region_moved = std::exchange(region_, region) != region;
@@ -321,7 +323,7 @@ Triangle3d MovingCut::Corners(const LoadedUnit& unit, uint32_t slot) const {
 // First by the range of the threshold around all of the unit, then around the hole, whose corners
 // are the ring, then triangle by triangle.
 MovingCut::Verdict MovingCut::Judge(const Unit& u, const LoadedUnit& unit, NodeIndex node) {
-  const double error = errors_[unit.cluster.error_codes[node]];
+  const double error = bounds_[unit.cluster.error_codes[node]];
   if (u.activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
   const double good = GoodMargin(u);
   if (u.range.low - error >= good) return {false, false, u.range.low - error, kInfinity};
@@ -341,7 +343,7 @@ MovingCut::Verdict MovingCut::Judge(const Unit& u, const LoadedUnit& unit, NodeI
 
 MovingCut::Verdict MovingCut::JudgeTriangles(const LoadedUnit& unit, NodeIndex node,
                                              bool all_active) {
-  const double error = errors_[unit.cluster.error_codes[node]];
+  const double error = bounds_[unit.cluster.error_codes[node]];
   const std::span<const uint32_t> hole = unit.cluster.hole(node);
   refusals_.assign(hole.size(), false);
   Verdict verdict{false, true, kInfinity, kInfinity};

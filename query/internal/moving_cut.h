@@ -15,6 +15,7 @@
 
 #include "query/internal/bits.h"
 #include "query/internal/fetch_nodes.h"
+#include "query/internal/promise.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -61,11 +62,12 @@ class MovingCut {
     // Of the mesh: triangles by the code of their error; for a child that is not open its largest.
     std::array<uint64_t, 256> by_code{};
   };
-  // After a move, with errors as in ExtractStats: triangles within their error of the region, and
-  // the largest code of these.
+  // After a move, with errors as in ExtractStats: triangles within their bound of the region, the
+  // largest code of these, and which of them fall short.
   struct Active {
     uint64_t triangles = 0;
     uint8_t largest_code = 0;
+    Shortfall shortfall;
   };
   const Active& active() const { return active_; }
   const Totals& totals() const { return totals_; }
@@ -102,7 +104,7 @@ class MovingCut {
     bool stale = true;  // deadlines mean nothing
     Activity activity = Activity::kNone;
     Box3d box;
-    double reach = 0;  // the largest error of a triangle that it creates or removes
+    double reach = 0;  // the largest bound of a triangle that it creates or removes
     ErrorRange range;  // of the threshold's Min in the box
     // Bounds of the sum of all changes of Min since the deadlines began.
     double low = 0, high = 0;
@@ -191,7 +193,7 @@ class MovingCut {
   void PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_t ordinal);
   double GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slot, double error) const;
   Status Survey();
-  void SurveyUnit(const Unit& u, const LoadedUnit& unit);
+  void SurveyUnit(const Unit& u, const LoadedUnit& unit, bool shortfall);
   uint8_t LargestCode(ClusterId cluster) const { return index_.cluster(cluster).error_code_max; }
   // 4. Closes units that no present triangle can need.
   void CloseIdle();
@@ -205,14 +207,16 @@ class MovingCut {
   const ClusterSource& source_;
   const ClusterIndex& index_;
   const Grid& grid_;
-  std::array<double, 256> errors_;  // by code
+  const double rounding_;                 // model units
+  const std::array<double, 256> bounds_;  // by code
   std::vector<std::unique_ptr<Unit>> units_;
   std::vector<UnitId> open_;
   Totals totals_;
   Active active_;
   uint64_t evaluated_ = 0;
   uint32_t moves_ = 0;
-  ThresholdPtr threshold_;
+  ThresholdPtr asked_;      // the query's
+  ThresholdPtr threshold_;  // the attainable one
   RegionPtr region_;
 
   // While moving.

@@ -151,7 +151,7 @@ void MovingCut::Touch(Unit& u, const LoadedUnit& unit, NodeIndex node) {
     Save(u);
     u.known.Set(node);
     // Most are valid by far, and their code says so.
-    if (const double fall = u.range.low - errors_[code]; fall >= GoodMargin(u)) {
+    if (const double fall = u.range.low - bounds_[code]; fall >= GoodMargin(u)) {
       ++evaluated_;
       u.deadlines[node] = Up(u.low - fall);
       return;
@@ -286,7 +286,7 @@ void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
   bool any = false;
   for (const uint32_t ordinal : u.gates_todo) {
     const ClusterId child = unit.children()[ordinal];
-    const double error = errors_[LargestCode(child)];
+    const double error = bounds_[LargestCode(child)];
     const Box3i& bounds = index_.cluster(child).bounds;
     const ErrorRange range =
         threshold_->Range({grid_.Position(bounds.min), grid_.Position(bounds.max)}, error);
@@ -323,7 +323,7 @@ void MovingCut::PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_
     later_gates_[code].emplace_back(u.id, ordinal);
     return;
   }
-  const double margin = GateMargin(u, unit, slot, errors_[code]);
+  const double margin = GateMargin(u, unit, slot, bounds_[code]);
   if (margin < 0) {
     Open(id.value);
   } else {
@@ -348,7 +348,8 @@ double MovingCut::GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slo
 // Which triangles are active: where there is a region, all of its mesh is looked at.
 Status MovingCut::Survey() {
   active_ = {};
-  if (region_->whole()) {
+  const bool shortfall = MayFallShort(asked_, source_.record().bounds, rounding_);
+  if (region_->whole() && !shortfall) {
     active_.triangles = totals_.triangles;
     for (size_t code = 0; code < 256; ++code) {
       if (totals_.by_code[code] > 0) active_.largest_code = static_cast<uint8_t>(code);
@@ -359,19 +360,23 @@ Status MovingCut::Survey() {
     Unit& u = *units_[id];
     if (u.activity == Activity::kNone) continue;
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
-    SurveyUnit(u, *unit);
+    SurveyUnit(u, *unit, shortfall);
   }
   return Status::Ok();
 }
 
 // What enters the unit, and what it creates but for open children.
-void MovingCut::SurveyUnit(const Unit& u, const LoadedUnit& unit) {
+void MovingCut::SurveyUnit(const Unit& u, const LoadedUnit& unit, bool shortfall) {
   const auto survey = [&](uint32_t slot, uint8_t code) {
-    if (u.activity == Activity::kSome && !region_->Within(Corners(unit, slot), errors_[code])) {
+    if (u.activity == Activity::kSome && !region_->Within(Corners(unit, slot), bounds_[code])) {
       return;
     }
     ++active_.triangles;
     active_.largest_code = std::max(active_.largest_code, code);
+    if (shortfall && !(u.range.low > bounds_[code])) {
+      AddShortfall(*asked_, Corners(unit, slot), bounds_[code], unit.removers()[slot] != kDrain,
+                   &active_.shortfall);
+    }
   };
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!Present(u, unit, slot)) continue;
@@ -410,7 +415,7 @@ void MovingCut::CloseIdle() {
 // Closes a unit without applied nodes when no triangle that enters it could be refused with its
 // largest error.
 bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
-  const double error = errors_[LargestCode(ClusterId(u.id))];
+  const double error = bounds_[LargestCode(ClusterId(u.id))];
   std::vector<double> margins(unit.parents.size(), std::numeric_limits<double>::infinity());
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!Present(u, unit, slot)) continue;

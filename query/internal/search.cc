@@ -16,20 +16,21 @@ constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
 // cut. So whatever is applied must be, and what remains when nothing is left to apply is the least
 // valid cut.
 
-Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query)
+Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding)
     : source_(source),
       index_(source.index()),
       grid_(source.record().grid),
       reader_(reader),
       query_(query),
+      rounding_(rounding),
+      threshold_(Attainable(query.threshold, rounding)),
       whole_(query.region == nullptr || query.region->whole()),
       by_error_(query.max_triangles || query.max_bytes || query.max_milliseconds),
-      constant_(query.threshold == nullptr ? std::optional<double>(-1.0)
-                                           : query.threshold->constant()),
-      trivial_(whole_ && constant_.has_value()) {
+      constant_(threshold_->constant()),
+      trivial_(whole_ && constant_.has_value()),
+      bounds_(BoundsByCode(grid_, rounding)) {
   for (int code = 0; code < 256; ++code) {
-    errors_[static_cast<size_t>(code)] = grid_.Error(static_cast<uint8_t>(code));
-    if (constant_ && errors_[static_cast<size_t>(code)] <= *constant_) valid_code_ = code;
+    if (constant_ && bounds_[static_cast<size_t>(code)] <= *constant_) valid_code_ = code;
   }
   cut_.state_of.assign(UnitCount(index_), kNone32);
   pending_ = Bits(index_.cluster_count());
@@ -110,7 +111,7 @@ uint8_t Search::LargestCode(const LoadedUnit& unit) const {
 Search::Outlook Search::LookAhead(const Box3i& bounds, uint8_t largest) const {
   Outlook outlook;
   const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
-  const double error = errors_[largest];
+  const double error = bounds_[largest];
   outlook.all_active = whole_ || query_.region->BoxCovers(box, 0);
   outlook.none_active = !outlook.all_active && !query_.region->BoxWithin(box, error);
   outlook.all_valid = constant_ && largest <= valid_code_;
@@ -257,7 +258,7 @@ void Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
 // The bounds of the hole, whose corners are the ring, decide most cases.
 bool Search::IsWanted(const LoadedUnit& unit, NodeIndex node) const {
   const Cluster& cluster = unit.cluster;
-  const double error = errors_[cluster.error_codes[node]];
+  const double error = bounds_[cluster.error_codes[node]];
   if (!whole_) {
     Box3i bounds;
     for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.in.positions[local]);
@@ -340,7 +341,7 @@ void Search::ForceInBytes(const LoadedUnit& unit, uint32_t s, NodeIndex target) 
         // Later nodes have their turn.
         if (remover >= target) continue;
         const uint8_t code = cluster.error_codes[remover];
-        if (code > valid_code_ && Refused(Corners(unit, slot, node), errors_[code])) {
+        if (code > valid_code_ && Refused(Corners(unit, slot, node), bounds_[code])) {
           Want(s, remover, code);
         }
       }
@@ -382,7 +383,7 @@ void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t s, uint32_t slot) {
   if (!Present(unit, cut_.state(s), slot)) return;
   const NodeIndex node = unit.cluster.removers[slot];
   const uint8_t code = unit.cluster.error_codes[node];
-  if (code > valid_code_ && Refused(Corners(unit, slot, 0), errors_[code])) Want(s, node, code);
+  if (code > valid_code_ && Refused(Corners(unit, slot, 0), bounds_[code])) Want(s, node, code);
 }
 
 // Coarsest unit first, and within a unit in stored order, in which parents precede children: most
@@ -521,7 +522,7 @@ void Search::ExamineStar(Target target) {
     }
     const uint8_t code = cluster.error_codes[remover];
     if (code <= valid_code_) continue;
-    if (Refused(Corners(unit, slot, target.node), errors_[code])) {
+    if (Refused(Corners(unit, slot, target.node), bounds_[code])) {
       Want(target.state, remover, code);
     }
   }
@@ -536,7 +537,7 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t s
   if (pending && !looked_into_.Test(child.value)) return;  // the child will examine it
   const uint8_t largest = index_.cluster(child).error_code_max;
   if (largest <= valid_code_) return;
-  if (!pending && !Refused(Corners(unit, slot, creator), errors_[largest])) return;
+  if (!pending && !Refused(Corners(unit, slot, creator), bounds_[largest])) return;
   NoteLateArc(child, state.unit, slot);
   if (pending) return;
   pending_.Set(child.value);
@@ -566,7 +567,7 @@ void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
 
 // True when the node removes an active invalid triangle.
 bool Search::HasReason(const LoadedUnit& unit, NodeIndex node) const {
-  const double error = errors_[unit.cluster.error_codes[node]];
+  const double error = bounds_[unit.cluster.error_codes[node]];
   for (const uint32_t slot : unit.cluster.hole(node)) {
     const bool own = slot >= unit.first_own_slot() && !trivial_;
     const NodeIndex creator = own ? unit.creator(slot) : 0;
@@ -576,13 +577,28 @@ bool Search::HasReason(const LoadedUnit& unit, NodeIndex node) const {
   return false;
 }
 
+// What was asked for was not given where rounding does not permit it, and after a budget's end.
+bool Search::MayFallShort() const {
+  if (cut_.limit != QueryLimit::kThreshold) return true;
+  return mtdb::MayFallShort(query_.threshold, source_.record().bounds, rounding_);
+}
+
 Status Search::Survey() {
   cut_.all_active = whole_;
-  if (whole_) cut_.active_triangles = cut_.triangles;
+  surveys_shortfall_ = MayFallShort();
+  if (surveys_shortfall_ && trivial_ && cut_.limit == QueryLimit::kThreshold) {
+    // All triangles have the same bound.
+    cut_.shortfall = {cut_.triangles, rounding_ - *query_.threshold->constant(),
+                      source_.record().bounds};
+    surveys_shortfall_ = false;
+  }
+  const bool errors_only = whole_ && !surveys_shortfall_;
+  if (errors_only) cut_.active_triangles = cut_.triangles;
   for (const auto& state : cut_.states) {
     // No present triangle is invalid but where a budget ended the search.
-    if (whole_ && cut_.largest_code == valid_code_ && !by_error_) break;
-    MTDB_RETURN_IF_ERROR(Take([&] { return whole_ ? SurveyErrors(*state) : SurveyUnit(*state); }));
+    if (errors_only && cut_.largest_code == valid_code_ && !by_error_) break;
+    MTDB_RETURN_IF_ERROR(
+        Take([&] { return errors_only ? SurveyErrors(*state) : SurveyUnit(*state); }));
   }
   return Status::Ok();
 }
@@ -611,13 +627,19 @@ Status Search::SurveyUnit(UnitState& state) {
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* unit, Pin(state));
   const uint32_t first_own = unit->first_own_slot();
   if (state.active.empty()) state.active = Bits(unit->own_slots());
+  const ThresholdPtr asked = query_.threshold == nullptr ? threshold_ : query_.threshold;
   const Outlook outlook = LookAhead(Bounds(state.unit), LargestCode(*unit));
   if (outlook.none_active) return Status::Ok();
   const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code, const Outlook& of) {
     if (of.none_active) return false;
-    if (!of.all_active && !Active(Corners(*unit, slot, creator), errors_[code])) return false;
+    const double bound = bounds_[code];
+    if (!of.all_active && !Active(Corners(*unit, slot, creator), bound)) return false;
     ++cut_.active_triangles;
     cut_.largest_code = std::max(cut_.largest_code, code);
+    if (surveys_shortfall_) {
+      AddShortfall(*asked, Corners(*unit, slot, creator), bound, unit->removers()[slot] != kDrain,
+                   &cut_.shortfall);
+    }
     return true;
   };
   // A cluster that was looked into knows the errors of its in-triangles.
@@ -642,11 +664,12 @@ Status Search::SurveyUnit(UnitState& state) {
     if (looked_into_.Test(child.value)) return std::nullopt;
     return index_.cluster(child).error_code_max;
   };
-  if (outlook.all_active) {
+  const bool all_active = outlook.all_active && !surveys_shortfall_;
+  if (all_active) {
     // What nobody removes needs no look.
     cut_.active_triangles += state.active.AddBoth(state.present.words(), unit->drain);
   }
-  if (unit->is_root || outlook.all_active) {
+  if (unit->is_root || all_active) {
     state.present.ForEach([&](uint32_t own) {
       if (state.active.Test(own)) return;
       const std::optional<uint8_t> code = code_of(own + first_own);
@@ -680,7 +703,7 @@ Status Search::SurveyUnit(UnitState& state) {
 }
 
 Triangle3d Search::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const {
-  if (trivial_) return {};
+  if (trivial_ && !surveys_shortfall_) return {};
   const std::array<uint32_t, 3> corners = unit.corners(slot, creator);
   const std::vector<Vec3i>& positions = unit.positions();
   return {grid_.Position(positions[corners[0]]), grid_.Position(positions[corners[1]]),

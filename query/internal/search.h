@@ -13,6 +13,7 @@
 
 #include "query/internal/cut_state.h"
 #include "query/internal/error_queue.h"
+#include "query/internal/promise.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -25,7 +26,8 @@ namespace mtdb {
 // valid or inactive. With a budget a priority queue takes the place of that order. One use.
 class Search {
  public:
-  Search(const ClusterSource& source, UnitReader& reader, const Query& query);
+  // What rounding displaces the mesh by, in model units, counts with the threshold.
+  Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding);
 
   Status Run();
   CutState TakeState() { return std::move(cut_); }
@@ -45,7 +47,7 @@ class Search {
     Bits* present = nullptr;
     uint32_t first_own_slot = 0;
   };
-  // What can be said of all triangles inside of a box whose errors are at most some error.
+  // What can be said of all triangles inside of a box whose bounds are at most some bound.
   struct Outlook {
     bool none_active = false;
     bool all_active = false;
@@ -87,8 +89,10 @@ class Search {
   void Want(uint32_t state, NodeIndex node, uint8_t code);
   bool HasReason(const LoadedUnit& unit, NodeIndex node) const;
 
-  // When all is applied: which present triangles are active, and the largest of their errors.
+  // When all is applied: which present triangles are active, the largest of their errors, and
+  // which fall short.
   Status Survey();
+  bool MayFallShort() const;
   Status SurveyUnit(UnitState& state);
   // All triangles are active: only the largest error is to be found.
   Status SurveyErrors(UnitState& state);
@@ -111,7 +115,7 @@ class Search {
     return whole_ || query_.region->Within(t, error);
   }
   bool Valid(const Triangle3d& t, double error) const {
-    return error <= (constant_ ? *constant_ : query_.threshold->Min(t, error));
+    return error <= (constant_ ? *constant_ : threshold_->Min(t, error));
   }
   Outlook LookAhead(const Box3i& bounds, uint8_t largest) const;
   // The largest error code of a triangle that the unit creates or consumes.
@@ -132,12 +136,15 @@ class Search {
   const Grid& grid_;
   UnitReader& reader_;
   const Query& query_;
+  const double rounding_;
+  const ThresholdPtr threshold_;          // the attainable one
   const bool whole_;                      // no region
   const bool by_error_;                   // there is a budget
   const std::optional<double> constant_;  // the threshold, where it is one number
   const bool trivial_;                    // both: the geometry need not be looked at
-  std::array<double, 256> errors_;        // by code
-  int valid_code_ = -1;                   // codes up to this one are valid everywhere
+  const std::array<double, 256> bounds_;  // by code
+  bool surveys_shortfall_ = false;
+  int valid_code_ = -1;  // codes up to this one are valid everywhere
 
   CutState cut_;
   Bits pending_;      // per cluster: to be looked into

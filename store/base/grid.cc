@@ -25,6 +25,31 @@ Vec3i Grid::Quantize(Vec3d p) const {
   return {round(p.x, origin.x), round(p.y, origin.y), round(p.z, origin.z)};
 }
 
+namespace {
+
+// What origin + step * i, in double, is off by (Dekker; Knuth).
+double ArithmeticError(double origin, double step, double i) {
+  const double product = step * i;
+  const double of_product = std::fma(step, i, -product);
+  const double sum = origin + product;
+  const double added = sum - origin;
+  const double of_sum = (origin - (sum - added)) + (product - added);
+  return of_product + of_sum;
+}
+
+}  // namespace
+
+double Grid::Displacement(Vec3d p) const {
+  const Vec3i i = Quantize(p);
+  const double distance = Length(Position(i) - p);
+  if (mode == PositionMode::kLossless) return distance;
+  const double arithmetic =
+      Length({ArithmeticError(origin.x, step, i.x), ArithmeticError(origin.y, step, i.y),
+              ArithmeticError(origin.z, step, i.z)});
+  // Errors are those of the exact grid: on the way there and back.
+  return (distance + 2 * arithmetic) * (1 + 1e-12);
+}
+
 double Grid::cell_error() const {
   return mode == PositionMode::kLossless ? 0.0 : step * 0.8660254037844387 * 1.000001;
 }

@@ -39,9 +39,10 @@ struct Grid {
     }
     return {origin.x + step * i.x, origin.y + step * i.y, origin.z + step * i.z};
   }
-  // The distance from an input vertex to its stored position is at most this: half a cell's
-  // diagonal, and a little for rounding in double. 0 when lossless.
-  double cell_error() const;
+  // How far an input vertex is from its stored position; with what Position's arithmetic in double
+  // adds, where it is not exact. At most half a cell's diagonal and a little; 0 when lossless.
+  double Displacement(Vec3d p) const;
+  double cell_error() const;  // that most
   // The smallest code whose error is at least `error` (>= 0); 255 when none is.
   uint8_t ErrorCode(double error) const;
   double Error(uint8_t code) const;

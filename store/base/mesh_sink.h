@@ -21,7 +21,11 @@ using TriangleVertices = std::array<VertexIndex, 3>;  // counter-clockwise from 
 // What is known before the first vertex.
 struct MeshHeader {
   AttributeLayout attributes;
-  bool double_positions = false;           // positions need more than float32
+  bool double_positions = false;  // positions need more than float32
+  // Positions were decimals, and are given in double. Where double_positions is false they have no
+  // more digits than float32 values are written with: the nearest float32 may be what was meant.
+  bool from_text = false;
+  Box3d bounds;                            // that hold all positions; set by query results
   bool soup = false;                       // see MeshSink::joins_soup
   std::optional<uint64_t> vertex_count;    // always set by query results
   std::optional<uint64_t> triangle_count;  // likewise
@@ -42,6 +46,11 @@ class MeshSink {
   // vertices are then sent with header.soup: three vertices for each triangle, in its order, and
   // the triangles (0, 1, 2), (3, 4, 5), ...; else their readers join the vertices in memory.
   virtual bool joins_soup() const { return false; }
+  // For sinks that round positions, as files of float32 do. How far such a sink moves a vertex of
+  // the mesh at most, in model units; asked before Begin, with the header's counts not set.
+  virtual double LargestRounding(const MeshHeader& /*header*/) const { return 0; }
+  // How far it has moved the farthest one so far.
+  virtual double rounding() const { return 0; }
 };
 
 // A mesh in memory.

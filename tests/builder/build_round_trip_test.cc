@@ -86,12 +86,16 @@ TEST_CASE("Positions come back within half a cell of where they were, at any num
     const BuiltObject built = Build(mesh, options);
     RequireRoundTrip(mesh, built);
     const TriangleMesh full = Extract(*built.surface, Query{});
+    double farthest = 0;
     for (size_t v = 0; v < full.positions.size(); ++v) {
       uint32_t id = 0;
       std::memcpy(&id, full.rows.data() + 4 * v, 4);
       const double distance = Length(full.positions[v] - mesh.positions[id]);
-      REQUIRE(distance <= built.record.grid.cell_error());
+      REQUIRE(distance <= built.record.rounding_error);
+      farthest = std::max(farthest, distance);
     }
+    REQUIRE(built.record.rounding_error <= built.record.grid.cell_error());
+    REQUIRE(built.record.rounding_error <= farthest * (1 + 1e-6));
   }
 }
 

@@ -184,12 +184,13 @@ void AddSessionMessages(const SeedFolder& folder) {
              R"({"id": 7, "query": {"region": {"sphere": {"centre": [0, 1, 2.5], "radius": 3}}}})");
   folder.Add("session", "hello", kClient,
              R"({"hello": {"protocol": 1, "object": "a", "triangles": 9, "vertices": 8, )"
-             R"("diagonal": 1.5, "cell_error": 0.1, "double_positions": false, "remember": 4, )"
+             R"("diagonal": 1.5, "rounding_error": 0.1, "double_positions": false, "remember": 4, )"
              R"("max_triangles": 99, "max_message_bytes": 1048576}})");
-  folder.Add("session", "done", kClient,
-             R"({"id": 7, "done": {"triangles": 9, "vertices": 8, "active_triangles": 3, )"
-             R"("error_bound": 1e-3, "limit": "accuracy", "insertions": 1, "removals": 2, )"
-             R"("messages": 1, "bytes": 99, "milliseconds": 0.5}})");
+  folder.Add(
+      "session", "done", kClient,
+      R"({"id": 7, "done": {"triangles": 9, "vertices": 8, "active_triangles": 3, )"
+      R"("error_bound": 1e-3, "shortfall": null, "limit": "accuracy", "insertions": 1, "removals": 2, )"
+      R"("messages": 1, "bytes": 99, "milliseconds": 0.5}})");
   folder.Add("session", "superseded", kClient, R"({"id": 7, "superseded": true})");
   folder.Add("session", "error", kClient, R"({"id": 7, "error": "no", "code": "bad_query"})");
 }

@@ -170,6 +170,7 @@ MtOptions Varied(uint32_t i) {
 
 TEST_CASE("a moving cut is at the least cut after every step of a random walk") {
   uint64_t weak = 0;
+  uint64_t fell_short = 0;
   for (uint32_t i = 0; i < 12; ++i) {
     const MtFixture f = MakeMt(Varied(i));
     // Some caches are too small for what a step may hold.
@@ -209,11 +210,19 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
       REQUIRE(cut.active().triangles >= active);
       REQUIRE(cut.active().triangles <= select.stats().active_triangles);
       REQUIRE(cut.active().largest_code >= largest);
-      REQUIRE(grid.Error(cut.active().largest_code) + grid.cell_error() <= select.error_bound());
+      REQUIRE(grid.Error(cut.active().largest_code) + f.source->record_.rounding_error <=
+              select.error_bound());
+      const Shortfall shortfall = oracle.ShortfallOf(follower.applied);
+      REQUIRE(cut.active().shortfall.any() == shortfall.any());
+      REQUIRE(cut.active().shortfall.excess == Approx(shortfall.excess));
+      REQUIRE(cut.active().shortfall.triangles >= shortfall.triangles);
+      REQUIRE(cut.active().shortfall.triangles <= select.stats().shortfall.triangles);
+      fell_short += shortfall.any() ? 1 : 0;
       weak += select.stats().nodes_forced;
     }
   }
   CHECK(weak > 0);
+  CHECK(fell_short > 100);
 }
 
 TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round, and goes on") {

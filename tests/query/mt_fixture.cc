@@ -424,6 +424,8 @@ class MtBuilder {
     r.grid.origin = {-1, -2, 3};
     r.grid.step = options_.coincident ? 0.25 : 1.0 / 16384;
     r.grid.error_unit = 1e-4;
+    // Nothing, what the step would do, and as if the input had been on another grid.
+    r.rounding_error = std::array{0.0, r.grid.cell_error(), r.grid.Error(60)}[options_.seed % 3];
     r.attributes = Attributes();
     r.vertices = mt_.positions.size();
     r.triangles = input_triangles_;

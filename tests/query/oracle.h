@@ -17,20 +17,40 @@ namespace mtdb::testing {
 class Oracle {
  public:
   Oracle(const MtFixture& fixture, const Query& query) : f_(fixture), query_(query) {
-    const Grid& grid = f_.source->record_.grid;
     for (const InMemoryMt::Triangle& t : f_.mt.triangles) {
       const uint8_t code = t.remover < 0 ? 0 : f_.mt.nodes[static_cast<size_t>(t.remover)].code;
-      const double e = grid.Error(code);
+      const double b = Bound(code);
       const Triangle3d corners = f_.Corners(t);
-      const bool active = query.region == nullptr || query.region->Within(corners, e);
+      const bool active = query.region == nullptr || query.region->Within(corners, b);
       active_.push_back(active);
-      wanted_.push_back(t.remover >= 0 && Refused(corners, e));
+      wanted_.push_back(t.remover >= 0 && Refused(corners, b));
     }
+  }
+
+  // b(t), by the code of e(t).
+  double Bound(uint8_t code) const {
+    return f_.source->record_.grid.Error(code) + f_.source->record_.rounding_error;
   }
 
   bool active(uint32_t triangle) const { return active_[triangle]; }
   // Active and invalid.
   bool wanted(uint32_t triangle) const { return wanted_[triangle]; }
+  // Of a cut's active triangles, by the definition: what is asked for and not given.
+  Shortfall ShortfallOf(const std::vector<bool>& applied) const {
+    Shortfall shortfall;
+    for (const uint32_t id : f_.mt.Mesh(applied)) {
+      if (!active_[id] || query_.threshold == nullptr) continue;
+      const InMemoryMt::Triangle& t = f_.mt.triangles[id];
+      const Triangle3d corners = f_.Corners(t);
+      const double b = Bound(t.remover < 0 ? 0 : f_.mt.nodes[static_cast<size_t>(t.remover)].code);
+      const double least = query_.threshold->Min(corners, b);
+      if (least < 0 ? t.remover < 0 : b <= least) continue;
+      ++shortfall.triangles;
+      shortfall.excess = std::max(shortfall.excess, b - std::max(least, 0.0));
+      for (const Vec3d& p : corners) shortfall.bounds.Add(p);
+    }
+    return shortfall;
+  }
   bool Valid(const std::vector<bool>& applied) const {
     for (const uint32_t id : f_.mt.Mesh(applied)) {
       if (wanted_[id]) return false;
@@ -95,7 +115,7 @@ class Oracle {
         Rank rank{node.code, false, node.cluster.value, kNone32 - node.index};
         if (!looked_into[node.cluster.value]) {
           const uint8_t largest = index.cluster(node.cluster).error_code_max;
-          if (!Refused(f_.Corners(t), f_.source->record_.grid.Error(largest))) continue;
+          if (!Refused(f_.Corners(t), Bound(largest))) continue;
           rank = {largest, true, node.cluster.value, kNone32};
         } else if (!wanted_[id]) {
           continue;
@@ -134,9 +154,10 @@ class Oracle {
   }
 
  private:
-  bool Refused(const Triangle3d& t, double e) const {
-    const bool active = query_.region == nullptr || query_.region->Within(t, e);
-    return active && !(e <= (query_.threshold == nullptr ? -1 : query_.threshold->Min(t, e)));
+  bool Refused(const Triangle3d& t, double b) const {
+    const bool active = query_.region == nullptr || query_.region->Within(t, b);
+    const double least = query_.threshold == nullptr ? -1 : query_.threshold->Min(t, b);
+    return active && (least < 0 || !(b <= std::max(least, f_.source->record_.rounding_error)));
   }
 
   const MtFixture& f_;

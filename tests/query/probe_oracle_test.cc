@@ -186,7 +186,8 @@ TEST_CASE("The closest point at full resolution is that of the whole mesh") {
       REQUIRE(answer.reach >= hit.distance);
       REQUIRE(SquaredDistancePointTriangle(hit.point, hit.triangle[0], hit.triangle[1],
                                            hit.triangle[2]) <= tiny * tiny * 100);
-      REQUIRE(answer.error_bound == Approx(probed.record().grid.cell_error()));
+      REQUIRE(answer.error_bound == probed.record().rounding_error);
+      REQUIRE(answer.excess == 0);
       // A limit just short of it, and one just beyond.
       const double limit = expected * (1 + 1e-6) + 10 * tiny;
       REQUIRE(FindClosestPoint(probed.surface(), p, {.limit = limit})->hit.has_value());
@@ -212,7 +213,8 @@ TEST_CASE("The closest point at an accuracy is that of the cut, and keeps the bo
       REQUIRE(std::abs(answer.hit->distance - cut) <= 1e-12 * (probed.record().diagonal() + cut));
       const double input = ClosestDistance(probed.full, p);
       REQUIRE(std::abs(answer.hit->distance - input) <= answer.error_bound + 1e-12 * input);
-      REQUIRE(answer.error_bound <= error + probed.record().grid.cell_error());
+      REQUIRE(answer.error_bound <= std::max(error, probed.record().rounding_error));
+      REQUIRE(answer.excess == std::max(0.0, answer.error_bound - error));
       coarse += answer.hit->distance != Approx(input).epsilon(1e-9);
     }
   }

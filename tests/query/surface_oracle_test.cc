@@ -90,8 +90,8 @@ void CheckAnswer(const MtFixture& f, const Query& query, const Oracle& oracle,
   // Where a cluster was not needed its largest error may stand for a triangle's.
   uint64_t active = 0;
   uint64_t active_at_most = 0;
-  double error = 0;
-  double error_at_most = 0;
+  double error = oracle.Bound(0);
+  double error_at_most = oracle.Bound(0);
   for (const uint32_t id : f.mt.Mesh(expected)) {
     const InMemoryMt::Triangle& t = f.mt.triangles[id];
     uint8_t code = 0;
@@ -103,19 +103,41 @@ void CheckAnswer(const MtFixture& f, const Query& query, const Oracle& oracle,
     }
     if (oracle.active(id)) {
       ++active;
-      error = std::max(error, record.grid.Error(code));
+      error = std::max(error, oracle.Bound(code));
     }
-    if (query.region == nullptr || query.region->Within(f.Corners(t), record.grid.Error(largest))) {
+    if (query.region == nullptr || query.region->Within(f.Corners(t), oracle.Bound(largest))) {
       ++active_at_most;
-      error_at_most = std::max(error_at_most, record.grid.Error(largest));
+      error_at_most = std::max(error_at_most, oracle.Bound(largest));
     }
   }
-  const double cell = record.grid.cell_error();
-  REQUIRE(stats.error_bound >= error + cell);
-  REQUIRE(stats.error_bound <= error_at_most + cell);
-  if (query.threshold != nullptr && query.threshold->constant() &&
-      stats.limit == QueryLimit::kThreshold) {
-    REQUIRE(stats.error_bound <= std::max(0.0, *query.threshold->constant()) + cell);
+  REQUIRE(stats.error_bound >= error);
+  REQUIRE(stats.error_bound <= error_at_most);
+  // Not above what was asked for, or it is said by how much and where.
+  if (query.threshold != nullptr && query.threshold->constant()) {
+    const double asked = std::max(*query.threshold->constant(), 0.0);
+    if (*query.threshold->constant() >= 0 && stats.active_triangles > 0) {
+      REQUIRE((stats.error_bound <= asked) == !stats.shortfall.any());
+    }
+    if (stats.shortfall.any()) REQUIRE(stats.shortfall.excess == stats.error_bound - asked);
+  }
+  const Shortfall shortfall = oracle.ShortfallOf(expected);
+  if (stats.limit == QueryLimit::kThreshold) {
+    REQUIRE(stats.shortfall.any() == shortfall.any());
+    if (query.region == nullptr || query.region->whole()) {
+      REQUIRE(stats.shortfall.triangles == shortfall.triangles);
+    }
+    REQUIRE(stats.shortfall.triangles >= shortfall.triangles);
+    REQUIRE(stats.shortfall.excess == Approx(shortfall.excess));
+  } else {
+    REQUIRE(stats.shortfall.triangles >= shortfall.triangles);
+    REQUIRE(stats.shortfall.excess >= shortfall.excess * (1 - 1e-9));
+  }
+  // Round everything that can be.
+  if (stats.shortfall.any()) {
+    for (int i = 0; i < 3 && shortfall.any(); ++i) {
+      REQUIRE(stats.shortfall.bounds.min[i] <= shortfall.bounds.min[i]);
+      REQUIRE(stats.shortfall.bounds.max[i] >= shortfall.bounds.max[i]);
+    }
   }
   if (clip) {
     REQUIRE(stats.active_triangles == stats.triangles);

@@ -83,8 +83,8 @@ TEST_CASE("The streamed full resolution equals the input and the general path") 
     REQUIRE(streamed_stats.active_triangles == general_stats.active_triangles);
     REQUIRE(streamed_stats.nodes_applied == general_stats.nodes_applied);
     REQUIRE(streamed_stats.clusters_used == general_stats.clusters_used);
-    REQUIRE(streamed_stats.error_bound == record.grid.cell_error());
-    REQUIRE(general_stats.error_bound == record.grid.cell_error());
+    REQUIRE(streamed_stats.error_bound == record.rounding_error);
+    REQUIRE(general_stats.error_bound == record.rounding_error);
     REQUIRE(streamed_stats.clusters_read == record.clusters);
     REQUIRE(CheckMesh(streamed).ok());
   }
@@ -192,7 +192,7 @@ TEST_CASE("A budget below the root gives the root, and one above everything give
   REQUIRE(stats.error_bound > 0.01);
   query.max_triangles = f.source->record_.triangles;
   REQUIRE(Extract(*surface, query, &stats).triangles.size() == f.source->record_.triangles);
-  REQUIRE(stats.error_bound == f.source->record_.grid.cell_error());
+  REQUIRE(stats.error_bound == f.source->record_.rounding_error);
 }
 
 TEST_CASE("Bytes in the cache are free, and a smaller budget never reads or refines more") {

@@ -26,6 +26,7 @@ ObjectRecord FullRecord() {
                              {"nz", ScalarType::kFloat32},
                              {"quality", ScalarType::kFloat64, 0.001}};
   o.double_positions = true;
+  o.rounding_error = 0.0625;
   o.georeference = std::string("EPSG:25832");
   o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}};
   o.triangles = uint64_t{1} << 40;
@@ -65,6 +66,7 @@ TEST_CASE("a record comes back from its bytes, and the bytes from the record", "
     CHECK(decoded->error_measure == o.error_measure);
     CHECK(decoded->attributes == o.attributes);
     CHECK(decoded->double_positions == o.double_positions);
+    CHECK(decoded->rounding_error == o.rounding_error);
     CHECK(decoded->bounds == o.bounds);
     CHECK(decoded->units == o.units);
     CHECK(decoded->georeference == o.georeference);

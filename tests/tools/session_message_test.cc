@@ -11,7 +11,8 @@ SessionReply DoneReply() {
   SessionReply reply;
   reply.kind = SessionReply::Kind::kDone;
   reply.id = kLargestId;
-  reply.done = {12, 8, 5, 0.125, "accuracy", 3, 4, 1, 99, 0.5};
+  const Shortfall shortfall{3, 0.1, {{-1, 0, 0.3}, {2, 3, 4e9}}};
+  reply.done = {12, 8, 5, 0.125, shortfall, "accuracy", 3, 4, 1, 99, 0.5};
   return reply;
 }
 
@@ -44,6 +45,7 @@ TEST_CASE("a session's reply is read as it was written", "[server]") {
   CHECK(done->kind == SessionReply::Kind::kDone);
   CHECK(done->id == kLargestId);
   CHECK(done->done.error_bound == 0.125);
+  CHECK(done->done.shortfall == DoneReply().done.shortfall);
   CHECK(done->done.limit == "accuracy");
   CHECK(done->done.bytes == 99);
   CHECK(SessionReplyText(*done) == SessionReplyText(DoneReply()));

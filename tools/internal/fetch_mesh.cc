@@ -3,6 +3,7 @@
 #include "tools/client.h"
 #include "tools/internal/http_client.h"
 #include "tools/internal/remote_object.h"
+#include "tools/internal/shortfall_json.h"
 
 namespace mtdb {
 
@@ -43,6 +44,8 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
   answer.vertices = count("x-mtdb-vertices");
   answer.active_triangles = count("x-mtdb-active-triangles");
   answer.error_bound = std::strtod(response.header("x-mtdb-error-bound").c_str(), nullptr);
+  const auto shortfall = nlohmann::json::parse(response.header("x-mtdb-shortfall"), nullptr, false);
+  if (!ParseShortfall(shortfall, &answer.shortfall)) return wrong;
   answer.limit = response.header("x-mtdb-limit");
   answer.clusters_read = count("x-mtdb-clusters-read");
   answer.clusters_cached = count("x-mtdb-clusters-cached");

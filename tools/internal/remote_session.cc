@@ -245,6 +245,7 @@ Result<RemoteUpdate> RemoteSession::Impl::Answer(const SessionReply& reply) {
   update.insertions = done.insertions;
   update.removals = done.removals;
   update.error_bound = done.error_bound;
+  update.shortfall = done.shortfall;
   update.server_ms = done.milliseconds;
   update.limit = done.limit;
   return update;

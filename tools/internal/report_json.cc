@@ -69,6 +69,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"positions", lossless ? "float32" : "grid"},
       {"bits", r.bits},
       {"step", lossless ? 0.0 : r.grid.step},
+      {"rounding_error", r.rounding_error},
       {"rounds", rounds},
       {"clusters", r.clusters},
       {"nodes", r.nodes},

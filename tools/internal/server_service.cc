@@ -15,6 +15,7 @@
 #include "query/query_json.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/report_json.h"
+#include "tools/internal/shortfall_json.h"
 
 namespace mtdb {
 
@@ -65,6 +66,10 @@ class GuardedSink final : public MeshSink {
     MTDB_RETURN_IF_ERROR(Check());
     return sink_.End();
   }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_.LargestRounding(header);
+  }
+  double rounding() const override { return sink_.rounding(); }
 
  private:
   Status Check() const {
@@ -83,6 +88,7 @@ void AddStats(const ExtractStats& stats, ServerAnswer* answer) {
                           {"X-Mtdb-Vertices", std::to_string(stats.vertices)},
                           {"X-Mtdb-Active-Triangles", std::to_string(stats.active_triangles)},
                           {"X-Mtdb-Error-Bound", bound},
+                          {"X-Mtdb-Shortfall", ShortfallJson(stats.shortfall).dump()},
                           {"X-Mtdb-Limit", LimitName(stats.limit)},
                           {"X-Mtdb-Clusters-Read", std::to_string(stats.clusters_read)},
                           {"X-Mtdb-Clusters-Cached", std::to_string(stats.clusters_cached)},

@@ -48,7 +48,7 @@ SessionHello ServerSession::Hello() const {
   hello.triangles = record.triangles;
   hello.vertices = record.vertices;
   hello.diagonal = record.diagonal();
-  hello.cell_error = record.grid.cell_error();
+  hello.rounding_error = record.rounding_error;
   hello.double_positions = record.double_positions;
   hello.remembered_vertices = options_.remembered_vertices;
   hello.max_triangles = options_.max_triangles;

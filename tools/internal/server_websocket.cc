@@ -267,6 +267,7 @@ void ServerWebSocket::ReplyDone(const SessionUpdate& update) {
   reply.done.vertices = opened_->session->mesh().vertex_count();
   reply.done.active_triangles = update.stats.active_triangles;
   reply.done.error_bound = update.stats.error_bound;
+  reply.done.shortfall = update.stats.shortfall;
   reply.done.limit = LimitName(update.stats.limit);
   reply.done.insertions = work_->progress.insertions;
   reply.done.removals = work_->progress.removals;

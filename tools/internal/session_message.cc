@@ -3,6 +3,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tools/internal/shortfall_json.h"
+
 namespace mtdb {
 
 namespace {
@@ -101,7 +103,7 @@ Result<SessionHello> HelloOf(const Json& json) {
   fields.Take("triangles", &hello.triangles);
   fields.Take("vertices", &hello.vertices);
   fields.Take("diagonal", &hello.diagonal);
-  fields.Take("cell_error", &hello.cell_error);
+  fields.Take("rounding_error", &hello.rounding_error);
   fields.Take("double_positions", &hello.double_positions);
   fields.Take("remember", &hello.remembered_vertices);
   fields.Take("max_triangles", &hello.max_triangles);
@@ -118,6 +120,10 @@ Result<SessionDone> DoneOf(const Json& json) {
   fields.Take("active_triangles", &done.active_triangles);
   fields.Take("error_bound", &done.error_bound);
   fields.Take("limit", &done.limit);
+  if (!fields.ok() || !json.contains("shortfall") ||
+      !ParseShortfall(json.at("shortfall"), &done.shortfall)) {
+    return NotReply();
+  }
   fields.Take("insertions", &done.insertions);
   fields.Take("removals", &done.removals);
   fields.Take("messages", &done.messages);
@@ -198,7 +204,7 @@ std::string SessionReplyText(const SessionReply& reply) {
                        {"triangles", hello.triangles},
                        {"vertices", hello.vertices},
                        {"diagonal", hello.diagonal},
-                       {"cell_error", hello.cell_error},
+                       {"rounding_error", hello.rounding_error},
                        {"double_positions", hello.double_positions},
                        {"remember", hello.remembered_vertices},
                        {"max_triangles", hello.max_triangles},
@@ -209,6 +215,7 @@ std::string SessionReplyText(const SessionReply& reply) {
                       {"vertices", done.vertices},
                       {"active_triangles", done.active_triangles},
                       {"error_bound", done.error_bound},
+                      {"shortfall", ShortfallJson(done.shortfall)},
                       {"limit", done.limit},
                       {"insertions", done.insertions},
                       {"removals", done.removals},

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "store/base/shortfall.h"
 #include "store/base/status.h"
 
 namespace mtdb {
@@ -35,7 +36,7 @@ struct SessionHello {
   uint64_t triangles = 0;  // of the object at full resolution
   uint64_t vertices = 0;
   double diagonal = 0;            // of its bounds, model units
-  double cell_error = 0;          // what rounding to the grid makes positions off by, model units
+  double rounding_error = 0;      // what rounding at ingest makes positions off by, model units
   bool double_positions = false;  // positions need more than float32
   uint64_t remembered_vertices = 0;
   uint64_t max_triangles = 0;  // of the cut: before clipping
@@ -48,7 +49,8 @@ struct SessionDone {
   uint64_t vertices = 0;
   uint64_t active_triangles = 0;
   double error_bound = 0;  // model units
-  std::string limit;       // what ended the refinement
+  Shortfall shortfall;
+  std::string limit;  // what ended the refinement
   uint64_t insertions = 0;
   uint64_t removals = 0;
   uint64_t messages = 0;    // with the update's bytes

@@ -9,6 +9,7 @@
 
 #include "tools/client.h"
 #include "tools/internal/report_json.h"
+#include "tools/internal/shortfall_json.h"
 #include "tools/internal/verbs.h"
 
 namespace mtdb {
@@ -65,6 +66,7 @@ void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double s
                {"vertices", a.vertices},
                {"active_triangles", a.active_triangles},
                {"error_bound", a.error_bound},
+               {"shortfall", ShortfallJson(a.shortfall)},
                {"limit", a.limit},
                {"clusters_read", a.clusters_read},
                {"clusters_cached", a.clusters_cached},
@@ -77,6 +79,7 @@ void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double s
   using Count = unsigned long long;
   std::printf("%s: %llu triangles, %llu vertices, error at most %.6g\n", arguments.output.c_str(),
               Count{a.triangles}, Count{a.vertices}, a.error_bound);
+  std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
   std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
               Count{a.active_triangles}, a.limit.c_str());
   std::printf("  the server read %llu of %llu clusters, %.1f KB; %llu were in its cache\n",

@@ -11,6 +11,7 @@
 #include "tools/client.h"
 #include "tools/internal/follow_path.h"
 #include "tools/internal/report_json.h"
+#include "tools/internal/shortfall_json.h"
 #include "tools/internal/verbs.h"
 
 namespace mtdb {
@@ -84,6 +85,7 @@ Json StepJson(size_t step, const RemoteUpdate& u) {
           {"insertions", u.insertions},
           {"removals", u.removals},
           {"error_bound", u.error_bound},
+          {"shortfall", ShortfallJson(u.shortfall)},
           {"limit", u.limit},
           {"restarted", u.restarted}};
 }
@@ -110,6 +112,7 @@ void PrintSummary(const RemoteSession& session, const std::vector<RemoteUpdate>&
   }
   std::printf("  last mesh: %llu triangles, %llu vertices, error at most %.6g\n",
               Count{last.triangles}, Count{last.vertices}, last.error_bound);
+  std::fputs(ShortfallText(last.shortfall, last.limit).c_str(), stdout);
 }
 
 }  // namespace
@@ -137,13 +140,14 @@ Status Follow(const FollowArguments& arguments) {
       return {update.status().code(),
               "step " + std::to_string(step) + ": " + update.status().message()};
     }
-    MTDB_RETURN_IF_ERROR(csv.Add(step, *update));
     if (!arguments.output.empty()) {
       MTDB_ASSIGN_OR_RETURN(const std::string file, StepFile(arguments.output, step));
       MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                             CreateMeshFileWriter(file));
       MTDB_RETURN_IF_ERROR(session->SendMesh(*writer));
+      update->error_bound += writer->rounding();
     }
+    MTDB_RETURN_IF_ERROR(csv.Add(step, *update));
     if (arguments.json) steps.push_back(StepJson(step, *update));
     updates.push_back(*std::move(update));
   }

@@ -23,8 +23,9 @@ void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
       json["front"] = answer.hit->front;
       json["triangle"] = nlohmann::ordered_json::array();
       for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(PointJson(p));
+      json["error_bound"] = answer.error_bound;
+      json["excess"] = answer.excess;
     }
-    json["error_bound"] = answer.error_bound;
     json["queries"] = answer.queries;
     json["clusters_read"] = answer.clusters_read;
     json["clusters_total"] = record.clusters;
@@ -38,6 +39,12 @@ void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
     std::printf("%.9g %.9g %.9g: %s %.9g, from %s, error at most %.6g\n", hit.point.x, hit.point.y,
                 hit.point.z, measure, hit.distance, hit.front ? "outside" : "inside",
                 answer.error_bound);
+    if (answer.excess > 0) {
+      std::printf(
+          "  NOT MET: %.6g above the error that was asked for; positions were rounded by "
+          "more when the object was ingested; ingest it with more --bits, or --lossless\n",
+          answer.excess);
+    }
   } else {
     std::printf("%s\n", arguments.ray ? "the ray does not hit the surface"
                                       : "the surface is farther away than that");

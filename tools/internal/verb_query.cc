@@ -6,6 +6,7 @@
 #include "store/database.h"
 #include "tools/internal/render.h"
 #include "tools/internal/report_json.h"
+#include "tools/internal/shortfall_json.h"
 #include "tools/internal/verbs.h"
 
 namespace mtdb {
@@ -37,6 +38,7 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
         {"vertices", stats.vertices},
         {"active_triangles", stats.active_triangles},
         {"error_bound", stats.error_bound},
+        {"shortfall", ShortfallJson(stats.shortfall)},
         {"limit", LimitName(stats.limit)},
         {"nodes_visited", stats.nodes_visited},
         {"nodes_applied", stats.nodes_applied},
@@ -62,6 +64,7 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
               arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
               static_cast<unsigned long long>(stats.vertices), stats.error_bound,
               record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
+  std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), stdout);
   std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
               static_cast<unsigned long long>(stats.active_triangles), LimitName(stats.limit));
   std::printf("  %llu nodes visited, %llu applied, %llu of them only for others\n",
@@ -95,6 +98,10 @@ class TimedSink final : public MeshSink {
   Status End() override {
     return Timed([&] { return sink_.End(); });
   }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_.LargestRounding(header);
+  }
+  double rounding() const override { return sink_.rounding(); }
   double seconds() const { return seconds_; }
 
  private:
