@@ -69,7 +69,7 @@ Status Database::Remove(const std::string& name) {
     if (!record) return NotFound(path() + ": no object " + name + "; see list");
     id = record->id;
     lock.reset();
-    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->absolute_path(), id));
+    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->real_path(), id));
     return MakeGarbage(write, *record);
   }));
   ReachTestPoint("removed");

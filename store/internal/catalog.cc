@@ -161,13 +161,14 @@ Status RemoveDead(Environment& environment) {
   std::vector<ObjectId> candidates;
   {
     MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment.BeginRead());
-    MTDB_ASSIGN_OR_RETURN(const CatalogListing listing, ListCatalog(snapshot));
+    // A damaged entry is its own object's trouble: `verify` and `list` tell of it.
+    CatalogListing listing;
+    MTDB_RETURN_IF_ERROR(ListCatalogLeniently(snapshot, &listing, [](const Status&) {}));
     for (const auto& [id, entry] : listing.building) candidates.push_back(id);
     for (const auto& [id, entry] : listing.garbage) candidates.push_back(id);
   }
   for (const ObjectId id : candidates) {
-    MTDB_ASSIGN_OR_RETURN(const auto lock,
-                          BuilderLock::TryAcquire(environment.absolute_path(), id));
+    MTDB_ASSIGN_OR_RETURN(const auto lock, BuilderLock::TryAcquire(environment.real_path(), id));
     if (!lock) continue;
     MTDB_RETURN_IF_ERROR(RemoveRemains(environment, id));
   }

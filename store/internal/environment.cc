@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <condition_variable>
-#include <filesystem>
+#include <cstdlib>
+#include <cstring>
 #include <lmdb.h>
 #include <map>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 
 #include "store/internal/page_walker.h"
@@ -28,10 +30,20 @@ MDB_val ToVal(ByteSpan b) {
   return {b.size(), const_cast<void*>(static_cast<const void*>(b.data()))};
 }
 
-std::string AbsolutePath(const std::string& path) {
-  std::error_code error;
-  const auto absolute = std::filesystem::absolute(path, error);
-  return error ? path : absolute.string();
+// The file's own path, so that programs that open it through different symbolic links use one lock
+// file.
+Result<std::string> RealPath(const StoreFile& file) {
+  const std::unique_ptr<char, decltype(&std::free)> real(::realpath(file.path().c_str(), nullptr),
+                                                         &std::free);
+  struct stat info {};
+  if (real == nullptr || ::stat(real.get(), &info) != 0) {
+    return IoError(file.path() + ": cannot find its real path: " + std::strerror(errno));
+  }
+  if (info.st_dev != file.device() || info.st_ino != file.inode()) {
+    return Status(StatusCode::kBusy,
+                  file.path() + ": the file was replaced while it was opened; try again");
+  }
+  return std::string(real.get());
 }
 
 ByteSpan FromVal(const MDB_val& v) { return {static_cast<const std::byte*>(v.mv_data), v.mv_size}; }
@@ -58,6 +70,7 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
     access = options.create ? StoreFile::Access::kCreate : StoreFile::Access::kReadWrite;
   }
   MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
+  MTDB_ASSIGN_OR_RETURN(std::string real_path, RealPath(*file));
   const std::pair key{file->device(), file->inode()};
 
   Registry& registry = GetRegistry();
@@ -65,18 +78,24 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
   for (auto it = registry.open.find(key); it != registry.open.end(); it = registry.open.find(key)) {
     if (auto environment = it->second.lock()) {
       lock.unlock();
-      if (options.writable) MTDB_RETURN_IF_ERROR(environment->MakeWritable());
-      return environment;
+      if (environment->opened()) {
+        if (options.writable) MTDB_RETURN_IF_ERROR(environment->MakeWritable());
+        return environment;
+      }
+      environment.reset();  // whoever opened it first failed: try it anew
+      lock.lock();
+      continue;
     }
     registry.closed.wait(lock);  // its last handle is just closing it
   }
-  std::shared_ptr<Environment> environment(new Environment(std::move(file)), [key](Environment* e) {
-    Registry& r = GetRegistry();
-    const std::lock_guard guard(r.mutex);
-    delete e;
-    r.open.erase(key);
-    r.closed.notify_all();
-  });
+  std::shared_ptr<Environment> environment(new Environment(std::move(file), std::move(real_path)),
+                                           [key](Environment* e) {
+                                             Registry& r = GetRegistry();
+                                             const std::lock_guard guard(r.mutex);
+                                             delete e;
+                                             r.open.erase(key);
+                                             r.closed.notify_all();
+                                           });
   // An error destroys `environment`, whose deleter takes the registry's lock: hold it no longer.
   registry.open[key] = environment;
   const std::unique_lock exclusive(environment->mutex_);
@@ -84,11 +103,17 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
   Status status = environment->CheckBeforeOpen(options.writable && options.create);
   if (status.ok()) status = environment->OpenLmdb(options.writable, 0, true);
   if (!status.ok()) return status;
+  environment->opened_ = true;
   return environment;
 }
 
-Environment::Environment(std::unique_ptr<StoreFile> file)
-    : file_(std::move(file)), absolute_path_(AbsolutePath(file_->path())) {}
+Environment::Environment(std::unique_ptr<StoreFile> file, std::string real_path)
+    : file_(std::move(file)), real_path_(std::move(real_path)) {}
+
+bool Environment::opened() const {
+  const std::shared_lock lock(mutex_);  // waits for the opener
+  return opened_;
+}
 
 Environment::~Environment() { CloseLmdb(); }
 
@@ -109,6 +134,12 @@ Status Environment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pa
   uint64_t smallest = kMapSmallest;
   MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
   while (smallest < bytes || smallest < map_at_least) smallest *= 2;
+  if (name_claim_ == nullptr || name_claim_writable_ != writable ||
+      !name_claim_->CheckLockFile().ok()) {
+    name_claim_.reset();
+    MTDB_ASSIGN_OR_RETURN(name_claim_, NameClaim::Acquire(real_path_, writable));
+    name_claim_writable_ = writable;
+  }
   int rc = 0;
   for (uint64_t size = std::max(kMapReserve, smallest); size >= smallest; size /= 2) {
     rc = mdb_env_create(&env_);
@@ -118,13 +149,17 @@ Status Environment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pa
     mdb_env_set_maxreaders(env_, kReaders);
     unsigned flags = MDB_NOSUBDIR | MDB_NOTLS;
     if (!writable) flags |= MDB_RDONLY;
-    rc = mdb_env_open(env_, absolute_path_.c_str(), flags, 0644);
+    rc = mdb_env_open(env_, real_path_.c_str(), flags, 0644);
     if (rc == 0) break;
     mdb_env_close(env_);
     env_ = nullptr;
     if (rc != ENOMEM) break;
   }
   if (rc != 0) return Error(rc, "opening the store");
+  if (const Status status = name_claim_->CheckLockFile(); !status.ok()) {
+    CloseLmdb();
+    return status;
+  }
   MDB_stat stat;
   mdb_env_stat(env_, &stat);
   page_size_ = stat.ms_psize;
@@ -164,7 +199,7 @@ Status Environment::MakeWritable() {
   const std::unique_lock lock(mutex_);
   if (writable_) return Status::Ok();
   // Says in plain words when the file cannot be written, and notices a file moved over this one.
-  MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(absolute_path_, StoreFile::Access::kReadWrite));
+  MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(real_path_, StoreFile::Access::kReadWrite));
   if (file->device() != file_->device() || file->inode() != file_->inode()) {
     return {StatusCode::kBusy,
             path() + ": the file was replaced while it was open; close it first"};

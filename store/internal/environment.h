@@ -15,6 +15,7 @@
 #include "store/database.h"
 #include "store/internal/catalog_entry.h"
 #include "store/internal/keys.h"
+#include "store/internal/name_claim.h"
 #include "store/internal/page_reader.h"
 #include "store/internal/snapshot_state.h"
 #include "store/internal/store_file.h"
@@ -95,8 +96,8 @@ class Environment {
                                                    const OpenOptions& options);
 
   const std::string& path() const { return file_->path(); }
-  // Stays right when the working directory changes.
-  const std::string& absolute_path() const { return absolute_path_; }
+  // The file's own, with no symbolic link in it.
+  const std::string& real_path() const { return real_path_; }
   const StoreFile& file() const { return *file_; }
   uint32_t page_size() const { return page_size_; }
   bool writable() const;
@@ -111,9 +112,11 @@ class Environment {
 
  private:
   friend class WriteTransaction;
-  explicit Environment(std::unique_ptr<StoreFile> file);
+  Environment(std::unique_ptr<StoreFile> file, std::string real_path);
   ~Environment();
 
+  // Whether the first of those who asked for it succeeded; waits for that one.
+  bool opened() const;
   Status OpenLmdb(bool writable, uint64_t map_at_least, bool check_pages);
   Status CheckPinnedPages();
   void CloseLmdb();
@@ -129,9 +132,12 @@ class Environment {
   Status Error(int lmdb_error, const std::string& doing) const;
 
   std::unique_ptr<StoreFile> file_;
-  std::string absolute_path_;
+  const std::string real_path_;
   // Held shared by every transaction; exclusive while the environment is opened or remapped.
   mutable std::shared_mutex mutex_;
+  bool opened_ = false;
+  std::unique_ptr<NameClaim> name_claim_;  // held while LMDB has the file open
+  bool name_claim_writable_ = false;
   MDB_env* env_ = nullptr;
   bool writable_ = false;
   uint64_t map_size_ = 0;

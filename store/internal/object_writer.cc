@@ -41,8 +41,8 @@ Result<std::pair<ObjectId, BuilderLock>> ReserveId(Environment& environment,
     const uint64_t next = snapshot.superblock().next_object_id;
     if (lock && candidate >= next) return std::pair(ObjectId{candidate}, *std::move(lock));
     candidate = std::max(candidate + (lock ? 0 : 1), next);
-    MTDB_ASSIGN_OR_RETURN(
-        lock, BuilderLock::TryAcquire(environment.absolute_path(), ObjectId{candidate}));
+    MTDB_ASSIGN_OR_RETURN(lock,
+                          BuilderLock::TryAcquire(environment.real_path(), ObjectId{candidate}));
   }
 }
 
@@ -55,8 +55,7 @@ Result<std::unique_ptr<ObjectWriter>> StoreObjectWriter::Create(
     return InvalidArgument(environment->path() + ": opened for reading; open it writable");
   }
   MTDB_RETURN_IF_ERROR(RemoveDead(*environment));
-  MTDB_ASSIGN_OR_RETURN(auto name_lock,
-                        BuilderLock::TryAcquire(environment->absolute_path(), name));
+  MTDB_ASSIGN_OR_RETURN(auto name_lock, BuilderLock::TryAcquire(environment->real_path(), name));
   if (!name_lock) {
     return Status(StatusCode::kBusy, environment->path() + ": object " + name +
                                          " is being built already; wait for that, or stop it");

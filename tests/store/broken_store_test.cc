@@ -5,6 +5,8 @@
 #include <cstring>
 #include <functional>
 #include <initializer_list>
+#include <thread>
+#include <vector>
 
 #include "store/internal/catalog_entry.h"
 #include "store/internal/keys.h"
@@ -146,6 +148,36 @@ TEST_CASE("a truncated store is refused", "[store]") {
   Patient store;
   store.bytes().resize(store.bytes().size() / 2);
   store.RequireRefused(StatusCode::kCorrupt, {"truncated"});
+}
+
+TEST_CASE("a damaged record does not keep other objects from being read and written", "[store]") {
+  Patient store;
+  store.ChangeRecord([](std::byte* body) { body[0] = std::byte{9}; });
+  WriteFile(store.path(), store.bytes());
+  const auto database = OpenWritable(store.path());
+  const SyntheticObject object = MakeObject({.seed = 1});
+  REQUIRE(WriteObject(*database, "other", object).status().message() == "");
+  CHECK(CompareObject(**database->OpenObject("other"), object).message() == "");
+  CHECK(database->OpenObject("sheet").status().code() == StatusCode::kUnsupported);
+  CHECK(database->Remove("other").message() == "");
+}
+
+TEST_CASE("nobody gets a handle of a store that cannot be opened", "[store][threads]") {
+  Patient store;
+  store.bytes().resize(store.bytes().size() / 2);
+  WriteFile(store.path(), store.bytes());
+  for (int round = 0; round < 30; ++round) {
+    std::vector<Status> found(6);
+    std::vector<std::thread> threads;
+    for (size_t t = 0; t < found.size(); ++t) {
+      threads.emplace_back([&, t] {
+        const auto database = Database::Open(store.path(), {.writable = t % 2 == 1});
+        found[t] = database.status();
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+    for (const Status& status : found) CHECK(status.code() == StatusCode::kCorrupt);
+  }
 }
 
 // A root page that is a branch to itself.
