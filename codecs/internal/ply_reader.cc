@@ -279,8 +279,7 @@ class PlyBody {
       const VertexPlan::Column& column = plan_.columns[k];
       if (column.axis >= 0) {
         offsets[column.axis] = at;
-      } else if (!copies.empty() && (!kSwap || (size == 1 && copies.back().size_bytes == 1)) &&
-                 copies.back().from + copies.back().size_bytes == at) {
+      } else if (!kSwap && !copies.empty() && copies.back().from + copies.back().size_bytes == at) {
         copies.back().size_bytes += size;
       } else {
         copies.push_back({at, column.row_offset, size});

@@ -102,6 +102,43 @@ TEST_CASE("PLY ASCII values may be spread over lines and lack the last line end"
   RequireTriangle(ReadGood("s.ply", Header("ascii", 3, 1) + "0 0\n0 1 0 0\n\n\t0 +1.5 0 3\n0 1 2"));
 }
 
+TEST_CASE("PLY says the same in both byte orders, whichever scalars lie side by side") {
+  constexpr std::pair<const char*, size_t> kTypes[] = {{"uchar", 1}, {"short", 2},  {"int", 4},
+                                                       {"float", 4}, {"double", 8}, {"char", 1}};
+  std::mt19937 random(1);
+  for (int round = 0; round < 300; ++round) {
+    std::string properties;
+    std::vector<size_t> sizes;
+    for (uint32_t i = 0; i < 1 + random() % 6; ++i) {
+      // Bytes the most: colours are bytes.
+      const auto& [name, size] = kTypes[random() % 2 == 0 ? 0 : random() % 6];
+      properties += std::string("property ") + name + " a" + std::to_string(i) + "\n";
+      sizes.push_back(size);
+    }
+    std::string files[2];
+    const uint32_t values = random();
+    for (const bool big : {false, true}) {
+      std::string& file = files[big ? 1 : 0];
+      file = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
+             " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n" +
+             properties + "end_header\n";
+      std::mt19937 bytes(values);
+      for (int v = 0; v < 3; ++v) {
+        for (int axis = 0; axis < 3; ++axis) AppendValue(&file, 0.1f * v + axis, big);
+        for (const size_t size : sizes) {
+          const uint64_t value = (uint64_t{bytes()} << 32) | bytes();
+          mtdb::testing::AppendRaw(&file, &value, size, big);
+        }
+      }
+    }
+    CAPTURE(properties);
+    const TriangleMesh little = ReadGood("l.ply", files[0]).mesh;
+    const TriangleMesh big = ReadGood("b.ply", files[1]).mesh;
+    REQUIRE(big.positions == little.positions);
+    REQUIRE(big.rows == little.rows);
+  }
+}
+
 TEST_CASE("PLY scalar vertex properties of any order and type become attributes") {
   for (const bool big : {false, true}) {
     for (const bool ascii : {false, true}) {
