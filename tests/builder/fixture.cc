@@ -125,26 +125,6 @@ std::optional<TriangleMesh> LoadSharedMesh(const std::string& file) {
   return mesh;
 }
 
-void RoundToFloat32(TriangleMesh* mesh) {
-  for (Vec3d& p : mesh->positions) {
-    for (int i = 0; i < 3; ++i) {
-      // g++ 12 leaves the rounding out where it vectorises it; volatile keeps it.
-      volatile auto rounded = static_cast<float>(p[i]);
-      p[i] = rounded;
-    }
-  }
-  mesh->header.double_positions = false;
-}
-
-void NumberVertices(TriangleMesh* mesh) {
-  mesh->header.attributes.attributes = {{"id", ScalarType::kUint32}};
-  mesh->rows.resize(4 * mesh->positions.size());
-  for (size_t v = 0; v < mesh->positions.size(); ++v) {
-    const auto id = static_cast<uint32_t>(v);
-    std::memcpy(mesh->rows.data() + 4 * v, &id, 4);
-  }
-}
-
 std::vector<std::string> ExpectedTriangles(const TriangleMesh& input, const Grid& grid) {
   std::set<TriangleVertices> seen;
   std::vector<std::string> list;

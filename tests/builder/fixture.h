@@ -13,6 +13,7 @@
 #include "store/base/mesh_sink.h"
 #include "store/database.h"
 #include "tests/support/attribute_kinds.h"
+#include "tests/support/mesh_changes.h"
 
 namespace mtdb::testing {
 
@@ -52,13 +53,6 @@ TriangleMesh MakeSculpture(uint64_t triangles, uint64_t seed = 1);
 TriangleMesh MakeTerrain(uint64_t triangles, uint64_t seed = 1);
 // A mesh of the directory of test data beside the repository; nothing, and a warning, without it.
 std::optional<TriangleMesh> LoadSharedMesh(const std::string& file);
-
-// Makes each coordinate a float32 value.
-void RoundToFloat32(TriangleMesh* mesh);
-
-// Adds the attribute "id", each vertex's number, so that what comes back can be told apart even
-// where positions coincide.
-void NumberVertices(TriangleMesh* mesh);
 
 // What a store must give back for `input`: its triangles less degenerate and duplicate ones, as
 // positions of `grid` with the bytes of their attributes, rotated and sorted. Two meshes of the

@@ -1,9 +1,9 @@
-#include "tests/builder/nasty_meshes.h"
+#include "tests/support/nasty_meshes.h"
 
 #include <cmath>
 #include <random>
 
-#include "tests/builder/fixture.h"
+#include "tests/support/mesh_changes.h"
 
 namespace mtdb::testing {
 

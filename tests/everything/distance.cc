@@ -1,0 +1,101 @@
+#include "tests/everything/distance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace mtdb::everything {
+
+namespace {
+
+constexpr uint32_t kLeaf = 4;
+
+Vec3d Middle(const Triangle3d& t) { return (t[0] + t[1] + t[2]) * (1.0 / 3); }
+
+}  // namespace
+
+DistanceTree::DistanceTree(const TriangleMesh& mesh) {
+  for (const TriangleVertices& t : mesh.triangles) {
+    triangles_.push_back({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]});
+  }
+  nodes_.push_back({.box = {}, .end = static_cast<uint32_t>(triangles_.size())});
+  if (!triangles_.empty()) Split(0, 0);
+}
+
+void DistanceTree::Split(uint32_t node, int depth) {
+  const uint32_t begin = nodes_[node].begin;
+  const uint32_t end = nodes_[node].end;
+  Box3d box, middles;
+  for (uint32_t i = begin; i < end; ++i) {
+    for (const Vec3d& p : triangles_[i]) box.Add(p);
+    middles.Add(Middle(triangles_[i]));
+  }
+  nodes_[node].box = box;
+  if (end - begin <= kLeaf || depth > 40) return;
+  const Vec3d size = middles.max - middles.min;
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  const uint32_t half = begin + (end - begin) / 2;
+  std::nth_element(
+      triangles_.begin() + begin, triangles_.begin() + half, triangles_.begin() + end,
+      [&](const Triangle3d& a, const Triangle3d& b) { return Middle(a)[axis] < Middle(b)[axis]; });
+  const auto child = static_cast<uint32_t>(nodes_.size());
+  nodes_[node].child = child;
+  nodes_.push_back({.box = {}, .begin = begin, .end = half});
+  nodes_.push_back({.box = {}, .begin = half, .end = end});
+  Split(child, depth + 1);
+  Split(child + 1, depth + 1);
+}
+
+double DistanceTree::Distance(Vec3d p) const {
+  double best = std::numeric_limits<double>::infinity();
+  if (triangles_.empty()) return best;
+  std::vector<uint32_t> stack{0};
+  while (!stack.empty()) {
+    const Node& node = nodes_[stack.back()];
+    stack.pop_back();
+    if (SquaredDistancePointBox(p, node.box) >= best) continue;
+    if (node.child == 0) {
+      for (uint32_t i = node.begin; i < node.end; ++i) {
+        const Triangle3d& t = triangles_[i];
+        best = std::min(best, SquaredDistancePointTriangle(p, t[0], t[1], t[2]));
+      }
+      continue;
+    }
+    const bool second = SquaredDistancePointBox(p, nodes_[node.child].box) <
+                        SquaredDistancePointBox(p, nodes_[node.child + 1].box);
+    stack.push_back(second ? node.child + 1 : node.child);
+    stack.push_back(second ? node.child : node.child + 1);
+  }
+  return std::sqrt(best);
+}
+
+std::vector<Vec3d> SamplePoints(const TriangleMesh& mesh, uint64_t count, uint64_t seed) {
+  std::vector<Vec3d> points;
+  std::vector<double> sums;
+  double total = 0;
+  std::vector<bool> taken(mesh.positions.size(), false);
+  for (const TriangleVertices& t : mesh.triangles) {
+    const Vec3d a = mesh.positions[t[0]];
+    total += Length(Cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a));
+    sums.push_back(total);
+    for (const VertexIndex v : t) {
+      if (!taken[v]) points.push_back(mesh.positions[v]);
+      taken[v] = true;
+    }
+  }
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  for (uint64_t i = 0; i < count && total > 0 && std::isfinite(total); ++i) {
+    const auto at = std::lower_bound(sums.begin(), sums.end(), uniform(random) * total);
+    const auto f = std::min(static_cast<size_t>(at - sums.begin()), sums.size() - 1);
+    const TriangleVertices& t = mesh.triangles[f];
+    const double r = std::sqrt(uniform(random));
+    const double s = uniform(random);
+    points.push_back(mesh.positions[t[0]] * (1 - r) + mesh.positions[t[1]] * (r * (1 - s)) +
+                     mesh.positions[t[2]] * (r * s));
+  }
+  return points;
+}
+
+}  // namespace mtdb::everything

@@ -1,0 +1,331 @@
+#include "tests/everything/input.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <random>
+#include <set>
+
+#include "store/base/hash.h"
+#include "tests/everything/input_files.h"
+
+namespace mtdb::everything {
+
+namespace {
+
+// A number from 0 to 1 that belongs to a vertex and an attribute.
+double Chance(uint64_t vertex, uint64_t salt) {
+  return static_cast<double>(Mix64(Mix64(vertex + 1) ^ (salt * 0x9e3779b97f4a7c15u)) >> 11) *
+         0x1p-53;
+}
+
+struct Place {
+  const char* name;
+  double scale;
+  Vec3d offset;
+};
+constexpr Place kPlaces[] = {
+    {"unit", 1, {0, 0, 0}},           {"tiny", 1e-7, {0, 0, 0}},
+    {"huge", 1e12, {-3e12, 0, 5e11}}, {"utm", 180, {500123.25, 4649776.5, 120}},
+    {"side", 1, {300, -200, 40}},
+};
+
+// One kind of attribute: its scalars, and a vertex's value of the i-th.
+struct AttributeKind {
+  const char* name;
+  std::vector<VertexAttribute> scalars;
+  double (*value)(uint64_t vertex, Vec3d p, uint64_t seed, size_t i);
+};
+
+double Smooth(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
+  const auto turn = static_cast<double>(seed % 17 + 3 * i);
+  return std::sin(3 * p.x + turn) + std::cos(4 * p.y) + p.z + 0.01 * Chance(vertex, seed + i);
+}
+double Colour(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
+  return std::clamp(128 + 40 * Smooth(vertex, p, seed, i), 2.0, 250.0);
+}
+double Normal(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
+  Vec3d n{Smooth(vertex, p, seed, 0), Smooth(vertex, p, seed, 1), Smooth(vertex, p, seed, 2)};
+  const double length = Length(n);
+  if (!(length > 1e-6)) n = {0, 0, 1};
+  return n[static_cast<int>(i)] / (length > 1e-6 ? length : 1);
+}
+double Wild(uint64_t vertex, Vec3d, uint64_t seed, size_t i) {
+  switch (Mix64(vertex + seed + i) % 6) {
+    case 0: return std::numeric_limits<double>::infinity();
+    case 1: return -std::numeric_limits<double>::infinity();
+    case 2: return 1e-42;
+    case 3: return 0;
+    default: return 1e30 * (Chance(vertex, seed) - 0.5);
+  }
+}
+double Label(uint64_t vertex, Vec3d, uint64_t seed, size_t i) {
+  return std::floor(1e4 * Chance(vertex / 7, seed + i)) - 5000;
+}
+
+const std::vector<AttributeKind>& Kinds() {
+  static const std::vector<AttributeKind> kKinds = {
+      {"rgb",
+       {{"red", ScalarType::kUint8}, {"green", ScalarType::kUint8}, {"blue", ScalarType::kUint8}},
+       Colour},
+      {"normal",
+       {{"nx", ScalarType::kFloat32}, {"ny", ScalarType::kFloat32}, {"nz", ScalarType::kFloat32}},
+       Normal},
+      {"float", {{"quality", ScalarType::kFloat32}}, Smooth},
+      {"double", {{"height", ScalarType::kFloat64}}, Smooth},
+      {"wild", {{"wild", ScalarType::kFloat32}}, Wild},
+      {"int", {{"label", ScalarType::kInt32}}, Label},
+      {"short", {{"class", ScalarType::kInt16}}, Label},
+      {"byte", {{"flags", ScalarType::kUint8}}, Colour},
+  };
+  return kKinds;
+}
+
+template <typename T>
+void Append(Bytes* rows, double value) {
+  // Outside of integers' ranges there is nothing here.
+  const auto typed = static_cast<T>(value);
+  const auto* bytes = reinterpret_cast<const std::byte*>(&typed);
+  rows->insert(rows->end(), bytes, bytes + sizeof(typed));
+}
+
+void AppendScalar(Bytes* rows, ScalarType type, double value) {
+  switch (type) {
+    case ScalarType::kInt8: return Append<int8_t>(rows, value);
+    case ScalarType::kUint8: return Append<uint8_t>(rows, value);
+    case ScalarType::kInt16: return Append<int16_t>(rows, value);
+    case ScalarType::kUint16: return Append<uint16_t>(rows, value);
+    case ScalarType::kInt32: return Append<int32_t>(rows, value);
+    case ScalarType::kUint32: return Append<uint32_t>(rows, value);
+    case ScalarType::kFloat32: return Append<float>(rows, value);
+    case ScalarType::kFloat64: return Append<double>(rows, value);
+  }
+}
+
+void AddAttributes(const Step& step, TriangleMesh* mesh) {
+  const auto seed = static_cast<uint64_t>(step.Int("attrseed", 1));
+  std::vector<const AttributeKind*> kinds;
+  mesh->header.attributes.attributes.clear();
+  mesh->rows.clear();
+  for (const std::string& name : Split(step.Text("attr"), ',')) {
+    for (const AttributeKind& k : Kinds()) {
+      if (k.name != name || std::ranges::find(kinds, &k) != kinds.end()) continue;
+      kinds.push_back(&k);
+      for (const VertexAttribute& a : k.scalars) mesh->header.attributes.attributes.push_back(a);
+    }
+  }
+  const auto wide = static_cast<size_t>(std::clamp<int64_t>(step.Int("wide", 0), 0, 4000));
+  for (size_t i = 0; i < wide; ++i) {
+    mesh->header.attributes.attributes.push_back({"w" + std::to_string(i), ScalarType::kFloat64});
+  }
+  mesh->rows.reserve(mesh->positions.size() * mesh->header.attributes.row_bytes());
+  for (size_t v = 0; v < mesh->positions.size(); ++v) {
+    for (const AttributeKind* k : kinds) {
+      for (size_t i = 0; i < k->scalars.size(); ++i) {
+        AppendScalar(&mesh->rows, k->scalars[i].type, k->value(v, mesh->positions[v], seed, i));
+      }
+    }
+    for (size_t i = 0; i < wide; ++i) Append<double>(&mesh->rows, Chance(v, seed + 1000 + i));
+  }
+}
+
+void MovePositions(const Step& step, TriangleMesh* mesh) {
+  const std::string name = step.Text("place", "unit");
+  const Place* place = &kPlaces[0];
+  for (const Place& p : kPlaces) {
+    if (name == p.name) place = &p;
+  }
+  const double cell = std::ldexp(place->scale, -static_cast<int>(step.Int("snap", 0)));
+  for (Vec3d& p : mesh->positions) {
+    for (int i = 0; i < 3; ++i) {
+      double x = p[i] * place->scale;
+      if (step.has("snap")) x = std::round(x / cell) * cell;
+      p[i] = x + place->offset[i] + 0.0;  // no -0
+    }
+  }
+  mesh->header.double_positions = step.Flag("double");
+}
+
+void Spoil(const Step& step, TriangleMesh* mesh) {
+  const size_t count = mesh->positions.size();
+  if (step.Flag("twins") && count > 8) {
+    for (size_t v = 1; v < count; v += 7) mesh->positions[v] = mesh->positions[v - 1];
+  }
+  if (step.Flag("spoilt")) {
+    const TriangleVertices t = mesh->triangles[mesh->triangles.size() / 2];
+    mesh->triangles.push_back({t[1], t[2], t[0]});
+    mesh->triangles.insert(mesh->triangles.begin(), {t[0], t[0], t[1]});
+    mesh->triangles.push_back({t[2], t[2], t[2]});
+  }
+}
+
+// Some of the triangles, with the vertices that they use.
+TriangleMesh Part(const TriangleMesh& whole, size_t begin, size_t end) {
+  TriangleMesh part;
+  part.header = whole.header;
+  const size_t row = whole.header.attributes.row_bytes();
+  std::map<VertexIndex, VertexIndex> number;
+  for (size_t t = begin; t < end; ++t) {
+    TriangleVertices corners = whole.triangles[t];
+    for (VertexIndex& v : corners) {
+      const auto [at, is_new] = number.emplace(v, part.positions.size());
+      if (is_new) {
+        part.positions.push_back(whole.positions[v]);
+        const auto from = whole.rows.begin() + static_cast<std::ptrdiff_t>(v * row);
+        part.rows.insert(part.rows.end(), from, from + static_cast<std::ptrdiff_t>(row));
+      }
+      v = at->second;
+    }
+    part.triangles.push_back(corners);
+  }
+  return part;
+}
+
+// A file without shared vertices: those of the same position are one.
+TriangleMesh JoinedSoup(const TriangleMesh& mesh) {
+  TriangleMesh joined;
+  joined.header = mesh.header;
+  std::map<Vec3d, VertexIndex> number;
+  for (TriangleVertices t : mesh.triangles) {
+    for (VertexIndex& v : t) {
+      const Vec3d p = mesh.positions[v];
+      const auto [at, is_new] = number.emplace(p, joined.positions.size());
+      if (is_new) joined.positions.push_back(p);
+      v = at->second;
+    }
+    joined.triangles.push_back(t);
+  }
+  return joined;
+}
+
+void AppendPart(const TriangleMesh& part, TriangleMesh* all) {
+  const VertexIndex first = all->positions.size();
+  all->positions.insert(all->positions.end(), part.positions.begin(), part.positions.end());
+  for (TriangleVertices t : part.triangles) {
+    for (VertexIndex& v : t) v += first;
+    all->triangles.push_back(t);
+  }
+  all->header.double_positions |= part.header.double_positions;
+  // Of the part's rows, what all parts have.
+  const auto& theirs = part.header.attributes;
+  for (size_t v = 0; v < part.positions.size(); ++v) {
+    for (const VertexAttribute& a : all->header.attributes.attributes) {
+      size_t offset = v * theirs.row_bytes();
+      for (const VertexAttribute& b : theirs.attributes) {
+        if (b == a) break;
+        offset += ScalarSize(b.type);
+      }
+      const auto from = part.rows.begin() + static_cast<std::ptrdiff_t>(offset);
+      all->rows.insert(all->rows.end(), from,
+                       from + static_cast<std::ptrdiff_t>(ScalarSize(a.type)));
+    }
+  }
+}
+
+}  // namespace
+
+double Truth::longest() const {
+  const Vec3d size = bounds.max - bounds.min;
+  return std::max({size.x, size.y, size.z});
+}
+
+std::vector<std::string> AttributeKinds() {
+  std::vector<std::string> names;
+  for (const AttributeKind& k : Kinds()) names.emplace_back(k.name);
+  return names;
+}
+
+Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup) {
+  Truth truth;
+  TriangleMesh& mesh = truth.mesh;
+  mesh.header.attributes = parts[0].header.attributes;
+  for (const TriangleMesh& part : parts) {
+    const auto& theirs = part.header.attributes.attributes;
+    std::erase_if(mesh.header.attributes.attributes, [&](const VertexAttribute& a) {
+      return std::ranges::find(theirs, a) == theirs.end();
+    });
+  }
+  const bool all_soup = std::ranges::find(soup, false) == soup.end();
+  for (size_t i = 0; i < parts.size(); ++i) {
+    AppendPart(soup[i] && !all_soup ? JoinedSoup(parts[i]) : parts[i], &mesh);
+  }
+  if (all_soup) mesh = JoinedSoup(mesh);
+  truth.report.vertices = mesh.positions.size();
+  truth.report.triangles = mesh.triangles.size();
+  for (const Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i)
+      truth.fits_float &= static_cast<double>(static_cast<float>(p[i])) == p[i];
+  }
+  // Degenerate and duplicate triangles are none.
+  std::set<TriangleVertices> seen;
+  std::vector<TriangleVertices> kept;
+  std::vector<bool> used(mesh.positions.size(), false);
+  for (const TriangleVertices& t : mesh.triangles) {
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+      ++truth.report.degenerate_triangles;
+      continue;
+    }
+    const TriangleVertices rotated =
+        std::min({t, TriangleVertices{t[1], t[2], t[0]}, TriangleVertices{t[2], t[0], t[1]}});
+    if (!seen.insert(rotated).second) {
+      ++truth.report.duplicate_triangles;
+      continue;
+    }
+    kept.push_back(rotated);
+    for (const VertexIndex v : t) used[v] = true;
+  }
+  mesh.triangles = std::move(kept);
+  for (size_t v = 0; v < used.size(); ++v) {
+    if (used[v]) truth.bounds.Add(mesh.positions[v]);
+    if (!used[v]) ++truth.report.unreferenced_vertices;
+  }
+  mesh.header.vertex_count = mesh.positions.size();
+  mesh.header.triangle_count = mesh.triangles.size();
+  truth.topology = mtdb::testing::CheckMesh(mesh);
+  truth.tree = std::make_shared<DistanceTree>(mesh);
+  return truth;
+}
+
+Input MakeInput(const Step& step, const std::string& folder) {
+  const int64_t size = std::clamp<int64_t>(step.Int("size", 100), 1, 4'000'000);
+  TriangleMesh mesh =
+      MakeShape(step.Text("shape", "sheet"), size, static_cast<uint64_t>(step.Int("shapeseed", 1)));
+  Spoil(step, &mesh);
+  AddAttributes(step, &mesh);
+  MovePositions(step, &mesh);
+  if (step.Flag("stray")) {
+    mesh.positions.push_back(mesh.positions[0] +
+                             Vec3d{1, -2, 3} * (1e9 * Length(mesh.positions[0] + Vec3d{1, 1, 1})));
+    mesh.rows.insert(mesh.rows.end(), mesh.header.attributes.row_bytes(), std::byte{1});
+  }
+  const auto files = static_cast<size_t>(std::clamp<int64_t>(step.Int("files", 1), 1, 20));
+  const std::vector<std::string> formats = Split(step.Text("format", "ply"), ',');
+  Input input;
+  std::vector<TriangleMesh> parts;
+  std::vector<bool> soup;
+  for (size_t i = 0; i < files; ++i) {
+    const size_t n = mesh.triangles.size();
+    parts.push_back(files == 1 ? mesh : Part(mesh, n * i / files, n * (i + 1) / files));
+    if (parts.back().triangles.empty()) {
+      parts.pop_back();
+      continue;
+    }
+    const FileFormat& format = FormatOf(formats[std::min(i, formats.size() - 1)]);
+    const std::string stem = step.Text("stem", "mesh");
+    input.paths.push_back(folder + "/" + stem + (i == 0 ? "" : std::to_string(i)) +
+                          format.extension);
+    WriteInputFile(format, input.paths.back(), &parts.back());
+    soup.push_back(format.soup);
+  }
+  if (step.Flag("order")) {
+    std::ranges::reverse(parts);
+    std::ranges::reverse(input.paths);
+    std::reverse(soup.begin(), soup.end());
+  }
+  input.truth = MakeTruth(parts, soup);
+  return input;
+}
+
+}  // namespace mtdb::everything

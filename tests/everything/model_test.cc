@@ -1,0 +1,100 @@
+// The model: it says what a mesh is, and notices what is wrong with an answer.
+#include "tests/everything/model.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "store/base/geometry.h"
+#include "tests/everything/input_files.h"
+#include "tests/everything/process.h"
+#include "tests/everything/question.h"
+#include "tests/support/temporary_folder.h"
+#include "tools/internal/merge.h"
+
+namespace mtdb::everything {
+namespace {
+
+TEST_CASE("what a file says is what the product's reader reads") {
+  for (const FileFormat& format : FileFormats()) {
+    for (const std::string& shape : ShapeNames()) {
+      const mtdb::testing::TemporaryFolder folder;
+      Step step{"ingest",
+                {{"shape", shape}, {"attr", "rgb,normal,double,short"}, {"format", format.name}}};
+      const Input input = MakeInput(step, folder.path());
+      INFO(format.name << " " << shape);
+      TriangleMesh read;
+      TriangleMeshSink sink(&read);
+      std::vector<std::string> notes;
+      REQUIRE(ReadMeshes(input.paths, sink, &notes).ok());
+      const Truth truth = MakeTruth({read}, {false});
+      CHECK(truth.mesh.header.attributes == input.truth.mesh.header.attributes);
+      const size_t row = truth.mesh.header.attributes.row_bytes();
+      const bool same =
+          TriangleKeys(truth.mesh, true, row) == TriangleKeys(input.truth.mesh, true, row);
+      CHECK(same);
+      CHECK(truth.report == input.truth.report);
+    }
+  }
+}
+
+TEST_CASE("triangles that say nothing are none") {
+  TriangleMesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {9, 9, 9}};
+  mesh.triangles = {{0, 1, 2}, {1, 2, 0}, {0, 2, 1}, {1, 1, 2}};
+  const Truth truth = MakeTruth({mesh}, {false});
+  CHECK(truth.mesh.triangles.size() == 2);
+  CHECK(truth.report.duplicate_triangles == 1);
+  CHECK(truth.report.degenerate_triangles == 1);
+  CHECK(truth.report.unreferenced_vertices == 1);
+  CHECK(truth.bounds.max == Vec3d{1, 1, 0});
+  CHECK(MakeTruth({mesh, mesh}, {true, true}).mesh.positions.size() == 3);
+  CHECK(MakeTruth({mesh, mesh}, {true, false}).mesh.positions.size() == 7);
+}
+
+TEST_CASE("distances are those of brute force") {
+  const TriangleMesh mesh = MakeShape("tangle", 300, 3);
+  const DistanceTree tree(mesh);
+  for (const Vec3d p : SamplePoints(MakeShape("tetrahedra", 100, 5), 200, 1)) {
+    double best = 1e300;
+    for (const TriangleVertices& t : mesh.triangles) {
+      best =
+          std::min(best, SquaredDistancePointTriangle(p, mesh.positions[t[0]], mesh.positions[t[1]],
+                                                      mesh.positions[t[2]]));
+    }
+    CHECK(tree.Distance(p) == std::sqrt(best));
+  }
+}
+
+TEST_CASE("a region's depth agrees with the region") {
+  const Truth truth = MakeTruth({MakeShape("sheet", 200, 1)}, {false});
+  const std::vector<Vec3d> points = SamplePoints(truth.mesh, 300, 2);
+  for (const std::string& region : RegionNames()) {
+    for (const char* outside : {"0", "1"}) {
+      Step step{"ask", {{"region", region}, {"at", "0.4,0.5,0.5"}, {"outside", outside}}};
+      const Question question = MakeQuestion(step, truth, truth.diagonal());
+      for (const Vec3d p : points) {
+        const double depth = question.depth(p);
+        INFO(region << " " << outside << " " << depth);
+        if (depth > 1e-9) {
+          CHECK(question.query.region->Within({p, p, p}, 0));
+          CHECK(question.query.region->Covers({p, p, p}, depth * 0.99));
+        }
+        if (depth < -1e-9) CHECK_FALSE(question.query.region->Within({p, p, p}, 0));
+      }
+    }
+  }
+}
+
+TEST_CASE("a child's end, output and signals are told") {
+  const mtdb::testing::TemporaryFolder folder;
+  const Ran said = Run({"/bin/sh", "-c", "echo a; echo b >&2; exit 3"}, folder.path());
+  CHECK(said.exit_code == 3);
+  CHECK(said.out == "a\n");
+  CHECK(said.err == "b\n");
+  CHECK(Run({"/bin/sh", "-c", "kill -9 $$"}, folder.path()).signal == 9);
+  CHECK(Run({"/bin/sleep", "100"}, folder.path(), {.timeout_seconds = 0.1}).timed_out);
+  CHECK(Run({"/bin/sleep", "100"}, folder.path(), {.kill_when = [] { return true; }}).killed);
+}
+
+}  // namespace
+}  // namespace mtdb::everything

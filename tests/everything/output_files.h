@@ -1,0 +1,26 @@
+// Meshes that mtdb has written, in every format that it writes, read back.
+#pragma once
+
+#include <string>
+
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+
+namespace mtdb::everything {
+
+struct OutputFormat {
+  const char* extension;  // without its dot
+  bool rows;              // has the attributes as stored
+  bool order;             // vertices that triangles share
+  bool lossy;             // positions are rounded as the format likes
+};
+inline constexpr OutputFormat kOutputFormats[] = {
+    {"ply", true, true, false},  {"obj", false, true, false}, {"off", false, true, false},
+    {"stl", false, false, true}, {"glb", false, true, true},  {"drc", false, true, true},
+};
+// The first one when there is none of that name.
+const OutputFormat& OutputFormatOf(const std::string& extension);
+
+Status ReadOutput(const std::string& path, TriangleMesh* mesh);
+
+}  // namespace mtdb::everything

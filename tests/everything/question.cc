@@ -1,0 +1,309 @@
+#include "tests/everything/question.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace mtdb::everything {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A region in each language. `depth` is positive inside, where it is at most the distance to all
+// that is outside, and negative outside, where it is at least minus the distance.
+struct RegionText {
+  Json json;
+  std::optional<Arguments> option;
+  RegionPtr region;
+  std::function<double(Vec3d)> depth;
+};
+
+Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+
+std::string List(const std::vector<double>& numbers) {
+  std::string text;
+  for (const double n : numbers) text += (text.empty() ? "" : ",") + NumberText(n);
+  return text;
+}
+
+double BoxDepth(const Box3d& box, Vec3d p) {
+  const double outside = std::sqrt(SquaredDistancePointBox(p, box));
+  if (outside > 0) return -outside;
+  double depth = kInfinity;
+  for (int i = 0; i < 3; ++i) depth = std::min({depth, p[i] - box.min[i], box.max[i] - p[i]});
+  return depth;
+}
+
+RegionText MakeBox(Vec3d c, double r) {
+  const Vec3d half{r, 0.7 * r, 1.3 * r};
+  const Box3d box{c - half, c + half};
+  return {{{"box", {{"min", Point(box.min)}, {"max", Point(box.max)}}}},
+          Arguments{"--box=" +
+                    List({box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z})},
+          BoxRegion(box),
+          [=](Vec3d p) { return BoxDepth(box, p); }};
+}
+
+RegionText MakeSphere(Vec3d c, double r) {
+  return {{{"sphere", {{"centre", Point(c)}, {"radius", r}}}},
+          Arguments{"--sphere=" + List({c.x, c.y, c.z, r})},
+          SphereRegion(c, r),
+          [=](Vec3d p) { return r - Length(p - c); }};
+}
+
+RegionText MakeHalfSpace(Vec3d c, double) {
+  const Vec3d n{1, 2, -1};
+  return {{{"half_space", {{"point", Point(c)}, {"normal", Point(n)}}}},
+          Arguments{"--half-space=" + List({c.x, c.y, c.z, n.x, n.y, n.z})},
+          HalfSpaceRegion({c, n}),
+          [=](Vec3d p) { return -Dot(p - c, n) / Length(n); }};
+}
+
+// A wedge between two planes, and a third: not bounded.
+RegionText MakePolyhedron(Vec3d c, double r) {
+  const std::vector<HalfSpace> planes{
+      {c, {-1, -1, 0}}, {c, {1, -1, 0.5}}, {c + Vec3d{0, 2 * r, 0}, {0, 1, 0.2}}};
+  Json list = Json::array();
+  for (const HalfSpace& h : planes) {
+    list.push_back({{"point", Point(h.point)}, {"normal", Point(h.normal)}});
+  }
+  return {{{"polyhedron", list}}, std::nullopt, ConvexRegion(planes), [=](Vec3d p) {
+            double depth = kInfinity;
+            for (const HalfSpace& h : planes) {
+              depth = std::min(depth, -Dot(p - h.point, h.normal) / Length(h.normal));
+            }
+            return depth;
+          }};
+}
+
+RegionText MakePrism(Vec3d c, double r) {
+  const double x = 1.2 * r, y = 0.6 * r;
+  const Box3d box{{c.x - x, c.y - y, -kInfinity}, {c.x + x, c.y + y, kInfinity}};
+  const std::vector<std::array<double, 2>> corners{{box.min.x, box.min.y},
+                                                   {box.max.x, box.min.y},
+                                                   {box.max.x, box.max.y},
+                                                   {box.min.x, box.max.y}};
+  std::vector<double> numbers;
+  for (const auto& corner : corners) numbers.insert(numbers.end(), corner.begin(), corner.end());
+  return {{{"prism", {{"polygon", corners}}}},
+          Arguments{"--prism=" + List(numbers)},
+          PrismRegion(corners),
+          [=](Vec3d p) {
+            return BoxDepth({{box.min.x, box.min.y, -1e300}, {box.max.x, box.max.y, 1e300}},
+                            {p.x, p.y, 0});
+          }};
+}
+
+RegionText MakePoint(Vec3d c, double) {
+  return {{{"point", Point(c)}},
+          Arguments{"--point=" + List({c.x, c.y, c.z})},
+          PointRegion(c),
+          [=](Vec3d p) { return -Length(p - c); }};
+}
+
+RegionText MakeSegment(Vec3d c, double r) {
+  const Vec3d a = c - Vec3d{r, r, 0}, b = c + Vec3d{r, r, 0.5 * r};
+  return {{{"segment", {{"from", Point(a)}, {"to", Point(b)}}}},
+          Arguments{"--segment=" + List({a.x, a.y, a.z, b.x, b.y, b.z})},
+          SegmentRegion(a, b),
+          [=](Vec3d p) { return -std::sqrt(SquaredDistancePointSegment(p, a, b)); }};
+}
+
+RegionText MakeTube(Vec3d c, double r) {
+  const double wide = 0.3 * r;
+  const std::vector<Vec3d> line{c - Vec3d{r, 0, 0}, c + Vec3d{0, r, 0}, c + Vec3d{r, 0, r}};
+  Json points = Json::array();
+  std::vector<double> numbers{wide};
+  for (const Vec3d& p : line) {
+    points.push_back(Point(p));
+    numbers.insert(numbers.end(), {p.x, p.y, p.z});
+  }
+  return {{{"tube", {{"line", points}, {"radius", wide}}}},
+          Arguments{"--tube=" + List(numbers)},
+          TubeRegion(line, wide),
+          [=](Vec3d p) {
+            return wide - std::sqrt(std::min(SquaredDistancePointSegment(p, line[0], line[1]),
+                                             SquaredDistancePointSegment(p, line[1], line[2])));
+          }};
+}
+
+struct RegionKind {
+  const char* name;
+  RegionText (*make)(Vec3d middle, double size);
+};
+constexpr RegionKind kRegions[] = {
+    {"box", MakeBox},     {"sphere", MakeSphere},         {"half-space", MakeHalfSpace},
+    {"prism", MakePrism}, {"point", MakePoint},           {"segment", MakeSegment},
+    {"tube", MakeTube},   {"polyhedron", MakePolyhedron},
+};
+
+RegionText MakeRegion(const std::string& name, const std::string& at, double r,
+                      const Truth& truth) {
+  std::vector<double> where = Numbers(at);
+  where.resize(3, 0.5);
+  const Vec3d size = truth.bounds.max - truth.bounds.min;
+  Vec3d c;
+  for (int i = 0; i < 3; ++i) {
+    c[i] = truth.bounds.min[i] + size[i] * where[static_cast<size_t>(i)];
+  }
+  for (const RegionKind& k : kRegions) {
+    if (name == k.name) return k.make(c, r * truth.diagonal());
+  }
+  return kRegions[0].make(c, r * truth.diagonal());
+}
+
+RegionText Combined(const Step& step, const Truth& truth) {
+  RegionText one = MakeRegion(step.Text("region"), step.Text("at"), step.Number("r", 0.2), truth);
+  if (step.has("region2")) {
+    const RegionText two =
+        MakeRegion(step.Text("region2"), step.Text("at2"), step.Number("r2", 0.1), truth);
+    const bool all = step.Text("combine") == "intersection";
+    RegionText both;
+    both.json = {{all ? "intersection" : "union", Json::array({one.json, two.json})}};
+    if (one.option && two.option) {
+      both.option = one.option;
+      both.option->insert(both.option->end(), two.option->begin(), two.option->end());
+      if (all) both.option->push_back("--intersect");
+    }
+    both.region =
+        all ? IntersectionRegion({one.region, two.region}) : UnionRegion({one.region, two.region});
+    both.depth = [=, a = one.depth, b = two.depth](Vec3d p) {
+      return all ? std::min(a(p), b(p)) : std::max(a(p), b(p));
+    };
+    one = both;
+  }
+  if (step.Flag("outside")) {
+    one.json = {{"outside", one.json}};
+    if (one.option) one.option->push_back("--outside");
+    one.region = ComplementRegion(one.region);
+    one.depth = [inner = one.depth](Vec3d p) { return -inner(p); };
+  }
+  return one;
+}
+
+// Adds what the command line says of something, if it can.
+void AddOptions(std::optional<Arguments>* all, const std::optional<Arguments>& more) {
+  if (!more) all->reset();
+  if (*all) (*all)->insert((*all)->end(), more->begin(), more->end());
+}
+
+void SetConstant(Question* q, double error) {
+  q->permitted_everywhere = error;
+  q->permitted = [=](Vec3d) { return error; };
+  q->query.threshold = ConstantThreshold(error);
+}
+
+void SetThreshold(const Step& step, const Truth& truth, double diagonal,
+                  const std::optional<RegionText>& region, Question* q) {
+  const std::string kind = step.Text("threshold", "full");
+  const double error = step.Number("error", 0.01) * truth.diagonal();
+  const double error2 = step.Number("error2", 0.1) * truth.diagonal();
+  if (kind == "constant") {
+    q->json["threshold"] = error;
+    AddOptions(&q->options, Arguments{"--error=" + NumberText(error)});
+    SetConstant(q, error);
+  } else if (kind == "relative") {
+    const double part = step.Number("error", 0.01);
+    q->json["threshold"] = {{"relative", part}};
+    AddOptions(&q->options, Arguments{"--error-rel=" + NumberText(part)});
+    SetConstant(q, part * diagonal);
+  } else if (kind == "coarsest") {
+    q->json["threshold"] = "coarsest";
+    AddOptions(&q->options, std::nullopt);
+    SetConstant(q, kInfinity);
+    q->query.threshold = CoarsestThreshold();
+  } else if (kind == "linear") {
+    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const double slope = step.Number("slope", 0.05);
+    q->json["threshold"] = {{"linear", {{"point", Point(c)}, {"base", error}, {"slope", slope}}}};
+    AddOptions(&q->options, Arguments{"--error-at=linear," + List({c.x, c.y, c.z, error, slope})});
+    q->query.threshold = LinearThreshold(c, error, slope);
+    q->permitted = [=](Vec3d p) { return std::max(0.0, error + slope * Length(p - c)); };
+  } else if (kind == "inside" && region) {
+    q->json["threshold"] = {
+        {"by_region", {{"region", region->json}, {"inside", error}, {"outside", error2}}}};
+    AddOptions(&q->options, region->option);
+    AddOptions(&q->options,
+               Arguments{"--error=" + NumberText(error), "--error-outside=" + NumberText(error2)});
+    q->query.threshold =
+        RegionThreshold(region->region, ConstantThreshold(error), ConstantThreshold(error2));
+    // On the border, which rounding may put on either side, the larger one will do.
+    const double border = 1e-9 * (truth.diagonal() + Length(truth.bounds.max));
+    q->permitted = [=, depth = region->depth](Vec3d p) {
+      const double d = depth(p);
+      return d > border ? error : d < -border ? error2 : std::max(error, error2);
+    };
+  } else {
+    if (step.has("threshold")) {
+      q->json["threshold"] = "full";
+      AddOptions(&q->options, Arguments{"--full"});
+    }
+    q->query.threshold = FullResolution();
+    q->full = true;
+    q->permitted_everywhere = 0;
+    q->permitted = [](Vec3d) { return 0.0; };
+  }
+}
+
+}  // namespace
+
+Question MakeQuestion(const Step& step, const Truth& truth, double diagonal) {
+  Question q;
+  q.json = Json::object();
+  q.options = Arguments{};
+  std::optional<RegionText> region;
+  if (step.has("region")) region = Combined(step, truth);
+  SetThreshold(step, truth, diagonal, region, &q);
+  q.depth = [](Vec3d) { return kInfinity; };
+  if (region && step.Text("threshold") != "inside") {
+    q.everywhere = false;
+    q.depth = region->depth;
+    q.json["region"] = region->json;
+    AddOptions(&q.options, region->option);
+    q.query.region = region->region;
+  }
+  if (step.has("triangles")) {
+    const double part = std::clamp(step.Number("triangles", 0.5), 0.0, 2.0);
+    q.max_triangles =
+        static_cast<uint64_t>(1 + part * static_cast<double>(truth.mesh.triangles.size()));
+    q.json["max_triangles"] = *q.max_triangles;
+    AddOptions(&q.options, Arguments{"--triangles", std::to_string(*q.max_triangles)});
+    q.query.max_triangles = q.max_triangles;
+  }
+  if (step.has("bytes")) {
+    const auto bytes = static_cast<uint64_t>(std::max<int64_t>(1, step.Int("bytes", 1)));
+    q.has_bytes = true;
+    q.json["max_bytes"] = bytes;
+    AddOptions(&q.options, Arguments{"--max-bytes", std::to_string(bytes)});
+    q.query.max_bytes = bytes;
+  }
+  q.clip = step.Flag("clip") && !q.everywhere;
+  if (q.clip) {
+    q.json["clip"] = true;
+    AddOptions(&q.options, Arguments{"--clip"});
+    q.query.clip = true;
+  }
+  const auto& attributes = truth.mesh.header.attributes.attributes;
+  q.normals = step.Flag("normals") &&
+              std::ranges::find(attributes, "nx", &VertexAttribute::name) == attributes.end();
+  if (q.normals) {
+    q.json["normals"] = true;
+    AddOptions(&q.options, Arguments{"--normals"});
+    q.query.normals = true;
+  }
+  q.implicit = step.Flag("implicit");
+  return q;
+}
+
+std::vector<std::string> RegionNames() {
+  std::vector<std::string> names;
+  for (const RegionKind& k : kRegions) names.emplace_back(k.name);
+  return names;
+}
+
+std::vector<std::string> ThresholdNames() {
+  return {"full", "constant", "relative", "coarsest", "linear", "inside"};
+}
+
+}  // namespace mtdb::everything

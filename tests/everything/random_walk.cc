@@ -1,0 +1,247 @@
+#include "tests/everything/random_walk.h"
+
+#include <cmath>
+#include <initializer_list>
+#include <random>
+
+#include "tests/everything/input.h"
+#include "tests/everything/input_files.h"
+#include "tests/everything/output_files.h"
+#include "tests/everything/question.h"
+
+namespace mtdb::everything {
+
+namespace {
+
+constexpr const char* kNames[] = {"a", "b", "left/c", "d e", "ü"};
+constexpr const char* kAliases[] = {"plain", "relative", "symlink", "hardlink", "folder"};
+
+class Maker {
+ public:
+  explicit Maker(uint64_t seed) : random_(seed) { walk_.seed = seed; }
+
+  Walk Make() {
+    Ingest(false);
+    const int64_t rounds = Between(1, 4);
+    for (int64_t i = 0; i < rounds; ++i) {
+      for (int64_t k = Between(0, 2); k > 0; --k) Ask();
+      Act();
+    }
+    Ask();
+    if (Chance(0.3)) Add("verify");
+    return walk_;
+  }
+
+ private:
+  double Uniform(double low, double high) {
+    // Not std::uniform_real_distribution, which libraries implement as they like.
+    return low + (high - low) * (static_cast<double>(random_() >> 11) * 0x1p-53);
+  }
+  bool Chance(double p) { return Uniform(0, 1) < p; }
+  int64_t Between(int64_t low, int64_t high) {
+    return low + static_cast<int64_t>(random_() % static_cast<uint64_t>(high - low + 1));
+  }
+  template <typename List>
+  auto OneOf(const List& list) {
+    return std::data(list)[random_() % std::size(list)];
+  }
+  // From low to high, as often below their geometric mean as above.
+  double Scaled(double low, double high) { return low * std::pow(high / low, Uniform(0, 1)); }
+  std::string Short(double value) {
+    return NumberText(std::stod(std::to_string(value)) == 0 ? value
+                                                            : std::round(value * 1e6) / 1e6);
+  }
+
+  Step& Add(const std::string& act) {
+    walk_.steps.push_back({act, {}});
+    if (Chance(0.2)) walk_.steps.back().Set("store", 1);
+    return walk_.steps.back();
+  }
+
+  void Act() {
+    switch (Between(0, 12)) {
+      case 0:
+      case 1: return Interrupted();
+      case 2:
+      case 3: return Pair();
+      case 4:
+      case 5: {
+        Step& step = Add("remove");
+        step.Set("name", Name());
+        if (Chance(0.3)) step.Set("by", OneOf(kAliases));
+        return;
+      }
+      case 6: Add("copy"); return;
+      case 7: Add("restart"); return;
+      default: return Ingest(Chance(0.4));
+    }
+  }
+
+  std::string Name() { return Chance(0.5) ? "a" : OneOf(kNames); }
+
+  void Ingest(bool replace) {
+    Step& step = Add("ingest");
+    step.Set("name", Name());
+    if (replace) step.Set("force", 1);
+    if (Chance(0.3)) step.Set("by", OneOf(kAliases));
+    Input(&step);
+    Options(&step);
+    if (Chance(0.2)) step.Set("via", std::string("library"));
+    if (step.Text("via") == "library") step.Set("tile", Between(64, 2000));
+  }
+
+  void Input(Step* step) {
+    step->Set("shape", OneOf(ShapeNames()));
+    step->Set("shapeseed", Between(1, 1000));
+    step->Set("size", static_cast<int64_t>(Scaled(4, 2500)));
+    if (Chance(0.04)) step->Set("size", Between(9000, 40000));
+    if (Chance(0.6)) {
+      step->Set("place", OneOf(std::initializer_list<const char*>{"tiny", "huge", "utm", "side"}));
+    }
+    if (Chance(0.4)) step->Set("double", 1);
+    if (Chance(0.3)) step->Set("snap", Between(4, 12));
+    for (const char* key : {"stray", "twins", "spoilt"}) {
+      if (Chance(0.12)) step->Set(key, 1);
+    }
+    Attributes(step);
+    if (Chance(0.25)) step->Set("files", Between(2, 5));
+    std::string formats;
+    for (int64_t i = step->Int("files", 1); i > 0; --i) {
+      formats += (formats.empty() ? "" : ",") + std::string(OneOf(FileFormats()).name);
+      if (Chance(0.6)) break;
+    }
+    if (Chance(0.7)) step->Set("format", formats);
+    if (step->has("files") && Chance(0.3)) step->Set("order", 1);
+  }
+
+  void Attributes(Step* step) {
+    if (Chance(0.35)) return;
+    std::string kinds;
+    for (const std::string& kind : AttributeKinds()) {
+      if (Chance(0.35)) kinds += (kinds.empty() ? "" : ",") + kind;
+    }
+    if (!kinds.empty()) step->Set("attr", kinds);
+    if (!Chance(0.1)) return;
+    // Rows of up to 20 KB, of few vertices or of many.
+    step->Set("wide", static_cast<int64_t>(Scaled(8, 2500)));
+    if (Chance(0.5)) {
+      const double most = 1.5e8 / (8.0 * static_cast<double>(step->Int("wide", 1)));
+      step->Set("size", static_cast<int64_t>(std::min(400000.0, Scaled(1000, 2 * most + 2000))));
+      step->Set("memory", 256);
+      step->Set("format", std::string("ply"));
+    }
+  }
+
+  void Options(Step* step) {
+    switch (Between(0, 5)) {
+      case 0: step->Set("lossless", 1); break;
+      case 1: step->Set("step", Short(Scaled(1e-5, 0.05))); break;
+      case 2:
+      case 3: step->Set("bits", Between(3, 24)); break;
+      default: break;
+    }
+    if (Chance(0.02)) step->Set("step", std::string("1e-9"));
+    if (Chance(0.5)) step->Set("normals", Between(4, 16));
+    if (Chance(0.5)) step->Set("round", Short(Scaled(0.001, 1)));
+    if (Chance(0.3)) step->Set("threads", Between(1, 8));
+    if (Chance(0.2)) step->Set("memory", Between(256, 400));
+    if (Chance(0.2)) step->Set("tmp", 1);
+  }
+
+  // An ingest that is killed, and one that goes on, of the same or of something else.
+  void Interrupted() {
+    Step killed = Add("ingest");
+    walk_.steps.pop_back();
+    killed.Set("name", Name());
+    Input(&killed);
+    Options(&killed);
+    if (Chance(0.7)) {
+      killed.Set("size", Between(1500, 6000));
+      killed.Set("via", std::string("library"));
+      killed.Set("tile", Between(100, 600));
+      killed.Set("kill", Between(3, 14));
+    } else {
+      killed.Set("size", Between(18000, 50000));
+      killed.Set("kill", Between(1, 40));
+    }
+    for (const char* key : {"wide", "memory"}) killed.with.erase(key);
+    killed.Set("force", 1);
+    if (killed.Text("shape") == "tangle" || killed.Text("shape") == "nasty") {
+      killed.Set("shape", std::string("sculpture"));
+    }
+    Step next = killed;
+    next.with.erase("kill");
+    next.Set("resume", 1);
+    switch (Between(0, 6)) {
+      case 0: break;
+      case 1:
+      case 2: next.Set("attrseed", 2); break;
+      case 3: next.Set("order", next.Flag("order") ? 0 : 1); break;
+      case 4: next.Set("shapeseed", killed.Int("shapeseed", 1) + 1); break;
+      case 5: Options(&next); break;
+      default: Attributes(&next); break;
+    }
+    for (const char* key : {"wide", "memory"}) next.with.erase(key);
+    walk_.steps.push_back(killed);
+    if (Chance(0.2)) Ask();
+    walk_.steps.push_back(next);
+  }
+
+  void Pair() {
+    Step& step = Add("pair");
+    step.Set("name", OneOf(kNames));
+    step.Set("name2", std::string("second"));
+    step.Set("force", 1);
+    step.Set("by", OneOf(kAliases));
+    step.Set("by2", OneOf(kAliases));
+    Input(&step);
+    Options(&step);
+    step.with.erase("memory");
+    step.with.erase("wide");
+    step.Set("size", Between(50, 5000));
+  }
+
+  std::string PlaceInBox() {
+    std::string text;
+    for (int i = 0; i < 3; ++i) text += (i == 0 ? "" : ",") + Short(Uniform(-0.1, 1.1));
+    return text;
+  }
+
+  void Ask() {
+    Step& step = Add("ask");
+    step.Set("of", Between(0, 3));
+    if (Chance(0.6)) {
+      step.Set("region", OneOf(RegionNames()));
+      step.Set("at", PlaceInBox());
+      step.Set("r", Short(Scaled(0.02, 0.8)));
+      if (Chance(0.25)) {
+        step.Set("region2", OneOf(RegionNames()));
+        step.Set("at2", PlaceInBox());
+        step.Set("r2", Short(Scaled(0.02, 0.8)));
+        if (Chance(0.5)) step.Set("combine", std::string("intersection"));
+      }
+      if (Chance(0.2)) step.Set("outside", 1);
+      if (Chance(0.35)) step.Set("clip", 1);
+    }
+    step.Set("threshold", OneOf(ThresholdNames()));
+    if (Chance(0.4)) step.Set("threshold", std::string("constant"));
+    step.Set("error", Short(Scaled(1e-5, 0.3)));
+    if (Chance(0.3)) step.Set("error2", Short(Scaled(1e-4, 0.3)));
+    if (Chance(0.3)) step.Set("slope", Short(Uniform(-0.1, 0.3)));
+    if (Chance(0.2)) step.Set("triangles", Short(Uniform(0, 1)));
+    if (Chance(0.07)) step.Set("bytes", static_cast<int64_t>(Scaled(100, 100000)));
+    if (Chance(0.2)) step.Set("normals", 1);
+    if (Chance(0.2)) step.Set("implicit", 1);
+    if (Chance(0.6)) step.Set("output", OneOf(kOutputFormats).extension);
+    if (Chance(0.1)) step.Set("by", OneOf(kAliases));
+  }
+
+  std::mt19937_64 random_;
+  Walk walk_;
+};
+
+}  // namespace
+
+Walk RandomWalk(uint64_t seed) { return Maker(seed).Make(); }
+
+}  // namespace mtdb::everything

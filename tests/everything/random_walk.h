@@ -1,0 +1,11 @@
+// RandomWalk: what to do, from a seed.
+#pragma once
+
+#include "tests/everything/step.h"
+
+namespace mtdb::everything {
+
+// Depends on the seed alone. What is likely is said in random_walk.cc.
+Walk RandomWalk(uint64_t seed);
+
+}  // namespace mtdb::everything

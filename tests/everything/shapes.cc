@@ -1,0 +1,141 @@
+#include <cmath>
+#include <random>
+
+#include "tests/everything/input.h"
+#include "tests/support/nasty_meshes.h"
+#include "tools/internal/generate.h"
+
+namespace mtdb::everything {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979;
+
+// m x n cells around a ring; `closed` across it too, else an open band.
+TriangleMesh Ring(int m, int n, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> bump(-0.05, 0.05);
+  TriangleMesh mesh;
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < m; ++i) {
+      const double u = 2 * kPi * i / m, v = 2 * kPi * j / n;
+      const double thick = 0.4 + bump(random);
+      const double r = 1 + thick * std::cos(v);
+      mesh.positions.push_back({r * std::cos(u), r * std::sin(u), thick * std::sin(v)});
+    }
+  }
+  const auto vertex = [&](int i, int j) { return static_cast<VertexIndex>((j % n) * m + i % m); };
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < m; ++i) {
+      const VertexIndex a = vertex(i, j), b = vertex(i + 1, j);
+      const VertexIndex c = vertex(i + 1, j + 1), d = vertex(i, j + 1);
+      mesh.triangles.push_back({a, b, c});
+      mesh.triangles.push_back({a, c, d});
+    }
+  }
+  return mesh;
+}
+
+TriangleMesh MakeTorus(int64_t size, uint64_t seed) {
+  const int n = std::max(3, static_cast<int>(std::sqrt(static_cast<double>(size) / 4)));
+  return Ring(2 * n, n, seed);
+}
+
+TriangleMesh MakeSheetOf(int64_t size, uint64_t seed) {
+  const int n = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(size) / 2)));
+  return mtdb::testing::MakeSheet(n, 0.05, static_cast<uint32_t>(seed));
+}
+
+// The smooth kind, which simplifies far.
+TriangleMesh MakeWave(int64_t size, uint64_t seed) {
+  TriangleMesh mesh = MakeSheetOf(size, seed);
+  const double phase = static_cast<double>(seed % 100);
+  for (Vec3d& p : mesh.positions) {
+    p.z = 0.1 * std::sin(5 * p.x + phase) * std::cos(4 * p.y) + 0.02 * p.z;
+  }
+  return mesh;
+}
+
+TriangleMesh MakeTetrahedra(int64_t size, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> at(0, 1);
+  TriangleMesh mesh;
+  for (int64_t i = 0; i < std::max<int64_t>(1, size / 4); ++i) {
+    const Vec3d p{at(random), at(random), at(random)};
+    const VertexIndex a = mesh.positions.size();
+    const double s = 0.1 * at(random) + 0.01;
+    mesh.positions.insert(mesh.positions.end(),
+                          {p, p + Vec3d{s, 0, 0}, p + Vec3d{0, s, 0}, p + Vec3d{0, 0, s}});
+    for (const TriangleVertices& t : {TriangleVertices{0, 2, 1}, TriangleVertices{0, 1, 3},
+                                      TriangleVertices{0, 3, 2}, TriangleVertices{1, 2, 3}}) {
+      mesh.triangles.push_back({a + t[0], a + t[1], a + t[2]});
+    }
+  }
+  return mesh;
+}
+
+// Triangles at random among a few vertices: as non-manifold as it gets.
+TriangleMesh MakeTangle(int64_t size, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> at(0, 1);
+  TriangleMesh mesh;
+  const auto vertices = static_cast<VertexIndex>(3 + size / 3);
+  for (VertexIndex v = 0; v < vertices; ++v) {
+    mesh.positions.push_back({at(random), at(random), at(random)});
+  }
+  for (int64_t i = 0; i < size; ++i) {
+    mesh.triangles.push_back({random() % vertices, random() % vertices, random() % vertices});
+  }
+  mesh.triangles.push_back({0, 1, 2});  // one at least is none that is dropped
+  return mesh;
+}
+
+TriangleMesh Generated(Status (*generate)(const GenerateOptions&, MeshSink&), int64_t size,
+                       uint64_t seed) {
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  const auto triangles = static_cast<uint64_t>(std::max<int64_t>(100, size));
+  (void)generate({.triangles = triangles, .seed = seed}, sink);
+  return mesh;
+}
+
+TriangleMesh MakeSculpture(int64_t size, uint64_t seed) {
+  return Generated(GenerateSculpture, size, seed);
+}
+
+TriangleMesh MakeTerrain(int64_t size, uint64_t seed) {
+  return Generated(GenerateTerrain, size, seed);
+}
+
+// The size says which.
+TriangleMesh MakeNasty(int64_t size, uint64_t seed) {
+  const auto all = mtdb::testing::NastyMeshes();
+  return all[(static_cast<uint64_t>(size) + seed) % all.size()].mesh;
+}
+
+struct Shape {
+  const char* name;
+  TriangleMesh (*make)(int64_t size, uint64_t seed);
+};
+constexpr Shape kShapes[] = {
+    {"sheet", MakeSheetOf},         {"wave", MakeWave},       {"torus", MakeTorus},
+    {"tetrahedra", MakeTetrahedra}, {"tangle", MakeTangle},   {"nasty", MakeNasty},
+    {"sculpture", MakeSculpture},   {"terrain", MakeTerrain},
+};
+
+}  // namespace
+
+TriangleMesh MakeShape(const std::string& shape, int64_t size, uint64_t seed) {
+  for (const Shape& s : kShapes) {
+    if (shape == s.name) return s.make(size, seed);
+  }
+  return kShapes[0].make(size, seed);
+}
+
+std::vector<std::string> ShapeNames() {
+  std::vector<std::string> names;
+  for (const Shape& s : kShapes) names.emplace_back(s.name);
+  return names;
+}
+
+}  // namespace mtdb::everything

@@ -1,0 +1,375 @@
+// The ways of asking. Each gets a question and gives back a mesh and what was said of it.
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <filesystem>
+
+#include "query/mtdb.h"
+#include "query/query_json.h"
+#include "query/surface.h"
+#include "store/database.h"
+#include "tests/everything/output_files.h"
+#include "tests/everything/world.h"
+#include "tests/support/raw_connection.h"
+
+namespace mtdb::everything {
+
+namespace {
+
+std::string NewFile(const Asked& asked, const std::string& extension) {
+  static std::atomic<int> next{0};
+  return asked.world->Folder("out/o" + std::to_string(next++) + "." + extension);
+}
+
+std::string Format(const Asked& asked) { return asked.step->Text("output", "ply"); }
+
+// ---- in this process ----
+
+void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
+  const auto fail = [&](const Status& status) { answer->refused = status.message(); };
+  if (!query.ok()) return fail(query.status());
+  const auto database = Database::Open(asked.world->Store(asked.store).path);
+  if (!database.ok()) return fail(database.status());
+  const auto source = (*database)->OpenObject(asked.name);
+  if (!source.ok()) return fail(source.status());
+  SurfaceOptions options;
+  options.threads = 2;
+  if (asked.question->implicit) options.form = RuntimeForm::kImplicit;
+  const auto surface = Surface::Open(*source, options);
+  if (!surface.ok()) return fail(surface.status());
+  TriangleMeshSink sink(&answer->mesh);
+  const Result<ExtractStats> stats = (*surface)->Extract(*query, sink);
+  if (!stats.ok()) return fail(stats.status());
+  answer->has_rows = true;
+  answer->exact = true;
+  answer->triangles = stats->triangles;
+  answer->bound = stats->error_bound;
+  constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
+  answer->limit = kLimits[static_cast<size_t>(stats->limit)];
+}
+
+bool AskCpp(const Asked& asked, Answer* answer) {
+  FromCpp(asked, asked.question->query, answer);
+  return true;
+}
+
+bool AskJson(const Asked& asked, Answer* answer) {
+  FromCpp(asked, ParseQuery(asked.question->text(), asked.object->diagonal), answer);
+  return true;
+}
+
+struct CHandles {
+  mtdb_database* database = nullptr;
+  mtdb_object* object = nullptr;
+  mtdb_query* query = nullptr;
+  mtdb_cut* cut = nullptr;
+  ~CHandles() {
+    mtdb_free_cut(cut);
+    mtdb_free_query(query);
+    mtdb_free_object(object);
+    mtdb_free_database(database);
+  }
+};
+
+mtdb_code CAnswer(const Asked& asked, CHandles* c, Answer* answer, mtdb_error* error) {
+  mtdb_code code = MTDB_OK;
+  const mtdb_object_options options{
+      0, 2,
+      static_cast<uint32_t>(asked.question->implicit ? MTDB_FORM_IMPLICIT : MTDB_FORM_EXPLICIT)};
+  const std::string text = asked.question->text();
+  mtdb_stats stats{};
+  mtdb_details details{};
+  if ((code = mtdb_open(asked.world->Store(asked.store).path.c_str(), &c->database, error)) ||
+      (code =
+           mtdb_open_object_with(c->database, asked.name.c_str(), &options, &c->object, error)) ||
+      (code = mtdb_create_query(&c->query, error)) ||
+      (code = mtdb_query_set_json(c->query, c->object, text.c_str(), error)) ||
+      (code = mtdb_select(c->object, c->query, &c->cut, error)) ||
+      (code = mtdb_cut_stats(c->cut, &stats, error)) ||
+      (code = mtdb_cut_details(c->cut, &details, error))) {
+    return code;
+  }
+  TriangleMesh& mesh = answer->mesh;
+  mesh.positions.resize(stats.vertices);
+  mesh.rows.resize(stats.vertices * details.row_bytes);
+  std::vector<uint32_t> indices(3 * stats.triangles);
+  mtdb_arrays arrays{};
+  arrays.vertex_capacity = stats.vertices;
+  arrays.triangle_capacity = stats.triangles;
+  arrays.positions = stats.vertices == 0 ? nullptr : &mesh.positions[0].x;
+  arrays.indices = indices.data();
+  arrays.rows = reinterpret_cast<unsigned char*>(mesh.rows.data());
+  if ((code = mtdb_cut_copy(c->cut, &arrays, error))) return code;
+  for (size_t i = 0; i < indices.size(); i += 3) {
+    mesh.triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
+  }
+  mesh.header.attributes = asked.object->layout;
+  if (asked.question->normals) {
+    for (const char* name : {"nx", "ny", "nz"}) {
+      mesh.header.attributes.attributes.push_back({name, ScalarType::kFloat32});
+    }
+  }
+  answer->has_rows = true;
+  answer->exact = true;
+  answer->triangles = stats.triangles;
+  answer->bound = stats.error_bound;
+  constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
+  answer->limit = kLimits[details.limit];
+  return MTDB_OK;
+}
+
+bool AskC(const Asked& asked, Answer* answer) {
+  CHandles handles;
+  mtdb_error error{};
+  if (CAnswer(asked, &handles, answer, &error) != MTDB_OK) answer->refused = error.message;
+  return true;
+}
+
+// ---- the command line ----
+
+void ReadAnswerFile(const std::string& path, Answer* answer) {
+  const OutputFormat& format = OutputFormatOf(path.substr(path.rfind('.') + 1));
+  answer->format = format.extension;
+  answer->has_rows = format.rows;
+  answer->has_order = format.order;
+  answer->lossy = format.lossy;
+  const Status status = ReadOutput(path, &answer->mesh);
+  if (!status.ok()) answer->refused = "what was written cannot be read: " + status.message();
+  std::error_code error;
+  std::filesystem::remove(path, error);
+}
+
+void ReadAnswerJson(const std::string& text, Answer* answer) {
+  const auto json = nlohmann::json::parse(text, nullptr, false);
+  if (!json.is_object() || !json.contains("error_bound")) {
+    answer->refused = "no JSON: " + text;
+    return;
+  }
+  answer->triangles = json.value("triangles", uint64_t{0});
+  answer->bound = json.at("error_bound").is_number() ? json.at("error_bound").get<double>() : -1;
+  answer->limit = json.value("limit", "");
+}
+
+void FromCommand(const Asked& asked, const Arguments& arguments, const std::string& output,
+                 bool json, Answer* answer) {
+  const Ran ran = asked.world->Mtdb(arguments);
+  if (!ran.ok()) {
+    answer->refused = ran.err.empty() ? "exit code " + std::to_string(ran.exit_code) : ran.err;
+    return;
+  }
+  if (json) {
+    ReadAnswerJson(ran.out, answer);
+  } else {
+    // "PATH: N triangles, M vertices, error at most E (F of the diagonal)"
+    const size_t line = ran.out.find(": ");
+    const size_t at = ran.out.find("error at most ");
+    const size_t limit = ran.out.find("refined until the limit of ");
+    if (line == std::string::npos || at == std::string::npos || limit == std::string::npos) {
+      answer->refused = "unexpected text: " + ran.out;
+      return;
+    }
+    answer->triangles = std::strtoull(ran.out.c_str() + line + 2, nullptr, 10);
+    answer->bound = std::strtod(ran.out.c_str() + at + 14, nullptr) * (1 + 5e-6);
+    answer->limit = ran.out.substr(limit + 27, ran.out.find('\n', limit) - limit - 27);
+  }
+  if (answer->refused.empty()) ReadAnswerFile(output, answer);
+}
+
+Arguments Extract(const Asked& asked, const std::string& output) {
+  Arguments arguments{"extract", asked.world->PathOf(asked.store, asked.step->Text("by")), output,
+                      "--name", asked.name};
+  if (asked.question->implicit) arguments.emplace_back("--implicit");
+  return arguments;
+}
+
+bool AskCommand(const Asked& asked, Answer* answer) {
+  if (!asked.question->options) return false;
+  const std::string output = NewFile(asked, Format(asked));
+  Arguments arguments = Extract(asked, output);
+  arguments.insert(arguments.end(), asked.question->options->begin(),
+                   asked.question->options->end());
+  FromCommand(asked, arguments, output, false, answer);
+  return true;
+}
+
+bool AskCommandJson(const Asked& asked, Answer* answer) {
+  const std::string output = NewFile(asked, Format(asked));
+  const std::string file = NewFile(asked, "json");
+  WriteText(file, asked.question->text());
+  Arguments arguments = Extract(asked, output);
+  arguments.insert(arguments.end(), {"--query", file, "--json"});
+  FromCommand(asked, arguments, output, true, answer);
+  return true;
+}
+
+// ---- the server ----
+
+Server* Serving(const Asked& asked) {
+  StorePlace& place = asked.world->Store(asked.store);
+  if (!place.server) place.server = std::make_unique<Server>(asked.world->options(), place.path);
+  return place.server.get();
+}
+
+std::string ObjectPath(const Asked& asked) {
+  std::string path = "/objects/";
+  for (const char c : asked.name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0) {
+      path += c;
+    } else {
+      constexpr char kHex[] = "0123456789ABCDEF";
+      const auto byte = static_cast<unsigned char>(c);
+      path += {'%', kHex[byte >> 4], kHex[byte & 15]};
+    }
+  }
+  return path;
+}
+
+void FromHttp(const Asked& asked, const std::string& method, const std::string& target,
+              const std::string& body, Answer* answer) {
+  test::RawConnection connection(Serving(asked)->port());
+  if (!connection.connected()) {
+    answer->refused = "no connection: " + Serving(asked)->errors();
+    return;
+  }
+  connection.Send(test::RequestText(method, target, body));
+  const test::HttpAnswer got = connection.ReceiveAnswer();
+  if (got.status != 200) {
+    answer->refused = "status " + std::to_string(got.status) + ": " + got.body;
+    return;
+  }
+  answer->triangles = std::strtoull(got.header("X-Mtdb-Triangles").c_str(), nullptr, 10);
+  answer->bound = std::strtod(got.header("X-Mtdb-Error-Bound").c_str(), nullptr) * (1 + 1e-6);
+  answer->limit = got.header("X-Mtdb-Limit");
+  const std::string file = NewFile(asked, Format(asked));
+  WriteText(file, got.body);
+  ReadAnswerFile(file, answer);
+}
+
+bool AskPost(const Asked& asked, Answer* answer) {
+  FromHttp(asked, "POST", ObjectPath(asked) + "/mesh?format=" + Format(asked),
+           asked.question->text(), answer);
+  return true;
+}
+
+bool AskGet(const Asked& asked, Answer* answer) {
+  if (!asked.question->options) return false;
+  std::string target = ObjectPath(asked) + "/mesh?format=" + Format(asked);
+  const Arguments& options = *asked.question->options;
+  for (size_t i = 0; i < options.size(); ++i) {
+    std::string option = options[i].substr(2);
+    if (i + 1 < options.size() && !options[i + 1].starts_with("--")) option += "=" + options[++i];
+    target += "&" + option;
+  }
+  FromHttp(asked, "GET", target, "", answer);
+  return true;
+}
+
+bool AskFetch(const Asked& asked, Answer* answer) {
+  const std::string output = NewFile(asked, Format(asked));
+  const std::string file = NewFile(asked, "json");
+  WriteText(file, asked.question->text());
+  FromCommand(asked,
+              {"fetch", Serving(asked)->url() + ObjectPath(asked), output, "--query", file,
+               "--json", "--timeout", "60"},
+              output, true, answer);
+  return true;
+}
+
+bool AskFetchLibrary(const Asked& asked, Answer* answer) {
+  const std::string file = NewFile(asked, Format(asked));
+  std::string bytes;
+  FetchOptions options;
+  options.name = asked.name;
+  options.format = Format(asked);
+  options.timeout_seconds = 60;
+  const auto got = FetchMesh(Serving(asked)->url(), asked.question->text(), options,
+                             [&](std::string_view piece) {
+                               bytes += piece;
+                               return Status::Ok();
+                             });
+  if (!got.ok()) {
+    answer->refused = got.status().message();
+    return true;
+  }
+  answer->triangles = got->triangles;
+  answer->bound = got->error_bound * (1 + 1e-6);
+  answer->limit = got->limit;
+  WriteText(file, bytes);
+  ReadAnswerFile(file, answer);
+  return true;
+}
+
+// One session for each object, from question to question.
+bool AskSession(const Asked& asked, Answer* answer) {
+  if (asked.question->normals) return false;
+  auto& session = asked.world->Store(asked.store).sessions[asked.name];
+  if (session == nullptr || !session->connected()) {
+    RemoteSessionOptions options;
+    options.timeout_seconds = 60;
+    options.remembered_vertices = static_cast<uint32_t>(asked.step->Int("remember", 1000));
+    auto opened = RemoteSession::Open(Serving(asked)->url() + ObjectPath(asked), options);
+    if (!opened.ok()) {
+      answer->refused = opened.status().message();
+      return true;
+    }
+    session = std::move(*opened);
+  }
+  const auto update = session->Update(asked.question->text());
+  if (!update.ok()) {
+    answer->refused = update.status().message();
+    session.reset();
+    return true;
+  }
+  TriangleMeshSink sink(&answer->mesh);
+  const Status sent = session->SendMesh(sink);
+  if (!sent.ok()) answer->refused = sent.message();
+  answer->has_rows = true;
+  answer->exact = true;
+  answer->any_bound = true;
+  answer->triangles = update->triangles;
+  answer->bound = update->error_bound * (1 + 1e-6);
+  answer->limit = update->limit;
+  return true;
+}
+
+// By the program, in a session of its own that comes from another query.
+bool AskFollow(const Asked& asked, Answer* answer) {
+  if (asked.question->normals) return false;
+  const std::string path = NewFile(asked, "jsonl");
+  const std::string output = NewFile(asked, "%d.ply");
+  WriteText(path, "{\"threshold\": {\"relative\": 0.02}}\n" + asked.question->text() + "\n");
+  const Ran ran = asked.world->Mtdb({"follow", Serving(asked)->url() + ObjectPath(asked), "--path",
+                                     path, "--output", output, "--timeout", "60", "--json"});
+  const auto json = nlohmann::json::parse(ran.out, nullptr, false);
+  if (!ran.ok() || !json.is_object() || json.value("steps", Json::array()).size() != 2) {
+    answer->refused = ran.err.empty() ? "no JSON: " + ran.out : ran.err;
+    return true;
+  }
+  ReadAnswerJson(json.at("steps").at(1).dump(), answer);
+  answer->any_bound = true;
+  std::string file = output;
+  file.replace(file.find("%d"), 2, "2");
+  ReadAnswerFile(file, answer);
+  return true;
+}
+
+}  // namespace
+
+const std::vector<NamedWay>& Ways() {
+  static const std::vector<NamedWay> kWays = {
+      {"c++", AskCpp},
+      {"json", AskJson},
+      {"c", AskC},
+      {"command", AskCommand},
+      {"command-json", AskCommandJson},
+      {"get", AskGet},
+      {"post", AskPost},
+      {"fetch", AskFetch},
+      {"fetch-library", AskFetchLibrary},
+      {"session", AskSession},
+      {"follow", AskFollow},
+  };
+  return kWays;
+}
+
+}  // namespace mtdb::everything

@@ -1,0 +1,136 @@
+// World: what a walk acts on: a folder of stores, servers, sessions, and the model of all that.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "tests/everything/model.h"
+#include "tests/everything/process.h"
+#include "tests/everything/question.h"
+#include "tools/client.h"
+
+namespace mtdb::everything {
+
+struct WorldOptions {
+  std::string mtdb;    // the program
+  std::string folder;  // of this walk alone; exists
+};
+
+// `mtdb serve` of one store.
+class Server {
+ public:
+  Server(const WorldOptions& options, const std::string& store);
+  const std::string& url() const { return url_; }  // empty: it did not come up
+  int port() const;
+  std::string errors() const { return child_.err(); }
+
+ private:
+  Child child_;
+  std::string url_;
+};
+
+struct StorePlace {
+  std::string path;
+  StoreModel model;
+  std::unique_ptr<Server> server;
+  std::map<std::string, std::unique_ptr<RemoteSession>> sessions;  // by object
+};
+
+// What was done and seen.
+struct Counts {
+  uint64_t steps = 0, acts = 0, questions = 0, answers = 0, faults = 0;
+};
+
+class World {
+ public:
+  explicit World(WorldOptions options);
+
+  // Does all steps; returns when they are done, or when a store is not what it must be.
+  void Walk(const Walk& walk);
+
+  const WorldOptions& options() const { return options_; }
+  std::string Folder(const std::string& name) const { return options_.folder + "/" + name; }
+  const std::string& scratch() const { return scratch_; }
+  StorePlace& Store(int64_t number);
+  // The path by which a step names a store: plain, relative, symlink, hardlink, folder (a link).
+  std::string PathOf(int64_t store, const std::string& by);
+
+  // Runs mtdb; reports signals, time-outs and what sanitizers say.
+  Ran Mtdb(Arguments arguments, RunOptions run = {});
+  Ran Checked(Ran ran, const std::string& what);
+
+  // Notes a fault of the current step. `kind` is what tells faults apart; shrinking keeps it.
+  void Fault(const std::string& kind, const std::string& detail);
+  // `kind` with a message, less its numbers and paths.
+  void ErrorFault(const std::string& kind, const std::string& message);
+  // No more steps after this one.
+  void Stop() { stopped_ = true; }
+  bool stopped() const { return stopped_; }
+  // Where the walk is, for who has to say where it ended.
+  void Note(const std::string& where);
+
+  Counts& counts() { return counts_; }
+  std::set<std::string> expected_files;  // in stores/, beside stores and locks
+  // Ingests that were killed: what they were told, less the kill; by store and name.
+  std::map<std::string, Step> interrupted;
+
+ private:
+  WorldOptions options_;
+  std::string scratch_;
+  std::vector<std::unique_ptr<StorePlace>> stores_;
+  size_t step_ = 0;
+  bool stopped_ = false;
+  Counts counts_;
+};
+
+// acts.cc: the table of acts.
+using Act = void (*)(World& world, const Step& step);
+Act ActOf(const std::string& name);  // null: none of that name
+std::vector<std::string> ActNames();
+
+// What a way of asking has brought.
+struct Answer {
+  std::string way;
+  std::string format;  // of the file that it came in; empty: none
+  TriangleMesh mesh;
+  bool has_rows = false;   // attributes as stored
+  bool has_order = true;   // vertices that triangles share
+  bool exact = false;      // positions in double; else compared as float32
+  bool lossy = false;      // a format that rounds as it likes
+  bool any_bound = false;  // the bound may be smaller than that of a fresh query
+  double bound = 0;
+  std::string limit;
+  uint64_t triangles = 0;   // as told
+  std::optional<bool> met;  // whether it says that the threshold is kept
+  std::string refused;      // why there is no mesh; empty: there is one
+};
+
+struct Asked {
+  World* world;
+  int64_t store;
+  std::string name;
+  const StoredObject* object;
+  const Question* question;
+  const Step* step;
+};
+// ways.cc: the table of ways of asking. False: this way cannot ask that.
+using Way = bool (*)(const Asked& asked, Answer* answer);
+struct NamedWay {
+  const char* name;
+  Way ask;
+};
+const std::vector<NamedWay>& Ways();
+
+// judge.cc: holds an answer against the model. `reference`: the first way's answer, or null; its
+// faults are not told again. Returns what was wrong.
+std::set<std::string> Judge(const Asked& asked, const Answer& answer, const Answer* reference,
+                            const std::set<std::string>& told = {});
+// The record of an object in a store, as the library reads it.
+Result<ObjectRecord> ReadRecord(const std::string& store, const std::string& name);
+
+// The mode that library ingests go through: a process of its own.
+int LibraryIngestMain(int count, char** arguments);
+
+}  // namespace mtdb::everything
