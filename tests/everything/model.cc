@@ -5,6 +5,8 @@
 #include <cstring>
 
 #include "store/base/attribute_grid.h"
+#include "store/base/bytes.h"
+#include "store/base/hash.h"
 
 namespace mtdb::everything {
 
@@ -176,7 +178,13 @@ std::string VertexKey(const TriangleMesh& mesh, VertexIndex v, bool as_float, si
         as_float ? sizeof(single) : sizeof(value));
   }
   const size_t stride = mesh.header.attributes.row_bytes();
-  key.append(reinterpret_cast<const char*>(mesh.rows.data()) + v * stride, row_bytes);
+  const ByteSpan row = ByteSpan(mesh.rows).subspan(v * stride, row_bytes);
+  constexpr size_t kMaxRow = 64;
+  if (row_bytes <= kMaxRow) {
+    key += AsString(row);
+  } else {
+    key += std::to_string(Hash64(row));
+  }
   return key;
 }
 

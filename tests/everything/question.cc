@@ -237,7 +237,9 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
   } else {
     if (step.has("threshold")) {
       q->json["threshold"] = "full";
-      AddOptions(&q->options, Arguments{"--full"});
+      // The command line takes a budget for the opposite.
+      const bool budget = step.has("triangles") || step.has("bytes");
+      AddOptions(&q->options, budget ? Arguments{} : Arguments{"--full"});
     }
     q->query.threshold = FullResolution();
     q->full = true;

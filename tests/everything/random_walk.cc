@@ -94,7 +94,7 @@ class Maker {
     step->Set("shape", OneOf(ShapeNames()));
     step->Set("shapeseed", Between(1, 1000));
     step->Set("size", static_cast<int64_t>(Scaled(4, 2500)));
-    if (Chance(0.04)) step->Set("size", Between(9000, 40000));
+    if (Chance(0.04)) step->Set("size", Between(9000, 20000));
     if (Chance(0.6)) {
       step->Set("place", OneOf(std::initializer_list<const char*>{"tiny", "huge", "utm", "side"}));
     }
@@ -121,12 +121,12 @@ class Maker {
       if (Chance(0.35)) kinds += (kinds.empty() ? "" : ",") + kind;
     }
     if (!kinds.empty()) step->Set("attr", kinds);
-    if (!Chance(0.1)) return;
+    if (!Chance(0.12)) return;
     // Rows of up to 20 KB, of few vertices or of many.
     step->Set("wide", static_cast<int64_t>(Scaled(8, 2500)));
     if (Chance(0.5)) {
-      const double most = 1.5e8 / (8.0 * static_cast<double>(step->Int("wide", 1)));
-      step->Set("size", static_cast<int64_t>(std::min(400000.0, Scaled(1000, 2 * most + 2000))));
+      const double most = 1e8 / (8.0 * static_cast<double>(step->Int("wide", 1)));
+      step->Set("size", static_cast<int64_t>(std::min(60000.0, Scaled(1000, most + 2000))));
       step->Set("memory", 256);
       step->Set("format", std::string("ply"));
     }
@@ -155,14 +155,14 @@ class Maker {
     killed.Set("name", Name());
     Input(&killed);
     Options(&killed);
-    if (Chance(0.7)) {
+    if (Chance(0.8)) {
       killed.Set("size", Between(1500, 6000));
       killed.Set("via", std::string("library"));
       killed.Set("tile", Between(100, 600));
       killed.Set("kill", Between(3, 14));
     } else {
-      killed.Set("size", Between(18000, 50000));
-      killed.Set("kill", Between(1, 40));
+      killed.Set("size", Between(18000, 30000));
+      killed.Set("kill", Between(1, 25));
     }
     for (const char* key : {"wide", "memory"}) killed.with.erase(key);
     killed.Set("force", 1);
@@ -198,7 +198,7 @@ class Maker {
     Options(&step);
     step.with.erase("memory");
     step.with.erase("wide");
-    step.Set("size", Between(50, 5000));
+    step.Set("size", Between(50, 3000));
   }
 
   std::string PlaceInBox() {

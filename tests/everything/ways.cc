@@ -133,7 +133,8 @@ void ReadAnswerFile(const std::string& path, Answer* answer) {
   answer->has_rows = format.rows;
   answer->has_order = format.order;
   answer->lossy = format.lossy;
-  const Status status = ReadOutput(path, &answer->mesh);
+  // Readers refuse what has no triangle, which is the right answer to some questions.
+  const Status status = answer->triangles == 0 ? Status::Ok() : ReadOutput(path, &answer->mesh);
   if (!status.ok()) answer->refused = "what was written cannot be read: " + status.message();
   std::error_code error;
   std::filesystem::remove(path, error);

@@ -149,7 +149,9 @@ void World::Walk(const everything::Walk& walk) {
   }
   Note("end");
   for (const auto& place : stores_) {
-    for (auto& [name, session] : place->sessions) session->Close();
+    for (auto& [name, session] : place->sessions) {
+      if (session != nullptr) session->Close();
+    }
     place->sessions.clear();
     if (place->server) {
       const std::string errors = place->server->errors();
