@@ -4,8 +4,8 @@
 
 #include "tests/builder/cgal_mesh.h"
 #include "tests/builder/fixture.h"
+#include "tests/builder/nasty_meshes.h"
 #include "tests/support/mesh_check.h"
-#include "tests/support/nasty_meshes.h"
 
 namespace mtdb::testing {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "bench/internal/hausdorff.h"
 #include "tests/builder/fixture.h"
-#include "tests/support/nasty_meshes.h"
+#include "tests/builder/nasty_meshes.h"
 
 namespace mtdb::testing {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "tests/builder/fixture.h"
-#include "tests/support/nasty_meshes.h"
+#include "tests/builder/nasty_meshes.h"
 
 namespace mtdb::testing {
 namespace {

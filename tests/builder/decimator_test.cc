@@ -6,8 +6,8 @@
 #include "builder/internal/tiling.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
+#include "tests/builder/nasty_meshes.h"
 #include "tests/support/mesh_check.h"
-#include "tests/support/nasty_meshes.h"
 
 namespace mtdb::testing {
 namespace {

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <random>
 
+#include "tests/builder/nasty_meshes.h"
 #include "tests/everything/input.h"
-#include "tests/support/nasty_meshes.h"
 #include "tools/internal/generate.h"
 
 namespace mtdb::everything {

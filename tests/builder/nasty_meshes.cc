@@ -1,4 +1,4 @@
-#include "tests/support/nasty_meshes.h"
+#include "tests/builder/nasty_meshes.h"
 
 #include <cmath>
 #include <random>
