@@ -205,10 +205,9 @@ int CompareStores(const Arguments& arguments) {
 class Layout {
  public:
   Layout(const ClusterIndex& index, std::span<const uint32_t> order) : at_(order.size()) {
-    constexpr uint64_t kChecksumBytes = 8;
     uint64_t next = 0;
     for (const uint32_t c : order) {
-      const uint64_t bytes = index.location(ClusterId(c)).length + kChecksumBytes;
+      const uint64_t bytes = index.location(ClusterId(c)).length;
       const uint64_t left = kValueBytes - next % kValueBytes;
       if (bytes > left && left < kValueBytes) next += left;
       at_[c] = {next, next + bytes};

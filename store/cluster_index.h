@@ -1,4 +1,4 @@
-// ClusterIndex: the cluster DAG of an object, resident while the object is open. Small: some 80
+// ClusterIndex: the cluster DAG of an object, resident while the object is open. Small: some 90
 // bytes a cluster of a few thousand nodes. Layout in store/FORMAT.md.
 #pragma once
 
@@ -36,9 +36,10 @@ struct RootPieceEntry {
 
 // Where a cluster's or root piece's payload lies: a value of the store and a range in it.
 struct PayloadLocation {
-  uint32_t value = 0;   // number of the value within its table, in key order of writing
-  uint32_t offset = 0;  // bytes, of the checksum that precedes the payload
-  uint32_t length = 0;  // bytes, without that checksum
+  uint32_t value = 0;     // number of the value within its table, in key order of writing
+  uint32_t offset = 0;    // bytes
+  uint32_t length = 0;    // bytes, > 0
+  uint64_t checksum = 0;  // of the payload, and of what it is of: store/FORMAT.md, "Index"
   friend bool operator==(const PayloadLocation&, const PayloadLocation&) = default;
 };
 

@@ -26,8 +26,12 @@ const std::string& Database::path() const { return environment_->path(); }
 Result<uint64_t> Database::FileBytes() const { return environment_->file().Size(); }
 
 Result<std::vector<ObjectRecord>> Database::List() const {
-  MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());
-  MTDB_ASSIGN_OR_RETURN(CatalogListing listing, ListCatalog(snapshot));
+  Status first = Status::Ok();
+  MTDB_ASSIGN_OR_RETURN(CatalogListing listing,
+                        ListCatalog(*environment_, [&](const Status& status) {
+                          if (first.ok()) first = status;
+                        }));
+  MTDB_RETURN_IF_ERROR(first);
   return std::move(listing.objects);
 }
 
@@ -42,8 +46,7 @@ Result<ObjectRecord> Database::Find(const std::string& name) const {
                            (all.size() > 5 ? ", ..." : "") + "); choose one by its name (--name)");
   }
   MTDB_RETURN_IF_ERROR(CheckObjectName(name));
-  MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());
-  MTDB_ASSIGN_OR_RETURN(auto record, FindObject(snapshot, name));
+  MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
   if (!record) return NotFound(path() + ": no object " + name + "; see list");
   return *std::move(record);
 }

@@ -28,11 +28,14 @@ struct OpenOptions {
 };
 
 // Safe for many threads, and for many processes on one file. One Database per file and process is
-// enough: opening a file that this process has open shares the environment.
+// enough: opening a file that this process has open shares the environment. Reading needs leave to
+// read the file and nothing else, keeps nothing from writers, and goes on in a forked child;
+// writing needs a Database that the process opened itself.
 class Database {
  public:
-  // Checks the size and both meta pages before LMDB sees the file; with `writable` also walks the
-  // tree pages, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError.
+  // Checks the size and both meta pages; with `writable` also walks the tree pages, since LMDB
+  // trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kBusy (another program writes
+  // the file by another name).
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
                                                 const OpenOptions& options = {});
   ~Database();
@@ -41,7 +44,7 @@ class Database {
   // Size of the file in bytes.
   Result<uint64_t> FileBytes() const;
 
-  // Published objects, by name.
+  // Published objects, by name, each as of a moment during the call.
   Result<std::vector<ObjectRecord>> List() const;
   // The object of that name; with an empty name, the store's only object.
   Result<ObjectRecord> Find(const std::string& name) const;
@@ -67,15 +70,17 @@ class ObjectWriter {
  public:
   virtual ~ObjectWriter() = default;
 
-  // Returns the cluster's id: 0, 1, 2, ... `children` ascending and without repetition.
+  // Returns the cluster's id: 0, 1, 2, ... `children` ascending and without repetition, a payload
+  // of 1 byte to 1 GiB.
   virtual Result<ClusterId> AddCluster(const ClusterEntry& entry,
                                        std::span<const ClusterId> children, ByteSpan payload) = 0;
-  // After the last cluster. A piece's payload is at most 1 MiB.
+  // After the last cluster. A piece's payload has 1 byte to 1 MiB.
   virtual Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry,
                                            std::span<const ClusterId> children,
                                            ByteSpan payload) = 0;
   // Writes the index and flips the catalog. `record` comes without id, name, payload_bytes,
-  // stored_bytes and digest; the published record is returned. A replaced object's pages are freed.
+  // stored_bytes, index_checksum and digest; the published record is returned. A replaced object's
+  // pages are freed.
   virtual Result<ObjectRecord> Publish(const ObjectRecord& record) = 0;
 };
 

@@ -285,6 +285,7 @@ ByteWriter PutDigests(const ObjectRecord& o) {
   w.Put(o.border_digest);
   w.PutVarint(o.payload_bytes);
   w.PutVarint(o.stored_bytes);
+  w.Put(o.index_checksum);
   w.Put(o.digest_low);
   w.Put(o.digest_high);
   return w;
@@ -294,6 +295,7 @@ void GetDigests(RecordReader* r, ObjectRecord* o) {
   o->border_digest = r->Get<uint64_t>();
   o->payload_bytes = r->Get64();
   o->stored_bytes = r->Get64();
+  o->index_checksum = r->Get<uint64_t>();
   o->digest_low = r->Get<uint64_t>();
   o->digest_high = r->Get<uint64_t>();
 }

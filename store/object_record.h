@@ -84,15 +84,22 @@ struct ObjectRecord {
   uint64_t border_digest = 0;   // over directed edges without a partner
 
   // Filled in by ObjectWriter::Publish.
-  uint64_t payload_bytes = 0;  // clusters and root pieces
-  uint64_t stored_bytes = 0;   // pages that the object occupies, in bytes
-  uint64_t digest_low = 0;     // 128 bits over keys and values, free of object id and name
+  uint64_t payload_bytes = 0;   // clusters and root pieces
+  uint64_t stored_bytes = 0;    // pages that the object occupies, in bytes
+  uint64_t index_checksum = 0;  // of the cluster index, and so of every payload
+  uint64_t digest_low = 0;      // 128 bits over keys and values, free of object id and name
   uint64_t digest_high = 0;
 
   double diagonal() const { return Diagonal(bounds); }
   // First VertexIndex of a cluster's nodes is in ClusterIndex; the total is vertices.
   std::string digest_hex() const;
 };
+
+// An id is never used twice in a store, but another file may be copied over it.
+inline bool IsSameObject(const ObjectRecord& a, const ObjectRecord& b) {
+  return a.id == b.id && a.index_checksum == b.index_checksum && a.digest_low == b.digest_low &&
+         a.digest_high == b.digest_high;
+}
 
 Bytes EncodeObjectRecord(const ObjectRecord& record);
 // `where` names the record in messages.

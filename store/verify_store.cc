@@ -16,6 +16,7 @@ namespace mtdb {
 namespace {
 
 constexpr size_t kMaxFailures = 200;
+constexpr int kTries = 5;
 
 class StoreVerifier {
  public:
@@ -44,7 +45,7 @@ class StoreVerifier {
 
   void CheckCatalog() {
     const Status status =
-        ListCatalogLeniently(snapshot_, &listing_, [&](const Status& failure) { Fail(failure); });
+        ListCatalog(snapshot_, &listing_, [&](const Status& failure) { Fail(failure); });
     if (!status.ok()) Fail(status);
     for (const ObjectRecord& o : listing_.objects) {
       AddOwner(o.id);
@@ -105,8 +106,10 @@ class StoreVerifier {
     const std::string place = ObjectPlace(path_, record);
     ObjectDigest digest;
     uint64_t index_values = 0;
-    const auto index =
-        LoadIndex(snapshot_, record, [&](IndexKind kind, uint32_t first, ByteSpan body) {
+    const auto index = LoadIndex(
+        path_, record,
+        [&](const Bytes& key, const std::string& at) { return ReadIndexValue(snapshot_, key, at); },
+        [&](IndexKind kind, uint32_t first, ByteSpan body) {
           ++index_values;
           digest.AddIndexValue(kind, first, body);
         });
@@ -129,10 +132,9 @@ class StoreVerifier {
       const PayloadLocation& location = index->location(id);
       const bool ends_value =
           i + 1 == index->cluster_count() || index->location(ClusterId{i + 1}).offset == 0;
-      const auto payload =
-          ReadPayload(Table::kClusters, keys.ClusterValueKey(location.value), location, ends_value,
-                      ClusterSeed(record.id, id, entry.round, entry.hilbert),
-                      place + ": cluster " + std::to_string(i));
+      const auto payload = ReadPayload(
+          Table::kClusters, keys.ClusterValueKey(location.value), location, ends_value,
+          ClusterSeed(id, entry.round, entry.hilbert), place + ": cluster " + std::to_string(i));
       whole = whole && payload.ok();
       if (!payload.ok()) {
         Fail(payload.status());
@@ -148,7 +150,7 @@ class StoreVerifier {
           i + 1 == index->root_piece_count() || index->location(RootPieceId{i + 1}).offset == 0;
       const auto payload =
           ReadPayload(Table::kRoot, keys.RootValueKey(location.value), location, ends_value,
-                      RootSeed(record.id, id), place + ": root piece " + std::to_string(i));
+                      RootSeed(id), place + ": root piece " + std::to_string(i));
       whole = whole && payload.ok();
       if (!payload.ok()) {
         Fail(payload.status());
@@ -195,17 +197,17 @@ class StoreVerifier {
     compare("root triangles", record.root_triangles, triangles);
   }
 
-  // As a reader reads it; besides, the last blob of a value must reach the value's end.
+  // As a reader reads it; besides, the last payload of a value must reach the value's end.
   Result<Bytes> ReadPayload(Table table, const Bytes& key, const PayloadLocation& location,
                             bool ends_value, uint64_t seed, const std::string& where) {
     MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.Find(table, key));
     if (!value) return Corrupt(where + ": its value is missing");
-    const uint64_t end = uint64_t{location.offset} + kChecksumBytes + location.length;
+    const uint64_t end = uint64_t{location.offset} + location.length;
     if (ends_value && end != value->size) {
       return Corrupt(where + ": expected the value's end at byte " + std::to_string(end) +
                      ", found " + std::to_string(value->size));
     }
-    return ReadBlob(snapshot_.pages(), *value, location, seed, where);
+    return mtdb::ReadPayload(snapshot_.pages(), *value, location, seed, where);
   }
 
   const Snapshot& snapshot_;
@@ -236,14 +238,25 @@ Status VerifyStore(const std::string& path, const std::string& object, CheckRepo
     return Status::Ok();
   }
   report->checks.push_back("meta pages, size of the file, superblock");
-  const auto snapshot = (*environment)->BeginRead(true);
-  if (!snapshot.ok()) {
-    if (snapshot.status().code() != StatusCode::kCorrupt) return snapshot.status();
-    report->failures.push_back(snapshot.status().message());
+  for (int i = 0; i < kTries; ++i) {
+    const auto snapshot = (*environment)->NewestPinned();
+    if (!snapshot.ok()) {
+      if (snapshot.status().code() != StatusCode::kCorrupt) return snapshot.status();
+      report->failures.push_back(snapshot.status().message());
+      return Status::Ok();
+    }
+    CheckReport found = *report;
+    StoreVerifier(*snapshot, &found).Run(object);
+    const auto held = (*environment)->Holds(*snapshot);
+    if (held.ok() && !*held) continue;
+    *report = std::move(found);
+    if (!held.ok()) report->failures.push_back(held.status().message());
     return Status::Ok();
   }
-  StoreVerifier(*snapshot, report).Run(object);
-  return Status::Ok();
+  return {StatusCode::kBusy,
+          path +
+              ": it is being written, and its lock file cannot be used to keep a snapshot for "
+              "that long: verify it when nobody writes, or as a user who may write both files"};
 }
 
 }  // namespace mtdb

@@ -18,7 +18,9 @@ struct CheckReport {
 // trusts its pages), accounts for every page of the file (live, free, meta), then reads every
 // value of `object` (all objects when empty) and checks its checksum, the index, the counts and
 // the digest. Uses memory of a few bytes per page. Appends to `report`; the Status is an error only
-// when nothing could be examined (no such file, i/o error). Safe beside readers and writers.
+// when nothing could be examined (no such file, i/o error). Safe beside readers and writers; kBusy
+// when it was overtaken by writers again and again, since it cannot use the lock file to pin a
+// snapshot.
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report);
 
 }  // namespace mtdb

@@ -1,5 +1,8 @@
 #include "store/internal/catalog.h"
 
+#include <algorithm>
+#include <iterator>
+#include <limits>
 #include <unistd.h>
 
 #include "store/internal/builder_lock.h"
@@ -9,6 +12,7 @@ namespace mtdb {
 namespace {
 
 constexpr uint64_t kMaxRecordBytes = 64 << 20;
+constexpr size_t kEntriesAtOnce = 64;
 constexpr uint64_t kKeysPerRemoval = 4096;
 constexpr uint64_t kBytesPerRemoval = 256 << 20;
 
@@ -73,13 +77,20 @@ Status AddEntry(const std::string& path, ByteSpan key, ByteSpan value, uint64_t 
   return Status::Ok();
 }
 
-}  // namespace
-
-Status ListCatalogLeniently(const Snapshot& snapshot, CatalogListing* listing,
-                            const std::function<void(const Status&)>& fail) {
+// Entries from the key `*from` on, at most `limit` of them; `*from` is then the next key, or
+// nothing at the end.
+Status ListPart(const Snapshot& snapshot, std::optional<Bytes>* from, size_t limit,
+                CatalogListing* listing, const EntryFailure& fail) {
   PageReader& pages = snapshot.pages();
+  const Bytes first = from->value_or(Bytes());
+  from->reset();
   return snapshot.Scan(
-      Table::kCatalog, {}, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+      Table::kCatalog, first, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+        if (limit == 0) {
+          from->emplace(key.begin(), key.end());
+          return false;
+        }
+        --limit;
         const auto bytes = pages.ReadWhole(value, kMaxRecordBytes);
         const Status status = bytes.ok() ? AddEntry(pages.file().path(), key, *bytes,
                                                     snapshot.superblock().next_object_id, listing)
@@ -89,14 +100,39 @@ Status ListCatalogLeniently(const Snapshot& snapshot, CatalogListing* listing,
       });
 }
 
-Result<CatalogListing> ListCatalog(const Snapshot& snapshot) {
-  CatalogListing listing;
-  Status first = Status::Ok();
-  MTDB_RETURN_IF_ERROR(ListCatalogLeniently(snapshot, &listing, [&](const Status& status) {
-    if (first.ok()) first = status;
-  }));
-  MTDB_RETURN_IF_ERROR(first);
-  return listing;
+}  // namespace
+
+Status ListCatalog(const Snapshot& snapshot, CatalogListing* listing, const EntryFailure& fail) {
+  std::optional<Bytes> from;
+  return ListPart(snapshot, &from, std::numeric_limits<size_t>::max(), listing, fail);
+}
+
+// Part by part, so that it comes to an end however fast writers are.
+Result<CatalogListing> ListCatalog(Environment& environment, const EntryFailure& fail) {
+  CatalogListing all;
+  std::optional<Bytes> from;
+  do {
+    CatalogListing part;
+    std::vector<Status> failures;
+    std::optional<Bytes> next;
+    MTDB_RETURN_IF_ERROR(environment.Read([&](const Snapshot& snapshot) {
+      part = {};
+      failures.clear();
+      next = from;
+      return ListPart(snapshot, &next, kEntriesAtOnce, &part,
+                      [&](const Status& status) { failures.push_back(status); });
+    }));
+    std::ranges::move(part.objects, std::back_inserter(all.objects));
+    std::ranges::move(part.building, std::back_inserter(all.building));
+    std::ranges::move(part.garbage, std::back_inserter(all.garbage));
+    for (const Status& status : failures) fail(status);
+    from = std::move(next);
+  } while (from);
+  return all;
+}
+
+Result<std::optional<ObjectRecord>> FindObject(Environment& environment, const std::string& name) {
+  return environment.Read([&](const Snapshot& snapshot) { return FindObject(snapshot, name); });
 }
 
 Result<std::optional<ObjectRecord>> FindObject(const Snapshot& snapshot, const std::string& name) {
@@ -158,15 +194,12 @@ Status RemoveRemains(Environment& environment, ObjectId id) {
 }
 
 Status RemoveDead(Environment& environment) {
+  // A damaged entry is its own object's trouble: `verify` and `list` tell of it.
+  MTDB_ASSIGN_OR_RETURN(const CatalogListing listing,
+                        ListCatalog(environment, [](const Status&) {}));
   std::vector<ObjectId> candidates;
-  {
-    MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment.BeginRead());
-    // A damaged entry is its own object's trouble: `verify` and `list` tell of it.
-    CatalogListing listing;
-    MTDB_RETURN_IF_ERROR(ListCatalogLeniently(snapshot, &listing, [](const Status&) {}));
-    for (const auto& [id, entry] : listing.building) candidates.push_back(id);
-    for (const auto& [id, entry] : listing.garbage) candidates.push_back(id);
-  }
+  for (const auto& [id, entry] : listing.building) candidates.push_back(id);
+  for (const auto& [id, entry] : listing.garbage) candidates.push_back(id);
   for (const ObjectId id : candidates) {
     MTDB_ASSIGN_OR_RETURN(const auto lock, BuilderLock::TryAcquire(environment.real_path(), id));
     if (!lock) continue;

@@ -21,14 +21,18 @@ struct CatalogListing {
   std::vector<std::pair<ObjectId, PendingEntry>> garbage;
 };
 
-// Every entry; the first that fails its checks is the error.
-Result<CatalogListing> ListCatalog(const Snapshot& snapshot);
+// Gets what a bad entry gives.
+using EntryFailure = std::function<void(const Status&)>;
 
-// The same, one entry at a time: `fail` gets what a bad entry gives, and the walk goes on.
-Status ListCatalogLeniently(const Snapshot& snapshot, CatalogListing* listing,
-                            const std::function<void(const Status&)>& fail);
+// Every entry of the newest catalog, each as of a moment during the call; an object that is there
+// all the time is there once. A bad entry goes to `fail`, and the walk goes on.
+Result<CatalogListing> ListCatalog(Environment& environment, const EntryFailure& fail);
+// The same of one snapshot.
+Status ListCatalog(const Snapshot& snapshot, CatalogListing* listing, const EntryFailure& fail);
 
 Result<std::optional<ObjectRecord>> FindObject(const Snapshot& snapshot, const std::string& name);
+// In the newest snapshot.
+Result<std::optional<ObjectRecord>> FindObject(Environment& environment, const std::string& name);
 
 // In a write transaction.
 Result<std::optional<ObjectRecord>> FindObject(WriteTransaction& write, const std::string& path,

@@ -1,61 +1,23 @@
 #include "store/internal/environment.h"
 
-#include <algorithm>
-#include <cerrno>
 #include <condition_variable>
-#include <cstdlib>
-#include <cstring>
-#include <lmdb.h>
 #include <map>
-#include <sys/resource.h>
-#include <sys/stat.h>
-#include <sys/statvfs.h>
+#include <tuple>
+#include <unistd.h>
 
-#include "store/internal/page_walker.h"
 #include "store/internal/store_check.h"
+#include "store/internal/test_hooks.h"
 
 namespace mtdb {
-namespace {
-
-static_assert(sizeof(void*) == 8, "a store is mapped as a whole: 64-bit machines only");
-static_assert(sizeof(MDB_dbi) == sizeof(unsigned));
-
-constexpr uint64_t kMapReserve = uint64_t{1} << 40;   // address space, not memory
-constexpr uint64_t kMapSmallest = uint64_t{1} << 24;  // when the system gives no more
-constexpr uint64_t kLowDisk = uint64_t{1} << 26;
-constexpr unsigned kReaders = 512;
-constexpr int kTries = 100;
-
-MDB_val ToVal(ByteSpan b) {
-  return {b.size(), const_cast<void*>(static_cast<const void*>(b.data()))};
-}
-
-// The file's own path, so that programs that open it through different symbolic links use one lock
-// file.
-Result<std::string> RealPath(const StoreFile& file) {
-  const std::unique_ptr<char, decltype(&std::free)> real(::realpath(file.path().c_str(), nullptr),
-                                                         &std::free);
-  struct stat info {};
-  if (real == nullptr || ::stat(real.get(), &info) != 0) {
-    return IoError(file.path() + ": cannot find its real path: " + std::strerror(errno));
-  }
-  if (info.st_dev != file.device() || info.st_ino != file.inode()) {
-    return Status(StatusCode::kBusy,
-                  file.path() + ": the file was replaced while it was opened; try again");
-  }
-  return std::string(real.get());
-}
-
-ByteSpan FromVal(const MDB_val& v) { return {static_cast<const std::byte*>(v.mv_data), v.mv_size}; }
-
-}  // namespace
 
 // ---- registry: LMDB must not open a file twice in a process -------------------------------------
 
 struct Environment::Registry {
+  // Process, device, inode: a forked child must not use the environments of its parent.
+  using Key = std::tuple<pid_t, uint64_t, uint64_t>;
   std::mutex mutex;
   std::condition_variable closed;
-  std::map<std::pair<uint64_t, uint64_t>, std::weak_ptr<Environment>> open;  // by device, inode
+  std::map<Key, std::weak_ptr<Environment>> open;
 };
 
 Environment::Registry& Environment::GetRegistry() {
@@ -70,8 +32,7 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
     access = options.create ? StoreFile::Access::kCreate : StoreFile::Access::kReadWrite;
   }
   MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
-  MTDB_ASSIGN_OR_RETURN(std::string real_path, RealPath(*file));
-  const std::pair key{file->device(), file->inode()};
+  const Registry::Key key{::getpid(), file->device(), file->inode()};
 
   Registry& registry = GetRegistry();
   std::unique_lock lock(registry.mutex);
@@ -79,7 +40,7 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
     if (auto environment = it->second.lock()) {
       lock.unlock();
       if (environment->opened()) {
-        if (options.writable) MTDB_RETURN_IF_ERROR(environment->MakeWritable());
+        if (options.writable) MTDB_RETURN_IF_ERROR(environment->lmdb_.MakeWritable(true));
         return environment;
       }
       environment.reset();  // whoever opened it first failed: try it anew
@@ -88,227 +49,87 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
     }
     registry.closed.wait(lock);  // its last handle is just closing it
   }
-  std::shared_ptr<Environment> environment(new Environment(std::move(file), std::move(real_path)),
-                                           [key](Environment* e) {
-                                             Registry& r = GetRegistry();
-                                             const std::lock_guard guard(r.mutex);
-                                             delete e;
-                                             r.open.erase(key);
-                                             r.closed.notify_all();
-                                           });
+  std::shared_ptr<Environment> environment(new Environment(std::move(file)), [key](Environment* e) {
+    Registry& r = GetRegistry();
+    const std::lock_guard guard(r.mutex);
+    delete e;
+    r.open.erase(key);
+    r.closed.notify_all();
+  });
   // An error destroys `environment`, whose deleter takes the registry's lock: hold it no longer.
   registry.open[key] = environment;
-  const std::unique_lock exclusive(environment->mutex_);
+  const std::unique_lock exclusive(environment->opening_);
   lock.unlock();
-  Status status = environment->CheckBeforeOpen(options.writable && options.create);
-  if (status.ok()) status = environment->OpenLmdb(options.writable, 0, true);
-  if (!status.ok()) return status;
-  environment->opened_ = true;
+  MTDB_RETURN_IF_ERROR(environment->OpenFirst(options));
   return environment;
 }
 
-Environment::Environment(std::unique_ptr<StoreFile> file, std::string real_path)
-    : file_(std::move(file)), real_path_(std::move(real_path)) {}
+Environment::Environment(std::unique_ptr<StoreFile> file)
+    : file_(std::move(file)), lmdb_(file_.get()) {}
 
-bool Environment::opened() const {
-  const std::shared_lock lock(mutex_);  // waits for the opener
-  return opened_;
-}
-
-Environment::~Environment() { CloseLmdb(); }
-
-bool Environment::writable() const {
-  const std::shared_lock lock(mutex_);
-  return writable_;
-}
-
-// ---- opening ------------------------------------------------------------------------------------
-
-Status Environment::CheckBeforeOpen(bool may_be_empty) {
-  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
-  if (bytes == 0 && may_be_empty) return Status::Ok();
-  return CheckStoreFile(*file_);
-}
-
-Status Environment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pages) {
-  uint64_t smallest = kMapSmallest;
-  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
-  while (smallest < bytes || smallest < map_at_least) smallest *= 2;
-  if (name_claim_ == nullptr || name_claim_writable_ != writable ||
-      !name_claim_->CheckLockFile().ok()) {
-    name_claim_.reset();
-    MTDB_ASSIGN_OR_RETURN(name_claim_, NameClaim::Acquire(real_path_, writable));
-    name_claim_writable_ = writable;
-  }
-  int rc = 0;
-  for (uint64_t size = std::max(kMapReserve, smallest); size >= smallest; size /= 2) {
-    rc = mdb_env_create(&env_);
-    if (rc != 0) return Error(rc, "preparing LMDB");
-    map_size_ = size;
-    mdb_env_set_mapsize(env_, size);
-    mdb_env_set_maxreaders(env_, kReaders);
-    unsigned flags = MDB_NOSUBDIR | MDB_NOTLS;
-    if (!writable) flags |= MDB_RDONLY;
-    rc = mdb_env_open(env_, real_path_.c_str(), flags, 0644);
-    if (rc == 0) break;
-    mdb_env_close(env_);
-    env_ = nullptr;
-    if (rc != ENOMEM) break;
-  }
-  if (rc != 0) return Error(rc, "opening the store");
-  if (const Status status = name_claim_->CheckLockFile(); !status.ok()) {
-    CloseLmdb();
-    return status;
-  }
-  MDB_stat stat;
-  mdb_env_stat(env_, &stat);
-  page_size_ = stat.ms_psize;
-  int stale = 0;
-  mdb_reader_check(env_, &stale);
-  writable_ = writable;
-  if (!writable) return Status::Ok();
-  const Status status = check_pages ? CheckPinnedPages() : Status::Ok();
-  if (!status.ok()) CloseLmdb();
-  return status;
-}
-
-// The tree pages are checked once, under a pinned snapshot, before LMDB's writer trusts them.
-Status Environment::CheckPinnedPages() {
-  MDB_txn* txn = nullptr;
-  const int rc = mdb_txn_begin(env_, nullptr, MDB_RDONLY, &txn);
-  if (rc != 0) return Error(rc, "reading");
-  Status status = Status::Ok();
-  const auto meta = ReadMetaPageOf(*file_, mdb_txn_id(txn), page_size_);
-  if (!meta.ok()) {
-    status = meta.status();
-  } else if (auto state = LoadSnapshotState(*file_, *meta); !state.ok()) {
-    status = state.status();
-  } else {
-    status = CheckTreePages((*state)->pages);
-  }
-  mdb_txn_abort(txn);
-  return status;
-}
-
-void Environment::CloseLmdb() {
-  if (env_ != nullptr) mdb_env_close(env_);
-  env_ = nullptr;
-}
-
-Status Environment::MakeWritable() {
-  const std::unique_lock lock(mutex_);
-  if (writable_) return Status::Ok();
-  // Says in plain words when the file cannot be written, and notices a file moved over this one.
-  MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(real_path_, StoreFile::Access::kReadWrite));
-  if (file->device() != file_->device() || file->inode() != file_->inode()) {
-    return {StatusCode::kBusy,
-            path() + ": the file was replaced while it was open; close it first"};
-  }
-  CloseLmdb();
-  Status status = CheckBeforeOpen(true);
-  if (status.ok()) status = OpenLmdb(true, 0, true);
-  if (!status.ok()) {
-    // Readers of this process go on as before.
-    if (env_ == nullptr) {
-      const Status again = OpenLmdb(false, 0, true);
-      if (!again.ok()) return again;
-    }
-    return status;
-  }
+Status Environment::OpenFirst(const OpenOptions& options) {
+  MTDB_RETURN_IF_ERROR(options.writable ? lmdb_.MakeWritable(options.create)
+                                        : CheckStoreFile(*file_));
+  opened_ = true;
   return Status::Ok();
 }
 
-// After a meta page could not be written, LMDB wants to be opened anew.
-Status Environment::Reopen() {
-  const std::unique_lock lock(mutex_);
-  CloseLmdb();
-  MTDB_RETURN_IF_ERROR(CheckBeforeOpen(writable_));
-  return OpenLmdb(writable_, 0, true);
-}
-
-// Another process made the file larger than the map.
-Status Environment::AdoptMapSize() {
-  const std::unique_lock lock(mutex_);
-  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
-  return Remap(2 * bytes);
-}
-
-Status Environment::GrowMap() {
-  const std::unique_lock lock(mutex_);
-  return Remap(2 * map_size_);
-}
-
-// LMDB loses its map when it cannot change it: open anew instead, at the old size if need be.
-Status Environment::Remap(uint64_t at_least) {
-  const uint64_t before = map_size_;
-  CloseLmdb();
-  const Status status = OpenLmdb(writable_, at_least, false);
-  if (status.ok()) return status;
-  MTDB_RETURN_IF_ERROR(OpenLmdb(writable_, before, false));
-  return {StatusCode::kNoSpace, path() + ": no address space for a map of " +
-                                    std::to_string(at_least) +
-                                    " bytes; raise the limit (ulimit -v)"};
+bool Environment::opened() const {
+  const std::shared_lock lock(opening_);
+  return opened_;
 }
 
 // ---- reading ------------------------------------------------------------------------------------
 
-Result<std::shared_ptr<SnapshotState>> Environment::StateOf(uint64_t txnid, bool fresh) {
-  if (!fresh) {
-    const std::lock_guard lock(state_mutex_);
-    if (state_ != nullptr && state_->pages.meta().txnid == txnid) return state_;
-  }
-  MTDB_ASSIGN_OR_RETURN(const MetaPage meta, ReadMetaPageOf(*file_, txnid, page_size_));
-  MTDB_ASSIGN_OR_RETURN(auto state, LoadSnapshotState(*file_, meta));
-  if (fresh) return state;
-  const std::lock_guard lock(state_mutex_);
-  if (state_ == nullptr || state_->pages.meta().txnid < txnid) state_ = state;
-  return state;
-}
-
-Result<Snapshot> Environment::BeginRead(bool fresh) {
-  Status last = Status::Ok();
+Result<Snapshot> Environment::Newest(bool fresh) {
+  Snapshot snapshot;
   for (int i = 0; i < kTries; ++i) {
-    std::shared_lock lock(mutex_);
-    if (env_ == nullptr) return IoError(path() + ": the store could not be reopened");
-    MDB_txn* txn = nullptr;
-    const int rc = mdb_txn_begin(env_, nullptr, MDB_RDONLY, &txn);
-    if (rc == MDB_MAP_RESIZED) {
-      lock.unlock();
-      MTDB_RETURN_IF_ERROR(AdoptMapSize());
-      continue;
+    MTDB_ASSIGN_OR_RETURN(const MetaPages metas, ReadMetaPages(*file_));
+    if (!fresh) {
+      const std::lock_guard lock(state_mutex_);
+      if (state_ != nullptr && state_->pages.meta() == metas.live()) snapshot.state_ = state_;
     }
-    if (rc == MDB_PANIC) {
-      lock.unlock();
-      MTDB_RETURN_IF_ERROR(Reopen());
-      continue;
+    if (snapshot.state_ != nullptr) {
+      ReachTestPoint("snapshot taken");
+      return snapshot;
     }
-    if (rc == MDB_READERS_FULL && i == 0) {
-      int stale = 0;
-      mdb_reader_check(env_, &stale);
-      if (stale > 0) continue;
+    auto state = LoadSnapshotState(*file_, metas.live());
+    if (state.ok()) {
+      snapshot.state_ = *std::move(state);
+      {
+        const std::lock_guard lock(state_mutex_);
+        state_ = snapshot.state_;
+      }
+      ReachTestPoint("snapshot taken");
+      return snapshot;
     }
-    if (rc != 0) return Error(rc, "reading");
-    auto state = StateOf(mdb_txn_id(txn), fresh);
-    if (state.ok()) return Snapshot(std::move(lock), txn, *std::move(state));
-    mdb_txn_abort(txn);
-    last = state.status();
-    // The snapshot's meta page was overwritten by two commits: take a newer snapshot.
-    if (last.code() != StatusCode::kNotFound && last.code() != StatusCode::kBusy) return last;
+    MTDB_ASSIGN_OR_RETURN(const MetaPages again, ReadMetaPages(*file_));
+    if (again.page == metas.page) return state.status();
   }
-  return Status(StatusCode::kBusy, last.message() + "; writers are too fast, try again");
+  return Busy();
 }
 
-Snapshot::Snapshot(std::shared_lock<std::shared_mutex> lock, MDB_txn* txn,
-                   std::shared_ptr<SnapshotState> state)
-    : lock_(std::move(lock)), txn_(txn), state_(std::move(state)) {}
-
-Snapshot::Snapshot(Snapshot&& other) noexcept
-    : lock_(std::move(other.lock_)), txn_(other.txn_), state_(std::move(other.state_)) {
-  other.txn_ = nullptr;
+Result<Snapshot> Environment::NewestPinned() {
+  // Pinned first: the snapshot is that one or a later one.
+  auto pin = lmdb_.PinNewest();
+  MTDB_ASSIGN_OR_RETURN(Snapshot snapshot, Newest(true));
+  if (pin.ok()) snapshot.pin_ = std::make_shared<Pin>(*std::move(pin));
+  return snapshot;
 }
 
-Snapshot::~Snapshot() {
-  if (txn_ != nullptr) mdb_txn_abort(txn_);
+// A page that transaction n frees is one of snapshot n - 1, and transaction n + 2 is the first that
+// may write to it. So while at most one transaction was committed after a snapshot, nothing of it
+// was written to.
+Result<bool> Environment::Holds(const Snapshot& snapshot) const {
+  if (snapshot.pinned()) return true;
+  const MetaPage& meta = snapshot.pages().meta();
+  MTDB_ASSIGN_OR_RETURN(const MetaPages metas, ReadMetaPages(*file_));
+  return metas.page[meta.txnid % 2] == meta &&
+         (metas.live().txnid == meta.txnid || metas.live().txnid == meta.txnid + 1);
+}
+
+Status Environment::Busy() const {
+  return {StatusCode::kBusy, path() + ": writers are too fast for this reader; try again"};
 }
 
 Result<std::optional<ValueRef>> Snapshot::Find(Table table, ByteSpan key) const {
@@ -321,207 +142,6 @@ Status Snapshot::Scan(Table table, ByteSpan first, const PageReader::Visitor& vi
                         if (key.empty() || key[0] != static_cast<std::byte>(table)) return false;
                         return visit(key.subspan(1), value);
                       });
-}
-
-// ---- writing ------------------------------------------------------------------------------------
-
-Status Environment::Write(const std::function<Status(WriteTransaction&)>& body) {
-  for (;;) {
-    int rc = 0;
-    {
-      const std::shared_lock lock(mutex_);
-      if (env_ == nullptr) return IoError(path() + ": the store could not be reopened");
-      MTDB_CHECK(writable_, "the database was not opened for writing");
-      const Status status = TryWrite(body, &rc);
-      if (rc != MDB_MAP_FULL && rc != MDB_MAP_RESIZED && rc != MDB_PANIC) return status;
-    }
-    if (rc == MDB_MAP_FULL) {
-      MTDB_RETURN_IF_ERROR(GrowMap());
-    } else if (rc == MDB_MAP_RESIZED) {
-      MTDB_RETURN_IF_ERROR(AdoptMapSize());
-    } else {
-      MTDB_RETURN_IF_ERROR(Reopen());
-    }
-  }
-}
-
-Status Environment::TryWrite(const std::function<Status(WriteTransaction&)>& body,
-                             int* lmdb_error) {
-  // A reader that died would keep freed pages from being used again.
-  int stale = 0;
-  mdb_reader_check(env_, &stale);
-  MDB_txn* txn = nullptr;
-  *lmdb_error = mdb_txn_begin(env_, nullptr, 0, &txn);
-  if (*lmdb_error != 0) return Error(*lmdb_error, "writing");
-  unsigned tree = 0;
-  *lmdb_error = mdb_dbi_open(txn, nullptr, 0, &tree);
-  MDB_stat stat{};
-  if (*lmdb_error == 0) *lmdb_error = mdb_stat(txn, tree, &stat);
-  if (*lmdb_error != 0) {
-    mdb_txn_abort(txn);
-    return Error(*lmdb_error, "writing");
-  }
-  WriteTransaction write(this, txn, tree);
-  const Bytes key = SuperblockKey();
-  const std::string where = path() + ": catalog: superblock";
-  Status status = [&] {
-    if (stat.ms_entries == 0) {  // the first transaction
-      MTDB_ASSIGN_OR_RETURN(const MetaPages metas, ReadMetaPages(*file_));
-      write.superblock_.map_size = metas.live().map_size;
-    } else {
-      MTDB_ASSIGN_OR_RETURN(const auto found, write.GetSealed(Table::kCatalog, key));
-      if (!found) return Corrupt(where + ": missing");
-      MTDB_ASSIGN_OR_RETURN(write.superblock_, DecodeSuperblock(*found, where));
-    }
-    MTDB_RETURN_IF_ERROR(body(write));
-    write.superblock_.transaction_id = mdb_txn_id(txn);
-    write.superblock_.map_size = std::max(write.superblock_.map_size, map_size_);
-    return write.PutSealed(Table::kCatalog, key, EncodeSuperblock(write.superblock_));
-  }();
-  if (!status.ok()) {
-    mdb_txn_abort(txn);
-    *lmdb_error = write.lmdb_error_;
-    return status;
-  }
-  *lmdb_error = mdb_txn_commit(txn);
-  return *lmdb_error == 0 ? Status::Ok() : Error(*lmdb_error, "writing");
-}
-
-Status Environment::Error(int lmdb_error, const std::string& doing) const {
-  const std::string what = path() + ": " + doing + ": " + mdb_strerror(lmdb_error);
-  const std::string kept = "; what was committed before is unharmed";
-  switch (lmdb_error) {
-    case ENOSPC:
-    case EDQUOT:
-    case EFBIG: return {StatusCode::kNoSpace, what + ": free some space and try again" + kept};
-    case MDB_MAP_FULL:
-    case ENOMEM: return {StatusCode::kNoSpace, what + ": free some memory and try again" + kept};
-    case MDB_READERS_FULL:
-      return {StatusCode::kBusy, what + ": " + std::to_string(kReaders) +
-                                     " readers are active; try again when some have finished"};
-    case EIO: {
-      // LMDB reports a short write, which is what a full disk gives first, as EIO.
-      struct statvfs disk {};
-      struct rlimit limit {};
-      const auto size = file_->Size();
-      const bool full = ::statvfs(path().c_str(), &disk) == 0 &&
-                        uint64_t{disk.f_bavail} * disk.f_frsize < kLowDisk;
-      const bool limited = ::getrlimit(RLIMIT_FSIZE, &limit) == 0 &&
-                           limit.rlim_cur != RLIM_INFINITY && size.ok() &&
-                           *size + kLowDisk > limit.rlim_cur;
-      if (full || limited) {
-        return {StatusCode::kNoSpace, path() + ": " + doing + ": " +
-                                          (full ? "the disk" : "the file size limit") +
-                                          " is full: free some space and try again" + kept};
-      }
-      return IoError(what + ": check the disk" + kept);
-    }
-    case MDB_CORRUPTED:
-    case MDB_PAGE_NOTFOUND:
-    case MDB_INVALID:
-    case MDB_BAD_TXN: return Corrupt(what + ": run verify, restore the file from a copy");
-    case MDB_VERSION_MISMATCH:
-      return Unsupported(what + ": the lock file belongs to another LMDB; close its programs");
-    case EACCES:
-    case EROFS:
-    case EPERM: return IoError(what + ": the file and its -lock file must be accessible");
-    default: return IoError(what);
-  }
-}
-
-Result<std::optional<ByteSpan>> WriteTransaction::Get(Table table, ByteSpan key) {
-  const Bytes tree_key = TreeKey(table, key);
-  MDB_val k = ToVal(tree_key);
-  MDB_val v;
-  const int rc = mdb_get(txn_, tree_, &k, &v);
-  if (rc == MDB_NOTFOUND) return std::optional<ByteSpan>();
-  if (rc != 0) return Fail(rc);
-  return std::optional<ByteSpan>(FromVal(v));
-}
-
-Status WriteTransaction::Put(Table table, ByteSpan key, ByteSpan value) {
-  const Bytes tree_key = TreeKey(table, key);
-  MDB_val k = ToVal(tree_key);
-  MDB_val v = ToVal(value);
-  const int rc = mdb_put(txn_, tree_, &k, &v, 0);
-  return rc == 0 ? Status::Ok() : Fail(rc);
-}
-
-Status WriteTransaction::Delete(Table table, ByteSpan key) {
-  const Bytes tree_key = TreeKey(table, key);
-  MDB_val k = ToVal(tree_key);
-  const int rc = mdb_del(txn_, tree_, &k, nullptr);
-  if (rc == MDB_NOTFOUND) return NotFound(environment_->path() + ": no such entry");
-  return rc == 0 ? Status::Ok() : Fail(rc);
-}
-
-Result<bool> WriteTransaction::DeletePrefix(Table table, ByteSpan prefix, uint64_t max_keys,
-                                            uint64_t max_bytes) {
-  const Bytes tree_prefix = TreeKey(table, prefix);
-  MDB_cursor* cursor = nullptr;
-  int rc = mdb_cursor_open(txn_, tree_, &cursor);
-  if (rc != 0) return Fail(rc);
-  bool done = false;
-  uint64_t keys = 0;
-  uint64_t bytes = 0;
-  while (keys < max_keys && bytes < max_bytes) {
-    MDB_val k = ToVal(tree_prefix);
-    MDB_val v;
-    rc = mdb_cursor_get(cursor, &k, &v, MDB_SET_RANGE);
-    if (rc == MDB_NOTFOUND ||
-        (rc == 0 && (k.mv_size < tree_prefix.size() ||
-                     !std::ranges::equal(FromVal(k).first(tree_prefix.size()), tree_prefix)))) {
-      rc = 0;
-      done = true;
-      break;
-    }
-    if (rc != 0) break;
-    ++keys;
-    bytes += v.mv_size;
-    rc = mdb_cursor_del(cursor, 0);
-    if (rc != 0) break;
-  }
-  mdb_cursor_close(cursor);
-  if (rc != 0) return Fail(rc);
-  return done;
-}
-
-Status WriteTransaction::Scan(Table table, ByteSpan first, const Visitor& visit) {
-  MDB_cursor* cursor = nullptr;
-  int rc = mdb_cursor_open(txn_, tree_, &cursor);
-  if (rc != 0) return Fail(rc);
-  const Bytes tree_first = TreeKey(table, first);
-  MDB_val k = ToVal(tree_first);
-  MDB_val v;
-  Status status = Status::Ok();
-  rc = mdb_cursor_get(cursor, &k, &v, MDB_SET_RANGE);
-  while (rc == 0 && FromVal(k)[0] == tree_first[0]) {
-    const Result<bool> go_on = visit(FromVal(k).subspan(1), FromVal(v));
-    if (!go_on.ok()) status = go_on.status();
-    if (!go_on.ok() || !*go_on) break;
-    rc = mdb_cursor_get(cursor, &k, &v, MDB_NEXT);
-  }
-  mdb_cursor_close(cursor);
-  if (rc != 0 && rc != MDB_NOTFOUND) return Fail(rc);
-  return status;
-}
-
-Result<std::optional<Bytes>> WriteTransaction::GetSealed(Table table, ByteSpan key) {
-  MTDB_ASSIGN_OR_RETURN(const auto value, Get(table, key));
-  if (!value) return std::optional<Bytes>();
-  const std::string where =
-      environment_->path() + ": " + kTableNames[static_cast<size_t>(table)] + ": entry";
-  MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(table, key, *value, where));
-  return std::optional<Bytes>(Bytes(body.begin(), body.end()));
-}
-
-Status WriteTransaction::PutSealed(Table table, ByteSpan key, ByteSpan body) {
-  return Put(table, key, SealValue(table, key, body));
-}
-
-Status WriteTransaction::Fail(int lmdb_error) {
-  lmdb_error_ = lmdb_error;
-  return environment_->Error(lmdb_error, "writing");
 }
 
 }  // namespace mtdb

@@ -11,8 +11,8 @@ constexpr uint8_t kExplicitArcs = 0x01;
 constexpr uint8_t kBeginsValue = 0x02;
 
 // The least bytes of a row: a hostile count is found before memory is taken for it.
-constexpr size_t kMinClusterRowBytes = 17;
-constexpr size_t kMinRootRowBytes = 11;
+constexpr size_t kMinClusterRowBytes = 25;
+constexpr size_t kMinRootRowBytes = 19;
 
 void PutBounds(const Box3i& bounds, const Vec3i& previous_min, ByteWriter* w) {
   for (int i = 0; i < 3; ++i) {
@@ -96,6 +96,7 @@ class RowReader {
 
   PayloadLocation GetLocation(bool begins_value) {
     const uint32_t length = Get32("length of the payload");
+    if (length == 0) Fail("length of the payload", 0);
     if (begins_value) {
       if (begun_ == kNone32) Fail("number of values", begun_);
       ++begun_;
@@ -107,7 +108,8 @@ class RowReader {
     location.value = begun_ - 1;
     location.offset = static_cast<uint32_t>(end_);
     location.length = length;
-    end_ += kChecksumBytes + uint64_t{length};
+    location.checksum = r_.Get<uint64_t>();
+    end_ += length;
     if (end_ > kNone32) Fail("end of the payload", end_);
     return location;
   }
@@ -140,7 +142,7 @@ class RowReader {
   Status status_;
   Vec3i previous_min_;
   uint32_t begun_ = 0;  // values that begin before the next row
-  uint64_t end_ = 0;    // of the blob before, in its value
+  uint64_t end_ = 0;    // of the payload before, in its value
   std::vector<ClusterId> children_;
 };
 
@@ -216,6 +218,7 @@ Bytes EncodeIndexRows(const ClusterIndex& index, IndexKind kind, uint32_t first,
       w.Put(e.error_code_min);
       w.Put(e.error_code_max);
       w.PutVarint(location.length);
+      w.Put(location.checksum);
       PutChildren(index.children(ClusterId{i}), i, &w);
       previous = e;
     } else {
@@ -226,6 +229,7 @@ Bytes EncodeIndexRows(const ClusterIndex& index, IndexKind kind, uint32_t first,
       w.PutVarint(e.triangles);
       w.PutVarint(e.vertices);
       w.PutVarint(location.length);
+      w.Put(location.checksum);
       PutChildren(index.children(RootPieceId{i}), index.cluster_count(), &w);
     }
   }

@@ -69,13 +69,11 @@ Bytes ObjectPrefix(ObjectId id) {
   return w.Take();
 }
 
-uint64_t ClusterSeed(ObjectId object, ClusterId cluster, uint8_t round, uint64_t hilbert) {
-  return MixAll('C', object.value, cluster.value, round, hilbert);
+uint64_t ClusterSeed(ClusterId cluster, uint8_t round, uint64_t hilbert) {
+  return MixAll('C', cluster.value, round, hilbert);
 }
 
-uint64_t RootSeed(ObjectId object, RootPieceId piece) {
-  return MixAll('R', object.value, piece.value);
-}
+uint64_t RootSeed(RootPieceId piece) { return MixAll('R', piece.value); }
 
 uint64_t ValueSeed(Table table, ByteSpan key) {
   return MixAll(table == Table::kCatalog ? 'K' : 'I', Hash64(key));

@@ -50,8 +50,9 @@ constexpr uint64_t MixAll(uint64_t first, Rest... rest) {
   return m;
 }
 
-uint64_t ClusterSeed(ObjectId object, ClusterId cluster, uint8_t round, uint64_t hilbert);
-uint64_t RootSeed(ObjectId object, RootPieceId piece);
+// Of payloads. Free of the object's id, as the whole index is.
+uint64_t ClusterSeed(ClusterId cluster, uint8_t round, uint64_t hilbert);
+uint64_t RootSeed(RootPieceId piece);
 // Values of the tables catalog and index.
 uint64_t ValueSeed(Table table, ByteSpan key);
 

@@ -27,7 +27,8 @@ class ObjectDigest {
   void AddRecord(ObjectRecord record) {
     record.id = ObjectId{1};
     record.name = "x";
-    record.payload_bytes = record.stored_bytes = record.digest_low = record.digest_high = 0;
+    record.payload_bytes = record.stored_bytes = record.index_checksum = 0;
+    record.digest_low = record.digest_high = 0;
     const Bytes bytes = EncodeObjectRecord(record);
     low_ += Hash64(bytes, MixAll('K', 1));
     high_ += Hash64(bytes, MixAll('K', 2));

@@ -29,7 +29,7 @@ Status CheckIndex(const ClusterIndex& index, const std::string& where) {
         return Corrupt(where + ": cluster " + std::to_string(i) + ": hilbert codes must ascend");
       }
       if (location.value != previous.value + (begins ? 1 : 0) ||
-          (!begins && location.offset != previous.offset + kChecksumBytes + previous.length)) {
+          (!begins && location.offset != previous.offset + previous.length)) {
         return Corrupt(where + ": cluster " + std::to_string(i) +
                        ": expected its payload right after the one before");
       }
@@ -47,9 +47,9 @@ Status CheckIndex(const ClusterIndex& index, const std::string& where) {
     const PayloadLocation& location = index.location(RootPieceId{i});
     const bool begins = location.offset == 0;
     const PayloadLocation previous =
-        i == 0 ? PayloadLocation{kNone32, 0, 0} : index.location(RootPieceId{i - 1});
+        i == 0 ? PayloadLocation{kNone32, 0, 0, 0} : index.location(RootPieceId{i - 1});
     if (location.value != previous.value + (begins ? 1 : 0) || (i == 0 && !begins) ||
-        (!begins && location.offset != previous.offset + kChecksumBytes + previous.length)) {
+        (!begins && location.offset != previous.offset + previous.length)) {
       return Corrupt(where + ": root piece " + std::to_string(i) +
                      ": expected its payload right after the one before");
     }
@@ -63,11 +63,21 @@ std::string ObjectPlace(const std::string& path, const ObjectRecord& record) {
   return path + ": object " + std::to_string(record.id.value) + " (" + record.name + ")";
 }
 
-Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& record,
+Result<Bytes> ReadIndexValue(const Snapshot& snapshot, const Bytes& key, const std::string& place) {
+  MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kIndex, key));
+  if (!value) return Corrupt(place + ": missing");
+  MTDB_ASSIGN_OR_RETURN(Bytes bytes, snapshot.pages().ReadWhole(*value, kMaxIndexValueBytes));
+  MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kIndex, key, bytes, place));
+  bytes.erase(bytes.begin(), bytes.end() - static_cast<ptrdiff_t>(body.size()));
+  return bytes;
+}
+
+Result<ClusterIndex> LoadIndex(const std::string& store, const ObjectRecord& record,
+                               const IndexValueSource& source,
                                const IndexValueReceiver& value_read) {
-  PageReader& pages = snapshot.pages();
-  const std::string where = ObjectPlace(pages.file().path(), record) + ": index";
+  const std::string where = ObjectPlace(store, record) + ": index";
   ClusterIndex index;
+  uint64_t chain = 0;
   for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
     const uint32_t rows = kind == IndexKind::kClusters ? record.clusters : record.root_pieces;
     for (uint32_t first = 0; first < rows;) {
@@ -75,14 +85,17 @@ Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& rec
       const Bytes key = IndexKey(record.id, kind, first);
       const std::string place = where + ": rows from " + std::to_string(first) +
                                 (kind == IndexKind::kClusters ? " (clusters)" : " (root pieces)");
-      MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kIndex, key));
-      if (!value) return Corrupt(place + ": missing");
-      MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages.ReadWhole(*value, kMaxIndexValueBytes));
-      MTDB_ASSIGN_OR_RETURN(const ByteSpan body, OpenValue(Table::kIndex, key, bytes, place));
+      MTDB_ASSIGN_OR_RETURN(const Bytes body, source(key, place));
       MTDB_RETURN_IF_ERROR(DecodeIndexRows(body, kind, count, place, &index));
+      chain = ChainIndexValue(chain, body);
       if (value_read) value_read(kind, first, body);
       first += count;
     }
+  }
+  if (chain != record.index_checksum) {
+    return Corrupt(where + ": checksum: expected " + std::to_string(record.index_checksum) +
+                   " of its record, found " + std::to_string(chain) +
+                   "; run verify, restore the file from a copy");
   }
   MTDB_RETURN_IF_ERROR(CheckIndex(index, where));
   index.Finish(record.root_vertices);

@@ -18,10 +18,19 @@ namespace mtdb {
 // "a.mtdb: object 3 (bunny)": how messages name an object.
 std::string ObjectPlace(const std::string& path, const ObjectRecord& record);
 
+// Of all index values in the order of their keys: 0 at first, then with each one's body.
+inline uint64_t ChainIndexValue(uint64_t chain, ByteSpan body) { return Hash64(body, chain); }
+
+// Gets the body of an index value; `place` names it in messages.
+using IndexValueSource = std::function<Result<Bytes>(const Bytes& key, const std::string& place)>;
+Result<Bytes> ReadIndexValue(const Snapshot& snapshot, const Bytes& key, const std::string& place);
+
 // Reads all rows that the record promises and checks the whole: counts, values numbered without
-// gaps, children of finer rounds only. `value_read` (may be empty) sees each value's body.
+// gaps, children of finer rounds only. `value_read` (may be empty) sees each value's body. `store`
+// names the file.
 using IndexValueReceiver = std::function<void(IndexKind kind, uint32_t first_row, ByteSpan body)>;
-Result<ClusterIndex> LoadIndex(const Snapshot& snapshot, const ObjectRecord& record,
+Result<ClusterIndex> LoadIndex(const std::string& store, const ObjectRecord& record,
+                               const IndexValueSource& source,
                                const IndexValueReceiver& value_read = {});
 
 // The keys of an object's values in the tables clusters and root. Immutable.

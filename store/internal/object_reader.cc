@@ -8,8 +8,7 @@
 namespace mtdb {
 namespace {
 
-// Payloads that are read under one snapshot, before they are handed on without one.
-constexpr uint64_t kBytesPerSnapshot = 4 << 20;
+constexpr int kTries = 200;
 constexpr size_t kResolvedValues = 1 << 16;
 
 template <typename Id>
@@ -17,36 +16,21 @@ constexpr bool kIsCluster = std::is_same_v<Id, ClusterId>;
 
 }  // namespace
 
-Result<Bytes> ReadBlob(const PageReader& pages, const ValueRef& value,
-                       const PayloadLocation& location, uint64_t seed, const std::string& where) {
-  const uint64_t bytes = kChecksumBytes + uint64_t{location.length};
+Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,
+                          const PayloadLocation& location, uint64_t seed,
+                          const std::string& where) {
   const std::string place =
       where + ", offset " + std::to_string(value.file_offset + location.offset) + " of the file: ";
-  if (location.offset > value.size || bytes > value.size - location.offset) {
-    return Corrupt(place + "expected " + std::to_string(bytes) + " bytes at byte " +
+  if (location.offset > value.size || location.length > value.size - location.offset) {
+    return Corrupt(place + "expected " + std::to_string(location.length) + " bytes at byte " +
                    std::to_string(location.offset) + " of a value, found a value of " +
                    std::to_string(value.size));
   }
-  uint64_t checksum = 0;
-  Bytes payload;
-  if (value.page == nullptr) {
-    // One read for both; the payload then moves down over its checksum.
-    payload.resize(bytes);
-    MTDB_RETURN_IF_ERROR(pages.ReadValue(value, location.offset, payload));
-    ByteReader r(payload);
-    checksum = r.Get<uint64_t>();
-    payload.erase(payload.begin(), payload.begin() + kChecksumBytes);
-  } else {
-    std::array<std::byte, kChecksumBytes> head;
-    MTDB_RETURN_IF_ERROR(pages.ReadValue(value, location.offset, head));
-    ByteReader r(head);
-    checksum = r.Get<uint64_t>();
-    payload.resize(location.length);
-    MTDB_RETURN_IF_ERROR(pages.ReadValue(value, location.offset + kChecksumBytes, payload));
-  }
-  const uint64_t expected = Hash64(payload, seed);
-  if (checksum != expected) {
-    return Corrupt(place + "checksum: expected " + std::to_string(expected) + ", found " +
+  Bytes payload(location.length);
+  MTDB_RETURN_IF_ERROR(pages.ReadValue(value, location.offset, payload));
+  const uint64_t checksum = Hash64(payload, seed);
+  if (checksum != location.checksum) {
+    return Corrupt(place + "checksum: expected " + std::to_string(location.checksum) + ", found " +
                    std::to_string(checksum) + "; restore the file from a copy");
   }
   return payload;
@@ -54,12 +38,24 @@ Result<Bytes> ReadBlob(const PageReader& pages, const ValueRef& value,
 
 Result<std::shared_ptr<ClusterSource>> ObjectReader::Open(std::shared_ptr<Environment> environment,
                                                           const std::string& name) {
-  MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment->BeginRead());
-  MTDB_ASSIGN_OR_RETURN(auto record, FindObject(snapshot, name));
-  if (!record) return NotFound(environment->path() + ": no object " + name + "; see list");
-  MTDB_ASSIGN_OR_RETURN(ClusterIndex index, LoadIndex(snapshot, *record));
-  return std::shared_ptr<ClusterSource>(
-      new ObjectReader(std::move(environment), *std::move(record), std::move(index)));
+  const std::string& path = environment->path();
+  for (int i = 0; i < kTries; ++i) {
+    MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment, name));
+    if (!record) return NotFound(path + ": no object " + name + "; see list");
+    auto index = LoadIndex(path, *record, [&](const Bytes& key, const std::string& place) {
+      return environment->ReadProven(
+          [&](const Snapshot& snapshot) { return ReadIndexValue(snapshot, key, place); });
+    });
+    if (index.ok()) {
+      return std::shared_ptr<ClusterSource>(
+          new ObjectReader(std::move(environment), *std::move(record), *std::move(index)));
+    }
+    // Replaced since it was found?
+    MTDB_ASSIGN_OR_RETURN(const auto now, FindObject(*environment, name));
+    if (now && IsSameObject(*now, *record)) return index.status();
+  }
+  return Status(StatusCode::kBusy,
+                path + ": object " + name + " is replaced again and again; try again");
 }
 
 ObjectReader::ObjectReader(std::shared_ptr<Environment> environment, ObjectRecord record,
@@ -70,9 +66,9 @@ ObjectReader::ObjectReader(std::shared_ptr<Environment> environment, ObjectRecor
       keys_(record_.id, index_),
       place_(ObjectPlace(environment_->path(), record_)) {}
 
-Status ObjectReader::Missing(const Snapshot& snapshot, const std::string& what) const {
-  MTDB_ASSIGN_OR_RETURN(const auto now, FindObject(snapshot, record_.name));
-  if (now && now->id == record_.id) return Corrupt(place_ + ": " + what + ": missing; run verify");
+Status ObjectReader::Explain(const Status& failure) const {
+  MTDB_ASSIGN_OR_RETURN(const auto now, FindObject(*environment_, record_.name));
+  if (now && IsSameObject(*now, record_)) return failure;
   return NotFound("object " + record_.name + " was removed from " + environment_->path() +
                   " after it was opened; open it again");
 }
@@ -82,9 +78,9 @@ Result<ValueRef> ObjectReader::FindValue(const Snapshot& snapshot, uint32_t valu
   Resolved& resolved = kIsCluster<Id> ? cluster_values_ : root_values_;
   {
     const std::lock_guard lock(mutex_);
-    if (resolved.txnid != snapshot.txnid() || resolved.values.size() > kResolvedValues) {
+    if (resolved.state != snapshot.state().serial || resolved.values.size() > kResolvedValues) {
       // An older snapshot's reader may undo a newer one's work here, never mix with it.
-      resolved.txnid = snapshot.txnid();
+      resolved.state = snapshot.state().serial;
       resolved.values.clear();
     }
     const auto it = resolved.values.find(value);
@@ -94,11 +90,11 @@ Result<ValueRef> ObjectReader::FindValue(const Snapshot& snapshot, uint32_t valu
   const Bytes key = kIsCluster<Id> ? keys_.ClusterValueKey(value) : keys_.RootValueKey(value);
   MTDB_ASSIGN_OR_RETURN(const auto found, snapshot.Find(table, key));
   if (!found) {
-    return Missing(snapshot, std::string(kTableNames[static_cast<size_t>(table)]) + " value " +
-                                 std::to_string(value));
+    return Corrupt(place_ + ": " + kTableNames[static_cast<size_t>(table)] + " value " +
+                   std::to_string(value) + ": missing; run verify");
   }
   const std::lock_guard lock(mutex_);
-  if (resolved.txnid == snapshot.txnid()) resolved.values.emplace(value, *found);
+  if (resolved.state == snapshot.state().serial) resolved.values.emplace(value, *found);
   return *found;
 }
 
@@ -110,14 +106,14 @@ Result<Bytes> ObjectReader::ReadOne(const Snapshot& snapshot, Id id) {
   std::string where = place_;
   if constexpr (kIsCluster<Id>) {
     const ClusterEntry& entry = index_.cluster(id);
-    seed = ClusterSeed(record_.id, id, entry.round, entry.hilbert);
+    seed = ClusterSeed(id, entry.round, entry.hilbert);
     where += ": cluster ";
   } else {
-    seed = RootSeed(record_.id, id);
+    seed = RootSeed(id);
     where += ": root piece ";
   }
   where += std::to_string(id.value);
-  return ReadBlob(snapshot.pages(), value, location, seed, where);
+  return ReadPayload(snapshot.pages(), value, location, seed, where);
 }
 
 template <typename Id, typename Receiver>
@@ -131,21 +127,30 @@ Status ObjectReader::ReadAll(std::span<const Id> ids, const Receiver& receive) {
   }
   std::vector<Id> order(ids.begin(), ids.end());
   std::ranges::sort(order);
-  for (size_t next = 0; next < order.size();) {
-    std::vector<std::pair<Id, Bytes>> payloads;
-    {
-      // No snapshot is held while the receiver works.
-      MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->BeginRead());
-      uint64_t bytes = 0;
-      for (; next < order.size() && bytes < kBytesPerSnapshot; ++next) {
-        MTDB_ASSIGN_OR_RETURN(Bytes payload, ReadOne(snapshot, order[next]));
-        bytes += payload.size();
-        payloads.emplace_back(order[next], std::move(payload));
-      }
-    }
-    for (auto& [id, payload] : payloads) MTDB_RETURN_IF_ERROR(receive(id, std::move(payload)));
+  if (order.empty()) return Status::Ok();
+  MTDB_ASSIGN_OR_RETURN(Snapshot snapshot, environment_->Newest());
+  for (const Id id : order) {
+    MTDB_ASSIGN_OR_RETURN(Bytes payload, ReadProven(id, &snapshot));
+    MTDB_RETURN_IF_ERROR(receive(id, std::move(payload)));
   }
   return Status::Ok();
+}
+
+// What the checksum proves is right, whatever has become of the snapshot. Anything else is looked
+// at in a newer one, if writers have used its pages again, and once without the pages that were
+// read before.
+template <typename Id>
+Result<Bytes> ObjectReader::ReadProven(Id id, Snapshot* snapshot) {
+  bool fresh = false;
+  for (int i = 0; i < kTries; ++i) {
+    auto payload = ReadOne(*snapshot, id);
+    if (payload.ok()) return payload;
+    MTDB_ASSIGN_OR_RETURN(const bool held, environment_->Holds(*snapshot));
+    if (held && fresh) return Explain(payload.status());
+    fresh = held;
+    MTDB_ASSIGN_OR_RETURN(*snapshot, environment_->Newest(fresh));
+  }
+  return Status(StatusCode::kBusy, place_ + ": writers are too fast for this reader; try again");
 }
 
 Status ObjectReader::ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) {

@@ -30,18 +30,21 @@ class ObjectReader final : public ClusterSource {
 
   // Values found in one snapshot.
   struct Resolved {
-    uint64_t txnid = 0;
+    uint64_t state = 0;  // its serial number
     std::unordered_map<uint32_t, ValueRef> values;
   };
 
   template <typename Id, typename Receiver>
   Status ReadAll(std::span<const Id> ids, const Receiver& receive);
   template <typename Id>
+  Result<Bytes> ReadProven(Id id, Snapshot* snapshot);
+  template <typename Id>
   Result<Bytes> ReadOne(const Snapshot& snapshot, Id id);
   template <typename Id>
   Result<ValueRef> FindValue(const Snapshot& snapshot, uint32_t value);
-  // Why a value is missing: the object was removed, or the store is corrupt.
-  Status Missing(const Snapshot& snapshot, const std::string& what) const;
+  // What to say of `failure`, which a snapshot that holds gave: that the object was removed, or
+  // `failure`.
+  Status Explain(const Status& failure) const;
 
   std::shared_ptr<Environment> environment_;
   const ObjectRecord record_;
@@ -53,8 +56,8 @@ class ObjectReader final : public ClusterSource {
   Resolved root_values_;
 };
 
-// The payload of the blob at `location` of `value`, after its checksum has been verified.
-Result<Bytes> ReadBlob(const PageReader& pages, const ValueRef& value,
-                       const PayloadLocation& location, uint64_t seed, const std::string& where);
+// The payload at `location` of `value`, after its checksum has been verified.
+Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,
+                          const PayloadLocation& location, uint64_t seed, const std::string& where);
 
 }  // namespace mtdb

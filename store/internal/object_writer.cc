@@ -5,6 +5,7 @@
 
 #include "store/internal/catalog.h"
 #include "store/internal/index_codec.h"
+#include "store/internal/object_index.h"
 #include "store/internal/test_hooks.h"
 #include "store/internal/value_packing.h"
 #include "store/object_name.h"
@@ -15,14 +16,6 @@ namespace {
 constexpr uint64_t kBytesPerTransaction = 32 << 20;
 constexpr uint64_t kMaxPayloadBytes = 1 << 30;
 
-Bytes MakeBlob(ByteSpan payload, uint64_t seed) {
-  ByteWriter w;
-  w.bytes().reserve(kChecksumBytes + payload.size());
-  w.Put(Hash64(payload, seed));
-  w.PutBytes(payload);
-  return w.Take();
-}
-
 // An id that no object had and no other builder holds. Nothing is written for it: the lock keeps
 // others away, and the first transaction with values makes it known.
 Result<std::pair<ObjectId, BuilderLock>> ReserveId(Environment& environment,
@@ -31,14 +24,16 @@ Result<std::pair<ObjectId, BuilderLock>> ReserveId(Environment& environment,
   std::optional<BuilderLock> lock;  // of the candidate
   for (;;) {
     // Looked up under the lock: who had it before may have used the id in the meantime.
-    MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment.BeginRead());
-    MTDB_ASSIGN_OR_RETURN(const auto published, FindObject(snapshot, name));
+    uint64_t next = 0;
+    MTDB_ASSIGN_OR_RETURN(const auto published, environment.Read([&](const Snapshot& snapshot) {
+      next = snapshot.superblock().next_object_id;
+      return FindObject(snapshot, name);
+    }));
     if (published && !replace) {
       return Status(StatusCode::kAlreadyExists,
                     environment.path() + ": object " + name +
                         " is there; choose another name, or replace it");
     }
-    const uint64_t next = snapshot.superblock().next_object_id;
     if (lock && candidate >= next) return std::pair(ObjectId{candidate}, *std::move(lock));
     candidate = std::max(candidate + (lock ? 0 : 1), next);
     MTDB_ASSIGN_OR_RETURN(lock,
@@ -112,8 +107,8 @@ Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
   if (entry.nodes == 0 || entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
     return InvalidArgument(place + "expected nodes, bounds and ordered error codes");
   }
-  if (payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
-    return InvalidArgument(place + "expected a payload of at most 1 GiB, found " +
+  if (payload.empty() || payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
+    return InvalidArgument(place + "expected a payload of 1 byte to 1 GiB, found " +
                            std::to_string(payload.size()) + " bytes");
   }
   if (entry.round != round_) {
@@ -125,10 +120,11 @@ Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
   Waiting w;
   w.entry = entry;
   w.children.assign(children.begin(), children.end());
-  w.blob = MakeBlob(payload, ClusterSeed(id_, ClusterId{id}, entry.round, entry.hilbert));
+  w.payload.assign(payload.begin(), payload.end());
+  w.checksum = Hash64(payload, ClusterSeed(ClusterId{id}, entry.round, entry.hilbert));
   digest_.AddCluster(ClusterId{id}, entry.round, entry.hilbert, payload);
   payload_bytes_ += payload.size();
-  waiting_bytes_.push_back(w.blob.size());
+  waiting_bytes_.push_back(payload.size());
   waiting_.push_back(std::move(w));
   MTDB_RETURN_IF_ERROR(PackClusters(false));
   return ClusterId{id};
@@ -142,19 +138,20 @@ Result<RootPieceId> StoreObjectWriter::AddRootPiece(const RootPieceEntry& entry,
     in_root_ = true;
   }
   const uint32_t id = index_.root_piece_count() + static_cast<uint32_t>(waiting_.size());
-  if (payload.size() > kMaxRootPayloadBytes || entry.bounds.empty()) {
+  if (payload.empty() || payload.size() > kMaxRootPayloadBytes || entry.bounds.empty()) {
     return InvalidArgument("object " + name_ + ": root piece " + std::to_string(id) +
-                           ": expected bounds and a payload of at most 1 MiB, found " +
+                           ": expected bounds and a payload of 1 byte to 1 MiB, found " +
                            std::to_string(payload.size()) + " bytes");
   }
   MTDB_RETURN_IF_ERROR(CheckChildren(children, index_.cluster_count()));
   Waiting w;
   w.root_entry = entry;
   w.children.assign(children.begin(), children.end());
-  w.blob = MakeBlob(payload, RootSeed(id_, RootPieceId{id}));
+  w.payload.assign(payload.begin(), payload.end());
+  w.checksum = Hash64(payload, RootSeed(RootPieceId{id}));
   digest_.AddRootPiece(RootPieceId{id}, payload);
   payload_bytes_ += payload.size();
-  waiting_bytes_.push_back(w.blob.size());
+  waiting_bytes_.push_back(payload.size());
   waiting_.push_back(std::move(w));
   MTDB_RETURN_IF_ERROR(PackRootPieces(false));
   return RootPieceId{id};
@@ -162,7 +159,7 @@ Result<RootPieceId> StoreObjectWriter::AddRootPiece(const RootPieceEntry& entry,
 
 Status StoreObjectWriter::PackClusters(bool last) {
   for (;;) {
-    const size_t count = BlobsOfNextValue(waiting_bytes_, last);
+    const size_t count = PayloadsOfNextValue(waiting_bytes_, last);
     if (count == 0) return Status::Ok();
     const ClusterEntry& first = waiting_[0].entry;
     values_of_round_ = first.round == value_round_ ? values_of_round_ + 1 : 0;
@@ -172,9 +169,9 @@ Status StoreObjectWriter::PackClusters(bool last) {
     for (size_t i = 0; i < count; ++i) {
       const Waiting& w = waiting_[i];
       const PayloadLocation location{values_, static_cast<uint32_t>(value.size()),
-                                     static_cast<uint32_t>(w.blob.size() - kChecksumBytes)};
+                                     static_cast<uint32_t>(w.payload.size()), w.checksum};
       index_.AddCluster(w.entry, location, w.children);
-      value.insert(value.end(), w.blob.begin(), w.blob.end());
+      value.insert(value.end(), w.payload.begin(), w.payload.end());
     }
     ++values_;
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
@@ -186,15 +183,15 @@ Status StoreObjectWriter::PackClusters(bool last) {
 
 Status StoreObjectWriter::PackRootPieces(bool last) {
   for (;;) {
-    const size_t count = BlobsOfNextValue(waiting_bytes_, last);
+    const size_t count = PayloadsOfNextValue(waiting_bytes_, last);
     if (count == 0) return Status::Ok();
     Bytes value;
     for (size_t i = 0; i < count; ++i) {
       const Waiting& w = waiting_[i];
       const PayloadLocation location{root_values_, static_cast<uint32_t>(value.size()),
-                                     static_cast<uint32_t>(w.blob.size() - kChecksumBytes)};
+                                     static_cast<uint32_t>(w.payload.size()), w.checksum};
       index_.AddRootPiece(w.root_entry, location, w.children);
-      value.insert(value.end(), w.blob.begin(), w.blob.end());
+      value.insert(value.end(), w.payload.begin(), w.payload.end());
     }
     const Bytes key = RootKey(id_, root_values_++);
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
@@ -212,6 +209,7 @@ Status StoreObjectWriter::QueueIndex() {
       const uint32_t count = std::min(kIndexRowsPerValue, rows - first);
       const Bytes body = EncodeIndexRows(index_, kind, first, count);
       digest_.AddIndexValue(kind, first, body);
+      index_checksum_ = ChainIndexValue(index_checksum_, body);
       Bytes key = IndexKey(id_, kind, first);
       Bytes value = SealValue(Table::kIndex, key, body);
       MTDB_RETURN_IF_ERROR(Queue(Table::kIndex, std::move(key), std::move(value)));
@@ -277,6 +275,7 @@ Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
   record.payload_bytes = payload_bytes_;
   record.stored_bytes = overflow_bytes_ + OverflowPages(node_bytes_, environment_->page_size()) *
                                               environment_->page_size();
+  record.index_checksum = index_checksum_;
   record.digest_low = digest_.low();
   record.digest_high = digest_.high();
   if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {

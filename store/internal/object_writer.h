@@ -32,7 +32,8 @@ class StoreObjectWriter final : public ObjectWriter {
     ClusterEntry entry;
     RootPieceEntry root_entry;
     std::vector<ClusterId> children;
-    Bytes blob;
+    Bytes payload;
+    uint64_t checksum = 0;
   };
   struct QueuedValue {
     Table table = Table::kClusters;
@@ -63,7 +64,7 @@ class StoreObjectWriter final : public ObjectWriter {
 
   ClusterIndex index_;  // without what waits
   std::vector<Waiting> waiting_;
-  std::vector<uint64_t> waiting_bytes_;  // of the blobs
+  std::vector<uint64_t> waiting_bytes_;  // of the payloads
   bool in_root_ = false;                 // waiting_ holds root pieces
   uint8_t round_ = 0;
   uint32_t round_begin_ = 0;  // first cluster of round_
@@ -76,6 +77,7 @@ class StoreObjectWriter final : public ObjectWriter {
   std::vector<QueuedValue> queue_;
   uint64_t queued_bytes_ = 0;
   uint64_t payload_bytes_ = 0;
+  uint64_t index_checksum_ = 0;
   uint64_t overflow_bytes_ = 0;
   uint64_t node_bytes_ = 0;
   ObjectDigest digest_;

@@ -1,6 +1,7 @@
 // PageReader: looks keys up in one snapshot of a store file, by reading pages and checking them.
-// It does not use LMDB's tree code, which trusts its pages. The snapshot must be pinned (by an
-// LMDB read transaction) during every call; results hold as long as it stays the snapshot.
+// It does not use LMDB's tree code, which trusts its pages. A writer may use the snapshot's pages
+// again meanwhile (Environment::Holds tells): results are then errors or anything else that passes
+// the checks, never a crash.
 #pragma once
 
 #include <cstdint>

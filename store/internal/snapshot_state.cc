@@ -1,8 +1,20 @@
 #include "store/internal/snapshot_state.h"
 
+#include <atomic>
 #include <string>
 
 namespace mtdb {
+namespace {
+
+uint64_t NextSerial() {
+  static std::atomic<uint64_t> serial{0};
+  return ++serial;
+}
+
+}  // namespace
+
+SnapshotState::SnapshotState(const StoreFile* file, const MetaPage& meta)
+    : serial(NextSerial()), pages(file, meta) {}
 
 Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
                                                          const MetaPage& meta) {

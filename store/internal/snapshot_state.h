@@ -1,6 +1,7 @@
 // SnapshotState: what one transaction left behind: its pages and superblock.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "store/base/status.h"
@@ -12,13 +13,14 @@ namespace mtdb {
 
 // Immutable but for the pages' cache; safe for many threads.
 struct SnapshotState {
-  SnapshotState(const StoreFile* file, const MetaPage& meta) : pages(file, meta) {}
+  SnapshotState(const StoreFile* file, const MetaPage& meta);
+  const uint64_t serial;  // of no other state in this process
   PageReader pages;
   Superblock superblock;  // of a store that was never written: the default
 };
 
-// Loads the superblock of the snapshot `meta`, and checks it against the meta page. The snapshot
-// must be pinned, or nobody may be writing.
+// Loads the superblock of the snapshot `meta`, and checks it against the meta page. An error counts
+// only if no writer has used the snapshot's pages again meanwhile.
 Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
                                                          const MetaPage& meta);
 

@@ -10,19 +10,19 @@ constexpr uint64_t kHeaderBytes = 16;
 
 }  // namespace
 
-size_t BlobsOfNextValue(std::span<const uint64_t> blob_bytes, bool last) {
+size_t PayloadsOfNextValue(std::span<const uint64_t> payload_bytes, bool last) {
   uint64_t total = 0;
-  for (const uint64_t b : blob_bytes) total += b;
-  if (total <= kMaxValueBytes) return last ? blob_bytes.size() : 0;
+  for (const uint64_t b : payload_bytes) total += b;
+  if (total <= kMaxValueBytes) return last ? payload_bytes.size() : 0;
 
-  // The cut that wastes the least part of its pages; without one, as many blobs as are allowed.
+  // The cut that wastes the least part of its pages; without one, as many payloads as are allowed.
   size_t best = 0;
   uint64_t best_waste = 0;
   uint64_t best_pages = 1;
   size_t allowed = 0;
   uint64_t bytes = 0;
-  for (size_t i = 0; i < blob_bytes.size(); ++i) {
-    bytes += blob_bytes[i];
+  for (size_t i = 0; i < payload_bytes.size(); ++i) {
+    bytes += payload_bytes[i];
     if (bytes > kMaxValueBytes) break;
     allowed = i + 1;
     if (bytes < kMinValueBytes) continue;

@@ -10,8 +10,8 @@ namespace mtdb {
 inline constexpr uint64_t kMinValueBytes = 32 << 10;
 inline constexpr uint64_t kMaxValueBytes = 96 << 10;
 
-// Given the sizes of the blobs that wait, in order: how many of them make the next value; 0 = wait
-// for more. `last`: no more will come.
-size_t BlobsOfNextValue(std::span<const uint64_t> blob_bytes, bool last);
+// Given the sizes of the payloads that wait, in order: how many of them make the next value; 0 =
+// wait for more. `last`: no more will come.
+size_t PayloadsOfNextValue(std::span<const uint64_t> payload_bytes, bool last);
 
 }  // namespace mtdb

@@ -102,14 +102,14 @@ void AddStoreValues(const SeedFolder& folder) {
     entry.error_code_max = 30;
     entry.explicit_arcs = c == 5;
     const ClusterId children[] = {ClusterId{0}, ClusterId{3}};
-    index.AddCluster(entry, {c / 2, c % 2 * 200, 192}, std::span(children, c >= 4 ? 2 : 0));
+    index.AddCluster(entry, {c / 2, c % 2 * 192, 192}, std::span(children, c >= 4 ? 2 : 0));
   }
   RootPieceEntry piece;
   piece.bounds.Add(Vec3i{-1, 2, 300});
   piece.triangles = 12;
   const ClusterId children[] = {ClusterId{4}, ClusterId{7}};
   index.AddRootPiece(piece, {0, 0, 4}, children);
-  index.AddRootPiece(piece, {0, 12, 4}, {});
+  index.AddRootPiece(piece, {0, 4, 4}, {});
   // The second byte: the number of rows.
   const auto rows = [&](IndexKind kind, uint32_t count) {
     return std::string(1, static_cast<char>(count)) +

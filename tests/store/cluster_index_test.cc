@@ -23,14 +23,14 @@ ClusterIndex MakeIndex(const SyntheticObject& object) {
       offset = 0;
     }
     const auto length = static_cast<uint32_t>(c.payload.size());
-    index.AddCluster(c.entry, {value, offset, length}, c.children);
-    offset += 8 + length;
+    index.AddCluster(c.entry, {value, offset, length, Hash64(c.payload)}, c.children);
+    offset += length;
   }
   value = offset = 0;
   for (const auto& p : object.pieces) {
     const auto length = static_cast<uint32_t>(p.payload.size());
-    index.AddRootPiece(p.entry, {value, offset, length}, p.children);
-    offset += 8 + length;
+    index.AddRootPiece(p.entry, {value, offset, length, Hash64(p.payload)}, p.children);
+    offset += length;
   }
   index.Finish(object.record.root_vertices);
   return index;
@@ -125,7 +125,15 @@ TEST_CASE("hostile index rows are refused", "[store]") {
   for (int i = 0; i < 4; ++i) w.PutVarint(1);
   w.Put(uint8_t{0});
   w.Put(uint8_t{0});
+  ByteWriter empty = w;
+  empty.PutVarint(0);  // a payload of no bytes
+  empty.Put(uint64_t{0});
+  empty.PutVarint(0);
+  ClusterIndex none;
+  CHECK(DecodeIndexRows(empty.bytes(), IndexKind::kClusters, 1, where, &none).code() ==
+        StatusCode::kCorrupt);
   w.PutVarint(10);
+  w.Put(uint64_t{0});  // checksum
   ByteWriter good = w;
   good.PutVarint(0);
   CHECK(DecodeIndexRows(good.bytes(), IndexKind::kClusters, 1, where, &index).message() == "");
@@ -155,7 +163,7 @@ TEST_CASE("values are cut where little of their pages is wasted", "[store]") {
   uint64_t pages = 0;
   for (int i = 0; i < 5000; ++i) {
     waiting.push_back(8000 + random() % 12000);
-    while (const size_t count = BlobsOfNextValue(waiting, i == 4999)) {
+    while (const size_t count = PayloadsOfNextValue(waiting, i == 4999)) {
       uint64_t size = 0;
       for (size_t k = 0; k < count; ++k) size += waiting[k];
       if (i < 4999) CHECK(size >= kMinValueBytes);
@@ -168,11 +176,11 @@ TEST_CASE("values are cut where little of their pages is wasted", "[store]") {
   CHECK(waiting.empty());
   const double waste = 1 - static_cast<double>(bytes) / (static_cast<double>(pages) * 4096);
   CHECK(waste < 0.015);
-  CHECK(BlobsOfNextValue(std::vector<uint64_t>{500000}, false) == 1);
-  CHECK(BlobsOfNextValue(std::vector<uint64_t>{10, 500000}, false) == 1);
-  CHECK(BlobsOfNextValue(std::vector<uint64_t>{10, 20}, false) == 0);
-  CHECK(BlobsOfNextValue(std::vector<uint64_t>{10, 20}, true) == 2);
-  CHECK(BlobsOfNextValue({}, true) == 0);
+  CHECK(PayloadsOfNextValue(std::vector<uint64_t>{500000}, false) == 1);
+  CHECK(PayloadsOfNextValue(std::vector<uint64_t>{10, 500000}, false) == 1);
+  CHECK(PayloadsOfNextValue(std::vector<uint64_t>{10, 20}, false) == 0);
+  CHECK(PayloadsOfNextValue(std::vector<uint64_t>{10, 20}, true) == 2);
+  CHECK(PayloadsOfNextValue({}, true) == 0);
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ SmallStore MakeSmallStore(const std::string& path) {
   store.covered.assign(store.bytes.size(), false);
   const auto environment = Environment::Open(path, {});
   REQUIRE(environment.ok());
-  const auto snapshot = (*environment)->BeginRead();
+  const auto snapshot = (*environment)->NewestPinned();
   REQUIRE(snapshot.ok());
   WalkOptions options;
   options.covered = [&](uint64_t offset, uint64_t size) {

@@ -43,16 +43,8 @@ std::vector<Example> Examples() {
   all.push_back({"building entry",
                  SealValue(Table::kCatalog, building_key, EncodePendingEntry({"bunny", 4711}))});
   all.push_back({"cluster key", ClusterKey(ObjectId{1}, 1, 5, 0)});
-  ByteWriter blob;
-  const ByteSpan payload = AsBytes("mesh");
-  blob.Put(Hash64(payload, ClusterSeed(ObjectId{1}, ClusterId{0}, 1, 5)));
-  blob.PutBytes(payload);
-  all.push_back({"cluster value", blob.Take()});
   all.push_back({"root key", RootKey(ObjectId{1}, 0)});
-  ByteWriter root;
-  root.Put(Hash64(payload, RootSeed(ObjectId{1}, RootPieceId{0})));
-  root.PutBytes(payload);
-  all.push_back({"root value", root.Take()});
+  const ByteSpan payload = AsBytes("mesh");
 
   ClusterIndex index;
   ClusterEntry e;
@@ -66,16 +58,16 @@ std::vector<Example> Examples() {
   e.external_vertices = 8;
   e.error_code_min = 7;
   e.error_code_max = 30;
-  index.AddCluster(e, {0, 0, 4}, {});
+  index.AddCluster(e, {0, 0, 4, Hash64(payload, ClusterSeed(ClusterId{0}, 1, 5))}, {});
   e.hilbert = 6;
   e.explicit_arcs = true;
-  index.AddCluster(e, {0, 12, 4}, {});
+  index.AddCluster(e, {0, 4, 4, Hash64(payload, ClusterSeed(ClusterId{1}, 1, 6))}, {});
   RootPieceEntry piece;
   piece.bounds = e.bounds;
   piece.triangles = 12;
   piece.vertices = 8;
   const ClusterId children[] = {ClusterId{0}, ClusterId{1}};
-  index.AddRootPiece(piece, {0, 0, 4}, children);
+  index.AddRootPiece(piece, {0, 0, 4, Hash64(payload, RootSeed(RootPieceId{0}))}, children);
   for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
     const Bytes key = IndexKey(ObjectId{1}, kind, 0);
     all.push_back({"index key", key});

@@ -213,7 +213,7 @@ TEST_CASE("a reader that died does not keep pages for ever", "[store]") {
   if (child == 0) {
     const auto environment = Environment::Open(path, {});
     if (!environment.ok()) ::_exit(1);
-    const auto snapshot = (*environment)->BeginRead();
+    const auto snapshot = (*environment)->NewestPinned();
     if (!snapshot.ok() || ::write(ready[1], &byte, 1) != 1) ::_exit(2);
     ::pause();
     ::_exit(3);

@@ -106,7 +106,7 @@ TEST_CASE("the page reader finds what LMDB's cursor finds", "[store]") {
   Workload work(max_key * 31 + max_value, max_key, max_value);
   for (int step = 0; step < 24; ++step) {
     work.Change(**environment, max_value > 10000 ? 12 : 150, step % 4 == 3 ? 9u : 2u);
-    const auto snapshot = (*environment)->BeginRead();
+    const auto snapshot = (*environment)->NewestPinned();
     REQUIRE(snapshot.status().message() == "");
     REQUIRE(ReadAll(*snapshot) == work.model());
     const WalkReport walk = WalkPages(snapshot->pages(), {});
@@ -138,7 +138,7 @@ TEST_CASE("a pinned snapshot stays as it was while a writer commits", "[store]")
   Workload work(7, 30, 5000);
   work.Change(**environment, 300, 0);
   const Model before = work.model();
-  const auto snapshot = (*environment)->BeginRead(true);
+  const auto snapshot = (*environment)->NewestPinned();
   REQUIRE(snapshot.ok());
   std::thread writer([&] {
     for (int i = 0; i < 30; ++i) work.Change(**environment, 40, 5);
@@ -161,11 +161,11 @@ TEST_CASE("emptied tables keep their pages accounted for", "[store]") {
       return Status::Ok();
     });
     REQUIRE(status.message() == "");
-    const auto snapshot = (*environment)->BeginRead();
+    const auto snapshot = (*environment)->NewestPinned();
     REQUIRE(snapshot.ok());
     CHECK(WalkPages(snapshot->pages(), {}).failures == std::vector<std::string>());
   }
-  const auto snapshot = (*environment)->BeginRead();
+  const auto snapshot = (*environment)->NewestPinned();
   REQUIRE(snapshot.ok());
   CHECK(ReadAll(*snapshot) == Model());
   CHECK(snapshot->pages().meta().main_tree.entries == 1);  // the superblock

@@ -70,7 +70,7 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
       c.entry.error_code_max = static_cast<uint8_t>(c.entry.error_code_min + random() % 100);
       c.entry.explicit_arcs = random() % 5 == 0;
       c.children = RandomChildren(random, finer);
-      c.payload = RandomBytes(random, random() % (options.max_payload + 1));
+      c.payload = RandomBytes(random, 1 + random() % options.max_payload);
       o.record.nodes += c.entry.nodes;
       report.nodes += c.entry.nodes;
       o.clusters.push_back(std::move(c));
@@ -84,7 +84,7 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
     p.entry.triangles = static_cast<uint32_t>(random() % 9000);
     p.entry.vertices = static_cast<uint32_t>(random() % 9000);
     p.children = RandomChildren(random, static_cast<uint32_t>(o.clusters.size()));
-    p.payload = RandomBytes(random, random() % (options.max_payload + 1));
+    p.payload = RandomBytes(random, 1 + random() % options.max_payload);
     o.record.root_triangles += p.entry.triangles;
     o.pieces.push_back(std::move(p));
   }

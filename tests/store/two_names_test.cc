@@ -117,7 +117,6 @@ TEST_CASE("two writers by hard links: one writes, the other is told why not", "[
   const TempDir dir;
   const std::string path = dir.File("a.mtdb");
   const std::string link = dir.File("hard.mtdb");
-  int refused = 0;
   for (uint64_t round = 0; round < 10; ++round) {
     INFO("round " << round);
     for (const std::string& name : {path, link}) {
@@ -125,11 +124,8 @@ TEST_CASE("two writers by hard links: one writes, the other is told why not", "[
     }
     OpenWritable(path);
     fs::create_hard_link(path, link);
-    const int written = WriteByTwoNames({path, link}, 100 + 2 * round);
-    CHECK(written >= 1);
-    refused += 2 - written;
+    CHECK(WriteByTwoNames({path, link}, 100 + 2 * round) >= 1);
   }
-  WARN("refused in " << refused << " of 10 rounds");
 }
 
 TEST_CASE("a writer by another name is refused as long as the first has the store open",

@@ -371,6 +371,71 @@ TEST_CASE("a damaged store is an error that tells clients no more than that", "[
   CHECK(server.Get("/healthz").status == 200);
 }
 
+// As cp does it: the file is emptied, then filled from the front.
+void CopyOver(const std::string& bytes, const std::string& path) {
+  std::ofstream out(path, std::ios::binary | std::ios::trunc);
+  for (size_t at = 0; at < bytes.size(); at += 1 << 16) {
+    out.write(bytes.data() + at,
+              static_cast<std::streamsize>(std::min(bytes.size() - at, size_t{1} << 16)));
+    out.flush();
+  }
+}
+
+TEST_CASE("a store that is written over or cut off while it is served harms no server",
+          "[server]") {
+  const Folder folder;
+  const std::string store = folder.File("store.mtdb");
+  const std::string other = folder.File("other.mtdb");
+  for (const auto& [path, seed] : {std::pair{store, "1"}, std::pair{other, "2"}}) {
+    const std::string mesh = folder.File("mesh.ply");
+    RunOk({"generate", "sculpture", mesh, "--triangles", "20000", "--seed", seed});
+    RunOk({"ingest", mesh, path, "--name", "x", "--quiet"});
+  }
+  const std::array files{ReadText(store), ReadText(other)};
+  // A cache of 1 MB holds little: clusters are read again and again.
+  const ServerProcess server(store, {"--cache", "1M"});
+  const std::string target = "/objects/x/mesh?format=ply";
+  const HttpAnswer first = server.Get(target);
+  REQUIRE(first.status == 200);
+  CopyOver(files[1], store);
+  HttpAnswer second = server.Get(target);
+  for (int i = 0; i < 10 && second.status != 200; ++i) second = server.Get(target);
+  REQUIRE(second.status == 200);
+  REQUIRE(second.body != first.body);
+  std::atomic<bool> done = false;
+  std::atomic<int> wrong = 0;
+  std::atomic<int> good = 0;
+  std::thread client([&] {
+    while (!done) {
+      const HttpAnswer answer = server.Get(target);
+      if (answer.status == 200) {
+        ++good;
+        if (answer.body != first.body && answer.body != second.body) ++wrong;
+      } else if (answer.status < 400) {
+        ++wrong;  // no answer: the server is gone
+      }
+    }
+  });
+  std::mt19937_64 random(3);
+  for (int round = 0; round < 40; ++round) {
+    const auto wait = [&] {
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % 20000));
+    };
+    CopyOver(files[static_cast<size_t>(round % 2)], store);
+    wait();
+    std::filesystem::resize_file(store, random() % files[0].size());
+    wait();
+  }
+  CopyOver(files[0], store);
+  done = true;
+  client.join();
+  CHECK(wrong == 0);
+  HttpAnswer last = server.Get(target);
+  for (int i = 0; i < 10 && last.status != 200; ++i) last = server.Get(target);
+  CHECK(last.status == 200);
+  CHECK(last.body == first.body);
+}
+
 TEST_CASE("a server that is told to stop finishes what runs", "[server]") {
   ServerProcess server(TheExample().store);
   RawConnection idle(server.port());

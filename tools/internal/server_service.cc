@@ -454,11 +454,11 @@ void ServerService::Unpin(const Surface* surface) {
   if (--pins_[surface] == 0) pins_.erase(surface);
 }
 
-// Null when it is not open. An object that was replaced has another id.
+// Null when it is not open.
 std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
   const std::lock_guard lock(mutex_);
   for (auto at = surfaces_.begin(); at != surfaces_.end(); ++at) {
-    if ((*at)->record().id != record.id) continue;
+    if (!IsSameObject((*at)->record(), record)) continue;
     std::rotate(at, at + 1, surfaces_.end());
     return surfaces_.back();
   }
