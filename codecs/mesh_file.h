@@ -41,6 +41,9 @@ struct MeshWriteOptions {
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;
+  // Before Begin(). Whether End() waits until the disk has the bytes before the file gets its name,
+  // so that a power failure leaves a whole file or none. Default: true.
+  virtual void set_synced(bool synced) = 0;
 };
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options = {});

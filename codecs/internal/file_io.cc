@@ -170,8 +170,9 @@ Status AtomicFile::WriteAll(ByteSpan bytes, std::optional<uint64_t> offset) {
   return Status::Ok();
 }
 
-Status AtomicFile::Commit() {
+Status AtomicFile::Commit(bool synced) {
   MTDB_RETURN_IF_ERROR(Flush());
+  if (synced && ::fdatasync(descriptor_) != 0) return WriteError(path_, errno);
   const int closed = ::close(std::exchange(descriptor_, -1));
   if (closed != 0) return WriteError(path_, errno);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return WriteError(path_, errno);

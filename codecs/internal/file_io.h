@@ -70,8 +70,10 @@ class BlockReader {
 };
 
 // Writes `path` under a temporary name beside it and renames it in Commit(); without Commit() the
-// temporary file is removed by the destructor. It survives the death of the process at any moment,
-// not a power failure: there is no fsync, as meshes can be made again.
+// temporary file is removed by the destructor. After the death of the process at any moment there
+// is a whole file or none of that name; after a power failure too, if it is committed `synced`.
+// Whether a file that was just committed is there after a power failure is not promised: the folder
+// is not synced, as meshes can be made again.
 class AtomicFile {
  public:
   // kIoError, kNoSpace.
@@ -84,7 +86,7 @@ class AtomicFile {
   Status Append(std::string_view text) { return Append(AsBytes(text)); }
   // Replaces bytes that were appended before. bytes_written() does not count them again.
   Status Overwrite(uint64_t offset, ByteSpan bytes);
-  Status Commit();
+  Status Commit(bool synced);
   uint64_t bytes_written() const { return bytes_written_; }
 
  private:

@@ -65,7 +65,7 @@ Status MeshWriter::End() {
                            std::to_string(triangles_seen_));
   }
   MTDB_RETURN_IF_ERROR(WriteEnd());
-  MTDB_RETURN_IF_ERROR(file_->Commit());
+  MTDB_RETURN_IF_ERROR(file_->Commit(synced_));
   bytes_written_ = file_->bytes_written();
   file_.reset();
   return Status::Ok();

@@ -23,6 +23,7 @@ class MeshWriter : public MeshFileWriter {
   Status AddTriangles(std::span<const TriangleVertices> triangles) final;
   Status End() final;
   uint64_t bytes_written() const final { return bytes_written_; }
+  void set_synced(bool synced) final { synced_ = synced; }
 
  protected:
   virtual Status WriteHeader() = 0;
@@ -38,6 +39,7 @@ class MeshWriter : public MeshFileWriter {
 
  private:
   std::string path_;
+  bool synced_ = true;
   MeshHeader header_;
   std::unique_ptr<AtomicFile> file_;  // between Begin and End
   uint64_t vertices_seen_ = 0;

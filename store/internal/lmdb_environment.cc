@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <fcntl.h>
 #include <lmdb.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -35,6 +36,19 @@ std::string RealPath(const StoreFile& file) {
   const std::unique_ptr<char, decltype(&std::free)> real(::realpath(file.path().c_str(), nullptr),
                                                          &std::free);
   return real == nullptr ? std::string() : std::string(real.get());
+}
+
+// So that a store that was just made is there after a power failure, once something was committed
+// to it.
+Status SyncFolder(const std::string& path) {
+  const std::string folder = path.substr(0, path.rfind('/') + 1);
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return Status::Ok();  // a folder that may be used, but not listed
+  const int result = ::fsync(descriptor);
+  const int error = errno;
+  ::close(descriptor);
+  if (result == 0 || error == EINVAL) return Status::Ok();  // EINVAL: a file system without it
+  return IoError(folder + ": cannot be written to the disk: " + std::strerror(error));
 }
 
 ByteSpan FromVal(const MDB_val& v) { return {static_cast<const std::byte*>(v.mv_data), v.mv_size}; }
@@ -120,7 +134,8 @@ Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool chec
   mdb_reader_check(env_, &stale);
   writable_ = writable;
   if (!writable) return Status::Ok();
-  const Status status = check_pages ? CheckPinnedPages() : Status::Ok();
+  Status status = check_pages ? CheckPinnedPages() : Status::Ok();
+  if (status.ok()) status = SyncFolder(real_path_);
   if (!status.ok()) CloseLmdb();
   return status;
 }

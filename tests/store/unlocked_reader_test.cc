@@ -36,8 +36,8 @@ SyntheticObject Passing(uint64_t version) {
 // "kept" is always there and right; "passing" is one of its versions, or not there. 0, or what went
 // wrong.
 int ReadOnce(const std::string& path, int* seen) {
-  static const SyntheticObject kept = Kept();
-  static const std::array versions{Passing(0), Passing(1), Passing(2)};
+  static const SyntheticObject kKept = Kept();
+  static const std::array kVersionsOfPassing{Passing(0), Passing(1), Passing(2)};
   const auto database = Database::Open(path);
   if (!database.ok()) return 10;
   const auto list = (*database)->List();
@@ -50,10 +50,10 @@ int ReadOnce(const std::string& path, int* seen) {
   if (kept_listed != 1 || passing_listed > 1) return 12;
   const auto source = (*database)->OpenObject("kept");
   if (!source.ok()) return 13;
-  if (!CompareObject(**source, kept).ok()) return 14;
+  if (!CompareObject(**source, kKept).ok()) return 14;
   const auto passing = (*database)->OpenObject("passing");
   if (!passing.ok()) return passing.status().code() == StatusCode::kNotFound ? 0 : 15;
-  for (const SyntheticObject& version : versions) {
+  for (const SyntheticObject& version : kVersionsOfPassing) {
     if (version.record.nodes != (*passing)->record().nodes) continue;
     const Status status = CompareObject(**passing, version);
     if (status.ok()) ++*seen;

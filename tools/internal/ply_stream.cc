@@ -128,6 +128,7 @@ Status PlyStreamWriter::End() {
   const std::string header = MakeHeader(vertex_count_, triangle_count_);
   if (lseek(vertex_fd_, 0, SEEK_SET) < 0) return Error("write the header");
   MTDB_RETURN_IF_ERROR(Write(vertex_fd_, header.data(), header.size()));
+  if (::fdatasync(vertex_fd_) != 0) return Error("finish the file");
   const int fd = vertex_fd_;
   vertex_fd_ = -1;
   if (close(fd) != 0) return Error("finish the file");

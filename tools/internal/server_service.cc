@@ -275,6 +275,7 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   const std::string path =
       folder_ + "/" + std::to_string(next_file_.fetch_add(1)) + "." + request.format;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer, CreateMeshFileWriter(path));
+  writer->set_synced(false);  // nobody looks for it after a power failure
   const uint64_t most = request.format == "drc"
                             ? std::min(options_.max_triangles, kMaxDracoTriangles)
                             : options_.max_triangles;

@@ -42,7 +42,8 @@ class OutputFile {
                                                                              : Failure();
   }
   Status Commit() {
-    if (std::fflush(file_) != 0 || std::rename(temporary_.c_str(), path_.c_str()) != 0) {
+    if (std::fflush(file_) != 0 || ::fdatasync(::fileno(file_)) != 0 ||
+        std::rename(temporary_.c_str(), path_.c_str()) != 0) {
       return Failure();
     }
     std::fclose(std::exchange(file_, nullptr));

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <memory>
 #include <png.h>
+#include <unistd.h>
 
 #include "store/base/check.h"
 #include "tools/internal/render.h"
@@ -46,6 +47,9 @@ Status WritePng(const std::string& path, const RenderImage& image) {
   std::unique_ptr<std::FILE, FileCloser> file(std::fopen(unfinished.c_str(), "wb"));
   if (file == nullptr) return FileError(path, "create a file", errno);
   Status status = WriteTo(file.get(), path, image);
+  if (status.ok() && (std::fflush(file.get()) != 0 || ::fdatasync(::fileno(file.get())) != 0)) {
+    status = FileError(path, "finish the file", errno);
+  }
   if (std::fclose(file.release()) != 0 && status.ok()) {
     status = FileError(path, "finish the file", errno);
   }
