@@ -13,6 +13,7 @@
 #include "query/query_json.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
+#include "store/base/out_of_memory.h"
 #include "store/database.h"
 #include "store/verify_store.h"
 
@@ -88,7 +89,7 @@ mtdb_code Guarded(mtdb_error* error, Work&& work) {
     SetMessage(error, status.message());
     return static_cast<mtdb_code>(status.code());
   } catch (const std::bad_alloc&) {
-    SetMessage(error, "not enough memory");
+    SetMessage(error, OutOfMemory().message());
     return MTDB_NO_SPACE;
   } catch (const std::exception& e) {
     SetMessage(error, e.what());

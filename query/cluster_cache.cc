@@ -8,10 +8,12 @@
 #endif
 #include <optional>
 #include <string>
+#include <system_error>
 #include <unordered_map>
 
 #include "query/internal/stopwatch.h"
 #include "query/unit_reader.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 
@@ -21,6 +23,9 @@ namespace mtdb {
 // exclusive use closes the door; whoever is inside holds units, does not wait for room (what finds
 // none fails), and lets go after a step. So it becomes the only holder, all else can be dropped,
 // and what finds no room then never will.
+//
+// Nor when memory runs out: with mutex_ held, what has been counted or pinned or claimed belongs to
+// something whose destructor takes it back (Plan, Claim), or nothing that needs memory follows.
 
 namespace {
 
@@ -42,30 +47,32 @@ constexpr size_t kPayloadShare = 2;
 // What a load has yet to do: the units that are not ready, and pins on those that they come from.
 class ClusterCache::Plan {
  public:
-  Plan(ClusterCache& cache, UnitId target) : cache_(cache), target_(target) {
-    std::vector<UnitId> open{target};
-    while (!open.empty()) {
-      const UnitId u = open.back();
-      open.pop_back();
-      if (users_.contains(u)) continue;
-      users_.emplace(u, 0);
-      if (cache.entries_[u].state == State::kReady) {
-        PinUnit(u);
-        continue;
-      }
-      todo_.push_back(u);
-      for (const UnitId p : UnitParents(cache.index_, u)) open.push_back(p);
-    }
-    for (const UnitId u : todo_) {
-      for (const UnitId p : UnitParents(cache.index_, u)) ++users_[p];
-    }
-    std::sort(todo_.begin(), todo_.end(), std::greater<>());
-  }
+  Plan(ClusterCache& cache, UnitId target) : cache_(cache), target_(target) {}
   ~Plan() {
     for (const auto& [u, value] : pinned_) cache_.Unpin(u);
   }
   Plan(const Plan&) = delete;
   Plan& operator=(const Plan&) = delete;
+
+  void Make() {
+    std::vector<UnitId> open{target_};
+    while (!open.empty()) {
+      const UnitId u = open.back();
+      open.pop_back();
+      if (users_.contains(u)) continue;
+      users_.emplace(u, 0);
+      if (cache_.entries_[u].state == State::kReady) {
+        PinUnit(u);
+        continue;
+      }
+      todo_.push_back(u);
+      for (const UnitId p : UnitParents(cache_.index_, u)) open.push_back(p);
+    }
+    for (const UnitId u : todo_) {
+      for (const UnitId p : UnitParents(cache_.index_, u)) ++users_[p];
+    }
+    std::sort(todo_.begin(), todo_.end(), std::greater<>());
+  }
 
   const std::vector<UnitId>& todo() const { return todo_; }
   bool HasParents(UnitId unit) const {
@@ -99,8 +106,8 @@ class ClusterCache::Plan {
 
  private:
   void PinUnit(UnitId unit) {
-    cache_.Pin(unit);
     pinned_.emplace(unit, cache_.entries_[unit].value);
+    cache_.Pin(unit);
   }
 
   ClusterCache& cache_;
@@ -108,6 +115,27 @@ class ClusterCache::Plan {
   std::vector<UnitId> todo_;                    // coarsest first
   std::unordered_map<UnitId, uint32_t> users_;  // units of todo_ that a unit is a parent of
   std::unordered_map<UnitId, LoadedUnitPtr> pinned_;
+};
+
+// A unit that one thread decodes. What is not ready when it goes is as if it had not been begun,
+// and who waits for it looks again. With mutex_ held at both ends.
+class ClusterCache::Claim {
+ public:
+  Claim(ClusterCache& cache, UnitId unit) : cache_(cache), entry_(cache.entries_[unit]) {}
+  ~Claim() {
+    if (entry_.state == State::kLoading) {
+      cache_.bytes_ -= entry_.bytes;
+      entry_.bytes = 0;
+      entry_.state = State::kEmpty;
+    }
+    cache_.loaded_.notify_all();
+  }
+  Claim(const Claim&) = delete;
+  Claim& operator=(const Claim&) = delete;
+
+ private:
+  ClusterCache& cache_;
+  Entry& entry_;
 };
 
 ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes,
@@ -129,6 +157,10 @@ ClusterCache::~ClusterCache() {
 }
 
 Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
+  return CatchOutOfMemory([&] { return GetPinned(unit, stats); });
+}
+
+Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
   std::vector<LoadedUnitPtr> dropped;
   Lock lock(mutex_);
   MTDB_CHECK(unit < entries_.size(), "no such cluster or root piece");
@@ -150,6 +182,8 @@ Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
     stats->seconds += watch.Seconds();
     MTDB_ASSIGN_OR_RETURN(value, std::move(loaded));
   }
+  lock.unlock();
+  // Also unpins when there is no memory for the pointer.
   return LoadedUnitPtr(value.get(), [this, unit](const LoadedUnit*) {
     std::vector<LoadedUnitPtr> idle;
     const std::lock_guard unpin_lock(mutex_);
@@ -161,17 +195,19 @@ Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
 // What is in the cache by chance may take the room of what a plan needs first: who has the cache
 // for itself starts again without.
 Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, Errand& errand, Lock& lock) {
-  Result<LoadedUnitPtr> loaded = TryLoad(unit, errand, lock);
+  const auto load = [&] { return TryLoad(unit, errand, lock); };
+  Result<LoadedUnitPtr> loaded = CatchOutOfMemory(load);
   if (loaded.ok() || !errand.exclusive || !errand.no_room) return loaded;
   errand.no_room = false;
   std::vector<LoadedUnitPtr> dropped;
   MakeRoom(budget_bytes_, dropped);
-  return TryLoad(unit, errand, lock);
+  return CatchOutOfMemory(load);
 }
 
 // Takes what another thread is at later, and goes on with what nobody has begun.
 Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& lock) {
   Plan plan(*this, unit);
+  plan.Make();
   while (!plan.todo().empty()) {
     const auto next = std::ranges::find_if(plan.todo(), [&](UnitId u) {
       const State state = entries_[u].state;
@@ -192,6 +228,7 @@ Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& l
 Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   std::vector<LoadedUnitPtr> dropped;
   MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
+  const Claim claim(*this, unit);
   Entry& entry = entries_[unit];
   LoadStats stats;
   Payload payload = entry.payload;
@@ -200,7 +237,8 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   lock.unlock();
   dropped.clear();
   if (trim) GiveMemoryBack();
-  Result<LoadedUnitPtr> loaded = ReadAndDecode(unit, errand, stats, payload);
+  Result<LoadedUnitPtr> loaded =
+      CatchOutOfMemory([&] { return ReadAndDecode(unit, errand, stats, payload); });
   lock.lock();
   errand.tally.stats.read_seconds += stats.read_seconds;
   errand.tally.stats.decode_seconds += stats.decode_seconds;
@@ -214,17 +252,14 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   bytes_ -= entry.bytes;
   entry.bytes = loaded.ok() ? (*loaded)->memory_bytes() : 0;
   entry.state = State::kEmpty;
-  Status status = loaded.status();
-  if (loaded.ok()) status = Reserve(unit, errand, dropped);
-  if (status.ok()) {
-    entry.value = *std::move(loaded);
-    entry.state = State::kReady;
-    ++decoded_;
-    if (form_ == RuntimeForm::kImplicit) KeepPayload(unit, std::move(payload), dropped);
-    Link(unit);
-  }
-  loaded_.notify_all();
-  return status;
+  MTDB_RETURN_IF_ERROR(loaded.status());
+  MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
+  entry.value = *std::move(loaded);
+  entry.state = State::kReady;
+  ++decoded_;
+  if (form_ == RuntimeForm::kImplicit) KeepPayload(unit, std::move(payload), dropped);
+  Link(unit);
+  return Status::Ok();
 }
 
 // Claims the unit, and entry.bytes for it, or a guess when that is 0.
@@ -331,6 +366,15 @@ bool ClusterCache::RunJob(Lock& lock) {
   return false;
 }
 
+// As many as can be made: a query does without.
+void ClusterCache::StartWorkers() {
+  try {
+    while (workers_.size() + 1 < threads_) workers_.emplace_back([this] { Work(); });
+  } catch (const std::bad_alloc&) {
+  } catch (const std::system_error&) {
+  }
+}
+
 void ClusterCache::Work() {
   Lock lock(mutex_);
   while (!stopping_) {
@@ -367,6 +411,14 @@ size_t ClusterCache::peak_bytes() const {
 uint64_t ClusterCache::decoded() const {
   const std::lock_guard lock(mutex_);
   return decoded_;
+}
+
+bool ClusterCache::idle() const {
+  const std::lock_guard lock(mutex_);
+  return holders_ == 0 && exclusive_waiting_ == 0 && !exclusive_ &&
+         std::ranges::all_of(entries_, [](const Entry& entry) {
+           return entry.pins == 0 && entry.state != State::kLoading;
+         });
 }
 
 void ClusterCache::Leave() {
@@ -410,7 +462,11 @@ bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
 void ClusterCache::Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped) {
   Entry& entry = entries_[unit];
   Unlink(unit);
-  dropped.push_back(std::move(entry.value));
+  LoadedUnitPtr value = std::move(entry.value);
+  try {
+    dropped.push_back(std::move(value));
+  } catch (const std::bad_alloc&) {  // then it goes here, with mutex_ held
+  }
   bytes_ -= entry.bytes;
   dropped_bytes_ += entry.bytes;
   entry.bytes = 0;
@@ -433,10 +489,14 @@ void ClusterCache::KeepPayload(UnitId unit, Payload payload, std::vector<LoadedU
   if (bytes > most) return;
   while (payload_bytes_ + bytes > most) DropOldestPayload();
   if (!MakeRoom(bytes, dropped)) return;
+  try {
+    payloads_.push_back(unit);
+  } catch (const std::bad_alloc&) {  // it will be read again
+    return;
+  }
   payload_bytes_ += bytes;
   bytes_ += bytes;
   peak_bytes_ = std::max(peak_bytes_, bytes_);
-  payloads_.push_back(unit);
   entries_[unit].payload = std::move(payload);
 }
 

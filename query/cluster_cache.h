@@ -50,7 +50,7 @@ class ClusterCache {
 
   // The decoded unit, pinned as long as the pointer lives. For callers that hold a few units;
   // queries have a UnitReader. Never waits for room. Errors: those of ClusterSource, kCorrupt of
-  // LoadUnit, kBudgetExceeded when pinned units leave no room.
+  // LoadUnit, kBudgetExceeded when pinned units leave no room, kNoSpace without memory.
   Result<LoadedUnitPtr> Get(UnitId unit, LoadStats* stats);
 
   unsigned threads() const { return threads_; }
@@ -61,6 +61,8 @@ class ClusterCache {
   size_t peak_bytes() const;
   // Units decoded since the cache was made.
   uint64_t decoded() const;
+  // True when nobody holds a unit, decodes one or waits for room.
+  bool idle() const;
 
  private:
   friend class UnitReader;
@@ -95,8 +97,10 @@ class ClusterCache {
     bool no_room = false;          // out: why it failed
   };
   class Plan;
+  class Claim;
   using Lock = std::unique_lock<std::mutex>;
 
+  Result<LoadedUnitPtr> GetPinned(UnitId unit, LoadStats* stats);
   // With mutex_ held; let go of while reading, decoding and waiting. The unit comes back pinned.
   Result<LoadedUnitPtr> Load(UnitId unit, Errand& errand, Lock& lock);
   Result<LoadedUnitPtr> TryLoad(UnitId unit, Errand& errand, Lock& lock);
@@ -107,6 +111,7 @@ class ClusterCache {
   Result<Bytes> ReadPayload(UnitId unit);
   Status Wait(Errand& errand, Lock& lock);
   bool RunJob(Lock& lock);
+  void StartWorkers();
   void Work();
   void RemoveReader(Tally& tally);
 
@@ -123,7 +128,8 @@ class ClusterCache {
   void Leave();
   void Link(UnitId unit);
   void Unlink(UnitId unit);
-  // Drops units until `bytes` more fit; false when pinned units do not let it.
+  // Drops units until `bytes` more fit; false when pinned units do not let it. Like Drop and all
+  // that goes with a reader it does not fail for lack of memory.
   bool MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped);
   // Bytes of the unit when decoded, guessed from the index.
   size_t EstimateBytes(UnitId unit) const;

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "query/internal/cut_impl.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 
@@ -13,6 +14,8 @@ Cut::~Cut() = default;
 
 bool Cut::applied(ClusterId cluster, NodeIndex node) const { return impl_->applied(cluster, node); }
 const ExtractStats& Cut::stats() const { return impl_->stats(); }
-Status Cut::Emit(MeshSink& sink) { return impl_->Emit(sink); }
+Status Cut::Emit(MeshSink& sink) {
+  return CatchOutOfMemory([&] { return impl_->Emit(sink); });
+}
 
 }  // namespace mtdb

@@ -7,6 +7,7 @@
 
 #include "query/internal/probe_geometry.h"
 #include "query/internal/promise.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 namespace {
@@ -97,14 +98,11 @@ std::optional<ProbeHit> FirstHit(const TriangleMesh& mesh, const RayCaster& ray,
   return best;
 }
 
-}  // namespace
-
 // Why the next ball is large enough: some input is within error_bound of the closest point of this
 // cut, hence within d + error_bound of the probe; what stands for it in the next cut is within the
 // next threshold of that. Were it not, because the errors of a damaged object lie, the ball would
 // meet nothing, and grows.
-Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
-                                     const ProbeOptions& options) {
+Result<ProbeAnswer> ProbePoint(const Surface& surface, Vec3d point, const ProbeOptions& options) {
   MTDB_RETURN_IF_ERROR(CheckFinite(point, "point"));
   MTDB_RETURN_IF_ERROR(CheckOptions(options));
   const ObjectRecord& record = surface.record();
@@ -137,8 +135,8 @@ Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
   }
 }
 
-Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d direction,
-                            const ProbeOptions& options) {
+Result<ProbeAnswer> ProbeRay(const Surface& surface, Vec3d origin, Vec3d direction,
+                             const ProbeOptions& options) {
   MTDB_RETURN_IF_ERROR(CheckFinite(origin, "origin"));
   MTDB_RETURN_IF_ERROR(CheckFinite(direction, "direction"));
   MTDB_RETURN_IF_ERROR(CheckOptions(options));
@@ -174,6 +172,18 @@ Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d directio
     answer.hit = FirstHit(mesh, ray, direction, answer.reach);
     if (answer.hit || answer.reach >= all) return answer;
   }
+}
+
+}  // namespace
+
+Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
+                                     const ProbeOptions& options) {
+  return CatchOutOfMemory([&] { return ProbePoint(surface, point, options); });
+}
+
+Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d direction,
+                            const ProbeOptions& options) {
+  return CatchOutOfMemory([&] { return ProbeRay(surface, origin, direction, options); });
 }
 
 }  // namespace mtdb

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "store/base/out_of_memory.h"
+
 namespace mtdb {
 
 namespace {
@@ -526,9 +528,7 @@ Result<QueryJson> ParseText(std::string_view text) {
   }
 }
 
-}  // namespace
-
-Result<Query> ParseQuery(std::string_view text, double diagonal) {
+Result<Query> ReadQuery(std::string_view text, double diagonal) {
   MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
   const Node node{json, "query"};
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
@@ -570,19 +570,31 @@ Result<Query> ParseQuery(std::string_view text, double diagonal) {
   return query;
 }
 
+}  // namespace
+
+Result<Query> ParseQuery(std::string_view text, double diagonal) {
+  return CatchOutOfMemory([&] { return ReadQuery(text, diagonal); });
+}
+
 Result<RegionPtr> ParseRegion(std::string_view text) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-  return RegionOf({json, "region"}, 0);
+  return CatchOutOfMemory([&]() -> Result<RegionPtr> {
+    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+    return RegionOf({json, "region"}, 0);
+  });
 }
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-  return ThresholdOf({json, "threshold"}, diagonal, 0);
+  return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
+    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+    return ThresholdOf({json, "threshold"}, diagonal, 0);
+  });
 }
 
 Result<Camera> ParseCamera(std::string_view text) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-  return CameraOf({json, "camera"});
+  return CatchOutOfMemory([&]() -> Result<Camera> {
+    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
+    return CameraOf({json, "camera"});
+  });
 }
 
 }  // namespace mtdb

@@ -17,6 +17,7 @@
 #include "query/internal/update_batches.h"
 #include "query/surface.h"
 #include "query/unit_reader.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 namespace {
@@ -78,10 +79,16 @@ Session::~Session() = default;
 
 Result<std::unique_ptr<Session>> Session::Open(std::shared_ptr<const Surface> surface) {
   MTDB_CHECK(surface != nullptr, "a session needs a surface");
-  return std::unique_ptr<Session>(new Session(std::move(surface)));
+  return CatchOutOfMemory([&]() -> Result<std::unique_ptr<Session>> {
+    return std::unique_ptr<Session>(new Session(std::move(surface)));
+  });
 }
 
 Result<BaseMesh> Session::Base() const {
+  return CatchOutOfMemory([&] { return ReadBase(); });
+}
+
+Result<BaseMesh> Session::ReadBase() const {
   const ClusterIndex& index = surface_->index();
   const size_t row_bytes = surface_->record().attributes.row_bytes();
   UnitReader reader(surface_->cache(), {});
@@ -114,14 +121,18 @@ Result<BaseMesh> Session::Base() const {
 
 Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatch>* batches) {
   batches->clear();
-  return Run(query, false, [&](std::vector<UpdateBatch> round) {
-    *batches = std::move(round);
-    return Status::Ok();
+  return CatchOutOfMemory([&] {
+    return Run(query, false, [&](std::vector<UpdateBatch> round) {
+      *batches = std::move(round);
+      return Status::Ok();
+    });
   });
 }
 
 Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink) {
-  return Run(query, true, [&](const std::vector<UpdateBatch>& round) { return sink(round); });
+  return CatchOutOfMemory([&] {
+    return Run(query, true, [&](const std::vector<UpdateBatch>& round) { return sink(round); });
+  });
 }
 
 Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBatches& take) {

@@ -77,6 +77,7 @@ class Session {
  private:
   using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
   explicit Session(std::shared_ptr<const Surface> surface);
+  Result<BaseMesh> ReadBase() const;
   Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
   Status Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
               SessionUpdate* update);

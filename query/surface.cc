@@ -7,6 +7,7 @@
 
 #include "query/cluster_cache.h"
 #include "query/internal/cut_impl.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 namespace {
@@ -64,14 +65,18 @@ Surface::~Surface() = default;
 Result<std::shared_ptr<Surface>> Surface::Open(std::shared_ptr<ClusterSource> source,
                                                const SurfaceOptions& options) {
   MTDB_CHECK(source != nullptr, "a surface needs a source");
-  MTDB_RETURN_IF_ERROR(CheckIndex(source->record(), source->index()));
-  return std::shared_ptr<Surface>(new Surface(std::move(source), options));
+  return CatchOutOfMemory([&]() -> Result<std::shared_ptr<Surface>> {
+    MTDB_RETURN_IF_ERROR(CheckIndex(source->record(), source->index()));
+    return std::shared_ptr<Surface>(new Surface(std::move(source), options));
+  });
 }
 
 Result<Cut> Surface::Select(const Query& query) const {
-  auto impl = std::make_unique<CutImpl>(shared_from_this(), query, 0);
-  MTDB_RETURN_IF_ERROR(impl->Select());
-  return Cut(std::move(impl));
+  return CatchOutOfMemory([&]() -> Result<Cut> {
+    auto impl = std::make_unique<CutImpl>(shared_from_this(), query, 0);
+    MTDB_RETURN_IF_ERROR(impl->Select());
+    return Cut(std::move(impl));
+  });
 }
 
 Result<ExtractStats> Surface::Extract(const Query& query, MeshSink& sink) const {

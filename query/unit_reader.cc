@@ -4,6 +4,9 @@
 #include <unordered_set>
 #include <utility>
 
+#include "query/internal/make_room.h"
+#include "store/base/out_of_memory.h"
+
 namespace mtdb {
 
 namespace {
@@ -82,7 +85,7 @@ Status UnitReader::WaitForRoom() {
   Status status;
   while (status.ok() && (cache_.exclusive_ || cache_.holders_ > 0)) {
     WaitOn(cache_.room_, lock);
-    status = Check();
+    status = CatchOutOfMemory([&] { return Check(); });
   }
   --cache_.exclusive_waiting_;
   if (status.ok()) {
@@ -97,6 +100,7 @@ Status UnitReader::WaitForRoom() {
 
 Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
   crowded_ = false;
+  MakeRoomForOne(held_);
   for (;;) {
     {
       ClusterCache::Lock lock(cache_.mutex_);
@@ -153,15 +157,17 @@ void UnitReader::Release() {
 void UnitReader::Prefetch(std::span<const UnitId> units) {
   if (prefetch_units_ == 0) return;
   const std::lock_guard lock(cache_.mutex_);
-  bool added = false;
-  for (const UnitId u : units) {
-    if (cache_.entries_[u].state != ClusterCache::State::kEmpty) continue;
-    cache_.jobs_.push({u, tally_});
-    added = true;
-  }
-  if (!added) return;
-  while (cache_.workers_.size() + 1 < cache_.threads_) {
-    cache_.workers_.emplace_back([&cache = cache_] { cache.Work(); });
+  const auto missing = [&](UnitId u) {
+    return cache_.entries_[u].state == ClusterCache::State::kEmpty;
+  };
+  if (std::ranges::none_of(units, missing)) return;
+  cache_.StartWorkers();
+  if (cache_.workers_.empty()) return;
+  try {
+    for (const UnitId u : units) {
+      if (missing(u)) cache_.jobs_.push({u, tally_});
+    }
+  } catch (const std::bad_alloc&) {  // the query will load them itself
   }
   cache_.work_.notify_all();
 }

@@ -7,6 +7,7 @@
 #include "query/cluster_cache.h"
 #include "query/internal/bits.h"
 #include "query/unit_reader.h"
+#include "store/base/out_of_memory.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb {
@@ -211,9 +212,11 @@ class Verifier {
 }  // namespace
 
 Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report) {
-  const UnitReader asks(surface.cache(), {});  // what one step decodes is there for the next
-  Verifier verifier(surface, report);
-  return level == VerifyLevel::kFull ? verifier.Full() : verifier.Global();
+  return CatchOutOfMemory([&] {
+    const UnitReader asks(surface.cache(), {});  // what one step decodes is there for the next
+    Verifier verifier(surface, report);
+    return level == VerifyLevel::kFull ? verifier.Full() : verifier.Global();
+  });
 }
 
 }  // namespace mtdb

@@ -59,6 +59,7 @@ class Bits {
       bytes += 64;
     }
   }
+  void ClearAll() { std::fill(words_.begin(), words_.end(), 0); }
   // Sets the flags that are set in both, which are as long; returns their number.
   uint32_t AddBoth(std::span<const uint64_t> a, std::span<const uint64_t> b) {
     uint32_t n = 0;

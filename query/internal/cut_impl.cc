@@ -162,6 +162,7 @@ Status CutImpl::MarkClipped() {
 }
 
 Status CutImpl::NumberVertices() {
+  root_numbers_ = RootNumbering(index_.root_vertices());
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
     const UnitId id = index_.cluster_count() + r;
     reader_.Release();
@@ -177,17 +178,18 @@ Status CutImpl::NumberVertices() {
                    std::to_string(index_.root_vertices()));
   }
   VertexIndex next = root_numbers_.count();
-  numberings_.resize(everything_ ? index_.cluster_count() : cut_.states.size());
+  std::vector<Numbering> numberings(everything_ ? index_.cluster_count() : cut_.states.size());
   for (UnitId c = 0; c < index_.cluster_count(); ++c) {
     if (everything_) {
-      numberings_[c].first = next;
+      numberings[c].first = next;
       next += index_.cluster(ClusterId(c)).nodes;
     } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
       const Bits& nodes = Nodes(cut_.state(s));
-      numberings_[s] = {next, nodes.words().data(), nodes.Ranks()};
+      numberings[s] = {next, nodes.words().data(), nodes.Ranks()};
       next += nodes.Count();
     }
   }
+  numberings_ = std::move(numberings);
   return Status::Ok();
 }
 

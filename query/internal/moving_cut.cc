@@ -6,6 +6,9 @@
 #include <limits>
 #include <string>
 
+#include "query/internal/make_room.h"
+#include "store/base/out_of_memory.h"
+
 namespace mtdb {
 namespace {
 
@@ -46,8 +49,8 @@ Status MovingCut::Inconsistent(UnitId unit, const char* what) const {
 }
 
 MovingCut::Unit& MovingCut::Open(UnitId id) {
-  units_[id] = std::make_unique<Unit>();
-  Unit& u = *units_[id];
+  auto opened = std::make_unique<Unit>();
+  Unit& u = *opened;
   u.id = id;
   const bool root = IsRootUnit(index_, id);
   const Box3i& bounds = root ? index_.root_piece(RootPieceId(id - index_.cluster_count())).bounds
@@ -65,6 +68,10 @@ MovingCut::Unit& MovingCut::Open(UnitId id) {
   u.applied = u.strong = u.known = u.refusing = u.wanted = u.forced_to = u.dirty = Bits(nodes);
   u.deadlines.assign(u.known.size(), kNever);
   u.gates.assign(children.size(), kNever);
+  // In all lists or in none: Undo goes by them.
+  MakeRoomForOne(open_);
+  MakeRoomForOne(touched_);
+  units_[id] = std::move(opened);
   open_.push_back(id);
   touched_.push_back(id);
   Enqueue(u);
@@ -72,10 +79,10 @@ MovingCut::Unit& MovingCut::Open(UnitId id) {
 }
 
 void MovingCut::Size(Unit& u, const LoadedUnit& unit) const {
-  u.sized = true;
   u.first_own = unit.first_own_slot();
   u.present = Bits(unit.own_slots());
   u.refused = Bits(static_cast<uint32_t>(unit.cluster.hole_slots.size()));
+  u.sized = true;
 }
 
 Result<const LoadedUnit*> MovingCut::Pin(UnitId unit) { return Pin(*Find(unit)); }
@@ -92,9 +99,10 @@ Result<const LoadedUnit*> MovingCut::Pin(Unit& u) {
     unit = reader_->Get(u.id);
   }
   if (!unit.ok()) return unit;
-  u.pin = *unit;
+  if (!u.sized) Size(u, **unit);
+  MakeRoomForOne(pinned_);
   pinned_.push_back(u.id);
-  if (!u.sized) Size(u, *u.pin);
+  u.pin = *unit;
   return u.pin;
 }
 
@@ -108,8 +116,9 @@ void MovingCut::ReleasePins() {
 
 void MovingCut::Save(Unit& u) {
   if (u.fresh || u.before != nullptr) return;
-  u.before = std::make_unique<Flags>(u);
+  auto before = std::make_unique<Flags>(u);
   touched_.push_back(u.id);
+  u.before = std::move(before);
 }
 
 void MovingCut::Count(Unit& u) {
@@ -125,6 +134,7 @@ void MovingCut::Count(Unit& u) {
 
 Status MovingCut::EndRoundWith(const Commit& commit) {
   for (const UnitId id : touched_) Count(*units_[id]);
+  idle_.reserve(idle_.size() + touched_.size());  // nothing may fail after commit
   MTDB_RETURN_IF_ERROR(commit());
   for (const UnitId id : touched_) {
     Unit& u = *units_[id];
@@ -138,7 +148,7 @@ Status MovingCut::EndRoundWith(const Commit& commit) {
   return Status::Ok();
 }
 
-// What was learnt since the last round is forgotten: all deadlines have passed.
+// What was learnt since the last round is forgotten: all deadlines have passed. Needs no memory.
 void MovingCut::Undo() {
   for (const UnitId id : touched_) {
     Unit& u = *units_[id];
@@ -156,12 +166,15 @@ void MovingCut::Undo() {
     Unit& u = *units_[id];
     u.stale = true;
     u.queued = false;
-    u.wanted = u.forced_to = u.dirty = Bits(static_cast<uint32_t>(u.known.size()));
+    u.wanted.ClearAll();
+    u.forced_to.ClearAll();
+    u.dirty.ClearAll();
     u.arrivals.clear();
     u.todo.clear();
     u.gates_todo.clear();
   }
   queue_.clear();
+  todo_.clear();
   for (auto& list : later_) list.clear();
   for (auto& list : later_gates_) list.clear();
 }
@@ -173,7 +186,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
   control_ = query.control;
   inserted_ = inserted_in_all_ = 0;
   evaluated_ = 0;
-  const Status status = Step(query, round_nodes, commit);
+  const Status status = CatchOutOfMemory([&] { return Step(query, round_nodes, commit); });
   if (!status.ok()) {
     Undo();
   } else {
@@ -428,8 +441,8 @@ Result<NodeIndex> MovingCut::RemoverOf(const LoadedUnit& unit, const Arc& arc) c
 
 void MovingCut::Enqueue(Unit& u) {
   if (u.queued) return;
-  u.queued = true;
   queue_.insert(u.id);
+  u.queued = true;
 }
 
 MovingCut::Unit& MovingCut::TakeQueued() {

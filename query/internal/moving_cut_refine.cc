@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "query/internal/moving_cut.h"
+#include "store/base/out_of_memory.h"
 
 namespace mtdb {
 namespace {
@@ -405,9 +406,12 @@ void MovingCut::CloseIdle() {
   for (const UnitId id : idle_) {
     Unit& u = *Find(id);
     if (u.applied_count > 0) continue;
-    const Result<const LoadedUnit*> unit = Pin(u);
-    if (!unit.ok()) break;
-    closed |= Close(u, **unit);
+    const Status status = CatchOutOfMemory([&]() -> Status {
+      MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, Pin(u));
+      closed |= Close(u, *unit);
+      return Status::Ok();
+    });
+    if (!status.ok()) break;
   }
   if (closed) std::erase_if(open_, [&](UnitId id) { return units_[id] == nullptr; });
 }
