@@ -218,6 +218,7 @@ Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& l
       continue;
     }
     const UnitId u = *next;
+    if (errand.reader != nullptr) MTDB_RETURN_IF_ERROR(errand.reader->Check());
     if (entries_[u].state == State::kEmpty) MTDB_RETURN_IF_ERROR(LoadOne(u, errand, lock));
     plan.Finish(u);
   }

@@ -7,6 +7,7 @@
 
 #include "query/internal/probe_geometry.h"
 #include "query/internal/promise.h"
+#include "query/query_control.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -43,11 +44,12 @@ std::vector<double> FallingErrors(const ObjectRecord& record, double last) {
 
 // The triangles of a cut that meet the region.
 Result<TriangleMesh> TrianglesAt(const Surface& surface, RegionPtr region, double error,
-                                 ProbeAnswer* answer) {
+                                 QueryControl* control, ProbeAnswer* answer) {
   Query query;
   query.region = std::move(region);
   query.threshold = ConstantThreshold(error);
   query.clip = true;
+  query.control = control;
   TriangleMesh mesh;
   TriangleMeshSink sink(&mesh);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface.Extract(query, sink));
@@ -72,29 +74,42 @@ Box3d Widened(const Box3d& box, Vec3d origin) {
   return {box.min - Vec3d{by, by, by}, box.max + Vec3d{by, by, by}};
 }
 
-std::optional<ProbeHit> Closest(const TriangleMesh& mesh, Vec3d point) {
+// Calls f(triangle) for each, as long as the control lets it.
+template <typename F>
+Status ForEachTriangle(const TriangleMesh& mesh, const QueryControl* control, F&& f) {
+  constexpr size_t kPerLook = 512;
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    if (i % kPerLook == 0 && control != nullptr && control->cancelled()) {
+      return {StatusCode::kCancelled, "the probe was cancelled"};
+    }
+    f(Corners(mesh, mesh.triangles[i]));
+  }
+  return Status::Ok();
+}
+
+Result<std::optional<ProbeHit>> Closest(const TriangleMesh& mesh, Vec3d point,
+                                        const QueryControl* control) {
   std::optional<ProbeHit> best;
   double best2 = kInfinity;
-  for (const TriangleVertices& vertices : mesh.triangles) {
-    const Triangle3d t = Corners(mesh, vertices);
+  MTDB_RETURN_IF_ERROR(ForEachTriangle(mesh, control, [&](const Triangle3d& t) {
     const Vec3d q = ClosestPointOfTriangle(point, t);
     const double d2 = SquaredLength(point - q);
-    if (best && d2 >= best2) continue;
+    if (best && d2 >= best2) return;
     best2 = d2;
     best = ProbeHit{q, std::sqrt(d2), t, Dot(Normal(t), point - t[0]) > 0};
-  }
+  }));
   return best;
 }
 
-std::optional<ProbeHit> FirstHit(const TriangleMesh& mesh, const RayCaster& ray, Vec3d direction,
-                                 double last) {
+Result<std::optional<ProbeHit>> FirstHit(const TriangleMesh& mesh, const RayCaster& ray,
+                                         Vec3d direction, double last,
+                                         const QueryControl* control) {
   std::optional<ProbeHit> best;
-  for (const TriangleVertices& vertices : mesh.triangles) {
-    const Triangle3d t = Corners(mesh, vertices);
+  MTDB_RETURN_IF_ERROR(ForEachTriangle(mesh, control, [&](const Triangle3d& t) {
     const std::optional<double> hit = ray.Hit(t);
-    if (!hit || *hit > last || (best && *hit >= best->distance)) continue;
+    if (!hit || *hit > last || (best && *hit >= best->distance)) return;
     best = ProbeHit{ray.At(*hit), *hit, t, Dot(Normal(t), direction) < 0};
-  }
+  }));
   return best;
 }
 
@@ -117,20 +132,20 @@ Result<ProbeAnswer> ProbePoint(const Surface& surface, Vec3d point, const ProbeO
   answer.reach = all;
   const std::vector<double> errors = FallingErrors(record, options.error_model);
   for (size_t i = 0; i + 1 < errors.size(); ++i) {
-    MTDB_ASSIGN_OR_RETURN(
-        const TriangleMesh mesh,
-        TrianglesAt(surface, SphereRegion(point, answer.reach), errors[i], &answer));
-    const std::optional<ProbeHit> hit = Closest(mesh, point);
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesAt(surface, SphereRegion(point, answer.reach), errors[i],
+                                      options.control, &answer));
+    MTDB_ASSIGN_OR_RETURN(const std::optional<ProbeHit> hit, Closest(mesh, point, options.control));
     if (!hit) continue;
     const double next =
         hit->distance + answer.error_bound + std::max(errors[i + 1], record.rounding_error);
     answer.reach = std::min(answer.reach, next * kRoundUp);
   }
   for (;; answer.reach = std::min(all, 2 * answer.reach)) {
-    MTDB_ASSIGN_OR_RETURN(
-        const TriangleMesh mesh,
-        TrianglesAt(surface, SphereRegion(point, answer.reach), errors.back(), &answer));
-    answer.hit = Closest(mesh, point);
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesAt(surface, SphereRegion(point, answer.reach), errors.back(),
+                                      options.control, &answer));
+    MTDB_ASSIGN_OR_RETURN(answer.hit, Closest(mesh, point, options.control));
     if (answer.hit || answer.reach >= all) return answer;
   }
 }
@@ -155,10 +170,11 @@ Result<ProbeAnswer> ProbeRay(const Surface& surface, Vec3d origin, Vec3d directi
   answer.reach = all;
   const std::vector<double> errors = FallingErrors(record, options.error_model);
   for (size_t i = 0; i + 1 < errors.size(); ++i) {
-    MTDB_ASSIGN_OR_RETURN(
-        const TriangleMesh mesh,
-        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors[i], &answer));
-    const std::optional<ProbeHit> hit = FirstHit(mesh, ray, direction, answer.reach);
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach),
+                                      errors[i], options.control, &answer));
+    MTDB_ASSIGN_OR_RETURN(const std::optional<ProbeHit> hit,
+                          FirstHit(mesh, ray, direction, answer.reach, options.control));
     if (!hit) continue;
     // The finer surface is that far away across, and most often not much farther along the ray.
     constexpr double kAlong = 4;
@@ -166,10 +182,11 @@ Result<ProbeAnswer> ProbeRay(const Surface& surface, Vec3d origin, Vec3d directi
         std::min(answer.reach, hit->distance + kAlong * answer.error_bound / ray.length());
   }
   for (;; answer.reach = all) {
-    MTDB_ASSIGN_OR_RETURN(
-        const TriangleMesh mesh,
-        TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach), errors.back(), &answer));
-    answer.hit = FirstHit(mesh, ray, direction, answer.reach);
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesAt(surface, RayRegion(ray, inside->begin, answer.reach),
+                                      errors.back(), options.control, &answer));
+    MTDB_ASSIGN_OR_RETURN(answer.hit,
+                          FirstHit(mesh, ray, direction, answer.reach, options.control));
     if (answer.hit || answer.reach >= all) return answer;
   }
 }

@@ -16,6 +16,8 @@ struct ProbeOptions {
   // Nothing farther away is looked for. Closest point: a distance in model units. Ray: a parameter,
   // in lengths of its direction.
   double limit = std::numeric_limits<double>::infinity();
+  // Cancels the probe from other threads (kCancelled). Must outlive it. May be null.
+  QueryControl* control = nullptr;
 };
 
 // A point of the surface.

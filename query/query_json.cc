@@ -3,43 +3,45 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "query/internal/json_value.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
 
 namespace {
 
-using QueryJson = nlohmann::json;  // not ordered_json, which takes quadratic time
-
 constexpr int kDeepest = 64;             // braces and brackets within each other
 constexpr double kLargestNumber = 1e30;  // its eighth power, which distances need, is finite
 constexpr size_t kExcerpt = 40;
+constexpr int kMostParts = 4096;  // regions and thresholds; each may be asked for each triangle
 constexpr int kLargestViewport = 1 << 20;
 
 double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 // A value and where it is.
 struct Node {
-  const QueryJson& json;
+  const JsonValue& json;
   std::string path;
+  int* parts;  // regions and thresholds of the query so far
 
   Node operator[](const char* key) const {
-    return {json.at(key), (path.empty() ? "" : path + ".") + key};
+    return {json.at(key), (path.empty() ? "" : path + ".") + key, parts};
   }
-  Node operator[](size_t i) const { return {json.at(i), path + "[" + std::to_string(i) + "]"}; }
+  Node operator[](size_t i) const {
+    return {json.at(i), path + "[" + std::to_string(i) + "]", parts};
+  }
   bool has(const char* key) const { return json.contains(key); }
 };
 
-std::string Found(const QueryJson& json) {
+std::string Found(const JsonValue& json) {
   if (json.is_object()) return "an object";
   if (json.is_array()) return "a list of " + std::to_string(json.size());
-  std::string text = json.dump(-1, ' ', false, QueryJson::error_handler_t::replace);
+  std::string text = json.Text();
   if (text.size() > kExcerpt) text = text.substr(0, kExcerpt) + "...";
   return text;
 }
@@ -64,9 +66,9 @@ Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
   std::vector<const char*> known(required);
   known.insert(known.end(), optional);
   if (!node.json.is_object()) return Unexpected(node, "an object with " + Listed(known));
-  for (const auto& [key, value] : node.json.items()) {
+  for (const auto& [key, value] : node.json.members()) {
     if (std::find(known.begin(), known.end(), key) == known.end()) {
-      return Wrong(node, "no key " + Found(key) + " here; known are " + Listed(known));
+      return Wrong(node, "no key " + Found(JsonValue(key)) + " here; known are " + Listed(known));
     }
   }
   for (const char* key : required) {
@@ -77,7 +79,7 @@ Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
 
 Result<double> Number(const Node& node) {
   if (node.json.is_number()) {
-    const double value = node.json.get<double>();
+    const double value = node.json.number();
     if (std::abs(value) <= kLargestNumber) return value;
     return Unexpected(node, "a number from -1e30 to 1e30");
   }
@@ -360,15 +362,23 @@ Result<const Kind*> KindOf(const Node& node, const Kind (&kinds)[kCount], const 
   }
   std::vector<const char*> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  const std::string found =
-      node.json.is_object() && node.json.size() == 1 ? Found(node.json.begin().key())
-      : node.json.is_object() ? "an object with " + std::to_string(node.json.size()) + " keys"
-                              : Found(node.json);
+  const std::string found = node.json.is_object() && node.json.size() == 1
+                                ? Found(JsonValue(node.json.members().begin()->first))
+                            : node.json.is_object()
+                                ? "an object with " + std::to_string(node.json.size()) + " keys"
+                                : Found(node.json);
   return Wrong(node, std::string("expected ") + what + ", an object with one of the keys " +
                          Listed(names) + "; found " + found);
 }
 
+Status CountPart(const Node& node) {
+  if (++*node.parts <= kMostParts) return Status::Ok();
+  return Wrong(node, "a query has at most " + std::to_string(kMostParts) +
+                         " regions and thresholds, those within others counted");
+}
+
 Result<RegionPtr> RegionOf(const Node& node, int depth) {
+  MTDB_RETURN_IF_ERROR(CountPart(node));
   if (depth == kDeepest) return Wrong(node, "too many regions within each other");
   MTDB_ASSIGN_OR_RETURN(const RegionKind* kind, KindOf(node, kRegionKinds, "a region"));
   return kind->parse(node[kind->name], depth + 1);
@@ -480,6 +490,7 @@ constexpr ThresholdKind kThresholdKinds[] = {
 };
 
 Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
+  MTDB_RETURN_IF_ERROR(CountPart(node));
   if (depth == kDeepest) return Wrong(node, "too many thresholds within each other");
   if (node.json.is_number()) {
     MTDB_ASSIGN_OR_RETURN(const double error, NonNegative(node));
@@ -493,76 +504,40 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   return kind->parse(node[kind->name], diagonal, depth + 1);
 }
 
-// The byte at which braces and brackets go too deep, or npos.
-size_t TooDeepAt(std::string_view text) {
-  int depth = 0;
-  bool in_string = false;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (in_string) {
-      if (c == '\\') ++i;
-      in_string = c != '"';
-    } else if (c == '"') {
-      in_string = true;
-    } else if (c == '{' || c == '[') {
-      if (++depth > kDeepest) return i;
-    } else if (c == '}' || c == ']') {
-      --depth;
-    }
-  }
-  return std::string_view::npos;
-}
-
-// Text as JSON that has passed for depth and syntax.
-Result<QueryJson> ParseText(std::string_view text) {
-  if (const size_t at = TooDeepAt(text); at != std::string_view::npos) {
-    return InvalidArgument("byte " + std::to_string(at) + ": more than " +
-                           std::to_string(kDeepest) + " braces and brackets within each other");
-  }
-  try {
-    return QueryJson::parse(text);
-  } catch (const QueryJson::parse_error& e) {
-    return InvalidArgument("byte " + std::to_string(e.byte) + ": not JSON");
-  } catch (const QueryJson::exception&) {
-    return InvalidArgument("a number that is too large for JSON");
-  }
-}
-
 Result<Query> ReadQuery(std::string_view text, double diagonal) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-  const Node node{json, "query"};
+  MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+  int parts = 0;
+  const Node node{json, "query", &parts};
+  const auto entry = [&](const char* key) { return Node{json.at(key), key, &parts}; };
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
                                   "max_milliseconds", "clip", "normals"}));
   Query query;
   if (node.has("region")) {
-    MTDB_ASSIGN_OR_RETURN(query.region, RegionOf({json.at("region"), "region"}, 0));
+    MTDB_ASSIGN_OR_RETURN(query.region, RegionOf(entry("region"), 0));
   }
   if (node.has("threshold")) {
-    MTDB_ASSIGN_OR_RETURN(query.threshold,
-                          ThresholdOf({json.at("threshold"), "threshold"}, diagonal, 0));
+    MTDB_ASSIGN_OR_RETURN(query.threshold, ThresholdOf(entry("threshold"), diagonal, 0));
   }
   const auto count = [&](const char* key, std::optional<uint64_t>* value) -> Status {
     if (!node.has(key)) return Status::Ok();
-    const Node n{json.at(key), key};
-    if (!n.json.is_number_unsigned() || n.json.get<uint64_t>() == 0) {
-      return Unexpected(n, "a whole number above 0");
-    }
-    *value = n.json.get<uint64_t>();
+    const Node n = entry(key);
+    const uint64_t* const whole = n.json.whole_number();
+    if (whole == nullptr || *whole == 0) return Unexpected(n, "a whole number above 0");
+    *value = *whole;
     return Status::Ok();
   };
   const auto flag = [&](const char* key, bool* value) -> Status {
     if (!node.has(key)) return Status::Ok();
-    const Node n{json.at(key), key};
-    if (!n.json.is_boolean()) return Unexpected(n, "true or false");
-    *value = n.json.get<bool>();
+    const Node n = entry(key);
+    if (n.json.boolean() == nullptr) return Unexpected(n, "true or false");
+    *value = *n.json.boolean();
     return Status::Ok();
   };
   MTDB_RETURN_IF_ERROR(count("max_triangles", &query.max_triangles));
   MTDB_RETURN_IF_ERROR(count("max_bytes", &query.max_bytes));
   if (node.has("max_milliseconds")) {
-    MTDB_ASSIGN_OR_RETURN(query.max_milliseconds,
-                          NonNegative({json.at("max_milliseconds"), "max_milliseconds"}));
+    MTDB_ASSIGN_OR_RETURN(query.max_milliseconds, NonNegative(entry("max_milliseconds")));
   }
   MTDB_RETURN_IF_ERROR(flag("clip", &query.clip));
   MTDB_RETURN_IF_ERROR(flag("normals", &query.normals));
@@ -578,22 +553,25 @@ Result<Query> ParseQuery(std::string_view text, double diagonal) {
 
 Result<RegionPtr> ParseRegion(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<RegionPtr> {
-    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-    return RegionOf({json, "region"}, 0);
+    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    int parts = 0;
+    return RegionOf({json, "region", &parts}, 0);
   });
 }
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
   return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
-    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-    return ThresholdOf({json, "threshold"}, diagonal, 0);
+    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    int parts = 0;
+    return ThresholdOf({json, "threshold", &parts}, diagonal, 0);
   });
 }
 
 Result<Camera> ParseCamera(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<Camera> {
-    MTDB_ASSIGN_OR_RETURN(const QueryJson json, ParseText(text));
-    return CameraOf({json, "camera"});
+    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    int parts = 0;
+    return CameraOf({json, "camera", &parts});
   });
 }
 

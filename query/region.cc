@@ -6,6 +6,7 @@
 #include "query/internal/convex.h"
 #include "query/internal/rounding.h"
 #include "query/internal/split.h"
+#include "query/internal/work_meter.h"
 #include "store/base/check.h"
 
 namespace mtdb {
@@ -128,7 +129,8 @@ class Union final : public SplittingRegion {
  private:
   template <typename F>
   bool AnyOf(F&& holds) const {
-    return std::any_of(regions_.begin(), regions_.end(), holds);
+    return std::ranges::any_of(regions_,
+                               [&](const RegionPtr& r) { return SpendSteps(1) && holds(r); });
   }
   std::vector<RegionPtr> regions_;
   int splits_;
@@ -160,7 +162,8 @@ class Intersection final : public SplittingRegion {
  private:
   template <typename F>
   bool AllOf(F&& holds) const {
-    return std::all_of(regions_.begin(), regions_.end(), holds);
+    return std::ranges::all_of(regions_,
+                               [&](const RegionPtr& r) { return SpendSteps(1) && holds(r); });
   }
   std::vector<RegionPtr> regions_;
   int splits_;

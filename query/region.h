@@ -77,7 +77,8 @@ struct Wedge {
 RegionPtr WedgeRegion(const Wedge& wedge);
 // The vertical prism over a polygon of at least 3 corners {x, y}, in either order, not necessarily
 // convex, from min_z to max_z. Where the polygon crosses itself, what an even number of its turns
-// surrounds is outside. Cost per question: about logarithmic in the number of corners.
+// surrounds is outside. Cost per question: about logarithmic in the number n of corners where edges
+// do not cross; at worst, where they all cross each other or end at all heights, about n^(3/4).
 RegionPtr PrismRegion(const std::vector<std::array<double, 2>>& polygon,
                       double min_z = -std::numeric_limits<double>::infinity(),
                       double max_z = std::numeric_limits<double>::infinity());
@@ -87,7 +88,7 @@ RegionPtr PointRegion(Vec3d point);
 RegionPtr SegmentRegion(Vec3d from, Vec3d to);
 // What is at most `radius` away from a line of at least one point. A negative radius meets
 // nothing. Covers is decided on eighths of the triangle, each in the tube around one segment. Cost
-// per question: about logarithmic in the number of points.
+// per question: likewise in the number of points.
 RegionPtr TubeRegion(const std::vector<Vec3d>& line, double radius);
 
 // Of regions that are decided on eighths of a triangle and lie within each other, only the

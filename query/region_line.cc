@@ -13,15 +13,6 @@ namespace {
 
 using Segment = SegmentTree::Segment;
 
-// Boxes get as near as the segments inside.
-struct NearerThan {
-  Box3d around;
-  double limit;
-  bool operator()(const Box3d& box) const {
-    return SquaredDistanceBoxBox(box, around) <= limit * limit * (1 + kBoxRounding);
-  }
-};
-
 double Scale(const Box3d& box) {
   return std::max(LargestCoordinate(box.min), LargestCoordinate(box.max));
 }
@@ -35,23 +26,21 @@ class Tube final : public SplittingRegion {
 
   bool Within(const Triangle3d& t, double distance) const override {
     const double limit = radius_ + distance + Rounding(t, distance, scale_);
-    return segments_.AnyOf(NearerThan{Around(t), limit}, [&](const Segment& s) {
+    return segments_.AnyNear(t, limit, [&](const Segment& s) {
       return SquaredDistanceSegmentTriangle(s[0], s[1], t) <= limit * limit;
     });
   }
 
   bool Covers(const Triangle3d& t, double distance) const override {
     const double limit = radius_ - distance - Rounding(t, distance, scale_);
-    const auto covers = [&](const Triangle3d& part) {
-      return AroundOne(Around(part), part, limit);
-    };
+    const auto covers = [&](const Triangle3d& part) { return AroundOne(part, limit); };
     return limit > 0 && HoldsForAll(t, covers, splits() ? kSplits : 0);
   }
 
   bool BoxWithin(const Box3d& box, double distance) const override {
     if (box.empty()) return false;
     const double limit = radius_ + distance + Rounding(box, distance, scale_);
-    return segments_.AnyOf(NearerThan{box, limit}, [&](const Segment& s) {
+    return segments_.AnyNear(box, limit, [&](const Segment& s) {
       return SquaredDistanceTriangleBox({s[0], s[1], s[1]}, box) <= limit * limit;
     });
   }
@@ -61,7 +50,7 @@ class Tube final : public SplittingRegion {
     if (box.empty() || !(limit > 0)) return false;
     std::array<Vec3d, 8> corners;
     for (int i = 0; i < 8; ++i) corners[static_cast<size_t>(i)] = Corner(box, i);
-    return AroundOne(box, corners, limit);
+    return AroundOne(corners, limit);
   }
 
   bool splits() const override { return segments_.size() > 1; }
@@ -69,8 +58,8 @@ class Tube final : public SplittingRegion {
  private:
   // Whether all corners are less than `limit` away from the same segment.
   template <typename Corners>
-  bool AroundOne(const Box3d& around, const Corners& corners, double limit) const {
-    return segments_.AnyOf(NearerThan{around, limit}, [&](const Segment& s) {
+  bool AroundOne(const Corners& corners, double limit) const {
+    return segments_.AnyNear(corners, limit, [&](const Segment& s) {
       return std::all_of(corners.begin(), corners.end(), [&](Vec3d p) {
         return SquaredDistancePointSegment(p, s[0], s[1]) < limit * limit;
       });
@@ -152,7 +141,7 @@ class Prism final : public Region {
     if (!BetweenLids(around, limit) || !OverPolygon(t[0])) return false;
     const Triangle3d shadow = {Vec3d{t[0].x, t[0].y, 0}, Vec3d{t[1].x, t[1].y, 0},
                                Vec3d{t[2].x, t[2].y, 0}};
-    return !edges_.AnyOf(NearerThan{Flat(around), limit}, [&](const Segment& s) {
+    return !edges_.AnyNear(shadow, limit, [&](const Segment& s) {
       return SquaredDistanceSegmentTriangle(s[0], s[1], shadow) <= limit * limit;
     });
   }
@@ -180,41 +169,31 @@ class Prism final : public Region {
   }
 
   // By the number of edges that a ray along x crosses.
-  bool OverPolygon(Vec3d p) const {
-    bool inside = false;
-    edges_.AnyOf(
-        [&](const Box3d& box) { return box.min.y <= p.y && box.max.y >= p.y && box.max.x >= p.x; },
-        [&](const Segment& s) {
-          const auto& [a, b] = s;
-          if ((a.y > p.y) != (b.y > p.y) && p.x - a.x < (p.y - a.y) * ((b.x - a.x) / (b.y - a.y))) {
-            inside = !inside;
-          }
-          return false;
-        });
-    return inside;
-  }
+  bool OverPolygon(Vec3d p) const { return edges_.CrossesOdd(p); }
 
   // Of the polygon in the plane z = 0.
   bool NearPolygon(const Slice& slice, double limit) const {
-    Box3d around;
+    if (slice.count == 0) return false;
+    Vec3d lowest = slice.corners[0];
     for (size_t i = 0; i < slice.count; ++i) {
       const Vec3d p = slice.corners[i];
-      if (std::abs(p.z) <= limit && OverPolygon(p)) return true;
-      around.Add(p);
+      if (std::abs(p.z) < std::abs(lowest.z)) lowest = p;
     }
-    if (slice.count == 0) return false;
-    return edges_.AnyOf(NearerThan{around, limit}, [&](const Segment& s) {
-      for (size_t i = 1; i < std::max<size_t>(slice.count, 2); ++i) {
-        const Triangle3d part{slice.corners[0], slice.corners[std::min(i, slice.count - 1)],
-                              slice.corners[std::min(i + 1, slice.count - 1)]};
-        if (SquaredDistanceSegmentTriangle(s[0], s[1], part) <= limit * limit) return true;
-      }
-      return false;
-    });
+    // Where no edge is near, all that is near the plane is over the polygon or nothing is.
+    if (std::abs(lowest.z) <= limit && OverPolygon(lowest)) return true;
+    return edges_.AnyNear(
+        std::span(slice.corners).first(slice.count), limit, [&](const Segment& s) {
+          for (size_t i = 1; i < std::max<size_t>(slice.count, 2); ++i) {
+            const Triangle3d part{slice.corners[0], slice.corners[std::min(i, slice.count - 1)],
+                                  slice.corners[std::min(i + 1, slice.count - 1)]};
+            if (SquaredDistanceSegmentTriangle(s[0], s[1], part) <= limit * limit) return true;
+          }
+          return false;
+        });
   }
 
   bool NearEdge(const Box3d& flat, double limit) const {
-    return edges_.AnyOf(NearerThan{flat, limit}, [&](const Segment& s) {
+    return edges_.AnyNear(flat, limit, [&](const Segment& s) {
       return SquaredDistanceTriangleBox({s[0], s[1], s[1]}, flat) <= limit * limit;
     });
   }

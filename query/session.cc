@@ -27,8 +27,9 @@ constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to c
 constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
 
 UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
-  return [&reader](UnitId unit) {
+  return [&reader](UnitId unit) -> Result<const LoadedUnit*> {
     reader.Release();
+    MTDB_RETURN_IF_ERROR(reader.Check());
     return reader.Get(unit);
   };
 }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "query/internal/rounding.h"
+#include "query/internal/work_meter.h"
 #include "store/base/check.h"
 
 namespace mtdb {
@@ -377,12 +378,16 @@ class Chosen final : public Threshold {
 
   double Min(const Triangle3d& t, double distance) const override {
     double value = none_;
-    for (const ThresholdPtr& p : thresholds_) value = choose_(value, p->Min(t, distance));
+    for (const ThresholdPtr& p : thresholds_) {
+      if (!SpendSteps(1)) break;
+      value = choose_(value, p->Min(t, distance));
+    }
     return value;
   }
   ErrorRange Range(const Box3d& box, double distance) const override {
     ErrorRange range{none_, none_};
     for (const ThresholdPtr& p : thresholds_) {
+      if (!SpendSteps(1)) break;
       const ErrorRange one = p->Range(box, distance);
       range = {choose_(range.low, one.low), choose_(range.high, one.high)};
     }
@@ -393,6 +398,7 @@ class Chosen final : public Threshold {
     if (other == nullptr || other->thresholds_.size() != thresholds_.size()) return {};
     ErrorRange change{0, 0};
     for (size_t i = 0; i < thresholds_.size(); ++i) {
+      if (!SpendSteps(1)) break;
       const ErrorRange one = thresholds_[i]->Change(*other->thresholds_[i], box, distance);
       change = i == 0 ? one : Hull(change, one);
     }

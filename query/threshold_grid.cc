@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "query/internal/rounding.h"
+#include "query/internal/work_meter.h"
 #include "query/threshold.h"
 #include "store/base/check.h"
 
@@ -121,6 +122,7 @@ class OfGrid final : public Threshold {
   }
 
   void Visit(size_t level, const Index& at, Search& search) const {
+    if (!SpendSteps(1)) return;
     const double least = levels_[level].At(at);
     if (least >= search.least) return;
     const Box3d box = CellBox(level, at);

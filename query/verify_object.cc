@@ -15,8 +15,10 @@ namespace {
 
 class Verifier {
  public:
-  Verifier(const Surface& surface, CheckReport* report)
-      : record_(surface.record()),
+  // What one step decodes is there for the next.
+  Verifier(const Surface& surface, CheckReport* report, QueryControl* control)
+      : reader_(surface.cache(), {control, std::nullopt}),
+        record_(surface.record()),
         index_(surface.index()),
         cache_(surface.cache()),
         report_(report),
@@ -79,6 +81,7 @@ class Verifier {
   Status ForEachUnit(F&& f) {
     LoadStats stats;
     for (UnitId unit = UnitCount(index_); unit-- > 0;) {
+      MTDB_RETURN_IF_ERROR(reader_.Check());
       bool skip = false;
       for (const UnitId p : UnitParents(index_, unit)) skip |= failed_.Test(p);
       if (skip) {
@@ -187,6 +190,7 @@ class Verifier {
     }
   }
 
+  UnitReader reader_;
   const ObjectRecord& record_;
   const ClusterIndex& index_;
   ClusterCache& cache_;
@@ -211,10 +215,10 @@ class Verifier {
 
 }  // namespace
 
-Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report) {
+Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report,
+                    QueryControl* control) {
   return CatchOutOfMemory([&] {
-    const UnitReader asks(surface.cache(), {});  // what one step decodes is there for the next
-    Verifier verifier(surface, report);
+    Verifier verifier(surface, report, control);
     return level == VerifyLevel::kFull ? verifier.Full() : verifier.Global();
   });
 }

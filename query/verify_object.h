@@ -20,7 +20,8 @@ enum class VerifyLevel {
 // once, and those that descend from it are skipped. Memory: the surface's cache, four bytes per
 // node of the clusters whose children are still to come (kFull), some bytes per cluster. Both
 // levels read every payload. The Status is an error only when the source fails otherwise than by
-// kCorrupt or kUnsupported. Safe beside queries.
-Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report);
+// kCorrupt or kUnsupported, and when `control`, which may be null, cancels it. Safe beside queries.
+Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report,
+                    QueryControl* control = nullptr);
 
 }  // namespace mtdb

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "query/internal/rounding.h"
+#include "query/internal/work_meter.h"
 #include "store/base/check.h"
 
 namespace mtdb {
@@ -123,6 +124,7 @@ bool Convex::MeetsEdge(const Triangle3d& t, double scale) const {
 
 bool Convex::NearFace(const Triangle3d& t, double distance, double scale) const {
   for (const Plane& p : planes_) {
+    if (!SpendSteps(1)) return false;
     const double limit = distance + kTriangleRounding * std::max(p.scale, scale);
     for (const Vec3d& corner : t) {
       const double height = p.Height(corner);
@@ -139,6 +141,7 @@ bool Convex::NearFace(const Triangle3d& t, double distance, double scale) const 
 
 bool Convex::NearEdge(const Triangle3d& t, double distance, double scale) const {
   for (const Line& e : edges_) {
+    if (!SpendSteps(1)) return false;
     const double limit = distance + kTriangleRounding * std::max(e.scale, scale);
     // The part that can be nearest to a point of the triangle.
     double low = kInfinity;

@@ -7,11 +7,13 @@
 #include "query/internal/promise.h"
 #include "query/internal/search.h"
 #include "query/internal/stopwatch.h"
+#include "query/internal/work_meter.h"
 
 namespace mtdb {
 namespace {
 
 constexpr VertexIndex kUnset = ~VertexIndex{0};
+constexpr size_t kSumsPerLook = 1 << 16;  // some ns each
 constexpr std::array<const char*, 3> kNormalNames{"nx", "ny", "nz"};
 
 }  // namespace
@@ -118,6 +120,7 @@ bool CutImpl::applied(ClusterId cluster, NodeIndex node) const {
 
 // A triangle that meets the region is active, whatever its error.
 Status CutImpl::MarkClipped() {
+  WorkMeter meter([this] { return reader_.Check(); });
   const Grid& grid = surface_->record().grid;
   root_used_ = Bits(static_cast<uint32_t>(index_.root_vertices()));
   for (const auto& s : cut_.states) {
@@ -126,6 +129,7 @@ Status CutImpl::MarkClipped() {
   for (const auto& each : cut_.states) {
     UnitState& s = *each;
     reader_.Release();
+    MTDB_RETURN_IF_ERROR(reader_.Check());
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(s.unit));
     s.kept = Bits(unit->own_slots());
     const std::vector<Vec3i>& positions = unit->positions();
@@ -136,7 +140,7 @@ Status CutImpl::MarkClipped() {
           unit->corners(slot, unit->is_root ? 0 : unit->creator(slot));
       Triangle3d t;
       for (size_t c = 0; c < 3; ++c) t[c] = grid.Position(positions[corners[c]]);
-      if (!query_.region->Within(t, 0)) return;
+      if (!meter.Spend(1) || !query_.region->Within(t, 0)) return;
       s.kept.Set(own);
       for (const uint32_t local : corners) {
         if (unit->is_root) {
@@ -157,6 +161,7 @@ Status CutImpl::MarkClipped() {
         }
       }
     });
+    MTDB_RETURN_IF_ERROR(meter.status());
   }
   return Status::Ok();
 }
@@ -166,6 +171,7 @@ Status CutImpl::NumberVertices() {
   for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
     const UnitId id = index_.cluster_count() + r;
     reader_.Release();
+    MTDB_RETURN_IF_ERROR(reader_.Check());
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
     for (const VertexIndex v : unit->piece.vertices) {
       if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
@@ -184,6 +190,7 @@ Status CutImpl::NumberVertices() {
       numberings[c].first = next;
       next += index_.cluster(ClusterId(c)).nodes;
     } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
+      MTDB_RETURN_IF_ERROR(reader_.Check());
       const Bits& nodes = Nodes(cut_.state(s));
       numberings[s] = {next, nodes.words().data(), nodes.Ranks()};
       next += nodes.Count();
@@ -436,6 +443,7 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
       [] { return Status::Ok(); }));
   normals->reserve(sums.size());
   for (const Vec3d& sum : sums) {
+    if (normals->size() % kSumsPerLook == 0) MTDB_RETURN_IF_ERROR(reader_.Check());
     const double length = Length(sum);
     const Vec3d n = length > 0 ? sum * (1 / length) : Vec3d{0, 0, 1};
     normals->push_back({static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)});

@@ -89,6 +89,7 @@ Result<const LoadedUnit*> MovingCut::Pin(UnitId unit) { return Pin(*Find(unit));
 
 // Callers use one unit at a time, so that whatever fits the cache will do.
 Result<const LoadedUnit*> MovingCut::Pin(Unit& u) {
+  MTDB_RETURN_IF_ERROR(meter_->status());
   MTDB_RETURN_IF_ERROR(reader_->Check());
   if (u.pin != nullptr) return u.pin;
   if (reader_->ShouldRelease()) ReleasePins();
@@ -133,6 +134,7 @@ void MovingCut::Count(Unit& u) {
 }
 
 Status MovingCut::EndRoundWith(const Commit& commit) {
+  MTDB_RETURN_IF_ERROR(meter_->status());
   for (const UnitId id : touched_) Count(*units_[id]);
   idle_.reserve(idle_.size() + touched_.size());  // nothing may fail after commit
   MTDB_RETURN_IF_ERROR(commit());
@@ -181,7 +183,9 @@ void MovingCut::Undo() {
 
 Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_nodes,
                        const Commit& commit) {
+  WorkMeter meter([&reader] { return reader.Check(); });
   reader_ = &reader;
+  meter_ = &meter;
   totals_before_ = totals_;
   control_ = query.control;
   inserted_ = inserted_in_all_ = 0;
@@ -194,6 +198,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
   }
   ReleasePins();
   reader_ = nullptr;
+  meter_ = nullptr;
   control_ = nullptr;
   return status;
 }
@@ -211,6 +216,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   idle_.clear();
   {
     for (const UnitId id : open_) {
+      if (!meter_->Spend(1)) return meter_->status();
       Unit& u = *units_[id];
       if (old == threshold_ && !region_moved && !u.stale) continue;
       bool all = u.stale;
@@ -338,6 +344,7 @@ Triangle3d MovingCut::Corners(const LoadedUnit& unit, uint32_t slot) const {
 MovingCut::Verdict MovingCut::Judge(const Unit& u, const LoadedUnit& unit, NodeIndex node) {
   const double error = bounds_[unit.cluster.error_codes[node]];
   if (u.activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
+  meter_->Spend(1);
   const double good = GoodMargin(u);
   if (u.range.low - error >= good) return {false, false, u.range.low - error, kInfinity};
   if (u.activity == Activity::kAll && error - u.range.high >= good && error > u.range.high) {
@@ -361,6 +368,7 @@ MovingCut::Verdict MovingCut::JudgeTriangles(const LoadedUnit& unit, NodeIndex n
   refusals_.assign(hole.size(), false);
   Verdict verdict{false, true, kInfinity, kInfinity};
   for (size_t i = 0; i < hole.size(); ++i) {
+    if (!meter_->Spend(1)) break;
     const Triangle3d t = Corners(unit, hole[i]);
     const bool active = all_active || region_->Within(t, error);
     const double least = active ? threshold_->Min(t, error) : kInfinity;

@@ -16,6 +16,7 @@
 #include "query/internal/bits.h"
 #include "query/internal/fetch_nodes.h"
 #include "query/internal/promise.h"
+#include "query/internal/work_meter.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -221,6 +222,8 @@ class MovingCut {
 
   // While moving.
   UnitReader* reader_ = nullptr;
+  // Once it says that the move is to end, answers are void; what was done with them is undone.
+  WorkMeter* meter_ = nullptr;
   Totals totals_before_;
   std::vector<UnitId> pinned_;
   std::vector<UnitId> touched_;  // saved or fresh

@@ -287,6 +287,7 @@ void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
   bool any = false;
   for (const uint32_t ordinal : u.gates_todo) {
     const ClusterId child = unit.children()[ordinal];
+    if (!meter_->Spend(1)) return;
     const double error = bounds_[LargestCode(child)];
     const Box3i& bounds = index_.cluster(child).bounds;
     const ErrorRange range =
@@ -337,7 +338,7 @@ void MovingCut::PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_
 double MovingCut::GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slot,
                              double error) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if (u.activity == Activity::kNone) return kInfinity;
+  if (u.activity == Activity::kNone || !meter_->Spend(1)) return kInfinity;
   if (error <= u.range.low) return u.range.low - error;
   if (u.activity == Activity::kAll && error > u.range.high) return -1;
   const Triangle3d t = Corners(unit, slot);
@@ -369,6 +370,7 @@ Status MovingCut::Survey() {
 // What enters the unit, and what it creates but for open children.
 void MovingCut::SurveyUnit(const Unit& u, const LoadedUnit& unit, bool shortfall) {
   const auto survey = [&](uint32_t slot, uint8_t code) {
+    if (!meter_->Spend(1)) return;
     if (u.activity == Activity::kSome && !region_->Within(Corners(unit, slot), bounds_[code])) {
       return;
     }
@@ -429,6 +431,7 @@ bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
     if (margin < 0) return false;
     margins[p] = std::min(margins[p], margin);
   }
+  if (!meter_->status().ok()) return false;
   for (size_t p = 0; p < unit.parents.size(); ++p) {
     Unit* const parent = Find(unit.parents[p]);
     if (parent == nullptr) continue;

@@ -169,6 +169,7 @@ Status MovingCut::RemoveUnfounded() {
     if (slots > 0) found(key);
   }
   while (!founded.empty()) {
+    if (!meter_->Spend(1)) return meter_->status();
     const Key key = founded.back();
     founded.pop_back();
     for (auto lead = std::lower_bound(leads_.begin(), leads_.end(), std::pair(key, Key{0}));

@@ -39,6 +39,14 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
 }
 
 Status Search::Run() {
+  WorkMeter meter([this] { return reader_.Check(); });
+  meter_ = &meter;
+  const Status status = Find();
+  meter_ = nullptr;
+  return status;
+}
+
+Status Search::Find() {
   const auto start = std::chrono::steady_clock::now();
   MTDB_RETURN_IF_ERROR(ExamineRoot());
   if (query_.max_milliseconds) {
@@ -48,6 +56,7 @@ Status Search::Run() {
   }
   MTDB_RETURN_IF_ERROR(by_error_ ? RunByError() : RunByClusters());
   reader_.SetDeadline(std::nullopt);
+  meter_->Resume();
   MTDB_RETURN_IF_ERROR(Survey());
   ReleasePins();
   for (const auto& state : cut_.states) {
@@ -67,6 +76,7 @@ Status Search::Take(Step&& step) {
     MTDB_RETURN_IF_ERROR(reader_.WaitForRoom());
     status = step();
   }
+  if (status.ok()) status = meter_->status();
   if (!status.ok()) DropPlan();
   if (reader_.ShouldRelease()) ReleasePins();
   if (query_.control != nullptr) {
@@ -112,6 +122,7 @@ Search::Outlook Search::LookAhead(const Box3i& bounds, uint8_t largest) const {
   Outlook outlook;
   const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
   const double error = bounds_[largest];
+  meter_->Spend(1);
   outlook.all_active = whole_ || query_.region->BoxCovers(box, 0);
   outlook.none_active = !outlook.all_active && !query_.region->BoxWithin(box, error);
   outlook.all_valid = constant_ && largest <= valid_code_;
@@ -263,7 +274,7 @@ bool Search::IsWanted(const LoadedUnit& unit, NodeIndex node) const {
     Box3i bounds;
     for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.in.positions[local]);
     const Box3d box{grid_.Position(bounds.min), grid_.Position(bounds.max)};
-    if (!query_.region->BoxWithin(box, error)) return false;
+    if (!meter_->Spend(1) || !query_.region->BoxWithin(box, error)) return false;
     if (constant_ && query_.region->BoxCovers(box, 0)) return true;
   }
   for (const uint32_t slot : cluster.hole(node)) {
@@ -389,7 +400,7 @@ void Search::ExamineInSlot(const LoadedUnit& unit, uint32_t s, uint32_t slot) {
 // Coarsest unit first, and within a unit in stored order, in which parents precede children: most
 // nodes find their parents applied.
 Status Search::ApplyTargets() {
-  while (!wanting_.empty()) {
+  while (!wanting_.empty() && meter_->Spend(1)) {
     const uint32_t s = wanting_.top().second;
     UnitState& state = cut_.state(s);
     const uint32_t node =
@@ -412,6 +423,7 @@ Status Search::PlanClosure(Target target) {
   plan_.clear();
   closure_.assign(1, target);
   while (!closure_.empty()) {
+    if (!meter_->Spend(1)) return meter_->status();
     const Target t = closure_.back();
     UnitState& state = cut_.state(t.state);
     if (state.applied.Test(t.node) || state.planned.Test(t.node)) {

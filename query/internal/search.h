@@ -14,6 +14,7 @@
 #include "query/internal/cut_state.h"
 #include "query/internal/error_queue.h"
 #include "query/internal/promise.h"
+#include "query/internal/work_meter.h"
 #include "query/query.h"
 #include "query/unit_reader.h"
 #include "store/base/status.h"
@@ -54,6 +55,7 @@ class Search {
     bool all_valid = false;
   };
 
+  Status Find();
   Status ExamineRoot();
   Status ExamineRootPiece(UnitId unit);
   Status RunByClusters();
@@ -107,15 +109,17 @@ class Search {
   }
 
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
+  // Questions. When the meter says that the query is to end, whatever they answer is void.
   // Active and invalid.
   bool Refused(const Triangle3d& t, double error) const {
     return Active(t, error) && !Valid(t, error);
   }
   bool Active(const Triangle3d& t, double error) const {
-    return whole_ || query_.region->Within(t, error);
+    return whole_ || (meter_->Spend(1) && query_.region->Within(t, error));
   }
   bool Valid(const Triangle3d& t, double error) const {
-    return error <= (constant_ ? *constant_ : threshold_->Min(t, error));
+    if (constant_) return error <= *constant_;
+    return !meter_->Spend(1) || error <= threshold_->Min(t, error);
   }
   Outlook LookAhead(const Box3i& bounds, uint8_t largest) const;
   // The largest error code of a triangle that the unit creates or consumes.
@@ -135,6 +139,7 @@ class Search {
   const ClusterIndex& index_;
   const Grid& grid_;
   UnitReader& reader_;
+  WorkMeter* meter_ = nullptr;  // while it runs
   const Query& query_;
   const double rounding_;
   const ThresholdPtr threshold_;          // the attainable one

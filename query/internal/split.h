@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "query/internal/work_meter.h"
 #include "query/region.h"
 
 namespace mtdb {
@@ -39,7 +40,7 @@ inline std::array<Triangle3d, 4> Quarters(const Triangle3d& t) {
 // True when `holds` is true of some smallest part and of all parts around it.
 template <typename F>
 bool HoldsForSome(const Triangle3d& t, F&& holds, int splits) {
-  if (!holds(t)) return false;
+  if (!SpendSteps(1) || !holds(t)) return false;
   if (splits == 0) return true;
   for (const Triangle3d& part : Quarters(t)) {
     if (HoldsForSome(part, holds, splits - 1)) return true;
@@ -51,7 +52,7 @@ bool HoldsForSome(const Triangle3d& t, F&& holds, int splits) {
 template <typename F>
 bool HoldsForAll(const Triangle3d& t, F&& holds, int splits) {
   if (holds(t)) return true;
-  if (splits == 0) return false;
+  if (splits == 0 || !SpendSteps(1)) return false;
   for (const Triangle3d& part : Quarters(t)) {
     if (!HoldsForAll(part, holds, splits - 1)) return false;
   }

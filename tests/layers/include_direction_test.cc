@@ -45,7 +45,7 @@ const std::map<std::string, std::set<std::string>> kLibraryUsers{
     {"embree", {"tools/", "tests/", "bench/"}},
     {"png", {"tools/", "tests/"}},
     {"CLI/", {"tools/", "bench/"}},
-    {"nlohmann/", {"query/query_json.cc", "tools/", "tests/", "bench/"}},
+    {"nlohmann/", {"query/internal/json_value.cc", "tools/", "tests/", "bench/"}},
     {"boost/", {"tools/"}},
     {"meshoptimizer", {"tests/", "bench/"}},
     {"benchmark/", {"bench/"}},
