@@ -50,6 +50,7 @@ class WorkMeter {
     return status_.ok();
   }
 
+  // NOLINTNEXTLINE(readability-identifier-naming)
   static inline thread_local WorkMeter* current_ = nullptr;
 
   std::function<Status()> look_;

@@ -372,8 +372,12 @@ Status Extracted(const std::shared_ptr<Surface>& surface, const Query& query) {
   NoSink sink;
   return surface->Extract(query, sink).status();
 }
+struct Way {
+  const char* name;
+  Ask ask;
+};
 
-std::vector<std::pair<const char*, Ask>> WaysToAsk() {
+std::vector<Way> WaysToAsk() {
   return {
       {"from nothing", Extracted},
       {"clipped",
@@ -425,7 +429,9 @@ TEST_CASE("After a cancellation at any question few more are asked", "[hostile]"
   const MtFixture f = Large();
   const auto surface = Open(f);
   constexpr uint64_t kMostMore = 2 * WorkMeter::kStepsPerLook;
-  for (const auto& [name, ask] : WaysToAsk()) {
+  for (const Way& way : WaysToAsk()) {
+    const char* const name = way.name;
+    const Ask& ask = way.ask;
     Query query;
     query.threshold = LinearThreshold(f.source->record_.bounds.min, 0, 0.001);
     const auto count = [&](uint64_t nth, Status* status) {
@@ -474,7 +480,9 @@ TEST_CASE("A question that lasts is ended by a cancellation", "[hostile]") {
   };
   const MtFixture f = Large();
   const auto surface = Open(f);
-  for (const auto& [name, ask] : WaysToAsk()) {
+  for (const Way& way : WaysToAsk()) {
+    const char* const name = way.name;
+    const Ask& ask = way.ask;
     INFO(name);
     QueryControl control;
     const auto region = std::make_shared<Endless>(&control);
@@ -491,32 +499,34 @@ TEST_CASE("After a cancellation at any read no more than one is done", "[hostile
   // So small a cache that each pass over the clusters reads them again.
   size_t cache = 1 << 14;
   while (!Extracted(Open(f, cache), Query{}).ok()) cache += cache / 8;
-  std::vector<std::pair<const char*, Ask>> ways = WaysToAsk();
+  std::vector<Way> ways = WaysToAsk();
   const Vec3d centre = (f.source->record_.bounds.min + f.source->record_.bounds.max) * 0.5;
-  ways.emplace_back("probe", [&](const auto& surface, const Query& query) {
-    ProbeOptions options;
-    options.control = query.control;
-    return FindClosestPoint(*surface, centre, options).status();
-  });
-  ways.emplace_back("ray", [&](const auto& surface, const Query& query) {
-    ProbeOptions options;
-    options.control = query.control;
-    return CastRay(*surface, centre, {1, 0.1, 0.3}, options).status();
-  });
+  ways.push_back({"probe", [&](const auto& surface, const Query& query) {
+                    ProbeOptions options;
+                    options.control = query.control;
+                    return FindClosestPoint(*surface, centre, options).status();
+                  }});
+  ways.push_back({"ray", [&](const auto& surface, const Query& query) {
+                    ProbeOptions options;
+                    options.control = query.control;
+                    return CastRay(*surface, centre, {1, 0.1, 0.3}, options).status();
+                  }});
   for (const VerifyLevel level : {VerifyLevel::kFull, VerifyLevel::kGlobal}) {
-    ways.emplace_back("verify", [level](const auto& surface, const Query& query) {
-      CheckReport report;
-      const Status status = VerifyObject(*surface, level, &report, query.control);
-      if (status.ok()) REQUIRE(report.ok());
-      return status;
-    });
+    ways.push_back({"verify", [level](const auto& surface, const Query& query) {
+                      CheckReport report;
+                      const Status status = VerifyObject(*surface, level, &report, query.control);
+                      if (status.ok()) REQUIRE(report.ok());
+                      return status;
+                    }});
   }
-  ways.emplace_back("everything", [](const auto& surface, Query query) {
-    query.region = nullptr;
-    query.threshold = nullptr;
-    return Extracted(surface, query);
-  });
-  for (const auto& [name, ask] : ways) {
+  ways.push_back({"everything", [](const auto& surface, Query query) {
+                    query.region = nullptr;
+                    query.threshold = nullptr;
+                    return Extracted(surface, query);
+                  }});
+  for (const Way& way : ways) {
+    const char* const name = way.name;
+    const Ask& ask = way.ask;
     const auto count = [&](uint64_t nth, Status* status) {
       QueryControl control;
       uint64_t reads = 0;
