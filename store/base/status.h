@@ -1,6 +1,6 @@
-// Status and Result<T>: how every fallible call of mtdb answers. Errors are values, a lack of memory
-// too (store/base/out_of_memory.h); libraries never throw, print or exit. A message is one line that names the object, the place, what was
-// expected and found, and what to do.
+// Status and Result<T>: how every fallible call of mtdb answers. Errors are values, a lack of
+// memory too (store/base/out_of_memory.h); libraries never throw, print or exit. A message is one
+// line that names the object, the place, what was expected and found, and what to do.
 #pragma once
 
 #include <cstdint>
