@@ -14,10 +14,13 @@
 #include <vector>
 
 #include "query/cluster_cache.h"
+#include "query/mtdb.h"
 #include "query/probe.h"
+#include "query/query_json.h"
 #include "query/session.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
+#include "tests/builder/fixture.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/support/failing_allocation.h"
 
@@ -408,6 +411,84 @@ TEST_CASE("Opening, a session's base, a probe and a check without memory say so"
         },
         [&](const Status&) { return report.ok(); });
   }
+}
+
+TEST_CASE("A query in JSON without memory to read it is refused, whatever it asks for") {
+  const char* const kText = R"({
+    "region": {"union": [
+      {"prism": {"polygon": [[0, 0], [2, 0], [1, 2], [0, 1]], "min_z": 0}},
+      {"intersection": [{"sphere": {"centre": [0, 0, 0], "radius": 1}},
+                        {"outside": {"tube": {"line": [[0, 0, 0], [1, 1, 1]], "radius": 1}}}]},
+      {"convex": [{"point": [0, 0, 0], "normal": [0, 0, 1]}]}]},
+    "threshold": {"smallest": [
+      {"grid": {"origin": [0, 0, 0], "cell": [1, 1, 1], "counts": [2, 2, 1], "errors": [1, 2, 3, 4]}},
+      {"by_region": {"region": {"point": [0, 0, 0]}, "inside": "full", "outside": 0.25}}]},
+    "clip": true, "max_triangles": 7})";
+  const Result<Query> query = ParseQuery(kText, 1);
+  INFO(query.status().message());
+  REQUIRE(query.ok());
+  CheckRuns(
+      nullptr, [&] { return ParseQuery(kText, 1); },
+      [](const Result<Query>& q) { return q->max_triangles == 7u && q->region && q->threshold; });
+  // What is wrong with it is told when there is memory for that.
+  for (const char* wrong : {R"({"region": {"sphere": {"centre": [0, 0], "radius": [1, 2]}}})",
+                            R"({"region": [[1, 2], {"a": [3]}]})", R"({"threshold": [1, 2)"}) {
+    const Status expected = ParseQuery(wrong, 1).status();
+    for (const Mode mode : kModes) {
+      FailEachAllocation(
+          mode, [&] { return ParseQuery(wrong, 1).status(); },
+          [&](uint64_t, const Status& status) {
+            if (status.code() == StatusCode::kNoSpace) return;
+            REQUIRE(status.code() == expected.code());
+            REQUIRE(status.message() == expected.message());
+          });
+    }
+  }
+}
+
+TEST_CASE("No exception leaves the C interface, which works again with memory") {
+  const BuiltObject built = Build(MakeSculpture(600));
+  mtdb_error error;
+  mtdb_database* database = nullptr;
+  REQUIRE(mtdb_open(built.store->path().c_str(), &database, &error) == MTDB_OK);
+  uint64_t vertices = 0;
+  // All that a caller does with an object, from a cold cache.
+  const auto run = [&]() -> Status {
+    mtdb_object* object = nullptr;
+    mtdb_query* query = nullptr;
+    mtdb_cut* cut = nullptr;
+    mtdb_names* names = nullptr;
+    mtdb_stats stats{};
+    mtdb_hit hit;
+    const double point[3] = {0, 0, 0};
+    mtdb_code code = mtdb_open_object(database, nullptr, 0, &object, &error);
+    const auto then = [&](auto&& call) {
+      if (code == MTDB_OK) code = call();
+    };
+    then([&] { return mtdb_create_query(&query, &error); });
+    then([&] {
+      return mtdb_query_set_json(query, object, R"({"threshold": {"relative": 0.001}})", &error);
+    });
+    then([&] { return mtdb_select(object, query, &cut, &error); });
+    then([&] { return mtdb_cut_stats(cut, &stats, &error); });
+    then([&] {
+      const mtdb_sink sink{};
+      return mtdb_cut_emit(cut, &sink, &error);
+    });
+    then([&] { return mtdb_closest_point(object, point, -1, 1e9, &hit, &error); });
+    then([&] { return mtdb_verify(object, MTDB_VERIFY_FULL, &names, &error); });
+    mtdb_free_names(names);
+    mtdb_free_cut(cut);
+    mtdb_free_query(query);
+    mtdb_free_object(object);
+    vertices = stats.vertices;
+    if (code == MTDB_OK) return Status::Ok();
+    return {static_cast<StatusCode>(code), "from C"};
+  };
+  REQUIRE(run().ok());
+  const uint64_t expected = vertices;
+  CheckRuns(nullptr, run, [&](const Status&) { return vertices == expected; });
+  mtdb_free_database(database);
 }
 
 TEST_CASE("A cache without memory is as it was") {
