@@ -419,7 +419,7 @@ TEST_CASE("A query in JSON without memory to read it is refused, whatever it ask
       {"prism": {"polygon": [[0, 0], [2, 0], [1, 2], [0, 1]], "min_z": 0}},
       {"intersection": [{"sphere": {"centre": [0, 0, 0], "radius": 1}},
                         {"outside": {"tube": {"line": [[0, 0, 0], [1, 1, 1]], "radius": 1}}}]},
-      {"convex": [{"point": [0, 0, 0], "normal": [0, 0, 1]}]}]},
+      {"polyhedron": [{"point": [0, 0, 0], "normal": [0, 0, 1]}]}]},
     "threshold": {"smallest": [
       {"grid": {"origin": [0, 0, 0], "cell": [1, 1, 1], "counts": [2, 2, 1], "errors": [1, 2, 3, 4]}},
       {"by_region": {"region": {"point": [0, 0, 0]}, "inside": "full", "outside": 0.25}}]},
