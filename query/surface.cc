@@ -80,14 +80,16 @@ Result<Cut> Surface::Select(const Query& query) const {
 }
 
 Result<ExtractStats> Surface::Extract(const Query& query, MeshSink& sink) const {
-  MeshHeader header;
-  header.attributes = record().attributes;
-  header.double_positions = record().double_positions;
-  header.bounds = record().bounds;
-  auto impl = std::make_unique<CutImpl>(shared_from_this(), query, sink.LargestRounding(header));
-  MTDB_RETURN_IF_ERROR(impl->Select());
-  MTDB_RETURN_IF_ERROR(impl->Emit(sink));
-  return impl->stats();
+  return CatchOutOfMemory([&]() -> Result<ExtractStats> {
+    MeshHeader header;
+    header.attributes = record().attributes;
+    header.double_positions = record().double_positions;
+    header.bounds = record().bounds;
+    auto impl = std::make_unique<CutImpl>(shared_from_this(), query, sink.LargestRounding(header));
+    MTDB_RETURN_IF_ERROR(impl->Select());
+    MTDB_RETURN_IF_ERROR(impl->Emit(sink));
+    return impl->stats();
+  });
 }
 
 }  // namespace mtdb

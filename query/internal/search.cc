@@ -648,7 +648,7 @@ Status Search::SurveyUnit(UnitState& state) {
     if (!of.all_active && !Active(Corners(*unit, slot, creator), bound)) return false;
     ++cut_.active_triangles;
     cut_.largest_code = std::max(cut_.largest_code, code);
-    if (surveys_shortfall_) {
+    if (surveys_shortfall_ && meter_->Spend(1)) {
       AddShortfall(*asked, Corners(*unit, slot, creator), bound, unit->removers()[slot] != kDrain,
                    &cut_.shortfall);
     }
