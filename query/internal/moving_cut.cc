@@ -205,8 +205,8 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
 
 Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
   const bool same = threshold_ != nullptr && asked_ == query.threshold;
+  const ThresholdPtr threshold = same ? threshold_ : Attainable(query.threshold, rounding_);
   asked_ = query.threshold;
-  const ThresholdPtr threshold = same ? threshold_ : Attainable(asked_, rounding_);
   const RegionPtr region = query.region == nullptr ? WholeRegion() : query.region;
   const ThresholdPtr old = std::exchange(threshold_, threshold);
   const bool region_moved = std::exchange(region_, region) != region;
