@@ -22,9 +22,6 @@ int32_t Sum(int32_t expected, int32_t residual) {
   return static_cast<int32_t>(static_cast<uint32_t>(expected) + static_cast<uint32_t>(residual));
 }
 
-// No node takes less than an eighth of a bit; a bound on the memory that hostile bytes can ask for.
-constexpr uint64_t kMaxNodesPerByte = 64;
-
 // Makes `numbers` hold at least kHoleEntries behind the first `used`.
 inline void MakeRoom(std::vector<uint32_t>& numbers, size_t used) {
   if (used + kHoleEntries > numbers.size()) [[unlikely]] {
@@ -99,7 +96,7 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
     return Corrupted("head: " + std::to_string(node_count) + " nodes, but the index says " +
                      std::to_string(node_limit));
   }
-  if (node_count / kMaxNodesPerByte > payload_bytes) {
+  if (LeastPayloadBytes(node_count, attribute_coder_.row_bytes()) > payload_bytes) {
     return Corrupted("head: nodes beyond the bytes");
   }
   node_count_ = static_cast<uint32_t>(node_count);

@@ -313,6 +313,11 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
   streams.AddCoded(StreamTag::kAttributes, attribute_stream.Finish());
   result.payload = streams.Finish();
+  if (const uint64_t least = LeastPayloadBytes(node_count, attributes.row_bytes());
+      result.payload.size() < least) {
+    streams.AddCoded(StreamTag::kPadding, Bytes(least - result.payload.size()));
+    result.payload = streams.Finish();
+  }
   return result;
 }
 

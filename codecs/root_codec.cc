@@ -1,5 +1,9 @@
 #include "codecs/root_codec.h"
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 #include "codecs/internal/attribute_coder.h"
 #include "codecs/internal/streams.h"
 
@@ -98,6 +102,11 @@ Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attri
     piece.positions.push_back(last);
   }
   if (vertices.failed() || vertices.remaining() != 0) return corrupt("vertices: wrong length");
+  std::vector<VertexIndex> sorted = piece.vertices;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
+    return corrupt("a vertex occurs twice");
+  }
   uint64_t seen = 0;
   for (uint64_t t = 0; t < triangle_count; ++t) {
     auto& corners = piece.triangles.emplace_back();
@@ -106,6 +115,9 @@ Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attri
       if (back > seen || (back == 0 && seen == vertex_count)) return corrupt("corner out of range");
       v = static_cast<uint32_t>(seen - back);
       if (back == 0) ++seen;
+    }
+    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) {
+      return corrupt("triangle " + std::to_string(t) + " has a corner twice");
     }
     const uint64_t arc = arcs.GetVarint();
     if (arc > child_count) return corrupt("arc to a child that is not listed");

@@ -37,17 +37,14 @@ class UpdateDecoder::Impl {
   // `count` slots, ascending; each is handed to `decode`.
   template <typename Decode>
   Status DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count, Decode&& decode);
-  // `triangles`: so many may be attached at most.
-  Status DecodeClip(Coder& coder, uint64_t triangles);
+  Status DecodeClip(Coder& coder);
   Status DecodeRemoval(Coder& coder, uint32_t vertex);
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
-  // Whether a record may have so many updates.
-  static bool MayHave(uint64_t updates, size_t record_bytes) {
-    return updates <= record_bytes * kMaxUpdatesPerByte;
-  }
-  Status TooManyUpdates() const {
-    return Corrupted("more updates than the bytes of the record can hold");
+  // Whether the record may do what was counted of it so far.
+  bool MayGoOn() const { return !decoder_.overrun() && cost_.bytes() <= record_bytes_; }
+  Status TooCostly() const {
+    return Corrupted("the record is cut short, or does more than its bytes allow");
   }
   bool HasRoomForVertex() const {
     return mesh_.vertex_count() + mesh_.remembered().size() < limits_.vertices;
@@ -64,6 +61,9 @@ class UpdateDecoder::Impl {
   Bytes buffer_;
   uint64_t offset_ = 0;  // in the stream, of what is decoded
   RansDecoder<> decoder_{{}};
+  size_t record_bytes_ = 0;  // of the record at hand
+  RecordCost cost_{0};       // likewise
+  DropScratch drop_scratch_;
   UpdateModels models_{{}};
   Bytes row_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
@@ -179,24 +179,25 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
 
 Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
   decoder_ = RansDecoder<>(record);
+  record_bytes_ = record.size();
+  cost_ = RecordCost(row_.size());
   Coder coder(decoder_);
-  uint64_t updates = 0;
   while (coder.Bit(models_.more)) {
     if (coder.Bit(models_.other)) {
       if (coder.Bit(models_.clip)) {
-        MTDB_RETURN_IF_ERROR(DecodeClip(coder, record.size() * kMaxUpdatesPerByte - updates));
+        MTDB_RETURN_IF_ERROR(DecodeClip(coder));
         break;
       }
-      if (!MayHave(++updates, record.size())) return TooManyUpdates();
+      cost_.AddUpdates(1);
+      if (!MayGoOn()) return TooCostly();
       MTDB_RETURN_IF_ERROR(DecodeListed(coder, coder.Bit(models_.insert)));
       continue;
     }
     const bool insert = coder.Bit(models_.insert);
     const bool fresh = insert && coder.Bit(models_.fresh);
     const uint32_t count = CodeNumber(coder, models_.count, 0);
-    updates += count;
-    if (coder.overrun()) return Corrupted("record cut short");
-    if (count == 0 || !MayHave(updates, record.size())) return TooManyUpdates();
+    cost_.AddUpdates(count);
+    if (count == 0 || !MayGoOn()) return TooCostly();
     if (!insert) {
       MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.vertex_gap, count,
                                            [&](uint32_t v) { return DecodeRemoval(coder, v); }));
@@ -221,7 +222,7 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
     fresh_.swap(next_fresh_);
     next_fresh_.clear();
   }
-  if (!decoder_.Done()) return Corrupted("record does not end where it should");
+  if (!decoder_.DoneBeforeZeros()) return Corrupted("record does not end where it should");
   return Status::Ok();
 }
 
@@ -281,11 +282,13 @@ Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
 
 Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t remembered,
                                             Vec3i position) {
-  if (mesh_.triangle_count() > limits_.triangles - 2 || !HasRoomForVertex()) {
+  if (uint64_t{mesh_.triangle_count()} + 2 > limits_.triangles || !HasRoomForVertex()) {
     return Corrupted("the mesh exceeds this client's limit");
   }
   uint32_t vertex = remembered;
   if (vertex == kNone32) {
+    cost_.AddVertex();
+    if (!MayGoOn()) return TooCostly();
     vertex = mesh_.AddVertex(position, row_.data());
   } else {
     mesh_.Recall(vertex);
@@ -396,8 +399,7 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
 // The client has no answers of its own to what clip_coder.h asks.
 class UpdateDecoder::Impl::AttachedSide {
  public:
-  // `triangles`: that the record may have.
-  AttachedSide(Impl& decoder, uint64_t triangles) : d_(decoder), triangles_(triangles) {}
+  explicit AttachedSide(Impl& decoder) : d_(decoder) {}
 
   uint32_t NextSeed() const { return 0; }
   bool done() const { return false; }
@@ -412,36 +414,36 @@ class UpdateDecoder::Impl::AttachedSide {
     for (std::byte& b : d_.row_) b = static_cast<std::byte>(d_.decoder_.lane().Raw(8));
   }
   uint32_t PutVertex(Vec3i p) {
-    if (d_.decoder_.overrun() || !d_.HasRoomForVertex()) return kNone32;
+    d_.cost_.AddVertex();
+    if (!d_.MayGoOn() || !d_.HasRoomForVertex()) return kNone32;
     return d_.mesh_.AddVertex(p, d_.row_.data());
   }
   void Recalled() const {}
-  bool PutTriangle(uint32_t) {
-    return !d_.decoder_.overrun() && triangles_-- > 0 &&
-           d_.mesh_.triangle_count() <= d_.limits_.triangles;
+  bool MayPutTriangle() {
+    d_.cost_.AddAttached();
+    return d_.MayGoOn() && d_.mesh_.triangle_count() < d_.limits_.triangles;
   }
+  void PutTriangle(uint32_t) const {}
 
  private:
   Impl& d_;
-  uint64_t triangles_;
 };
 
-Status UpdateDecoder::Impl::DecodeClip(Coder& coder, uint64_t triangles) {
-  DropWalk walk(mesh_);
-  const auto no_answer = [](uint32_t) { return 0; };
-  if (!walk.Code(coder, models_.clips, no_answer, no_answer) || coder.overrun()) {
-    return Corrupted("dropping of what is no triangle");
-  }
+Status UpdateDecoder::Impl::DecodeClip(Coder& coder) {
   std::vector<uint32_t> left_over;
-  mesh_.Drop(walk.dropped(), &left_over);
-  AttachedSide side(*this, triangles);
+  {
+    DropWalk walk(mesh_, drop_scratch_);
+    const auto no_answer = [](uint32_t) { return 0; };
+    if (!walk.Code(coder, models_.clips, no_answer, no_answer) || coder.overrun()) {
+      return Corrupted("dropping of what is no triangle");
+    }
+    mesh_.Drop(walk.dropped(), &left_over);
+  }
+  AttachedSide side(*this);
   const bool good = Attacher(coder, models_, mesh_, side, &left_over).Code();
   ForgetLeftOver(mesh_, left_over, [](uint32_t) {});
-  if (!good || coder.overrun()) return Corrupted("triangles that cannot be attached");
-  for (uint32_t i = CodeNumber(coder, models_.clips.padding, 0); i > 0; --i) {
-    if (coder.Raw(8) != 0 || coder.overrun()) return Corrupted("padding of a record");
-  }
-  return Status::Ok();
+  if (!MayGoOn()) return TooCostly();
+  return good ? Status::Ok() : Corrupted("triangles that cannot be attached");
 }
 
 UpdateDecoder::UpdateDecoder() : UpdateDecoder(Limits{}) {}

@@ -21,7 +21,10 @@ namespace {
 // Records end at the first batch after so many updates.
 constexpr uint64_t kRecordUpdates = 4096;
 // So many triangles are attached in a record.
-constexpr uint32_t kRecordTriangles = 16384;
+constexpr uint64_t kRecordTriangles = 16384;
+// What an update takes at most, its row not counted, and what a byte of a row takes.
+constexpr uint64_t kMaxUpdateBytes = 512;
+constexpr uint64_t kMaxBytesPerRowByte = 8;
 
 }  // namespace
 
@@ -32,6 +35,8 @@ class UpdateEncoder::Impl {
 
   const ClientMeshOptions options_;
   const size_t row_bytes_;
+  // So many updates of a record stay well below kMaxRecordBytes.
+  const uint64_t max_updates_;
   ClientMesh mesh_;
   UpdateModels models_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
@@ -61,14 +66,14 @@ class UpdateEncoder::Impl {
     triangle_of_.erase(key);
   }
   void ForgetKey(uint32_t vertex) { vertex_of_.erase(keys_[vertex]); }
-  void EncodeClip(uint64_t updates, ByteWriter& out);
+  void EncodeClip(ByteWriter& out);
   std::vector<uint32_t> Coming() const;
   void EncodeDrops(const std::vector<uint32_t>& leaving, std::vector<uint32_t>* left_over);
-  uint64_t MissingBytes(uint64_t updates) const;
   uint32_t TriangleOf(TriangleKey key) const;
   uint32_t VertexOf(VertexIndex key) const;
-  void EncodeInsertions(const UpdateBatch& batch, const Follows& follows);
-  void EncodeRemovals(const UpdateBatch& batch, const Follows& follows);
+  void EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out);
+  // Ends the record if there is no room in it for so many more.
+  void MakeRoom(uint64_t updates, ByteWriter& out);
   // Whether the client can find the node's hole (star) by itself, and where it starts.
   // The nodes of a batch that are found by walking, by where they are, and those to be listed.
   struct Sorted {
@@ -83,6 +88,8 @@ class UpdateEncoder::Impl {
   void MarkHole(const UpdateBatch& batch, const Node& node);
   bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
 
+  void EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets);
+  void EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets);
   void EncodeInsertion(const UpdateBatch& batch, const Target& target);
   void EncodeRemoval(const UpdateBatch& batch, const Target& target);
   void EncodeListed(const UpdateBatch& batch, const Node& node);
@@ -103,6 +110,9 @@ class UpdateEncoder::Impl {
   std::unordered_map<VertexIndex, uint32_t> vertex_of_;  // remembered ones included
   std::vector<VertexIndex> keys_;                        // of vertex slots
   RansEncoder coder_;
+  uint64_t record_updates_ = 0;  // in the record that is begun
+  RecordCost cost_;              // likewise
+  DropScratch drop_scratch_;
   // The triangles that the last batch made: slots and when they were born.
   std::vector<std::pair<uint32_t, uint64_t>> fresh_;
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
@@ -122,8 +132,10 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
                           const MeetsRegion& region)
     : options_(options),
       row_bytes_(options.attributes.row_bytes()),
+      max_updates_(kMaxRecordBytes / 2 / (kMaxUpdateBytes + kMaxBytesPerRowByte * row_bytes_)),
       mesh_(options),
-      models_(options.attributes) {
+      models_(options.attributes),
+      cost_(row_bytes_) {
   MTDB_CHECK(base.positions.size() == base.vertices.size() &&
                  base.triangle_keys.size() == base.triangles.size() &&
                  base.rows.size() == base.vertices.size() * row_bytes_,
@@ -140,7 +152,7 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
   whole_->Choose(region);
   WriteStart({}, origin);
   ByteWriter attached;
-  EncodeClip(0, attached);
+  EncodeClip(attached);
   start_.insert(start_.end(), attached.bytes().begin(), attached.bytes().end());
 }
 
@@ -189,6 +201,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   body.PutBytes(indices.bytes());
   body.PutBytes(SplitPlanes(rows, row_bytes_));
 
+  MTDB_CHECK(body.size() <= kMaxStartBytes, "a base mesh is too long for a stream's start");
   ByteWriter start;
   for (const char c : kUpdateMagic) start.Put(c);
   start.Put<uint8_t>(kUpdateVersion);
@@ -311,6 +324,7 @@ bool UpdateEncoder::Impl::FindStar(const UpdateBatch& batch, const Node& node, T
 
 uint32_t UpdateEncoder::Impl::AddVertex(VertexIndex key, Vec3i position, const std::byte* row) {
   ++sent_;
+  cost_.AddVertex();
   const uint32_t vertex = mesh_.AddVertex(position, row);
   keys_.resize(mesh_.vertex_slots());
   keys_[vertex] = key;
@@ -381,49 +395,44 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
   FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
 }
 
-void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch, const Follows& follows) {
-  const Sorted sorted = Sort(batch, follows, &Impl::FindHole);
-  const std::vector<Target>& targets = sorted.targets;
-  const std::vector<const Node*>& listed = sorted.listed;
-  if (!targets.empty()) {
-    const auto anchored_at = [&](uint32_t slot) -> const Target* {
-      const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
-                                      [](const Target& a, uint32_t at) { return a.at < at; });
-      return t != targets.end() && t->at == slot ? &*t : nullptr;
-    };
-    size_t among_fresh = 0;
-    for (const auto& [slot, born] : fresh_) {
-      if (mesh_.triangle(slot).born == born && anchored_at(slot) != nullptr) ++among_fresh;
-    }
-    coder_.Bit(models_.more, true);
-    coder_.Bit(models_.other, false);
-    coder_.Bit(models_.insert, true);
-    const bool fresh = among_fresh == targets.size() && fresh_.size() < 32 * targets.size();
-    coder_.Bit(models_.fresh, fresh);
-    CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
-    if (fresh) {
-      size_t left = targets.size();
-      for (size_t i = 0; left > 0; ++i) {
-        const auto [slot, born] = fresh_[i];
-        if (mesh_.triangle(slot).born != born) continue;
-        const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
-        const Target* const target = anchored_at(slot);
-        if (!models_.topology.CodeAnchor(coder_, view, 1, target != nullptr)) continue;
-        EncodeInsertion(batch, *target);
-        --left;
-      }
-    } else {
-      uint32_t next = 0;
-      for (const Target& target : targets) {
-        CodeNumber(coder_, models_.anchor_gap, target.at - next);
-        next = target.at + 1;
-        EncodeInsertion(batch, target);
-      }
-    }
-    fresh_.swap(next_fresh_);
-    next_fresh_.clear();
+void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
+                                           std::span<const Target> targets) {
+  const auto anchored_at = [&](uint32_t slot) -> const Target* {
+    const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
+                                    [](const Target& a, uint32_t at) { return a.at < at; });
+    return t != targets.end() && t->at == slot ? &*t : nullptr;
+  };
+  size_t among_fresh = 0;
+  for (const auto& [slot, born] : fresh_) {
+    if (mesh_.triangle(slot).born == born && anchored_at(slot) != nullptr) ++among_fresh;
   }
-  for (const Node* node : listed) EncodeListed(batch, *node);
+  coder_.Bit(models_.more, true);
+  coder_.Bit(models_.other, false);
+  coder_.Bit(models_.insert, true);
+  const bool fresh = among_fresh == targets.size() && fresh_.size() < 32 * targets.size();
+  coder_.Bit(models_.fresh, fresh);
+  CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
+  if (fresh) {
+    size_t left = targets.size();
+    for (size_t i = 0; left > 0; ++i) {
+      const auto [slot, born] = fresh_[i];
+      if (mesh_.triangle(slot).born != born) continue;
+      const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
+      const Target* const target = anchored_at(slot);
+      if (!models_.topology.CodeAnchor(coder_, view, 1, target != nullptr)) continue;
+      EncodeInsertion(batch, *target);
+      --left;
+    }
+  } else {
+    uint32_t next = 0;
+    for (const Target& target : targets) {
+      CodeNumber(coder_, models_.anchor_gap, target.at - next);
+      next = target.at + 1;
+      EncodeInsertion(batch, target);
+    }
+  }
+  fresh_.swap(next_fresh_);
+  next_fresh_.clear();
 }
 
 void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& node,
@@ -463,21 +472,39 @@ void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& 
   FinishRemoval(batch, *target.node, update, target.at);
 }
 
-void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch, const Follows& follows) {
-  const auto& [targets, listed] = Sort(batch, follows, &Impl::FindStar);
-  if (!targets.empty()) {
-    coder_.Bit(models_.more, true);
-    coder_.Bit(models_.other, false);
-    coder_.Bit(models_.insert, false);
-    CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
-    uint32_t next = 0;
-    for (const Target& target : targets) {
-      CodeNumber(coder_, models_.vertex_gap, target.at - next);
-      next = target.at + 1;
-      EncodeRemoval(batch, target);
+void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch,
+                                         std::span<const Target> targets) {
+  coder_.Bit(models_.more, true);
+  coder_.Bit(models_.other, false);
+  coder_.Bit(models_.insert, false);
+  CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
+  uint32_t next = 0;
+  for (const Target& target : targets) {
+    CodeNumber(coder_, models_.vertex_gap, target.at - next);
+    next = target.at + 1;
+    EncodeRemoval(batch, target);
+  }
+}
+
+void UpdateEncoder::Impl::EncodeBatch(const UpdateBatch& batch, const Follows& follows,
+                                      ByteWriter& out) {
+  const Sorted sorted = Sort(batch, follows, batch.insert ? &Impl::FindHole : &Impl::FindStar);
+  for (std::span<const Target> left = sorted.targets; !left.empty();) {
+    const auto targets = left.first(std::min<size_t>(left.size(), max_updates_));
+    left = left.subspan(targets.size());
+    MakeRoom(targets.size(), out);
+    cost_.AddUpdates(targets.size());
+    if (batch.insert) {
+      EncodeInsertions(batch, targets);
+    } else {
+      EncodeRemovals(batch, targets);
     }
   }
-  for (const Node* node : listed) EncodeListed(batch, *node);
+  for (const Node* node : sorted.listed) {
+    MakeRoom(1, out);
+    cost_.AddUpdates(1);
+    EncodeListed(batch, *node);
+  }
 }
 
 // An update whose triangles the client cannot find by walking: where edges are non-manifold.
@@ -519,9 +546,20 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   next_fresh_.clear();
 }
 
+void UpdateEncoder::Impl::MakeRoom(uint64_t updates, ByteWriter& out) {
+  if (record_updates_ > 0 && record_updates_ + updates > max_updates_) {
+    coder_.Bit(models_.more, false);
+    PutRecord(out);
+  }
+  record_updates_ += updates;
+}
+
 void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
-  const Bytes record = coder_.Finish();
-  MTDB_CHECK(record.size() <= kMaxRecordBytes, "a batch of updates is too long for a record");
+  Bytes record = coder_.Finish();
+  if (record.size() < cost_.bytes()) record.resize(cost_.bytes());
+  MTDB_CHECK(record.size() <= kMaxRecordBytes, "a record is longer than max_updates_ allows");
+  cost_ = RecordCost(row_bytes_);
+  record_updates_ = 0;
   out.PutVarint(record.size());
   out.Put<uint32_t>(static_cast<uint32_t>(Hash64(record)));
   out.PutBytes(record);
@@ -536,24 +574,15 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
     whole_->Choose(region);
     plan = whole_->Plan(batches, triangle_of_);
   }
-  uint64_t updates = 0;
+  const uint64_t enough = std::min(kRecordUpdates, max_updates_);
   for (size_t b = 0; b < batches.size(); ++b) {
-    const UpdateBatch& batch = batches[b];
-    const Follows& follows = plan[b];
-    if (batch.insert) {
-      EncodeInsertions(batch, follows);
-    } else {
-      EncodeRemovals(batch, follows);
-    }
-    updates += follows.empty()
-                   ? batch.nodes.size()
-                   : static_cast<uint64_t>(std::count(follows.begin(), follows.end(), true));
-    if (updates == 0 || (updates < kRecordUpdates && (b + 1 < batches.size() || whole_))) continue;
-    updates = 0;
+    EncodeBatch(batches[b], plan[b], out);
+    if (record_updates_ == 0) continue;
+    if (record_updates_ < enough && (b + 1 < batches.size() || whole_)) continue;
     coder_.Bit(models_.more, false);
     PutRecord(out);
   }
-  if (whole_) EncodeClip(updates, out);
+  if (whole_) EncodeClip(out);
   if (!region) whole_.reset();
   mesh_.TakeChanges();  // nobody asks for them here
   return out.Take();
@@ -614,10 +643,13 @@ class UpdateEncoder::Impl::AttachedSide {
   }
   uint32_t PutVertex(Vec3i p) { return e_.AddVertex(whole_.vertex_key(corner_), p, row()); }
   void Recalled() { ++e_.recalled_; }
-  bool PutTriangle(uint32_t slot) {
+  bool MayPutTriangle() {
+    e_.cost_.AddAttached();
+    return true;
+  }
+  void PutTriangle(uint32_t slot) {
     pending_[target_] = false;
     e_.PutTriangle(whole_.key(target_), slot);
-    return true;
   }
 
  private:
@@ -679,7 +711,7 @@ void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
                                       std::vector<uint32_t>* left_over) {
   std::vector<bool> leaves(mesh_.triangle_slots());
   for (const uint32_t slot : leaving) leaves[slot] = true;
-  DropWalk walk(mesh_);
+  DropWalk walk(mesh_, drop_scratch_);
   size_t next = 0;
   walk.Code(
       coder_, models_.clips, [&](uint32_t slot) { return leaves[slot]; },
@@ -691,20 +723,8 @@ void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
   mesh_.Drop(walk.dropped(), left_over);
 }
 
-// What the record at hand is short of the bytes that so many updates need.
-uint64_t UpdateEncoder::Impl::MissingBytes(uint64_t updates) const {
-  const double needed = static_cast<double>(updates / kMaxUpdatesPerByte + 1);
-  double bytes = 0;
-  for (size_t last = 256; bytes < needed; last *= 4) {
-    const size_t all = coder_.decisions();
-    bytes = coder_.BitsSince(all - std::min(last, all)) / 8;
-    if (last >= all) break;
-  }
-  return bytes < needed ? static_cast<uint64_t>(needed - bytes) + 1 : 0;
-}
-
-// Drops what is not chosen, and attaches what is. `updates`: those of the record that is begun.
-void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
+// Drops what is not chosen, and attaches what is.
+void UpdateEncoder::Impl::EncodeClip(ByteWriter& out) {
   std::vector<uint32_t> leaving;
   for (uint32_t slot = 0; slot < mesh_.triangle_slots(); ++slot) {
     if (!mesh_.has_triangle(slot)) continue;
@@ -713,13 +733,16 @@ void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
   }
   std::vector<uint32_t> coming = Coming();
   if (leaving.empty() && coming.empty()) {
-    if (updates == 0) return;
+    if (record_updates_ == 0) return;
     coder_.Bit(models_.more, false);
     PutRecord(out);
     return;
   }
-  for (size_t begin = 0; begin == 0 || begin < coming.size(); begin += kRecordTriangles) {
-    const size_t end = std::min<size_t>(begin + kRecordTriangles, coming.size());
+  // A triangle brings up to three vertices.
+  const uint64_t most = std::clamp<uint64_t>(max_updates_ / 4, 1, kRecordTriangles);
+  for (size_t begin = 0; begin == 0 || begin < coming.size(); begin += most) {
+    const size_t end = std::min<size_t>(begin + most, coming.size());
+    MakeRoom(3 * most, out);
     const auto slots = std::span<const uint32_t>(coming).subspan(begin, end - begin);
     coder_.Bit(models_.more, true);
     coder_.Bit(models_.other, true);
@@ -730,14 +753,8 @@ void UpdateEncoder::Impl::EncodeClip(uint64_t updates, ByteWriter& out) {
     AttachedSide side(*this, slots);
     const bool good = Attacher(coder_, models_, mesh_, side, &left_over).Code();
     MTDB_CHECK(good, "a triangle of the cut has equal corners");
-    updates += slots.size();
-    // So that the record has as many bytes as its updates need.
-    const uint64_t missing = MissingBytes(updates);
-    CodeNumber(coder_, models_.clips.padding, static_cast<uint32_t>(missing));
-    for (uint64_t i = 0; i < missing; ++i) coder_.Raw(8, 0);
     ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { ForgetKey(vertex); });
     PutRecord(out);
-    updates = 0;
   }
 }
 
@@ -745,6 +762,13 @@ UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& b
                              const MeetsRegion& region)
     : impl_(std::make_unique<Impl>(options, base, region)) {}
 UpdateEncoder::~UpdateEncoder() = default;
+uint64_t UpdateEncoder::StartBytes(const ClientMeshOptions& options, const BaseMesh& base) {
+  constexpr uint64_t kLongestVarint = 5;
+  uint64_t bytes =
+      256 + base.rows.size() + 3 * kLongestVarint * (base.positions.size() + base.triangles.size());
+  for (const VertexAttribute& a : options.attributes.attributes) bytes += a.name.size() + 24;
+  return bytes;
+}
 const Bytes& UpdateEncoder::start() const { return impl_->start_; }
 Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
   return impl_->Encode(batches, region);

@@ -25,18 +25,20 @@ namespace mtdb {
 // region may be another one in each call.
 class UpdateEncoder {
  public:
-  // `base` is the whole mesh that the first batch fits.
+  // `base` is the whole mesh that the first batch fits; of at most kMaxStartBytes by StartBytes.
+  static constexpr uint64_t kMaxStartBytes = uint64_t{1} << 28;
   UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,
                 const MeetsRegion& region = {});
   ~UpdateEncoder();
+  // Not less than what the start takes.
+  static uint64_t StartBytes(const ClientMeshOptions& options, const BaseMesh& base);
 
   // The header and the base mesh, or what of it meets the region: the stream's first bytes.
   const Bytes& start() const;
   // The records that apply `batches` in their order; none for none. They must fit the mesh: a
-  // caller's bug otherwise. A batch must not be longer than 2^28 bytes allow, some ten million
-  // nodes. What the client of a region cannot or need not follow as an update goes by dropping and
-  // attaching triangles, after the batches. Cost of a region: `region` is asked for every triangle
-  // of the whole cut.
+  // caller's bug otherwise. What the client of a region cannot or need not follow as an update goes
+  // by dropping and attaching triangles, after the batches. Cost of a region: `region` is asked for
+  // every triangle of the whole cut.
   Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region = {});
   // What the client has when it has read everything.
   const ClientMesh& mesh() const;
@@ -52,7 +54,8 @@ class UpdateEncoder {
   std::unique_ptr<Impl> impl_;
 };
 
-// The client. Bytes may come in any portions and may be hostile. One thread.
+// The client. Bytes may come in any portions and may be hostile: what they take is bounded by the
+// limits, and by 12 MB and 512 times the bytes of the stream. One thread.
 class UpdateDecoder {
  public:
   struct Limits {

@@ -17,10 +17,27 @@ namespace mtdb {
 
 // ---- dropping ----
 
-// The triangles that go, found by walking from seeds on.
+// What is decided of triangles and vertices. Lives longer than a walk, so that a walk costs what it
+// visits and not what the mesh has.
+struct DropScratch {
+  enum State : uint8_t { kOpen, kStays, kGoes };
+  std::vector<uint8_t> state;    // per triangle slot; kOpen outside a walk
+  std::vector<uint8_t> touched;  // per vertex slot: 1: by one that stays, 2: by one that goes
+  std::vector<uint32_t> decided;
+};
+
+// The triangles that go, found by walking from seeds on. Of one mesh: it ends before a slot that
+// was dropped is used again.
 class DropWalk {
  public:
-  explicit DropWalk(const ClientMesh& mesh) : mesh_(mesh) {}
+  DropWalk(const ClientMesh& mesh, DropScratch& scratch) : mesh_(mesh), s_(scratch) {
+    // The mesh has grown by what records before brought.
+    s_.state.resize(std::max<size_t>(s_.state.size(), mesh.triangle_slots()));
+    s_.touched.resize(std::max<size_t>(s_.touched.size(), mesh.vertex_slots()));
+  }
+  ~DropWalk() { Reset(); }
+  DropWalk(const DropWalk&) = delete;
+  DropWalk& operator=(const DropWalk&) = delete;
 
   // `goes(slot)`: the encoder's answer. `next_seed(slot)`: the encoder's first triangle from this
   // slot on that goes and is not decided, or kNone32. False when the bytes are wrong.
@@ -29,14 +46,10 @@ class DropWalk {
     for (uint64_t next = 0;;) {
       const uint32_t seed = next_seed(static_cast<uint32_t>(next));
       if (!coder.Bit(models.more_drops, seed != kNone32)) return true;
-      if (state_.empty()) {
-        state_.resize(mesh_.triangle_slots());
-        touched_.resize(mesh_.vertex_slots());
-      }
       const uint64_t slot =
           next + CodeNumber(coder, models.drop_gap, seed - static_cast<uint32_t>(next));
-      if (slot >= state_.size() || !mesh_.has_triangle(static_cast<uint32_t>(slot)) ||
-          state_[slot] != kOpen) {
+      if (slot >= s_.state.size() || !mesh_.has_triangle(static_cast<uint32_t>(slot)) ||
+          s_.state[slot] != DropScratch::kOpen) {
         return false;
       }
       next = slot + 1;
@@ -45,22 +58,21 @@ class DropWalk {
         const ClientMesh::Triangle& t = mesh_.triangle(stack_.back());
         stack_.pop_back();
         for (const uint32_t o : t.opposite) {
-          if (o == kNone32 || state_[o >> 2] != kOpen) continue;
+          if (o == kNone32 || s_.state[o >> 2] != DropScratch::kOpen) continue;
           Decide(o >> 2, coder.Bit(models.drop[Context(o)], goes(o >> 2)));
         }
       }
     }
   }
-  bool decided(uint32_t slot) const { return !state_.empty() && state_[slot] != kOpen; }
+  bool decided(uint32_t slot) const { return s_.state[slot] != DropScratch::kOpen; }
   // In the order of the walk.
   std::span<const uint32_t> dropped() const { return dropped_; }
 
  private:
-  enum State : uint8_t { kOpen, kStays, kGoes };
-
   void Decide(uint32_t slot, bool goes) {
-    state_[slot] = goes ? kGoes : kStays;
-    for (const uint32_t v : mesh_.triangle(slot).corners) touched_[v] |= goes ? 2 : 1;
+    s_.state[slot] = goes ? DropScratch::kGoes : DropScratch::kStays;
+    s_.decided.push_back(slot);
+    for (const uint32_t v : mesh_.triangle(slot).corners) s_.touched[v] |= goes ? 2 : 1;
     if (!goes) return;
     dropped_.push_back(slot);
     stack_.push_back(slot);
@@ -70,16 +82,23 @@ class DropWalk {
     const ClientMesh::Triangle& t = mesh_.triangle(half_edge >> 2);
     const auto beyond = [&](uint32_t h) {
       const uint32_t o = t.opposite[h & 3];
-      return o == kNone32 ? size_t{3} : size_t{state_[o >> 2]};
+      return o == kNone32 ? size_t{3} : size_t{s_.state[o >> 2]};
     };
     const uint32_t next = Patch::Next(half_edge);
     const uint32_t third = Patch::Next(next);
-    return (beyond(next) * 4 + beyond(third)) * 4 + touched_[t.corners[third & 3]];
+    return (beyond(next) * 4 + beyond(third)) * 4 + s_.touched[t.corners[third & 3]];
+  }
+  // What a free slot was is still there.
+  void Reset() {
+    for (const uint32_t slot : s_.decided) {
+      s_.state[slot] = DropScratch::kOpen;
+      for (const uint32_t v : mesh_.triangle(slot).corners) s_.touched[v] = 0;
+    }
+    s_.decided.clear();
   }
 
   const ClientMesh& mesh_;
-  std::vector<uint8_t> state_;    // per triangle slot
-  std::vector<uint8_t> touched_;  // per vertex slot: 1: by one that stays, 2: by one that goes
+  DropScratch& s_;
   std::vector<uint32_t> stack_;
   std::vector<uint32_t> dropped_;
 };
@@ -265,7 +284,8 @@ void ForgetLeftOver(ClientMesh& mesh, std::span<const uint32_t> left_over, Lost&
 //       from the edge's end on, for a seed beyond none from any corner on
 //   Vec3i position(): of the corner that was asked for last
 //   void CodeRow(star), void CodeRow(): its attributes, predicted or not
-//   uint32_t PutVertex(p), bool PutTriangle(slot): a new one came; kNone32, false: it is too much
+//   uint32_t PutVertex(p): a new one comes; kNone32: it is too much
+//   bool MayPutTriangle(): likewise; void PutTriangle(slot): it came
 template <typename Coder, typename Side>
 class Attacher {
  public:
@@ -279,7 +299,7 @@ class Attacher {
         side_(side),
         left_over_(left_over) {}
 
-  // False when the bytes are wrong, or their end was passed.
+  // False when the bytes are wrong, or too much came.
   bool Code() {
     for (uint64_t next = 0;;) {
       if (!coder_.Bit(clips_.more_seeds, !side_.done())) return true;
@@ -382,9 +402,10 @@ class Attacher {
   bool Put(const std::array<uint32_t, 3>& corners) {
     const auto [a, b, c] = corners;
     if (c == kNone32 || a == b || b == c || c == a) return false;
+    if (!side_.MayPutTriangle()) return false;
     const uint32_t slot = mesh_.Attach(corners);
     AdaptReference(models_, UpdateShapes(mesh_, models_).LongestExponent(slot));
-    if (!side_.PutTriangle(slot)) return false;
+    side_.PutTriangle(slot);
     for (uint32_t i = 0; i < 3; ++i) edges_.push_back(4 * slot + i);
     return true;
   }

@@ -23,6 +23,12 @@ inline constexpr uint8_t kKnownFlags = kFlagBoundary | kFlagScaledByError;
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
                              ClusterModels& models, ModelObserver* observer);
 
+// A payload has at least so many bytes, padding included: a bound on the memory that hostile bytes
+// can ask for.
+constexpr uint64_t LeastPayloadBytes(uint64_t nodes, size_t row_bytes) {
+  return nodes * (256 + row_bytes) / 1024;
+}
+
 // The error of a code in grid cells, as Grid has it for error_unit = step / 16.
 inline constexpr auto kErrorInCells = [] {
   constexpr float kEighths[8] = {1.0f,        1.09050773f, 1.18920712f, 1.29683955f,

@@ -270,15 +270,19 @@ class RansDecoder {
   }
 
   // True when everything was read and the decoder is back where the encoder began.
-  bool Done() const {
-    return !overrun_ && next_ == end_ &&
-           std::all_of(state_.begin(), state_.end(),
-                       [](uint64_t state) { return state == kRansLow; });
+  bool Done() const { return AtEnd() && next_ == end_; }
+  // Likewise, but for zeros behind what the encoder wrote.
+  bool DoneBeforeZeros() const {
+    return AtEnd() && std::all_of(next_, end_, [](std::byte b) { return b == std::byte{0}; });
   }
   // It has read beyond the end: no use to go on.
   bool overrun() const { return overrun_; }
 
  private:
+  bool AtEnd() const {
+    return !overrun_ && std::all_of(state_.begin(), state_.end(),
+                                    [](uint64_t state) { return state == kRansLow; });
+  }
   uint32_t Word() {
     uint32_t word = 0;
     if (end_ - next_ >= 4) [[likely]] {

@@ -1,6 +1,7 @@
 #include "codecs/internal/streams.h"
 
 #include <memory>
+#include <new>
 #include <string_view>
 
 #include "zstd.h"
@@ -20,11 +21,15 @@ struct FreeDecompressor {
 
 // Contexts are costly to make and hold no state between calls; one per thread.
 ZSTD_CCtx* ThreadCompressor() {
-  thread_local std::unique_ptr<ZSTD_CCtx, FreeCompressor> context(ZSTD_createCCtx());
+  thread_local std::unique_ptr<ZSTD_CCtx, FreeCompressor> context;
+  if (context == nullptr) context.reset(ZSTD_createCCtx());
+  if (context == nullptr) throw std::bad_alloc();
   return context.get();
 }
 ZSTD_DCtx* ThreadDecompressor() {
-  thread_local std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context(ZSTD_createDCtx());
+  thread_local std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context;
+  if (context == nullptr) context.reset(ZSTD_createDCtx());
+  if (context == nullptr) throw std::bad_alloc();
   return context.get();
 }
 
@@ -43,6 +48,7 @@ const char* StreamTagName(StreamTag tag) {
     case StreamTag::kRootVertices: return "root_vertices";
     case StreamTag::kRootTriangles: return "root_triangles";
     case StreamTag::kAttributes: return "attributes";
+    case StreamTag::kPadding: return "padding";
   }
   return "unknown";
 }

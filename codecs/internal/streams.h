@@ -24,6 +24,7 @@ enum class StreamTag : uint8_t {
   kRootVertices = 0x86,
   kRootTriangles = 0x87,
   kAttributes = 0x10,
+  kPadding = 0x11,
 };
 const char* StreamTagName(StreamTag tag);
 

@@ -21,10 +21,24 @@ namespace mtdb {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
 inline constexpr uint8_t kUpdateVersion = 3;
-// A record has at most so many updates and attached triangles for each of its bytes: a bound on
-// what hostile bytes cost.
-inline constexpr uint64_t kMaxUpdatesPerByte = 64;
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
+
+// What a record does, in 64ths of a byte. A record is padded with zeros until it is no shorter than
+// its cost, and a longer cost is refused: a bound on the time and the memory that hostile bytes
+// take.
+class RecordCost {
+ public:
+  static constexpr uint64_t kPerByte = 64;
+  explicit RecordCost(size_t row_bytes) : vertex_(kPerByte / 2 + row_bytes / 4) {}
+  void AddUpdates(uint64_t count) { cost_ += count; }
+  void AddVertex() { cost_ += vertex_; }  // one that travels, with its row
+  void AddAttached() { cost_ += kPerByte / 4; }
+  uint64_t bytes() const { return (cost_ + kPerByte - 1) / kPerByte; }
+
+ private:
+  uint64_t vertex_;
+  uint64_t cost_ = 0;
+};
 
 struct NumberModel {
   FastAdaptiveSymbol length;
@@ -35,7 +49,7 @@ using ResidualModel = AdaptiveSymbolOfRate<6>;
 // What clip_coder.h codes with.
 struct ClipModels {
   AdaptiveBit more_drops, more_seeds, at_edge;
-  NumberModel drop_gap, edge_gap, reference, coordinate, padding;
+  NumberModel drop_gap, edge_gap, reference, coordinate;
   std::array<AdaptiveBit, 64> drop;  // see DropContext
   std::array<AdaptiveBit, 128>
       attach;  // two classes of ends; whether the last edge was attached to

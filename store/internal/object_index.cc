@@ -98,6 +98,15 @@ Result<ClusterIndex> LoadIndex(const std::string& store, const ObjectRecord& rec
                    "; run verify, restore the file from a copy");
   }
   MTDB_RETURN_IF_ERROR(CheckIndex(index, where));
+  // Vertices are numbered on from there.
+  uint64_t most = 0;
+  for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
+    most += index.root_piece(RootPieceId{i}).vertices;
+  }
+  if (record.root_vertices > most) {
+    return Corrupt(where + ": the record says " + std::to_string(record.root_vertices) +
+                   " root vertices, but the root pieces have " + std::to_string(most));
+  }
   index.Finish(record.root_vertices);
   return index;
 }

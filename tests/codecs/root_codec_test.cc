@@ -49,6 +49,21 @@ TEST_CASE("a root piece comes back as it was") {
   }
 }
 
+TEST_CASE("a root piece with a vertex twice, in a triangle or in its list, is refused") {
+  const auto decodes = [](const auto& change) {
+    RootPiece piece = MakePiece({});
+    change(piece);
+    const Result<RootPiece> back = DecodeRootPiece(EncodeRootPiece(piece, {}), {}, 200, "test");
+    REQUIRE((back.ok() || back.status().code() == StatusCode::kCorrupt));
+    return back.ok();
+  };
+  CHECK(decodes([](RootPiece&) {}));
+  for (size_t c = 0; c < 3; ++c) {
+    CHECK_FALSE(decodes([&](RootPiece& p) { p.triangles[50][c] = p.triangles[50][(c + 1) % 3]; }));
+  }
+  CHECK_FALSE(decodes([](RootPiece& p) { p.vertices[70] = p.vertices[3]; }));
+}
+
 TEST_CASE("a damaged root piece is refused or read, never a crash") {
   const AttributeLayout layout{{{"q", ScalarType::kUint16}}};
   const Bytes payload = EncodeRootPiece(MakePiece(layout), layout);

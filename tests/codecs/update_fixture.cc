@@ -23,8 +23,9 @@ Bytes UpdateRecord(ByteSpan body) {
   return record.Take();
 }
 
-UpdateFixture::UpdateFixture(const ClusterOptions& options) {
-  const ClusterFixture fixture = MakeCluster(options);
+UpdateFixture::UpdateFixture(const ClusterOptions& options) : UpdateFixture(MakeCluster(options)) {}
+
+UpdateFixture::UpdateFixture(const ClusterFixture& fixture) {
   attributes_ = fixture.attributes;
   const EncodedCluster encoded = EncodeCluster(fixture.updates, attributes_);
   cluster_ = *DecodeCluster(encoded.payload, MakeIn(fixture, encoded), attributes_,

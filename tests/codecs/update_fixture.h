@@ -22,6 +22,7 @@ void Damage(std::mt19937& random, Bytes* body);
 class UpdateFixture {
  public:
   explicit UpdateFixture(const ClusterOptions& options);
+  explicit UpdateFixture(const ClusterFixture& fixture);
 
   ClientMeshOptions options(uint32_t remembered) const { return {{}, attributes_, remembered}; }
   const Cluster& cluster() const { return cluster_; }

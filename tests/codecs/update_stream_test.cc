@@ -258,6 +258,76 @@ TEST_CASE("an update tells which slots it changed") {
   }
 }
 
+TEST_CASE("a client with room for next to nothing refuses every insertion") {
+  const UpdateFixture f({.side = 12});
+  BaseMesh nothing;
+  for (const uint32_t triangles : {0u, 1u, 2u}) {
+    // The start is empty: all comes as records.
+    const auto everywhere = [](const Triangle3d&) { return true; };
+    const auto nowhere = [](const Triangle3d&) { return false; };
+    UpdateEncoder encoder(f.options(0), f.base(), nowhere);
+    UpdateDecoder decoder({.triangles = triangles, .vertices = 100});
+    Require(decoder.Feed(encoder.start()));
+    CHECK(decoder.Feed(encoder.Encode({}, everywhere)).code() == StatusCode::kCorrupt);
+    CHECK(decoder.mesh().triangle_count() <= triangles);
+  }
+  // One triangle, and a vertex in its middle.
+  nothing.vertices = {0, 1, 2};
+  nothing.positions = {{0, 0, 0}, {9, 0, 0}, {0, 9, 0}};
+  nothing.triangles = {{0, 1, 2}};
+  nothing.triangle_keys = {0};
+  UpdateBatch batch;
+  batch.nodes = {{3, {3, 3, 0}, false, 10, 0, 3, 0}};
+  batch.ring = {0, 1, 2};
+  batch.holes = {{0, {0, 1, 2}}};
+  for (const uint32_t triangles : {1u, 2u, 3u}) {
+    UpdateEncoder encoder({{}, {}, 0}, nothing);
+    UpdateDecoder decoder({.triangles = triangles, .vertices = 100});
+    Require(decoder.Feed(encoder.start()));
+    CHECK(decoder.Feed(encoder.Encode(std::span(&batch, 1))).ok() == (triangles == 3));
+    CHECK(decoder.mesh().triangle_count() == (triangles == 3 ? 3u : 1u));
+  }
+}
+
+TEST_CASE("a record is refused when it is shorter than what it does may be") {
+  // Flat and even, so that what it does takes hardly a bit.
+  constexpr uint32_t kSide = 60;
+  BaseMesh base;
+  for (uint32_t v = 0; v < kSide * kSide; ++v) {
+    base.vertices.push_back(v);
+    base.positions.push_back(
+        {static_cast<int32_t>(v % kSide) * 16, static_cast<int32_t>(v / kSide) * 16, 0});
+  }
+  for (uint32_t v = 0; v < kSide * (kSide - 1); ++v) {
+    if (v % kSide == kSide - 1) continue;
+    for (const bool upper : {false, true}) {
+      base.triangle_keys.push_back(base.triangles.size());
+      base.triangles.push_back(
+          {v, upper ? v + 1 + kSide : v + 1, upper ? v + kSide : v + 1 + kSide});
+    }
+  }
+  UpdateEncoder encoder({{}, {}, 0}, base, [](const Triangle3d&) { return false; });
+  const Bytes record = encoder.Encode({}, {});
+  ByteReader reader(record);
+  const uint64_t length = reader.GetVarint();
+  static_cast<void>(reader.Get<uint32_t>());
+  const ByteSpan body = reader.GetBytes(length);
+  REQUIRE(reader.remaining() == 0);
+  REQUIRE(body[body.size() - 1] == std::byte{0});
+  const auto feed = [&](ByteSpan some) {
+    UpdateDecoder decoder;
+    Require(decoder.Feed(encoder.start()));
+    const Status status = decoder.Feed(UpdateRecord(some));
+    CHECK(ClientMeshFault(decoder.mesh()).empty());
+    return status;
+  };
+  CHECK(feed(body).ok());
+  CHECK(feed(body.first(body.size() - 1)).code() == StatusCode::kCorrupt);
+  Bytes dirty(body.begin(), body.end());
+  dirty.back() = std::byte{1};
+  CHECK(feed(dirty).code() == StatusCode::kCorrupt);
+}
+
 TEST_CASE("a client refuses what exceeds its limits, and other versions") {
   const UpdateFixture f({.side = 12});
   UpdateEncoder encoder(f.options(0), f.base());

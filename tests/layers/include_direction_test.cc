@@ -74,12 +74,13 @@ bool IsInstalled(const std::string& file) {
           file == "tools/client.h");
 }
 
-// A folder's own files and tests; benchmarks; fuzz targets what reads bytes; and all tests what
-// makes and measures meshes.
+// A folder's own files and tests; benchmarks; fuzz targets and tests/memory what reads bytes; and
+// all tests what makes and measures meshes.
 bool MaySeeInternal(const std::string& file, const std::string& owner) {
   return file.starts_with(owner + "/") || file.starts_with("tests/" + owner + "/") ||
          file.starts_with("bench/") ||
-         (file.starts_with("tests/fuzz/") && (owner == "store" || owner == "codecs")) ||
+         ((file.starts_with("tests/fuzz/") || file.starts_with("tests/memory/")) &&
+          (owner == "store" || owner == "codecs")) ||
          (file.starts_with("tests/") && (owner == "tools" || owner == "bench"));
 }
 

@@ -82,7 +82,7 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
     SyntheticObject::RootPiece p;
     p.entry.bounds = RandomBounds(random);
     p.entry.triangles = static_cast<uint32_t>(random() % 9000);
-    p.entry.vertices = static_cast<uint32_t>(random() % 9000);
+    p.entry.vertices = static_cast<uint32_t>(17 + random() % 9000);
     p.children = RandomChildren(random, static_cast<uint32_t>(o.clusters.size()));
     p.payload = RandomBytes(random, 1 + random() % options.max_payload);
     o.record.root_triangles += p.entry.triangles;

@@ -37,6 +37,14 @@ Result<std::unique_ptr<ServerSession>> ServerSession::Open(std::shared_ptr<const
   }
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<Session> session, Session::Open(surface));
   MTDB_ASSIGN_OR_RETURN(const BaseMesh base, session->Base());
+  const ObjectRecord& record = surface->record();
+  const uint64_t start = UpdateEncoder::StartBytes({record.grid, record.attributes}, base);
+  if (start > UpdateEncoder::kMaxStartBytes) {
+    return InvalidArgument("the coarsest mesh takes " + std::to_string(start >> 20) +
+                           " MiB with its attributes, but a session may start with at most " +
+                           std::to_string(UpdateEncoder::kMaxStartBytes >> 20) +
+                           "; ask for meshes instead");
+  }
   return std::unique_ptr<ServerSession>(
       new ServerSession(std::move(surface), std::move(session), base, options));
 }
