@@ -9,6 +9,7 @@ inline constexpr ClusterOptions kClusterFuzzTargets[] = {
     {.side = 8},
     {.surface = Surface::kSheet, .side = 8, .pierced = true},
     {.side = 8, .numbers = Numbers::kWild, .attributes = true},
+    {.surface = Surface::kSheet, .side = 8, .rounded_attributes = true},
 };
 
 }  // namespace mtdb::testing
