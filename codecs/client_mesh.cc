@@ -4,6 +4,8 @@
 #include <cstring>
 #include <tuple>
 
+#include "codecs/internal/memory_bytes.h"
+
 namespace mtdb {
 
 namespace {
@@ -237,6 +239,16 @@ void ClientMesh::Open(uint32_t from, uint32_t to, uint32_t half_edge) {
 
 void ClientMesh::Close(uint32_t from, uint32_t to, uint32_t half_edge) {
   open_.erase({uint64_t{from} << 32 | to, half_edge});
+}
+
+size_t ClientMesh::memory_bytes() const {
+  constexpr size_t kOpenEdgeBytes = 64;  // a node of a tree
+  return sizeof(*this) + CapacityBytes(triangles_) + CapacityBytes(indices_) +
+         CapacityBytes(free_triangles_) + CapacityBytes(points_) + CapacityBytes(floats_) +
+         CapacityBytes(rows_) + CapacityBytes(degree_) + CapacityBytes(half_edge_) +
+         CapacityBytes(first_of_ring_) + CapacityBytes(place_) + CapacityBytes(remembered_) +
+         CapacityBytes(free_vertices_) + CapacityBytes(outer_) + CapacityBytes(changed_triangles_) +
+         CapacityBytes(changed_vertices_) + open_.size() * kOpenEdgeBytes;
 }
 
 }  // namespace mtdb

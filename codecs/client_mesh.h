@@ -74,6 +74,8 @@ class ClientMesh {
   std::span<const float> positions() const { return floats_; }
   Vec3d origin() const { return origin_; }
   const Bytes& rows() const { return rows_; }
+  // Memory, about.
+  size_t memory_bytes() const;
   // The slots that were written since the last call, as ranges that do not touch each other.
   Changes TakeChanges();
 

@@ -68,8 +68,10 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
   return BadInput(path + ": not a mesh file that mtdb reads, expected PLY, OBJ, STL or OFF");
 }
 
-Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
-                                                             const MeshWriteOptions& options) {
+namespace {
+
+Result<std::unique_ptr<MeshWriter>> CreateWriter(const std::string& path,
+                                                 const MeshWriteOptions& options) {
   const std::string extension = LowerExtension(path);
   if (extension == ".ply") return CreatePlyWriter(path);
   if (extension == ".obj") return CreateObjWriter(path);
@@ -88,6 +90,15 @@ Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& 
     return CreateDracoWriter(path, options);
   }
   return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
+}
+
+}  // namespace
+
+Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
+                                                             const MeshWriteOptions& options) {
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer, CreateWriter(path, options));
+  if (options.descriptor >= 0) writer->WriteInto(options.descriptor);
+  return std::unique_ptr<MeshFileWriter>(std::move(writer));
 }
 
 std::string NonFinite(Vec3d p) {

@@ -32,6 +32,9 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
 struct MeshWriteOptions {
   int draco_position_bits = 16;  // .drc
   int draco_level = 7;           // .drc: 0 fast .. 10 small
+  // An open, empty file, which the mesh is written to instead of `path`, which then is no more than
+  // a name for messages. It stays open, and has no mesh in it when End() did not succeed.
+  int descriptor = -1;
 };
 
 // By the extension of `path`: .ply (binary little endian; attributes), .obj, .stl (binary), .off,
@@ -41,9 +44,6 @@ struct MeshWriteOptions {
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;
-  // Before Begin(). Whether End() waits until the disk has the bytes before the file gets its name,
-  // so that a power failure leaves a whole file or none. Default: true.
-  virtual void set_synced(bool synced) = 0;
 };
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options = {});

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "codecs/internal/clip_coder.h"
+#include "codecs/internal/memory_bytes.h"
 #include "codecs/internal/update_coder.h"
 #include "codecs/internal/whole_cut.h"
 #include "codecs/update_stream.h"
@@ -32,6 +33,7 @@ class UpdateEncoder::Impl {
  public:
   Impl(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
   Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region);
+  size_t memory_bytes() const;
 
   const ClientMeshOptions options_;
   const size_t row_bytes_;
@@ -588,6 +590,13 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   return out.Take();
 }
 
+size_t UpdateEncoder::Impl::memory_bytes() const {
+  return sizeof(*this) + mesh_.memory_bytes() + (whole_ ? whole_->memory_bytes() : 0) +
+         MapBytes(triangle_of_) + MapBytes(vertex_of_) + CapacityBytes(keys_) +
+         CapacityBytes(start_) + CapacityBytes(fresh_) + CapacityBytes(next_fresh_) +
+         CapacityBytes(marks_) + CapacityBytes(slots_);
+}
+
 // The client's answers to what clip_coder.h asks, out of the whole cut.
 class UpdateEncoder::Impl::AttachedSide {
  public:
@@ -775,6 +784,7 @@ Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches, const MeetsReg
 }
 const ClientMesh& UpdateEncoder::mesh() const { return impl_->mesh_; }
 uint64_t UpdateEncoder::listed_updates() const { return impl_->listed_; }
+size_t UpdateEncoder::memory_bytes() const { return impl_->memory_bytes(); }
 uint64_t UpdateEncoder::sent_vertices() const { return impl_->sent_; }
 uint64_t UpdateEncoder::recalled_vertices() const { return impl_->recalled_; }
 

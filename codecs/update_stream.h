@@ -42,6 +42,8 @@ class UpdateEncoder {
   Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region = {});
   // What the client has when it has read everything.
   const ClientMesh& mesh() const;
+  // Memory between calls, about, without the models of attributes.
+  size_t memory_bytes() const;
 
   // So far: updates that could not be coded by walking (see "Listed updates"), vertices that
   // travelled, base mesh included, and those that came back from the client's memory.

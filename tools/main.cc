@@ -226,8 +226,14 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
             "send no mesh of more triangles")
       ->default_str("20000000");
   AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, mtdb::ParseCount,
-            "let no session's mesh have more triangles; each takes some 400 bytes here")
+            "let no session's mesh have more triangles; each takes some 250 to 700 bytes here")
       ->default_str("1000000");
+  AddParsed(verb, "--session-memory", "SIZE", &o->service.session_memory_bytes, mtdb::ParseSize,
+            "let all sessions together take so much memory; then the largest give way")
+      ->default_str("2G");
+  AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, mtdb::ParseSize,
+            "let all answers under way take so much of temporary files; then the largest give way")
+      ->default_str("4G");
   AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositive,
             "close a connection that is silent for so long")
       ->default_str("30");

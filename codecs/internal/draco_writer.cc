@@ -199,8 +199,8 @@ class DracoWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreateDracoWriter(const std::string& path,
-                                                  const MeshWriteOptions& options) {
+std::unique_ptr<MeshWriter> CreateDracoWriter(const std::string& path,
+                                              const MeshWriteOptions& options) {
   return std::make_unique<DracoWriter>(path, options);
 }
 

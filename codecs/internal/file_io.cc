@@ -121,6 +121,12 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& path) 
   }
 }
 
+Result<std::unique_ptr<AtomicFile>> AtomicFile::Into(int descriptor, const std::string& path) {
+  const int own = ::fcntl(descriptor, F_DUPFD_CLOEXEC, 0);
+  if (own < 0) return WriteError(path, errno);
+  return std::unique_ptr<AtomicFile>(new AtomicFile(path, "", own));
+}
+
 AtomicFile::AtomicFile(std::string path, std::string temporary, int descriptor)
     : path_(std::move(path)),
       temporary_(std::move(temporary)),
@@ -170,11 +176,12 @@ Status AtomicFile::WriteAll(ByteSpan bytes, std::optional<uint64_t> offset) {
   return Status::Ok();
 }
 
-Status AtomicFile::Commit(bool synced) {
+Status AtomicFile::Commit() {
   MTDB_RETURN_IF_ERROR(Flush());
-  if (synced && ::fdatasync(descriptor_) != 0) return WriteError(path_, errno);
+  if (!temporary_.empty() && ::fdatasync(descriptor_) != 0) return WriteError(path_, errno);
   const int closed = ::close(std::exchange(descriptor_, -1));
   if (closed != 0) return WriteError(path_, errno);
+  if (temporary_.empty()) return Status::Ok();
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return WriteError(path_, errno);
   temporary_.clear();
   return Status::Ok();

@@ -71,13 +71,16 @@ class BlockReader {
 
 // Writes `path` under a temporary name beside it and renames it in Commit(); without Commit() the
 // temporary file is removed by the destructor. After the death of the process at any moment there
-// is a whole file or none of that name; after a power failure too, if it is committed `synced`.
+// is a whole file or none of that name; after a power failure too.
 // Whether a file that was just committed is there after a power failure is not promised: the folder
 // is not synced, as meshes can be made again.
 class AtomicFile {
  public:
   // kIoError, kNoSpace.
   static Result<std::unique_ptr<AtomicFile>> Create(const std::string& path);
+  // Writes into an open file, which has no name to be given: Commit() leaves it whole and does not
+  // wait for the disk. `path` is for messages.
+  static Result<std::unique_ptr<AtomicFile>> Into(int descriptor, const std::string& path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
@@ -86,7 +89,7 @@ class AtomicFile {
   Status Append(std::string_view text) { return Append(AsBytes(text)); }
   // Replaces bytes that were appended before. bytes_written() does not count them again.
   Status Overwrite(uint64_t offset, ByteSpan bytes);
-  Status Commit(bool synced);
+  Status Commit();
   uint64_t bytes_written() const { return bytes_written_; }
 
  private:
@@ -96,7 +99,7 @@ class AtomicFile {
   Status WriteAll(ByteSpan bytes, std::optional<uint64_t> offset = std::nullopt);
 
   std::string path_;
-  std::string temporary_;
+  std::string temporary_;  // empty: none is to be renamed
   int descriptor_;
   std::vector<std::byte> buffer_;
   size_t buffered_ = 0;

@@ -280,7 +280,7 @@ class GltfWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreateGltfWriter(const std::string& path) {
+std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path) {
   return std::make_unique<GltfWriter>(path);
 }
 

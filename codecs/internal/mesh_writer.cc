@@ -12,7 +12,8 @@ Status MeshWriter::Begin(const MeshHeader& header) {
                            ": the format needs the counts of vertices and triangles up front, but "
                            "they are not known; read the mesh into memory first");
   }
-  MTDB_ASSIGN_OR_RETURN(file_, AtomicFile::Create(path_));
+  MTDB_ASSIGN_OR_RETURN(
+      file_, descriptor_ < 0 ? AtomicFile::Create(path_) : AtomicFile::Into(descriptor_, path_));
   return WriteHeader();
 }
 
@@ -65,7 +66,7 @@ Status MeshWriter::End() {
                            std::to_string(triangles_seen_));
   }
   MTDB_RETURN_IF_ERROR(WriteEnd());
-  MTDB_RETURN_IF_ERROR(file_->Commit(synced_));
+  MTDB_RETURN_IF_ERROR(file_->Commit());
   bytes_written_ = file_->bytes_written();
   file_.reset();
   return Status::Ok();

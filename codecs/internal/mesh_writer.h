@@ -18,12 +18,14 @@ class MeshWriter : public MeshFileWriter {
  public:
   explicit MeshWriter(std::string path) : path_(std::move(path)) {}
 
+  // Before Begin: into this open file, not into one of that path.
+  void WriteInto(int descriptor) { descriptor_ = descriptor; }
+
   Status Begin(const MeshHeader& header) final;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) final;
   Status AddTriangles(std::span<const TriangleVertices> triangles) final;
   Status End() final;
   uint64_t bytes_written() const final { return bytes_written_; }
-  void set_synced(bool synced) final { synced_ = synced; }
 
  protected:
   virtual Status WriteHeader() = 0;
@@ -39,7 +41,7 @@ class MeshWriter : public MeshFileWriter {
 
  private:
   std::string path_;
-  bool synced_ = true;
+  int descriptor_ = -1;
   MeshHeader header_;
   std::unique_ptr<AtomicFile> file_;  // between Begin and End
   uint64_t vertices_seen_ = 0;
@@ -70,12 +72,12 @@ struct NormalColumns {
 };
 NormalColumns FindNormals(const AttributeLayout& layout);
 
-std::unique_ptr<MeshFileWriter> CreatePlyWriter(const std::string& path);
-std::unique_ptr<MeshFileWriter> CreateObjWriter(const std::string& path);
-std::unique_ptr<MeshFileWriter> CreateOffWriter(const std::string& path);
-std::unique_ptr<MeshFileWriter> CreateStlWriter(const std::string& path);
-std::unique_ptr<MeshFileWriter> CreateGltfWriter(const std::string& path);
-std::unique_ptr<MeshFileWriter> CreateDracoWriter(const std::string& path,
-                                                  const MeshWriteOptions& options);
+std::unique_ptr<MeshWriter> CreatePlyWriter(const std::string& path);
+std::unique_ptr<MeshWriter> CreateObjWriter(const std::string& path);
+std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path);
+std::unique_ptr<MeshWriter> CreateStlWriter(const std::string& path);
+std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path);
+std::unique_ptr<MeshWriter> CreateDracoWriter(const std::string& path,
+                                              const MeshWriteOptions& options);
 
 }  // namespace mtdb

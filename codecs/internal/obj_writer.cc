@@ -54,7 +54,7 @@ class ObjWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreateObjWriter(const std::string& path) {
+std::unique_ptr<MeshWriter> CreateObjWriter(const std::string& path) {
   return std::make_unique<ObjWriter>(path);
 }
 

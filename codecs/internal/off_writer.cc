@@ -66,7 +66,7 @@ class OffWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreateOffWriter(const std::string& path) {
+std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path) {
   return std::make_unique<OffWriter>(path);
 }
 

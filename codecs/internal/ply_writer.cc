@@ -85,7 +85,7 @@ class PlyWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreatePlyWriter(const std::string& path) {
+std::unique_ptr<MeshWriter> CreatePlyWriter(const std::string& path) {
   return std::make_unique<PlyWriter>(path);
 }
 

@@ -66,7 +66,7 @@ class StlWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshFileWriter> CreateStlWriter(const std::string& path) {
+std::unique_ptr<MeshWriter> CreateStlWriter(const std::string& path) {
   return std::make_unique<StlWriter>(path);
 }
 

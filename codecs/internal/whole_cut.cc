@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "codecs/internal/memory_bytes.h"
 #include "store/base/check.h"
 
 namespace mtdb {
@@ -154,6 +155,12 @@ std::vector<std::vector<bool>> WholeCut::Plan(
     }
   }
   return plan;
+}
+
+size_t WholeCut::memory_bytes() const {
+  return mesh_.memory_bytes() + MapBytes(triangle_of_) + MapBytes(vertex_of_) +
+         CapacityBytes(triangle_keys_) + CapacityBytes(vertex_keys_) + CapacityBytes(client_) +
+         chosen_.capacity() / 8 + CapacityBytes(held_);
 }
 
 }  // namespace mtdb

@@ -34,6 +34,7 @@ class WholeCut {
   WholeCut(const ClientMeshOptions& options, const BaseMesh& base);
 
   const ClientMesh& mesh() const { return mesh_; }
+  size_t memory_bytes() const;
   TriangleKey key(uint32_t slot) const { return triangle_keys_[slot]; }
   VertexIndex vertex_key(uint32_t vertex) const { return vertex_keys_[vertex]; }
   // Of a triangle here, the client's slot, or kNone32.

@@ -91,8 +91,14 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
   }
 
   void Tick(Clock::time_point now) override {
-    if (state_ != State::kAnswering) return;
+    if (state_ != State::kAnswering && state_ != State::kSending) return;
     const auto self = shared_from_this();
+    const bool evicted = call_ != nullptr && call_->temporary && call_->temporary->evicted();
+    if (state_ == State::kSending) {
+      if (evicted) End(503);
+      return;
+    }
+    if (evicted) call_->Cancel(ServerCall::Stop::kNoRoom);
     if (ClientIsGone()) call_->Cancel(ServerCall::Stop::kClientGone);
     if (now > deadline_) call_->Cancel(ServerCall::Stop::kTimeout);
     EndIfStopped();
@@ -124,13 +130,15 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
   ServerMetrics& metrics() { return loop_.service.metrics(); }
   // Nothing more happens here; what was begun ends by itself.
   void Close() {
-    if (state_ == State::kAnswering) {
+    const State was = state_;
+    if (was == State::kAnswering) {
       call_->Cancel(ServerCall::Stop::kClientGone);
       loop_.pool(effort_).Withdraw(job_);
     }
     state_ = State::kClosed;
     stream_.close();
     answer_ = {};
+    if (was != State::kAnswering) call_.reset();
     count_.reset();
   }
 
@@ -216,6 +224,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
   void Ask(bool is_long) {
     const auto answer = std::make_shared<ServerAnswer>();
     BeginJob(is_long);
+    call_->temporary = std::make_unique<ServerLedger::Account>(loop_.service.temporary(), client_);
     job_->work = [&service = loop_.service, request = request_, call = call_, answer] {
       *answer = service.Answer(*request, *call);
     };
@@ -258,8 +267,9 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     // Not where it would wait for queries.
     effort_ = ServerService::Effort::kCatalog;
     BeginJob(false);
-    job_->work = [&service = loop_.service, request, opening] {
-      opening->opened = service.OpenSession(std::string(request->target()), &opening->refusal);
+    job_->work = [&service = loop_.service, client = client_, request, opening] {
+      opening->opened =
+          service.OpenSession(std::string(request->target()), client, &opening->refusal);
     };
     job_->done = Then([ticket, request, opening](Connection& self) {
       if (opening->opened == nullptr) return self.OnAnswer(std::move(opening->refusal));

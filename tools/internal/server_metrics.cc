@@ -23,7 +23,8 @@ void ServerMetrics::Finish(unsigned code, double seconds) {
   seconds_ += seconds;
 }
 
-std::string ServerMetrics::Text(const Cache& cache) const {
+std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
+                                const Shared& sessions_memory) const {
   std::string text;
   const auto head = [&](const std::string& name, const char* type, const char* help) {
     text += "# HELP " + name + " " + help + "\n# TYPE " + name + " " + type + "\n";
@@ -55,6 +56,11 @@ std::string ServerMetrics::Text(const Cache& cache) const {
   add("mtdb_cache_bytes", gauge, "Bytes of decoded clusters in memory.", cache.bytes);
   add("mtdb_objects_open", gauge, "Objects that are open.", cache.objects_open);
 
+  add("mtdb_temporary_bytes", gauge, "Bytes of answers in temporary files.", temporary.bytes);
+  add("mtdb_temporary_limit_bytes", gauge, "The most that they may be.", temporary.limit);
+  add("mtdb_temporary_evictions_total", counter,
+      "Answers that were broken off so that others found room.", temporary.evictions);
+
   add("mtdb_sessions", gauge, "Open sessions.", sessions);
   add("mtdb_sessions_total", counter, "Sessions opened.", sessions_opened);
   add("mtdb_session_updates_total", counter, "Queries of sessions that were answered in full.",
@@ -62,6 +68,10 @@ std::string ServerMetrics::Text(const Cache& cache) const {
   add("mtdb_session_updates_superseded_total", counter,
       "Queries of sessions that a later one took the place of.", updates_superseded);
   add("mtdb_session_stream_bytes_total", counter, "Bytes of update streams sent.", stream_bytes);
+  add("mtdb_session_memory_bytes", gauge, "Memory of sessions, about.", sessions_memory.bytes);
+  add("mtdb_session_memory_limit_bytes", gauge, "The most that it may be.", sessions_memory.limit);
+  add("mtdb_session_memory_evictions_total", counter,
+      "Sessions that were closed so that others found room.", sessions_memory.evictions);
 
   const std::lock_guard lock(mutex_);
   head("mtdb_requests_total", counter, "Requests by status; 499: the client went away.");

@@ -38,7 +38,14 @@ class ServerMetrics {
     uint64_t bytes = 0;
     uint64_t decoded = 0;  // units, since the server started
   };
-  std::string Text(const Cache& cache) const;
+  // What all clients share (ServerLedger).
+  struct Shared {
+    uint64_t bytes = 0;
+    uint64_t limit = 0;
+    uint64_t evictions = 0;
+  };
+  std::string Text(const Cache& cache, const Shared& temporary,
+                   const Shared& sessions_memory) const;
 
  private:
   static constexpr std::array<double, 10> kBounds{0.001, 0.005, 0.01, 0.05, 0.1,

@@ -42,8 +42,8 @@ const char* ContentType(const std::string& format) {
 // Passes a mesh on, unless it is too large or nobody wants it any more.
 class GuardedSink final : public MeshSink {
  public:
-  GuardedSink(MeshSink& sink, const QueryControl& control, uint64_t max_triangles)
-      : sink_(sink), control_(control), max_triangles_(max_triangles) {}
+  GuardedSink(MeshSink& sink, const AnonymousFile& file, ServerCall& call, uint64_t max_triangles)
+      : sink_(sink), file_(file), call_(call), max_triangles_(max_triangles) {}
   Status Begin(const MeshHeader& header) override {
     const uint64_t triangles = header.triangle_count.value_or(0);
     if (triangles > max_triangles_) {
@@ -64,7 +64,8 @@ class GuardedSink final : public MeshSink {
   }
   Status End() override {
     MTDB_RETURN_IF_ERROR(Check());
-    return sink_.End();
+    MTDB_RETURN_IF_ERROR(sink_.End());
+    return Check();
   }
   double LargestRounding(const MeshHeader& header) const override {
     return sink_.LargestRounding(header);
@@ -72,11 +73,14 @@ class GuardedSink final : public MeshSink {
   double rounding() const override { return sink_.rounding(); }
 
  private:
-  Status Check() const {
-    return control_.cancelled() ? Status(StatusCode::kCancelled, "cancelled") : Status::Ok();
+  // What was written is counted, a block behind.
+  Status Check() {
+    if (!call_.temporary->Set(file_.size_bytes())) call_.Cancel(ServerCall::Stop::kNoRoom);
+    return call_.control.cancelled() ? Status(StatusCode::kCancelled, "cancelled") : Status::Ok();
   }
   MeshSink& sink_;
-  const QueryControl& control_;
+  const AnonymousFile& file_;
+  ServerCall& call_;
   const uint64_t max_triangles_;
 };
 
@@ -119,9 +123,7 @@ Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options
   return Status::Ok();
 }
 
-ServerError OutOfMemory() {
-  return {503, "no_space", "the server is out of memory; try again later"};
-}
+ServerError NoMemory() { return {503, "no_space", "the server is out of memory; try again later"}; }
 
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
@@ -132,32 +134,7 @@ ServerAnswer NoSuchPath() {
 
 }  // namespace
 
-// ---- files and answers --------------------------------------------------------------------------
-
-Result<AnonymousFile> AnonymousFile::TakeOver(const std::string& path) {
-  AnonymousFile file;
-  file.descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const int error = errno;
-  ::unlink(path.c_str());
-  struct stat info {};
-  if (file.descriptor_ < 0 || ::fstat(file.descriptor_, &info) != 0) {
-    return IoError(path + ": cannot be read again: " + std::generic_category().message(error));
-  }
-  file.size_bytes_ = static_cast<uint64_t>(info.st_size);
-  return file;
-}
-
-AnonymousFile::~AnonymousFile() {
-  if (descriptor_ >= 0) ::close(descriptor_);
-}
-
-size_t AnonymousFile::ReadAt(uint64_t offset, char* out, size_t size) const {
-  while (true) {
-    const ssize_t n = ::pread(descriptor_, out, size, static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    return n < 0 ? 0 : static_cast<size_t>(n);
-  }
-}
+// ---- answers --------------------------------------------------------------------------
 
 ServerAnswer ErrorAnswer(const ServerError& error) {
   ServerAnswer answer;
@@ -175,20 +152,14 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   // A whole path, so that Failure finds it in messages, and nothing that only looks like it.
   const std::filesystem::path store = std::filesystem::absolute(options.store, error);
   MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(error ? options.store : store.string()));
-  std::string tmp = options.tmp;
-  if (tmp.empty()) tmp = std::filesystem::temp_directory_path(error).string();
-  std::string folder = tmp + "/mtdb-serve-" + std::string(6, 'X');
-  if (::mkdtemp(folder.data()) == nullptr) {
-    return IoError(tmp + ": no temporary folder can be made there: " +
-                   std::generic_category().message(errno) + "; choose another with --tmp");
+  service->folder_ =
+      options.tmp.empty() ? std::filesystem::temp_directory_path(error).string() : options.tmp;
+  AnonymousFile::Sweep(service->folder_);
+  const Result<AnonymousFile> tried = AnonymousFile::Create(service->folder_);
+  if (!tried.ok()) {
+    return Status(tried.status().code(), tried.status().message() + "; choose another with --tmp");
   }
-  service->folder_ = std::move(folder);
   return service;
-}
-
-ServerService::~ServerService() {
-  std::error_code error;
-  if (!folder_.empty()) std::filesystem::remove_all(folder_, error);
 }
 
 ServerService::Effort ServerService::EffortOf(const std::string& text) {
@@ -201,9 +172,9 @@ ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& cal
   try {
     return Route(request, call);
   } catch (const std::bad_alloc&) {
-    return ErrorAnswer(OutOfMemory());
+    return ErrorAnswer(NoMemory());
   } catch (const std::system_error&) {  // no thread
-    return ErrorAnswer(OutOfMemory());
+    return ErrorAnswer(NoMemory());
   }
 }
 
@@ -272,21 +243,21 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
   MTDB_ASSIGN_OR_RETURN(Query query, QueryFromJson(request.query, surface->record().diagonal()));
   query.control = &call.control;
-  const std::string path =
-      folder_ + "/" + std::to_string(next_file_.fetch_add(1)) + "." + request.format;
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer, CreateMeshFileWriter(path));
-  writer->set_synced(false);  // nobody looks for it after a power failure
+  ServerAnswer answer;
+  MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::Create(folder_));
+  MeshWriteOptions write;
+  write.descriptor = answer.file.descriptor();
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
+                        CreateMeshFileWriter("the mesh." + request.format, write));
   const uint64_t most = request.format == "drc"
                             ? std::min(options_.max_triangles, kMaxDracoTriangles)
                             : options_.max_triangles;
-  GuardedSink sink(*writer, call.control, most);
+  GuardedSink sink(*writer, answer.file, call, most);
   ++metrics_.queries;
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
   metrics_.read_bytes += stats.bytes_read;
   metrics_.cache_hits += stats.clusters_cached;
-  ServerAnswer answer;
   answer.content_type = ContentType(request.format);
-  MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::TakeOver(path));
   answer.triangles = stats.triangles;
   AddStats(stats, &answer);
   return answer;
@@ -305,13 +276,16 @@ ServerAnswer ServerService::Metrics() {
   }
   ServerAnswer answer;
   answer.content_type = "text/plain; version=0.0.4";
-  answer.body = metrics_.Text(cache);
+  const auto figures = [](const ServerLedger& ledger) {
+    return ServerMetrics::Shared{ledger.bytes(), ledger.limit(), ledger.evictions()};
+  };
+  answer.body = metrics_.Text(cache, figures(temporary_), figures(session_memory_));
   return answer;
 }
 
 ServerError ServerService::Failure(const Status& status, const std::string& name,
                                    const ServerCall& call, bool opened) {
-  std::string text = Replaced(status.message(), folder_ + "/", "");
+  std::string text = Replaced(status.message(), folder_ + ": ", "");
   text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
   switch (status.code()) {
     case StatusCode::kInvalidArgument:
@@ -349,8 +323,18 @@ ServerError ServerService::Stopped(const ServerCall& call) {
                          "the time for a request is over; ask for less, or set max_milliseconds"};
     case ServerCall::Stop::kShutdown:
       return ServerError{503, "shutting_down", "the server is shutting down"};
+    case ServerCall::Stop::kNoRoom:
+      return ServerError{503, "no_temporary_space",
+                         "answers under way take all of the " + std::to_string(temporary_.limit()) +
+                             " bytes that they may (--max-tmp); try again later, or ask for less"};
     default: return ServerError{499, "cancelled", "the client went away"};
   }
+}
+
+ServerError ServerService::NoSessionMemory() const {
+  return {503, "no_session_memory",
+          "sessions take all of the " + std::to_string(session_memory_.limit()) +
+              " bytes that they may (--session-memory); try again later, or ask for less"};
 }
 
 // ---- sessions -----------------------------------------------------------------------------------
@@ -366,6 +350,7 @@ ServerService::OpenedSession::~OpenedSession() {
 }
 
 std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const std::string& text,
+                                                                         const ServerClient& client,
                                                                          ServerAnswer* refusal) {
   const Result<RequestTarget> target = ParseTarget(text);
   MTDB_CHECK(target.ok(), "IsSession has looked at it");
@@ -379,6 +364,7 @@ std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const s
     if (!Pin(surface.get())) return Status::Ok();
     opened->surface = std::move(surface);
     MTDB_ASSIGN_OR_RETURN(opened->session, ServerSession::Open(opened->surface, options));
+    opened->memory = std::make_unique<ServerLedger::Account>(session_memory_, client);
     return Status::Ok();
   };
   try {
@@ -389,23 +375,27 @@ std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const s
       *refusal = ErrorAnswer(503, "too_many_objects",
                              "sessions are open on as many objects as the server keeps open; try "
                              "again later");
+    } else if (!opened->memory->Set(opened->session->memory_bytes())) {
+      *refusal = ErrorAnswer(NoSessionMemory());
     } else {
       return opened;
     }
   } catch (const std::bad_alloc&) {
-    *refusal = ErrorAnswer(OutOfMemory());
+    *refusal = ErrorAnswer(NoMemory());
   } catch (const std::system_error&) {
-    *refusal = ErrorAnswer(OutOfMemory());
+    *refusal = ErrorAnswer(NoMemory());
   }
   return nullptr;
 }
 
-ServerService::SessionOutcome ServerService::Update(ServerSession& session,
+ServerService::SessionOutcome ServerService::Update(OpenedSession& opened,
                                                     const SessionRequest& request,
-                                                    const ServerSession::Pace& pace,
-                                                    ServerCall& call,
+                                                    ServerSession::Pace pace, ServerCall& call,
                                                     ServerSession::Progress* progress) {
+  ServerSession& session = *opened.session;
   const ObjectRecord& record = session.surface().record();
+  pace.may_take = [&](uint64_t bytes) { return opened.memory->Set(bytes); };
+  pace.takes = [&](uint64_t bytes) { opened.memory->Note(bytes); };
   SessionOutcome outcome;
   const auto update = [&]() -> Result<ServerSession::End> {
     if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
@@ -428,6 +418,8 @@ ServerService::SessionOutcome ServerService::Update(ServerSession& session,
                            std::to_string(session.max_triangles()) +
                            " triangles that this session holds; ask for less, or set "
                            "max_triangles"};
+    } else if (end.ok() && *end == ServerSession::End::kNoMemory) {
+      outcome.error = NoSessionMemory();
     } else if (end.ok()) {
       outcome.end = *end;
     } else {
@@ -435,7 +427,7 @@ ServerService::SessionOutcome ServerService::Update(ServerSession& session,
     }
   } catch (const std::exception&) {  // no memory, no thread
     outcome.broken = true;           // somewhere between two updates
-    outcome.error = OutOfMemory();
+    outcome.error = NoMemory();
   }
   return outcome;
 }

@@ -16,6 +16,8 @@
 #include "query/surface.h"
 #include "store/base/status.h"
 #include "store/database.h"
+#include "tools/internal/anonymous_file.h"
+#include "tools/internal/server_ledger.h"
 #include "tools/internal/server_metrics.h"
 #include "tools/internal/server_request.h"
 #include "tools/internal/server_session.h"
@@ -32,31 +34,8 @@ struct ServiceOptions {
   unsigned threads = 1;                        // of one query's reading and decoding
   uint64_t max_triangles = 20'000'000;         // of one mesh
   uint64_t session_triangles = 1'000'000;      // of the mesh of a session's client
-};
-
-// A file without a name, open for reading.
-class AnonymousFile {
- public:
-  AnonymousFile() = default;
-  // Takes the name away. kIoError.
-  static Result<AnonymousFile> TakeOver(const std::string& path);
-  AnonymousFile(AnonymousFile&& other) noexcept
-      : descriptor_(std::exchange(other.descriptor_, -1)), size_bytes_(other.size_bytes_) {}
-  AnonymousFile& operator=(AnonymousFile&& other) noexcept {
-    std::swap(descriptor_, other.descriptor_);
-    std::swap(size_bytes_, other.size_bytes_);
-    return *this;
-  }
-  ~AnonymousFile();
-
-  bool is_open() const { return descriptor_ >= 0; }
-  uint64_t size_bytes() const { return size_bytes_; }
-  // Reads up to `size` bytes; 0 on an error.
-  size_t ReadAt(uint64_t offset, char* out, size_t size) const;
-
- private:
-  int descriptor_ = -1;
-  uint64_t size_bytes_ = 0;
+  uint64_t session_memory_bytes = uint64_t{2} << 30;  // of all sessions
+  uint64_t temporary_bytes = uint64_t{4} << 30;       // of all answers under way
 };
 
 struct ServerRequest {
@@ -94,10 +73,12 @@ struct ServerCall {
     kShutdown,
     kSuperseded,
     kTooLarge,
-    kPreempted
+    kPreempted,
+    kNoRoom
   };
   QueryControl control;
   std::atomic<Stop> stop{Stop::kNone};
+  std::unique_ptr<ServerLedger::Account> temporary;  // of a mesh: what its file takes
 
   void Cancel(Stop why) {
     Stop none = Stop::kNone;
@@ -115,6 +96,7 @@ class ServerService {
     ServerService* service = nullptr;
     std::shared_ptr<Surface> surface;  // stays open with the session
     std::unique_ptr<ServerSession> session;
+    std::unique_ptr<ServerLedger::Account> memory;
   };
   struct SessionOutcome {
     std::optional<ServerSession::End> end;  // none: an error
@@ -125,7 +107,6 @@ class ServerService {
 
   // Errors: those of opening the store, kIoError when there is no place for temporary files.
   static Result<std::unique_ptr<ServerService>> Open(const ServiceOptions& options);
-  ~ServerService();
 
   // What answering takes: nothing, some reads of the catalog, or a query.
   enum class Effort : uint8_t { kNone, kCatalog, kQuery };
@@ -141,16 +122,26 @@ class ServerService {
   // Whether `target` asks for a session: /objects/NAME/session.
   static bool IsSession(const std::string& target);
   // The session, or the answer that says why there is none.
-  std::unique_ptr<OpenedSession> OpenSession(const std::string& target, ServerAnswer* refusal);
+  std::unique_ptr<OpenedSession> OpenSession(const std::string& target, const ServerClient& client,
+                                             ServerAnswer* refusal);
   // One thread at a time for each session. Adds to `progress`.
-  SessionOutcome Update(ServerSession& session, const SessionRequest& request,
-                        const ServerSession::Pace& pace, ServerCall& call,
+  // `pace` lacks what is asked of memory.
+  SessionOutcome Update(OpenedSession& opened, const SessionRequest& request,
+                        ServerSession::Pace pace, ServerCall& call,
                         ServerSession::Progress* progress);
+  // That there is no memory for what a session wants to hold.
+  ServerError NoSessionMemory() const;
+
+  // What temporary files of answers take.
+  ServerLedger& temporary() { return temporary_; }
 
   ServerMetrics& metrics() { return metrics_; }
 
  private:
-  explicit ServerService(const ServiceOptions& options) : options_(options) {}
+  explicit ServerService(const ServiceOptions& options)
+      : options_(options),
+        temporary_(options.temporary_bytes),
+        session_memory_(options.session_memory_bytes) {}
   ServerAnswer Route(const ServerRequest& request, ServerCall& call);
   Result<ServerAnswer> Catalog();
   Result<ServerAnswer> Info(const std::string& name);
@@ -166,8 +157,9 @@ class ServerService {
 
   const ServiceOptions options_;
   std::shared_ptr<Database> database_;
-  std::string folder_;  // of temporary files; made and removed by this
-  std::atomic<uint64_t> next_file_{0};
+  std::string folder_;  // of temporary files
+  ServerLedger temporary_;
+  ServerLedger session_memory_;
   ServerMetrics metrics_;
 
   std::mutex opening_;  // held while an object is opened

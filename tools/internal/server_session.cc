@@ -13,6 +13,15 @@ namespace {
 
 // A message takes whole batches until it has so many updates, some 10 KB.
 constexpr uint64_t kMessageUpdates = 4096;
+// Of a Session, for each triangle of the cut and each cluster of the object.
+constexpr uint64_t kCutTriangleBytes = 24;
+constexpr uint64_t kCutClusterBytes = 32;
+// What coding an attribute takes.
+constexpr uint64_t kAttributeBytes = 4096;
+// What a triangle more takes of the encoder, and while the client is clipped: with the growth of
+// its arrays. A vertex is half of one.
+constexpr uint64_t kTriangleBytes = 280;
+constexpr uint64_t kClippedTriangleBytes = 640;
 
 }  // namespace
 
@@ -75,6 +84,22 @@ uint64_t ServerSession::TrianglesAfter(std::span<const UpdateBatch> batches) con
   return triangles;
 }
 
+uint64_t ServerSession::memory_bytes() const {
+  return encoder_.memory_bytes() + triangles_ * kCutTriangleBytes +
+         surface_->index().cluster_count() * kCutClusterBytes +
+         surface_->record().attributes.attributes.size() * kAttributeBytes;
+}
+
+uint64_t ServerSession::MemoryAfter(uint64_t triangles, bool clipped) const {
+  const uint64_t row = surface_->record().attributes.row_bytes();
+  const uint64_t each = clipped ? kClippedTriangleBytes + 2 * row : kTriangleBytes + row;
+  // Clipped anew, all of the cut is kept a second time.
+  const uint64_t more = clipped && !clipped_     ? triangles
+                        : triangles > triangles_ ? triangles - triangles_
+                                                 : 0;
+  return memory_bytes() + more * each;
+}
+
 void ServerSession::Send(std::span<const UpdateBatch> batches, const MeetsRegion& region,
                          const Pace& pace) {
   const auto send = [&](std::span<const UpdateBatch> some) {
@@ -110,9 +135,13 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
     if (progress->rounds > 0 && pace.superseded()) return stop(End::kSuperseded);
     const uint64_t triangles = TrianglesAfter(batches);
     if (triangles > std::max(triangles_, options_.max_triangles)) return stop(End::kTooLarge);
+    if (!pace.may_take(MemoryAfter(triangles, static_cast<bool>(region)))) {
+      return stop(End::kNoMemory);
+    }
     Send(batches, region, pace);
     triangles_ = triangles;
     sent = true;
+    pace.takes(memory_bytes());
     for (const UpdateBatch& batch : batches) {
       (batch.insert ? progress->insertions : progress->removals) += batch.nodes.size();
     }
@@ -129,7 +158,11 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
     if (stopped && result.status().code() == StatusCode::kCancelled) return *stopped;
     return result.status();
   }
-  if (!sent) Send({}, region, pace);  // the region may be another
+  if (!sent) {  // the region may be another
+    if (!pace.may_take(MemoryAfter(triangles_, static_cast<bool>(region)))) return End::kNoMemory;
+    Send({}, region, pace);
+    pace.takes(memory_bytes());
+  }
   *update = *result;
   if (region) update->stats.active_triangles = mesh().triangle_count();
   return End::kDone;

@@ -16,8 +16,7 @@
 
 namespace mtdb {
 
-// One thread at a time. Memory: Session's, and some 200 bytes for each triangle of the cut, 400
-// when the client holds a part of it only.
+// One thread at a time.
 class ServerSession {
  public:
   struct Options {
@@ -37,10 +36,14 @@ class ServerSession {
   // How an update shares its way with others. Called by Update's thread.
   struct Pace {
     std::function<bool()> superseded;  // asked before each round but the first
-    std::function<bool()> pause;       // asked after each round: it is to go on later
-    std::function<void(Bytes)> send;   // whole records of the stream
+    // Asked before each round: whether the session may take so much memory. Told after it what it
+    // takes, whatever the answer.
+    std::function<bool(uint64_t bytes)> may_take;
+    std::function<void(uint64_t bytes)> takes;
+    std::function<bool()> pause;      // asked after each round: it is to go on later
+    std::function<void(Bytes)> send;  // whole records of the stream
   };
-  enum class End : uint8_t { kDone, kSuperseded, kPaused, kTooLarge };
+  enum class End : uint8_t { kDone, kSuperseded, kPaused, kTooLarge, kNoMemory };
   struct Progress {
     uint64_t rounds = 0;
     uint64_t insertions = 0;
@@ -53,6 +56,9 @@ class ServerSession {
   Result<End> Update(const Query& query, const Pace& pace, Progress* progress,
                      SessionUpdate* update);
 
+  // What it takes between updates, about; the cut's own part is guessed.
+  uint64_t memory_bytes() const;
+
   // The client's mesh, when it has read everything.
   const ClientMesh& mesh() const { return encoder_.mesh(); }
 
@@ -61,6 +67,8 @@ class ServerSession {
                 const BaseMesh& base, const Options& options);
   // Of the cut after `batches`.
   uint64_t TrianglesAfter(std::span<const UpdateBatch> batches) const;
+  // Of the session, about, with a cut of so many triangles.
+  uint64_t MemoryAfter(uint64_t triangles, bool clipped) const;
   void Send(std::span<const UpdateBatch> batches, const MeetsRegion& region, const Pace& pace);
 
   const std::shared_ptr<const Surface> surface_;

@@ -174,8 +174,8 @@ void ServerWebSocket::Run() {
         session.Push({false, "", std::move(*sent)});
       })));
     };
-    *outcome = self->loop_.service.Update(*self->opened_->session, work->request, pace, *call,
-                                          &work->progress);
+    *outcome =
+        self->loop_.service.Update(*self->opened_, work->request, pace, *call, &work->progress);
   };
   job->done = Then([outcome, job = job.get()](ServerWebSocket& session) {
     if (job->failed) throw std::bad_alloc();
@@ -220,6 +220,11 @@ void ServerWebSocket::Tick(Clock::time_point now) {
   const auto self = shared_from_this();
   try {
     if (stall_ && now > *stall_) return Drop();
+    if (opened_->memory->evicted() && !closing_) {
+      const ServerError error = loop_.service.NoSessionMemory();
+      if (work_ && !work_->call) work_.reset();
+      return Close(websocket::close_code::try_again_later, error.message);
+    }
     if (work_) Watch(now);
   } catch (const std::exception&) {
     Drop();

@@ -1,0 +1,116 @@
+// A server for a long time under hostile and honest clients: what it holds must stay flat.
+// tests/campaigns/server_soak runs it.
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+
+#include "tests/tools/hostile_clients.h"
+#include "tests/tools/websocket_testing.h"
+
+namespace mtdb::test {
+namespace {
+
+struct Maxima {
+  uint64_t resident_bytes = 0;
+  size_t descriptors = 0;
+  double temporary_bytes = 0;
+  double session_bytes = 0;
+};
+
+// One of the honest: asks, and compares with what is right.
+void AskHonestly(const ServerProcess& server, unsigned seed, const std::vector<std::string>& right,
+                 const std::atomic<bool>& over, std::atomic<uint64_t>& answers,
+                 std::atomic<uint64_t>& refused, std::atomic<uint64_t>& wrong,
+                 std::atomic<uint64_t>& slowest_ms) {
+  std::mt19937 random(seed);
+  while (!over) {
+    const size_t which = random() % right.size();
+    const auto begin = std::chrono::steady_clock::now();
+    RawConnection connection(server.port(), 0, 100 + static_cast<int>(seed));
+    connection.Send(RequestText(
+        "GET", "/objects/sculpture/mesh?triangles=" + std::to_string(500 * (which + 1))));
+    const HttpAnswer answer = connection.ReceiveAnswer();
+    const auto ms = static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(
+                                              std::chrono::steady_clock::now() - begin)
+                                              .count());
+    for (uint64_t most = slowest_ms; ms > most && !slowest_ms.compare_exchange_weak(most, ms);) {
+    }
+    if (answer.status == 200) {
+      ++(answer.body == right[which] ? answers : wrong);
+    } else {
+      ++refused;
+    }
+  }
+}
+
+TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soak]") {
+  const char* text = std::getenv("MTDB_SOAK_SECONDS");
+  const int seconds = text == nullptr ? 30 : std::stoi(text);
+  const Example example(200000);
+  ServerProcess server(example.store,
+                       {"--max-connections", "400", "--max-sessions", "120", "--max-tmp", "256M",
+                        "--session-memory", "512M", "--idle", "5", "--timeout", "20"});
+  std::vector<std::string> right;
+  for (int i = 1; i <= 4; ++i) {
+    right.push_back(
+        server.Get("/objects/sculpture/mesh?triangles=" + std::to_string(500 * i)).body);
+  }
+  std::string kinds;
+  while (kinds.size() < 180) kinds += "ecspbmf";
+  const auto hostile = std::make_unique<HostileClients>(server.port(), "sculpture", kinds, 8);
+  std::atomic<bool> over{false};
+  std::atomic<uint64_t> answers{0}, refused{0}, wrong{0}, slowest_ms{0};
+  std::vector<std::thread> honest;
+  for (unsigned i = 0; i < 20; ++i) {
+    honest.emplace_back(
+        [&, i] { AskHonestly(server, i, right, over, answers, refused, wrong, slowest_ms); });
+  }
+  Maxima halves[2];
+  const auto begin = std::chrono::steady_clock::now();
+  const std::string descriptors = "/proc/" + std::to_string(server.process()) + "/fd";
+  for (double passed = 0; passed < seconds;) {
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    passed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    Maxima& m = halves[2 * passed < seconds ? 0 : 1];
+    m.resident_bytes = std::max(m.resident_bytes, server.resident_bytes());
+    size_t open = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(descriptors)) {
+      open += entry.path().empty() ? 0 : 1;
+    }
+    m.descriptors = std::max(m.descriptors, open);
+    m.temporary_bytes = std::max(m.temporary_bytes, server.Metric("mtdb_temporary_bytes"));
+    m.session_bytes = std::max(m.session_bytes, server.Metric("mtdb_session_memory_bytes"));
+    CHECK(server.temporary_files() == 0);
+  }
+  CHECK(hostile->running());
+  over = true;
+  for (std::thread& client : honest) client.join();
+  for (const Maxima& m : halves) {
+    std::printf(
+        "half: resident %.0f MB, %zu descriptors, temporary files %.1f MB, sessions %.1f MB\n",
+        static_cast<double>(m.resident_bytes) / 1e6, m.descriptors, m.temporary_bytes / 1e6,
+        m.session_bytes / 1e6);
+  }
+  std::printf(
+      "honest: %llu right, %llu refused, %llu wrong, the slowest after %llu ms\n"
+      "server: %.0f queries, %.0f preempted, %.0f cancelled, %.0f sessions\n",
+      static_cast<unsigned long long>(answers), static_cast<unsigned long long>(refused),
+      static_cast<unsigned long long>(wrong), static_cast<unsigned long long>(slowest_ms),
+      server.Metric("mtdb_queries_total"), server.Metric("mtdb_queries_preempted_total"),
+      server.Metric("mtdb_queries_cancelled_total"), server.Metric("mtdb_sessions_total"));
+  CHECK(wrong == 0);
+  CHECK(answers > 0);
+  CHECK(halves[1].resident_bytes < halves[0].resident_bytes * 5 / 4 + (64 << 20));
+  CHECK(halves[1].descriptors <= 2 * 400 + 100);
+  CHECK(halves[1].temporary_bytes <= 256 << 20);
+  CHECK(halves[1].session_bytes <= 512 << 20);
+  const pid_t process = server.process();
+  CHECK(::kill(process, 0) == 0);
+  server.Signal(SIGTERM);
+  CHECK(server.Finish().exit_code == 0);
+}
+
+}  // namespace
+}  // namespace mtdb::test
