@@ -119,7 +119,8 @@ Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool chec
     if (rc == 0) break;
     mdb_env_close(env_);
     env_ = nullptr;
-    if (rc != ENOMEM) break;
+    if (rc == EINTR) size *= 2;  // once more
+    if (rc != ENOMEM && rc != EINTR) break;
   }
   if (rc != 0) return Error(rc, "opening the store");
   process_ = ::getpid();
@@ -275,10 +276,16 @@ Status LmdbEnvironment::Write(const std::function<Status(WriteTransaction&)>& bo
   for (;;) {
     int rc = 0;
     {
-      const std::shared_lock lock(mutex_);
+      std::shared_lock lock(mutex_);
       if (env_ == nullptr) return IoError(file_->path() + ": the store could not be reopened");
       MTDB_CHECK(writable_, "the database was not opened for writing");
-      const Status status = TryWrite(body, &rc);
+      std::optional<OldMetaPage> superseded;
+      const Status status = TryWrite(body, &rc, &superseded);
+      if (superseded) {
+        lock.unlock();
+        RestoreMetaPage(*superseded);
+        return status;
+      }
       if (rc != MDB_MAP_FULL && rc != MDB_MAP_RESIZED && rc != MDB_PANIC) return status;
     }
     if (rc == MDB_MAP_FULL) {
@@ -292,7 +299,7 @@ Status LmdbEnvironment::Write(const std::function<Status(WriteTransaction&)>& bo
 }
 
 Status LmdbEnvironment::TryWrite(const std::function<Status(WriteTransaction&)>& body,
-                                 int* lmdb_error) {
+                                 int* lmdb_error, std::optional<OldMetaPage>* superseded) {
   MTDB_RETURN_IF_ERROR(CheckUsable());
   // A reader that died would keep freed pages from being used again.
   int stale = 0;
@@ -315,8 +322,38 @@ Status LmdbEnvironment::TryWrite(const std::function<Status(WriteTransaction&)>&
     *lmdb_error = write.lmdb_error_;
     return status;
   }
+  OldMetaPage old;
+  old.offset = mdb_txn_id(txn) % 2 * page_size_;
+  const Status read = file_->ReadAt(old.offset, old.bytes);
   *lmdb_error = mdb_txn_commit(txn);
-  return *lmdb_error == 0 ? Status::Ok() : Error(*lmdb_error, "writing");
+  if (*lmdb_error == 0) return Status::Ok();
+  if (read.ok()) *superseded = old;
+  return Error(*lmdb_error, "writing");
+}
+
+// A meta page that LMDB could not write it leaves with its old transaction id and the new trees,
+// which is what a hidden snapshot looks like (CheckSuperseded). As nobody may write meanwhile, it
+// is done within a transaction, of an LMDB that knows nothing of the failure. If this fails too,
+// the next opener says what there is.
+void LmdbEnvironment::RestoreMetaPage(const OldMetaPage& old) {
+  const std::unique_lock lock(mutex_);
+  CloseLmdb();
+  if (!OpenLmdb(writable_, 0, false).ok()) return;
+  MDB_txn* txn = nullptr;
+  if (mdb_txn_begin(env_, nullptr, 0, &txn) != 0) return;
+  OldMetaPage now = old;
+  int descriptor = -1;
+  // Its transaction id comes last. Who committed in between has written another one.
+  const bool is_half_new = mdb_txn_id(txn) % 2 * page_size_ == old.offset &&
+                           file_->ReadAt(now.offset, now.bytes).ok() &&
+                           std::equal(now.bytes.end() - sizeof(uint64_t), now.bytes.end(),
+                                      old.bytes.end() - sizeof(uint64_t)) &&
+                           now.bytes != old.bytes && mdb_env_get_fd(env_, &descriptor) == 0;
+  if (is_half_new) {
+    const auto offset = static_cast<off_t>(old.offset);
+    if (::pwrite(descriptor, old.bytes.data(), old.bytes.size(), offset) > 0) ::fsync(descriptor);
+  }
+  mdb_txn_abort(txn);
 }
 
 Status LmdbEnvironment::Fill(WriteTransaction& write, bool first,

@@ -2,6 +2,7 @@
 // it.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -15,6 +16,7 @@
 #include "store/internal/catalog_entry.h"
 #include "store/internal/keys.h"
 #include "store/internal/name_claim.h"
+#include "store/internal/page.h"
 #include "store/internal/store_file.h"
 
 struct MDB_env;
@@ -117,7 +119,15 @@ class LmdbEnvironment {
   Status AdoptMapSize();
   Status GrowMap();
   Status Remap(uint64_t at_least);
-  Status TryWrite(const std::function<Status(WriteTransaction&)>& body, int* lmdb_error);
+  // A meta page as it was before a transaction that would have replaced it.
+  struct OldMetaPage {
+    uint64_t offset = 0;
+    std::array<std::byte, kPageHeaderBytes + kMetaBytes> bytes{};
+  };
+  // `superseded` is set when the commit failed.
+  Status TryWrite(const std::function<Status(WriteTransaction&)>& body, int* lmdb_error,
+                  std::optional<OldMetaPage>* superseded);
+  void RestoreMetaPage(const OldMetaPage& old);
   Status Fill(WriteTransaction& write, bool first,
               const std::function<Status(WriteTransaction&)>& body);
   Status CheckSameFile();
