@@ -28,7 +28,8 @@ Status WriteError(const std::string& path, int error) {
 
 Result<std::unique_ptr<InputFile>> InputFile::Open(const std::string& path) {
   // O_NONBLOCK: opening a pipe must not wait for a writer.
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const int descriptor =
+      TEMP_FAILURE_RETRY(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (descriptor < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": no such file");
@@ -112,7 +113,8 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& path) 
   for (int attempt = 0;; ++attempt) {
     std::string temporary =
         path + "." + std::to_string(::getpid()) + "-" + std::to_string(next++) + ".tmp";
-    const int descriptor = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    const int descriptor = TEMP_FAILURE_RETRY(
+        ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
     if (descriptor >= 0) {
       return std::unique_ptr<AtomicFile>(new AtomicFile(path, std::move(temporary), descriptor));
     }

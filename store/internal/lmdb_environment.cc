@@ -42,7 +42,8 @@ std::string RealPath(const StoreFile& file) {
 // to it.
 Status SyncFolder(const std::string& path) {
   const std::string folder = path.substr(0, path.rfind('/') + 1);
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int descriptor =
+      TEMP_FAILURE_RETRY(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (descriptor < 0) return Status::Ok();  // a folder that may be used, but not listed
   const int result = ::fsync(descriptor);
   const int error = errno;

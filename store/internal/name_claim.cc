@@ -64,7 +64,8 @@ std::string LockPath(const std::string& path) { return path + "-lock"; }
 Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, bool writable) {
   const auto access = writable ? StoreFile::Access::kReadWrite : StoreFile::Access::kRead;
   MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
-  const int descriptor = ::open(LockPath(path).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  const int descriptor =
+      TEMP_FAILURE_RETRY(::open(LockPath(path).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (descriptor < 0) {
     return IoError(LockPath(path) + ": cannot open the store's lock file: " + std::strerror(errno));
   }

@@ -18,7 +18,7 @@ Result<std::unique_ptr<StoreFile>> StoreFile::Open(const std::string& path, Acce
   if (access == Access::kRead) flags |= O_RDONLY;
   if (access == Access::kReadWrite) flags |= O_RDWR;
   if (access == Access::kCreate) flags |= O_RDWR | O_CREAT;
-  const int descriptor = ::open(path.c_str(), flags, 0644);
+  const int descriptor = TEMP_FAILURE_RETRY(::open(path.c_str(), flags, 0644));
   if (descriptor < 0) {
     if (errno == ENOENT) {
       return NotFound(path + ": no such file" +

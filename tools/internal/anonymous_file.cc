@@ -29,7 +29,8 @@ int CreateAndUnlink(const std::string& folder) {
 Result<AnonymousFile> AnonymousFile::Create(const std::string& folder) {
   AnonymousFile file;
 #ifdef O_TMPFILE
-  file.descriptor_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  file.descriptor_ =
+      TEMP_FAILURE_RETRY(::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
 #endif
   if (file.descriptor_ < 0) file.descriptor_ = CreateAndUnlink(folder);
   if (file.descriptor_ >= 0) return file;
