@@ -60,7 +60,7 @@ class Judgement {
     asked_.world->Fault("answer: " + where + ": " + what,
                         detail + "; " + answer_.way + ": " + asked_.name + " " + question_.text());
   }
-  bool accurate() const { return answer_.limit == "accuracy" && answer_.met.value_or(true); }
+  bool accurate() const { return answer_.limit == "accuracy"; }
 
   void Limits() {
     if (question_.max_triangles && !question_.clip && answer_.limit != "" &&
@@ -74,9 +74,12 @@ class Judgement {
       Fault("no error bound", NumberText(answer_.bound));
     }
     const double asked = question_.permitted_everywhere;
-    if (accurate() && asked > 0 && answer_.bound > asked * (1 + 1e-6)) {
+    if (accurate() && asked > 0 && answer_.bound > (asked + answer_.excess) * (1 + 1e-5)) {
       Fault("bound above the requested error",
             NumberText(answer_.bound) + ", requested " + NumberText(asked));
+    }
+    if (accurate() && asked > 0 && answer_.excess > 0 && answer_.bound <= asked * (1 - 1e-5)) {
+      Fault("a shortfall without one", NumberText(answer_.excess));
     }
   }
 
@@ -198,7 +201,8 @@ class Judgement {
       const double distance = to.Distance(p);
       worst = std::max(worst, distance);
       if (accurate() && !question_.full) {
-        worst_excess = std::max(worst_excess, distance - question_.permitted(p) * (1 + 1e-6));
+        worst_excess = std::max(worst_excess,
+                                distance - (question_.permitted(p) + answer_.excess) * (1 + 1e-5));
       }
     }
     if (worst > answer_.bound * (1 + 1e-5) + exactness_) {

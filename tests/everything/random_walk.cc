@@ -126,7 +126,7 @@ class Maker {
     step->Set("wide", static_cast<int64_t>(Scaled(8, 2500)));
     if (Chance(0.5)) {
       const double most = 1e8 / (8.0 * static_cast<double>(step->Int("wide", 1)));
-      step->Set("size", static_cast<int64_t>(std::min(60000.0, Scaled(1000, most + 2000))));
+      step->Set("size", static_cast<int64_t>(std::min(130000.0, Scaled(3000, most + 5000))));
       step->Set("memory", 256);
       step->Set("format", std::string("ply"));
     }

@@ -44,6 +44,7 @@ void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
   answer->exact = true;
   answer->triangles = stats->triangles;
   answer->bound = stats->error_bound;
+  answer->excess = stats->shortfall.excess;
   constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
   answer->limit = kLimits[static_cast<size_t>(stats->limit)];
 }
@@ -113,6 +114,7 @@ mtdb_code CAnswer(const Asked& asked, CHandles* c, Answer* answer, mtdb_error* e
   answer->exact = true;
   answer->triangles = stats.triangles;
   answer->bound = stats.error_bound;
+  answer->excess = details.shortfall.triangles > 0 ? details.shortfall.excess : 0;
   constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
   answer->limit = kLimits[details.limit];
   return MTDB_OK;
@@ -140,6 +142,10 @@ void ReadAnswerFile(const std::string& path, Answer* answer) {
   std::filesystem::remove(path, error);
 }
 
+double ExcessOf(const nlohmann::json& shortfall) {
+  return shortfall.is_object() ? shortfall.value("excess", 0.0) : 0.0;
+}
+
 void ReadAnswerJson(const std::string& text, Answer* answer) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (!json.is_object() || !json.contains("error_bound")) {
@@ -149,6 +155,7 @@ void ReadAnswerJson(const std::string& text, Answer* answer) {
   answer->triangles = json.value("triangles", uint64_t{0});
   answer->bound = json.at("error_bound").is_number() ? json.at("error_bound").get<double>() : -1;
   answer->limit = json.value("limit", "");
+  answer->excess = ExcessOf(json.value("shortfall", nlohmann::json()));
 }
 
 void FromCommand(const Asked& asked, const Arguments& arguments, const std::string& output,
@@ -171,6 +178,10 @@ void FromCommand(const Asked& asked, const Arguments& arguments, const std::stri
     }
     answer->triangles = std::strtoull(ran.out.c_str() + line + 2, nullptr, 10);
     answer->bound = std::strtod(ran.out.c_str() + at + 14, nullptr) * (1 + 5e-6);
+    const size_t unmet = ran.out.find(" are up to ");
+    if (unmet != std::string::npos && ran.out.find("NOT MET: ") < unmet) {
+      answer->excess = std::strtod(ran.out.c_str() + unmet + 11, nullptr) * (1 + 5e-6);
+    }
     answer->limit = ran.out.substr(limit + 27, ran.out.find('\n', limit) - limit - 27);
   }
   if (answer->refused.empty()) ReadAnswerFile(output, answer);
@@ -241,6 +252,7 @@ void FromHttp(const Asked& asked, const std::string& method, const std::string& 
   answer->triangles = std::strtoull(got.header("X-Mtdb-Triangles").c_str(), nullptr, 10);
   answer->bound = std::strtod(got.header("X-Mtdb-Error-Bound").c_str(), nullptr) * (1 + 1e-6);
   answer->limit = got.header("X-Mtdb-Limit");
+  answer->excess = ExcessOf(nlohmann::json::parse(got.header("X-Mtdb-Shortfall"), nullptr, false));
   const std::string file = NewFile(asked, Format(asked));
   WriteText(file, got.body);
   ReadAnswerFile(file, answer);
@@ -294,6 +306,7 @@ bool AskFetchLibrary(const Asked& asked, Answer* answer) {
   }
   answer->triangles = got->triangles;
   answer->bound = got->error_bound * (1 + 1e-6);
+  answer->excess = got->shortfall.excess;
   answer->limit = got->limit;
   WriteText(file, bytes);
   ReadAnswerFile(file, answer);
@@ -329,6 +342,7 @@ bool AskSession(const Asked& asked, Answer* answer) {
   answer->any_bound = true;
   answer->triangles = update->triangles;
   answer->bound = update->error_bound * (1 + 1e-6);
+  answer->excess = update->shortfall.excess;
   answer->limit = update->limit;
   return true;
 }

@@ -102,9 +102,9 @@ struct Answer {
   bool any_bound = false;  // the bound may be smaller than that of a fresh query
   double bound = 0;
   std::string limit;
-  uint64_t triangles = 0;   // as told
-  std::optional<bool> met;  // whether it says that the threshold is kept
-  std::string refused;      // why there is no mesh; empty: there is one
+  uint64_t triangles = 0;  // as told
+  double excess = 0;       // by what it says that the threshold is not kept
+  std::string refused;     // why there is no mesh; empty: there is one
 };
 
 struct Asked {
