@@ -69,11 +69,12 @@ class BlockReader {
   Status status_;
 };
 
-// Writes `path` under a temporary name beside it and renames it in Commit(); without Commit() the
-// temporary file is removed by the destructor. After the death of the process at any moment there
-// is a whole file or none of that name; after a power failure too.
-// Whether a file that was just committed is there after a power failure is not promised: the folder
-// is not synced, as meshes can be made again.
+// Writes a file that has no name until Commit() gives it `path`, so that nothing is left of a
+// process that dies. Where the system has no such files, it has a temporary name beside `path`
+// until then, "PATH.PID-N.tmp", and so it has for a moment when `path` is replaced; it is locked
+// while its process lives, and Create() removes those of `path` that nobody has locked. After a
+// power failure too there is a whole file or none of that name; which of both is not promised for
+// one that was just committed: the folder is not synced, as meshes can be made again.
 class AtomicFile {
  public:
   // kIoError, kNoSpace.
@@ -95,11 +96,14 @@ class AtomicFile {
  private:
   AtomicFile(std::string path, std::string temporary, int descriptor);
   Status Flush();
+  // Gives a file without a name its temporary one.
+  Status Link();
   // From where the file ends; from `offset` when it is given.
   Status WriteAll(ByteSpan bytes, std::optional<uint64_t> offset = std::nullopt);
 
   std::string path_;
-  std::string temporary_;  // empty: none is to be renamed
+  std::string temporary_;  // empty: no name
+  bool is_named_ = true;   // Commit() gives it its name
   int descriptor_;
   std::vector<std::byte> buffer_;
   size_t buffered_ = 0;
