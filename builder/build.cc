@@ -20,6 +20,7 @@
 #include "builder/internal/decimator.h"
 #include "builder/internal/input_spool.h"
 #include "builder/internal/journal.h"
+#include "builder/internal/memory_plan.h"
 #include "builder/internal/ordered_pipeline.h"
 #include "builder/internal/root_writer.h"
 #include "builder/internal/tile_cluster.h"
@@ -27,6 +28,7 @@
 #include "builder/internal/triangle_sorter.h"
 #include "store/base/attribute_grid.h"
 #include "store/base/hash.h"
+#include "store/base/out_of_memory.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb {
@@ -120,16 +122,11 @@ class Builder {
       : options_(options), writer_(writer), progress_(progress), report_(report) {
     threads_ =
         options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-    decimators_.resize(threads_);
     space_.directory = options.tmp_directory;
   }
 
   Result<ObjectRecord> Run(const MeshProducer& input) {
     MTDB_RETURN_IF_ERROR(CheckOptions(options_));
-    // The writer queues 32 MiB and LMDB copies them; tiles in flight take some 8 MiB a thread.
-    const uint64_t fixed = (uint64_t{128} << 20) + threads_ * (uint64_t{16} << 20);
-    memory_ = options_.memory_bytes > fixed + kLeastMemory / 4 ? options_.memory_bytes - fixed
-                                                               : kLeastMemory / 4;
     std::unique_ptr<TriangleSorter> sorter;
     MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
     const double total = static_cast<double>(record_.triangles);
@@ -202,14 +199,23 @@ class Builder {
     return std::make_unique<TriangleSorter>(
         TriangleSorter::Options{&space_, memory_bytes, record_.attributes.row_bytes(), threads_});
   }
-  // Blocks or tiles that are given to a pipeline ahead of the one that is taken.
-  size_t ahead() const { return threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_); }
+  // Blocks of joined triangles that are given to the pipeline ahead of the one that is taken.
+  size_t blocks_ahead() const { return threads_ <= 1 ? 1 : 3 * static_cast<size_t>(threads_); }
 
   // Reads the mesh, classifies it, and leaves its triangles ready for round 1.
   Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
     MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
-    InputSpool input(&space_, memory_ / 4, options_.mode == PositionMode::kLossless);
-    AttributeSink attributes(&options_, &input);
+    InputSpool input(&space_, 0, options_.mode == PositionMode::kLossless);
+    AttributeSink attributes(&options_, &input, [&](const MeshHeader& header) {
+      MTDB_ASSIGN_OR_RETURN(const MemoryPlan plan,
+                            PlanMemory(options_, threads_, header.attributes));
+      threads_ = plan.threads;
+      ahead_ = plan.ahead;
+      memory_ = plan.spool_bytes;
+      decimators_.resize(threads_);
+      input.SetMemory(memory_ / 4);
+      return Status::Ok();
+    });
     MTDB_RETURN_IF_ERROR(produce(attributes));
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
     MTDB_RETURN_IF_ERROR(CheckDisk(input));
@@ -254,9 +260,10 @@ class Builder {
       return Report("join", 0, taken, input.triangles(),
                     kReadShare + kJoinShare * (0.5 + 0.5 * part));
     };
-    const JoinOptions join{&space_, memory_ / 4, threads_};
+    // The sorter's half is free until the first triangle is received.
+    const JoinOptions join{&space_, memory_ / 4, memory_ / 2, threads_};
     const auto receive = [&](TriangleBlock block) {
-      if (pipeline.in_flight() == ahead()) MTDB_RETURN_IF_ERROR(take());
+      if (pipeline.in_flight() == blocks_ahead()) MTDB_RETURN_IF_ERROR(take());
       pipeline.Submit({std::move(block), {}, {}, {}, 0});
       return Status::Ok();
     };
@@ -386,7 +393,7 @@ class Builder {
     });
     uint64_t given = 0;
     for (uint64_t taken = 0; taken < tiles; ++taken) {
-      while (given < tiles && pipeline.in_flight() < ahead()) {
+      while (given < tiles && pipeline.in_flight() < ahead_) {
         const auto [begin, end] = TileRange(count, tiles, given);
         TileJob job;
         if (journal_ != nullptr) {
@@ -457,8 +464,9 @@ class Builder {
     }
     MTDB_RETURN_IF_ERROR(sorter.Finish());
     RootWriter root(record_.attributes, writer_);
+    const uint64_t most = RootWriter::PieceTriangles(record_.attributes.row_bytes());
     for (uint64_t done = 0; done < sorter.count();) {
-      const uint64_t count = std::min<uint64_t>(RootWriter::kPieceTriangles, sorter.count() - done);
+      const uint64_t count = std::min(most, sorter.count() - done);
       TriangleBlock piece;
       uint64_t code = 0;
       MTDB_RETURN_IF_ERROR(sorter.Next(count, &piece, &code));
@@ -485,6 +493,7 @@ class Builder {
   SpoolSpace space_;
   std::unique_ptr<Journal> journal_;
   unsigned threads_ = 1;
+  size_t ahead_ = 1;     // tiles on their way at a time
   uint64_t memory_ = 0;  // for spools and sorters
   std::vector<Decimator> decimators_;
   ObjectRecord record_;
@@ -498,7 +507,7 @@ class Builder {
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress,
                                  BuildReport* report) {
-  return Builder(options, writer, progress, report).Run(input);
+  return CatchOutOfMemory([&] { return Builder(options, writer, progress, report).Run(input); });
 }
 
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,

@@ -30,8 +30,10 @@ struct BuildOptions {
   // Float attributes, by name, are rounded to multiples of a step.
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
-  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB; a
-  // thread takes some 16 MiB of it. The result does not depend on it.
+  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB. A thread
+  // takes some 16 MiB of it, and attributes more: what a tile of them takes is in
+  // internal/memory_plan.h, and fewer threads work where not all of them fit. The result does not
+  // depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
   std::string tmp_directory =
       ".";  // of temporary files, which have no names and go with the process
@@ -80,7 +82,8 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32
 // when lossless, indices out of range, attributes that do not fit their step), kInvalidArgument
 // (options, also when the input has no such attribute, or the journal is another build's), kNoSpace
-// and kIoError (temporary files), kBudgetExceeded (a root larger than memory), and what `input` and
+// and kIoError (temporary files; kNoSpace also when memory runs out), kBudgetExceeded (attributes,
+// vertices or a root that memory_bytes are too few for, with what is needed), and what `input` and
 // `writer` return. `report`, when given, says where the time went.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},

@@ -126,6 +126,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   const size_t row = attribute_coder.row_bytes();
   std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
   Bytes rows;
+  rows.reserve(updates.rows.size());
   std::vector<Vec3i> positions;  // of vertices that have rows
   const auto append_row = [&](uint64_t vertex) {
     const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);

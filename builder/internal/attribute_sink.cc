@@ -62,6 +62,7 @@ Status AttributeSink::Begin(const MeshHeader& header) {
     if (a.step > 0 || a.normal_bits > 0) rounded_.push_back({a, row_bytes_});
     row_bytes_ += ScalarSize(a.type);
   }
+  if (on_header_) MTDB_RETURN_IF_ERROR(on_header_(rounded));
   return sink_->Begin(rounded);
 }
 

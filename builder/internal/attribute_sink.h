@@ -1,7 +1,9 @@
 // AttributeSink: rounds attributes to what the build options ask for, on their way to the spool.
 #pragma once
 
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "builder/build.h"
@@ -15,8 +17,11 @@ namespace mtdb {
 // steps from 0), and the sink's.
 class AttributeSink final : public MeshSink {
  public:
-  // Both must outlive it.
-  AttributeSink(const BuildOptions* options, MeshSink* sink) : options_(options), sink_(sink) {}
+  // What it is given must outlive it. `on_header` sees the rounded header before the sink does, and
+  // may refuse it.
+  AttributeSink(const BuildOptions* options, MeshSink* sink,
+                std::function<Status(const MeshHeader&)> on_header = {})
+      : options_(options), sink_(sink), on_header_(std::move(on_header)) {}
 
   Status Begin(const MeshHeader& header) override;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
@@ -35,6 +40,7 @@ class AttributeSink final : public MeshSink {
 
   const BuildOptions* options_;
   MeshSink* sink_;
+  std::function<Status(const MeshHeader&)> on_header_;
   std::vector<Rounded> rounded_;
   size_t row_bytes_ = 0;
   uint64_t vertices_ = 0;  // before this block

@@ -150,16 +150,16 @@ class Join {
     const uint64_t need =
         3 * triangles * kCornerMemory +
         vertices * (sizeof(Vec3i) + sizeof(double) + input.row_bytes() + sizeof(uint32_t));
-    // Half of the memory for the ranges at work, the rest for spools. A range is a power of two,
-    // and small enough that its tables stay near the processor.
+    // A range is a power of two, and small enough that its tables stay near the processor.
     const unsigned threads = std::max(1u, options.threads);
-    const uint64_t room = std::max<uint64_t>(options.memory_bytes / 2, 1);
+    const uint64_t room = std::max<uint64_t>(options.table_bytes, 1);
     const uint64_t ranges =
         std::max({need / (room / threads + 1) + 1, need / kHandyRange + 1, uint64_t{1}});
     range_bits_ = 0;
     while ((vertices >> range_bits_) >= std::min(ranges, kMaxRanges)) ++range_bits_;
     const uint64_t count = ((vertices - 1) >> range_bits_) + 1;
-    workers_ = static_cast<unsigned>(std::clamp<uint64_t>(room / (need / count + 1), 1, threads));
+    range_need_ = need / count;
+    workers_ = static_cast<unsigned>(std::clamp<uint64_t>(room / (range_need_ + 1), 1, threads));
     for (uint64_t r = 0; r < count; ++r) {
       questions_.emplace_back(options.space, options.memory_bytes / 4 / count);
       answers_.emplace_back(options.space, options.memory_bytes / 4 / count);
@@ -167,6 +167,16 @@ class Join {
   }
 
   Status Run(const BlockReceiver& receive) {
+    // Ranges that are as many as may be, and still too long.
+    constexpr uint64_t kLeastTableBytes = uint64_t{1} << 20;
+    if (range_need_ > std::max<uint64_t>(options_.table_bytes, kLeastTableBytes)) {
+      return Status(StatusCode::kBudgetExceeded,
+                    std::to_string(input_.vertices()) + " vertices of " +
+                        std::to_string(input_.row_bytes()) + " bytes of attributes need " +
+                        std::to_string((range_need_ >> 20) + 1) + " MiB to be joined, " +
+                        std::to_string(options_.table_bytes >> 20) +
+                        " MiB are left for that; allow more --memory");
+    }
     MTDB_RETURN_IF_ERROR(Ask());
     std::vector<Status> statuses(workers_);
     std::vector<Worker> workers(workers_);
@@ -192,7 +202,12 @@ class Join {
  private:
   static constexpr uint64_t kMaxRanges = 256;
   static constexpr uint64_t kHandyRange = uint64_t{16} << 20;  // bytes of its tables
-  static constexpr size_t kBlockTriangles = 8192;
+  // Triangles that are given on at once; fewer when their rows are long.
+  size_t block_triangles() const {
+    constexpr size_t kBlockTriangles = 8192;
+    constexpr size_t kRowBytes = size_t{2} << 20;
+    return std::clamp<size_t>(kRowBytes / (3 * input_.row_bytes() + 1), 1, kBlockTriangles);
+  }
   // What a thread keeps from range to range.
   struct Worker {
     Link link;
@@ -297,13 +312,14 @@ class Join {
     std::vector<SpoolReader> answers;
     for (const Spool& a : answers_) answers.emplace_back(&a, 0, ~uint64_t{0}, block);
     const size_t row = input_.row_bytes();
+    const size_t block_size = block_triangles();
     TriangleBlock out;
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
       const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
       if (bytes == nullptr) return reader.status();
       if (out.triangles.empty()) {
-        out.triangles.reserve(kBlockTriangles);
-        out.rows.reserve(3 * row * kBlockTriangles);
+        out.triangles.reserve(block_size);
+        out.rows.reserve(3 * row * block_size);
       }
       TileTriangle& triangle = out.triangles.emplace_back();
       std::memcpy(triangle.vertices.data(), bytes, InputSpool::kTriangleBytes);
@@ -332,7 +348,7 @@ class Join {
         continue;
       }
       ++totals_.triangles;
-      if (out.triangles.size() == kBlockTriangles) {
+      if (out.triangles.size() == block_size) {
         MTDB_RETURN_IF_ERROR(receive(std::exchange(out, TriangleBlock{})));
       }
     }
@@ -344,6 +360,7 @@ class Join {
   const JoinOptions& options_;
   JoinTotals& totals_;
   bool small_ = false;            // positions fit PackedTriangle::kSmallBits
+  uint64_t range_need_ = 0;       // bytes of a range's tables, on average
   int range_bits_ = 0;            // of the number of vertices in a range
   unsigned workers_ = 1;          // ranges at work at a time
   std::vector<Spool> questions_;  // per range: Corner

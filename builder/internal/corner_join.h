@@ -25,7 +25,8 @@ struct JoinTotals {
 
 struct JoinOptions {
   const SpoolSpace* space = nullptr;
-  size_t memory_bytes = 0;
+  size_t memory_bytes = 0;  // for spools
+  size_t table_bytes = 0;   // for the tables of the ranges at work; at least 1 MiB is taken
   unsigned threads = 1;
 };
 
@@ -37,6 +38,8 @@ struct JoinOptions {
 // - a vertex whose link is not one path or cycle is non-manifold;
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions.
+//
+// Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
 //
 // Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
 // border_edges, fixed_corners are set.

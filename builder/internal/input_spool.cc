@@ -14,15 +14,18 @@ constexpr uint64_t kMaxVertices = 0xfffffffeull;
 InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
     : space_(space),
       memory_bytes_(memory_bytes),
-      soup_spool_(space, memory_bytes / 4),
-      vertex_spool_(space, memory_bytes / 4),
-      triangle_spool_(space, memory_bytes / 4),
+      soup_spool_(space, 0),
+      vertex_spool_(space, 0),
+      triangle_spool_(space, 0),
       lossless_(lossless) {}
 
 Status InputSpool::Begin(const MeshHeader& header) {
   MTDB_CHECK(!begun_, "a mesh begins once");
   begun_ = true;
   header_ = header;
+  for (Spool* spool : {&soup_spool_, &vertex_spool_, &triangle_spool_}) {
+    *spool = Spool(space_, memory_bytes_ / 4);
+  }
   position_bytes_ = header.double_positions ? 24 : 12;
   row_bytes_ = header.attributes.row_bytes();
   return Status::Ok();

@@ -16,6 +16,8 @@ namespace mtdb {
 class InputSpool final : public MeshSink {
  public:
   InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless);
+  // Before Begin(): other than the constructor said.
+  void SetMemory(size_t memory_bytes) { memory_bytes_ = memory_bytes; }
 
   Status Begin(const MeshHeader& header) override;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;

@@ -3,24 +3,33 @@
 
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <new>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 namespace mtdb {
 
-// Submit and Take are called by one thread. With one worker the work is done inside Submit.
+// Submit and Take are called by one thread. With one worker, or where no thread can be made, the
+// work is done inside Submit; where fewer can be made than were asked for, these do it all.
 template <typename Job>
 class OrderedPipeline {
  public:
-  // `work(worker, job)` must not throw; `worker` < workers.
+  // `worker` < workers. What `work(worker, job)` throws, Submit or the job's Take throws.
   OrderedPipeline(unsigned workers, std::function<void(unsigned, Job&)> work)
       : work_(std::move(work)) {
     if (workers <= 1) return;
-    for (unsigned w = 0; w < workers; ++w) threads_.emplace_back([this, w] { Run(w); });
+    threads_.reserve(workers);
+    try {
+      for (unsigned w = 0; w < workers; ++w) threads_.emplace_back([this, w] { Run(w); });
+    } catch (const std::system_error&) {  // no more threads
+    } catch (const std::bad_alloc&) {
+    }
   }
   ~OrderedPipeline() {
     {
@@ -43,11 +52,11 @@ class OrderedPipeline {
       jobs_.push_back(std::move(slot));
       return;
     }
+    jobs_.push_back(std::move(slot));
     {
       const std::lock_guard lock(mutex_);
-      waiting_.push_back(slot.get());
+      waiting_.push_back(jobs_.back().get());
     }
-    jobs_.push_back(std::move(slot));
     wake_.notify_one();
   }
 
@@ -57,13 +66,15 @@ class OrderedPipeline {
     jobs_.pop_front();
     std::unique_lock lock(mutex_);
     finished_.wait(lock, [&] { return slot->done; });
+    if (slot->error) std::rethrow_exception(slot->error);
     return std::move(slot->job);
   }
 
  private:
   struct Slot {
     Job job;
-    bool done = false;  // guarded by mutex_
+    bool done = false;         // guarded by mutex_
+    std::exception_ptr error;  // likewise
   };
 
   void Run(unsigned worker) {
@@ -74,8 +85,14 @@ class OrderedPipeline {
       Slot* slot = waiting_.front();
       waiting_.pop_front();
       lock.unlock();
-      work_(worker, slot->job);
+      std::exception_ptr error;
+      try {
+        work_(worker, slot->job);
+      } catch (...) {
+        error = std::current_exception();
+      }
       lock.lock();
+      slot->error = std::move(error);
       slot->done = true;
       finished_.notify_all();
     }

@@ -1,6 +1,7 @@
 // RootWriter: what the last round left becomes root pieces; the topology is counted on it.
 #pragma once
 
+#include <algorithm>
 #include <unordered_map>
 #include <vector>
 
@@ -24,11 +25,18 @@ struct RootTopology {
 // Takes triangles in spatial order, a piece at a time. Keeps some 40 bytes a root triangle.
 class RootWriter {
  public:
-  static constexpr size_t kPieceTriangles = 8192;  // keeps a piece's payload far below 1 MiB
+  // Of a piece at most: keeps its payload below 1 MiB, also when rows of `row_bytes` do not become
+  // shorter by coding.
+  static constexpr size_t PieceTriangles(size_t row_bytes) {
+    constexpr size_t kMost = 8192;
+    constexpr size_t kRowsBytes = 96 * kMost;
+    return row_bytes * 3 * kMost <= kRowsBytes ? kMost
+                                               : std::max<size_t>(kRowsBytes / (3 * row_bytes), 1);
+  }
 
   RootWriter(const AttributeLayout& attributes, ObjectWriter& writer)
       : attributes_(attributes), writer_(writer) {}
-  // At most kPieceTriangles; `rows` of their corners.
+  // At most PieceTriangles(); `rows` of their corners.
   Status AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows);
   RootTopology Finish();
 

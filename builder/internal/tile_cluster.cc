@@ -17,6 +17,12 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
   };
 
+  const auto reserve_left = [&](size_t created) {
+    const size_t kept = static_cast<size_t>(
+        std::count(result.alive.begin(), result.alive.begin() + input_count, uint8_t{1}));
+    cluster.left.triangles.reserve(created + kept);
+    cluster.left.rows.reserve(3 * row * (created + kept));
+  };
   if (!result.removals.empty()) {
     cluster.empty = false;
     ClusterUpdates updates;
@@ -53,12 +59,14 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
       cluster.height = std::max(cluster.height, height + 1);
     }
     cluster.encoded = EncodeCluster(updates, attributes);
+    Bytes().swap(updates.rows);  // a tile's rows are much of what a build keeps in memory
     entry.nodes = static_cast<uint32_t>(updates.nodes.size());
     entry.in_triangles = static_cast<uint32_t>(cluster.encoded.in_triangles.size());
     entry.out_triangles = cluster.encoded.out_triangles;
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
 
+    reserve_left(cluster.encoded.in_triangles.size());
     // Created triangles that stayed: this cluster's in-triangles.
     for (uint32_t slot = 0; slot < cluster.encoded.in_triangles.size(); ++slot) {
       const uint32_t t = cluster.encoded.in_triangles[slot];
@@ -80,6 +88,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
       out.explicit_arc = cluster.encoded.explicit_arcs;
     }
   }
+  if (cluster.empty) reserve_left(0);
   for (uint32_t t = 0; t < input_count; ++t) {
     if (!result.alive[t]) continue;
     cluster.left.triangles.push_back(tile[t]);

@@ -12,6 +12,8 @@ namespace {
 
 // A record in a spool: its code, the packed triangle, the rows.
 constexpr size_t kCodeBytes = sizeof(uint64_t);
+constexpr size_t kChunkBytes = size_t{1} << 19;  // of records in memory
+constexpr size_t kLeastBlock = size_t{1} << 16;  // that is read of a run at once
 
 bool VerticesBefore(const std::byte* a, const std::byte* b) {
   std::array<uint32_t, 3> va;
@@ -25,15 +27,18 @@ bool VerticesBefore(const std::byte* a, const std::byte* b) {
 }  // namespace
 
 TriangleSorter::TriangleSorter(const Options& options) : options_(options) {
-  run_capacity_ = std::clamp<size_t>(options.memory_bytes / (record_bytes() + sizeof(Key)), 16384,
+  run_capacity_ = std::clamp<size_t>(options.memory_bytes / (record_bytes() + sizeof(Key)), 256,
                                      size_t{1} << 31);
+  chunk_records_ = std::clamp<size_t>(kChunkBytes / record_bytes(), 1, 4096);
+  // Of two levels at a time.
+  merge_width_ = std::clamp<size_t>(options.memory_bytes / 4 / kLeastBlock, 4, 128);
 }
 
 Status TriangleSorter::Add(const TileTriangle& triangle, const std::byte* rows, uint64_t code) {
   if (keys_.size() >= run_capacity_) MTDB_RETURN_IF_ERROR(SpillRun());
   const auto index = static_cast<uint32_t>(keys_.size());
-  if (index == chunks_.size() * kChunkRecords) {
-    chunks_.push_back(std::make_unique_for_overwrite<std::byte[]>(kChunkRecords * record_bytes()));
+  if (index == chunks_.size() * chunk_records_) {
+    chunks_.push_back(std::make_unique_for_overwrite<std::byte[]>(chunk_records_ * record_bytes()));
   }
   if (keys_.size() == keys_.capacity()) {  // doubling would overshoot the memory
     keys_.reserve(std::min(run_capacity_, keys_.capacity() + keys_.capacity() / 2 + 64));
@@ -78,11 +83,8 @@ Status TriangleSorter::SpillRun() {
         const std::byte* record = Record(keys_[i].index);
         TileTriangle triangle;
         std::memcpy(&triangle, record, sizeof(triangle));
-        std::array<std::byte, kCodeBytes + PackedTriangle::kMaxBytes> bytes;
-        std::memcpy(bytes.data(), &keys_[i].code, kCodeBytes);
-        const size_t size = PackedTriangle::Pack(triangle, bytes.data() + kCodeBytes);
-        MTDB_RETURN_IF_ERROR(run.spool->Append(bytes.data(), kCodeBytes + size));
-        MTDB_RETURN_IF_ERROR(run.spool->Append(record + sizeof(triangle), 3 * options_.row_bytes));
+        MTDB_RETURN_IF_ERROR(
+            WriteRecord(*run.spool, triangle, record + sizeof(triangle), keys_[i].code));
       }
       return run.spool->Finish();
     };
@@ -90,6 +92,68 @@ Status TriangleSorter::SpillRun() {
   });
   for (const Status& status : statuses) MTDB_RETURN_IF_ERROR(status);
   keys_.clear();
+  return MergeRuns();
+}
+
+Status TriangleSorter::WriteRecord(Spool& spool, const TileTriangle& triangle,
+                                   const std::byte* rows, uint64_t code) const {
+  std::array<std::byte, kCodeBytes + PackedTriangle::kMaxBytes> bytes;
+  std::memcpy(bytes.data(), &code, kCodeBytes);
+  const size_t size = PackedTriangle::Pack(triangle, bytes.data() + kCodeBytes);
+  MTDB_RETURN_IF_ERROR(spool.Append(bytes.data(), kCodeBytes + size));
+  return spool.Append(rows, 3 * options_.row_bytes);
+}
+
+Status TriangleSorter::MergeRuns() {
+  for (;;) {
+    if (runs_.empty()) return Status::Ok();
+    const uint32_t level = runs_.back().level;
+    const auto begin = std::find_if(runs_.rbegin(), runs_.rend(), [&](const Run& run) {
+                         return run.level != level;
+                       }).base();
+    const auto first = static_cast<size_t>(begin - runs_.begin());
+    if (runs_.size() - first < merge_width_) return Status::Ok();
+    chunks_.clear();  // makes room for the readers
+    MTDB_RETURN_IF_ERROR(OpenRuns(first, kLeastBlock));
+    Run merged;
+    merged.level = level + 1;
+    merged.spool = std::make_unique<Spool>(options_.space, 0);
+    while (!heap_.empty()) {
+      const Run& run = runs_[heap_.front()];
+      MTDB_RETURN_IF_ERROR(WriteRecord(*merged.spool, run.triangle, run.rows, run.code));
+      ++merged.left;
+      MTDB_RETURN_IF_ERROR(Pop());
+    }
+    MTDB_RETURN_IF_ERROR(merged.spool->Finish());
+    runs_.resize(first);
+    runs_.push_back(std::move(merged));
+  }
+}
+
+Status TriangleSorter::OpenRuns(size_t first, size_t block_bytes) {
+  const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
+  for (size_t r = first; r < runs_.size(); ++r) {
+    Run& run = runs_[r];
+    run.reader = std::make_unique<SpoolReader>(run.spool.get(), 0, ~uint64_t{0}, block_bytes);
+    MTDB_RETURN_IF_ERROR(Read(run));
+    heap_.push_back(static_cast<uint32_t>(r));
+  }
+  std::make_heap(heap_.begin(), heap_.end(), after);
+  return Status::Ok();
+}
+
+Status TriangleSorter::Pop() {
+  const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
+  std::pop_heap(heap_.begin(), heap_.end(), after);
+  Run& run = runs_[heap_.back()];
+  if (--run.left == 0) {
+    heap_.pop_back();
+    run.reader.reset();
+    run.spool.reset();
+    return Status::Ok();
+  }
+  MTDB_RETURN_IF_ERROR(Read(run));
+  std::push_heap(heap_.begin(), heap_.end(), after);
   return Status::Ok();
 }
 
@@ -123,16 +187,8 @@ Status TriangleSorter::Finish() {
   if (!keys_.empty()) MTDB_RETURN_IF_ERROR(SpillRun());
   chunks_.clear();
   std::vector<Key>().swap(keys_);
-  const size_t block =
-      std::clamp<size_t>(options_.memory_bytes / 2 / runs_.size(), 65536, 4 * Spool::kBlock);
-  for (Run& run : runs_) {
-    run.reader = std::make_unique<SpoolReader>(run.spool.get(), 0, ~uint64_t{0}, block);
-    MTDB_RETURN_IF_ERROR(Read(run));
-  }
-  const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
-  for (uint32_t r = 0; r < runs_.size(); ++r) heap_.push_back(r);
-  std::make_heap(heap_.begin(), heap_.end(), after);
-  return Status::Ok();
+  return OpenRuns(0, std::clamp<size_t>(options_.memory_bytes / 2 / runs_.size(), kLeastBlock,
+                                        4 * Spool::kBlock));
 }
 
 Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) {
@@ -155,19 +211,10 @@ Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) 
       append(triangle, record + sizeof(triangle));
       continue;
     }
-    const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
-    std::pop_heap(heap_.begin(), heap_.end(), after);
-    Run& run = runs_[heap_.back()];
+    const Run& run = runs_[heap_.front()];
     if (i == 0) *code = run.code;
     append(run.triangle, run.rows);
-    if (--run.left == 0) {
-      heap_.pop_back();
-      run.reader.reset();
-      run.spool.reset();
-    } else {
-      MTDB_RETURN_IF_ERROR(Read(run));
-      std::push_heap(heap_.begin(), heap_.end(), after);
-    }
+    MTDB_RETURN_IF_ERROR(Pop());
   }
   return Status::Ok();
 }

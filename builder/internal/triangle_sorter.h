@@ -40,6 +40,7 @@ class TriangleSorter {
     bool operator()(const Key& a, const Key& b) const;
   };
   struct Run {
+    uint32_t level = 0;  // merges that made it
     std::unique_ptr<Spool> spool;
     std::unique_ptr<SpoolReader> reader;
     TileTriangle triangle;  // the next one, with its code and rows
@@ -49,19 +50,28 @@ class TriangleSorter {
   };
   size_t record_bytes() const { return sizeof(TileTriangle) + 3 * options_.row_bytes; }
   std::byte* Record(uint32_t i) const {
-    return chunks_[i / kChunkRecords].get() + (i % kChunkRecords) * record_bytes();
+    return chunks_[i / chunk_records_].get() + (i % chunk_records_) * record_bytes();
   }
   // Sorts parts of the keys, on several threads; returns the parts' bounds.
   std::vector<size_t> SortParts();
   Status SpillRun();
+  // Merges the newest runs into one where there are too many of a level, so that neither the
+  // readers' memory nor the number of files grows with the triangles.
+  Status MergeRuns();
+  // Opens the runs from `first` on for reading; their first triangles are in heap_.
+  Status OpenRuns(size_t first, size_t block_bytes);
+  // Takes the first triangle away that the heap has; no run is left when it was the last.
+  Status Pop();
+  Status WriteRecord(Spool& spool, const TileTriangle& triangle, const std::byte* rows,
+                     uint64_t code) const;
   // Reads the run's next triangle.
   Status Read(Run& run);
   bool Before(const Run& a, const Run& b) const;
 
-  static constexpr size_t kChunkRecords = 4096;
-
   Options options_;
-  size_t run_capacity_ = 0;                           // records in memory at most
+  size_t run_capacity_ = 0;  // records in memory at most
+  size_t chunk_records_ = 0;
+  size_t merge_width_ = 0;                            // runs of a level that are merged into one
   std::vector<std::unique_ptr<std::byte[]>> chunks_;  // of records: the run in memory
   std::vector<Key> keys_;
   size_t next_key_ = 0;

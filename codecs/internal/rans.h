@@ -12,6 +12,7 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <type_traits>
 #include <vector>
 
@@ -160,7 +161,7 @@ class RansEncoder {
     uint32_t rest = bits;
     for (int left = count; left > 0; left -= 16) {
       const int n = left < 16 ? left : 16;
-      log_.push_back(
+      log_.Append(
           {static_cast<uint16_t>(rest & ((1u << n) - 1)), 1, static_cast<uint8_t>(n), lane_});
       rest >>= 16;
     }
@@ -186,11 +187,38 @@ class RansEncoder {
     uint8_t lane;
   };
   void Add(uint32_t begin, uint32_t size, int bits) {
-    log_.push_back({static_cast<uint16_t>(begin), static_cast<uint16_t>(size),
-                    static_cast<uint8_t>(bits), lane_});
+    log_.Append({static_cast<uint16_t>(begin), static_cast<uint16_t>(size),
+                 static_cast<uint8_t>(bits), lane_});
   }
+  // Entries in chunks: a log grows to many times its stream, and must not be there twice while it
+  // does.
+  class Log {
+   public:
+    void Append(Entry entry) {
+      if (left_ == 0) {
+        chunks_.push_back(std::make_unique_for_overwrite<Entry[]>(kChunk));
+        next_ = chunks_.back().get();
+        left_ = kChunk;
+      }
+      *next_++ = entry;
+      --left_;
+    }
+    size_t size() const { return chunks_.size() * kChunk - left_; }
+    bool empty() const { return chunks_.empty(); }
+    Entry operator[](size_t i) const { return chunks_[i / kChunk][i % kChunk]; }
+    void clear() {
+      chunks_.clear();
+      left_ = 0;
+    }
+
+   private:
+    static constexpr size_t kChunk = 4096;
+    std::vector<std::unique_ptr<Entry[]>> chunks_;
+    Entry* next_ = nullptr;
+    size_t left_ = 0;  // places in the last chunk
+  };
   ModelObserver* observer_;
-  std::vector<Entry> log_;
+  Log log_;
   uint8_t lane_ = 0;
 };
 

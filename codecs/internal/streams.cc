@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "zstd.h"
+#include "zstd_errors.h"
 
 namespace mtdb {
 
@@ -74,6 +75,7 @@ Bytes StreamWriter::Finish() const {
     ZSTD_CCtx_setParameter(context, ZSTD_c_contentSizeFlag, 0);
     ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 0);
     const size_t size = ZSTD_compress2(context, frame.data(), frame.size(), raw.data(), raw.size());
+    if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) throw std::bad_alloc();
     MTDB_CHECK(!ZSTD_isError(size), "zstd refuses to compress");
     // A reader refuses a frame that expands too far, so that hostile bytes cannot take much memory.
     const bool pays = size < raw.size() && raw.size() / StreamReader::kMaxExpansion < size;

@@ -47,7 +47,8 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   bool rows_fit = true;
   const size_t row = mesh.header.attributes.row_bytes();
   const Status joined = JoinCorners(
-      input, grid, {&Space(), memory_bytes, threads}, &totals, [&](const TriangleBlock& block) {
+      input, grid, {&Space(), memory_bytes, memory_bytes / 2, threads}, &totals,
+      [&](const TriangleBlock& block) {
         rows_fit &= block.rows.size() == 3 * row * block.triangles.size();
         const std::byte* rows = block.rows.data();
         for (const TileTriangle& t : block.triangles) {
