@@ -18,11 +18,12 @@
 namespace mtdb::testing {
 
 struct WriteEvent {
-  char kind = 0;  // C made, W written, T cut, S file synced, D folder synced, R renamed, U removed
+  char kind = 0;  // C made, N made without a name, L linked to a name, W written, T cut, S file
+                  // synced, D folder synced, R renamed, U removed
   uint64_t inode = 0;
   uint64_t at = 0;           // offset, or size
   bool synchronous = false;  // a write that is durable when it returns
-  std::string path, other;   // C, D, U: path; R: from, to
+  std::string path, other;   // C, D, L, U: path; R: from, to
   std::string data;
 };
 
@@ -94,8 +95,8 @@ class DiskModel {
         break;
       }
       default:  // an inode number that comes again is another file
-        if (e.kind == 'C') files_[e.inode] = {};
-        pending_names_.push_back(e);
+        if (e.kind == 'C' || e.kind == 'N') files_[e.inode] = {};
+        if (e.kind != 'N') pending_names_.push_back(e);
     }
   }
 
@@ -158,7 +159,7 @@ class DiskModel {
   }
 
   static void Name(std::map<std::string, uint64_t>* names, const WriteEvent& e) {
-    if (e.kind == 'C') (*names)[e.path] = e.inode;
+    if (e.kind == 'C' || e.kind == 'L') (*names)[e.path] = e.inode;
     if (e.kind == 'U') names->erase(e.path);
     if (e.kind != 'R') return;
     const auto from = names->find(e.path);

@@ -5,9 +5,9 @@
 //   MTDB_WRITE_LOG=FILE            the log; appended to
 //   MTDB_WRITE_LOG_FOLDER=FOLDER   the folder, without symbolic links
 //
-// Sees open, write, writev, pwrite, pwritev, ftruncate, fsync, fdatasync, rename, unlink. Not seen:
-// what is written through maps (LMDB's lock file) and by stdio. One note at a time: the order of
-// the log is an order that happened.
+// Sees open, write, writev, pwrite, pwritev, ftruncate, fsync, fdatasync, rename, linkat, unlink.
+// Not seen: what is written through maps (LMDB's lock file) and by stdio. One note at a time: the
+// order of the log is an order that happened.
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
@@ -122,10 +122,14 @@ int Open(const char* name, int folder, const char* path, int flags, mode_t mode)
       folder == AT_FDCWD
           ? Real<int (*)(const char*, int, ...)>(name)(path, flags, mode)
           : Real<int (*)(int, const char*, int, ...)>(name)(folder, path, flags, mode);
-  if (descriptor < 0 || (flags & (O_CREAT | O_TRUNC)) == 0) return descriptor;
-  if ((flags & O_TMPFILE) == O_TMPFILE) return descriptor;
+  const bool makes = (flags & (O_CREAT | O_TRUNC)) != 0 || (flags & O_TMPFILE) == O_TMPFILE;
+  if (descriptor < 0 || !makes) return descriptor;
   const File file = Look(descriptor);
   if (!file.concerned) return descriptor;
+  if ((flags & O_TMPFILE) == O_TMPFILE) {
+    Note('N', file.inode, 0, 0, "", "", "", 0);
+    return descriptor;
+  }
   if (!was_there) Note('C', file.inode, 0, 0, file.path, "", "", 0);
   if (was_there && (flags & O_TRUNC) != 0) Note('T', file.inode, 0, 0, "", "", "", 0);
   return descriptor;
@@ -220,6 +224,17 @@ int rename(const char* from, const char* to) {
   const int result = Real<int (*)(const char*, const char*)>("rename")(from, to);
   if (result == 0 && Concerns(Absolute(to))) {
     Note('R', 0, 0, 0, Absolute(from), Absolute(to), "", 0);
+  }
+  return result;
+}
+
+int linkat(int from_folder, const char* from, int folder, const char* to, int flags) {
+  const std::lock_guard lock(Mutex());
+  const int result = Real<int (*)(int, const char*, int, const char*, int)>("linkat")(
+      from_folder, from, folder, to, flags);
+  struct stat info {};
+  if (result == 0 && Concerns(Absolute(to)) && ::stat(to, &info) == 0) {
+    Note('L', info.st_ino, 0, 0, Absolute(to), "", "", 0);
   }
   return result;
 }
