@@ -223,7 +223,6 @@ class Builder {
     MTDB_ASSIGN_OR_RETURN(record_.grid, MakeGrid(input.bounds(), options_, &bits));
     record_.bits = bits;
     record_.attributes = input.header().attributes;
-    record_.double_positions = input.header().double_positions;
     record_.degree_limit = options_.degree_limit;
     record_.tile_triangles = options_.tile_triangles;
     // The first round's curve needs bounds before the kept triangles' are known.
@@ -270,6 +269,7 @@ class Builder {
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
     while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
     record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
+    record_.double_positions = !grid.FitsFloat(record_.bounds);
     largest_error_ =
         kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
     record_.input = input.report();
@@ -277,7 +277,7 @@ class Builder {
     record_.input.duplicate_triangles = totals.duplicate_triangles;
     record_.input.nonmanifold_edges = totals.nonmanifold_edges;
     record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
-    record_.rounding_error = totals.rounding_error;
+    record_.rounding_error = totals.rounding_error + input.rounding();
     record_.vertices = totals.vertices;
     record_.triangles = totals.triangles;
     record_.boundary_edges = totals.boundary_edges;

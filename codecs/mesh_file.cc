@@ -68,28 +68,33 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
   return BadInput(path + ": not a mesh file that mtdb reads, expected PLY, OBJ, STL or OFF");
 }
 
+Result<std::string> MeshFileFormat(const std::string& path) {
+  const std::string extension = LowerExtension(path);
+  for (const char* const known : {".ply", ".obj", ".stl", ".off", ".glb", ".drc"}) {
+    if (extension == known) return extension.substr(1);
+  }
+  return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
+}
+
 namespace {
 
 Result<std::unique_ptr<MeshWriter>> CreateWriter(const std::string& path,
                                                  const MeshWriteOptions& options) {
-  const std::string extension = LowerExtension(path);
-  if (extension == ".ply") return CreatePlyWriter(path);
-  if (extension == ".obj") return CreateObjWriter(path);
-  if (extension == ".stl") return CreateStlWriter(path);
-  if (extension == ".off") return CreateOffWriter(path);
-  if (extension == ".glb") return CreateGltfWriter(path);
-  if (extension == ".drc") {
-    if (options.draco_position_bits < 1 || options.draco_position_bits > 30) {
-      return InvalidArgument("draco_position_bits: expected 1 to 30, found " +
-                             std::to_string(options.draco_position_bits));
-    }
-    if (options.draco_level < 0 || options.draco_level > 10) {
-      return InvalidArgument("draco_level: expected 0 to 10, found " +
-                             std::to_string(options.draco_level));
-    }
-    return CreateDracoWriter(path, options);
+  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(path));
+  if (format == "ply") return CreatePlyWriter(path);
+  if (format == "obj") return CreateObjWriter(path);
+  if (format == "stl") return CreateStlWriter(path);
+  if (format == "off") return CreateOffWriter(path);
+  if (format == "glb") return CreateGltfWriter(path);
+  if (options.draco_position_bits < 1 || options.draco_position_bits > 30) {
+    return InvalidArgument("draco_position_bits: expected 1 to 30, found " +
+                           std::to_string(options.draco_position_bits));
   }
-  return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
+  if (options.draco_level < 0 || options.draco_level > 10) {
+    return InvalidArgument("draco_level: expected 0 to 10, found " +
+                           std::to_string(options.draco_level));
+  }
+  return CreateDracoWriter(path, options);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,7 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
 // A sink that writes a file. The file appears under its name only when End() succeeded (it is
 // written beside it and renamed), so that a failed run leaves nothing half done.
 struct MeshWriteOptions {
-  int draco_position_bits = 16;  // .drc
+  int draco_position_bits = 20;  // .drc
   int draco_level = 7;           // .drc: 0 fast .. 10 small
   // An open, empty file, which the mesh is written to instead of `path`, which then is no more than
   // a name for messages. It stays open, and has no mesh in it when End() did not succeed.
@@ -41,10 +42,21 @@ struct MeshWriteOptions {
 // .glb (attributes; see codecs/README.md), .drc. kUnsupported for others. PLY, OBJ, OFF and .glb
 // stream; STL keeps 12 bytes a vertex and .drc the whole mesh. bytes_written() is valid after
 // End().
+//
+// Positions: PLY, OBJ and OFF keep them as they are, in double where they need it. The others have
+// float32: rounding() says what that moved, and meshes that are far from 0 for their size are
+// written as offsets from an origin: the node's translation in .glb, the metadata "origin" in .drc,
+// and the header in STL ("binary STL by mtdb, origin X Y Z"), which ReadMeshFile adds again.
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;
+  // STL, .glb and .drc: what their float32 positions are offsets from, where float32 alone would
+  // lose too much. After Begin.
+  virtual std::optional<Vec3d> origin() const = 0;
 };
+// "ply", "obj", "stl", "off", "glb" or "drc", by the extension, in whatever letters; kUnsupported
+// for others.
+Result<std::string> MeshFileFormat(const std::string& path);
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options = {});
 

@@ -53,7 +53,7 @@ struct ObjectRecord {
   double rounding_error = 0;
   ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
   AttributeLayout attributes;
-  bool double_positions = false;  // the input's positions were doubles
+  bool double_positions = false;  // the stored positions are not all float32 values
   Box3d bounds;                   // model units, of the stored positions
   std::string units;              // as the user said, or empty
   std::string georeference;       // WKT or EPSG code as the user said, or empty

@@ -10,6 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "codecs/mesh_file.h"
+#include "query/query_json.h"
+#include "store/object_name.h"
 #include "tools/client.h"
 #include "tools/internal/arguments.h"
 #include "tools/internal/follow_path.h"
@@ -186,7 +189,12 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
   AddJson(verb, &a->json);
   // Called when the verb's arguments are complete.
   verb->callback([a, draws] {
-    const mtdb::Status status = mtdb::CheckOptions(a->query, draws);
+    mtdb::Status status = mtdb::CheckOptions(a->query, draws);
+    // A query of options alone depends on nothing else; of the object's size only by a factor.
+    if (status.ok() && a->query.file.empty()) {
+      const auto json = mtdb::QueryOf(a->query, a->size);
+      status = json.ok() ? mtdb::ParseQuery(json->dump(), 1).status() : json.status();
+    }
     if (!status.ok()) throw CLI::ValidationError(status.message());
   });
 }
@@ -234,16 +242,16 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
   AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, mtdb::ParseSize,
             "let all answers under way take so much of temporary files; then the largest give way")
       ->default_str("4G");
-  AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositive,
+  AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositiveSeconds,
             "close a connection that is silent for so long")
       ->default_str("30");
-  AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, mtdb::ParsePositive,
+  AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, mtdb::ParsePositiveSeconds,
             "close a session whose client has said nothing for so long, nor answered a ping")
       ->default_str("300");
-  AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, mtdb::ParsePositive,
+  AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, mtdb::ParsePositiveSeconds,
             "give up a request that takes longer, its sending included")
       ->default_str("600");
-  AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, mtdb::ParseNonNegative,
+  AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, mtdb::ParseSeconds,
             "when told to stop, let running requests finish for so long")
       ->default_str("5");
   verb->add_option("--allow-origin", o->allowed_origin,
@@ -258,6 +266,13 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
       ->type_name("DIR");
 }
 
+void AddOutput(CLI::App* verb, std::string* output) {
+  verb->add_option("OUTPUT", *output, "the mesh file: .ply .obj .stl .off .glb .drc")
+      ->required()
+      ->check(
+          [](const std::string& text) { return mtdb::MeshFileFormat(text).status().message(); });
+}
+
 // A server's URL.
 void AddUrl(CLI::App* verb, std::string* url) {
   verb->add_option("URL", *url, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
@@ -266,7 +281,7 @@ void AddUrl(CLI::App* verb, std::string* url) {
 }
 
 void AddTimeout(CLI::App* verb, double* seconds) {
-  AddParsed(verb, "--timeout", "SECONDS", seconds, mtdb::ParsePositive,
+  AddParsed(verb, "--timeout", "SECONDS", seconds, mtdb::ParsePositiveSeconds,
             "give up when the server does nothing for so long")
       ->default_str("600");
 }
@@ -281,7 +296,10 @@ void AddFollow(CLI::App* verb, mtdb::FollowArguments* a) {
   verb->add_option("--output", a->output,
                    "write the mesh of each step; %d or %03d stands for the step: step-%03d.ply")
       ->type_name("PATTERN")
-      ->check([](const std::string& text) { return mtdb::StepFile(text, 0).status().message(); });
+      ->check([](const std::string& text) {
+        const mtdb::Status status = mtdb::StepFile(text, 0).status();
+        return status.ok() ? mtdb::MeshFileFormat(text).status().message() : status.message();
+      });
   verb->add_option("--csv", a->csv,
                    "write a table of bytes, milliseconds and triangles, a row a step")
       ->type_name("FILE");
@@ -292,7 +310,7 @@ void AddFollow(CLI::App* verb, mtdb::FollowArguments* a) {
       ->check(CLI::Range(0u, 1u << 24))
       ->capture_default_str();
   AddTimeout(verb, &a->timeout_seconds);
-  AddParsed(verb, "--reconnect", "SECONDS", &a->reconnect_seconds, mtdb::ParseNonNegative,
+  AddParsed(verb, "--reconnect", "SECONDS", &a->reconnect_seconds, mtdb::ParseSeconds,
             "when the connection is lost, try so long to get another, and go on from the base mesh")
       ->default_str("0");
   AddJson(verb, &a->json);
@@ -322,7 +340,10 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
                    "which is made when it is not there")
       ->required()
       ->expected(2, 1 << 20);
-  AddName(verb, &a->name, "the object's name (default: INPUT without folders and extension)");
+  verb->add_option("--name", a->name,
+                   "the object's name (default: INPUT without folders and extension)")
+      ->type_name("NAME")
+      ->check([](const std::string& text) { return mtdb::CheckObjectName(text).message(); });
   auto* bits = verb->add_option("--bits", a->bits,
                                 "round positions to a grid of 2^N cells along the longest side, "
                                 "N from 1 to 24")
@@ -345,7 +366,7 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
-  AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, mtdb::ParseSize,
+  AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, mtdb::ParseMemory,
             "use at most so much memory, the rest goes to temporary files, e.g. 1G; at least 256M "
             "(default: a quarter of the machine's)");
   verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
@@ -374,6 +395,17 @@ void PrintError(std::string message) {
 int Usage(const std::string& problem, const std::string& verb) {
   PrintError(problem + "; see 'mtdb help" + (verb.empty() ? "" : " ") + verb + "'");
   return kExitUsage;
+}
+
+// The option or argument that was given as '', which is no value of any.
+std::string EmptyValue(const CLI::App& verb) {
+  for (const CLI::Option* option : verb.get_options()) {
+    if (option->get_type_size() == 0) continue;  // flags
+    for (const std::string& text : option->results()) {
+      if (text.empty()) return option->get_name();
+    }
+  }
+  return "";
 }
 
 int Run(int argc, char** argv) {
@@ -419,8 +451,7 @@ int Run(int argc, char** argv) {
                "--target 0,0,100\n"
                "More: docs/query.md");
   extract_verb->add_option("STORE", query.store, "the store file")->required();
-  extract_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
-      ->required();
+  AddOutput(extract_verb, &query.output);
   AddQueryOptions(extract_verb, &query, false);
   AddImplicit(extract_verb, &query.implicit);
 
@@ -448,7 +479,11 @@ int Run(int argc, char** argv) {
       add_verb("render", "draw what extract would write",
                "Example: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe");
   render_verb->add_option("STORE", query.store, "the store file")->required();
-  render_verb->add_option("OUT.png", query.output, "the picture")->required();
+  render_verb->add_option("OUT.png", query.output, "the picture")
+      ->required()
+      ->check([](const std::string& text) {
+        return text.ends_with(".png") ? "" : text + ": expected a name that ends in .png";
+      });
   AddQueryOptions(render_verb, &query, true);
   AddParsed(render_verb, "--size", "WxH", &query.size, mtdb::ParseExtent,
             "width and height in pixels")
@@ -480,8 +515,7 @@ int Run(int argc, char** argv) {
                "--sphere 0,0,180,60\n"
                "More: docs/query.md, docs/protocol.md");
   AddUrl(fetch_verb, &query.store);
-  fetch_verb->add_option("OUTPUT", query.output, "the mesh file: .ply .obj .stl .off .glb .drc")
-      ->required();
+  AddOutput(fetch_verb, &query.output);
   AddQueryOptions(fetch_verb, &query, false);
   AddTimeout(fetch_verb, &query.timeout_seconds);
   for (CLI::App* verb : {extract_verb, fetch_verb}) {
@@ -517,16 +551,17 @@ int Run(int argc, char** argv) {
                    "field)")
       ->required()
       ->check(CLI::IsMember({"sculpture", "terrain"}));
-  generate_verb->add_option("OUTPUT", generate.output, "the mesh file, binary PLY")->required();
+  AddOutput(generate_verb, &generate.output);
   generate_verb
       ->add_option("--triangles", generate.triangles,
-                   "about N triangles, from 100 to 20000000000; required")
+                   "about N triangles, from 100 to 8300000000 (as far as indices of 32 bits go); "
+                   "required")
       ->required()
       ->type_name("N")
-      ->check(CLI::Range(uint64_t{100}, uint64_t{20'000'000'000}));
-  generate_verb->add_option("--seed", generate.seed, "another number, another shape")
-      ->type_name("S")
-      ->capture_default_str();
+      ->check(CLI::Range(uint64_t{100}, uint64_t{8'300'000'000}));
+  AddParsed(generate_verb, "--seed", "S", &generate.seed, mtdb::ParseWholeNumber,
+            "another number, another shape")
+      ->default_str("1");
 
   std::vector<std::string> arguments(argv + 1, argv + argc);
   if (arguments.empty()) {
@@ -554,6 +589,10 @@ int Run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     const auto verbs = app.get_subcommands();
     return Usage(e.what(), verbs.empty() ? "" : verbs[0]->get_name());
+  }
+
+  if (const std::string empty = EmptyValue(*app.get_subcommands()[0]); !empty.empty()) {
+    return Usage(empty + ": expected a value, found ''", app.get_subcommands()[0]->get_name());
   }
 
   mtdb::Status status;

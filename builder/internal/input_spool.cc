@@ -26,7 +26,8 @@ Status InputSpool::Begin(const MeshHeader& header) {
   for (Spool* spool : {&soup_spool_, &vertex_spool_, &triangle_spool_}) {
     *spool = Spool(space_, memory_bytes_ / 4);
   }
-  position_bytes_ = header.double_positions ? 24 : 12;
+  doubles_ = header.double_positions || (header.from_text && !lossless_);
+  position_bytes_ = doubles_ ? sizeof(Vec3d) : sizeof(Vec3f);
   row_bytes_ = header.attributes.row_bytes();
   return Status::Ok();
 }
@@ -40,18 +41,22 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
       return BadInput(where() + ": coordinates are not finite");
     }
     const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
-    if (lossless_ && Vec3d{f.x, f.y, f.z} != p) {
+    const Vec3d single{f.x, f.y, f.z};
+    const bool meant = header_.from_text && !header_.double_positions && std::isfinite(f.x) &&
+                       std::isfinite(f.y) && std::isfinite(f.z);
+    if (lossless_ && single != p && !meant) {
       return BadInput(where() +
                       ": a coordinate does not fit float32, so that --lossless would "
                       "lose it; use --step or --bits");
     }
+    if (!doubles_) rounding_ = std::max(rounding_, Length(single - p));
+    const void* const position = doubles_ ? static_cast<const void*>(&p) : &f;
     if (header_.soup) {
       ++report_.vertices;
-      MTDB_RETURN_IF_ERROR(soup_spool_.Append(&f, 12));
+      MTDB_RETURN_IF_ERROR(soup_spool_.Append(position, position_bytes_));
       continue;
     }
-    MTDB_RETURN_IF_ERROR(header_.double_positions ? vertex_spool_.Append(&p, 24)
-                                                  : vertex_spool_.Append(&f, 12));
+    MTDB_RETURN_IF_ERROR(vertex_spool_.Append(position, position_bytes_));
     if (row_bytes_ != 0) {
       MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
     }
@@ -119,7 +124,7 @@ Status InputSpool::End() {
     MTDB_RETURN_IF_ERROR(soup_spool_.Finish());
     MTDB_ASSIGN_OR_RETURN(
         report_.vertices,
-        JoinSoup(soup_spool_, space_, memory_bytes_ / 4, &vertex_spool_,
+        JoinSoup(soup_spool_, doubles_, space_, memory_bytes_ / 4, &vertex_spool_,
                  [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t); }));
     soup_spool_ = Spool(space_, 0);
   }
@@ -134,7 +139,7 @@ Status InputSpool::End() {
 }
 
 Vec3d InputSpool::Position(const std::byte* vertex) const {
-  if (header_.double_positions) {
+  if (doubles_) {
     Vec3d p;
     std::memcpy(&p, vertex, 24);
     return p;

@@ -29,6 +29,8 @@ class InputSpool final : public MeshSink {
   uint64_t vertices() const { return report_.vertices; }
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
   const InputReport& report() const { return report_; }
+  // Model units: the farthest that a vertex was moved to be float32.
+  double rounding() const { return rounding_; }
   const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
   size_t row_bytes() const { return row_bytes_; }
   // A vertex: position (3 float32 or 3 float64), then its row.
@@ -46,7 +48,7 @@ class InputSpool final : public MeshSink {
   MeshHeader header_;
   const SpoolSpace* space_;
   size_t memory_bytes_;
-  Spool soup_spool_;  // corners of a soup: 3 float32
+  Spool soup_spool_;  // positions of a soup's corners
   Spool vertex_spool_;
   Spool triangle_spool_;
   InputReport report_;
@@ -55,6 +57,8 @@ class InputSpool final : public MeshSink {
   Box3d bounds_;
   bool lossless_;
   bool begun_ = false;
+  bool doubles_ = false;  // positions are kept as float64
+  double rounding_ = 0;
   size_t position_bytes_ = 12;
   size_t row_bytes_ = 0;
   VertexIndex largest_index_ = 0;

@@ -6,31 +6,22 @@
 #include <vector>
 
 #include "store/base/geometry.h"
-#include "store/base/hash.h"
 #include "store/base/ids.h"
+#include "store/base/position_hash.h"
 
 namespace mtdb {
 
 namespace {
 
-constexpr size_t kCornerBytes = sizeof(Vec3f);
-// A part's memory per corner: its position, and two slots of the table in the worst case.
-constexpr size_t kPartMemory = kCornerBytes + 2 * sizeof(uint32_t);
 constexpr uint64_t kMaxParts = 256;
 constexpr uint64_t kMaxVertices = 0xfffffffeull;
 
-Vec3f Normalized(const std::byte* bytes) {
-  Vec3f p;
-  std::memcpy(&p, bytes, sizeof(p));
-  return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};  // -0 + 0 = +0
-}
-
-uint64_t HashOf(Vec3f p) {
-  const uint64_t xy = uint64_t{std::bit_cast<uint32_t>(p.x)} << 32 | std::bit_cast<uint32_t>(p.y);
-  return Mix64(Mix64(xy) ^ std::bit_cast<uint32_t>(p.z));
-}
-
+template <typename Position>
 class SoupJoin {
+  static constexpr size_t kCornerBytes = sizeof(Position);
+  // A part's memory per corner: its position, and two slots of the table in the worst case.
+  static constexpr size_t kPartMemory = kCornerBytes + 2 * sizeof(uint32_t);
+
  public:
   SoupJoin(const Spool& soup, const SpoolSpace* space, size_t memory_bytes)
       : soup_(soup), space_(space) {
@@ -63,7 +54,12 @@ class SoupJoin {
   }
 
  private:
-  uint64_t Part(Vec3f p) const { return (HashOf(p) >> 40) % parts_; }
+  static Position Normalized(const std::byte* bytes) {
+    Position p;
+    std::memcpy(&p, bytes, sizeof(p));
+    return p + Position{};  // -0 + 0 = +0
+  }
+  uint64_t Part(Position p) const { return (HashOfPosition(p) >> 40) % parts_; }
 
   std::vector<Spool> Spools() const {
     std::vector<Spool> spools;
@@ -88,7 +84,7 @@ class SoupJoin {
     while (reader.remaining() != 0) {
       const std::byte* corner = reader.Next(kCornerBytes);
       if (corner == nullptr) return reader.status();
-      const Vec3f p = Normalized(corner);
+      const Position p = Normalized(corner);
       MTDB_RETURN_IF_ERROR(positions_[Part(p)].Append(&p, kCornerBytes));
     }
     return FinishAll(positions_);
@@ -97,7 +93,7 @@ class SoupJoin {
   // Within a part, equal positions get a number of the part's own, in the order of first sight.
   Status Group() {
     groups_ = Spools();
-    std::vector<Vec3f> known;
+    std::vector<Position> known;
     std::vector<uint32_t> slots;
     for (uint64_t r = 0; r < parts_; ++r) {
       known.clear();
@@ -112,9 +108,9 @@ class SoupJoin {
       for (uint64_t i = 0; i < corners; ++i) {
         const std::byte* bytes = reader.Next(kCornerBytes);
         if (bytes == nullptr) return reader.status();
-        Vec3f p;
+        Position p;
         std::memcpy(&p, bytes, sizeof(p));
-        size_t slot = HashOf(p) & (slots.size() - 1);
+        size_t slot = HashOfPosition(p) & (slots.size() - 1);
         while (slots[slot] != kNone32 && known[slots[slot]] != p) {
           slot = (slot + 1) & (slots.size() - 1);
         }
@@ -139,7 +135,7 @@ class SoupJoin {
     while (reader.remaining() != 0) {
       const std::byte* corner = reader.Next(kCornerBytes);
       if (corner == nullptr) return reader.status();
-      const Vec3f p = Normalized(corner);
+      const Position p = Normalized(corner);
       const uint64_t r = Part(p);
       const std::byte* bytes = groups[r].Next(sizeof(uint32_t));
       if (bytes == nullptr) return groups[r].status();
@@ -190,10 +186,11 @@ class SoupJoin {
 
 }  // namespace
 
-Result<uint64_t> JoinSoup(const Spool& soup, const SpoolSpace* space, size_t memory_bytes,
-                          Spool* vertices,
+Result<uint64_t> JoinSoup(const Spool& soup, bool doubles, const SpoolSpace* space,
+                          size_t memory_bytes, Spool* vertices,
                           const std::function<Status(const std::array<uint32_t, 3>&)>& receive) {
-  return SoupJoin(soup, space, memory_bytes).Run(vertices, receive);
+  if (doubles) return SoupJoin<Vec3d>(soup, space, memory_bytes).Run(vertices, receive);
+  return SoupJoin<Vec3f>(soup, space, memory_bytes).Run(vertices, receive);
 }
 
 }  // namespace mtdb

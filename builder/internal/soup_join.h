@@ -10,14 +10,15 @@
 
 namespace mtdb {
 
-// `soup` holds corners of 3 float32, three a triangle. Equal positions (-0 equals +0) become one
-// vertex; vertices are numbered in the order of first sight and appended to `vertices` (12 bytes
-// each). `receive` gets each triangle in its order. Returns the number of vertices.
+// `soup` holds corners, three a triangle, each of 3 float32, or of 3 float64 when `doubles`. Equal
+// positions (-0 equals +0) become one vertex; vertices are numbered in the order of first sight and
+// appended to `vertices` (as they are there). `receive` gets each triangle in its order. Returns
+// the number of vertices.
 //
 // Positions are spread over parts by their hash, so that a part fits in memory; every stream is
 // written and read front to back.
-Result<uint64_t> JoinSoup(const Spool& soup, const SpoolSpace* space, size_t memory_bytes,
-                          Spool* vertices,
+Result<uint64_t> JoinSoup(const Spool& soup, bool doubles, const SpoolSpace* space,
+                          size_t memory_bytes, Spool* vertices,
                           const std::function<Status(const std::array<uint32_t, 3>&)>& receive);
 
 }  // namespace mtdb

@@ -13,7 +13,9 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wshadow"
 #pragma GCC diagnostic ignored "-Wunused-parameter"
+#include "draco/attributes/attribute_quantization_transform.h"
 #include "draco/compression/expert_encode.h"
+#include "draco/core/quantization_utils.h"
 #include "draco/mesh/mesh.h"
 #pragma GCC diagnostic pop
 
@@ -76,6 +78,24 @@ class DracoWriter final : public MeshWriter {
   DracoWriter(const std::string& path, const MeshWriteOptions& options)
       : MeshWriter(path), options_(options) {}
 
+  // The quantum's half, and what Draco's float32 arithmetic adds.
+  double LargestRounding(const MeshHeader& header) const override {
+    const FloatPositions positions(header);
+    double quantised = 0;
+    if (!header.bounds.empty()) {
+      const Vec3d size = header.bounds.max - header.bounds.min;
+      const double range = std::max({size.x, size.y, size.z});
+      const Vec3d low = header.bounds.min - positions.origin();
+      const Vec3d high = header.bounds.max - positions.origin();
+      double most = range;
+      for (int i = 0; i < 3; ++i) most = std::max({most, std::abs(low[i]), std::abs(high[i])});
+      const double quantum = range / (std::ldexp(1.0, options_.draco_position_bits) - 1);
+      quantised = std::sqrt(3.0) * (quantum / 2 + 8 * most * 0x1p-24);
+    }
+    return positions.LargestRounding(header) + quantised;
+  }
+  double rounding() const override { return float_positions().rounding() + quantised_; }
+
  private:
   Status WriteHeader() override {
     // Draco counts corners in 32 bits with a sign.
@@ -130,7 +150,8 @@ class DracoWriter final : public MeshWriter {
     for (size_t i = 0; i < positions.size(); ++i, ++next_vertex_) {
       const draco::AttributeValueIndex at(next_vertex_);
       const Vec3d p = positions[i];
-      const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+      Vec3f f;
+      if (!float_positions().Round(p, &f)) return TooLarge();
       mesh_.attribute(0)->SetAttributeValue(at, &f);
       for (size_t k = 0; k < columns_.size(); ++k) {
         std::array<std::byte, 4 * sizeof(double)> value;
@@ -177,6 +198,17 @@ class DracoWriter final : public MeshWriter {
     encoder.SetSpeedOptions(speed, speed);
     encoder.SetEncodingMethod(draco::MESH_EDGEBREAKER_ENCODING);
     encoder.SetAttributeQuantization(0, options_.draco_position_bits);
+    if (const FloatPositions& positions = float_positions(); positions.has_origin()) {
+      const Vec3d o = positions.origin();
+      auto metadata = std::make_unique<draco::GeometryMetadata>();
+      metadata->AddEntryDoubleArray("origin", {o.x, o.y, o.z});
+      if (mesh_.GetMetadata() == nullptr) {
+        mesh_.AddMetadata(std::move(metadata));
+      } else {
+        mesh_.metadata()->AddEntryDoubleArray("origin", {o.x, o.y, o.z});
+      }
+    }
+    MeasureQuantisation();
     for (size_t k = 0; k < columns_.size(); ++k) {
       if (columns_[k].kind == draco::GeometryAttribute::NORMAL) {
         encoder.SetAttributeQuantization(static_cast<int>(k) + 1, kNormalBits);
@@ -190,7 +222,36 @@ class DracoWriter final : public MeshWriter {
     return file().Append(std::as_bytes(std::span(buffer.data(), buffer.size())));
   }
 
+  // As the encoder and the decoder will do it.
+  void MeasureQuantisation() {
+    const draco::PointAttribute& positions = *mesh_.attribute(0);
+    draco::AttributeQuantizationTransform transform;
+    const int bits = options_.draco_position_bits;
+    if (!transform.ComputeParameters(positions, bits)) return;  // the encoder says why
+    const int32_t largest = static_cast<int32_t>((uint32_t{1} << bits) - 1);
+    draco::Quantizer quantizer;
+    quantizer.Init(transform.range(), largest);
+    draco::Dequantizer dequantizer;
+    if (!dequantizer.Init(transform.range(), largest)) return;
+    double most2 = 0;
+    for (uint32_t v = 0; v < next_vertex_; ++v) {
+      std::array<float, 3> p;
+      positions.GetValue(draco::AttributeValueIndex(v), p.data());
+      double moved2 = 0;
+      for (int i = 0; i < 3; ++i) {
+        const float low = transform.min_value(i);
+        const float value = p[static_cast<size_t>(i)];
+        const float back = dequantizer.DequantizeFloat(quantizer.QuantizeFloat(value - low)) + low;
+        const double moved = static_cast<double>(back) - static_cast<double>(value);
+        moved2 += moved * moved;
+      }
+      most2 = std::max(most2, moved2);
+    }
+    quantised_ = std::sqrt(most2) * (1 + 1e-12);
+  }
+
   MeshWriteOptions options_;
+  double quantised_ = 0;  // the farthest that quantisation moves a position
   std::vector<DracoColumns> columns_;
   draco::Mesh mesh_;
   uint32_t next_vertex_ = 0;

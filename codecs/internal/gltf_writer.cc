@@ -152,7 +152,11 @@ class GltfWriter final : public MeshWriter {
     columns_ = PlanColumns(header().attributes, &stride_);
     // A mesh in glTF has triangles.
     empty_ = triangle_count() == 0;
-    if (header().double_positions) origin_ = Vec3d{};
+    if (header().double_positions && header().bounds.empty()) {
+      origin_ = Vec3d{};
+    } else if (float_positions().has_origin()) {
+      origin_ = float_positions().origin();
+    }
     json_bytes_ = (Json().size() + 9 * kNumberBytes + 3) / 4 * 4;
     const uint64_t rest = kLargestFile - kHeaderBytes - 2 * kChunkHeaderBytes - json_bytes_;
     if (!empty_ && (vertex_count() > rest / stride_ ||
@@ -168,17 +172,16 @@ class GltfWriter final : public MeshWriter {
 
   Status WriteVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
     if (empty_ || positions.empty()) return Status::Ok();
-    if (origin_ && bounds_.empty()) origin_ = positions[0];
-    const Vec3d origin = origin_.value_or(Vec3d{});
+    if (origin_ && bounds_.empty() && header().bounds.empty()) {
+      origin_ = positions[0];
+      float_positions().set_origin(positions[0]);
+    }
     const size_t row_bytes = header().attributes.row_bytes();
     buffer_.assign(positions.size() * stride_, std::byte{0});
     std::byte* out = buffer_.data();
     for (size_t i = 0; i < positions.size(); ++i, out += stride_) {
-      const Vec3d p = positions[i] - origin;
-      const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
-      if (!std::isfinite(f.x) || !std::isfinite(f.y) || !std::isfinite(f.z)) {
-        return InvalidArgument(path() + ": a position is too large for float32; write PLY");
-      }
+      Vec3f f;
+      if (!float_positions().Round(positions[i], &f)) return TooLarge();
       std::memcpy(out, &f, sizeof(f));
       bounds_.Add(Vec3d{f.x, f.y, f.z});
       for (const GltfColumns& c : columns_) PutValues(c, rows.data() + i * row_bytes, out + c.at);
@@ -272,7 +275,8 @@ class GltfWriter final : public MeshWriter {
   bool empty_ = false;
   size_t json_bytes_ = 0;  // with the spaces after it
   uint64_t binary_bytes_ = 0;
-  // Float32 positions are offsets from here, the node's translation; none where float32 will do.
+  // Float32 positions are offsets from here, the node's translation; the first vertex where the
+  // mesh's bounds are not known.
   std::optional<Vec3d> origin_;
   Box3d bounds_;  // of the float32 positions
   Bytes buffer_;

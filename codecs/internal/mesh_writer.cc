@@ -12,6 +12,7 @@ Status MeshWriter::Begin(const MeshHeader& header) {
                            ": the format needs the counts of vertices and triangles up front, but "
                            "they are not known; read the mesh into memory first");
   }
+  positions_ = FloatPositions(header);
   MTDB_ASSIGN_OR_RETURN(
       file_, descriptor_ < 0 ? AtomicFile::Create(path_) : AtomicFile::Into(descriptor_, path_));
   return WriteHeader();

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "codecs/internal/file_io.h"
+#include "codecs/internal/float_positions.h"
 #include "codecs/mesh_file.h"
 #include "store/base/mesh_sink.h"
 
@@ -26,6 +27,13 @@ class MeshWriter : public MeshFileWriter {
   Status AddTriangles(std::span<const TriangleVertices> triangles) final;
   Status End() final;
   uint64_t bytes_written() const final { return bytes_written_; }
+  double LargestRounding(const MeshHeader& header) const override {
+    return FloatPositions(header).LargestRounding(header);
+  }
+  double rounding() const override { return positions_.rounding(); }
+  std::optional<Vec3d> origin() const final {
+    return positions_.has_origin() ? std::optional(positions_.origin()) : std::nullopt;
+  }
 
  protected:
   virtual Status WriteHeader() = 0;
@@ -38,11 +46,19 @@ class MeshWriter : public MeshFileWriter {
   uint64_t vertex_count() const { return *header_.vertex_count; }
   uint64_t triangle_count() const { return *header_.triangle_count; }
   AtomicFile& file() { return *file_; }
+  // For formats of float32 positions.
+  FloatPositions& float_positions() { return positions_; }
+  const FloatPositions& float_positions() const { return positions_; }
+  Status TooLarge() const {
+    return InvalidArgument(path_ +
+                           ": a position is too large for float32; write .ply, .obj or .off");
+  }
 
  private:
   std::string path_;
   int descriptor_ = -1;
   MeshHeader header_;
+  FloatPositions positions_;
   std::unique_ptr<AtomicFile> file_;  // between Begin and End
   uint64_t vertices_seen_ = 0;
   uint64_t triangles_seen_ = 0;

@@ -12,7 +12,6 @@
 namespace mtdb {
 namespace {
 
-constexpr int kFloatDigits = 9;  // of a decimal number that stands for a float32
 constexpr size_t kMaxIgnored = 64;
 
 // Lines with a backslash at their end joined to the next.
@@ -60,6 +59,7 @@ class ObjReader {
     MeshHeader header;
     header.vertex_count = vertex_count_;
     header.double_positions = double_positions_;
+    header.from_text = true;
     if (colours_ != ColourScale::kNone) {
       for (const char* name : {"red", "green", "blue"}) {
         header.attributes.attributes.push_back({name, ScalarType::kUint8});
@@ -96,11 +96,9 @@ class ObjReader {
     }
     for (int axis = 0; axis < 3; ++axis) {
       double& value = vertex->position[axis];
-      float single = 0;
-      const bool ok =
-          double_positions_ ? ParseReal(values[axis], &value) : ParseReal(values[axis], &single);
-      if (!ok) return Error(lines, "expected a number, found " + Quoted(values[axis]));
-      if (!double_positions_) value = single;
+      if (!ParseReal(values[axis], &value)) {
+        return Error(lines, "expected a number, found " + Quoted(values[axis]));
+      }
       vertex->long_digits |= SignificantDigits(values[axis]) > kFloatDigits;
     }
     vertex->has_weight = count == 4 || count == 5;
@@ -127,7 +125,7 @@ class ObjReader {
       Vertex vertex;
       MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
       ++vertex_count_;
-      double_positions_from_scan_ |= vertex.long_digits;
+      double_positions_ |= vertex.long_digits;
       if (vertex.has_weight) AddIgnored(report_, "vertex weights");
       if (!vertex.has_colour) continue;
       ++coloured;
@@ -136,7 +134,6 @@ class ObjReader {
         all_byte &= c >= 0 && c <= 255 && vertex.colour_is_integer;
       }
     }
-    double_positions_ = double_positions_from_scan_;
     if (coloured == vertex_count_ && (all_unit || all_byte)) {
       colours_ = all_unit ? ColourScale::kUnit : ColourScale::kByte;
     } else if (coloured > 0) {
@@ -227,7 +224,6 @@ class ObjReader {
   uint64_t vertex_count_ = 0;
   uint64_t vertices_seen_ = 0;
   bool double_positions_ = false;
-  bool double_positions_from_scan_ = false;
   ColourScale colours_ = ColourScale::kNone;
 };
 

@@ -9,6 +9,7 @@ namespace {
 class ObjWriter final : public MeshWriter {
  public:
   using MeshWriter::MeshWriter;
+  double LargestRounding(const MeshHeader&) const override { return 0; }
 
  private:
   Status WriteHeader() override {
@@ -20,6 +21,9 @@ class ObjWriter final : public MeshWriter {
     const size_t row_bytes = header().attributes.row_bytes();
     text_.clear();
     for (size_t i = 0; i < positions.size(); ++i) {
+      if (Vec3f f; !header().double_positions && !float_positions().Round(positions[i], &f)) {
+        return TooLarge();
+      }
       text_ += 'v';
       for (int axis = 0; axis < 3; ++axis) {
         text_ += ' ';

@@ -12,7 +12,6 @@
 namespace mtdb {
 namespace {
 
-constexpr int kFloatDigits = 9;  // of a decimal number that stands for a float32
 constexpr size_t kNormalValues = 3;
 constexpr size_t kMaxVertexValues = 3 + kNormalValues + 4;
 
@@ -57,6 +56,7 @@ class OffReader {
     MeshHeader header;
     header.vertex_count = vertex_count_;
     header.double_positions = double_positions_;
+    header.from_text = true;
     if (keyword_.normals) {
       for (const char* name : {"nx", "ny", "nz"}) {
         header.attributes.attributes.push_back({name, ScalarType::kFloat32});
@@ -189,11 +189,9 @@ class OffReader {
     if (count < values_expected()) return EndError(text, "expected vertex values");
     Vec3d position;
     for (int axis = 0; axis < 3; ++axis) {
-      float single = 0;
-      const bool ok = double_positions_ ? ParseReal(values[axis], &position[axis])
-                                        : ParseReal(values[axis], &single);
-      if (!ok) return Error(text, "expected a number, found " + Quoted(values[axis]));
-      if (!double_positions_) position[axis] = single;
+      if (!ParseReal(values[axis], &position[axis])) {
+        return Error(text, "expected a number, found " + Quoted(values[axis]));
+      }
     }
     if (std::string problem = NonFinite(position); !problem.empty()) return Error(text, problem);
     std::byte row[kNormalValues * sizeof(float) + 4];

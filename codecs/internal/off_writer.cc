@@ -10,6 +10,7 @@ namespace {
 class OffWriter final : public MeshWriter {
  public:
   using MeshWriter::MeshWriter;
+  double LargestRounding(const MeshHeader&) const override { return 0; }
 
  private:
   Status WriteHeader() override {
@@ -26,6 +27,9 @@ class OffWriter final : public MeshWriter {
     text_.clear();
     for (size_t i = 0; i < positions.size(); ++i) {
       const ByteSpan row = rows.subspan(i * row_bytes, row_bytes);
+      if (Vec3f f; !header().double_positions && !float_positions().Round(positions[i], &f)) {
+        return TooLarge();
+      }
       for (int axis = 0; axis < 3; ++axis) {
         if (axis > 0) text_ += ' ';
         AppendCoordinate(&text_, positions[i][axis], !header().double_positions);

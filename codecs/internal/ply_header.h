@@ -17,6 +17,7 @@ struct PlyProperty {
   std::string name;
   ScalarType type = ScalarType::kFloat32;  // of the value, or of a list's items
   bool is_list = false;
+  bool declared_float = false;                 // read as float64 all the same
   ScalarType count_type = ScalarType::kUint8;  // lists only
 };
 

@@ -31,6 +31,20 @@ struct VertexPlan {
   bool double_positions = false;
 };
 
+// Whatever text declares coordinates to be, it gives decimals.
+void ReadAsDouble(PlyHeader* header) {
+  for (PlyElement& element : header->elements) {
+    for (PlyProperty& p : element.properties) {
+      const bool axis =
+          std::find(std::begin(kAxisNames), std::end(kAxisNames), p.name) != std::end(kAxisNames);
+      if (element.name != "vertex" || !axis || p.is_list || p.type != ScalarType::kFloat32)
+        continue;
+      p.type = ScalarType::kFloat64;
+      p.declared_float = true;
+    }
+  }
+}
+
 Result<VertexPlan> PlanVertices(const std::string& path, const PlyElement& element,
                                 MeshReadReport* report) {
   VertexPlan plan;
@@ -46,7 +60,8 @@ Result<VertexPlan> PlanVertices(const std::string& path, const PlyElement& eleme
       column.axis = static_cast<int>(name - kAxisNames);
       found[column.axis] = true;
       // Integers of 32 bits do not survive float32 either.
-      plan.double_positions = plan.double_positions || p.type == ScalarType::kFloat64 ||
+      plan.double_positions = plan.double_positions ||
+                              (p.type == ScalarType::kFloat64 && !p.declared_float) ||
                               p.type == ScalarType::kInt32 || p.type == ScalarType::kUint32;
     } else if (p.is_list) {
       AddIgnored(report, "vertex list property " + p.name);
@@ -141,6 +156,7 @@ class PlyBody {
     MeshHeader mesh;
     mesh.attributes = plan_.attributes;
     mesh.double_positions = plan_.double_positions;
+    mesh.from_text = !Source::kBinary;
     mesh.vertex_count = vertex_count_;
     MTDB_RETURN_IF_ERROR(emitter_.Begin(mesh));
     for (const PlyElement& element : header_.elements) {
@@ -473,9 +489,10 @@ class PlyBody {
 }  // namespace
 
 Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
-  MTDB_ASSIGN_OR_RETURN(const PlyHeader header, ReadPlyHeader(file));
+  MTDB_ASSIGN_OR_RETURN(PlyHeader header, ReadPlyHeader(file));
   if (header.encoding == PlyEncoding::kAscii) {
     report->format = "PLY ASCII";
+    ReadAsDouble(&header);
     PlyTextSource source(file, header.body_offset, header.line_count);
     return PlyBody(file.path(), header, source, sink, report).Read();
   }

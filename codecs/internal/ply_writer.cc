@@ -23,6 +23,7 @@ const char* PlyTypeName(ScalarType type) {
 class PlyWriter final : public MeshWriter {
  public:
   using MeshWriter::MeshWriter;
+  double LargestRounding(const MeshHeader&) const override { return 0; }
 
  private:
   Status WriteHeader() override {
@@ -58,7 +59,8 @@ class PlyWriter final : public MeshWriter {
       if (header().double_positions) {
         std::memcpy(out, &p, sizeof(p));
       } else {
-        const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+        Vec3f f;
+        if (!float_positions().Round(p, &f)) return TooLarge();
         std::memcpy(out, &f, sizeof(f));
       }
       if (row_bytes > 0) std::memcpy(out + position_bytes, rows.data() + i * row_bytes, row_bytes);

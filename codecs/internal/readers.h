@@ -16,6 +16,9 @@ Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 
+// In a binary STL's header, before the origin that its positions are offsets from.
+inline constexpr const char* kStlOriginWord = ", origin";
+
 // Whether a file that starts so is OFF: OFF, COFF, NOFF, CNOFF, ... and white space or '#'.
 bool StartsWithOffKeyword(std::string_view start);
 

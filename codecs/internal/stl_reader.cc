@@ -13,38 +13,39 @@
 namespace mtdb {
 namespace {
 
-constexpr size_t kHeaderBytes = 84;    // 80 of any text, and the count
+constexpr size_t kHeaderBytes = 84;  // 80 of any text, and the count
+constexpr size_t kTextBytes = 80;
 constexpr size_t kTriangleBytes = 50;  // normal, three corners, two bytes
 
-// Joins corners and sends what is new, or sends all where the sink joins them.
+// Joins corners and sends what is new, or sends all where the sink joins them. Positions are
+// offsets from `origin`.
+template <typename Position>
 class SoupEmitter {
  public:
-  explicit SoupEmitter(MeshSink& sink) : emitter_(sink), raw_(sink.joins_soup()) {}
+  explicit SoupEmitter(MeshSink& sink, Vec3d origin = {})
+      : emitter_(sink), raw_(sink.joins_soup()), origin_(origin) {}
 
   Status Begin(MeshHeader header) {
     header.soup = raw_;
     return emitter_.Begin(header);
   }
-  Status AddTriangle(const std::string& path, const std::array<Vec3f, 3>& corners) {
+  Status AddTriangle(const std::string& path, const std::array<Position, 3>& corners) {
     empty_ = false;
     if (raw_) {
-      for (const Vec3f& p : corners) {
-        MTDB_RETURN_IF_ERROR(emitter_.AddVertex({p.x, p.y, p.z}, {}));
-      }
+      for (const Position& p : corners) MTDB_RETURN_IF_ERROR(AddVertex(p));
       next_ += 3;
       return emitter_.AddTriangle(next_ - 3, next_ - 2, next_ - 1);
     }
     TriangleVertices triangle{};
     for (size_t i = 0; i < 3; ++i) {
-      if (joiner_.size() == VertexJoiner::kMaxVertices) {
+      if (joiner_.size() == VertexJoiner<Position>::kMaxVertices) {
         return Unsupported(path + ": STL of more than 4294967295 vertices; convert it to PLY");
       }
       bool added = false;
       const uint32_t index = joiner_.Add(corners[i], &added);
       triangle[i] = index;
       if (!added) continue;
-      const Vec3f p = joiner_.position(index);
-      MTDB_RETURN_IF_ERROR(emitter_.AddVertex({p.x, p.y, p.z}, {}));
+      MTDB_RETURN_IF_ERROR(AddVertex(joiner_.position(index)));
     }
     return emitter_.AddTriangle(triangle[0], triangle[1], triangle[2]);
   }
@@ -52,16 +53,35 @@ class SoupEmitter {
   bool empty() const { return empty_; }
 
  private:
+  Status AddVertex(const Position& p) {
+    return emitter_.AddVertex(origin_ + Vec3d{p.x, p.y, p.z}, {});
+  }
   MeshEmitter emitter_;
   const bool raw_;
+  const Vec3d origin_;
   VertexIndex next_ = 0;
   bool empty_ = true;
-  VertexJoiner joiner_;
+  VertexJoiner<Position> joiner_;
 };
 
 std::string NonFiniteCorner(Vec3f p) { return NonFinite({p.x, p.y, p.z}); }
 
 bool IsZero(Vec3f p) { return p.x == 0 && p.y == 0 && p.z == 0; }
+
+// What the writer of far meshes says in the header.
+Vec3d OriginOf(std::string_view text) {
+  const std::string start = std::string("binary STL by mtdb") + kStlOriginWord;
+  if (!text.starts_with(start)) return {};
+  LineTokens tokens(text.substr(start.size()));
+  Vec3d origin;
+  for (int i = 0; i < 3; ++i) {
+    std::string_view token;
+    float value = 0;
+    if (!tokens.Next(&token) || !ParseReal(token, &value) || !std::isfinite(value)) return {};
+    origin[i] = static_cast<double>(value);
+  }
+  return origin;
+}
 
 class AsciiStlReader {
  public:
@@ -70,7 +90,10 @@ class AsciiStlReader {
 
   Status Read() {
     report_->format = "STL ASCII";
-    MTDB_RETURN_IF_ERROR(soup_.Begin(MeshHeader{}));
+    MeshHeader header;
+    header.from_text = true;
+    MTDB_ASSIGN_OR_RETURN(header.double_positions, HasLongDigits());
+    MTDB_RETURN_IF_ERROR(soup_.Begin(header));
     bool any = false;
     while (NextLine()) {
       any = true;
@@ -117,7 +140,22 @@ class AsciiStlReader {
                     ", found " + Quoted(line_));
   }
 
-  Status ReadVector(Vec3f* v) {
+  // A pass of its own, which ends at the first number that float32 cannot be meant by.
+  Result<bool> HasLongDigits() const {
+    TextReader text(file_);
+    std::string_view line, token;
+    while (text.NextLine(&line)) {
+      LineTokens tokens(line);
+      if (!tokens.Next(&token) || Lower(token) != "vertex") continue;
+      while (tokens.Next(&token)) {
+        if (SignificantDigits(token) > kFloatDigits) return true;
+      }
+    }
+    MTDB_RETURN_IF_ERROR(text.status());
+    return false;
+  }
+
+  Status ReadVector(Vec3d* v) {
     for (int axis = 0; axis < 3; ++axis) {
       std::string_view token;
       if (!tokens_.Next(&token) || !ParseReal(token, &(*v)[axis])) {
@@ -138,15 +176,15 @@ class AsciiStlReader {
 
   Status ReadFacet() {
     if (!NextWordIs("normal")) return Expected("'facet normal X Y Z'");
-    Vec3f normal;
+    Vec3d normal;
     MTDB_RETURN_IF_ERROR(ReadVector(&normal));
-    if (!IsZero(normal)) AddIgnored(report_, "facet normals");
+    if (normal != Vec3d{}) AddIgnored(report_, "facet normals");
     if (!NextLine() || word_ != "outer" || !NextWordIs("loop")) return Expected("'outer loop'");
-    std::array<Vec3f, 3> corners;
-    for (Vec3f& corner : corners) {
+    std::array<Vec3d, 3> corners;
+    for (Vec3d& corner : corners) {
       if (!NextLine() || word_ != "vertex") return Expected("'vertex X Y Z'");
       MTDB_RETURN_IF_ERROR(ReadVector(&corner));
-      if (std::string problem = NonFiniteCorner(corner); !problem.empty()) {
+      if (std::string problem = NonFinite(corner); !problem.empty()) {
         return BadInput(file_.path() + ": line " + std::to_string(text_.line()) + ": " + problem);
       }
     }
@@ -157,7 +195,7 @@ class AsciiStlReader {
 
   const InputFile& file_;
   TextReader text_;
-  SoupEmitter soup_;
+  SoupEmitter<Vec3d> soup_;
   MeshReadReport* report_;
   std::string_view line_;
   std::string word_;
@@ -182,6 +220,9 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
   }
   uint32_t triangles = 0;
   std::memcpy(&triangles, reader.data() + kHeaderBytes - sizeof(triangles), sizeof(triangles));
+  MeshHeader header;
+  const Vec3d origin = OriginOf({reinterpret_cast<const char*>(reader.data()), kTextBytes});
+  header.double_positions = origin != Vec3d{};
   reader.Consume(kHeaderBytes);
   if (triangles == 0) return BadInput(file.path() + ": no facets");
   const uint64_t left = reader.remaining();
@@ -190,9 +231,8 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
                     " facets of 50 bytes, but only " + std::to_string(left) +
                     " bytes follow; the file is cut short or is no STL");
   }
-  MeshHeader header;
   header.triangle_count = triangles;
-  SoupEmitter soup(sink);
+  SoupEmitter<Vec3f> soup(sink, origin);
   MTDB_RETURN_IF_ERROR(soup.Begin(header));
   for (uint32_t i = 0; i < triangles; ++i) {
     if (!reader.Ensure(kTriangleBytes)) {

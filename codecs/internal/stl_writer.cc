@@ -3,6 +3,8 @@
 #include <vector>
 
 #include "codecs/internal/mesh_writer.h"
+#include "codecs/internal/readers.h"
+#include "codecs/internal/text_format.h"
 
 namespace mtdb {
 namespace {
@@ -22,6 +24,13 @@ class StlWriter final : public MeshWriter {
     }
     // Spaces, as a reader might take a line end for text.
     std::string text = "binary STL by mtdb";
+    if (const FloatPositions& positions = float_positions(); positions.has_origin()) {
+      text += kStlOriginWord;
+      for (int i = 0; i < 3; ++i) {
+        text += ' ';
+        AppendNumber(&text, static_cast<float>(positions.origin()[i]));
+      }
+    }
     text.resize(80, ' ');
     const auto count = static_cast<uint32_t>(triangle_count());
     text.append(reinterpret_cast<const char*>(&count), sizeof(count));
@@ -30,8 +39,9 @@ class StlWriter final : public MeshWriter {
 
   Status WriteVertices(std::span<const Vec3d> positions, ByteSpan) override {
     for (const Vec3d& p : positions) {
-      positions_.push_back(
-          {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+      Vec3f f;
+      if (!float_positions().Round(p, &f)) return TooLarge();
+      positions_.push_back(f);
     }
     return Status::Ok();
   }

@@ -63,8 +63,9 @@ bool ParseReal(std::string_view token, float* value);
 bool ParseInteger(std::string_view token, int64_t* value);
 
 // Decimal digits without leading zeros and without trailing zeros of the fraction: a token of at
-// most 9 stands for a float32.
+// most kFloatDigits may stand for a float32.
 int SignificantDigits(std::string_view token);
+inline constexpr int kFloatDigits = 9;
 
 // `text` for a message: in quotes, one line, not long, nothing unprintable.
 std::string Quoted(std::string_view text);

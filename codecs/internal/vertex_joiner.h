@@ -1,29 +1,29 @@
-// VertexJoiner: gives equal float32 positions the same vertex index.
+// VertexJoiner: gives equal positions the same vertex index.
 #pragma once
 
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "store/base/geometry.h"
-#include "store/base/hash.h"
 #include "store/base/ids.h"
+#include "store/base/position_hash.h"
 
 namespace mtdb {
 
-// Indices are handed out in the order of first sight. Memory: 12 bytes a vertex, and a hash table
-// of 4-byte slots that is at most 3/4 full.
+// For Vec3f or Vec3d. Indices are handed out in the order of first sight. Memory: the position of
+// each vertex, and a hash table of 4-byte slots that is at most 3/4 full.
+template <typename Position>
 class VertexJoiner {
  public:
   static constexpr size_t kMaxVertices = kNone32;
 
   // The index of the position; *added when it is a new one, size() has then grown. The caller
   // keeps size() below kMaxVertices. -0 equals +0. Not for NaN.
-  uint32_t Add(Vec3f p, bool* added) {
-    p = {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};  // -0 + 0 = +0
+  uint32_t Add(Position p, bool* added) {
+    p = p + Position{};  // -0 + 0 = +0
     if (positions_.size() >= slots_.size() / 4 * 3) Grow();
-    size_t slot = Hash(p) & (slots_.size() - 1);
+    size_t slot = HashOfPosition(p) & (slots_.size() - 1);
     for (; slots_[slot] != kNone32; slot = (slot + 1) & (slots_.size() - 1)) {
       if (positions_[slots_[slot]] == p) {
         *added = false;
@@ -36,26 +36,21 @@ class VertexJoiner {
     return slots_[slot];
   }
   size_t size() const { return positions_.size(); }
-  Vec3f position(uint32_t index) const { return positions_[index]; }
+  Position position(uint32_t index) const { return positions_[index]; }
 
  private:
-  static uint64_t Hash(Vec3f p) {
-    const uint64_t xy =
-        (uint64_t{std::bit_cast<uint32_t>(p.x)} << 32) | uint64_t{std::bit_cast<uint32_t>(p.y)};
-    return Mix64(Mix64(xy) ^ std::bit_cast<uint32_t>(p.z));
-  }
   void Grow() {
     constexpr size_t kFirstSlots = 1024;
     const size_t size = slots_.empty() ? kFirstSlots : slots_.size() * 2;
     slots_.assign(size, kNone32);
     for (size_t i = 0; i < positions_.size(); ++i) {
-      size_t slot = Hash(positions_[i]) & (size - 1);
+      size_t slot = HashOfPosition(positions_[i]) & (size - 1);
       while (slots_[slot] != kNone32) slot = (slot + 1) & (size - 1);
       slots_[slot] = static_cast<uint32_t>(i);
     }
   }
 
-  std::vector<Vec3f> positions_;
+  std::vector<Position> positions_;
   std::vector<uint32_t> slots_;
 };
 

@@ -50,6 +50,22 @@ double Grid::Displacement(Vec3d p) const {
   return (distance + 2 * arithmetic) * (1 + 1e-12);
 }
 
+// Multiples of a power of two, and not too many.
+bool Grid::FitsFloat(const Box3d& bounds) const {
+  if (mode == PositionMode::kLossless) return true;
+  constexpr double kLargest = 1 << 24;
+  int exponent = 0;
+  if (std::frexp(step, &exponent) != 0.5 || step < 0x1p-149 || step > 0x1p100) return false;
+  for (int i = 0; i < 3; ++i) {
+    const double from = origin[i] / step;
+    if (from != std::floor(from) || std::abs(from) > 0x1p52) return false;
+    if (std::abs(bounds.min[i]) > kLargest * step || std::abs(bounds.max[i]) > kLargest * step) {
+      return false;
+    }
+  }
+  return true;
+}
+
 double Grid::cell_error() const {
   return mode == PositionMode::kLossless ? 0.0 : step * 0.8660254037844387 * 1.000001;
 }

@@ -43,6 +43,8 @@ struct Grid {
   // adds, where it is not exact. At most half a cell's diagonal and a little; 0 when lossless.
   double Displacement(Vec3d p) const;
   double cell_error() const;  // that most
+  // Whether all positions inside the bounds are float32 values.
+  bool FitsFloat(const Box3d& bounds) const;
   // The smallest code whose error is at least `error` (>= 0); 255 when none is.
   uint8_t ErrorCode(double error) const;
   double Error(uint8_t code) const;

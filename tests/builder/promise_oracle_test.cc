@@ -133,6 +133,7 @@ TEST_CASE("What comes back is within the bound of the unrounded input, and the b
 
 TEST_CASE("Input that lies on the grid is not rounded, whatever the other options") {
   TriangleMesh mesh = MakeSculpture(3000);
+  mesh.header.double_positions = true;
   for (Vec3d& p : mesh.positions) {
     for (int i = 0; i < 3; ++i) p[i] = std::round(p[i] * 512) / 512;
   }

@@ -37,7 +37,7 @@ TEST_CASE("A soup is joined by exact position in the order of first sight, for a
       Spool vertices(&space, 1000);
       std::vector<std::array<uint32_t, 3>> triangles;
       const Result<uint64_t> count =
-          JoinSoup(soup, &space, memory, &vertices, [&](const std::array<uint32_t, 3>& t) {
+          JoinSoup(soup, false, &space, memory, &vertices, [&](const std::array<uint32_t, 3>& t) {
             triangles.push_back(t);
             return Status::Ok();
           });

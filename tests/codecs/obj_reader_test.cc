@@ -77,7 +77,8 @@ TEST_CASE("OBJ statements that mtdb does not carry are reported once each") {
 TEST_CASE("OBJ positions are double when a number has more than nine significant digits") {
   const ReadOutcome single = ReadGood("s.obj", "v 0.123456789 1000000.5000000 0.00000000000012\n");
   REQUIRE_FALSE(single.mesh.header.double_positions);
-  REQUIRE(single.mesh.positions[0].x == double{0.123456789f});
+  REQUIRE(single.mesh.header.from_text);
+  REQUIRE(single.mesh.positions[0].x == 0.123456789);
   const ReadOutcome more = ReadGood("d.obj", "v 0.1 0 0\nv 0.1234567891 0 0\n");
   REQUIRE(more.mesh.header.double_positions);
   REQUIRE(more.mesh.positions[1].x == 0.1234567891);
@@ -91,7 +92,7 @@ TEST_CASE("OBJ: bad lines are refused with line, expectation and text") {
   bad("v 1 2\n", {"line 1: expected 'v X Y Z', found 2 numbers"});
   bad(kVertices + "v 1 2 3,5\n", {"line 5: expected a number, found '3,5'"});
   bad(kVertices + "v 1 nan 3\n", {"line 5: y is nan"});
-  bad(kVertices + "v 1 2 1e40\n", {"line 5: z is inf"});
+  bad(kVertices + "v 1 2 1e400\n", {"line 5: z is inf"});
   bad(kVertices + "f 1 2 5\n", {"line 5: vertex index 5, but the file has 4 vertices"});
   bad(kVertices + "f 1 2 -5\n", {"line 5: vertex index -5, but the file has 4 vertices up to"});
   bad(kVertices + "f 0 1 2\n", {"line 5: vertex index 0", "counted from 1"});

@@ -116,7 +116,7 @@ TEST_CASE("an output that cannot be written is one line", "[cli]") {
   RunFails(1, {"extract", example.store, folder.File("no/out.ply")}, {"no/out.ply"});
   RunFails(1, {"extract", example.store, folder.File("taken.ply")}, {"taken.ply"});
   for (const std::string name : {"out.xyz", "out", "out.mtdb"}) {
-    RunFails(1, {"extract", example.store, folder.File(name)}, {name, ".ply, .obj, .stl, .off"});
+    RunFails(2, {"extract", example.store, folder.File(name)}, {name, ".ply, .obj, .stl, .off"});
   }
   RunFails(1, {"ingest", example.mesh, folder.File("no/s.mtdb"), "--quiet"}, {"no/s.mtdb"});
   const std::string err = folder.File("err");

@@ -86,7 +86,7 @@ TEST_CASE("fetch tells what a server said, and leaves no file", "[cli]") {
   RunFails(1, {"fetch", server.url(), out}, {"400", "at most 1000"});
   RunFails(2, {"fetch", server.url() + "/x", out}, {"/objects/NAME"});
   RunFails(1, {"fetch", server.url() + "/objects/a", out, "--name", "b"}, {"--name"});
-  RunFails(1, {"fetch", server.url(), folder.File("out.png")}, {".ply"});
+  RunFails(2, {"fetch", server.url(), folder.File("out.png")}, {".ply"});
   RunFails(1, {"fetch", server.url(), folder.File("no/out.ply"), "--triangles", "900"},
            {"no/out.ply", "cannot be written"});
   for (const char* wrong : {"https://localhost", "localhost:80", "http://", "http://h:x"}) {

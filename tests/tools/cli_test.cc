@@ -145,7 +145,9 @@ TEST_CASE("every output format holds the same surface", "[cli]") {
     const TriangleMesh mesh = Extract(example, {"--full"}, &json, extension);
     CHECK(json.at("triangles") == example.info.at("triangles"));
     CHECK(json.at("vertices") == example.info.at("vertices"));
-    CHECK(json.at("error_bound").get<double>() <= CellError(example) * 1.001);
+    // STL and Draco round again.
+    const double again = extension == ".drc" ? 1.2 : 1.01;
+    CHECK(json.at("error_bound").get<double>() <= CellError(example) * again);
     if (extension == ".drc") continue;
     const auto check = testing::CheckMesh(mesh);
     CHECK(check.ok());
@@ -340,7 +342,7 @@ TEST_CASE("render makes a picture of the size that was asked for", "[cli]") {
   REQUIRE(bytes.size() > 100);
   CHECK(bytes.substr(0, 4) == "\x89PNG");
   CHECK(bytes.substr(16, 8) == std::string("\0\0\0\x7b\0\0\0\x2d", 8));
-  RunFails(1, {"render", example.store, folder.File("picture.jpg")}, {"picture.jpg", ".png"});
+  RunFails(2, {"render", example.store, folder.File("picture.jpg")}, {"picture.jpg", ".png"});
   RunFails(1, {"render", example.store, folder.File("no/picture.png")}, {"no/picture.png"});
   RunFails(1, {"render", example.store, picture, "--sphere", "1000,0,0,1", "--clip"},
            {"triangles"});
@@ -533,7 +535,7 @@ TEST_CASE("a build with too little --memory does not begin", "[cli]") {
   const Example& example = SmallExample();
   const Folder folder;
   const std::string store = folder.File("s.mtdb");
-  RunFails(1, {"ingest", example.mesh, store, "--memory", "64K", "--quiet"}, {"memory", "MiB"});
+  RunFails(2, {"ingest", example.mesh, store, "--memory", "64K", "--quiet"}, {"memory", "256M"});
   CHECK_FALSE(Exists(store));
 }
 

@@ -64,7 +64,7 @@ TEST_CASE("a wrong parameter is named, with what was expected", "[server]") {
   };
   wrong("/?colour=1", "colour: no such parameter");
   wrong("/?format=exe", "format: expected ply, obj, stl, off, glb or drc, found 'exe'");
-  wrong("/?error=-1", "error: expected a number that is not negative, found '-1'");
+  wrong("/?error=-1", "error: expected a number that is not negative, at most 1e30, found '-1'");
   wrong("/?error=1&error=2", "error: is given twice");
   wrong("/?clip=maybe", "clip: expected true, false or nothing");
   wrong("/?clip", "clip: needs a region: give box, sphere");

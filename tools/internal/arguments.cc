@@ -15,6 +15,9 @@ namespace mtdb {
 namespace {
 
 constexpr int kLargestExtent = 16384;
+constexpr double kLargestNumber = 1e30;  // of a query: docs/query.md
+constexpr double kLargestSeconds = 1e9;
+constexpr uint64_t kLeastMemory = uint64_t{256} << 20;  // of BuildOptions
 
 // Parses all of `text`.
 template <typename T>
@@ -36,8 +39,8 @@ Result<std::vector<double>> ParseList(const std::string& text, const std::string
     const size_t end = std::min(text.find(',', begin), text.size());
     double value = 0;
     if (!ParseWhole(std::string_view(text).substr(begin, end - begin), &value) ||
-        !std::isfinite(value)) {
-      return Unexpected(text, "numbers " + form);
+        !(std::abs(value) <= kLargestNumber)) {
+      return Unexpected(text, "numbers from -1e30 to 1e30 " + form);
     }
     numbers.push_back(value);
     begin = end + 1;
@@ -54,17 +57,35 @@ Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
 
 Result<double> ParseNonNegative(const std::string& text) {
   double value = 0;
-  if (!ParseWhole(text, &value) || !std::isfinite(value) || value < 0) {
-    return Unexpected(text, "a number that is not negative");
+  if (!ParseWhole(text, &value) || !(value >= 0 && value <= kLargestNumber)) {
+    return Unexpected(text, "a number that is not negative, at most 1e30");
   }
   return value;
 }
 
 Result<double> ParsePositive(const std::string& text) {
   double value = 0;
-  if (!ParseWhole(text, &value) || !std::isfinite(value) || !(value > 0)) {
-    return Unexpected(text, "a positive number");
+  if (!ParseWhole(text, &value) || !(value > 0 && value <= kLargestNumber)) {
+    return Unexpected(text, "a positive number, at most 1e30");
   }
+  return value;
+}
+
+Result<double> ParseSeconds(const std::string& text) {
+  const Result<double> value = ParseNonNegative(text);
+  if (value.ok() && *value <= kLargestSeconds) return value;
+  return Unexpected(text, "seconds that are not negative, at most 1e9");
+}
+
+Result<double> ParsePositiveSeconds(const std::string& text) {
+  const Result<double> value = ParsePositive(text);
+  if (value.ok() && *value <= kLargestSeconds) return value;
+  return Unexpected(text, "a positive number of seconds, at most 1e9");
+}
+
+Result<uint64_t> ParseWholeNumber(const std::string& text) {
+  uint64_t value = 0;
+  if (!ParseWhole(text, &value)) return Unexpected(text, "a whole number from 0 to 2^64 - 1");
   return value;
 }
 
@@ -91,6 +112,12 @@ Result<uint64_t> ParseSize(const std::string& text) {
     return Unexpected(text, "a size such as 512M or 4G");
   }
   return value << shift;
+}
+
+Result<uint64_t> ParseMemory(const std::string& text) {
+  const Result<uint64_t> size = ParseSize(text);
+  if (size.ok() && *size >= kLeastMemory) return size;
+  return Unexpected(text, "a size of at least 256M, such as 512M or 4G");
 }
 
 Result<Extent> ParseExtent(const std::string& text) {

@@ -28,18 +28,25 @@ struct Endpoint {
 
 // "expected (what), found '(text)'".
 Status Unexpected(const std::string& text, const std::string& expected);
-// Finite numbers.
+// Of at most 1e30, as queries have them.
 Result<double> ParseNonNegative(const std::string& text);
 Result<double> ParsePositive(const std::string& text);
+// Of at most 1e9, some 30 years.
+Result<double> ParseSeconds(const std::string& text);
+Result<double> ParsePositiveSeconds(const std::string& text);
+// A whole number.
+Result<uint64_t> ParseWholeNumber(const std::string& text);
 // A whole number above 0.
 Result<uint64_t> ParseCount(const std::string& text);
-// Any number of finite numbers between commas; `form` describes them.
+// Any number of numbers between commas, each from -1e30 to 1e30; `form` describes them.
 Result<std::vector<double>> ParseList(const std::string& text, const std::string& form);
-// "1,2,3" as exactly `count` finite numbers, which `form` describes.
+// "1,2,3" as exactly `count` such numbers, which `form` describes.
 Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
                                          const std::string& form);
 // "512M", "1G", "4096": bytes; the suffixes K, M, G, T are powers of 1024. Not 0.
 Result<uint64_t> ParseSize(const std::string& text);
+// Likewise, what an ingest may use: at least 256M.
+Result<uint64_t> ParseMemory(const std::string& text);
 // "1200x900".
 Result<Extent> ParseExtent(const std::string& text);
 // "X,Y,Z".

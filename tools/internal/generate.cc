@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "codecs/mesh_file.h"
 #include "tools/internal/ply_stream.h"
 #include "tools/internal/surface_walker.h"
 #include "tools/internal/terrain.h"
@@ -89,8 +90,21 @@ Status GenerateFile(std::string_view shape, const GenerateOptions& options,
                            std::to_string(most) + " triangles; ask for fewer than " +
                            std::to_string(options.triangles));
   }
-  PlyStreamWriter writer(output_path);
-  return sculpture ? GenerateSculpture(options, writer) : GenerateTerrain(options, writer);
+  const auto generate = [&](MeshSink& sink) {
+    return sculpture ? GenerateSculpture(options, sink) : GenerateTerrain(options, sink);
+  };
+  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(output_path));
+  if (format == "ply") {
+    PlyStreamWriter writer(output_path);
+    return generate(writer);
+  }
+  // The others want to know the counts first.
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_RETURN_IF_ERROR(generate(sink));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
+                        CreateMeshFileWriter(output_path));
+  return SendMesh(mesh, *writer);
 }
 
 }  // namespace mtdb

@@ -118,6 +118,7 @@ Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
     if (i == 0) {
       common.attributes = h.attributes;
       common.double_positions = h.double_positions;
+      common.from_text = h.from_text;
       common.soup = h.soup && sink.joins_soup();
       continue;
     }
@@ -125,6 +126,7 @@ Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
     AttributeLayout theirs = h.attributes;
     DropMissing(theirs, common.attributes, paths[0], notes);
     common.double_positions |= h.double_positions;
+    common.from_text |= h.from_text;
     common.soup &= h.soup;
   }
   MTDB_RETURN_IF_ERROR(sink.Begin(common));

@@ -363,6 +363,7 @@ Status RemoteSession::SendMesh(MeshSink& sink) const {
     if (!client.has_vertex(v)) continue;
     number[v] = mesh.positions.size();
     mesh.positions.push_back(client.options().grid.Position(client.position(v)));
+    mesh.header.bounds.Add(mesh.positions.back());
     const ByteSpan row = client.row(v);
     mesh.rows.insert(mesh.rows.end(), row.begin(), row.end());
   }

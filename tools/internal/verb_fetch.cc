@@ -1,12 +1,11 @@
-#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
 #include <system_error>
 #include <unistd.h>
 #include <utility>
 
+#include "codecs/mesh_file.h"
 #include "tools/client.h"
 #include "tools/internal/report_json.h"
 #include "tools/internal/shortfall_json.h"
@@ -17,8 +16,6 @@ namespace mtdb {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-constexpr const char* kExtensions[] = {".ply", ".obj", ".stl", ".off", ".glb", ".drc"};
 
 // What is written under a temporary name and gets its own in the end.
 class OutputFile {
@@ -99,15 +96,10 @@ Status Fetch(const QueryArguments& arguments) {
     PrintJson(query);
     return Status::Ok();
   }
-  const std::string extension = std::filesystem::path(arguments.output).extension().string();
-  if (std::find(std::begin(kExtensions), std::end(kExtensions), extension) ==
-      std::end(kExtensions)) {
-    return Unsupported(arguments.output +
-                       ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
-  }
+  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(arguments.output));
   FetchOptions options;
   options.name = arguments.name;
-  options.format = extension.substr(1);
+  options.format = format;
   options.timeout_seconds = arguments.timeout_seconds;
   OutputFile output(arguments.output);
   bool opened = false;

@@ -59,7 +59,8 @@ void PrintInfo(const ObjectRecord& r) {
   if (r.grid.mode == PositionMode::kLossless) {
     std::printf("  positions    float32, lossless\n");
   } else {
-    std::printf("  positions    %d bits, step %.6g\n", r.bits, r.grid.step);
+    std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
+                r.rounding_error);
   }
   for (const VertexAttribute& a : r.attributes.attributes) {
     std::printf("  attribute    %s", a.name.c_str());

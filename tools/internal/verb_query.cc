@@ -28,8 +28,8 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
 }
 
 void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
-                const ExtractStats& stats, double open_seconds, double write_seconds,
-                double total_seconds) {
+                const ExtractStats& stats, const std::optional<Vec3d>& origin, double open_seconds,
+                double write_seconds, double total_seconds) {
   if (arguments.json) {
     const nlohmann::ordered_json json = {
         {"object", record.name},
@@ -39,6 +39,8 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
         {"active_triangles", stats.active_triangles},
         {"error_bound", stats.error_bound},
         {"shortfall", ShortfallJson(stats.shortfall)},
+        {"origin", origin ? nlohmann::ordered_json{origin->x, origin->y, origin->z}
+                          : nlohmann::ordered_json()},
         {"limit", LimitName(stats.limit)},
         {"nodes_visited", stats.nodes_visited},
         {"nodes_applied", stats.nodes_applied},
@@ -65,6 +67,10 @@ void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
               static_cast<unsigned long long>(stats.vertices), stats.error_bound,
               record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
   std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), stdout);
+  if (origin) {
+    std::printf("  float32 positions in the file are offsets from %.9g %.9g %.9g\n", origin->x,
+                origin->y, origin->z);
+  }
   std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
               static_cast<unsigned long long>(stats.active_triangles), LimitName(stats.limit));
   std::printf("  %llu nodes visited, %llu applied, %llu of them only for others\n",
@@ -132,7 +138,7 @@ Status ExtractVerb(const QueryArguments& arguments) {
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
-  PrintStats(arguments, surface->record(), stats, open_seconds, sink.seconds(),
+  PrintStats(arguments, surface->record(), stats, writer->origin(), open_seconds, sink.seconds(),
              SecondsSince(begin));
   return Status::Ok();
 }
@@ -167,7 +173,7 @@ Status RenderVerb(const QueryArguments& arguments) {
   RenderImage image;
   MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
   MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
-  PrintStats(arguments, surface->record(), stats, open_seconds, SecondsSince(drawn),
+  PrintStats(arguments, surface->record(), stats, std::nullopt, open_seconds, SecondsSince(drawn),
              SecondsSince(begin));
   return Status::Ok();
 }
