@@ -41,6 +41,25 @@ class WrongServer {
   std::thread thread_;
 };
 
+TEST_CASE("fetch writes what extract writes where the region meets nothing", "[cli]") {
+  const ServerProcess server(SmallExample().store);
+  const Folder folder;
+  for (const std::string format : {"ply", "obj", "stl", "off", "glb"}) {
+    const std::string fetched = folder.File("fetched." + format);
+    const std::string extracted = folder.File("extracted." + format);
+    const Arguments query{"--sphere", "1000,1000,1000,1", "--clip"};
+    Arguments fetch{"fetch", server.url(), fetched};
+    Arguments extract{"extract", SmallExample().store, extracted};
+    fetch.insert(fetch.end(), query.begin(), query.end());
+    extract.insert(extract.end(), query.begin(), query.end());
+    CAPTURE(format);
+    CHECK(RunJson(fetch).at("triangles") == 0);
+    RunOk(extract);
+    REQUIRE(Exists(fetched));
+    CHECK(ReadText(fetched) == ReadText(extracted));
+  }
+}
+
 TEST_CASE("fetch writes what extract writes", "[cli]") {
   const ServerProcess server(TheExample().store);
   const Folder folder;

@@ -36,7 +36,8 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
       const HttpResponse response,
       client->Send("POST", answer.path + "/mesh?format=" + options.format, query, take));
   if (response.status != 200) return Refused(where, response.status, text);
-  if (answer.bytes_received == 0) return wrong;
+  // A mesh without triangles may be a file without bytes.
+  if (response.header("x-mtdb-triangles").empty()) return wrong;
   const auto count = [&](const char* name) -> uint64_t {
     return std::strtoull(response.header(name).c_str(), nullptr, 10);
   };

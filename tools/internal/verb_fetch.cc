@@ -110,6 +110,7 @@ Status Fetch(const QueryArguments& arguments) {
   };
   MTDB_ASSIGN_OR_RETURN(const FetchAnswer answer,
                         FetchMesh(arguments.store, query.dump(), options, receive));
+  if (!opened) MTDB_RETURN_IF_ERROR(output.Open());
   MTDB_RETURN_IF_ERROR(output.Commit());
   PrintAnswer(arguments, answer, std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
