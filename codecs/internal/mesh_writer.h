@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "codecs/internal/file_io.h"
+#include "codecs/atomic_file.h"
 #include "codecs/internal/float_positions.h"
 #include "codecs/mesh_file.h"
 #include "store/base/mesh_sink.h"

@@ -102,6 +102,12 @@ Result<MetaPage> DecodeMetaPage(ByteSpan bytes, uint64_t number, const std::stri
 
 Result<MetaPages> ReadMetaPages(const StoreFile& file) {
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, file.Size());
+  if (file_bytes == 0) {
+    return Corrupt(
+        file.path() +
+        ": the file is empty: either nothing was stored in it yet, and an ingest makes it "
+        "a store, or it was truncated: restore it from a copy");
+  }
   if (file_bytes < kMetaPages * kMinPageSize) {
     return Corrupt(file.path() + ": " + std::to_string(file_bytes) +
                    " bytes are too few for a store; it was truncated or is another file: restore "

@@ -88,7 +88,7 @@ class World:
 
     def held(self, store):
         """Object name -> digest."""
-        if not store.exists():
+        if not store.exists() or store.stat().st_size == 0:
             return {}
         objects = json.loads(self.ok("info", store, "--json"))["objects"]
         return {o["object"]: o["digest"] for o in objects}

@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "codecs/internal/file_io.h"
+#include "codecs/atomic_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace mtdb::testing {

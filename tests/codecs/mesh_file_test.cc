@@ -1,6 +1,7 @@
 // What is common to all formats: opening, dispatch, writing whole or not at all, round trips, and
 // the real meshes.
 #include <csignal>
+#include <fcntl.h>
 #include <random>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -235,7 +236,6 @@ TEST_CASE("A file appears under its name only at End, and nothing stays behind w
       REQUIRE(writer.ok());
       REQUIRE((*writer)->Begin(Counts(4, 4)).ok());
       REQUIRE((*writer)->AddVertices(Tetrahedron().positions, {}).ok());
-      REQUIRE(folder.file_count() == before + 1);
       REQUIRE(ReadBytes(folder.Path(name)) == "old");
     }
     REQUIRE(folder.file_count() == before);
@@ -305,15 +305,17 @@ TEST_CASE("Formats refuse what they cannot count") {
 TEST_CASE("PLY with more than 2^31 vertices has unsigned indices") {
   const ScratchFolder folder;
   for (const uint64_t vertices : {uint64_t{1} << 31, (uint64_t{1} << 31) + 1}) {
-    auto writer = CreateMeshFileWriter(folder.Path("a.ply"));
+    const std::string path = folder.Path("a.ply");
+    MeshWriteOptions options;
+    options.descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC, 0600);
+    REQUIRE(options.descriptor >= 0);
+    auto writer = CreateMeshFileWriter(path, options);
     REQUIRE((*writer)->Begin(Counts(vertices, 0)).ok());
     // The header alone fits the buffer; let it out through a block that fills the buffer.
     const std::vector<Vec3d> many(100000);
     REQUIRE((*writer)->AddVertices(many, {}).ok());
-    std::string head;
-    for (const auto& entry : std::filesystem::directory_iterator(folder.Path(""))) {
-      head = ReadBytes(entry.path().string()).substr(0, 300);
-    }
+    const std::string head = ReadBytes(path).substr(0, 300);
+    ::close(options.descriptor);
     const char* const type =
         vertices > (uint64_t{1} << 31) ? "list uchar uint " : "list uchar int ";
     REQUIRE(head.find(type) != std::string::npos);

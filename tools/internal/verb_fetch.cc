@@ -1,10 +1,7 @@
-#include <cerrno>
 #include <chrono>
-#include <cstdio>
-#include <system_error>
-#include <unistd.h>
-#include <utility>
+#include <memory>
 
+#include "codecs/atomic_file.h"
 #include "codecs/mesh_file.h"
 #include "tools/client.h"
 #include "tools/internal/report_json.h"
@@ -16,44 +13,6 @@ namespace mtdb {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// What is written under a temporary name and gets its own in the end.
-class OutputFile {
- public:
-  explicit OutputFile(const std::string& path)
-      : path_(path), temporary_(path + "." + std::to_string(::getpid()) + ".tmp") {}
-  ~OutputFile() {
-    if (file_ == nullptr) return;
-    std::fclose(file_);
-    ::unlink(temporary_.c_str());
-  }
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
-
-  Status Open() {
-    file_ = std::fopen(temporary_.c_str(), "wbx");
-    return file_ != nullptr ? Status::Ok() : Failure();
-  }
-  Status Append(std::string_view bytes) {
-    return std::fwrite(bytes.data(), 1, bytes.size(), file_) == bytes.size() ? Status::Ok()
-                                                                             : Failure();
-  }
-  Status Commit() {
-    if (std::fflush(file_) != 0 || ::fdatasync(::fileno(file_)) != 0 ||
-        std::rename(temporary_.c_str(), path_.c_str()) != 0) {
-      return Failure();
-    }
-    std::fclose(std::exchange(file_, nullptr));
-    return Status::Ok();
-  }
-
- private:
-  Status Failure() const {
-    return IoError(path_ + ": cannot be written: " + std::generic_category().message(errno));
-  }
-  const std::string path_, temporary_;
-  std::FILE* file_ = nullptr;
-};
 
 void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double seconds) {
   if (arguments.json) {
@@ -101,17 +60,17 @@ Status Fetch(const QueryArguments& arguments) {
   options.name = arguments.name;
   options.format = format;
   options.timeout_seconds = arguments.timeout_seconds;
-  OutputFile output(arguments.output);
-  bool opened = false;
+  std::unique_ptr<AtomicFile> output;
   const auto receive = [&](std::string_view piece) -> Status {
-    if (!opened) MTDB_RETURN_IF_ERROR(output.Open());
-    opened = true;
-    return output.Append(piece);
+    if (output == nullptr) {
+      MTDB_ASSIGN_OR_RETURN(output, AtomicFile::Create(arguments.output));
+    }
+    return output->Append(piece);
   };
   MTDB_ASSIGN_OR_RETURN(const FetchAnswer answer,
                         FetchMesh(arguments.store, query.dump(), options, receive));
-  if (!opened) MTDB_RETURN_IF_ERROR(output.Open());
-  MTDB_RETURN_IF_ERROR(output.Commit());
+  MTDB_RETURN_IF_ERROR(receive(""));
+  MTDB_RETURN_IF_ERROR(output->Commit());
   PrintAnswer(arguments, answer, std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
 }
