@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "tests/tools/cli_testing.h"
+#include "tools/internal/ingest_journal.h"
 
 namespace mtdb::test {
 namespace {
@@ -75,6 +76,25 @@ TEST_CASE("list tells of an interrupted ingest, and its command goes on with it"
   CHECK_FALSE(Exists(journal));
   CHECK_FALSE(RunJson({"list", store}).contains("journals"));
   CHECK(RunJson({"info", store}).at("objects").at(0).at("digest") == fresh.at("digest"));
+}
+
+TEST_CASE("a store has one path by every name, before and after it is made") {
+  const Folder folder;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::create_directory(folder.File("sub"));
+  std::filesystem::create_symlink("store.mtdb", folder.File("link.mtdb"));
+  std::filesystem::current_path(folder.File(""));
+  const std::string real =
+      std::filesystem::canonical(folder.File("sub")).parent_path().string() + "/store.mtdb";
+  for (const bool made : {false, true}) {
+    if (made) WriteText(folder.File("store.mtdb"), "x");
+    for (const char* name : {"store.mtdb", "./store.mtdb", "link.mtdb", "sub/../store.mtdb"}) {
+      CHECK(RealStorePath(name) == real);
+    }
+    CHECK(RealStorePath(folder.File("store.mtdb")) == real);
+    CHECK(RealStorePath(folder.File("link.mtdb")) == real);
+  }
+  std::filesystem::current_path(before);
 }
 
 TEST_CASE("a journal serves its own ingest only: other files, other order, other options",

@@ -24,7 +24,7 @@ std::string JournalPrefix(const std::string& store) {
 
 std::string RealStorePath(const std::string& path) {
   std::error_code error;
-  std::filesystem::path target = path;
+  std::filesystem::path target = std::filesystem::absolute(path, error);
   // A link may point to a store that is still to be made; weakly_canonical does not follow it.
   for (int links = 0; links < 40 && std::filesystem::is_symlink(target, error); ++links) {
     target = target.parent_path() / std::filesystem::read_symlink(target, error);
