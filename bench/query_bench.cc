@@ -187,7 +187,7 @@ void RepeatInForm(benchmark::State& state, const std::function<Query(const Surfa
 }
 
 void BM_FormUniform(benchmark::State& state) {
-  RepeatInForm(state, [&](const Surface& surface) {
+  RepeatInForm(state, [&](const Surface&) {
     Query query;
     if (state.range(1) == 0) return query;  // full resolution
     query.max_triangles = 1000 * static_cast<uint64_t>(state.range(1));

@@ -30,7 +30,7 @@ class InputSpool final : public MeshSink {
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
   const InputReport& report() const { return report_; }
   // Model units: the farthest that a vertex was moved to be float32.
-  double rounding() const { return rounding_; }
+  double rounding() const override { return rounding_; }
   const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
   size_t row_bytes() const { return row_bytes_; }
   // A vertex: position (3 float32 or 3 float64), then its row.
