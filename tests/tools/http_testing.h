@@ -108,28 +108,27 @@ class ServerProcess {
   int port_ = 0;
 };
 
-// A query that takes some seconds: the polygon has to be looked at for every triangle.
-inline std::string SlowQuery() {
-  Json polygon = Json::array();
-  constexpr int kCorners = 20000;
-  for (int i = 0; i < kCorners; ++i) {
-    const double angle = 6.283 * i / kCorners;
-    const double radius = i % 2 == 0 ? 100 : 0.001;
-    polygon.push_back({std::round(1e4 * radius * std::cos(angle)) / 1e4,
-                       std::round(1e4 * radius * std::sin(angle)) / 1e4});
+// What lies outside of many small polygons: each triangle is asked about each of them.
+inline std::string OutsidePolygons(int count) {
+  constexpr int kCorners = 12;
+  std::string prisms;
+  for (int i = 0; i < count; ++i) {
+    std::string corners;
+    for (int k = 0; k < kCorners; ++k) {
+      const double angle = 6.283 * k / kCorners;
+      const auto number = [](double value) {
+        return std::to_string(std::lround(1e4 * value)) + "e-4";
+      };
+      corners += (k == 0 ? "[" : ",[") + number((i % 80 - 40) / 40.0 + 1e-3 * std::cos(angle)) +
+                 "," + number((i / 80 - 25) / 25.0 + 1e-3 * std::sin(angle)) + "]";
+    }
+    prisms += (i == 0 ? "" : ",") + (R"({"prism":{"polygon":[)" + corners) + "]}}";
   }
-  return Json{{"region", {{"prism", {{"polygon", polygon}}}}}}.dump();
+  return R"({"region":{"outside":{"union":[)" + prisms + R"(]}},"clip":true})";
 }
-
-// A query that takes ten seconds or more: each triangle's distance from many places.
-inline std::string EndlessQuery() {
-  std::string spheres;
-  for (int i = 0; i < 18000; ++i) {
-    const std::string x = std::to_string(i % 180 - 90), y = std::to_string(i / 180 - 50);
-    spheres += (i == 0 ? "" : ",") + (R"({"sphere":{"centre":[)" + x + "e-2," + y) +
-               R"(e-2,0],"radius":1e-9}})";
-  }
-  return R"({"region":{"outside":{"union":[)" + spheres + R"(]}},"clip":true})";
-}
+// Takes seconds.
+inline std::string SlowQuery() { return OutsidePolygons(1000); }
+// Takes ten seconds or more.
+inline std::string EndlessQuery() { return OutsidePolygons(4000); }
 
 }  // namespace mtdb::test
