@@ -3,11 +3,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <embree3/rtcore.h>
+#include <exception>
 #include <limits>
 #include <memory>
+#include <new>
 #include <numbers>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 #include "tools/internal/noise.h"
@@ -36,6 +41,24 @@ Vec3f Unit(Vec3f v) {
   const float n = Norm(v);
   return n > 0 ? v * (1 / n) : Vec3f{0, 0, 1};
 }
+
+// Embree calls std::terminate where it finds no memory for its threads. Then the process cannot go
+// on, but it ends as it does for every other lack of memory: with one line and an exit status.
+class EmbreeTerminates {
+ public:
+  EmbreeTerminates() : before_(std::set_terminate(&End)) {}
+  ~EmbreeTerminates() { std::set_terminate(before_); }
+  EmbreeTerminates(const EmbreeTerminates&) = delete;
+  EmbreeTerminates& operator=(const EmbreeTerminates&) = delete;
+
+ private:
+  [[noreturn]] static void End() {
+    std::fputs("mtdb: out of memory in Embree\n", stderr);
+    std::_Exit(1);
+  }
+  std::terminate_handler before_;
+};
+
 float SmoothStep(float low, float high, float x) {
   const float t = std::clamp((x - low) / (high - low), 0.0f, 1.0f);
   return t * t * (3 - 2 * t);
@@ -132,8 +155,10 @@ class Geometry {
     device_.reset(rtcNewDevice(nullptr));
     if (device_ == nullptr) return Status(StatusCode::kNoSpace, "Embree cannot start");
     scene_.reset(rtcNewScene(device_.get()));
+    if (scene_ == nullptr) return Status(StatusCode::kNoSpace, "Embree has no memory for a scene");
     rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
     RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
+    if (geometry == nullptr) return Status(StatusCode::kNoSpace, "Embree has no memory for a mesh");
     // Embree reads 16 bytes at a vertex: one more at the end.
     vertices_.resize(mesh.positions.size() + 1);
     for (size_t v = 0; v < mesh.positions.size(); ++v) {
@@ -420,6 +445,7 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
                            std::to_string(options.height) +
                            " pixels cannot be drawn; ask for 1 to 16384 each");
   }
+  const EmbreeTerminates guard;  // longer than what Embree holds
   Geometry geometry;
   MTDB_RETURN_IF_ERROR(geometry.Load(mesh));
   MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(geometry, options));
@@ -434,10 +460,14 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
       painter.PaintRow(y, image->rgb.data() + row_bytes * static_cast<size_t>(y));
     }
   };
-  std::vector<std::thread> helpers;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(paint);
+  std::vector<std::jthread> helpers;
+  try {
+    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(paint);
+  } catch (const std::system_error&) {  // as many as the system gives
+  } catch (const std::bad_alloc&) {
+  }
   paint();
-  for (std::thread& t : helpers) t.join();
+  helpers.clear();
   return Status::Ok();
 }
 
