@@ -33,7 +33,8 @@ Status CheckUrl(const std::string& url);
 struct FetchOptions {
   std::string name;              // of the object, when the URL has none
   std::string format = "ply";    // ply, obj, stl, off, glb or drc
-  double timeout_seconds = 600;  // of a silent server
+  // Without progress: to connect, to take the query, to answer it, and for each KiB of the mesh.
+  double timeout_seconds = 600;
 };
 struct FetchAnswer {
   std::string path;  // of the object: "/objects/statue"
@@ -57,7 +58,8 @@ struct RemoteSessionOptions {
   std::string name;                      // of the object, when the URL has none
   uint32_t remembered_vertices = 65536;  // removed ones that the client keeps, or fewer
   uint32_t max_triangles = 1u << 24;     // of the mesh; the server sends no more, or fewer
-  double timeout_seconds = 600;          // of a silent server
+  // Without progress: to connect, to upgrade, to take a query, and for each KiB or message.
+  double timeout_seconds = 600;
   double reconnect_seconds = 0;          // how long Update tries to replace a lost connection
 };
 

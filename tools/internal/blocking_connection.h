@@ -1,7 +1,8 @@
 // BlockingConnection: a TCP connection for one thread, which waits for each operation, but not for
-// ever.
+// ever, however little the server does at a time.
 #pragma once
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
@@ -16,7 +17,7 @@ namespace mtdb {
 
 class BlockingConnection {
  public:
-  // `idle_seconds`: how long an operation may take.
+  // `idle_seconds`: how long may be waited without progress.
   BlockingConnection(HttpUrl url, double idle_seconds)
       : url_(std::move(url)), idle_(Seconds(idle_seconds)) {}
 
@@ -26,9 +27,16 @@ class BlockingConnection {
   // long closes the connection and is beast::error::timeout.
   template <typename Start>
   ErrorCode Await(Start&& start) {
+    Progress();
+    return AwaitMore(std::forward<Start>(start));
+  }
+  // Likewise; but what was waited since the last progress counts.
+  template <typename Start>
+  ErrorCode AwaitMore(Start&& start) {
     ErrorCode result;
     bool late = false;
-    asio::steady_timer timer(io_, idle_);
+    const Clock::time_point begin = Clock::now();
+    asio::steady_timer timer(io_, std::max(idle_ - waited_, Clock::duration::zero()));
     timer.async_wait([&](ErrorCode error) {
       if (error) return;
       late = true;
@@ -40,7 +48,18 @@ class BlockingConnection {
     });
     io_.restart();
     io_.run();
+    waited_ += Clock::now() - begin;
     return late ? ErrorCode(beast::error::timeout) : result;
+  }
+  // The time begins anew: there was something worth waiting for.
+  void Progress() {
+    waited_ = Clock::duration::zero();
+    received_ = 0;
+  }
+  // A KiB is progress, fewer bytes are a part of it.
+  void Received(size_t bytes) {
+    received_ += bytes;
+    if (received_ >= kProgressBytes) Progress();
   }
   // kIoError: the server, what was tried, and why it failed.
   Status Failure(const std::string& what, ErrorCode error) const;
@@ -48,8 +67,11 @@ class BlockingConnection {
   beast::tcp_stream& stream() { return stream_; }
 
  private:
+  static constexpr size_t kProgressBytes = 1024;
   const HttpUrl url_;
   const Clock::duration idle_;
+  Clock::duration waited_{};  // since the last progress
+  size_t received_ = 0;       // likewise
   asio::io_context io_{1};
   beast::tcp_stream stream_{io_};
 };

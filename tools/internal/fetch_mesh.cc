@@ -1,4 +1,4 @@
-#include <cstdlib>
+#include <charconv>
 
 #include "tools/client.h"
 #include "tools/internal/http_client.h"
@@ -6,6 +6,32 @@
 #include "tools/internal/shortfall_json.h"
 
 namespace mtdb {
+
+namespace {
+
+// The headers of a mesh; false when one of them is missing or something else.
+bool TakeHeaders(const HttpResponse& response, FetchAnswer* answer) {
+  bool ok = true;
+  const auto take = [&](const char* name, auto* number) {
+    const std::string text = response.header(name);
+    const char* end = text.data() + text.size();
+    const auto [at, error] = std::from_chars(text.data(), end, *number);
+    ok = ok && error == std::errc() && at == end && *number >= 0;
+  };
+  take("x-mtdb-triangles", &answer->triangles);
+  take("x-mtdb-vertices", &answer->vertices);
+  take("x-mtdb-active-triangles", &answer->active_triangles);
+  take("x-mtdb-error-bound", &answer->error_bound);
+  take("x-mtdb-clusters-read", &answer->clusters_read);
+  take("x-mtdb-clusters-cached", &answer->clusters_cached);
+  take("x-mtdb-clusters-total", &answer->clusters_total);
+  take("x-mtdb-bytes-read", &answer->bytes_read);
+  answer->limit = response.header("x-mtdb-limit");
+  const auto shortfall = nlohmann::json::parse(response.header("x-mtdb-shortfall"), nullptr, false);
+  return ok && !answer->limit.empty() && ParseShortfall(shortfall, &answer->shortfall);
+}
+
+}  // namespace
 
 Status CheckUrl(const std::string& url) {
   MTDB_ASSIGN_OR_RETURN(const HttpUrl parsed, ParseHttpUrl(url));
@@ -27,8 +53,11 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
   const Status wrong = BadInput(where + ": the answer is not a mesh; is this mtdb serve?");
   std::string text;
   const auto take = [&](const HttpResponse& response, std::string_view piece) -> Status {
-    if (response.status != 200) return AppendText(piece, &text);
+    if (response.status != 200) return AppendText(where, piece, &text);
     if (response.header("x-mtdb-triangles").empty()) return wrong;
+    if (response.until_close) {
+      return BadInput(where + ": the answer has no length, so that it may not be whole");
+    }
     answer.bytes_received += piece.size();
     return receive(piece);
   };
@@ -37,21 +66,7 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
       client->Send("POST", answer.path + "/mesh?format=" + options.format, query, take));
   if (response.status != 200) return Refused(where, response.status, text);
   // A mesh without triangles may be a file without bytes.
-  if (response.header("x-mtdb-triangles").empty()) return wrong;
-  const auto count = [&](const char* name) -> uint64_t {
-    return std::strtoull(response.header(name).c_str(), nullptr, 10);
-  };
-  answer.triangles = count("x-mtdb-triangles");
-  answer.vertices = count("x-mtdb-vertices");
-  answer.active_triangles = count("x-mtdb-active-triangles");
-  answer.error_bound = std::strtod(response.header("x-mtdb-error-bound").c_str(), nullptr);
-  const auto shortfall = nlohmann::json::parse(response.header("x-mtdb-shortfall"), nullptr, false);
-  if (!ParseShortfall(shortfall, &answer.shortfall)) return wrong;
-  answer.limit = response.header("x-mtdb-limit");
-  answer.clusters_read = count("x-mtdb-clusters-read");
-  answer.clusters_cached = count("x-mtdb-clusters-cached");
-  answer.clusters_total = count("x-mtdb-clusters-total");
-  answer.bytes_read = count("x-mtdb-bytes-read");
+  if (!TakeHeaders(response, &answer)) return wrong;
   return answer;
 }
 

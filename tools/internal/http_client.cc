@@ -130,15 +130,18 @@ Result<HttpResponse> HttpClient::Send(const std::string& method, const std::stri
   for (const auto& field : parser.get()) {
     response.headers[LowerCase(std::string(field.name_string()))] = std::string(field.value());
   }
+  response.until_close = parser.need_eof();
+  c.Progress();
   std::array<char, kBlockBytes> block;
   while (!parser.is_done()) {
     parser.get().body().data = block.data();
     parser.get().body().size = block.size();
-    error = c.Await([&](auto&& done) {
+    error = c.AwaitMore([&](auto&& done) {
       http::async_read_some(c.stream(), buffer, parser, std::forward<decltype(done)>(done));
     });
     if (error && error != http::error::need_buffer) return c.Failure("the answer broke off", error);
     const size_t size = block.size() - parser.get().body().size;
+    c.Received(size);
     MTDB_RETURN_IF_ERROR(receive(response, std::string_view(block.data(), size)));
   }
   return response;

@@ -27,6 +27,8 @@ std::string PercentEncode(const std::string& text);
 struct HttpResponse {
   unsigned status = 0;
   std::map<std::string, std::string> headers;  // names in lower case
+  // The body has no length and ends with the connection: whether it is whole cannot be known.
+  bool until_close = false;
   // Empty when there is no such header.
   std::string header(const std::string& name) const;
 };
@@ -34,7 +36,8 @@ struct HttpResponse {
 // Single thread.
 class HttpClient {
  public:
-  // Connects. `idle_seconds` is the longest wait for the server to do anything, now and later.
+  // Connects. `idle_seconds` is the longest wait for the server to connect, to take a request, to
+  // answer it with a whole head, and for each KiB of the body.
   // kIoError with a message that names the server.
   static Result<std::unique_ptr<HttpClient>> Connect(const HttpUrl& url, double idle_seconds);
   ~HttpClient();

@@ -32,7 +32,7 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
   MTDB_ASSIGN_OR_RETURN(
       const HttpResponse response,
       client.Send("GET", "/objects", "", [&](const HttpResponse&, std::string_view piece) {
-        return AppendText(piece, &text);
+        return AppendText(url.origin(), piece, &text);
       }));
   if (response.status != 200) return Refused(url.origin(), response.status, text);
   const Json json = Json::parse(text, nullptr, false);
@@ -63,9 +63,9 @@ Status Refused(const std::string& where, unsigned status, const std::string& tex
   return status >= 500 ? IoError(message) : InvalidArgument(message);
 }
 
-Status AppendText(std::string_view piece, std::string* text) {
+Status AppendText(const std::string& where, std::string_view piece, std::string* text) {
   if (text->size() + piece.size() > kMaxTextBytes) {
-    return IoError("the server's answer is too long for what was asked");
+    return BadInput(where + ": the server's answer is too long for what was asked");
   }
   text->append(piece);
   return Status::Ok();

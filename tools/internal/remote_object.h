@@ -18,6 +18,6 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client);
 // An answer that is no success, as an error; `text` is its body.
 Status Refused(const std::string& where, unsigned status, const std::string& text);
 // Appends to a text that must not become long: a catalog, or an error.
-Status AppendText(std::string_view piece, std::string* text);
+Status AppendText(const std::string& where, std::string_view piece, std::string* text);
 
 }  // namespace mtdb

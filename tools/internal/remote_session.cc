@@ -77,6 +77,7 @@ class RemoteSession::Impl {
 
   Status Handshake();
   Result<Message> Read();
+  uint64_t MostBytes() const;
   // A query's error when the reply is one.
   Result<RemoteUpdate> Answer(const SessionReply& reply);
   Status Lost(const std::string& what, ErrorCode error);
@@ -87,6 +88,7 @@ class RemoteSession::Impl {
   uint64_t next_id_ = 1;
   std::deque<Query> queries_;  // without an answer
   uint64_t bytes_ = 0, messages_ = 0;
+  uint64_t unanswered_bytes_ = 0;  // of the update stream, since the last answer of any kind
   bool restarted_ = false;
 };
 
@@ -128,7 +130,7 @@ Status RemoteSession::Impl::Start() {
   connection_.reset(new Connection{{url_, options_.timeout_seconds}});
   connected_ = false;
   queries_.clear();
-  bytes_ = messages_ = 0;
+  bytes_ = messages_ = unanswered_bytes_ = 0;
   MTDB_RETURN_IF_ERROR(connection_->base.Connect());
   MTDB_RETURN_IF_ERROR(Handshake());
   // The decoder has room for two triangles before it takes one in. Of vertices, triangles that do
@@ -150,17 +152,25 @@ Status RemoteSession::Impl::Start() {
     if (start.is_text) return Broken(BadInput("the base mesh must come first"));
   }
   start_bytes_ = std::exchange(bytes_, 0);
-  messages_ = 0;
+  messages_ = unanswered_bytes_ = 0;
   connected_ = true;
   return Status::Ok();
+}
+
+// Of the update stream until an answer. What a server can need to take the whole mesh away and to
+// make all of another is far less.
+uint64_t RemoteSession::Impl::MostBytes() const {
+  const uint64_t row_bytes = decoder_->mesh().options().attributes.row_bytes();
+  return (uint64_t{16} << 20) + options_.max_triangles * (256 + 4 * row_bytes);
 }
 
 Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
   auto& socket = connection_->socket;
   Message message;
+  connection_->base.Progress();
   do {
     size_t size = 0;
-    const ErrorCode error = connection_->base.Await([&](auto&& done) {
+    const ErrorCode error = connection_->base.AwaitMore([&](auto&& done) {
       socket.async_read_some(
           asio::buffer(block_),
           [&size, then = std::forward<decltype(done)>(done)](ErrorCode result, size_t n) mutable {
@@ -169,6 +179,7 @@ Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
           });
     });
     if (error) return Lost("the session broke off", error);
+    connection_->base.Received(size);
     message.is_text = socket.got_text();
     const ByteSpan piece = ByteSpan(block_).first(size);
     if (message.is_text) {
@@ -181,8 +192,15 @@ Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
     message.bytes += size;
     const Status status = decoder_->Feed(piece);
     if (!status.ok()) return Broken(status);
+    unanswered_bytes_ += size;
+    if (decoder_->started() && unanswered_bytes_ > MostBytes()) {
+      return Broken(BadInput("the server sent " + std::to_string(unanswered_bytes_) +
+                             " bytes without an answer, more than a mesh of " +
+                             std::to_string(options_.max_triangles) + " triangles can need"));
+    }
   } while (!socket.is_message_done());
   if (!message.is_text) {
+    if (message.bytes == 0) return Broken(BadInput("the server sent an empty message"));
     bytes_ += message.bytes;
     ++messages_;
     for (Query& query : queries_) {
@@ -220,6 +238,10 @@ Result<RemoteUpdate> RemoteSession::Impl::Answer(const SessionReply& reply) {
     }
     return Broken(BadInput("the server answered what was not asked"));
   }
+  if (reply.kind == SessionReply::Kind::kSuperseded && query->id + 1 == next_id_) {
+    return Broken(BadInput("the server gave up a query for a later one that there is not"));
+  }
+  unanswered_bytes_ = 0;
   RemoteUpdate update;
   update.id = answered_ = query->id;
   update.done_ms = Milliseconds(query->sent, Clock::now());

@@ -57,7 +57,7 @@ struct QueryArguments {
   Extent size{1200, 900};        // render
   bool wireframe = false;        // render
   bool overview = false;         // render: not what the camera sees
-  double timeout_seconds = 600;  // fetch: of a silent server
+  double timeout_seconds = 600;  // fetch: without progress
 };
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);
