@@ -414,7 +414,7 @@ TEST_CASE("Opening, a session's base, a probe and a check without memory say so"
 }
 
 TEST_CASE("A query in JSON without memory to read it is refused, whatever it asks for") {
-  const char* const kText = R"({
+  const char* const text = R"({
     "region": {"union": [
       {"prism": {"polygon": [[0, 0], [2, 0], [1, 2], [0, 1]], "min_z": 0}},
       {"intersection": [{"sphere": {"centre": [0, 0, 0], "radius": 1}},
@@ -424,11 +424,11 @@ TEST_CASE("A query in JSON without memory to read it is refused, whatever it ask
       {"grid": {"origin": [0, 0, 0], "cell": [1, 1, 1], "counts": [2, 2, 1], "errors": [1, 2, 3, 4]}},
       {"by_region": {"region": {"point": [0, 0, 0]}, "inside": "full", "outside": 0.25}}]},
     "clip": true, "max_triangles": 7})";
-  const Result<Query> query = ParseQuery(kText, 1);
+  const Result<Query> query = ParseQuery(text, 1);
   INFO(query.status().message());
   REQUIRE(query.ok());
   CheckRuns(
-      nullptr, [&] { return ParseQuery(kText, 1); },
+      nullptr, [&] { return ParseQuery(text, 1); },
       [](const Result<Query>& q) { return q->max_triangles == 7u && q->region && q->threshold; });
   // What is wrong with it is told when there is memory for that.
   for (const char* wrong : {R"({"region": {"sphere": {"centre": [0, 0], "radius": [1, 2]}}})",

@@ -93,6 +93,7 @@ TEST_CASE("a server that was killed leaves no files", "[server]") {
 // In so much of address space it starts or says that it cannot; what clients ask for is answered or
 // refused; and it ends when it is told to.
 TEST_CASE("a server in little memory answers or refuses, goes on, and can be stopped", "[server]") {
+  const std::string store = TheExample().store;
   int started = 0;
   for (uint64_t megabytes = 60; megabytes <= 420; megabytes += 40) {
     INFO(megabytes << " MB");
@@ -101,7 +102,7 @@ TEST_CASE("a server in little memory answers or refuses, goes on, and can be sto
     REQUIRE(::getrlimit(RLIMIT_AS, &before) == 0);
     const rlimit little{megabytes << 20, before.rlim_max};
     REQUIRE(::setrlimit(RLIMIT_AS, &little) == 0);
-    const pid_t process = Start({"serve", TheExample().store, "--listen", "0", "--threads", "4"},
+    const pid_t process = Start({"serve", store, "--listen", "0", "--threads", "4"},
                                 folder.File("out"), folder.File("err"));
     REQUIRE(::setrlimit(RLIMIT_AS, &before) == 0);
     int port = 0;
@@ -137,9 +138,13 @@ TEST_CASE("a server in little memory answers or refuses, goes on, and can be sto
       connection.Send(RequestText("GET", "/healthz"));
       return connection.ReceiveAnswer().status == 200;
     };
-    CHECK(ServerProcess::Await(answered));
+    const bool goes_on = ServerProcess::Await(answered);
     ::kill(process, SIGTERM);
-    CHECK(Finish(process).exit_code == 0);
+    const Outcome outcome = Finish(process);
+    INFO("exit " << outcome.exit_code << ", signal " << outcome.signal << ": "
+                 << ReadText(folder.File("err")));
+    CHECK(goes_on);
+    CHECK(outcome.exit_code == 0);
   }
   CHECK(started > 0);
 }

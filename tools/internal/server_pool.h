@@ -61,8 +61,7 @@ class ServerPool {
     std::function<void()> stop_soon;  // while it works: others wait. May be called once
     bool failed = false;
 
-   private:
-    friend class ServerPool;
+    // The pool's own.
     uint64_t id = 0;
     std::chrono::steady_clock::time_point begin;
     ServerMail::Letter letter;  // says that it is done

@@ -1,6 +1,7 @@
 #include "tools/internal/server_session.h"
 
 #include <algorithm>
+#include <new>
 #include <optional>
 #include <string>
 #include <utility>
@@ -102,12 +103,17 @@ uint64_t ServerSession::MemoryAfter(uint64_t triangles, bool clipped) const {
 
 void ServerSession::Send(std::span<const UpdateBatch> batches, const MeetsRegion& region,
                          const Pace& pace) {
+  sending_ = true;
   const auto send = [&](std::span<const UpdateBatch> some) {
     Bytes records = encoder_.Encode(some, region);
     if (!records.empty()) pace.send(std::move(records));
   };
   // The encoder looks at the whole cut each time that there is a region, or was one.
-  if (std::exchange(clipped_, static_cast<bool>(region)) || region) return send(batches);
+  if (std::exchange(clipped_, static_cast<bool>(region)) || region) {
+    send(batches);
+    sending_ = false;
+    return;
+  }
   size_t begin = 0;
   uint64_t updates = 0;
   for (size_t i = 0; i < batches.size(); ++i) {
@@ -117,6 +123,7 @@ void ServerSession::Send(std::span<const UpdateBatch> batches, const MeetsRegion
     begin = i + 1;
     updates = 0;
   }
+  sending_ = false;
 }
 
 Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace& pace,
@@ -155,6 +162,8 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
   };
   Result<SessionUpdate> result = session_->Update(query, take);
   if (!result.ok()) {
+    // Without memory amid a round the encoder knows another mesh than the client.
+    if (sending_) throw std::bad_alloc();
     if (stopped && result.status().code() == StatusCode::kCancelled) return *stopped;
     return result.status();
   }

@@ -75,6 +75,7 @@ class ServerSession {
   const Options options_;
   const std::unique_ptr<Session> session_;
   UpdateEncoder encoder_;
+  bool sending_ = false;  // a round is half encoded
   uint64_t triangles_;    // of the cut
   bool clipped_ = false;  // the client holds a part of it
 };
