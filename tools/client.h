@@ -31,8 +31,8 @@ namespace mtdb {
 Status CheckUrl(const std::string& url);
 
 struct FetchOptions {
-  std::string name;              // of the object, when the URL has none
-  std::string format = "ply";    // ply, obj, stl, off, glb or drc
+  std::string name;            // of the object, when the URL has none
+  std::string format = "ply";  // ply, obj, stl, off, glb or drc
   // Without progress: to connect, to take the query, to answer it, and for each KiB of the mesh.
   double timeout_seconds = 600;
 };
@@ -60,7 +60,7 @@ struct RemoteSessionOptions {
   uint32_t max_triangles = 1u << 24;     // of the mesh; the server sends no more, or fewer
   // Without progress: to connect, to upgrade, to take a query, and for each KiB or message.
   double timeout_seconds = 600;
-  double reconnect_seconds = 0;          // how long Update tries to replace a lost connection
+  double reconnect_seconds = 0;  // how long Update tries to replace a lost connection
 };
 
 // The answer to a query.

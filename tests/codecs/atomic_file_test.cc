@@ -1,4 +1,6 @@
 // Files that appear whole or not at all, and what processes leave that die while they write them.
+#include "codecs/atomic_file.h"
+
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fcntl.h>
@@ -9,7 +11,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "codecs/atomic_file.h"
 #include "tests/support/temporary_folder.h"
 
 namespace mtdb::testing {

@@ -76,7 +76,9 @@ inline pid_t Start(const Arguments& arguments, const std::string& out, const std
   if (out_file < 0 || err_file < 0 || ::dup2(out_file, 1) < 0 || ::dup2(err_file, 2) < 0) {
     ::_exit(126);
   }
-  ::alarm(kTimeoutSeconds);
+  // A campaign takes longer.
+  const char* soak = std::getenv("MTDB_SOAK_SECONDS");
+  ::alarm(kTimeoutSeconds + static_cast<unsigned>(soak == nullptr ? 0 : std::atoi(soak)));
   ::execv(MTDB_BINARY, argv.data());
   ::_exit(127);
 }

@@ -101,6 +101,7 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
       server.Metric("mtdb_queries_total"), server.Metric("mtdb_queries_preempted_total"),
       server.Metric("mtdb_queries_cancelled_total"), server.Metric("mtdb_sessions_total"));
   CHECK(wrong == 0);
+  CHECK(server.Get("/healthz").status == 200);
   CHECK(answers > 0);
   CHECK(halves[1].resident_bytes < halves[0].resident_bytes * 5 / 4 + (64 << 20));
   CHECK(halves[1].descriptors <= 2 * 400 + 100);
