@@ -15,7 +15,7 @@
 //   peers: Draco's size at levels 10 and 7 of the full-resolution mesh alone, with as many bits,
 //   and its rate of decoding; likewise zstd's at levels 3 and 19 of the mesh as a binary PLY file.
 // With --fit, the priors of the models are fitted to these meshes, each counting the same, and
-// written to FILE (codecs/internal/cluster_priors.inc), which makes another format.
+// written to FILE (codecs/coding/cluster_priors.inc), which makes another format.
 //
 // Checks that every cluster encodes to its bytes again. Exits with 1 when one does not.
 #include <CLI/CLI.hpp>
@@ -32,10 +32,10 @@
 #include "bench/internal/draco_peer.h"
 #include "bench/internal/workload.h"
 #include "bench/internal/zstd_peer.h"
-#include "codecs/internal/cluster_payload.h"
-#include "codecs/mesh_file.h"
+#include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/cluster_cache.h"
-#include "tools/internal/generate.h"
+#include "tools/generate/generate.h"
 
 namespace mtdb {
 

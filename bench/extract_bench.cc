@@ -29,7 +29,7 @@
 #include "bench/internal/hausdorff.h"
 #include "bench/internal/meshopt_simplify.h"
 #include "bench/internal/workload.h"
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/query_json.h"
 #include "query/region.h"
 

@@ -25,7 +25,7 @@
 #include "bench/internal/hausdorff.h"
 #include "bench/internal/meshopt_simplify.h"
 #include "bench/internal/workload.h"
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 
 namespace mtdb {
 

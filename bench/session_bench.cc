@@ -42,8 +42,8 @@
 #include "bench/internal/draco_peer.h"
 #include "bench/internal/hausdorff.h"
 #include "bench/internal/workload.h"
-#include "codecs/mesh_file.h"
-#include "codecs/update_stream.h"
+#include "codecs/mesh_file/mesh_file.h"
+#include "codecs/stream/update_stream.h"
 #include "query/session.h"
 
 namespace mtdb {

@@ -24,7 +24,7 @@
 #include "query/region.h"
 #include "query/session.h"
 #include "query/threshold.h"
-#include "tools/internal/generate.h"
+#include "tools/generate/generate.h"
 
 namespace mtdb {
 namespace {

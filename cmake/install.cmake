@@ -7,7 +7,8 @@ set(MTDB_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/mtdb)
 # Public headers keep their folders: "query/surface.h" is found below include/mtdb.
 function(mtdb_install_headers component)
   install(DIRECTORY ${ARGN} DESTINATION ${MTDB_INSTALL_HEADERS} COMPONENT ${component}
-    FILES_MATCHING PATTERN "*.h" PATTERN internal EXCLUDE PATTERN mtdb.h EXCLUDE)
+    FILES_MATCHING PATTERN "*.h" PATTERN internal EXCLUDE PATTERN coding EXCLUDE
+    PATTERN mtdb.h EXCLUDE)
 endfunction()
 
 # mtdbTargets-<component>.cmake, which mtdbConfig.cmake includes where it is installed.
@@ -19,10 +20,11 @@ function(mtdb_install_targets component)
 endfunction()
 
 mtdb_install_headers(query store codecs query)
-mtdb_install_targets(query mtdb_base mtdb_store mtdb_codecs mtdb_query)
+mtdb_install_targets(query mtdb_base mtdb_store mtdb_coding mtdb_cluster mtdb_stream
+  mtdb_mesh_file mtdb_codecs mtdb_query)
 mtdb_install_headers(builder builder)
 mtdb_install_targets(builder mtdb_builder)
-install(FILES tools/client.h DESTINATION ${MTDB_INSTALL_HEADERS}/tools COMPONENT client)
+install(FILES tools/client/client.h DESTINATION ${MTDB_INSTALL_HEADERS}/tools/client COMPONENT client)
 mtdb_install_targets(client mtdb_client)
 install(FILES query/mtdb.h DESTINATION ${MTDB_INSTALL_HEADERS}/query COMPONENT c)
 mtdb_install_targets(c mtdb_c)

@@ -5,8 +5,8 @@
 #include <string>
 #include <utility>
 
-#include "codecs/cluster_codec.h"
-#include "codecs/root_codec.h"
+#include "codecs/cluster/cluster_codec.h"
+#include "codecs/cluster/root_codec.h"
 
 namespace mtdb {
 namespace {

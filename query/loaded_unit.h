@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "codecs/cluster.h"
+#include "codecs/cluster/cluster.h"
 #include "store/base/attributes.h"
 #include "store/base/status.h"
 #include "store/cluster_index.h"

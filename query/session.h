@@ -1,5 +1,5 @@
 // Session: a cut that moves from query to query, and the updates between. What a server keeps for a
-// client; codecs/update_stream.h sends the updates.
+// client; codecs/stream/update_stream.h sends the updates.
 //
 //   auto session = mtdb::Session::Open(surface);
 //   mtdb::UpdateEncoder encoder(...);                  // for (*session)->Base()
@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "codecs/mesh_update.h"
+#include "codecs/stream/mesh_update.h"
 #include "query/cut.h"
 #include "query/query.h"
 #include "store/base/status.h"

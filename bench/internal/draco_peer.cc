@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "bench/internal/workload.h"
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wshadow"

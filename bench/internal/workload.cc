@@ -8,8 +8,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "codecs/mesh_file.h"
-#include "tools/internal/generate.h"
+#include "codecs/mesh_file/mesh_file.h"
+#include "tools/generate/generate.h"
 
 namespace mtdb {
 

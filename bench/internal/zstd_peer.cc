@@ -9,7 +9,7 @@
 #include <zstd.h>
 
 #include "bench/internal/workload.h"
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 
 namespace mtdb {
 

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "codecs/root_codec.h"
+#include "codecs/cluster/root_codec.h"
 
 namespace mtdb {
 

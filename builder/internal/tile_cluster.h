@@ -2,7 +2,7 @@
 #pragma once
 
 #include "builder/internal/tile.h"
-#include "codecs/cluster_codec.h"
+#include "codecs/cluster/cluster_codec.h"
 #include "store/base/attributes.h"
 #include "store/base/grid.h"
 #include "store/cluster_index.h"

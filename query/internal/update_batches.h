@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "codecs/mesh_update.h"
+#include "codecs/stream/mesh_update.h"
 #include "query/internal/bits.h"
 #include "query/loaded_unit.h"
 #include "store/base/status.h"

@@ -8,9 +8,9 @@
 #include <set>
 #include <unistd.h>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/verify_object.h"
-#include "tools/internal/generate.h"
+#include "tools/generate/generate.h"
 
 namespace mtdb::testing {
 

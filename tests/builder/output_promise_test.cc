@@ -7,7 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/nasty_meshes.h"
 #include "tests/support/temporary_folder.h"

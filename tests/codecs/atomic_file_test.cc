@@ -1,5 +1,5 @@
 // Files that appear whole or not at all, and what processes leave that die while they write them.
-#include "codecs/atomic_file.h"
+#include "codecs/mesh_file/atomic_file.h"
 
 #include <catch2/catch.hpp>
 #include <csignal>

@@ -9,8 +9,8 @@
 #include <random>
 #include <set>
 
-#include "codecs/internal/clip_coder.h"
-#include "codecs/update_stream.h"
+#include "codecs/stream/internal/clip_coder.h"
+#include "codecs/stream/update_stream.h"
 #include "tests/codecs/mesh_file_testing.h"
 #include "tests/codecs/update_fixture.h"
 #include "tests/support/client_mesh_check.h"

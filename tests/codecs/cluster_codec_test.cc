@@ -1,8 +1,9 @@
-#include "codecs/cluster_codec.h"
+#include "codecs/cluster/cluster_codec.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "codecs/coding/patch.h"
 #include "tests/codecs/cluster_fixture.h"
 
 namespace mtdb {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "codecs/cluster_codec.h"
+#include "codecs/cluster/cluster_codec.h"
 
 namespace mtdb::testing {
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "codecs/cluster.h"
+#include "codecs/cluster/cluster.h"
 
 namespace mtdb {
 namespace {

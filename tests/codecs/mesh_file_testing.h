@@ -10,7 +10,7 @@
 #include <string>
 #include <unistd.h>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
 
 namespace mtdb::testing {

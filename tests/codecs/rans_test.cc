@@ -1,9 +1,9 @@
-#include "codecs/internal/rans.h"
+#include "codecs/coding/rans.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "codecs/internal/bit_stream.h"
+#include "codecs/coding/bit_stream.h"
 
 namespace mtdb {
 namespace {

@@ -1,4 +1,4 @@
-#include "codecs/root_codec.h"
+#include "codecs/cluster/root_codec.h"
 
 #include <catch2/catch.hpp>
 #include <random>

@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "codecs/cluster_codec.h"
+#include "codecs/cluster/cluster_codec.h"
 #include "tests/codecs/cluster_fixture.h"
 #include "tests/codecs/mesh_file_testing.h"
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "codecs/client_mesh.h"
-#include "codecs/cluster.h"
-#include "codecs/mesh_update.h"
+#include "codecs/cluster/cluster.h"
+#include "codecs/stream/client_mesh.h"
+#include "codecs/stream/mesh_update.h"
 #include "tests/codecs/cluster_fixture.h"
 
 namespace mtdb::testing {

@@ -1,6 +1,6 @@
 // The update stream between an encoder and a decoder: the same mesh after every update, whatever
 // the client remembers; every prefix is a mesh; damaged bytes are refused.
-#include "codecs/update_stream.h"
+#include "codecs/stream/update_stream.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

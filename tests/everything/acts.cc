@@ -9,7 +9,7 @@
 
 #include "builder/build.h"
 #include "tests/everything/world.h"
-#include "tools/internal/merge.h"
+#include "tools/cli/merge.h"
 
 namespace mtdb::everything {
 

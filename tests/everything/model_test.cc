@@ -9,7 +9,7 @@
 #include "tests/everything/process.h"
 #include "tests/everything/question.h"
 #include "tests/support/temporary_folder.h"
-#include "tools/internal/merge.h"
+#include "tools/cli/merge.h"
 
 namespace mtdb::everything {
 namespace {

@@ -4,7 +4,7 @@
 #include <draco/compression/decode.h>
 #include <nlohmann/json.hpp>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "tests/everything/process.h"
 
 namespace mtdb::everything {

@@ -3,7 +3,7 @@
 
 #include "tests/builder/nasty_meshes.h"
 #include "tests/everything/input.h"
-#include "tools/internal/generate.h"
+#include "tools/generate/generate.h"
 
 namespace mtdb::everything {
 

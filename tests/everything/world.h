@@ -9,7 +9,7 @@
 #include "tests/everything/model.h"
 #include "tests/everything/process.h"
 #include "tests/everything/question.h"
-#include "tools/client.h"
+#include "tools/client/client.h"
 
 namespace mtdb::everything {
 

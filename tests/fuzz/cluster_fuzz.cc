@@ -5,7 +5,7 @@
 #include <iterator>
 #include <vector>
 
-#include "codecs/cluster_codec.h"
+#include "codecs/cluster/cluster_codec.h"
 #include "tests/fuzz/cluster_fuzz_targets.h"
 
 using mtdb::testing::ClusterFixture;

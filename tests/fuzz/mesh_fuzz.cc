@@ -7,7 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "codecs/internal/readers.h"
+#include "codecs/mesh_file/internal/readers.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <fstream>
 #include <string>
 
-#include "codecs/cluster_codec.h"
-#include "codecs/root_codec.h"
+#include "codecs/cluster/cluster_codec.h"
+#include "codecs/cluster/root_codec.h"
 #include "store/internal/catalog_entry.h"
 #include "store/internal/index_codec.h"
 #include "store/object_record.h"

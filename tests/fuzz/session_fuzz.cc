@@ -4,7 +4,7 @@
 #include <optional>
 #include <string_view>
 
-#include "tools/internal/session_message.h"
+#include "tools/client/session_message.h"
 
 namespace {
 

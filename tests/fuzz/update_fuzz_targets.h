@@ -5,7 +5,7 @@
 #include <iterator>
 #include <memory>
 
-#include "codecs/update_stream.h"
+#include "codecs/stream/update_stream.h"
 #include "tests/codecs/update_fixture.h"
 #include "tests/fuzz/cluster_fuzz_targets.h"
 

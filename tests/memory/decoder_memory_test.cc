@@ -12,10 +12,10 @@
 #include <unistd.h>
 #include <vector>
 
-#include "codecs/internal/readers.h"
-#include "codecs/internal/streams.h"
-#include "codecs/root_codec.h"
-#include "codecs/update_stream.h"
+#include "codecs/cluster/internal/streams.h"
+#include "codecs/cluster/root_codec.h"
+#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/stream/update_stream.h"
 #include "store/base/hash.h"
 #include "store/internal/catalog_entry.h"
 #include "store/internal/index_codec.h"

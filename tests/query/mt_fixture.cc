@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
-#include "codecs/cluster_codec.h"
-#include "codecs/root_codec.h"
+#include "codecs/cluster/cluster_codec.h"
+#include "codecs/cluster/root_codec.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb::testing {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "codecs/update_stream.h"
+#include "codecs/stream/update_stream.h"
 #include "query/session.h"
 #include "tests/builder/fixture.h"
 #include "tests/support/client_mesh_check.h"

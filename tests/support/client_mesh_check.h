@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "codecs/client_mesh.h"
+#include "codecs/stream/client_mesh.h"
 #include "store/base/mesh_sink.h"
 
 namespace mtdb::testing {

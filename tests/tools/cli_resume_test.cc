@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "tests/tools/cli_testing.h"
-#include "tools/internal/ingest_journal.h"
+#include "tools/cli/ingest_journal.h"
 
 namespace mtdb::test {
 namespace {

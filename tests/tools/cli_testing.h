@@ -15,7 +15,7 @@
 #include <unistd.h>
 #include <vector>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
 #include "tests/support/temporary_folder.h"
 

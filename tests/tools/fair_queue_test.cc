@@ -1,5 +1,5 @@
 // Whose turn it is: against a simple model, and what it promises, counted in decisions.
-#include "tools/internal/fair_queue.h"
+#include "tools/server/internal/fair_queue.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

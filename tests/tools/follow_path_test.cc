@@ -1,5 +1,5 @@
 // Paths of `mtdb follow`: keyframes into queries.
-#include "tools/internal/follow_path.h"
+#include "tools/cli/follow_path.h"
 
 #include <catch2/catch.hpp>
 

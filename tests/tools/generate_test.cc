@@ -1,4 +1,4 @@
-#include "tools/internal/generate.h"
+#include "tools/generate/generate.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "tests/support/temporary_folder.h"
-#include "tools/internal/marching.h"
-#include "tools/internal/noise.h"
+#include "tools/generate/internal/marching.h"
+#include "tools/generate/noise.h"
 
 namespace mtdb {
 namespace {

@@ -9,12 +9,12 @@
 #include <functional>
 #include <vector>
 
-#include "codecs/internal/rans.h"
+#include "codecs/coding/rans.h"
 #include "store/base/hash.h"
 #include "tests/support/client_mesh_check.h"
 #include "tests/tools/websocket_testing.h"
-#include "tools/client.h"
-#include "tools/internal/network.h"
+#include "tools/client/client.h"
+#include "tools/client/network.h"
 
 namespace mtdb::test {
 namespace {

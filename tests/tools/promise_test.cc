@@ -7,9 +7,9 @@
 #include "query/surface.h"
 #include "store/database.h"
 #include "tests/tools/http_testing.h"
-#include "tools/client.h"
-#include "tools/internal/report_json.h"
-#include "tools/internal/shortfall_json.h"
+#include "tools/client/client.h"
+#include "tools/client/shortfall_json.h"
+#include "tools/request/report_json.h"
 
 namespace mtdb::test {
 namespace {

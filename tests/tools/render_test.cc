@@ -1,4 +1,4 @@
-#include "tools/internal/render.h"
+#include "tools/render/render.h"
 
 #include <array>
 #include <catch2/catch.hpp>

@@ -4,7 +4,7 @@
 
 #include "tests/tools/hostile_clients.h"
 #include "tests/tools/websocket_testing.h"
-#include "tools/client.h"
+#include "tools/client/client.h"
 
 namespace mtdb::test {
 namespace {

@@ -1,5 +1,5 @@
 // Who gives way when what all share is used up: against a simple model.
-#include "tools/internal/server_ledger.h"
+#include "tools/server/internal/server_ledger.h"
 
 #include <catch2/catch.hpp>
 #include <map>

@@ -1,11 +1,11 @@
 // Targets and parameters of requests to the server.
-#include "tools/internal/server_request.h"
+#include "tools/server/internal/server_request.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "tools/internal/http_client.h"
-#include "tools/internal/remote_object.h"
+#include "tools/client/http_client.h"
+#include "tools/client/internal/remote_object.h"
 
 namespace mtdb::test {
 namespace {

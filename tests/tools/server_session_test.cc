@@ -12,7 +12,7 @@
 #include "tests/support/attribute_kinds.h"
 #include "tests/support/client_mesh_check.h"
 #include "tests/tools/websocket_testing.h"
-#include "tools/client.h"
+#include "tools/client/client.h"
 
 namespace mtdb::test {
 namespace {

@@ -1,5 +1,5 @@
 // Control messages of sessions: what they say is read back, and what they must not say is refused.
-#include "tools/internal/session_message.h"
+#include "tools/client/session_message.h"
 
 #include <catch2/catch.hpp>
 #include <string>

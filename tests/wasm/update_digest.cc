@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <span>
 
-#include "codecs/update_stream.h"
+#include "codecs/stream/update_stream.h"
 #include "store/base/hash.h"
 
 namespace {

@@ -6,8 +6,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "codecs/cluster_codec.h"
-#include "codecs/root_codec.h"
+#include "codecs/cluster/cluster_codec.h"
+#include "codecs/cluster/root_codec.h"
 #include "store/base/attribute_layout.h"
 #include "store/base/hash.h"
 #include "tests/codecs/decode_check/payload_file.h"

@@ -1,7 +1,7 @@
 // decode_dump STORE FILE: the payloads of all objects, for decode_digest. See payload_file.h.
 #include <cstdio>
 
-#include "codecs/internal/streams.h"
+#include "codecs/cluster/internal/streams.h"
 #include "query/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/attribute_layout.h"

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <string>
 
-#include "codecs/cluster.h"
+#include "codecs/cluster/cluster.h"
 #include "store/base/bytes.h"
 
 namespace mtdb {

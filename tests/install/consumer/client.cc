@@ -1,5 +1,5 @@
 // consumer_client URL: opens a session of a server, or prints why there is none.
-#include "tools/client.h"
+#include "tools/client/client.h"
 
 #include <cstdio>
 

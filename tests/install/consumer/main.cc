@@ -1,7 +1,7 @@
 // consumer STORE: prints the triangles that the catalog and a query count, which must agree.
 #include <cstdio>
 
-#include "codecs/mesh_file.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/probe.h"
 #include "query/query_json.h"
 #include "query/surface.h"

@@ -1,0 +1,363 @@
+#include "codecs/cluster/cluster_codec.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <optional>
+
+#include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/streams.h"
+#include "codecs/coding/attribute_coder.h"
+#include "codecs/coding/bit_stream.h"
+#include "codecs/coding/cluster_model.h"
+#include "codecs/coding/hole_frame.h"
+#include "codecs/coding/patch.h"
+#include "codecs/coding/rans.h"
+
+namespace mtdb {
+
+namespace {
+
+int32_t Sum(int32_t expected, int32_t residual) {
+  return static_cast<int32_t>(static_cast<uint32_t>(expected) + static_cast<uint32_t>(residual));
+}
+
+// Makes `numbers` hold at least kHoleEntries behind the first `used`.
+inline void MakeRoom(std::vector<uint32_t>& numbers, size_t used) {
+  if (used + kHoleEntries > numbers.size()) [[unlikely]] {
+    numbers.resize(numbers.size() + numbers.size() / 2 + kHoleEntries);
+  }
+}
+
+// Decodes generation by generation (see Patch). The nodes of a generation are known first, then
+// their errors, then their vertices, each in a loop of its own: what does not depend on each other
+// is done side by side.
+class ClusterDecoder {
+ public:
+  ClusterDecoder(const AttributeLayout& attributes, const std::string& where)
+      : attribute_coder_(attributes), where_(where) {}
+
+  Result<Cluster> Decode(ByteSpan payload, InPatch in, uint32_t node_limit);
+
+ private:
+  // What is known of a node's vertex before its position.
+  struct Vertex {
+    HoleFrame frame;
+    float deviation;  // along n: slant(), or unevenness()
+    uint32_t ring_class;
+    uint32_t hole_size, least_code;
+    int32_t residual[3];
+  };
+
+  Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
+  Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
+  Status DecodeGeneration();
+  Status DecodeTopology(uint32_t generation_end);
+  void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
+  void PlaceVertices(std::span<const Vertex> vertices, uint32_t first);
+  void DecodeRow(uint32_t node);
+  Status DecodeArcs(const StreamReader& streams);
+
+  bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
+
+  AttributeCoder attribute_coder_;
+  std::vector<Vec3i> ring_positions_;
+  const std::string& where_;
+  Cluster cluster_;
+  uint8_t flags_ = 0;
+  uint8_t reference_length_ = 0;
+  uint32_t node_count_ = 0;
+
+  Bytes readable_bits_;  // with as many bytes behind them as a reader may touch
+  RansDecoder<2> topology_{{}};
+  RansDecoder<4> vertex_stream_{{}};
+  BitReader bits_{{}};
+  RansDecoder<> attribute_stream_{{}};
+  ClusterModels models_;
+
+  std::optional<Patch> patch_;
+  uint32_t slot_ = 0;             // the next one to visit
+  uint32_t nodes_ = 0;            // with known holes
+  std::vector<Vertex> vertices_;  // of the generation, and more
+};
+
+Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes) {
+  flags_ = head.Get<uint8_t>();
+  reference_length_ = head.Get<uint8_t>();
+  const uint64_t node_count = head.GetVarint();
+  const uint64_t child_count = head.GetVarint();
+  if (head.failed() || child_count > head.remaining()) return Corrupted("head: cut short");
+  if (flags_ & ~kKnownFlags) return Corrupted("head: unknown flags " + std::to_string(flags_));
+  if (reference_length_ > kMaxExponent) {
+    return Corrupted("head: reference length " + std::to_string(reference_length_) +
+                     ", but the greatest is " + std::to_string(kMaxExponent));
+  }
+  if (node_count == 0 || node_count > node_limit) {
+    return Corrupted("head: " + std::to_string(node_count) + " nodes, but the index says " +
+                     std::to_string(node_limit));
+  }
+  if (LeastPayloadBytes(node_count, attribute_coder_.row_bytes()) > payload_bytes) {
+    return Corrupted("head: nodes beyond the bytes");
+  }
+  node_count_ = static_cast<uint32_t>(node_count);
+  uint64_t child = 0;
+  for (uint64_t i = 0; i < child_count; ++i) {
+    const uint64_t delta = head.GetVarint();
+    if (i > 0 && delta == 0) return Corrupted("head: children not ascending");
+    child += delta;
+    if (child >= kChildFlag) return Corrupted("head: child beyond any cluster");
+    cluster_.children.push_back(ClusterId(static_cast<uint32_t>(child)));
+  }
+  if (head.failed() || head.remaining() != 0) return Corrupted("head: wrong length");
+  return Status::Ok();
+}
+
+// Finds the nodes that are anchored below `generation_end`.
+Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
+  RansDecoder<2> coder = topology_;
+  Patch& patch = *patch_;
+  Cluster& c = cluster_;
+  uint32_t slot = slot_;
+  uint32_t i = nodes_;
+  uint32_t ring_begin = c.ring_begin[i];
+  uint32_t hole_begin = c.hole_begin[i];
+  Patch::Hole hole{};
+  for (; slot < generation_end && i < node_count_; ++slot) {
+    if (!models_.topology.CodeAnchor(coder.lane<0>(), patch, slot, false)) continue;
+    if (coder.overrun()) return Corrupted("topology: cut short");
+    if (patch.remover(slot) != kNone32) return Corrupted("anchor is not alive");
+    MakeRoom(c.ring_vertices, ring_begin);
+    MakeRoom(c.hole_slots, hole_begin);
+    hole.ring = c.ring_vertices.data() + ring_begin;
+    hole.slots = c.hole_slots.data() + hole_begin;
+    if (!patch.WalkHole(slot, i, hole, [&](uint32_t count, uint32_t, uint32_t shape) {
+          return models_.topology.CodeTake(coder.lane<1>(), count, shape, false);
+        })) {
+      return Corrupted("hole of node " + std::to_string(i) + " is too large, or no disc");
+    }
+    uint32_t split = kNone32;
+    if (flags_ & kFlagBoundary) {
+      // On a copy, so that `coder` itself may stay in registers.
+      RansDecoder<2> copy = coder;
+      split = CodeSplitEdge(copy.lane<1>(), models_.topology, hole, kNone32);
+      coder = copy;
+    }
+    const bool boundary = split != kNone32;
+    if (boundary) {
+      if (split >= hole.ring_count) return Corrupted("split edge beyond the ring");
+      hole.Rotate(split);
+      patch.OpenStar(hole);
+    }
+    // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
+    if (i - nodes_ == vertices_.size()) [[unlikely]] {
+      vertices_.resize(2 * vertices_.size() + 64);
+    }
+    Vertex& v = vertices_[i - nodes_];
+    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+    v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
+    v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
+    v.hole_size = hole.slot_count;
+    v.least_code = hole.least_code;
+    c.ring_begin[i + 1] = ring_begin += hole.ring_count;
+    c.hole_begin[i + 1] = hole_begin += hole.slot_count;
+    c.star_begin[i + 1] = patch.slots();
+    ++i;
+  }
+  slot_ = slot;
+  nodes_ = i;
+  topology_ = coder;
+  return Status::Ok();
+}
+
+void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) {
+  RansDecoder<4> coder = vertex_stream_;
+  BitReader bits = bits_;
+  const bool within = scaled_by_error();
+  uint8_t code = first == 0 ? 0 : cluster_.error_codes[first - 1];
+  uint8_t* codes = cluster_.error_codes.data() + first;
+  for (Vertex& v : vertices) {
+    if (coder.overrun() || bits.overrun()) break;
+    code = models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
+    *codes++ = code;
+    const uint32_t ring_class = v.ring_class;
+    v.residual[0] =
+        models_.positions.CodeScaled(coder.lane<1>(), bits, 0, ring_class, v.frame.variance_u(), 0);
+    v.residual[1] =
+        models_.positions.CodeScaled(coder.lane<2>(), bits, 1, ring_class, v.frame.variance_v(), 0);
+    v.residual[2] =
+        within ? models_.positions.CodeWithin(coder.lane<3>(), bits, ring_class,
+                                              kErrorInCells[code] * v.deviation, 0)
+               : models_.positions.CodeScaled(coder.lane<3>(), bits, 2, ring_class, v.deviation, 0);
+  }
+  vertex_stream_ = coder;
+  bits_ = bits;
+}
+
+void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t first) {
+  uint32_t i = first;
+  for (const Vertex& vertex : vertices) {
+    const HoleFrame& f = vertex.frame;
+    const int32_t u = Sum(f.ExpectU(), vertex.residual[0]);
+    const int32_t v = Sum(f.ExpectV(u), vertex.residual[1]);
+    const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
+    Vec3i p;
+    p[f.axis_u()] = u;
+    p[f.axis_v()] = v;
+    p[f.axis_n()] = n;
+    cluster_.in.positions.push_back(p);
+  }
+}
+
+void ClusterDecoder::DecodeRow(uint32_t node) {
+  Bytes& rows = cluster_.in.rows;
+  const size_t at = rows.size();
+  rows.resize(at + attribute_coder_.row_bytes());
+  const std::span<const Vec3i> positions = cluster_.in.positions;
+  const uint32_t vertex = cluster_.external_vertices() + node;
+  const std::span<const uint32_t> ring = cluster_.ring(node);
+  ring_positions_.clear();
+  for (const uint32_t v : ring) ring_positions_.push_back(positions[v]);
+  attribute_coder_.Decode(attribute_stream_, {positions[vertex], ring, ring_positions_}, rows,
+                          rows.data() + at);
+}
+
+Status ClusterDecoder::DecodeGeneration() {
+  const uint32_t first = nodes_;
+  const uint32_t generation_end = patch_->slots();
+  if (slot_ == generation_end) return Corrupted("fewer anchors than nodes");
+  MTDB_RETURN_IF_ERROR(DecodeTopology(generation_end));
+  // In blocks that stay in the processor's nearest cache.
+  constexpr uint32_t kBlock = 64;
+  for (uint32_t begin = first; begin < nodes_; begin += kBlock) {
+    const uint32_t end = std::min(begin + kBlock, nodes_);
+    DecodeVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
+    PlaceVertices(std::span(vertices_).subspan(begin - first, end - begin), begin);
+  }
+  // Only now, since holes are older than the generation.
+  const uint32_t external = cluster_.external_vertices();
+  for (uint32_t i = first; i < nodes_; ++i) patch_->AddPoint(cluster_.position(external + i));
+  if (attribute_coder_.row_bytes() != 0) {
+    for (uint32_t i = first; i < nodes_; ++i) DecodeRow(i);
+  }
+  if (vertex_stream_.overrun() || bits_.overrun() || attribute_stream_.overrun()) {
+    return Corrupted("coded streams cut short");
+  }
+  if (nodes_ < node_count_) patch_->EndGeneration(cluster_.error_codes);
+  return Status::Ok();
+}
+
+Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
+  const auto children = static_cast<uint32_t>(cluster_.children.size());
+  static_assert(kDrain == kNone32);
+  RansDecoder<> arcs(streams.bytes(StreamTag::kArcs));
+  if (children > 0) {
+    const std::span<uint32_t> removers = patch_->removers();
+    const bool listed = models_.arcs.Code(
+        arcs.lane(), *patch_, cluster_.in_triangles(), children, [](uint32_t) { return 0u; },
+        [&](uint32_t s, uint32_t arc) {
+          if (arc != children) removers[s] = kChildFlag | arc;
+          return !arcs.overrun();
+        });
+    if (!listed) return Corrupted("arcs: cut short, or to a child that is not listed");
+  }
+  if (!arcs.Done()) return Corrupted("arcs: do not end where they should");
+  cluster_.removers = patch_->TakeRemovers();
+  ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
+  uint64_t slot = 0;
+  while (explicit_arcs.remaining() != 0) {
+    slot += explicit_arcs.GetVarint();
+    const uint64_t child_slot = explicit_arcs.GetVarint();
+    const auto rotation = explicit_arcs.Get<uint8_t>();
+    if (explicit_arcs.failed() || slot >= cluster_.slots() || child_slot >= kNone32 ||
+        rotation > 2 || !RemovedByChild(cluster_.removers[slot])) {
+      return Corrupted("explicit arc out of range");
+    }
+    cluster_.explicit_arcs.push_back(
+        {static_cast<uint32_t>(slot), static_cast<uint32_t>(child_slot), rotation});
+  }
+  return Status::Ok();
+}
+
+Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit) {
+  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
+  MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
+  const size_t row = attribute_coder_.row_bytes();
+  if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
+  topology_ = RansDecoder<2>(streams.bytes(StreamTag::kTopology));
+  vertex_stream_ = RansDecoder<4>(streams.bytes(StreamTag::kVertices));
+  const ByteSpan bits = streams.bytes(StreamTag::kBits);
+  readable_bits_.assign(bits.begin(), bits.end());
+  readable_bits_.resize(bits.size() + BitReader::kReadableBytes);
+  bits_ = BitReader(ByteSpan(readable_bits_).first(bits.size()));
+  attribute_stream_ = RansDecoder<>(streams.bytes(StreamTag::kAttributes));
+
+  Cluster& c = cluster_;
+  const size_t n = node_count_;
+  c.in = std::move(in);
+  c.in.positions.reserve(c.external_vertices() + n);
+  c.in.rows.reserve((c.external_vertices() + n) * row);
+  c.error_codes.resize(n);
+  c.ring_begin.resize(n + 1);
+  c.star_begin.resize(n + 1);
+  c.hole_begin.resize(n + 1);
+  c.star_begin[0] = c.in_triangles();
+  c.ring_vertices.resize(6 * n + kHoleEntries);
+  c.hole_slots.resize(4 * n + kHoleEntries);
+  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n);
+
+  while (nodes_ < node_count_) MTDB_RETURN_IF_ERROR(DecodeGeneration());
+  c.ring_vertices.resize(c.ring_begin[n]);
+  c.hole_slots.resize(c.hole_begin[n]);
+  if (!topology_.Done()) return Corrupted("topology: does not end where it should");
+  if (!vertex_stream_.Done()) return Corrupted("vertices: do not end where they should");
+  if (!bits_.Done()) return Corrupted("bits: do not end where they should");
+  if (!attribute_stream_.Done()) return Corrupted("attributes: do not end where they should");
+  for (uint32_t s = 0; s < c.in_triangles(); ++s) {
+    if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
+  }
+  MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
+  return std::move(cluster_);
+}
+
+}  // namespace
+
+InPatch MakeInPatch(std::span<const InTriangle> triangles) {
+  InPatch patch;
+  patch.triangles.reserve(triangles.size());
+  // Open addressing: vertex -> local number.
+  const size_t capacity = std::bit_ceil(6 * triangles.size() + 2);
+  std::vector<std::pair<VertexIndex, uint32_t>> table(capacity, {~VertexIndex{0}, 0});
+  for (const InTriangle& t : triangles) {
+    auto& corners = patch.triangles.emplace_back();
+    for (size_t c = 0; c < 3; ++c) {
+      size_t i = (t.vertices[c] * 0x9e3779b97f4a7c15ull >> 20) & (capacity - 1);
+      while (table[i].first != ~VertexIndex{0} && table[i].first != t.vertices[c]) {
+        i = (i + 1) & (capacity - 1);
+      }
+      if (table[i].first == ~VertexIndex{0}) {
+        table[i] = {t.vertices[c], static_cast<uint32_t>(patch.vertices.size())};
+        patch.vertices.push_back(t.vertices[c]);
+        patch.positions.push_back(t.positions[c]);
+      }
+      corners[c] = table[i].second;
+    }
+  }
+  return patch;
+}
+
+Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
+                              uint32_t node_limit, const std::string& where) {
+  return ClusterDecoder(attributes, where).Decode(payload, std::move(in), node_limit);
+}
+
+std::vector<StreamSize> ClusterStreamSizes(ByteSpan payload) {
+  std::vector<StreamSize> sizes;
+  const Result<StreamReader> streams = StreamReader::Open(payload, "payload");
+  if (!streams.ok()) return sizes;
+  for (const StreamReader::Size& s : streams->sizes()) {
+    sizes.push_back({StreamTagName(s.tag), s.raw_bytes, s.coded_bytes});
+  }
+  return sizes;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,79 @@
+// The compressed form of a cluster: implicit, decoded by replaying the updates. Specified in
+// codecs/FORMAT.md. After the implicit coding of De Floriani, Magillo and Puppo, "Compressing
+// triangulated irregular networks" and "VARIANT"; the order of nodes and the sorted arcs are ours.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "codecs/cluster/cluster.h"
+#include "store/base/attributes.h"
+#include "store/base/bytes.h"
+#include "store/base/grid.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// The updates of a tile, as the builder made them (removals, read backwards).
+struct ClusterUpdates {
+  // Where an out-triangle goes; none: full resolution.
+  struct Consumer {
+    ClusterId child{kNone32};
+    uint32_t child_slot = 0;
+    bool explicit_arc = false;
+  };
+  struct Node {
+    uint32_t vertex = 0;  // local
+    bool boundary = false;
+    uint8_t error_code = 0;
+    uint32_t hole_begin = 0, hole_count = 0;  // ranges in `holes`
+    uint32_t star_begin = 0, star_count = 0;  // ranges in `stars`
+  };
+  std::vector<Vec3i> positions;  // of local vertices
+  Bytes rows;                    // attributes of local vertices
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<Consumer> consumers;  // per triangle; read for out-triangles only
+  std::vector<Node> nodes;          // in any order
+  std::vector<uint32_t> holes;      // triangles
+  std::vector<uint32_t> stars;      // triangles
+};
+
+struct EncodedCluster {
+  Bytes payload;
+  std::vector<ClusterId> children;   // ascending
+  std::vector<uint32_t> node_order;  // stored node -> ClusterUpdates::nodes
+  // Stored in-triangle -> ClusterUpdates::triangles, and which of its corners comes first.
+  std::vector<uint32_t> in_triangles;
+  std::vector<uint8_t> in_rotations;
+  uint32_t out_triangles = 0;
+  uint32_t external_vertices = 0;
+  bool explicit_arcs = false;  // parents must name slots
+};
+
+// Deterministic. `updates` must be a consistent set of updates: a bug otherwise.
+EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes);
+
+// A decoded cluster as updates: what it was encoded from, but for the order of things.
+ClusterUpdates UpdatesOf(const Cluster& cluster);
+
+// Numbers the corners of `triangles` (in slot order) by first occurrence; leaves rows empty.
+InPatch MakeInPatch(std::span<const InTriangle> triangles);
+
+// Replays `payload` on `in`, whose rows must be filled. Memory and time are bounded by the
+// payload's length and `node_limit` (from the index). `where` names the cluster in messages.
+// Errors: kCorrupt.
+Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
+                              uint32_t node_limit, const std::string& where);
+
+// What each stream of a payload takes, for `info` and the benchmarks.
+struct StreamSize {
+  const char* name;
+  uint32_t raw_bytes;
+  uint32_t coded_bytes;
+};
+std::vector<StreamSize> ClusterStreamSizes(ByteSpan payload);
+
+}  // namespace mtdb

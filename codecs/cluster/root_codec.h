@@ -1,0 +1,20 @@
+// The compressed form of a root piece. Specified in codecs/FORMAT.md.
+#pragma once
+
+#include <string>
+
+#include "codecs/cluster/cluster.h"
+#include "store/base/attributes.h"
+#include "store/base/bytes.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// Deterministic.
+Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes);
+
+// Errors: kCorrupt. Bounded by the payload's length; vertices are below `root_vertices`.
+Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
+                                  uint64_t root_vertices, const std::string& where);
+
+}  // namespace mtdb

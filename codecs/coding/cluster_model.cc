@@ -1,0 +1,40 @@
+#include "codecs/coding/cluster_model.h"
+
+namespace mtdb {
+
+namespace {
+
+#include "codecs/coding/cluster_priors.inc"
+
+template <size_t kCount>
+void Start(std::array<AdaptiveBit, kCount>& models, const uint16_t (&priors)[kCount]) {
+  for (size_t i = 0; i < kCount; ++i) models[i].probability = priors[i];
+}
+
+template <size_t kCount>
+void Start(std::array<AdaptiveSymbol, kCount>& models, const int16_t (&priors)[kCount][16]) {
+  for (size_t i = 0; i < kCount; ++i) std::copy_n(priors[i], 16, models[i].below.begin());
+}
+
+}  // namespace
+
+TopologyModel::TopologyModel() {
+  Start(anchor_, kAnchorPriors);
+  Start(take_, kTakePriors);
+  Start(boundary_, kBoundaryPriors);
+}
+
+ErrorModel::ErrorModel() { Start(high_, kErrorPriors); }
+
+PositionModel::PositionModel() {
+  Start(scaled_, kScaledPriors);
+  Start(within_, kWithinPriors);
+  Start(beyond_, kBeyondPriors);
+}
+
+ArcModel::ArcModel() {
+  Start(first_, kFirstArcPriors);
+  Start(second_, kSecondArcPriors);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,291 @@
+// Binary glTF 2.0 (.glb). The file is a header, a chunk of JSON that describes the mesh, and a
+// chunk of vertices and triangles. The JSON comes first but holds the smallest and largest
+// position: room is left for it, and it is written at the end.
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <set>
+#include <vector>
+
+#include "codecs/mesh_file/internal/mesh_writer.h"
+#include "codecs/mesh_file/internal/text_format.h"
+
+namespace mtdb {
+namespace {
+
+constexpr uint32_t kMagic = 0x46546c67;      // "glTF"
+constexpr uint32_t kJsonChunk = 0x4e4f534a;  // "JSON"
+constexpr uint32_t kBinaryChunk = 0x004e4942;
+constexpr size_t kHeaderBytes = 12;
+constexpr size_t kChunkHeaderBytes = 8;
+constexpr size_t kPositionBytes = sizeof(Vec3f);
+constexpr size_t kNumberBytes = 24;     // the longest double in decimals
+constexpr size_t kLargestStride = 252;  // of a vertex, by the specification
+constexpr uint64_t kLargestFile = 0xffffffffu;
+constexpr uint64_t kTriangleBytes = 3 * sizeof(uint32_t);
+
+// The standard's numbers of component types.
+enum class Component : uint16_t {
+  kByte = 5120,
+  kUnsignedByte = 5121,
+  kShort = 5122,
+  kUnsignedShort = 5123,
+  kUnsignedInt = 5125,  // not for vertices
+  kFloat = 5126,
+};
+
+// The type that carries a scalar: glTF has neither 32-bit integers nor doubles at vertices.
+Component ComponentOf(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8: return Component::kByte;
+    case ScalarType::kUint8: return Component::kUnsignedByte;
+    case ScalarType::kInt16: return Component::kShort;
+    case ScalarType::kUint16: return Component::kUnsignedShort;
+    default: return Component::kFloat;
+  }
+}
+
+// One vertex attribute of the file: some columns of a row.
+struct GltfColumns {
+  std::string name;
+  Component component = Component::kFloat;
+  bool normalized = false;
+  ScalarType type = ScalarType::kFloat32;  // of the columns
+  std::vector<size_t> offsets;             // in a row
+  size_t at = 0;                           // bytes from the start of a vertex; a multiple of 4
+};
+
+// "_QUALITY" for "quality"; what is neither a letter nor a digit becomes "_".
+std::string CustomName(const std::string& name, const std::set<std::string>& taken) {
+  std::string custom = "_";
+  for (const char c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = byte < 0x80 && std::isalnum(byte) != 0;
+    custom += plain ? static_cast<char>(std::toupper(byte)) : '_';
+  }
+  std::string unique = custom;
+  for (int i = 2; taken.contains(unique); ++i) unique = custom + "_" + std::to_string(i);
+  return unique;
+}
+
+// Normals, colours, then all others under names of their own, as far as a vertex has room.
+std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, size_t* stride) {
+  std::vector<GltfColumns> plan;
+  std::set<size_t> used;
+  std::set<std::string> names;
+  *stride = kPositionBytes;
+  const auto add = [&](GltfColumns columns, size_t bytes) {
+    if (*stride + bytes > kLargestStride) return;
+    columns.at = *stride;
+    *stride += bytes;
+    used.insert(columns.offsets.begin(), columns.offsets.end());
+    names.insert(columns.name);
+    plan.push_back(std::move(columns));
+  };
+  if (const NormalColumns n = FindNormals(layout); n.found) {
+    add({"NORMAL", Component::kFloat, false, ScalarType::kFloat32, {n.offsets, n.offsets + 3}},
+        sizeof(Vec3f));
+  }
+  if (const ColourColumns c = FindColours(layout); c.count > 0) {
+    add({"COLOR_0",
+         Component::kUnsignedByte,
+         true,
+         ScalarType::kUint8,
+         {c.offsets, c.offsets + c.count}},
+        sizeof(uint32_t));
+  }
+  size_t offset = 0;
+  for (const VertexAttribute& a : layout.attributes) {
+    if (!used.contains(offset)) {
+      add({CustomName(a.name, names), ComponentOf(a.type), false, a.type, {offset}},
+          sizeof(uint32_t));
+    }
+    offset += ScalarSize(a.type);
+  }
+  return plan;
+}
+
+std::string Numbers(Vec3d v) {
+  std::string text = "[";
+  for (int i = 0; i < 3; ++i) {
+    AppendNumber(&text, v[i]);
+    text += i < 2 ? ',' : ']';
+  }
+  return text;
+}
+
+std::string VectorType(size_t components) {
+  return components == 1 ? "SCALAR" : "VEC" + std::to_string(components);
+}
+
+float FloatValue(const std::byte* value, ScalarType type) {
+  const auto as = [&]<typename T>(T number) {
+    std::memcpy(&number, value, sizeof(number));
+    return static_cast<float>(number);
+  };
+  float number = 0;
+  switch (type) {
+    case ScalarType::kInt32: number = as(int32_t{}); break;
+    case ScalarType::kUint32: number = as(uint32_t{}); break;
+    case ScalarType::kFloat64: number = as(double{}); break;
+    default: number = as(float{});
+  }
+  return std::isfinite(number) ? number : 0;  // the format has no other numbers
+}
+
+// Of length 1, which the format demands; upwards where there is none.
+Vec3f UnitNormal(Vec3f n) {
+  const Vec3d d{n.x, n.y, n.z};
+  const double length = Length(d);
+  if (!(length > 0) || !std::isfinite(length)) return {0, 0, 1};
+  return {static_cast<float>(d.x / length), static_cast<float>(d.y / length),
+          static_cast<float>(d.z / length)};
+}
+
+class GltfWriter final : public MeshWriter {
+ public:
+  using MeshWriter::MeshWriter;
+
+ private:
+  Status WriteHeader() override {
+    columns_ = PlanColumns(header().attributes, &stride_);
+    // A mesh in glTF has triangles.
+    empty_ = triangle_count() == 0;
+    if (header().double_positions && header().bounds.empty()) {
+      origin_ = Vec3d{};
+    } else if (float_positions().has_origin()) {
+      origin_ = float_positions().origin();
+    }
+    json_bytes_ = (Json().size() + 9 * kNumberBytes + 3) / 4 * 4;
+    const uint64_t rest = kLargestFile - kHeaderBytes - 2 * kChunkHeaderBytes - json_bytes_;
+    if (!empty_ && (vertex_count() > rest / stride_ ||
+                    triangle_count() > (rest - vertex_count() * stride_) / kTriangleBytes)) {
+      return InvalidArgument(path() + ": a .glb file holds at most 4 GiB, but the mesh of " +
+                             std::to_string(vertex_count()) + " vertices and " +
+                             std::to_string(triangle_count()) +
+                             " triangles needs more; write PLY or ask for a part of it");
+    }
+    binary_bytes_ = empty_ ? 0 : vertex_count() * stride_ + triangle_count() * kTriangleBytes;
+    return file().Append(Front());
+  }
+
+  Status WriteVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    if (empty_ || positions.empty()) return Status::Ok();
+    if (origin_ && bounds_.empty() && header().bounds.empty()) {
+      origin_ = positions[0];
+      float_positions().set_origin(positions[0]);
+    }
+    const size_t row_bytes = header().attributes.row_bytes();
+    buffer_.assign(positions.size() * stride_, std::byte{0});
+    std::byte* out = buffer_.data();
+    for (size_t i = 0; i < positions.size(); ++i, out += stride_) {
+      Vec3f f;
+      if (!float_positions().Round(positions[i], &f)) return TooLarge();
+      std::memcpy(out, &f, sizeof(f));
+      bounds_.Add(Vec3d{f.x, f.y, f.z});
+      for (const GltfColumns& c : columns_) PutValues(c, rows.data() + i * row_bytes, out + c.at);
+    }
+    return file().Append(buffer_);
+  }
+
+  static void PutValues(const GltfColumns& columns, const std::byte* row, std::byte* out) {
+    if (columns.name == "NORMAL") {
+      float n[3];
+      for (size_t i = 0; i < 3; ++i) std::memcpy(&n[i], row + columns.offsets[i], sizeof(float));
+      const Vec3f unit = UnitNormal({n[0], n[1], n[2]});
+      std::memcpy(out, &unit, sizeof(unit));
+    } else if (columns.component == Component::kFloat) {
+      const float value = FloatValue(row + columns.offsets[0], columns.type);
+      std::memcpy(out, &value, sizeof(value));
+    } else {
+      const size_t size = ScalarSize(columns.type);
+      for (size_t i = 0; i < columns.offsets.size(); ++i) {
+        std::memcpy(out + i * size, row + columns.offsets[i], size);
+      }
+    }
+  }
+
+  Status WriteTriangles(std::span<const TriangleVertices> triangles) override {
+    buffer_.resize(triangles.size() * kTriangleBytes);
+    std::byte* out = buffer_.data();
+    for (const TriangleVertices& t : triangles) {
+      const uint32_t v[3] = {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]),
+                             static_cast<uint32_t>(t[2])};
+      std::memcpy(out, v, sizeof(v));
+      out += kTriangleBytes;
+    }
+    return file().Append(buffer_);
+  }
+
+  Status WriteEnd() override { return file().Overwrite(0, AsBytes(Front())); }
+
+  // Everything up to the vertices.
+  std::string Front() const {
+    const auto u32 = [](uint64_t value) {
+      const auto word = static_cast<uint32_t>(value);
+      return std::string(reinterpret_cast<const char*>(&word), sizeof(word));
+    };
+    std::string json = Json();
+    json.resize(json_bytes_, ' ');
+    const std::string binary = empty_ ? "" : u32(binary_bytes_) + u32(kBinaryChunk);
+    const uint64_t total =
+        kHeaderBytes + kChunkHeaderBytes + json_bytes_ + binary.size() + binary_bytes_;
+    return u32(kMagic) + u32(2) + u32(total) + u32(json_bytes_) + u32(kJsonChunk) + json + binary;
+  }
+
+  std::string Json() const {
+    std::string json = R"({"asset":{"version":"2.0","generator":"mtdb"},"scene":0,"scenes":[)";
+    if (empty_) return json + "{}]}";
+    json += R"({"nodes":[0]}],"nodes":[{"mesh":0)";
+    if (origin_) json += ",\"translation\":" + Numbers(*origin_);
+    json += R"(}],"materials":[{"pbrMetallicRoughness":{"metallicFactor":0},"doubleSided":true}])";
+    json += R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":1)";
+    std::string accessors = Accessor(0, 0, Component::kUnsignedInt, triangle_count() * 3, 1) + "}";
+    accessors += "," + Accessor(1, 0, Component::kFloat, vertex_count(), 3) +
+                 ",\"min\":" + Numbers(bounds_.empty() ? Vec3d{} : bounds_.min) +
+                 ",\"max\":" + Numbers(bounds_.empty() ? Vec3d{} : bounds_.max) + "}";
+    size_t number = 2;
+    for (const GltfColumns& c : columns_) {
+      json += ",\"" + c.name + "\":" + std::to_string(number++);
+      accessors += "," + Accessor(1, c.at, c.component, vertex_count(), c.offsets.size()) +
+                   (c.normalized ? ",\"normalized\":true}" : "}");
+    }
+    const uint64_t vertex_bytes = vertex_count() * stride_;
+    const uint64_t index_bytes = triangle_count() * kTriangleBytes;
+    return json + R"(},"indices":0,"material":0}]}],"accessors":[)" + accessors +
+           R"(],"bufferViews":[{"buffer":0,"byteOffset":)" + std::to_string(vertex_bytes) +
+           ",\"byteLength\":" + std::to_string(index_bytes) +
+           R"(,"target":34963},{"buffer":0,"byteLength":)" + std::to_string(vertex_bytes) +
+           ",\"byteStride\":" + std::to_string(stride_) +
+           R"(,"target":34962}],"buffers":[{"byteLength":)" +
+           std::to_string(vertex_bytes + index_bytes) + "}]}";
+  }
+
+  // Open at its end.
+  static std::string Accessor(int view, size_t offset, Component component, uint64_t count,
+                              size_t components) {
+    return "{\"bufferView\":" + std::to_string(view) + ",\"byteOffset\":" + std::to_string(offset) +
+           ",\"componentType\":" + std::to_string(static_cast<int>(component)) +
+           ",\"count\":" + std::to_string(count) + ",\"type\":\"" + VectorType(components) + "\"";
+  }
+
+  std::vector<GltfColumns> columns_;
+  size_t stride_ = 0;  // bytes of a vertex
+  bool empty_ = false;
+  size_t json_bytes_ = 0;  // with the spaces after it
+  uint64_t binary_bytes_ = 0;
+  // Float32 positions are offsets from here, the node's translation; the first vertex where the
+  // mesh's bounds are not known.
+  std::optional<Vec3d> origin_;
+  Box3d bounds_;  // of the float32 positions
+  Bytes buffer_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path) {
+  return std::make_unique<GltfWriter>(path);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,236 @@
+// OBJ: read twice, as only a first pass over the vertices tells what the header must say (whether
+// all vertices have colours, whether positions need double) and what indices are legal.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "codecs/mesh_file/internal/mesh_emitter.h"
+#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/internal/text_reader.h"
+
+namespace mtdb {
+namespace {
+
+constexpr size_t kMaxIgnored = 64;
+
+// Lines with a backslash at their end joined to the next.
+class ObjLines {
+ public:
+  explicit ObjLines(const InputFile& file) : text_(file) {}
+
+  bool Next(std::string_view* line) {
+    if (!text_.NextLine(line)) return false;
+    line_ = text_.line();
+    if (line->empty() || line->back() != '\\') return true;
+    joined_.assign(*line);
+    while (!joined_.empty() && joined_.back() == '\\') {
+      joined_.back() = ' ';
+      std::string_view next;
+      if (joined_.size() > TextReader::kMaxLineBytes || !text_.NextLine(&next)) break;
+      joined_ += next;
+    }
+    *line = joined_;
+    return text_.status().ok();
+  }
+  uint64_t line() const { return line_; }  // the first of the joined ones
+  const Status& status() const { return text_.status(); }
+
+ private:
+  TextReader text_;
+  std::string joined_;
+  uint64_t line_ = 0;
+};
+
+// Colours as they stand in the file.
+enum class ColourScale { kNone, kUnit, kByte };
+
+class ObjReader {
+ public:
+  ObjReader(const InputFile& file, MeshSink& sink, MeshReadReport* report)
+      : file_(file), emitter_(sink), report_(report) {}
+
+  Status Read() {
+    report_->format = "OBJ";
+    MTDB_RETURN_IF_ERROR(Scan());
+    if (vertex_count_ == 0) {
+      return BadInput(file_.path() + ": no vertices, expected lines 'v X Y Z'");
+    }
+    MeshHeader header;
+    header.vertex_count = vertex_count_;
+    header.double_positions = double_positions_;
+    header.from_text = true;
+    if (colours_ != ColourScale::kNone) {
+      for (const char* name : {"red", "green", "blue"}) {
+        header.attributes.attributes.push_back({name, ScalarType::kUint8});
+      }
+    }
+    MTDB_RETURN_IF_ERROR(emitter_.Begin(header));
+    MTDB_RETURN_IF_ERROR(Emit());
+    return emitter_.End();
+  }
+
+ private:
+  struct Vertex {
+    Vec3d position;
+    std::array<double, 3> colour{};
+    bool has_colour = false;
+    bool has_weight = false;
+    bool colour_is_integer = true;
+    bool long_digits = false;
+  };
+
+  Status Error(const ObjLines& lines, const std::string& what) const {
+    return BadInput(file_.path() + ": line " + std::to_string(lines.line()) + ": " + what);
+  }
+
+  // "v X Y Z", "v X Y Z W", "v X Y Z R G B", "v X Y Z R G B A".
+  Status ParseVertex(const ObjLines& lines, LineTokens tokens, Vertex* vertex) const {
+    constexpr size_t kMax = 7;
+    std::string_view values[kMax];
+    size_t count = 0;
+    std::string_view token;
+    while (count < kMax && tokens.Next(&token) && token[0] != '#') values[count++] = token;
+    if (count < 3) {
+      return Error(lines, "expected 'v X Y Z', found " + std::to_string(count) + " numbers");
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      double& value = vertex->position[axis];
+      if (!ParseReal(values[axis], &value)) {
+        return Error(lines, "expected a number, found " + Quoted(values[axis]));
+      }
+      vertex->long_digits |= SignificantDigits(values[axis]) > kFloatDigits;
+    }
+    vertex->has_weight = count == 4 || count == 5;
+    vertex->has_colour = count >= 6;
+    for (size_t i = 0; vertex->has_colour && i < 3; ++i) {
+      const std::string_view text = values[3 + i];
+      if (!ParseReal(text, &vertex->colour[i]) || !std::isfinite(vertex->colour[i])) {
+        return Error(lines, "expected a colour, found " + Quoted(text));
+      }
+      vertex->colour_is_integer &= vertex->colour[i] == std::floor(vertex->colour[i]);
+    }
+    return Status::Ok();
+  }
+
+  // First pass: vertices only.
+  Status Scan() {
+    ObjLines lines(file_);
+    std::string_view line, word;
+    uint64_t coloured = 0;
+    bool all_unit = true, all_byte = true;
+    while (lines.Next(&line)) {
+      LineTokens tokens(line);
+      if (!tokens.Next(&word) || word != "v") continue;
+      Vertex vertex;
+      MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
+      ++vertex_count_;
+      double_positions_ |= vertex.long_digits;
+      if (vertex.has_weight) AddIgnored(report_, "vertex weights");
+      if (!vertex.has_colour) continue;
+      ++coloured;
+      for (const double c : vertex.colour) {
+        all_unit &= c >= 0 && c <= 1;
+        all_byte &= c >= 0 && c <= 255 && vertex.colour_is_integer;
+      }
+    }
+    if (coloured == vertex_count_ && (all_unit || all_byte)) {
+      colours_ = all_unit ? ColourScale::kUnit : ColourScale::kByte;
+    } else if (coloured > 0) {
+      AddIgnored(report_, coloured < vertex_count_ ? "vertex colours (not all vertices have one)"
+                                                   : "vertex colours (not from 0 to 1)");
+    }
+    return lines.status();
+  }
+
+  Status Emit() {
+    ObjLines lines(file_);
+    std::string_view line, word;
+    while (lines.Next(&line)) {
+      LineTokens tokens(line);
+      if (!tokens.Next(&word) || word[0] == '#') continue;
+      if (word == "v") {
+        MTDB_RETURN_IF_ERROR(EmitVertex(lines, tokens));
+      } else if (word == "f") {
+        MTDB_RETURN_IF_ERROR(EmitFace(lines, tokens));
+      } else if (report_->ignored.size() < kMaxIgnored) {
+        const std::string quoted = Quoted(word);
+        AddIgnored(report_, "OBJ statement " + quoted.substr(1, quoted.size() - 2));
+      }
+    }
+    return lines.status();
+  }
+
+  Status EmitVertex(const ObjLines& lines, LineTokens tokens) {
+    Vertex vertex;
+    MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
+    if (std::string problem = NonFinite(vertex.position); !problem.empty()) {
+      return Error(lines, problem);
+    }
+    std::array<std::byte, 3> row{};
+    const double scale = colours_ == ColourScale::kUnit ? 255 : 1;
+    for (size_t i = 0; colours_ != ColourScale::kNone && i < row.size(); ++i) {
+      row[i] = static_cast<std::byte>(std::lround(vertex.colour[i] * scale));
+    }
+    ++vertices_seen_;
+    return emitter_.AddVertex(vertex.position,
+                              ByteSpan(row).first(colours_ == ColourScale::kNone ? 0 : row.size()));
+  }
+
+  // "12", "12/3", "12//4", "12/3/4"; only the first number matters here.
+  Status ParseCorner(const ObjLines& lines, std::string_view token, VertexIndex* vertex) const {
+    const size_t slash = std::min(token.find('/'), token.size());
+    int64_t index = 0;
+    if (!ParseInteger(token.substr(0, slash), &index) || !IsReferences(token.substr(slash))) {
+      return Error(lines,
+                   "expected a corner like 12, 12/3, 12//4 or 12/3/4, found " + Quoted(token));
+    }
+    const auto seen = static_cast<int64_t>(vertices_seen_);
+    const int64_t absolute = index > 0 ? index - 1 : index + seen;
+    if (index == 0 || absolute < 0 || absolute >= static_cast<int64_t>(vertex_count_)) {
+      return Error(lines, "vertex index " + std::to_string(index) + ", but the file has " +
+                              std::to_string(index < 0 ? vertices_seen_ : vertex_count_) +
+                              (index < 0 ? " vertices up to here" : " vertices, counted from 1"));
+    }
+    *vertex = static_cast<VertexIndex>(absolute);
+    return Status::Ok();
+  }
+
+  static bool IsReferences(std::string_view text) {
+    return std::count(text.begin(), text.end(), '/') <= 2 &&
+           text.find_first_not_of("0123456789-/") == std::string_view::npos;
+  }
+
+  Status EmitFace(const ObjLines& lines, LineTokens tokens) {
+    std::string_view token;
+    uint64_t corners = 0;
+    VertexIndex first = 0, previous = 0;
+    while (tokens.Next(&token) && token[0] != '#') {
+      VertexIndex v = 0;
+      MTDB_RETURN_IF_ERROR(ParseCorner(lines, token, &v));
+      if (corners == 0) first = v;
+      if (corners >= 2) MTDB_RETURN_IF_ERROR(emitter_.AddTriangle(first, previous, v));
+      previous = v;
+      ++corners;
+    }
+    if (corners < 3) ++report_->short_faces;
+    if (corners > 3) ++report_->polygons;
+    return Status::Ok();
+  }
+
+  const InputFile& file_;
+  MeshEmitter emitter_;
+  MeshReadReport* report_;
+  uint64_t vertex_count_ = 0;
+  uint64_t vertices_seen_ = 0;
+  bool double_positions_ = false;
+  ColourScale colours_ = ColourScale::kNone;
+};
+
+}  // namespace
+
+Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+  return ObjReader(file, sink, report).Read();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,265 @@
+// STL, binary and ASCII: a soup of triangles, whose corners are joined by exact position.
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+
+#include "codecs/mesh_file/internal/mesh_emitter.h"
+#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/internal/vertex_joiner.h"
+
+namespace mtdb {
+namespace {
+
+constexpr size_t kHeaderBytes = 84;  // 80 of any text, and the count
+constexpr size_t kTextBytes = 80;
+constexpr size_t kTriangleBytes = 50;  // normal, three corners, two bytes
+
+// Joins corners and sends what is new, or sends all where the sink joins them. Positions are
+// offsets from `origin`.
+template <typename Position>
+class SoupEmitter {
+ public:
+  explicit SoupEmitter(MeshSink& sink, Vec3d origin = {})
+      : emitter_(sink), raw_(sink.joins_soup()), origin_(origin) {}
+
+  Status Begin(MeshHeader header) {
+    header.soup = raw_;
+    return emitter_.Begin(header);
+  }
+  Status AddTriangle(const std::string& path, const std::array<Position, 3>& corners) {
+    empty_ = false;
+    if (raw_) {
+      for (const Position& p : corners) MTDB_RETURN_IF_ERROR(AddVertex(p));
+      next_ += 3;
+      return emitter_.AddTriangle(next_ - 3, next_ - 2, next_ - 1);
+    }
+    TriangleVertices triangle{};
+    for (size_t i = 0; i < 3; ++i) {
+      if (joiner_.size() == VertexJoiner<Position>::kMaxVertices) {
+        return Unsupported(path + ": STL of more than 4294967295 vertices; convert it to PLY");
+      }
+      bool added = false;
+      const uint32_t index = joiner_.Add(corners[i], &added);
+      triangle[i] = index;
+      if (!added) continue;
+      MTDB_RETURN_IF_ERROR(AddVertex(joiner_.position(index)));
+    }
+    return emitter_.AddTriangle(triangle[0], triangle[1], triangle[2]);
+  }
+  Status End() { return emitter_.End(); }
+  bool empty() const { return empty_; }
+
+ private:
+  Status AddVertex(const Position& p) {
+    return emitter_.AddVertex(origin_ + Vec3d{p.x, p.y, p.z}, {});
+  }
+  MeshEmitter emitter_;
+  const bool raw_;
+  const Vec3d origin_;
+  VertexIndex next_ = 0;
+  bool empty_ = true;
+  VertexJoiner<Position> joiner_;
+};
+
+std::string NonFiniteCorner(Vec3f p) { return NonFinite({p.x, p.y, p.z}); }
+
+bool IsZero(Vec3f p) { return p.x == 0 && p.y == 0 && p.z == 0; }
+
+// What the writer of far meshes says in the header.
+Vec3d OriginOf(std::string_view text) {
+  const std::string start = std::string("binary STL by mtdb") + kStlOriginWord;
+  if (!text.starts_with(start)) return {};
+  LineTokens tokens(text.substr(start.size()));
+  Vec3d origin;
+  for (int i = 0; i < 3; ++i) {
+    std::string_view token;
+    float value = 0;
+    if (!tokens.Next(&token) || !ParseReal(token, &value) || !std::isfinite(value)) return {};
+    origin[i] = static_cast<double>(value);
+  }
+  return origin;
+}
+
+class AsciiStlReader {
+ public:
+  AsciiStlReader(const InputFile& file, MeshSink& sink, MeshReadReport* report)
+      : file_(file), text_(file), soup_(sink), report_(report) {}
+
+  Status Read() {
+    report_->format = "STL ASCII";
+    MeshHeader header;
+    header.from_text = true;
+    MTDB_ASSIGN_OR_RETURN(header.double_positions, HasLongDigits());
+    MTDB_RETURN_IF_ERROR(soup_.Begin(header));
+    bool any = false;
+    while (NextLine()) {
+      any = true;
+      if (word_ != "solid") return Expected("'solid'");
+      MTDB_RETURN_IF_ERROR(ReadSolid());
+    }
+    MTDB_RETURN_IF_ERROR(text_.status());
+    if (!any || soup_.empty()) return BadInput(file_.path() + ": no facets");
+    return soup_.End();
+  }
+
+ private:
+  // Puts the first word of the next line that has one into word_, in small letters, and leaves
+  // the others to tokens_.
+  bool NextLine() {
+    word_.clear();
+    while (text_.NextLine(&line_)) {
+      tokens_ = LineTokens(line_);
+      std::string_view word;
+      if (!tokens_.Next(&word)) continue;
+      word_ = Lower(word);
+      return true;
+    }
+    line_ = {};
+    return false;
+  }
+  static std::string Lower(std::string_view word) {
+    std::string lower(word.substr(0, 16));  // longer than any keyword
+    for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return lower;
+  }
+  bool NextWordIs(const char* keyword) {
+    std::string_view word;
+    return tokens_.Next(&word) && Lower(word) == keyword;
+  }
+
+  Status Expected(const std::string& what) const {
+    MTDB_RETURN_IF_ERROR(text_.status());
+    if (word_.empty()) {
+      return BadInput(file_.path() + ": expected " + what +
+                      ", found the end of the file; the file is cut short");
+    }
+    return BadInput(file_.path() + ": line " + std::to_string(text_.line()) + ": expected " + what +
+                    ", found " + Quoted(line_));
+  }
+
+  // A pass of its own, which ends at the first number that float32 cannot be meant by.
+  Result<bool> HasLongDigits() const {
+    TextReader text(file_);
+    std::string_view line, token;
+    while (text.NextLine(&line)) {
+      LineTokens tokens(line);
+      if (!tokens.Next(&token) || Lower(token) != "vertex") continue;
+      while (tokens.Next(&token)) {
+        if (SignificantDigits(token) > kFloatDigits) return true;
+      }
+    }
+    MTDB_RETURN_IF_ERROR(text.status());
+    return false;
+  }
+
+  Status ReadVector(Vec3d* v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      std::string_view token;
+      if (!tokens_.Next(&token) || !ParseReal(token, &(*v)[axis])) {
+        return Expected("three numbers");
+      }
+    }
+    return Status::Ok();
+  }
+
+  Status ReadSolid() {
+    for (;;) {
+      if (!NextLine()) return Expected("'facet' or 'endsolid'");
+      if (word_ == "endsolid") return Status::Ok();
+      if (word_ != "facet") return Expected("'facet' or 'endsolid'");
+      MTDB_RETURN_IF_ERROR(ReadFacet());
+    }
+  }
+
+  Status ReadFacet() {
+    if (!NextWordIs("normal")) return Expected("'facet normal X Y Z'");
+    Vec3d normal;
+    MTDB_RETURN_IF_ERROR(ReadVector(&normal));
+    if (normal != Vec3d{}) AddIgnored(report_, "facet normals");
+    if (!NextLine() || word_ != "outer" || !NextWordIs("loop")) return Expected("'outer loop'");
+    std::array<Vec3d, 3> corners;
+    for (Vec3d& corner : corners) {
+      if (!NextLine() || word_ != "vertex") return Expected("'vertex X Y Z'");
+      MTDB_RETURN_IF_ERROR(ReadVector(&corner));
+      if (std::string problem = NonFinite(corner); !problem.empty()) {
+        return BadInput(file_.path() + ": line " + std::to_string(text_.line()) + ": " + problem);
+      }
+    }
+    if (!NextLine() || word_ != "endloop") return Expected("'endloop'");
+    if (!NextLine() || word_ != "endfacet") return Expected("'endfacet'");
+    return soup_.AddTriangle(file_.path(), corners);
+  }
+
+  const InputFile& file_;
+  TextReader text_;
+  SoupEmitter<Vec3d> soup_;
+  MeshReadReport* report_;
+  std::string_view line_;
+  std::string word_;
+  LineTokens tokens_{{}};
+};
+
+}  // namespace
+
+Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+  return AsciiStlReader(file, sink, report).Read();
+}
+
+Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+  report->format = "STL binary";
+  BlockReader reader(file, 0);
+  if (!reader.Ensure(kHeaderBytes)) {
+    MTDB_RETURN_IF_ERROR(reader.status());
+    return BadInput(file.path() +
+                    ": expected STL, binary with a header of 84 bytes or text that "
+                    "begins with 'solid', found " +
+                    std::to_string(file.size_bytes()) + " bytes");
+  }
+  uint32_t triangles = 0;
+  std::memcpy(&triangles, reader.data() + kHeaderBytes - sizeof(triangles), sizeof(triangles));
+  MeshHeader header;
+  const Vec3d origin = OriginOf({reinterpret_cast<const char*>(reader.data()), kTextBytes});
+  header.double_positions = origin != Vec3d{};
+  reader.Consume(kHeaderBytes);
+  if (triangles == 0) return BadInput(file.path() + ": no facets");
+  const uint64_t left = reader.remaining();
+  if (left / kTriangleBytes < triangles) {
+    return BadInput(file.path() + ": the header promises " + std::to_string(triangles) +
+                    " facets of 50 bytes, but only " + std::to_string(left) +
+                    " bytes follow; the file is cut short or is no STL");
+  }
+  header.triangle_count = triangles;
+  SoupEmitter<Vec3f> soup(sink, origin);
+  MTDB_RETURN_IF_ERROR(soup.Begin(header));
+  for (uint32_t i = 0; i < triangles; ++i) {
+    if (!reader.Ensure(kTriangleBytes)) {
+      MTDB_RETURN_IF_ERROR(reader.status());
+      return BadInput(file.path() + ": facet " + std::to_string(i) +
+                      ": the file ends in the middle of it");
+    }
+    Vec3f normal;
+    std::array<Vec3f, 3> corners;
+    uint16_t attribute = 0;
+    std::memcpy(&normal, reader.data(), sizeof(normal));
+    std::memcpy(corners.data(), reader.data() + sizeof(normal), sizeof(corners));
+    std::memcpy(&attribute, reader.data() + sizeof(normal) + sizeof(corners), sizeof(attribute));
+    reader.Consume(kTriangleBytes);
+    if (!IsZero(normal)) AddIgnored(report, "facet normals");
+    if (attribute != 0) AddIgnored(report, "facet attribute bytes");
+    for (const Vec3f& corner : corners) {
+      if (std::string problem = NonFiniteCorner(corner); !problem.empty()) {
+        return BadInput(file.path() + ": facet " + std::to_string(i) + ": " + problem);
+      }
+    }
+    MTDB_RETURN_IF_ERROR(soup.AddTriangle(file.path(), corners));
+  }
+  if (reader.remaining() > 0) {
+    AddIgnored(report, std::to_string(reader.remaining()) + " bytes after the last facet");
+  }
+  return soup.End();
+}
+
+}  // namespace mtdb

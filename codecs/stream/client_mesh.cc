@@ -1,0 +1,254 @@
+#include "codecs/stream/client_mesh.h"
+
+#include <algorithm>
+#include <cstring>
+#include <tuple>
+
+#include "codecs/stream/internal/memory_bytes.h"
+
+namespace mtdb {
+
+namespace {
+
+std::vector<ClientMesh::Range> Ranges(std::vector<uint32_t>& slots) {
+  std::sort(slots.begin(), slots.end());
+  std::vector<ClientMesh::Range> ranges;
+  for (const uint32_t slot : slots) {
+    if (ranges.empty() || slot > ranges.back().end) {
+      ranges.push_back({slot, slot + 1});
+    } else {
+      ranges.back().end = slot + 1;
+    }
+  }
+  slots.clear();
+  return ranges;
+}
+
+uint32_t NextCorner(uint32_t i) { return i == 2 ? 0 : i + 1; }
+
+}  // namespace
+
+ClientMesh::ClientMesh(const ClientMeshOptions& options)
+    : options_(options), row_bytes_(options.attributes.row_bytes()) {}
+
+ClientMesh::Changes ClientMesh::TakeChanges() {
+  return {Ranges(changed_triangles_), Ranges(changed_vertices_)};
+}
+
+void ClientMesh::Start(Vec3d origin, std::span<const Vec3i> positions, const Bytes& rows,
+                       std::span<const std::array<uint32_t, 3>> triangles) {
+  origin_ = origin;
+  for (size_t v = 0; v < positions.size(); ++v) {
+    AddVertex(positions[v], rows.data() + v * row_bytes_);
+  }
+  for (const auto& t : triangles) AddTriangle(t, kNone32);
+  PairAll();
+}
+
+uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
+  uint32_t vertex = vertex_slots();
+  if (free_vertices_.empty()) {
+    points_.emplace_back();
+    floats_.resize(floats_.size() + 3);
+    rows_.resize(rows_.size() + row_bytes_);
+    degree_.push_back(0);
+    half_edge_.push_back(kNone32);
+    first_of_ring_.push_back(kNone32);
+    place_.push_back(kNone32);
+  } else {
+    vertex = free_vertices_.back();
+    free_vertices_.pop_back();
+    place_[vertex] = kNone32;
+  }
+  points_[vertex] = Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
+                          static_cast<uint32_t>(position.z), 0};
+  const Vec3d p = options_.grid.Position(position) - origin_;
+  for (int i = 0; i < 3; ++i)
+    floats_[3 * size_t{vertex} + static_cast<size_t>(i)] = static_cast<float>(p[i]);
+  if (row_bytes_ != 0) std::memcpy(rows_.data() + vertex * row_bytes_, row, row_bytes_);
+  ++vertex_count_;
+  changed_vertices_.push_back(vertex);
+  return vertex;
+}
+
+void ClientMesh::Recall(uint32_t vertex) {
+  const uint32_t last = remembered_.back();
+  remembered_[place_[vertex]] = last;
+  place_[last] = place_[vertex];
+  place_[vertex] = kNone32;
+  remembered_.pop_back();
+  ++vertex_count_;
+}
+
+uint32_t ClientMesh::Forget(uint32_t vertex, uint32_t first_of_ring) {
+  --vertex_count_;
+  uint32_t lost = vertex;
+  if (remembered_.size() < options_.remembered_vertices) {
+    lost = kNone32;
+    place_[vertex] = static_cast<uint32_t>(remembered_.size());
+    remembered_.push_back(vertex);
+  } else if (!remembered_.empty()) {
+    oldest_ = oldest_ < remembered_.size() ? oldest_ : 0;
+    lost = remembered_[oldest_];
+    remembered_[oldest_] = vertex;
+    place_[vertex] = oldest_++;
+  }
+  first_of_ring_[vertex] = first_of_ring;
+  if (lost != kNone32) {
+    place_[lost] = kNowhere;
+    free_vertices_.push_back(lost);
+  }
+  return lost;
+}
+
+uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills) {
+  uint32_t slot = triangle_slots();
+  if (free_triangles_.empty()) {
+    triangles_.emplace_back();
+    indices_.resize(indices_.size() + 3);
+  } else {
+    slot = free_triangles_.back();
+    free_triangles_.pop_back();
+  }
+  triangles_[slot] = {corners, {kNone32, kNone32, kNone32}, next_born_++, fills};
+  for (uint32_t i = 0; i < 3; ++i) {
+    indices_[3 * size_t{slot} + i] = corners[i];
+    ++degree_[corners[i]];
+    half_edge_[corners[i]] = 4 * slot + i;
+  }
+  ++triangle_count_;
+  changed_triangles_.push_back(slot);
+  return slot;
+}
+
+// An edge that occurs twice in one direction is non-manifold: it pairs with nothing.
+void ClientMesh::PairAll() {
+  std::vector<std::tuple<uint32_t, uint32_t, bool, uint32_t>> edges;  // low, high, forward
+  edges.reserve(3 * triangles_.size());
+  for (uint32_t slot = 0; slot < triangle_slots(); ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint32_t a = triangles_[slot].corners[i];
+      const uint32_t b = triangles_[slot].corners[NextCorner(i)];
+      edges.emplace_back(std::min(a, b), std::max(a, b), a < b, 4 * slot + i);
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  for (size_t begin = 0, end; begin < edges.size(); begin = end) {
+    const auto same = [&](size_t i) {
+      return std::get<0>(edges[i]) == std::get<0>(edges[begin]) &&
+             std::get<1>(edges[i]) == std::get<1>(edges[begin]);
+    };
+    for (end = begin + 1; end < edges.size() && same(end);) ++end;
+    if (end - begin != 2 || std::get<2>(edges[begin]) == std::get<2>(edges[begin + 1])) {
+      for (size_t i = begin; i < end; ++i) {
+        const auto& [low, high, forward, half_edge] = edges[i];
+        Open(forward ? low : high, forward ? high : low, half_edge);
+      }
+      continue;
+    }
+    const uint32_t g = std::get<3>(edges[begin]);
+    const uint32_t h = std::get<3>(edges[begin + 1]);
+    triangles_[g >> 2].opposite[g & 3] = h;
+    triangles_[h >> 2].opposite[h & 3] = g;
+  }
+}
+
+void ClientMesh::Replace(std::span<const uint32_t> removed,
+                         std::span<const std::array<uint32_t, 3>> created, uint32_t fills,
+                         std::vector<uint32_t>* slots) {
+  // What lies beyond the edges around the removed triangles.
+  std::vector<Edge>& outer = outer_;
+  outer.clear();
+  for (const uint32_t slot : removed) triangles_[slot].born = 0;
+  for (const uint32_t slot : removed) {
+    const Triangle& t = triangles_[slot];
+    for (uint32_t i = 0; i < 3; ++i) {
+      --degree_[t.corners[i]];
+      indices_[3 * size_t{slot} + i] = 0;
+      const uint32_t o = t.opposite[i];
+      if (o == kNone32) Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
+      if (o == kNone32 || triangles_[o >> 2].born == 0) continue;
+      triangles_[o >> 2].opposite[o & 3] = kNone32;
+      outer.push_back({t.corners[i], t.corners[NextCorner(i)], o});
+    }
+    changed_triangles_.push_back(slot);
+  }
+  triangle_count_ -= static_cast<uint32_t>(removed.size());
+  free_triangles_.insert(free_triangles_.end(), removed.rbegin(), removed.rend());
+  // An edge finds its twin among those before it, and takes it off the list.
+  for (const auto& corners : created) {
+    const uint32_t slot = AddTriangle(corners, fills);
+    if (slots != nullptr) slots->push_back(slot);
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint32_t from = corners[i];
+      const uint32_t to = corners[NextCorner(i)];
+      const auto twin = std::find_if(outer.begin(), outer.end(),
+                                     [&](const Edge& e) { return e.from == from && e.to == to; });
+      if (twin == outer.end()) {
+        outer.push_back({to, from, 4 * slot + i});
+        continue;
+      }
+      const uint32_t o = twin->half_edge;
+      triangles_[slot].opposite[i] = o;
+      triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+      outer.erase(twin);
+    }
+  }
+  for (const Edge& e : outer) Open(e.to, e.from, e.half_edge);
+}
+
+void ClientMesh::Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over) {
+  Replace(triangles, {}, kNone32, nullptr);
+  // What a free slot was is still there.
+  const auto first = static_cast<std::ptrdiff_t>(left_over->size());
+  for (const uint32_t slot : triangles) {
+    for (const uint32_t v : triangles_[slot].corners) {
+      if (degree_[v] == 0) left_over->push_back(v);
+    }
+  }
+  std::sort(left_over->begin() + first, left_over->end());
+  left_over->erase(std::unique(left_over->begin() + first, left_over->end()), left_over->end());
+}
+
+uint32_t ClientMesh::Attach(const std::array<uint32_t, 3>& corners) {
+  const uint32_t slot = AddTriangle(corners, kNone32);
+  for (uint32_t i = 0; i < 3; ++i) {
+    const uint32_t from = corners[i];
+    const uint32_t to = corners[NextCorner(i)];
+    const uint32_t o = OpenHalfEdge(to, from);
+    if (o == kNone32) {
+      Open(from, to, 4 * slot + i);
+      continue;
+    }
+    Close(to, from, o);
+    triangles_[slot].opposite[i] = o;
+    triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+  }
+  return slot;
+}
+
+uint32_t ClientMesh::OpenHalfEdge(uint32_t from, uint32_t to) const {
+  const uint64_t edge = uint64_t{from} << 32 | to;
+  const auto at = open_.lower_bound({edge, 0});
+  return at != open_.end() && at->first == edge ? at->second : kNone32;
+}
+
+void ClientMesh::Open(uint32_t from, uint32_t to, uint32_t half_edge) {
+  open_.emplace(uint64_t{from} << 32 | to, half_edge);
+}
+
+void ClientMesh::Close(uint32_t from, uint32_t to, uint32_t half_edge) {
+  open_.erase({uint64_t{from} << 32 | to, half_edge});
+}
+
+size_t ClientMesh::memory_bytes() const {
+  constexpr size_t kOpenEdgeBytes = 64;  // a node of a tree
+  return sizeof(*this) + CapacityBytes(triangles_) + CapacityBytes(indices_) +
+         CapacityBytes(free_triangles_) + CapacityBytes(points_) + CapacityBytes(floats_) +
+         CapacityBytes(rows_) + CapacityBytes(degree_) + CapacityBytes(half_edge_) +
+         CapacityBytes(first_of_ring_) + CapacityBytes(place_) + CapacityBytes(remembered_) +
+         CapacityBytes(free_vertices_) + CapacityBytes(outer_) + CapacityBytes(changed_triangles_) +
+         CapacityBytes(changed_vertices_) + open_.size() * kOpenEdgeBytes;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,21 @@
+// Several input files, one mesh.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "codecs/mesh_file/mesh_file.h"
+#include "store/base/mesh_sink.h"
+#include "store/base/status.h"
+
+namespace mtdb {
+
+// Reads all `paths` into `sink` as one mesh, one after the other. Vertices of different files are
+// joined when all are STL, which has none of its own; beside other formats, an STL file's own
+// vertices are joined in memory. An attribute
+// is kept when every file has it under that name and type; the others, and what the readers
+// ignored, are added to `notes`. Streams: a first look at each file's header, then the data.
+Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
+                  std::vector<std::string>* notes);
+
+}  // namespace mtdb

@@ -1,0 +1,203 @@
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <unistd.h>
+
+#include "builder/build.h"
+#include "tools/cli/ingest_journal.h"
+#include "tools/cli/late_writer.h"
+#include "tools/cli/merge.h"
+#include "tools/cli/progress.h"
+#include "tools/cli/verbs.h"
+#include "tools/generate/generate.h"
+#include "tools/request/arguments.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+uint64_t MachineMemory() {
+  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+         static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+// Resident memory now, in bytes; 0 where the system does not tell.
+uint64_t ResidentBytes() {
+  uint64_t pages = 0;
+  std::ifstream statm("/proc/self/statm");
+  statm >> pages >> pages;
+  return pages * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+// Says where the build is; `rate` is of the stage, in triangles a second.
+std::string Describe(const BuildProgress& p, double rate) {
+  std::string text = p.stage;
+  if (p.round != 0) {
+    text += " " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
+            std::to_string(p.triangles_total) + " triangles";
+  }
+  if (rate > 0) text += ", " + std::to_string(static_cast<uint64_t>(rate / 1000)) + " k/s";
+  text += "; " + std::to_string(ResidentBytes() >> 20) + " MiB memory, " +
+          std::to_string(p.tmp_bytes >> 20) + " MiB temporary";
+  return text;
+}
+
+// Set by Ctrl-C.
+volatile std::sig_atomic_t g_interrupted = 0;
+
+// The rate of the current stage, from one report to the next.
+class StageRate {
+ public:
+  double Update(const BuildProgress& p) {
+    const auto now = std::chrono::steady_clock::now();
+    if (p.stage != stage_ || p.round != round_) {
+      stage_ = p.stage;
+      round_ = p.round;
+      begin_ = now;
+      first_ = p.triangles_done;
+    }
+    const double seconds = std::chrono::duration<double>(now - begin_).count();
+    return seconds > 0.05 ? static_cast<double>(p.triangles_done - first_) / seconds : 0;
+  }
+
+ private:
+  std::string stage_;
+  uint32_t round_ = 0;
+  uint64_t first_ = 0;
+  std::chrono::steady_clock::time_point begin_;
+};
+
+void PrintStages(const BuildReport& report, const ObjectRecord& r) {
+  double cpu = 0;
+  for (const StageCost& s : report.stages) {
+    std::printf("  %-9s %8.2f s, %8.2f s of processors, %llu MiB temporary\n", s.stage.c_str(),
+                s.seconds, s.cpu_seconds, static_cast<unsigned long long>(s.tmp_bytes >> 20));
+    cpu += s.cpu_seconds;
+  }
+  if (cpu > 0) {
+    std::printf("  %.3f million triangles per processor second\n",
+                1e-6 * static_cast<double>(r.triangles) / cpu);
+  }
+}
+
+void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
+  std::printf("%s: %llu triangles, %llu vertices, %llu components, %llu border edges\n",
+              r.name.c_str(), static_cast<unsigned long long>(r.triangles),
+              static_cast<unsigned long long>(r.vertices),
+              static_cast<unsigned long long>(r.components),
+              static_cast<unsigned long long>(r.boundary_edges));
+  const InputReport& in = r.input;
+  const auto note = [](uint64_t count, const char* what) {
+    if (count != 0) std::printf("  %llu %s\n", static_cast<unsigned long long>(count), what);
+  };
+  note(in.degenerate_triangles, "triangles with two equal vertices dropped");
+  note(in.duplicate_triangles, "duplicate triangles dropped");
+  note(in.unreferenced_vertices, "vertices without a triangle dropped");
+  note(in.nonmanifold_edges, "non-manifold edges kept, never simplified");
+  note(in.nonmanifold_vertices, "non-manifold vertices kept, never simplified");
+  for (size_t i = 0; i < r.rounds.size(); ++i) {
+    const RoundReport& round = r.rounds[i];
+    std::printf(
+        "  round %zu: %llu -> %llu triangles, %llu tiles, %llu clusters, error up to %.3g; stuck: "
+        "%llu by topology, %llu by degree, %llu on seams\n",
+        i + 1, static_cast<unsigned long long>(round.triangles_in),
+        static_cast<unsigned long long>(round.triangles_out),
+        static_cast<unsigned long long>(round.tiles),
+        static_cast<unsigned long long>(round.clusters), r.grid.Error(round.error_code_max),
+        static_cast<unsigned long long>(round.stuck_topology),
+        static_cast<unsigned long long>(round.stuck_degree),
+        static_cast<unsigned long long>(round.locked_vertices));
+  }
+  std::printf("  %u clusters, %llu nodes, root of %llu triangles, depth %u, %.1f bits per vertex\n",
+              r.clusters, static_cast<unsigned long long>(r.nodes),
+              static_cast<unsigned long long>(r.root_triangles), r.depth,
+              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
+  std::printf("  store: %.1f MB\n", static_cast<double>(file_bytes) / 1e6);
+}
+
+}  // namespace
+
+Status Ingest(const IngestArguments& arguments) {
+  BuildOptions options;
+  options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
+  options.bits = arguments.bits;
+  options.step = arguments.step;
+  options.normal_bits = arguments.normal_bits;
+  options.attribute_steps = arguments.attribute_steps;
+  options.threads = arguments.threads;
+  options.memory_bytes =
+      arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
+  const std::string store = RealStorePath(arguments.store);
+  options.tmp_directory = arguments.tmp.empty() ? FolderOf(store) : arguments.tmp;
+  const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
+
+  options.journal_path = JournalPath(options.tmp_directory, store, name);
+  options.journal_note = JournalNote(store, name, arguments.resume_command);
+  options.resume = arguments.resume;
+  std::signal(SIGINT, [](int) { g_interrupted = 1; });
+  std::signal(SIGTERM, [](int) { g_interrupted = 1; });
+
+  LateWriter writer(arguments.store, name, arguments.force);
+  MTDB_RETURN_IF_ERROR(writer.Check());
+  ProgressLine progress(arguments.quiet || arguments.json);
+  progress.Update(0, "reading");
+  std::vector<std::string> notes;
+  const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
+  BuildReport report;
+  StageRate rate;
+  const auto on_progress = [&](const BuildProgress& p) {
+    if (g_interrupted != 0) return Status(StatusCode::kCancelled, "interrupted");
+    progress.Update(p.overall, Describe(p, rate.Update(p)));
+    return Status::Ok();
+  };
+  Result<ObjectRecord> record = BuildObject(read, options, writer, on_progress, &report);
+  progress.Finish();
+  if (!record.ok()) {
+    const StatusCode code = record.status().code();
+    std::error_code error;
+    if ((code == StatusCode::kCancelled || code == StatusCode::kNoSpace ||
+         code == StatusCode::kIoError) &&
+        std::filesystem::exists(options.journal_path, error)) {
+      return Status(code, record.status().message() +
+                              "; the same command with --resume goes on where it stopped");
+    }
+    // What the readers say begins with the file; what the builder finds does not.
+    const std::string& message = record.status().message();
+    const bool names_file =
+        std::any_of(arguments.inputs.begin(), arguments.inputs.end(),
+                    [&](const std::string& path) { return message.starts_with(path + ":"); });
+    if (record.status().code() != StatusCode::kBadInput || names_file) return record.status();
+    const size_t others = arguments.inputs.size() - 1;
+    return BadInput(arguments.inputs[0] +
+                    (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " +
+                    record.status().message());
+  }
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
+  if (arguments.json) {
+    nlohmann::ordered_json json = RecordJson(*record, file_bytes);
+    json["notes"] = notes;
+    for (const StageCost& stage : report.stages) {
+      json["stages"].push_back({{"stage", stage.stage},
+                                {"seconds", stage.seconds},
+                                {"cpu_seconds", stage.cpu_seconds},
+                                {"tmp_bytes", stage.tmp_bytes}});
+    }
+    PrintJson(json);
+  } else if (!arguments.quiet) {
+    PrintSummary(*record, file_bytes);
+    PrintStages(report, *record);
+    for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
+  }
+  return Status::Ok();
+}
+
+Status Generate(const GenerateArguments& arguments) {
+  return GenerateFile(arguments.shape, {.triangles = arguments.triangles, .seed = arguments.seed},
+                      arguments.output);
+}
+
+}  // namespace mtdb

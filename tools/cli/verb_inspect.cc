@@ -1,0 +1,232 @@
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "codecs/cluster/cluster_codec.h"
+#include "query/surface.h"
+#include "query/verify_object.h"
+#include "store/database.h"
+#include "store/verify_store.h"
+#include "tools/cli/ingest_journal.h"
+#include "tools/cli/verbs.h"
+#include "tools/request/arguments.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+unsigned long long U(uint64_t v) { return v; }
+
+using BitsPerVertex = std::map<std::string, double>;
+
+// What the streams of all clusters take, by name, and the root pieces.
+Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecord& record) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<ClusterSource> source,
+                        database.OpenObject(record.name));
+  std::map<std::string, uint64_t> bytes;
+  std::vector<ClusterId> clusters;
+  for (uint32_t i = 0; i < record.clusters; ++i) clusters.emplace_back(i);
+  MTDB_RETURN_IF_ERROR(source->ReadClusters(clusters, [&](ClusterId, const Bytes& payload) {
+    uint64_t listed = 0;
+    for (const StreamSize& s : ClusterStreamSizes(payload)) {
+      bytes[s.name] += s.coded_bytes;
+      listed += s.coded_bytes;
+    }
+    bytes["directory"] += payload.size() - listed;
+    return Status::Ok();
+  }));
+  uint64_t sum = 0;
+  for (const auto& [name, n] : bytes) sum += n;
+  bytes["root"] = record.payload_bytes - sum;
+  BitsPerVertex bits;
+  for (const auto& [name, n] : bytes) {
+    bits[name] = 8.0 * static_cast<double>(n) / static_cast<double>(record.vertices);
+  }
+  return bits;
+}
+
+void PrintInfo(const ObjectRecord& r) {
+  std::printf("%s\n", r.name.c_str());
+  std::printf("  surface      %llu triangles, %llu vertices, %llu components, %llu border edges\n",
+              U(r.triangles), U(r.vertices), U(r.components), U(r.boundary_edges));
+  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
+              r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
+              r.diagonal());
+  if (r.grid.mode == PositionMode::kLossless) {
+    std::printf("  positions    float32, lossless\n");
+  } else {
+    std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
+                r.rounding_error);
+  }
+  for (const VertexAttribute& a : r.attributes.attributes) {
+    std::printf("  attribute    %s", a.name.c_str());
+    if (a.step > 0) std::printf(", step %.6g", a.step);
+    if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
+    std::printf("\n");
+  }
+  std::printf("  MT           %llu nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
+              U(r.nodes), r.clusters, r.depth, r.max_degree, r.rounds.size());
+  std::printf("  root         %llu triangles, error up to %.6g\n", U(r.root_triangles),
+              r.grid.Error(r.error_code_max));
+  std::printf("  size         %llu bytes, %.2f bits per vertex\n", U(r.stored_bytes),
+              r.vertices == 0
+                  ? 0.0
+                  : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
+  std::printf("  digest       %s\n", r.digest_hex().c_str());
+}
+
+Json JournalsJson(const std::vector<IngestJournal>& journals) {
+  Json list = Json::array();
+  for (const IngestJournal& j : journals) {
+    list.push_back({{"object", j.object},
+                    {"running", j.running},
+                    {"journal", j.path},
+                    {"bytes", j.bytes},
+                    {"folder", j.folder},
+                    {"resume", j.command}});
+  }
+  return list;
+}
+
+// A journal's texts come from a file that anybody may have written.
+std::string Printable(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ' || c == 127) c = '?';
+  }
+  return text;
+}
+
+void PrintJournal(const IngestJournal& j) {
+  const std::string object = j.object.empty() ? "an object" : Printable(j.object);
+  const double megabytes = static_cast<double>(j.bytes) / 1e6;
+  if (j.running) {
+    std::printf("  being ingested: %s; its journal %s has %.1f MB\n", object.c_str(),
+                Printable(j.path).c_str(), megabytes);
+    return;
+  }
+  std::printf("  interrupted: the ingest of %s; its journal %s has %.1f MB\n", object.c_str(),
+              Printable(j.path).c_str(), megabytes);
+  if (!j.command.empty()) {
+    std::printf("    to go on, in %s: %s\n", Printable(j.folder).c_str(),
+                Printable(j.command).c_str());
+  }
+  std::printf("    to give it up: rm %s\n", QuoteForShell(Printable(j.path)).c_str());
+}
+
+}  // namespace
+
+Status Info(const InspectArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
+  std::vector<ObjectRecord> records;
+  if (arguments.name.empty()) {
+    MTDB_ASSIGN_OR_RETURN(records, database->List());
+  } else {
+    MTDB_ASSIGN_OR_RETURN(ObjectRecord record, database->Find(arguments.name));
+    records.push_back(std::move(record));
+  }
+  if (arguments.json) {
+    Json objects = Json::array();
+    for (const ObjectRecord& r : records) {
+      Json& object = objects.emplace_back(RecordJson(r, file_bytes));
+      if (!arguments.streams) continue;
+      MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+      object["stream_bits_per_vertex"] = bits;
+    }
+    PrintJson({{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : records) {
+    PrintInfo(r);
+    if (!arguments.streams) continue;
+    MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+    for (const auto& [name, n] : bits) {
+      std::printf("  stream       %s, %.2f bits per vertex\n", name.c_str(), n);
+    }
+  }
+  std::printf("store: %llu bytes, %zu objects\n", U(file_bytes), records.size());
+  return Status::Ok();
+}
+
+Status List(const InspectArguments& arguments) {
+  const std::string store = RealStorePath(arguments.store);
+  const std::vector<IngestJournal> journals =
+      FindJournals(arguments.tmp.empty() ? FolderOf(store) : arguments.tmp, store);
+  const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store));
+    return database->List();
+  };
+  Result<std::vector<ObjectRecord>> records = list();
+  // The first ingest may have been interrupted before it made the store, or while it did.
+  std::error_code error;
+  const bool none = !journals.empty() && (records.status().code() == StatusCode::kNotFound ||
+                                          std::filesystem::is_empty(store, error));
+  if (!records.ok() && !none) return records.status();
+  if (none) records = std::vector<ObjectRecord>();
+  if (arguments.json) {
+    Json json = CatalogJson(*records);
+    if (!journals.empty()) json["journals"] = JournalsJson(journals);
+    PrintJson(json);
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : *records) {
+    std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
+  }
+  for (const IngestJournal& j : journals) PrintJournal(j);
+  return Status::Ok();
+}
+
+Status Verify(const InspectArguments& arguments, bool* ok) {
+  CheckReport report;
+  if (!arguments.name.empty()) {
+    // A name that is not there is a mistake of the caller, unless the catalog is damaged.
+    const auto database = Database::Open(arguments.store);
+    if (database.ok()) {
+      const auto found = (*database)->Find(arguments.name);
+      if (found.status().code() == StatusCode::kNotFound) return found.status();
+    }
+  }
+  MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report));
+  if (arguments.level != "fast" && report.ok()) {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store));
+    std::vector<std::string> names{arguments.name};
+    if (arguments.name.empty()) {
+      names.clear();
+      MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
+      for (const ObjectRecord& r : records) names.push_back(r.name);
+    }
+    for (const std::string& name : names) {
+      MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
+      MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                            Surface::Open(std::move(source)));
+      MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kFull, &report));
+      if (arguments.level == "global") {
+        MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kGlobal, &report));
+      }
+    }
+  }
+  *ok = report.ok();
+  if (arguments.json) {
+    PrintJson(ChecksJson(report));
+    return Status::Ok();
+  }
+  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
+  for (const std::string& failure : report.failures) std::printf("FAILED: %s\n", failure.c_str());
+  std::printf("%s: %s\n", arguments.store.c_str(),
+              report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
+  return Status::Ok();
+}
+
+Status Remove(const InspectArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, {.writable = true, .create = false}));
+  return database->Remove(arguments.name);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,77 @@
+#include <chrono>
+#include <cstdio>
+
+#include "query/probe.h"
+#include "store/database.h"
+#include "tools/cli/verbs.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+nlohmann::ordered_json PointJson(Vec3d p) { return nlohmann::ordered_json::array({p.x, p.y, p.z}); }
+
+void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
+                 const ProbeAnswer& answer, double seconds) {
+  const char* const measure = arguments.ray ? "parameter" : "distance";
+  if (arguments.json) {
+    nlohmann::ordered_json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
+    if (answer.hit) {
+      json["point"] = PointJson(answer.hit->point);
+      json[measure] = answer.hit->distance;
+      json["front"] = answer.hit->front;
+      json["triangle"] = nlohmann::ordered_json::array();
+      for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(PointJson(p));
+      json["error_bound"] = answer.error_bound;
+      json["excess"] = answer.excess;
+    }
+    json["queries"] = answer.queries;
+    json["clusters_read"] = answer.clusters_read;
+    json["clusters_total"] = record.clusters;
+    json["bytes_read"] = answer.bytes_read;
+    json["seconds"] = seconds;
+    PrintJson(json);
+    return;
+  }
+  if (answer.hit) {
+    const ProbeHit& hit = *answer.hit;
+    std::printf("%.9g %.9g %.9g: %s %.9g, from %s, error at most %.6g\n", hit.point.x, hit.point.y,
+                hit.point.z, measure, hit.distance, hit.front ? "outside" : "inside",
+                answer.error_bound);
+    if (answer.excess > 0) {
+      std::printf(
+          "  NOT MET: %.6g above the error that was asked for; positions were rounded by "
+          "more when the object was ingested; ingest it with more --bits, or --lossless\n",
+          answer.excess);
+    }
+  } else {
+    std::printf("%s\n", arguments.ray ? "the ray does not hit the surface"
+                                      : "the surface is farther away than that");
+  }
+  std::printf("  read %llu of %u clusters, %.1f KB; %.1f ms in all\n",
+              static_cast<unsigned long long>(answer.clusters_read), record.clusters,
+              static_cast<double>(answer.bytes_read) / 1e3, 1e3 * seconds);
+}
+
+}  // namespace
+
+Status Probe(const ProbeArguments& arguments) {
+  const auto begin = std::chrono::steady_clock::now();
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));
+  ProbeOptions options;
+  if (arguments.error) options.error_model = *arguments.error;
+  if (arguments.limit) options.limit = *arguments.limit;
+  Result<ProbeAnswer> answer =
+      arguments.ray ? CastRay(*surface, arguments.ray->origin, arguments.ray->direction, options)
+                    : FindClosestPoint(*surface, *arguments.point, options);
+  if (!answer) return answer.status();
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
+  PrintAnswer(arguments, surface->record(), *answer, seconds.count());
+  return Status::Ok();
+}
+
+}  // namespace mtdb

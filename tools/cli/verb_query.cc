@@ -1,0 +1,181 @@
+#include <chrono>
+#include <cstdio>
+
+#include "codecs/mesh_file/mesh_file.h"
+#include "query/surface.h"
+#include "store/database.h"
+#include "tools/cli/verbs.h"
+#include "tools/client/shortfall_json.h"
+#include "tools/render/render.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
+  SurfaceOptions options;
+  if (arguments.implicit) options.form = RuntimeForm::kImplicit;
+  return Surface::Open(std::move(source), options);
+}
+
+void PrintStats(const QueryArguments& arguments, const ObjectRecord& record,
+                const ExtractStats& stats, const std::optional<Vec3d>& origin, double open_seconds,
+                double write_seconds, double total_seconds) {
+  if (arguments.json) {
+    const nlohmann::ordered_json json = {
+        {"object", record.name},
+        {"output", arguments.output},
+        {"triangles", stats.triangles},
+        {"vertices", stats.vertices},
+        {"active_triangles", stats.active_triangles},
+        {"error_bound", stats.error_bound},
+        {"shortfall", ShortfallJson(stats.shortfall)},
+        {"origin", origin ? nlohmann::ordered_json{origin->x, origin->y, origin->z}
+                          : nlohmann::ordered_json()},
+        {"limit", LimitName(stats.limit)},
+        {"nodes_visited", stats.nodes_visited},
+        {"nodes_applied", stats.nodes_applied},
+        {"nodes_forced", stats.nodes_forced},
+        {"clusters_read", stats.clusters_read},
+        {"clusters_cached", stats.clusters_cached},
+        {"clusters_used", stats.clusters_used},
+        {"clusters_total", stats.clusters_total},
+        {"bytes_read", stats.bytes_read},
+        {"seconds",
+         {{"open", open_seconds},
+          {"select", stats.seconds.select},
+          {"load", stats.seconds.load},
+          {"read", stats.seconds.read},
+          {"decode", stats.seconds.decode},
+          {"emit", std::max(0.0, stats.seconds.emit - write_seconds)},
+          {"write", write_seconds},
+          {"total", total_seconds}}}};
+    PrintJson(json);
+    return;
+  }
+  std::printf("%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",
+              arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
+              static_cast<unsigned long long>(stats.vertices), stats.error_bound,
+              record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
+  std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), stdout);
+  if (origin) {
+    std::printf("  float32 positions in the file are offsets from %.9g %.9g %.9g\n", origin->x,
+                origin->y, origin->z);
+  }
+  std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
+              static_cast<unsigned long long>(stats.active_triangles), LimitName(stats.limit));
+  std::printf("  %llu nodes visited, %llu applied, %llu of them only for others\n",
+              static_cast<unsigned long long>(stats.nodes_visited),
+              static_cast<unsigned long long>(stats.nodes_applied),
+              static_cast<unsigned long long>(stats.nodes_forced));
+  std::printf("  read %llu of %llu clusters, %.1f KB; %llu were in the cache\n",
+              static_cast<unsigned long long>(stats.clusters_read),
+              static_cast<unsigned long long>(stats.clusters_total),
+              static_cast<double>(stats.bytes_read) / 1e3,
+              static_cast<unsigned long long>(stats.clusters_cached));
+  std::printf("  select %.1f ms, load %.1f ms, emit %.1f ms, write %.1f ms; %.1f ms in all\n",
+              1e3 * stats.seconds.select, 1e3 * stats.seconds.load,
+              1e3 * std::max(0.0, stats.seconds.emit - write_seconds), 1e3 * write_seconds,
+              1e3 * total_seconds);
+}
+
+// Passes a mesh on to a writer and takes the time that the writer needs.
+class TimedSink final : public MeshSink {
+ public:
+  explicit TimedSink(MeshSink& sink) : sink_(sink) {}
+  Status Begin(const MeshHeader& header) override {
+    return Timed([&] { return sink_.Begin(header); });
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    return Timed([&] { return sink_.AddVertices(positions, rows); });
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    return Timed([&] { return sink_.AddTriangles(triangles); });
+  }
+  Status End() override {
+    return Timed([&] { return sink_.End(); });
+  }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_.LargestRounding(header);
+  }
+  double rounding() const override { return sink_.rounding(); }
+  double seconds() const { return seconds_; }
+
+ private:
+  template <typename Call>
+  Status Timed(Call&& call) {
+    const Clock::time_point begin = Clock::now();
+    Status status = call();
+    seconds_ += SecondsSince(begin);
+    return status;
+  }
+  MeshSink& sink_;
+  double seconds_ = 0;
+};
+
+}  // namespace
+
+Status ExtractVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
+                        CreateMeshFileWriter(arguments.output));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  const double open_seconds = SecondsSince(begin);
+  TimedSink sink(*writer);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  PrintStats(arguments, surface->record(), stats, writer->origin(), open_seconds, sink.seconds(),
+             SecondsSince(begin));
+  return Status::Ok();
+}
+
+Status RenderVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
+  RenderOptions options;
+  if (!arguments.output.ends_with(".png")) {
+    return Unsupported(arguments.output + ": expected a name that ends in .png");
+  }
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
+  options.wireframe = arguments.wireframe;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  const double open_seconds = SecondsSince(begin);
+  if (arguments.query.has_camera() && !arguments.overview) {
+    MTDB_ASSIGN_OR_RETURN(options.camera,
+                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+  }
+  // Pictures of one object share their frame, but for clipped ones.
+  if (!query.clip) options.frame = surface->record().bounds;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  const Clock::time_point drawn = Clock::now();
+  RenderImage image;
+  MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
+  MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
+  PrintStats(arguments, surface->record(), stats, std::nullopt, open_seconds, SecondsSince(drawn),
+             SecondsSince(begin));
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,22 @@
+#include <cstdio>
+#include <sys/resource.h>
+
+#include "tools/cli/verbs.h"
+#include "tools/server/server.h"
+
+namespace mtdb {
+
+Status Serve(const ServerOptions& options) {
+  // A connection takes up to two descriptors.
+  rlimit files{};
+  if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
+    files.rlim_cur = files.rlim_max;
+    (void)::setrlimit(RLIMIT_NOFILE, &files);
+  }
+  return RunServer(options, [](const std::string& url) {
+    std::printf("%s\n", url.c_str());
+    std::fflush(stdout);
+  });
+}
+
+}  // namespace mtdb

@@ -1,0 +1,101 @@
+// The verbs of mtdb as functions. Each prints its result to standard output; an error is returned
+// and printed by main.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "store/base/status.h"
+#include "tools/request/arguments.h"
+#include "tools/request/query_options.h"
+#include "tools/server/server.h"
+
+namespace mtdb {
+
+struct IngestArguments {
+  std::vector<std::string> inputs;
+  std::string store;
+  std::string name;
+  int bits = 16;
+  std::optional<double> step;
+  bool lossless = false;
+  std::optional<int> normal_bits;
+  std::vector<AttributeStep> attribute_steps;
+  unsigned threads = 0;
+  std::string tmp;                       // folder of temporary files; empty: the store's
+  std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
+  bool resume = false;
+  std::string resume_command;  // the command line that goes on with this ingest
+  bool force = false, quiet = false, json = false;
+};
+Status Ingest(const IngestArguments& arguments);
+
+struct InspectArguments {
+  std::string store;
+  std::string name;
+  std::string level = "fast";  // verify
+  bool streams = false;        // info: read all payloads, and tell what their streams take
+  std::string tmp;             // list: where journals lie; empty: the store's folder
+  bool json = false;
+};
+Status Info(const InspectArguments& arguments);
+Status List(const InspectArguments& arguments);
+// `*ok` is false when a check failed; the Status is an error when nothing could be examined.
+Status Verify(const InspectArguments& arguments, bool* ok);
+Status Remove(const InspectArguments& arguments);
+
+struct QueryArguments {
+  std::string store;  // fetch: a URL
+  std::string output;
+  std::string name;
+  QueryOptions query;
+  bool print_query = false;
+  bool implicit = false;  // the cache keeps clusters as in the store; not fetch
+  bool json = false;
+  Extent size{1200, 900};        // render
+  bool wireframe = false;        // render
+  bool overview = false;         // render: not what the camera sees
+  double timeout_seconds = 600;  // fetch: without progress
+};
+Status ExtractVerb(const QueryArguments& arguments);
+Status RenderVerb(const QueryArguments& arguments);
+Status Fetch(const QueryArguments& arguments);
+
+struct FollowArguments {
+  std::string url;
+  std::string path;    // a file of keyframes
+  std::string output;  // a pattern of mesh files; empty: none
+  std::string csv;     // empty: none
+  std::string name;
+  uint32_t remembered_vertices = 65536;
+  double timeout_seconds = 600;
+  double reconnect_seconds = 0;
+  bool json = false;
+};
+Status Follow(const FollowArguments& arguments);
+
+// Prints the URL once it can be asked; returns when a signal ends it.
+Status Serve(const ServerOptions& options);
+
+struct ProbeArguments {
+  std::string store;
+  std::string name;
+  std::optional<Vec3d> point;  // either this
+  std::optional<Ray> ray;      // or this
+  std::optional<double> error;
+  std::optional<double> limit;
+  bool json = false;
+};
+Status Probe(const ProbeArguments& arguments);
+
+struct GenerateArguments {
+  std::string shape;
+  std::string output;
+  uint64_t triangles = 0;
+  uint64_t seed = 1;
+};
+Status Generate(const GenerateArguments& arguments);
+
+}  // namespace mtdb

@@ -1,0 +1,232 @@
+#include "tools/client/session_message.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tools/client/shortfall_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
+
+// Deep values would take deep recursions.
+bool IsTooDeep(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (size_t i = 0; i < text.size() && depth <= kDeepest; ++i) {
+    const char c = text[i];
+    if (quoted && c == '\\') {
+      ++i;
+    } else if (c == '"') {
+      quoted = !quoted;
+    } else if (!quoted && (c == '{' || c == '[')) {
+      ++depth;
+    } else if (!quoted && (c == '}' || c == ']')) {
+      --depth;
+    }
+  }
+  return depth > kDeepest;
+}
+
+// The object that `text` is; discarded when it is none. (nlohmann's callbacks could watch the
+// depth, but take quadratic time.)
+Json ParseObject(std::string_view text) {
+  const Json none(Json::value_t::discarded);
+  if (IsTooDeep(text)) return none;
+  Json json = Json::parse(text, nullptr, false);
+  return json.is_object() ? json : none;
+}
+
+std::string Text(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::optional<uint64_t> IdOf(const Json& json) {
+  const auto at = json.find("id");
+  if (at == json.end() || !at->is_number_unsigned()) return std::nullopt;
+  const auto id = at->get<uint64_t>();
+  return id <= kLargestId ? std::optional(id) : std::nullopt;
+}
+
+// Takes the values of an object's keys, all of which must be there and of the right kind.
+class Fields {
+ public:
+  explicit Fields(const Json& json) : json_(json), ok_(json.is_object()) {}
+  bool ok() const { return ok_; }
+
+  void Take(const char* key, uint64_t* value) {
+    if (Find(key, &Json::is_number_unsigned)) *value = found_->get<uint64_t>();
+  }
+  void Take(const char* key, double* value) {
+    if (!Find(key, &Json::is_number)) return;
+    *value = found_->get<double>();
+    ok_ = std::isfinite(*value) && *value >= 0;
+  }
+  void Take(const char* key, std::string* value) {
+    if (Find(key, &Json::is_string)) *value = found_->get<std::string>();
+  }
+  void Take(const char* key, bool* value) {
+    if (Find(key, &Json::is_boolean)) *value = found_->get<bool>();
+  }
+
+ private:
+  bool Find(const char* key, bool (Json::*is)() const noexcept) {
+    if (!ok_) return false;
+    found_ = json_.find(key);
+    ok_ = found_ != json_.end() && (*found_.*is)();
+    return ok_;
+  }
+  const Json& json_;
+  Json::const_iterator found_;
+  bool ok_;
+};
+
+Status NotReply() { return BadInput("the server sent a control message that mtdb does not know"); }
+
+Result<SessionHello> HelloOf(const Json& json) {
+  uint64_t protocol = 0;
+  Fields head(json);
+  head.Take("protocol", &protocol);
+  if (!head.ok()) return NotReply();
+  if (protocol != kSessionProtocol) {
+    return Unsupported("the server speaks version " + std::to_string(protocol) +
+                       " of the session protocol, this program version " +
+                       std::to_string(kSessionProtocol));
+  }
+  SessionHello hello;
+  Fields fields(json);
+  fields.Take("object", &hello.object);
+  fields.Take("triangles", &hello.triangles);
+  fields.Take("vertices", &hello.vertices);
+  fields.Take("diagonal", &hello.diagonal);
+  fields.Take("rounding_error", &hello.rounding_error);
+  fields.Take("double_positions", &hello.double_positions);
+  fields.Take("remember", &hello.remembered_vertices);
+  fields.Take("max_triangles", &hello.max_triangles);
+  fields.Take("max_message_bytes", &hello.max_message_bytes);
+  if (!fields.ok()) return NotReply();
+  return hello;
+}
+
+Result<SessionDone> DoneOf(const Json& json) {
+  SessionDone done;
+  Fields fields(json);
+  fields.Take("triangles", &done.triangles);
+  fields.Take("vertices", &done.vertices);
+  fields.Take("active_triangles", &done.active_triangles);
+  fields.Take("error_bound", &done.error_bound);
+  fields.Take("limit", &done.limit);
+  if (!fields.ok() || !json.contains("shortfall") ||
+      !ParseShortfall(json.at("shortfall"), &done.shortfall)) {
+    return NotReply();
+  }
+  fields.Take("insertions", &done.insertions);
+  fields.Take("removals", &done.removals);
+  fields.Take("messages", &done.messages);
+  fields.Take("bytes", &done.bytes);
+  fields.Take("milliseconds", &done.milliseconds);
+  if (!fields.ok()) return NotReply();
+  return done;
+}
+
+}  // namespace
+
+Result<SessionRequest> ParseSessionRequest(std::string_view text, std::optional<uint64_t>* id) {
+  constexpr const char* kForm = R"({"id": 7, "query": {...}})";
+  id->reset();
+  const Json json = ParseObject(text);
+  if (json.is_discarded()) {
+    return InvalidArgument(std::string("expected a JSON object such as ") + kForm);
+  }
+  *id = IdOf(json);
+  if (!*id) {
+    return InvalidArgument("id: expected a whole number from 0 to 9007199254740991, as in " +
+                           std::string(kForm));
+  }
+  const auto query = json.find("query");
+  if (query == json.end() || !query->is_object()) {
+    return InvalidArgument("query: expected an object, as in " + std::string(kForm));
+  }
+  for (const auto& [key, value] : json.items()) {
+    if (key != "id" && key != "query") {
+      return InvalidArgument("no key " + Text(key) + " here; known are id, query");
+    }
+  }
+  return SessionRequest{**id, Text(*query)};
+}
+
+std::string SessionRequestText(const SessionRequest& request) {
+  return R"({"id":)" + std::to_string(request.id) + R"(,"query":)" + request.query + "}";
+}
+
+Result<SessionReply> ParseSessionReply(std::string_view text) {
+  const Json json = ParseObject(text);
+  if (json.is_discarded()) return NotReply();
+  SessionReply reply;
+  reply.id = IdOf(json);
+  if (const auto hello = json.find("hello"); hello != json.end()) {
+    reply.kind = SessionReply::Kind::kHello;
+    MTDB_ASSIGN_OR_RETURN(reply.hello, HelloOf(*hello));
+    return reply;
+  }
+  Fields fields(json);
+  if (json.contains("error")) {
+    fields.Take("error", &reply.error);
+    fields.Take("code", &reply.code);
+    return fields.ok() ? Result<SessionReply>(std::move(reply)) : NotReply();
+  }
+  if (!reply.id) return NotReply();
+  if (const auto done = json.find("done"); done != json.end()) {
+    reply.kind = SessionReply::Kind::kDone;
+    MTDB_ASSIGN_OR_RETURN(reply.done, DoneOf(*done));
+    return reply;
+  }
+  bool superseded = false;
+  fields.Take("superseded", &superseded);
+  if (!fields.ok() || !superseded) return NotReply();
+  reply.kind = SessionReply::Kind::kSuperseded;
+  return reply;
+}
+
+std::string SessionReplyText(const SessionReply& reply) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  if (reply.id) json["id"] = *reply.id;
+  const SessionHello& hello = reply.hello;
+  const SessionDone& done = reply.done;
+  switch (reply.kind) {
+    case SessionReply::Kind::kHello:
+      json["hello"] = {{"protocol", kSessionProtocol},
+                       {"object", hello.object},
+                       {"triangles", hello.triangles},
+                       {"vertices", hello.vertices},
+                       {"diagonal", hello.diagonal},
+                       {"rounding_error", hello.rounding_error},
+                       {"double_positions", hello.double_positions},
+                       {"remember", hello.remembered_vertices},
+                       {"max_triangles", hello.max_triangles},
+                       {"max_message_bytes", hello.max_message_bytes}};
+      break;
+    case SessionReply::Kind::kDone:
+      json["done"] = {{"triangles", done.triangles},
+                      {"vertices", done.vertices},
+                      {"active_triangles", done.active_triangles},
+                      {"error_bound", done.error_bound},
+                      {"shortfall", ShortfallJson(done.shortfall)},
+                      {"limit", done.limit},
+                      {"insertions", done.insertions},
+                      {"removals", done.removals},
+                      {"messages", done.messages},
+                      {"bytes", done.bytes},
+                      {"milliseconds", done.milliseconds}};
+      break;
+    case SessionReply::Kind::kSuperseded: json["superseded"] = true; break;
+    case SessionReply::Kind::kError: json["error"] = reply.error; json["code"] = reply.code;
+  }
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace mtdb

@@ -1,0 +1,186 @@
+#include "tools/request/arguments.h"
+
+#include <algorithm>
+#include <arpa/inet.h>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+#include <vector>
+
+namespace mtdb {
+
+namespace {
+
+constexpr int kLargestExtent = 16384;
+constexpr double kLargestNumber = 1e30;  // of a query: docs/query.md
+constexpr double kLargestSeconds = 1e9;
+constexpr uint64_t kLeastMemory = uint64_t{256} << 20;  // of BuildOptions
+
+// Parses all of `text`.
+template <typename T>
+bool ParseWhole(std::string_view text, T* value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
+  return error == std::errc() && end == text.data() + text.size() && !text.empty();
+}
+
+}  // namespace
+
+Status Unexpected(const std::string& text, const std::string& expected) {
+  return InvalidArgument("expected " + expected + ", found '" + text + "'");
+}
+
+Result<std::vector<double>> ParseList(const std::string& text, const std::string& form) {
+  std::vector<double> numbers;
+  size_t begin = 0;
+  while (begin <= text.size()) {
+    const size_t end = std::min(text.find(',', begin), text.size());
+    double value = 0;
+    if (!ParseWhole(std::string_view(text).substr(begin, end - begin), &value) ||
+        !(std::abs(value) <= kLargestNumber)) {
+      return Unexpected(text, "numbers from -1e30 to 1e30 " + form);
+    }
+    numbers.push_back(value);
+    begin = end + 1;
+  }
+  return numbers;
+}
+
+Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
+                                         const std::string& form) {
+  Result<std::vector<double>> numbers = ParseList(text, form);
+  if (numbers.ok() && numbers->size() == count) return numbers;
+  return Unexpected(text, std::to_string(count) + " numbers " + form);
+}
+
+Result<double> ParseNonNegative(const std::string& text) {
+  double value = 0;
+  if (!ParseWhole(text, &value) || !(value >= 0 && value <= kLargestNumber)) {
+    return Unexpected(text, "a number that is not negative, at most 1e30");
+  }
+  return value;
+}
+
+Result<double> ParsePositive(const std::string& text) {
+  double value = 0;
+  if (!ParseWhole(text, &value) || !(value > 0 && value <= kLargestNumber)) {
+    return Unexpected(text, "a positive number, at most 1e30");
+  }
+  return value;
+}
+
+Result<double> ParseSeconds(const std::string& text) {
+  const Result<double> value = ParseNonNegative(text);
+  if (value.ok() && *value <= kLargestSeconds) return value;
+  return Unexpected(text, "seconds that are not negative, at most 1e9");
+}
+
+Result<double> ParsePositiveSeconds(const std::string& text) {
+  const Result<double> value = ParsePositive(text);
+  if (value.ok() && *value <= kLargestSeconds) return value;
+  return Unexpected(text, "a positive number of seconds, at most 1e9");
+}
+
+Result<uint64_t> ParseWholeNumber(const std::string& text) {
+  uint64_t value = 0;
+  if (!ParseWhole(text, &value)) return Unexpected(text, "a whole number from 0 to 2^64 - 1");
+  return value;
+}
+
+Result<uint64_t> ParseCount(const std::string& text) {
+  uint64_t value = 0;
+  if (!ParseWhole(text, &value) || value == 0) return Unexpected(text, "a whole number above 0");
+  return value;
+}
+
+Result<uint64_t> ParseSize(const std::string& text) {
+  constexpr std::string_view kSuffixes = "KMGT";
+  std::string_view digits = text;
+  int shift = 0;
+  if (!digits.empty()) {
+    const int last = std::toupper(static_cast<unsigned char>(digits.back()));
+    const auto at = kSuffixes.find(static_cast<char>(last));
+    if (at != std::string_view::npos) {
+      shift = 10 * (static_cast<int>(at) + 1);
+      digits.remove_suffix(1);
+    }
+  }
+  uint64_t value = 0;
+  if (!ParseWhole(digits, &value) || value == 0 || value > (~uint64_t{0} >> shift)) {
+    return Unexpected(text, "a size such as 512M or 4G");
+  }
+  return value << shift;
+}
+
+Result<uint64_t> ParseMemory(const std::string& text) {
+  const Result<uint64_t> size = ParseSize(text);
+  if (size.ok() && *size >= kLeastMemory) return size;
+  return Unexpected(text, "a size of at least 256M, such as 512M or 4G");
+}
+
+Result<Extent> ParseExtent(const std::string& text) {
+  const size_t x = text.find('x');
+  Extent extent;
+  if (x == std::string::npos || !ParseWhole(std::string_view(text).substr(0, x), &extent.width) ||
+      !ParseWhole(std::string_view(text).substr(x + 1), &extent.height) || extent.width < 1 ||
+      extent.height < 1 || std::max(extent.width, extent.height) > kLargestExtent) {
+    return Unexpected(text, "pixels as WxH, each from 1 to " + std::to_string(kLargestExtent));
+  }
+  return extent;
+}
+
+Result<Vec3d> ParsePoint(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, "X,Y,Z"));
+  return Vec3d{n[0], n[1], n[2]};
+}
+
+Result<Ray> ParseRay(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X,Y,Z,DX,DY,DZ"));
+  const Ray ray{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};
+  if (ray.direction == Vec3d{}) return Unexpected(text, "a direction that is not 0");
+  return ray;
+}
+
+std::string Endpoint::text() const {
+  const bool colons = address.find(':') != std::string::npos;
+  return (colons ? "[" + address + "]" : address) + ":" + std::to_string(port);
+}
+
+Result<Endpoint> ParseEndpoint(const std::string& text) {
+  const size_t colon = text.rfind(':');
+  std::string address = colon == std::string::npos ? "127.0.0.1" : text.substr(0, colon);
+  if (address == "localhost") address = "127.0.0.1";
+  const bool bracketed = address.starts_with('[') && address.ends_with(']');
+  if (bracketed) address = address.substr(1, address.size() - 2);
+  Endpoint endpoint{address, 0};
+  unsigned char bytes[sizeof(in6_addr)];
+  const bool known = ::inet_pton(bracketed ? AF_INET6 : AF_INET, address.c_str(), bytes) == 1;
+  const auto port = std::string_view(text).substr(colon == std::string::npos ? 0 : colon + 1);
+  if (!known || !ParseWhole(port, &endpoint.port)) {
+    return Unexpected(text, "an address and a port such as 127.0.0.1:8080 or [::1]:8080");
+  }
+  return endpoint;
+}
+
+Result<AttributeStep> ParseAttributeStep(const std::string& text) {
+  const size_t at = text.rfind('=');
+  const Result<double> step = ParsePositive(at == std::string::npos ? "" : text.substr(at + 1));
+  if (!step.ok() || at == 0) return Unexpected(text, "NAME=STEP, the step a number above 0");
+  return AttributeStep{text.substr(0, at), *step};
+}
+
+std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+std::string QuoteForShell(const std::string& word) {
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) != 0 || std::strchr("_-./,:=+@%", c) != nullptr;
+  };
+  if (!word.empty() && std::ranges::all_of(word, plain)) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+}  // namespace mtdb

@@ -1,0 +1,234 @@
+#include "tools/request/query_options.h"
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+namespace mtdb {
+
+namespace {
+
+using Numbers = std::vector<double>;
+
+QueryJson PointAt(const Numbers& n, size_t i) {
+  return QueryJson::array({n[i], n[i + 1], n[i + 2]});
+}
+
+// What the numbers mean is checked where JSON is.
+Result<QueryJson> Checked(const std::string& text, QueryJson part, const Status& status) {
+  if (status.ok()) return part;
+  return InvalidArgument(status.message() + ", in '" + text + "'");
+}
+
+Result<QueryJson> CheckedRegion(const std::string& text, QueryJson region) {
+  const Result<RegionPtr> parsed = ParseRegion(region.dump());
+  return Checked(text, std::move(region), parsed.ok() ? Status::Ok() : parsed.status());
+}
+
+// One part as it is, several as the list of a part that puts them together.
+QueryJson Together(const char* key, std::vector<QueryJson> parts) {
+  if (parts.size() == 1) return std::move(parts[0]);
+  return {{key, QueryJson(std::move(parts))}};
+}
+
+Result<std::string> ReadFile(const std::string& path) {
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  if (file == nullptr) {
+    if (errno == ENOENT) return NotFound(path + ": no such file");
+    return IoError(path + ": cannot be opened: " + std::strerror(errno));
+  }
+  std::string text;
+  std::array<char, 1 << 16> block;
+  while (const size_t n = std::fread(block.data(), 1, block.size(), file)) {
+    text.append(block.data(), n);
+  }
+  const bool failed = std::ferror(file) != 0;
+  const int error = errno;
+  std::fclose(file);
+  if (failed) return IoError(path + ": cannot be read: " + std::strerror(error));
+  return text;
+}
+
+Result<QueryJson> ReadQueryFile(const std::string& path) {
+  MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
+  Result<QueryJson> json = ParseQueryText(text);
+  if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
+  return json;
+}
+
+}  // namespace
+
+Result<QueryJson> PointOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 3, "X,Y,Z"));
+  return PointAt(n, 0);
+}
+
+Result<QueryJson> BoxOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
+  return CheckedRegion(text, {{"box", {{"min", PointAt(n, 0)}, {"max", PointAt(n, 3)}}}});
+}
+
+Result<QueryJson> SphereOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 4, "X,Y,Z,R"));
+  return CheckedRegion(text, {{"sphere", {{"centre", PointAt(n, 0)}, {"radius", n[3]}}}});
+}
+
+Result<QueryJson> HalfSpaceOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X,Y,Z,NX,NY,NZ"));
+  return CheckedRegion(text,
+                       {{"half_space", {{"point", PointAt(n, 0)}, {"normal", PointAt(n, 3)}}}});
+}
+
+Result<QueryJson> PointRegionOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const QueryJson point, PointOption(text));
+  return CheckedRegion(text, {{"point", point}});
+}
+
+Result<QueryJson> SegmentOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
+  return CheckedRegion(text, {{"segment", {{"from", PointAt(n, 0)}, {"to", PointAt(n, 3)}}}});
+}
+
+Result<QueryJson> TubeOption(const std::string& text) {
+  const std::string form = "R,X0,Y0,Z0,X1,Y1,Z1,...";
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
+  if (n.size() < 4 || n.size() % 3 != 1) {
+    return Unexpected(text, form + ": a radius and points of three numbers");
+  }
+  QueryJson line = QueryJson::array();
+  for (size_t i = 1; i < n.size(); i += 3) line.push_back(PointAt(n, i));
+  return CheckedRegion(text, {{"tube", {{"line", line}, {"radius", n[0]}}}});
+}
+
+Result<QueryJson> PrismOption(const std::string& text) {
+  const std::string form = "X0,Y0,X1,Y1,X2,Y2,...";
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
+  if (n.size() < 6 || n.size() % 2 != 0) {
+    return Unexpected(text, form + ": at least three corners of two numbers");
+  }
+  QueryJson polygon = QueryJson::array();
+  for (size_t i = 0; i < n.size(); i += 2) polygon.push_back({n[i], n[i + 1]});
+  return CheckedRegion(text, {{"prism", {{"polygon", polygon}}}});
+}
+
+Result<QueryJson> WedgeOption(const std::string& text) {
+  const std::string form = "X,Y,DX,DY,ANGLE[,FAR]";
+  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
+  if (n.size() != 5 && n.size() != 6) return Unexpected(text, "5 or 6 numbers " + form);
+  QueryJson wedge = {{"apex", {n[0], n[1]}}, {"direction", {n[2], n[3]}}, {"angle", n[4]}};
+  if (n.size() == 6) wedge["far"] = n[5];
+  return CheckedRegion(text, {{"wedge", wedge}});
+}
+
+Result<QueryJson> ErrorAtOption(const std::string& text) {
+  // A law, its key, and that of its last number.
+  constexpr const char* kLaws[][3] = {{"linear", "linear", "slope"},
+                                      {"quadratic", "quadratic", "factor"},
+                                      {"sqrt", "square_root", "factor"},
+                                      {"exp", "exponential", "rate"}};
+  const size_t comma = text.find(',');
+  for (const auto& law : kLaws) {
+    if (comma == std::string::npos || text.substr(0, comma) != law[0]) continue;
+    const Result<Numbers> numbers = ParseNumbers(text.substr(comma + 1), 5, "");
+    if (!numbers.ok()) return Unexpected(text, "5 numbers after the law: LAW,X,Y,Z,BASE,F");
+    const Numbers& n = *numbers;
+    QueryJson part = {{law[1], {{"point", PointAt(n, 0)}, {"base", n[3]}, {law[2], n[4]}}}};
+    const Result<ThresholdPtr> parsed = ParseThreshold(part.dump(), 0);
+    return Checked(text, std::move(part), parsed.ok() ? Status::Ok() : parsed.status());
+  }
+  return Unexpected(text, "linear, quadratic, sqrt or exp, and numbers: LAW,X,Y,Z,BASE,F");
+}
+
+Status CheckOptions(const QueryOptions& o, bool draws) {
+  const bool region = o.frustum || !o.regions.empty();
+  const bool threshold =
+      o.full || o.error || o.error_relative || o.pixels || o.error_outside || !o.errors_at.empty();
+  const auto wrong = [](const std::string& option, const char* why) {
+    return InvalidArgument(option + ": " + why);
+  };
+  if (!o.file.empty()) {
+    if (region || threshold || o.intersect || o.outside) {
+      return wrong("--query",
+                   "its file holds region and threshold: give no other options for them");
+    }
+    if (o.eye && !draws) return wrong("--eye", "does not go with --query: its file has cameras");
+  } else {
+    constexpr const char* kNeedsRegion = "needs a region: give --box, --sphere or another";
+    if (o.clip && !region) return wrong("--clip", kNeedsRegion);
+    if (o.error_outside && !region) return wrong("--error-outside", kNeedsRegion);
+    if (o.intersect && !region) return wrong("--intersect", kNeedsRegion);
+    if (o.outside && !region) return wrong("--outside", kNeedsRegion);
+    if (o.error_outside && o.clip) {
+      return wrong("--error-outside", "does not go with --clip: it asks for what is outside");
+    }
+  }
+  if (!o.has_camera()) {
+    constexpr const char* kNeedsCamera = "needs a camera: give --eye and --target";
+    if (o.frustum) return wrong("--frustum", kNeedsCamera);
+    if (o.pixels) return wrong("--pixels", kNeedsCamera);
+    if (o.eye) return wrong("--eye", kNeedsCamera);
+    if (o.target) return wrong("--target", kNeedsCamera);
+    if (o.up) return wrong("--up", kNeedsCamera);
+    if (o.fov) return wrong("--fov", kNeedsCamera);
+    if (o.viewport) return wrong("--viewport", kNeedsCamera);
+    return Status::Ok();
+  }
+  if (!draws && !o.frustum && !o.pixels) {
+    return wrong("--eye", "is of no use without --frustum or --pixels");
+  }
+  const Result<Camera> camera = ParseCamera(CameraOf(o, {1200, 900}).dump());
+  return camera.ok()
+             ? Status::Ok()
+             : InvalidArgument("--eye, --target, --up, --fov: " + camera.status().message());
+}
+
+QueryJson CameraOf(const QueryOptions& o, const Extent& viewport) {
+  const Extent size = o.viewport.value_or(viewport);
+  QueryJson camera = {{"eye", *o.eye}, {"target", *o.target}};
+  if (o.up) camera["up"] = *o.up;
+  if (o.fov) camera["fov"] = *o.fov;
+  camera["viewport"] = {size.width, size.height};
+  return camera;
+}
+
+Result<QueryJson> QueryOf(const QueryOptions& o, const Extent& viewport) {
+  QueryJson query = QueryJson::object();
+  if (!o.file.empty()) {
+    MTDB_ASSIGN_OR_RETURN(query, ReadQueryFile(o.file));
+    if (o.clip && !query.contains("region")) {
+      return InvalidArgument(o.file + ": has no region for --clip");
+    }
+  } else {
+    std::vector<QueryJson> regions = o.regions;
+    if (o.frustum) regions.push_back({{"frustum", CameraOf(o, viewport)}});
+    QueryJson region;
+    if (!regions.empty()) region = Together(o.intersect ? "intersection" : "union", regions);
+    if (o.outside) region = {{"outside", region}};
+    std::vector<QueryJson> thresholds = o.errors_at;
+    if (o.error) thresholds.push_back(*o.error);
+    if (o.error_relative) thresholds.push_back({{"relative", *o.error_relative}});
+    if (o.pixels) {
+      thresholds.push_back(
+          {{"screen", {{"camera", CameraOf(o, viewport)}, {"pixels", *o.pixels}}}});
+    }
+    if (thresholds.empty()) thresholds.push_back("full");
+    QueryJson threshold = Together("smallest", thresholds);
+    if (o.error_outside) {
+      threshold = {{"by_region",
+                    {{"region", region}, {"inside", threshold}, {"outside", *o.error_outside}}}};
+    } else if (!regions.empty()) {
+      query["region"] = region;
+    }
+    query["threshold"] = threshold;
+  }
+  if (o.triangles) query["max_triangles"] = *o.triangles;
+  if (o.max_bytes) query["max_bytes"] = *o.max_bytes;
+  if (o.max_ms) query["max_milliseconds"] = *o.max_ms;
+  if (o.clip) query["clip"] = true;
+  if (o.normals) query["normals"] = true;
+  return query;
+}
+
+}  // namespace mtdb

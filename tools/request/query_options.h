@@ -1,0 +1,64 @@
+// The options of extract and render that say what is asked for, as a query in JSON.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "store/base/status.h"
+#include "tools/request/arguments.h"
+#include "tools/request/query_json.h"
+
+namespace mtdb {
+
+// Parts of a query are as docs/query.md has them.
+struct QueryOptions {
+  bool full = false;
+  std::optional<double> error;           // model units
+  std::optional<double> error_relative;  // of the diagonal
+  std::optional<double> pixels;
+  std::vector<QueryJson> errors_at;     // thresholds by distance from a point
+  std::optional<double> error_outside;  // of the regions
+  std::optional<uint64_t> triangles;
+  std::optional<uint64_t> max_bytes;
+  std::optional<double> max_ms;
+  bool normals = false;
+
+  std::vector<QueryJson> regions;
+  bool frustum = false;
+  bool intersect = false;  // of the regions, not their union
+  bool outside = false;
+  bool clip = false;
+
+  std::optional<QueryJson> eye, target, up;  // points
+  std::optional<double> fov;                 // degrees
+  std::optional<Extent> viewport;
+
+  std::string file;  // with a query; then no region and no threshold
+
+  bool has_camera() const { return eye && target; }
+};
+
+// The texts of options as parts of a query. An error is kInvalidArgument and says what was
+// expected.
+Result<QueryJson> PointOption(const std::string& text);
+Result<QueryJson> BoxOption(const std::string& text);
+Result<QueryJson> SphereOption(const std::string& text);
+Result<QueryJson> HalfSpaceOption(const std::string& text);
+Result<QueryJson> PointRegionOption(const std::string& text);
+Result<QueryJson> SegmentOption(const std::string& text);
+Result<QueryJson> TubeOption(const std::string& text);
+Result<QueryJson> PrismOption(const std::string& text);
+Result<QueryJson> WedgeOption(const std::string& text);
+Result<QueryJson> ErrorAtOption(const std::string& text);
+
+// Finds options that lack others or do not go with them. `draws`: the camera alone is of use.
+// Errors are kInvalidArgument and begin with the option.
+Status CheckOptions(const QueryOptions& options, bool draws);
+// The camera of options that have one. Without a viewport of their own, it is `viewport`.
+QueryJson CameraOf(const QueryOptions& options, const Extent& viewport);
+// What the options ask for. Reads `file`. Errors: kNotFound, kIoError, kInvalidArgument.
+Result<QueryJson> QueryOf(const QueryOptions& options, const Extent& viewport);
+
+}  // namespace mtdb

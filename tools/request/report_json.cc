@@ -1,0 +1,119 @@
+#include "tools/request/report_json.h"
+
+#include <cstdio>
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+const char* TypeName(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8: return "int8";
+    case ScalarType::kUint8: return "uint8";
+    case ScalarType::kInt16: return "int16";
+    case ScalarType::kUint16: return "uint16";
+    case ScalarType::kInt32: return "int32";
+    case ScalarType::kUint32: return "uint32";
+    case ScalarType::kFloat32: return "float32";
+    case ScalarType::kFloat64: return "float64";
+  }
+  return "unknown";
+}
+
+Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+
+}  // namespace
+
+Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
+  Json attributes = Json::array();
+  for (const VertexAttribute& a : r.attributes.attributes) {
+    attributes.push_back({{"name", a.name}, {"type", TypeName(a.type)}});
+    if (a.step > 0) attributes.back()["step"] = a.step;
+    if (a.normal_bits > 0) attributes.back()["normal_bits"] = a.normal_bits;
+  }
+  Json rounds = Json::array();
+  for (const RoundReport& round : r.rounds) {
+    rounds.push_back({{"triangles_in", round.triangles_in},
+                      {"triangles_out", round.triangles_out},
+                      {"tiles", round.tiles},
+                      {"clusters", round.clusters},
+                      {"nodes", round.nodes},
+                      {"locked_vertices", round.locked_vertices},
+                      {"stuck_topology", round.stuck_topology},
+                      {"stuck_degree", round.stuck_degree},
+                      {"error_max", r.grid.Error(round.error_code_max)}});
+  }
+  const bool lossless = r.grid.mode == PositionMode::kLossless;
+  Json json = {
+      {"object", r.name},
+      {"vertices", r.vertices},
+      {"triangles", r.triangles},
+      {"components", r.components},
+      {"boundary_edges", r.boundary_edges},
+      {"boundary_loops", r.boundary_loops},
+      {"euler_characteristic", r.euler_characteristic},
+      {"input",
+       {{"vertices", r.input.vertices},
+        {"triangles", r.input.triangles},
+        {"unreferenced_vertices", r.input.unreferenced_vertices},
+        {"degenerate_triangles", r.input.degenerate_triangles},
+        {"duplicate_triangles", r.input.duplicate_triangles},
+        {"nonmanifold_edges", r.input.nonmanifold_edges},
+        {"nonmanifold_vertices", r.input.nonmanifold_vertices}}},
+      {"attributes", attributes},
+      {"digest", r.digest_hex()},
+      {"bounds", {{"min", Point(r.bounds.min)}, {"max", Point(r.bounds.max)}}},
+      {"diagonal", r.diagonal()},
+      {"positions", lossless ? "float32" : "grid"},
+      {"bits", r.bits},
+      {"step", lossless ? 0.0 : r.grid.step},
+      {"rounding_error", r.rounding_error},
+      {"rounds", rounds},
+      {"clusters", r.clusters},
+      {"nodes", r.nodes},
+      {"root_pieces", r.root_pieces},
+      {"root_vertices", r.root_vertices},
+      {"root_triangles", r.root_triangles},
+      {"depth", r.depth},
+      {"max_degree", r.max_degree},
+      {"file_bytes", file_bytes},
+      {"stored_bytes", r.stored_bytes},
+      {"payload_bytes", r.payload_bytes},
+      {"bits_per_vertex", r.vertices == 0 ? 0.0
+                                          : 8.0 * static_cast<double>(r.stored_bytes) /
+                                                static_cast<double>(r.vertices)},
+      {"error_max", r.grid.Error(r.error_code_max)},
+  };
+  return json;
+}
+
+Json CatalogJson(const std::vector<ObjectRecord>& records) {
+  Json objects = Json::array();
+  for (const ObjectRecord& r : records) {
+    objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
+  }
+  return {{"objects", objects}};
+}
+
+const char* LimitName(QueryLimit limit) {
+  switch (limit) {
+    case QueryLimit::kThreshold: return "accuracy";
+    case QueryLimit::kTriangles: return "triangles";
+    case QueryLimit::kBytes: return "bytes";
+    case QueryLimit::kTime: return "time";
+  }
+  return "unknown";
+}
+
+Json ChecksJson(const CheckReport& report) {
+  return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
+}
+
+void PrintJson(const Json& json) {
+  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::printf("%s\n", text.c_str());
+}
+
+}  // namespace mtdb

@@ -1,0 +1,496 @@
+#include "tools/server/internal/server_service.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <sys/stat.h>
+#include <system_error>
+#include <unistd.h>
+
+#include "codecs/mesh_file/mesh_file.h"
+#include "query/cluster_cache.h"
+#include "query/query_json.h"
+#include "tools/client/shortfall_json.h"
+#include "tools/request/arguments.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Draco's encoder keeps the whole mesh and more in memory.
+constexpr uint64_t kMaxDracoTriangles = 2'000'000;
+// A ClientMesh numbers half-edges, four a triangle, in 32 bits.
+constexpr uint64_t kMaxSessionTriangles = uint64_t{1} << 28;
+
+std::string Dump(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+const char* ContentType(const std::string& format) {
+  if (format == "obj") return "model/obj";
+  if (format == "stl") return "model/stl";
+  if (format == "glb") return "model/gltf-binary";
+  return "application/octet-stream";
+}
+
+// Passes a mesh on, unless it is too large or nobody wants it any more.
+class GuardedSink final : public MeshSink {
+ public:
+  GuardedSink(MeshSink& sink, const AnonymousFile& file, ServerCall& call, uint64_t max_triangles)
+      : sink_(sink), file_(file), call_(call), max_triangles_(max_triangles) {}
+  Status Begin(const MeshHeader& header) override {
+    const uint64_t triangles = header.triangle_count.value_or(0);
+    if (triangles > max_triangles_) {
+      return InvalidArgument("the mesh would have " + std::to_string(triangles) +
+                             " triangles, but this server sends at most " +
+                             std::to_string(max_triangles_) +
+                             " in this format; ask for less, or set max_triangles");
+    }
+    return sink_.Begin(header);
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    MTDB_RETURN_IF_ERROR(Check());
+    return sink_.AddVertices(positions, rows);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    MTDB_RETURN_IF_ERROR(Check());
+    return sink_.AddTriangles(triangles);
+  }
+  Status End() override {
+    MTDB_RETURN_IF_ERROR(Check());
+    MTDB_RETURN_IF_ERROR(sink_.End());
+    return Check();
+  }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_.LargestRounding(header);
+  }
+  double rounding() const override { return sink_.rounding(); }
+
+ private:
+  // What was written is counted, a block behind.
+  Status Check() {
+    if (!call_.temporary->Set(file_.size_bytes())) call_.Cancel(ServerCall::Stop::kNoRoom);
+    return call_.control.cancelled() ? Status(StatusCode::kCancelled, "cancelled") : Status::Ok();
+  }
+  MeshSink& sink_;
+  const AnonymousFile& file_;
+  ServerCall& call_;
+  const uint64_t max_triangles_;
+};
+
+void AddStats(const ExtractStats& stats, ServerAnswer* answer) {
+  char bound[32];
+  std::snprintf(bound, sizeof(bound), "%.17g", stats.error_bound);
+  answer->headers.insert(answer->headers.end(),
+                         {{"X-Mtdb-Triangles", std::to_string(stats.triangles)},
+                          {"X-Mtdb-Vertices", std::to_string(stats.vertices)},
+                          {"X-Mtdb-Active-Triangles", std::to_string(stats.active_triangles)},
+                          {"X-Mtdb-Error-Bound", bound},
+                          {"X-Mtdb-Shortfall", ShortfallJson(stats.shortfall).dump()},
+                          {"X-Mtdb-Limit", LimitName(stats.limit)},
+                          {"X-Mtdb-Clusters-Read", std::to_string(stats.clusters_read)},
+                          {"X-Mtdb-Clusters-Cached", std::to_string(stats.clusters_cached)},
+                          {"X-Mtdb-Clusters-Total", std::to_string(stats.clusters_total)},
+                          {"X-Mtdb-Bytes-Read", std::to_string(stats.bytes_read)}});
+}
+
+// `text` with every `place` (a path) replaced by `word`.
+std::string Replaced(std::string text, const std::string& place, const std::string& word) {
+  for (size_t at = 0; (at = text.find(place, at)) != std::string::npos; at += word.size()) {
+    text.replace(at, place.size(), word);
+  }
+  return text;
+}
+
+// The limits that a session's client states: it may hold less than the server gives.
+Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options* options) {
+  const uint64_t most = options->max_triangles;
+  for (const auto& [name, text] : target.parameters) {
+    if (name != "remember" && name != "triangles") {
+      return InvalidArgument(name + ": no such parameter; known are remember and triangles");
+    }
+    const Result<uint64_t> count = text == "0" ? Result<uint64_t>(uint64_t{0}) : ParseCount(text);
+    if (!count.ok()) return InvalidArgument(name + ": " + count.status().message());
+    (name == "remember" ? options->remembered_vertices : options->max_triangles) =
+        std::min(*count, most);
+  }
+  return Status::Ok();
+}
+
+ServerError NoMemory() { return {503, "no_space", "the server is out of memory; try again later"}; }
+
+ServerAnswer NoSuchPath() {
+  return ErrorAnswer(
+      404, "no_such_path",
+      "there are /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/session, /healthz and "
+      "/metrics");
+}
+
+}  // namespace
+
+// ---- answers --------------------------------------------------------------------------
+
+ServerAnswer ErrorAnswer(const ServerError& error) {
+  ServerAnswer answer;
+  answer.status = error.status;
+  answer.body = Dump({{"error", error.message}, {"code", error.code}});
+  if (error.status == 503) answer.headers.emplace_back("Retry-After", "1");
+  return answer;
+}
+
+// ---- the service --------------------------------------------------------------------------------
+
+Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions& options) {
+  std::unique_ptr<ServerService> service(new ServerService(options));
+  std::error_code error;
+  // A whole path, so that Failure finds it in messages, and nothing that only looks like it.
+  const std::filesystem::path store = std::filesystem::absolute(options.store, error);
+  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(error ? options.store : store.string()));
+  service->folder_ =
+      options.tmp.empty() ? std::filesystem::temp_directory_path(error).string() : options.tmp;
+  AnonymousFile::Sweep(service->folder_);
+  const Result<AnonymousFile> tried = AnonymousFile::Create(service->folder_);
+  if (!tried.ok()) {
+    return Status(tried.status().code(), tried.status().message() + "; choose another with --tmp");
+  }
+  return service;
+}
+
+ServerService::Effort ServerService::EffortOf(const std::string& text) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
+  return target->path.size() == 3 ? Effort::kQuery : Effort::kCatalog;
+}
+
+ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& call) {
+  try {
+    return Route(request, call);
+  } catch (const std::bad_alloc&) {
+    return ErrorAnswer(NoMemory());
+  } catch (const std::system_error&) {  // no thread
+    return ErrorAnswer(NoMemory());
+  }
+}
+
+ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call) {
+  const Result<RequestTarget> target = ParseTarget(request.target);
+  if (!target.ok()) return ErrorAnswer(400, "bad_request", target.status().message());
+  const std::vector<std::string>& path = target->path;
+  const bool objects = path[0] == "objects" && path.size() <= 3;
+  if (IsSession(request.target)) {
+    ServerAnswer answer =
+        ErrorAnswer(426, "upgrade_required",
+                    "sessions speak WebSocket: ask for an upgrade; see docs/protocol.md");
+    answer.headers.emplace_back("Upgrade", "websocket");
+    return answer;
+  }
+  const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
+  const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
+  if (!alone && !mesh && !(objects && path.size() < 3)) return NoSuchPath();
+  const bool reads = request.method == "GET" || request.method == "HEAD";
+  if (!reads && !(mesh && request.method == "POST")) {
+    ServerAnswer answer = ErrorAnswer(405, "method_not_allowed",
+                                      mesh ? "expected GET, HEAD or POST" : "expected GET or HEAD");
+    answer.headers.emplace_back("Allow", mesh ? "GET, HEAD, POST" : "GET, HEAD");
+    return answer;
+  }
+  if (alone && path[0] == "metrics") return Metrics();
+  if (alone) {
+    ServerAnswer answer;
+    answer.body = Dump({{"status", "ok"}});
+    return answer;
+  }
+  const std::string name = path.size() > 1 ? path[1] : "";
+  if (path.size() > 1 && name.empty()) return NoSuchPath();
+  if (!mesh) {
+    Result<ServerAnswer> answer = path.size() == 1 ? Catalog() : Info(name);
+    return answer.ok() ? *std::move(answer)
+                       : ErrorAnswer(Failure(answer.status(), name, call, false));
+  }
+  const Result<MeshRequest> parsed = ParseMeshRequest(*target, request.body);
+  if (!parsed.ok()) return ErrorAnswer(400, "bad_query", parsed.status().message());
+  Result<ServerAnswer> answer = Mesh(name, *parsed, call);
+  if (answer.ok()) return *std::move(answer);
+  // Found in the catalog, then gone.
+  const bool opened = call.control.clusters_loaded() > 0;
+  return ErrorAnswer(Failure(answer.status(), name, call, opened));
+}
+
+Result<ServerAnswer> ServerService::Catalog() {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database_->List());
+  ServerAnswer answer;
+  answer.body = Dump(CatalogJson(records));
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Info(const std::string& name) {
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database_->FileBytes());
+  ServerAnswer answer;
+  answer.body = Dump(RecordJson(record, file_bytes));
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequest& request,
+                                         ServerCall& call) {
+  if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
+  MTDB_ASSIGN_OR_RETURN(Query query, QueryFromJson(request.query, surface->record().diagonal()));
+  query.control = &call.control;
+  ServerAnswer answer;
+  MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::Create(folder_));
+  MeshWriteOptions write;
+  write.descriptor = answer.file.descriptor();
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
+                        CreateMeshFileWriter("the mesh." + request.format, write));
+  const uint64_t most = request.format == "drc"
+                            ? std::min(options_.max_triangles, kMaxDracoTriangles)
+                            : options_.max_triangles;
+  GuardedSink sink(*writer, answer.file, call, most);
+  ++metrics_.queries;
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  metrics_.read_bytes += stats.bytes_read;
+  metrics_.cache_hits += stats.clusters_cached;
+  answer.content_type = ContentType(request.format);
+  answer.triangles = stats.triangles;
+  AddStats(stats, &answer);
+  return answer;
+}
+
+ServerAnswer ServerService::Metrics() {
+  ServerMetrics::Cache cache;
+  {
+    const std::lock_guard lock(mutex_);
+    cache.objects_open = surfaces_.size();
+    cache.decoded = decoded_before_;
+    for (const auto& surface : surfaces_) {
+      cache.bytes += surface->cache().bytes();
+      cache.decoded += surface->cache().decoded();
+    }
+  }
+  ServerAnswer answer;
+  answer.content_type = "text/plain; version=0.0.4";
+  const auto figures = [](const ServerLedger& ledger) {
+    return ServerMetrics::Shared{ledger.bytes(), ledger.limit(), ledger.evictions()};
+  };
+  answer.body = metrics_.Text(cache, figures(temporary_), figures(session_memory_));
+  return answer;
+}
+
+ServerError ServerService::Failure(const Status& status, const std::string& name,
+                                   const ServerCall& call, bool opened) {
+  std::string text = Replaced(status.message(), folder_ + ": ", "");
+  text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
+  switch (status.code()) {
+    case StatusCode::kInvalidArgument:
+    case StatusCode::kUnsupported: return ServerError{400, "bad_query", text};
+    case StatusCode::kNotFound:
+      if (opened) {
+        return ServerError{410, "gone",
+                           "the object '" + name + "' was removed or replaced meanwhile"};
+      }
+      return ServerError{404, "no_such_object", "no object '" + name + "'; see /objects"};
+    case StatusCode::kCancelled: break;
+    case StatusCode::kBudgetExceeded:
+      return ServerError{503, "budget_exceeded",
+                         "the query does not fit the cache or its max_bytes: " + text};
+    default: {
+      std::fprintf(stderr, "mtdb: %s\n", status.message().c_str());
+      if (status.code() == StatusCode::kNoSpace || status.code() == StatusCode::kBusy) {
+        return ServerError{503, "no_space", "the server is short of space; try again later"};
+      }
+      return ServerError{500, "store_error",
+                         "the object cannot be read; whoever runs the server finds the reason "
+                         "in what it printed"};
+    }
+  }
+  return Stopped(call);
+}
+
+ServerError ServerService::Stopped(const ServerCall& call) {
+  const ServerCall::Stop why = call.stop;
+  if (why == ServerCall::Stop::kPreempted) return ServerError{ServerError::kPreempted, "", ""};
+  if (why != ServerCall::Stop::kSuperseded) ++metrics_.queries_cancelled;
+  switch (why) {
+    case ServerCall::Stop::kTimeout:
+      return ServerError{503, "timeout",
+                         "the time for a request is over; ask for less, or set max_milliseconds"};
+    case ServerCall::Stop::kShutdown:
+      return ServerError{503, "shutting_down", "the server is shutting down"};
+    case ServerCall::Stop::kNoRoom:
+      return ServerError{503, "no_temporary_space",
+                         "answers under way take all of the " + std::to_string(temporary_.limit()) +
+                             " bytes that they may (--max-tmp); try again later, or ask for less"};
+    default: return ServerError{499, "cancelled", "the client went away"};
+  }
+}
+
+ServerError ServerService::NoSessionMemory() const {
+  return {503, "no_session_memory",
+          "sessions take all of the " + std::to_string(session_memory_.limit()) +
+              " bytes that they may (--session-memory); try again later, or ask for less"};
+}
+
+// ---- sessions -----------------------------------------------------------------------------------
+
+bool ServerService::IsSession(const std::string& text) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  return target.ok() && target->path.size() == 3 && target->path[0] == "objects" &&
+         !target->path[1].empty() && target->path[2] == "session";
+}
+
+ServerService::OpenedSession::~OpenedSession() {
+  if (surface != nullptr) service->Unpin(surface.get());
+}
+
+std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const std::string& text,
+                                                                         const ServerClient& client,
+                                                                         ServerAnswer* refusal) {
+  const Result<RequestTarget> target = ParseTarget(text);
+  MTDB_CHECK(target.ok(), "IsSession has looked at it");
+  ServerSession::Options options;
+  options.max_triangles = std::min(options_.session_triangles, kMaxSessionTriangles);
+  auto opened = std::make_unique<OpenedSession>();
+  opened->service = this;
+  const auto open = [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(ReadSessionParameters(*target, &options));
+    MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface, OpenSurface(target->path[1]));
+    if (!Pin(surface.get())) return Status::Ok();
+    opened->surface = std::move(surface);
+    MTDB_ASSIGN_OR_RETURN(opened->session, ServerSession::Open(opened->surface, options));
+    opened->memory = std::make_unique<ServerLedger::Account>(session_memory_, client);
+    return Status::Ok();
+  };
+  try {
+    const Status status = open();
+    if (!status.ok()) {
+      *refusal = ErrorAnswer(Failure(status, target->path[1], {}, false));
+    } else if (opened->surface == nullptr) {
+      *refusal = ErrorAnswer(503, "too_many_objects",
+                             "sessions are open on as many objects as the server keeps open; try "
+                             "again later");
+    } else if (!opened->memory->Set(opened->session->memory_bytes())) {
+      *refusal = ErrorAnswer(NoSessionMemory());
+    } else {
+      return opened;
+    }
+  } catch (const std::bad_alloc&) {
+    *refusal = ErrorAnswer(NoMemory());
+  } catch (const std::system_error&) {
+    *refusal = ErrorAnswer(NoMemory());
+  }
+  return nullptr;
+}
+
+ServerService::SessionOutcome ServerService::Update(OpenedSession& opened,
+                                                    const SessionRequest& request,
+                                                    ServerSession::Pace pace, ServerCall& call,
+                                                    ServerSession::Progress* progress) {
+  ServerSession& session = *opened.session;
+  const ObjectRecord& record = session.surface().record();
+  pace.may_take = [&](uint64_t bytes) { return opened.memory->Set(bytes); };
+  pace.takes = [&](uint64_t bytes) { opened.memory->Note(bytes); };
+  SessionOutcome outcome;
+  const auto update = [&]() -> Result<ServerSession::End> {
+    if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+    MTDB_ASSIGN_OR_RETURN(Query query, ParseQuery(request.query, record.diagonal()));
+    if (query.normals) {
+      return InvalidArgument("normals: a session's client makes them itself; leave it out");
+    }
+    query.control = &call.control;
+    return session.Update(query, pace, progress, &outcome.update);
+  };
+  try {
+    const Result<ServerSession::End> end = update();
+    metrics_.read_bytes += outcome.update.stats.bytes_read;
+    metrics_.cache_hits += outcome.update.stats.clusters_cached;
+    const bool too_large =
+        end.ok() ? *end == ServerSession::End::kTooLarge : call.stop == ServerCall::Stop::kTooLarge;
+    if (too_large) {
+      outcome.error = {400, "too_many_triangles",
+                       "the mesh would have more than the " +
+                           std::to_string(session.max_triangles()) +
+                           " triangles that this session holds; ask for less, or set "
+                           "max_triangles"};
+    } else if (end.ok() && *end == ServerSession::End::kNoMemory) {
+      outcome.error = NoSessionMemory();
+    } else if (end.ok()) {
+      outcome.end = *end;
+    } else {
+      outcome.error = Failure(end.status(), record.name, call, true);
+    }
+  } catch (const std::exception&) {  // no memory, no thread
+    outcome.broken = true;           // somewhere between two updates
+    outcome.error = NoMemory();
+  }
+  return outcome;
+}
+
+// ---- open objects -------------------------------------------------------------------------------
+
+// Sessions keep what they use open, on no more objects than may be open.
+bool ServerService::Pin(const Surface* surface) {
+  const std::lock_guard lock(mutex_);
+  if (!pins_.contains(surface) && pins_.size() >= options_.objects) return false;
+  ++pins_[surface];
+  return true;
+}
+
+void ServerService::Unpin(const Surface* surface) {
+  const std::lock_guard lock(mutex_);
+  if (--pins_[surface] == 0) pins_.erase(surface);
+}
+
+// Null when it is not open.
+std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
+  const std::lock_guard lock(mutex_);
+  for (auto at = surfaces_.begin(); at != surfaces_.end(); ++at) {
+    if (!IsSameObject((*at)->record(), record)) continue;
+    std::rotate(at, at + 1, surfaces_.end());
+    return surfaces_.back();
+  }
+  return nullptr;
+}
+
+Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& name) {
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
+  if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
+  const std::lock_guard opening(opening_);
+  if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database_->OpenObject(name));
+  SurfaceOptions surface_options;
+  surface_options.cache_bytes = options_.cache_bytes;
+  surface_options.threads = options_.threads;
+  if (options_.implicit) surface_options.form = RuntimeForm::kImplicit;
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface,
+                        Surface::Open(std::move(source), surface_options));
+  std::vector<std::shared_ptr<Surface>> closed;  // outside of the lock
+  const std::lock_guard lock(mutex_);
+  surfaces_.push_back(surface);
+  const auto close = [&](size_t i) {
+    decoded_before_ += surfaces_[i]->cache().decoded();
+    closed.push_back(std::move(surfaces_[i]));
+    surfaces_.erase(surfaces_.begin() + static_cast<ptrdiff_t>(i));
+  };
+  // What stands for an object of that name that was replaced or removed is of no use.
+  for (size_t i = surfaces_.size() - 1; i-- > 0;) {
+    if (surfaces_[i]->record().name == name) close(i);
+  }
+  // The last used last; pinned ones stay.
+  for (size_t i = 0; surfaces_.size() > options_.objects && i + 1 < surfaces_.size();) {
+    if (pins_.contains(surfaces_[i].get())) {
+      ++i;
+    } else {
+      close(i);
+    }
+  }
+  return surface;
+}
+
+}  // namespace mtdb

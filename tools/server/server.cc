@@ -1,0 +1,253 @@
+#include "tools/server/server.h"
+
+#include <algorithm>
+#include <atomic>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <optional>
+#include <system_error>
+#include <thread>
+#include <unistd.h>
+#include <utility>
+
+#include "tools/client/network.h"
+#include "tools/server/internal/server_connection.h"
+#include "tools/server/internal/server_loop.h"
+#include "tools/server/internal/server_origin.h"
+
+namespace mtdb {
+
+namespace {
+
+// How often everything is looked at: while there is something to wait for, and else.
+constexpr auto kBusyPeriod = std::chrono::milliseconds(20);
+constexpr auto kIdlePeriod = std::chrono::milliseconds(100);
+constexpr auto kAcceptPause = std::chrono::milliseconds(100);
+// What was cancelled is waited for so long.
+constexpr auto kLastWait = std::chrono::seconds(2);
+// Connections above the limit that are told so; those above these are just closed.
+constexpr size_t kMaxRefused = 64;
+
+// SIGINT and SIGTERM count here and wake the loop: that takes no memory.
+class StopSignals {
+ public:
+  explicit StopSignals(const ServerMail& mail) {
+    g_mail = &mail;
+    g_count = 0;
+    struct sigaction action {};
+    action.sa_handler = [](int) {
+      ++g_count;
+      if (const ServerMail* woken = g_mail) woken->Wake();
+    };
+    action.sa_flags = SA_RESTART;
+    ::sigaction(SIGINT, &action, &before_[0]);
+    ::sigaction(SIGTERM, &action, &before_[1]);
+  }
+  ~StopSignals() {
+    ::sigaction(SIGINT, &before_[0], nullptr);
+    ::sigaction(SIGTERM, &before_[1], nullptr);
+    g_mail = nullptr;
+  }
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+  static int count() { return g_count; }
+
+ private:
+  static inline std::atomic<int> g_count{0};
+  static inline std::atomic<const ServerMail*> g_mail{nullptr};
+  static_assert(std::atomic<int>::is_always_lock_free);
+  struct sigaction before_[2];
+};
+
+// The loop goes on whatever is thrown in it: what one handler could not do for want of memory ends
+// with its connection, and what keeps the server going is looked at again and again.
+class Server {
+ public:
+  Server(const ServerOptions& options, ServerService& service) : loop_(options, service) {}
+
+  Status Run(const std::function<void(const std::string& url)>& listening);
+
+ private:
+  Status Listen();
+  void Step();
+  void Await();
+  void AwaitMail();
+  void Accept();
+  void OnAccept(Tcp::socket socket);
+  void Tick();
+  void Stop();
+  void Abort();
+
+  ServerLoop loop_;
+  Tcp::acceptor acceptor_{loop_.io};
+  asio::posix::stream_descriptor wake_{loop_.io};
+  bool accepting_ = false;
+  bool awaiting_mail_ = false;
+  Clock::time_point accept_after_;
+  Clock::time_point abort_at_, leave_at_;
+};
+
+Status Server::Listen() {
+  const Endpoint& listen = loop_.options.listen;
+  const std::string where = listen.text();
+  ErrorCode error;
+  const auto address = asio::ip::make_address(listen.address, error);
+  if (error) {
+    return InvalidArgument(where + ": expected an address of this machine such as 127.0.0.1");
+  }
+  const Tcp::endpoint endpoint(address, listen.port);
+  acceptor_.open(endpoint.protocol(), error);
+  if (!error) acceptor_.set_option(Tcp::acceptor::reuse_address(true), error);
+  if (!error) acceptor_.bind(endpoint, error);
+  if (!error) acceptor_.listen(asio::socket_base::max_listen_connections, error);
+  if (!error) return Status::Ok();
+  return IoError(where + ": cannot listen there: " + error.message() +
+                 "; choose another with --listen, port 0 for any free one");
+}
+
+Status Server::Run(const std::function<void(const std::string& url)>& listening) {
+  MTDB_RETURN_IF_ERROR(Listen());
+  MTDB_RETURN_IF_ERROR(loop_.queries.Start());
+  MTDB_RETURN_IF_ERROR(loop_.catalog.Start());
+  wake_.assign(::dup(loop_.mail.descriptor()));
+  const StopSignals signals(loop_.mail);
+  listening("http://" +
+            Endpoint{loop_.options.listen.address, acceptor_.local_endpoint().port()}.text());
+  while (!loop_.stopping || !loop_.peers.empty()) {
+    Step();
+    if (!loop_.stopping && StopSignals::count() > 0) Stop();
+    const Clock::time_point now = Clock::now();
+    if (loop_.stopping && !loop_.aborting && (StopSignals::count() > 1 || now > abort_at_)) Abort();
+    if (loop_.aborting && now > leave_at_) {
+      // They have nothing that must not be lost.
+      std::fprintf(stderr, "mtdb: %llu running queries did not stop in time; left them\n",
+                   static_cast<unsigned long long>(loop_.metrics().query_jobs.running));
+      std::fflush(nullptr);
+      std::_Exit(0);
+    }
+  }
+  return Status::Ok();
+}
+
+void Server::Step() {
+  try {
+    Await();
+    const bool busy =
+        loop_.stopping || loop_.metrics().in_flight > 0 || loop_.metrics().sessions > 0;
+    loop_.io.restart();
+    if (loop_.io.run_for(busy ? kBusyPeriod : kIdlePeriod) == 0 && loop_.io.stopped()) {
+      std::this_thread::sleep_for(kBusyPeriod);  // there is no memory to wait for anything
+    }
+  } catch (const std::exception&) {
+    // Whose handler it was has lost its connection.
+  }
+  try {
+    loop_.mail.Deliver();
+  } catch (const std::exception&) {
+  }
+  Tick();
+}
+
+void Server::Await() {
+  if (!awaiting_mail_) AwaitMail();
+  if (!accepting_ && !loop_.stopping && Clock::now() >= accept_after_) Accept();
+}
+
+void Server::AwaitMail() {
+  awaiting_mail_ = true;
+  try {
+    wake_.async_wait(asio::posix::stream_descriptor::wait_read, [this](ErrorCode) {
+      awaiting_mail_ = false;
+      AwaitMail();
+      loop_.mail.Deliver();
+    });
+  } catch (...) {
+    awaiting_mail_ = false;
+    throw;
+  }
+}
+
+void Server::Accept() {
+  accepting_ = true;
+  try {
+    acceptor_.async_accept([this](ErrorCode error, Tcp::socket socket) {
+      accepting_ = false;
+      if (loop_.stopping) return;
+      // Most likely out of descriptors: others must finish first.
+      accept_after_ = error ? Clock::now() + kAcceptPause : Clock::time_point();
+      if (!error) OnAccept(std::move(socket));
+      if (!error) Accept();
+    });
+  } catch (...) {
+    accepting_ = false;
+    throw;
+  }
+}
+
+void Server::OnAccept(Tcp::socket socket) {
+  if (loop_.peers.size() >= loop_.options.max_connections + kMaxRefused) return;
+  ErrorCode error;
+  socket.set_option(Tcp::no_delay(true), error);
+  const Tcp::endpoint from = socket.remote_endpoint(error);
+  if (error) return;  // gone already
+  const bool refused = loop_.peers.size() >= loop_.options.max_connections;
+  ServerClient client{ClientAddress(from.address()), loop_.next_connection++};
+  ServeConnection(loop_, std::move(socket), std::move(client), refused);
+}
+
+void Server::Tick() {
+  const Clock::time_point now = Clock::now();
+  loop_.queries.Tick();
+  loop_.catalog.Tick();
+  // A peer may go when it is looked at.
+  for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {
+    ServerPeer* const peer = *at++;
+    peer->Tick(now);
+  }
+}
+
+void Server::Stop() {
+  loop_.stopping = true;
+  abort_at_ = Clock::now() + Seconds(loop_.options.grace_seconds);
+  ErrorCode ignored;
+  acceptor_.close(ignored);
+  for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {
+    ServerPeer* const peer = *at++;
+    peer->Drain();
+  }
+}
+
+void Server::Abort() {
+  loop_.aborting = true;
+  leave_at_ = Clock::now() + kLastWait;
+  for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {
+    ServerPeer* const peer = *at++;
+    peer->Abort();
+  }
+}
+
+}  // namespace
+
+Status RunServer(const ServerOptions& options,
+                 const std::function<void(const std::string& url)>& listening) {
+  ServerOptions filled = options;
+  if (filled.threads == 0) filled.threads = std::max(1u, std::thread::hardware_concurrency());
+  filled.service.threads = filled.threads;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ServerService> service,
+                        ServerService::Open(filled.service));
+  try {
+    return Server(filled, *service).Run(listening);
+  } catch (const std::bad_alloc&) {
+    return {StatusCode::kNoSpace, "there is not enough memory to serve"};
+  } catch (const std::system_error& error) {
+    return IoError(std::string("cannot serve: ") + error.what());
+  }
+}
+
+}  // namespace mtdb

@@ -1,0 +1,41 @@
+// The HTTP server of `mtdb serve`: connections, limits, shutdown. What it answers is ServerService.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "store/base/status.h"
+#include "tools/request/arguments.h"
+#include "tools/server/internal/server_service.h"
+
+namespace mtdb {
+
+struct ServerOptions {
+  ServiceOptions service;
+  Endpoint listen{"127.0.0.1", 8080};  // port 0: any free one
+  unsigned threads = 0;                // queries at once; 0: as many as the machine has
+  unsigned max_connections = 256;      // those above are answered with 503
+  unsigned max_sessions = 64;          // likewise
+  double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
+  double session_idle_seconds = 300;   // of a session's client that answers no ping
+  std::string allowed_origin;          // of web pages that may open sessions; "*": any
+  // Names that clients may call the server by, beside addresses and localhost; "*": any.
+  std::vector<std::string> allowed_hosts;
+  double timeout_seconds = 600;  // from a request's last byte to its answer's last
+  double grace_seconds = 5;      // for running requests when the server is told to stop
+};
+
+// Serves until SIGINT or SIGTERM, then lets running requests finish for grace_seconds, cancels what
+// is left and returns. A second signal cancels at once. What does not stop within two seconds after
+// that is left: the process ends, with status 0 and a line on standard error. `listening` is called
+// with the URL once clients can connect. All connections are served by the calling thread, queries
+// by a pool that gives each client its share of time (fair_queue.h); an answer on its way takes 64
+// KiB of memory, whatever its size, and a session's updates wait when a MiB of them is on its way.
+// Without memory a request gets 503 or its connection ends, and the next one is served. Errors:
+// those of ServerService::Open, kInvalidArgument and kIoError when it cannot listen, kNoSpace
+// without memory for a thread.
+Status RunServer(const ServerOptions& options,
+                 const std::function<void(const std::string& url)>& listening);
+
+}  // namespace mtdb
