@@ -16,6 +16,7 @@
 #endif
 
 #include "builder/internal/attribute_sink.h"
+#include "builder/internal/build_with.h"
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
 #include "builder/internal/input_spool.h"
@@ -117,9 +118,13 @@ Result<Grid> MakeGrid(const Box3d& bounds, const BuildOptions& options, uint8_t*
 
 class Builder {
  public:
-  Builder(const BuildOptions& options, ObjectWriter& writer, const ProgressCallback& progress,
-          BuildReport* report)
-      : options_(options), writer_(writer), progress_(progress), report_(report) {
+  Builder(const DecimatorFactory& make_decimator, const BuildOptions& options, ObjectWriter& writer,
+          const ProgressCallback& progress, BuildReport* report)
+      : options_(options),
+        writer_(writer),
+        progress_(progress),
+        report_(report),
+        make_decimator_(make_decimator) {
     threads_ =
         options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     space_.directory = options.tmp_directory;
@@ -213,6 +218,7 @@ class Builder {
       ahead_ = plan.ahead;
       memory_ = plan.spool_bytes;
       decimators_.resize(threads_);
+      for (auto& decimator : decimators_) decimator = make_decimator_();
       input.SetMemory(memory_ / 4);
       return Status::Ok();
     });
@@ -225,6 +231,7 @@ class Builder {
     record_.attributes = input.header().attributes;
     record_.degree_limit = options_.degree_limit;
     record_.tile_triangles = options_.tile_triangles;
+    record_.error_measure = decimators_.front()->measure();
     // The first round's curve needs bounds before the kept triangles' are known.
     const Grid& grid = record_.grid;
     record_.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
@@ -363,7 +370,7 @@ class Builder {
     decimate.target_triangles =
         static_cast<uint32_t>(job.tile.triangles.size()) / options_.reduction;
     const TileResult result =
-        decimators_[worker].Decimate(job.tile.triangles, record_.grid, decimate);
+        decimators_[worker]->Decimate(job.tile.triangles, record_.grid, decimate);
     TileOutcome& outcome = job.outcome;
     outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes);
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
@@ -495,7 +502,8 @@ class Builder {
   unsigned threads_ = 1;
   size_t ahead_ = 1;     // tiles on their way at a time
   uint64_t memory_ = 0;  // for spools and sorters
-  std::vector<Decimator> decimators_;
+  const DecimatorFactory& make_decimator_;
+  std::vector<std::unique_ptr<TileDecimator>> decimators_;  // of the threads
   ObjectRecord record_;
   double largest_error_ = 0;  // work units
   double done_before_ = 0;
@@ -504,10 +512,19 @@ class Builder {
 
 }  // namespace
 
+Result<ObjectRecord> BuildObjectWith(const DecimatorFactory& make_decimator,
+                                     const MeshProducer& input, const BuildOptions& options,
+                                     ObjectWriter& writer, const ProgressCallback& progress,
+                                     BuildReport* report) {
+  return CatchOutOfMemory(
+      [&] { return Builder(make_decimator, options, writer, progress, report).Run(input); });
+}
+
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress,
                                  BuildReport* report) {
-  return CatchOutOfMemory([&] { return Builder(options, writer, progress, report).Run(input); });
+  return BuildObjectWith([] { return std::make_unique<SurfaceDecimator>(); }, input, options,
+                         writer, progress, report);
 }
 
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,

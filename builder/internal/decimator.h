@@ -1,16 +1,24 @@
 // Decimator: simplifies one tile by vertex removals, cheapest error first.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <bit>
 #include <cstdint>
+#include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
-#include "builder/internal/hole_triangulation.h"
-#include "builder/internal/round_mesh.h"
+#include "builder/internal/filling_measure.h"
+#include "builder/internal/filling_rule.h"
+#include "builder/internal/free_filling.h"
+#include "builder/internal/hole.h"
+#include "builder/internal/removal_queue.h"
+#include "builder/internal/surface_distance.h"
 #include "builder/internal/tile.h"
+#include "builder/internal/tile_mesh.h"
 #include "store/base/grid.h"
+#include "store/object_record.h"
 
 namespace mtdb {
 
@@ -22,114 +30,214 @@ struct DecimateOptions {
 
 // Removes vertices of a tile until the target is met. Topology and orientation are kept; vertices
 // on the tile's seam and at non-manifold places stay; vertices of the surface's border go like
-// others. Each removal carries a bound on the two-sided distance between its hole and the input
-// surface (see RoundMesh). Deterministic. Reuse one object per thread: it keeps its memory.
-class Decimator {
+// others, where the measure takes them. Each removal carries a bound on the error of its hole.
+// Deterministic. One object serves one thread, for one tile after the other: it keeps its memory.
+class TileDecimator {
  public:
+  virtual ~TileDecimator() = default;
+  virtual ErrorMeasure measure() const = 0;
   // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
+  virtual TileResult Decimate(std::span<const TileTriangle> tile, const Grid& grid,
+                              const DecimateOptions& options) = 0;
+};
+
+// What comes next is the queue's business, what a removal costs the measure's, which triangles fill
+// its hole the rule's, and the triangles are the mesh's.
+template <FillingMeasure Measure, FillingRule Rule>
+class Decimator final : public TileDecimator {
+ public:
+  ErrorMeasure measure() const override { return Measure::kMeasure; }
   TileResult Decimate(std::span<const TileTriangle> tile, const Grid& grid,
-                      const DecimateOptions& options);
+                      const DecimateOptions& options) override;
 
  private:
-  static constexpr uint32_t kMaxDegree = HoleTriangulation::kMaxRing;
-
-  // The triangulated hole that a removal would leave, and its error.
-  struct Plan {
-    uint32_t k = 0;  // ring vertices
-    bool boundary = false;
-    bool conservative = false;
-    double error = 0;
-    HoleTriangulation::Triangles triangles;
-    std::array<double, kMaxDegree> errors;  // of the triangles
-  };
-  // The part of a plan by overlay that is dear to find again.
-  struct KeptPlan {
-    bool valid = false;
-    std::array<std::array<uint8_t, 3>, kMaxDegree - 2> triangles;
-    std::array<double, kMaxDegree - 2> edge_errors;  // of triangle t's edge (first, last); t > 0
-  };
   enum class Verdict : uint8_t { kLegal, kTopology, kDegree };
+  struct Vertex {
+    Verdict verdict = Verdict::kLegal;
+    bool stale = true;     // its star has changed since it was evaluated
+    bool careful = false;  // a filling used an edge that exists: look for them first
+  };
+  // The part of a filling that is dear to find again; of vertices that are not stale.
+  struct KeptFilling {
+    bool valid = false;
+    std::array<Hole::Triangle, Hole::kMaxRing - 2> triangles;
+    std::array<double, Hole::kMaxRing - 2>
+        edge_errors;  // of triangle t's edge (first, last); t > 0
+  };
 
-  void Load(std::span<const TileTriangle> tile, const Grid& grid);
-  // Fills ring_, star_. False when the vertex has too many neighbours.
-  bool CollectRing(uint32_t v);
-  // Fills hole_.forbidden: edges between two locked vertices and, when `existing`, edges that are
-  // there.
-  void MarkForbiddenEdges(bool existing);
-  // True when a diagonal of the plan is an edge of the mesh already.
-  bool UsesExistingEdge(const Plan& plan) const;
-  bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
-  Verdict Evaluate(uint32_t v, Plan& plan);
-  // Fills samples_ and returns the star's normal, not normalised.
-  Vec3d CollectSamples(uint32_t v, bool boundary);
-  // Fills the hole's ring and frame_samples_; `n` is the star's unit normal.
-  void SetFrame(const Plan& plan, Vec3d n);
-  bool EvaluateByOverlay(uint32_t v, Vec3d n, Plan& plan);
-  // Errors of the plan's triangles, from the curves of its edges and from the samples.
-  void MeasureByOverlay(Plan& plan);
-  // False when the new border edge exists already, or the new triangle would close a tetrahedron.
-  bool EdgesAreFree(bool boundary) const;
-  // Redoes what Commit needs of an evaluation whose plan was kept: the star of `v` is as it was.
-  // False when the plan is legal no more.
-  bool Recall(uint32_t v, Plan& plan);
-  void Keep(uint32_t v, const Plan& plan);
-  bool EvaluateConservatively(uint32_t v, Vec3d n, Plan& plan);
-  double BorderCurveError(uint32_t v, uint32_t from, uint32_t to) const;
-  void Commit(uint32_t v, const Plan& plan);
-  void Push(uint32_t v, double error);
+  void Evaluate(uint32_t v);
+  bool FillSeen();
+  void Keep(uint32_t v);
+  bool Recall(uint32_t v);
+  bool IsReady(uint32_t v);
+  void Remove();
 
-  uint32_t Origin(uint32_t h) const { return corners_[h / 3][h % 3]; }
-  static uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
-  static uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
-  bool IsBorderEdge(uint32_t h) const { return border_[h / 3] >> (h % 3) & 1; }
-
-  RoundMesh round_;
-  DecimateOptions options_;
-
-  // Vertices.
-  std::vector<uint32_t> vertices_;
-  std::vector<Vec3i> grid_positions_;
-  std::vector<Vec3d> positions_;     // work units
-  std::vector<uint32_t> half_edge_;  // outgoing; of a border vertex the one on the border
-  std::vector<uint8_t> locked_, fixed_, on_border_, removed_, dirty_;
-  std::vector<uint8_t> careful_;       // a plan used an edge that exists: look for them first
-  std::vector<uint32_t> next_sample_;  // list of removed vertices
-  std::vector<Verdict> verdict_;
-  std::vector<KeptPlan> kept_;     // of vertices that are not dirty
-  std::vector<float> last_error_;  // where the queue holds it
-
-  // Triangles, current and past.
-  std::vector<std::array<uint32_t, 3>> corners_;
-  std::vector<float> errors_;
-  std::vector<uint8_t> border_, alive_, tainted_;
-  std::vector<uint32_t> sample_head_;  // removed vertices that the triangle stands for
-  // Half-edges.
-  std::vector<uint32_t> opposite_;
-  std::vector<double> curve_error_;
-  std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
-
-  // The queue: the bits of a vertex's last error above its number, the smallest on top. An entry
-  // that differs from its vertex's HeapKey is void.
-  uint64_t HeapKey(uint32_t v) const {
-    return uint64_t{std::bit_cast<uint32_t>(last_error_[v])} << 32 | v;
-  }
-  static float HeapError(uint64_t key) {
-    return std::bit_cast<float>(static_cast<uint32_t>(key >> 32));
-  }
-  std::vector<uint64_t> heap_;
-
+  TileMesh mesh_;
+  Measure measure_;
+  Rule rule_;
+  RemovalQueue queue_;
+  uint32_t degree_limit_ = 0;
+  std::vector<Vertex> states_;
+  std::vector<KeptFilling> kept_;
+  std::vector<Removal> removals_;
   // Of the vertex under evaluation.
-  std::vector<uint32_t> ring_, star_;
-  std::vector<uint32_t> ring_edges_;  // half-edge of the star from ring_[j] to ring_[j + 1]
-  double shape_weight_ = 0;           // of a triangle's shape beside squared errors
-  std::vector<uint32_t> samples_;     // removed vertices of its star, and itself
-  HoleTriangulation hole_;
-  std::vector<uint32_t> ring_mark_;
-  std::vector<Vec3d> frame_samples_;      // positions of samples_ in the hole's frame
-  std::vector<uint8_t> sample_triangle_;  // plan triangle of each sample
-
-  TileResult result_;
-  uint32_t live_triangles_ = 0;
+  Hole hole_;
+  Filling filling_;
 };
+
+// What the builder uses.
+using SurfaceDecimator = Decimator<SurfaceDistance, FreeFilling>;
+extern template class Decimator<SurfaceDistance, FreeFilling>;
+
+template <FillingMeasure Measure, FillingRule Rule>
+TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile, const Grid& grid,
+                                              const DecimateOptions& options) {
+  degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
+  mesh_.Load(tile, grid);
+  measure_.Load(mesh_, tile);
+  const uint32_t vertices = mesh_.vertices();
+  states_.assign(vertices, Vertex{});
+  kept_.resize(vertices);
+  queue_.Reset(vertices);
+  removals_.clear();
+  TileResult result;
+  // Vertices are evaluated when their turn comes; a guess that is mostly low decides when.
+  for (uint32_t v = 0; v < vertices; ++v) {
+    if (mesh_.locked(v)) {
+      ++result.locked_vertices;
+    } else {
+      queue_.Push(v, measure_.FirstGuess(v));
+    }
+  }
+  while (mesh_.live_triangles() > options.target_triangles) {
+    const std::optional<uint32_t> v = queue_.Pop();
+    if (!v) break;
+    if (!IsReady(*v) || filling_.error > options.largest_error) continue;
+    if (mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
+      // Rare, and found out here only: plan again without the edges that exist.
+      states_[*v].careful = true;
+      Evaluate(*v);
+      if (states_[*v].verdict == Verdict::kLegal) queue_.Push(*v, filling_.error);
+      continue;
+    }
+    Remove();
+  }
+  for (uint32_t v = 0; v < vertices; ++v) {
+    if (mesh_.removed(v) || mesh_.locked(v)) continue;
+    result.stuck_topology += states_[v].verdict == Verdict::kTopology;
+    result.stuck_degree += states_[v].verdict == Verdict::kDegree;
+  }
+  mesh_.CopyTo(result);
+  result.errors = measure_.errors();
+  result.removals = removals_;
+  return result;
+}
+
+// Opens the hole of `v` and fills it, when its turn has come. False when it is not legal, or went
+// back to the queue since others are cheaper.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::IsReady(uint32_t v) {
+  const bool was_stale = states_[v].stale;
+  if (!was_stale && kept_[v].valid && Recall(v)) return true;
+  Evaluate(v);
+  if (states_[v].verdict != Verdict::kLegal) return false;
+  if (!was_stale || !queue_.HasCheaperThan(filling_.error)) return true;
+  queue_.Push(v, filling_.error);
+  return false;
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
+  Vertex& state = states_[v];
+  state.stale = false;
+  state.verdict = Verdict::kDegree;
+  if (!mesh_.OpenHole(v, degree_limit_, hole_)) return;
+  state.verdict = Verdict::kTopology;
+  if (!mesh_.EdgesAreFree(hole_)) return;
+  measure_.Open(hole_);
+  mesh_.ForbidEdges(hole_, state.careful);
+  if (measure_.Sees(hole_) && FillSeen()) {
+    measure_.Measure(hole_, filling_);
+  } else {
+    if (!Measure::kMeasuresFolds) return;
+    hole_.folded = true;
+    hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole_.edge_error[i][j] = 0; });
+    if (!rule_.Fill(hole_, filling_.triangles)) return;
+    measure_.MeasureFolded(hole_, filling_);
+  }
+  state.verdict = Verdict::kLegal;
+  Keep(v);
+}
+
+// Chooses the filling and measures its diagonals. False when there is none that can be measured.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::FillSeen() {
+  bool measured = false;
+  if constexpr (Rule::kReadsEdgeErrors) measured = measure_.PriceEdges(hole_);
+  if (!rule_.Fill(hole_, filling_.triangles)) return false;
+  if (measured) return true;
+  measured = true;
+  for (uint32_t t = 1; t < hole_.k - 2; ++t) {
+    const auto [i, m, j] = filling_.triangles[t];
+    measure_.MeasureEdge(hole_, i, j);
+    measured &= hole_.edge_error[i][j] >= 0;
+  }
+  if (measured || !Rule::kReadsEdgeErrors) return measured;
+  // One of the guesses was for a diagonal that cannot be: choose knowing them all.
+  hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { measure_.MeasureEdge(hole_, i, j); });
+  return rule_.Fill(hole_, filling_.triangles);
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::Keep(uint32_t v) {
+  KeptFilling& kept = kept_[v];
+  kept.valid = !hole_.folded;
+  if (!kept.valid) return;
+  for (uint32_t t = 0; t < hole_.k - 2; ++t) {
+    const Hole::Triangle triangle = filling_.triangles[t];
+    kept.triangles[t] = triangle;
+    if (t > 0) kept.edge_errors[t] = hole_.edge_error[triangle[0]][triangle[2]];
+  }
+}
+
+// Opens the hole of `v` again and fills it as it was, its star being what it was. False when the
+// filling is legal no more: a removal elsewhere may have joined two vertices of the ring since.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::Recall(uint32_t v) {
+  mesh_.OpenHole(v, degree_limit_, hole_);
+  if (!mesh_.EdgesAreFree(hole_)) return false;
+  measure_.Open(hole_);
+  const KeptFilling& kept = kept_[v];
+  for (uint32_t t = 0; t < hole_.k - 2; ++t) {
+    const Hole::Triangle triangle = kept.triangles[t];
+    filling_.triangles[t] = triangle;
+    if (t > 0) hole_.edge_error[triangle[0]][triangle[2]] = kept.edge_errors[t];
+  }
+  measure_.Measure(hole_, filling_);
+  return true;
+}
+
+// Makes the removal that is open, and tells the neighbours.
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::Remove() {
+  const uint32_t first = mesh_.triangles();
+  Removal removal = mesh_.Fill(hole_, filling_.triangles);
+  removal.error = filling_.error;
+  removals_.push_back(removal);
+  measure_.HandOn(hole_, filling_, first);
+  // Evaluations open other holes.
+  const std::vector<uint32_t> ring = hole_.ring;
+  for (const uint32_t r : ring) {
+    Vertex& state = states_[r];
+    if (!state.stale && !mesh_.locked(r) && state.verdict == Verdict::kLegal) queue_.PushStale(r);
+    state.stale = true;
+  }
+  // A neighbour that was stuck may be free now.
+  for (const uint32_t r : ring) {
+    if (mesh_.locked(r) || states_[r].verdict == Verdict::kLegal) continue;
+    Evaluate(r);
+    if (states_[r].verdict == Verdict::kLegal) queue_.Push(r, filling_.error);
+  }
+}
 
 }  // namespace mtdb

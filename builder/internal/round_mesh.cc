@@ -10,57 +10,14 @@ constexpr int kMaxSteps = 256;  // of a path; longer ones are not worth their er
 constexpr uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 }  // namespace
 
-void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
-                   std::vector<uint32_t>& opposite) {
-  // Buckets by smaller end; within a bucket (a handful of edges) all pairs are compared.
-  struct Use {
-    uint32_t larger;
-    uint32_t half_edge;
-    bool forward;  // from the smaller end to the larger
-  };
-  const auto n = static_cast<uint32_t>(3 * triangles.size());
-  opposite.assign(n, kNone32);
-  std::vector<uint32_t> begin(vertex_count + 1, 0);
-  for (const auto& t : triangles) {
-    for (size_t c = 0; c < 3; ++c) ++begin[std::min(t[c], t[c == 2 ? 0 : c + 1]) + 1];
-  }
-  for (uint32_t v = 0; v < vertex_count; ++v) begin[v + 1] += begin[v];
-  std::vector<Use> uses(n);
-  std::vector<uint32_t> at(begin.begin(), begin.end() - 1);
-  uint32_t h = 0;
-  for (const auto& t : triangles) {
-    for (size_t c = 0; c < 3; ++c, ++h) {
-      const uint32_t a = t[c];
-      const uint32_t b = t[c == 2 ? 0 : c + 1];
-      uses[at[std::min(a, b)]++] = {std::max(a, b), h, a < b};
-    }
-  }
-  for (uint32_t v = 0; v < vertex_count; ++v) {
-    const auto bucket = std::span(uses).subspan(begin[v], begin[v + 1] - begin[v]);
-    for (const Use& use : bucket) {
-      uint32_t twin = kNone32;
-      int forward = 0;
-      int backward = 0;
-      for (const Use& other : bucket) {
-        if (other.larger != use.larger) continue;
-        if (other.forward == use.forward) {
-          ++forward;
-        } else {
-          ++backward;
-          twin = other.half_edge;
-        }
-      }
-      if (forward == 1 && backward == 1) opposite[use.half_edge] = twin;
-    }
-  }
-}
-
 void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
-                      std::span<const Vec3d> positions, std::span<const float> errors) {
+                      std::span<const uint32_t> opposites, std::span<const Vec3d> positions,
+                      std::span<const float> errors) {
   const auto n = static_cast<uint32_t>(triangles.size());
   const auto vertex_count = static_cast<uint32_t>(positions.size());
   positions_.assign(positions.begin(), positions.end());
   errors_.assign(errors.begin(), errors.end());
+  opposite_.assign(opposites.begin(), opposites.end());
   origin_.resize(3 * n);
   normals_.resize(n);
   outgoing_begin_.assign(vertex_count + 1, 0);
@@ -76,7 +33,6 @@ void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
   outgoing_.resize(3 * n);
   std::vector<uint32_t> at(outgoing_begin_.begin(), outgoing_begin_.end() - 1);
   for (uint32_t h = 0; h < 3 * n; ++h) outgoing_[at[origin_[h]]++] = h;
-  PairHalfEdges(triangles, vertex_count, opposite_);
   // Each vertex's half-edges in counter-clockwise order, fan after fan, so that a neighbour that
   // two triangles share is looked at once.
   std::vector<uint32_t> fan;

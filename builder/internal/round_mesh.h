@@ -22,12 +22,13 @@ namespace mtdb {
 
 class RoundMesh {
  public:
-  // `positions` in work units; `errors` accumulated per triangle. Copies what it needs.
-  void Build(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3d> positions,
+  // Half-edge 3 * triangle + i leaves corner i; `opposites`: see PairHalfEdges. `positions` in work
+  // units; `errors` accumulated per triangle. Copies what it needs.
+  void Build(std::span<const std::array<uint32_t, 3>> triangles,
+             std::span<const uint32_t> opposites, std::span<const Vec3d> positions,
              std::span<const float> errors);
 
   uint32_t triangle_count() const { return static_cast<uint32_t>(errors_.size()); }
-  uint32_t opposite(uint32_t half_edge) const { return opposite_[half_edge]; }
   std::span<const uint32_t> half_edges_from(uint32_t vertex) const {
     return std::span(outgoing_).subspan(outgoing_begin_[vertex],
                                         outgoing_begin_[vertex + 1] - outgoing_begin_[vertex]);
@@ -58,10 +59,5 @@ class RoundMesh {
   };
   std::vector<Cone> cones_;
 };
-
-// Pairs half-edges (3 * triangle + corner) with their twins; kNone32 where there is none or where
-// an edge occurs more than once in one direction.
-void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
-                   std::vector<uint32_t>& opposite);
 
 }  // namespace mtdb

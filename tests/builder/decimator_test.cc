@@ -209,7 +209,7 @@ DecimateOptions To(uint32_t target) {
 }  // namespace
 
 TEST_CASE("A decimated tile keeps its topology and its seam") {
-  Decimator decimator;
+  SurfaceDecimator decimator;
   std::vector<TriangleMesh> meshes = {MakeSculpture(6000), MakeTerrain(5000)};
   for (const NastyMesh& nasty : NastyMeshes()) meshes.push_back(nasty.mesh);
   uint64_t removals = 0;
@@ -232,7 +232,7 @@ TEST_CASE("A decimated tile keeps its topology and its seam") {
 
 TEST_CASE("The tile's own triangles come first, as they were") {
   const Tiles tiles = MakeTiles(MakeSculpture(4000), 3, 12, 0.5f);
-  Decimator decimator;
+  SurfaceDecimator decimator;
   for (const std::vector<TileTriangle>& tile : tiles.tiles) {
     const TileResult r = decimator.Decimate(tile, tiles.grid, To(0));
     for (uint32_t t = 0; t < tile.size(); ++t) {
@@ -247,7 +247,7 @@ TEST_CASE("The tile's own triangles come first, as they were") {
 }
 
 TEST_CASE("Each removal's error bounds the sampled distance, both ways") {
-  Decimator decimator;
+  SurfaceDecimator decimator;
   const auto check = [&](const TriangleMesh& mesh, size_t count, int bits, float error) {
     const Tiles tiles = MakeTiles(mesh, count, bits, error);
     const TileResult r = decimator.Decimate(tiles.tiles[0], tiles.grid,
@@ -274,7 +274,7 @@ TEST_CASE("Each removal's error bounds the sampled distance, both ways") {
 
 TEST_CASE("Errors that a tile brings along are part of what its removals promise") {
   Tiles tiles = MakeTiles(MakeSculpture(3000), 2);
-  Decimator decimator;
+  SurfaceDecimator decimator;
   // One bad triangle in the middle: whatever replaces it is at least as bad.
   std::vector<TileTriangle>& tile = tiles.tiles[0];
   tile[tile.size() / 2].error = 77;
@@ -302,7 +302,7 @@ TEST_CASE("Errors that a tile brings along are part of what its removals promise
 TEST_CASE("Decimation stops at its target and at its largest error") {
   const Tiles tiles = MakeTiles(MakeSculpture(4000), 2);
   const std::vector<TileTriangle>& tile = tiles.tiles[0];
-  Decimator decimator;
+  SurfaceDecimator decimator;
   const auto n = static_cast<uint32_t>(tile.size());
   const TileResult half = decimator.Decimate(tile, tiles.grid, To(n / 2));
   const size_t left = Current(half, n, half.removals.size()).size();
@@ -318,11 +318,11 @@ TEST_CASE("Decimation stops at its target and at its largest error") {
 
 TEST_CASE("A decimator that was used before gives what a new one gives") {
   const Tiles tiles = MakeTiles(MakeTerrain(4000), 4);
-  Decimator used;
+  SurfaceDecimator used;
   for (const std::vector<TileTriangle>& tile : tiles.tiles) {
     const DecimateOptions options = To(static_cast<uint32_t>(tile.size() / 4));
     const TileResult a = used.Decimate(tile, tiles.grid, options);
-    const TileResult b = Decimator().Decimate(tile, tiles.grid, options);
+    const TileResult b = SurfaceDecimator().Decimate(tile, tiles.grid, options);
     REQUIRE(a.triangles == b.triangles);
     REQUIRE(a.errors == b.errors);
     REQUIRE(a.holes == b.holes);
@@ -337,11 +337,11 @@ TEST_CASE("A vertex of more neighbours than the limit is counted and stays") {
   }
   REQUIRE(!cone.triangles.empty());
   Tiles tiles = MakeTiles(cone, 1);
-  const TileResult some = Decimator().Decimate(tiles.tiles[0], tiles.grid, To(2900));
+  const TileResult some = SurfaceDecimator().Decimate(tiles.tiles[0], tiles.grid, To(2900));
   REQUIRE(some.removals.size() == 100);
   DecimateOptions options = To(0);
   options.largest_error = some.removals.back().error;
-  const TileResult r = Decimator().Decimate(tiles.tiles[0], tiles.grid, options);
+  const TileResult r = SurfaceDecimator().Decimate(tiles.tiles[0], tiles.grid, options);
   REQUIRE(r.stuck_degree == 1);
   REQUIRE(r.removals.size() >= 100);
   for (const Removal& removal : r.removals) REQUIRE(removal.boundary);

@@ -66,10 +66,12 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
   return BuildObject(mesh, here, *writer, progress);
 }
 
-BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
+namespace {
+
+// Opens and verifies the object of a store that was built.
+BuiltObject Built(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& record) {
   BuiltObject built;
-  built.store = std::make_unique<TempStore>();
-  Result<ObjectRecord> record = BuildInto(built.store->database(), "object", mesh, options);
+  built.store = std::move(store);
   INFO(record.status().message());
   REQUIRE(record.ok());
   built.record = *record;
@@ -82,6 +84,23 @@ BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
   INFO((report.ok() ? std::string() : report.failures.front()));
   REQUIRE(report.ok());
   return built;
+}
+
+}  // namespace
+
+BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
+  auto store = std::make_unique<TempStore>();
+  const Result<ObjectRecord> record = BuildInto(store->database(), "object", mesh, options);
+  return Built(std::move(store), record);
+}
+
+BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options,
+                  const DecimatorFactory& make_decimator) {
+  auto store = std::make_unique<TempStore>();
+  const std::unique_ptr<ObjectWriter> writer = store->database().Create("object", false).value();
+  const Result<ObjectRecord> record = BuildObjectWith(
+      make_decimator, [&](MeshSink& sink) { return SendMesh(mesh, sink); }, options, *writer);
+  return Built(std::move(store), record);
 }
 
 BuiltObject Build(const AttributeKind& kind) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "builder/build.h"
+#include "builder/internal/build_with.h"
 #include "query/surface.h"
 #include "store/base/mesh_sink.h"
 #include "store/database.h"
@@ -47,6 +48,9 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
 // The same with a new store; requires success, and that VerifyStore and VerifyObject agree.
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options = {});
 BuiltObject Build(const AttributeKind& kind);
+// The same by another decimator than the product's.
+BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options,
+                  const DecimatorFactory& make_decimator);
 TriangleMesh Extract(const Surface& surface, const Query& query, ExtractStats* stats = nullptr);
 
 TriangleMesh MakeSculpture(uint64_t triangles, uint64_t seed = 1);

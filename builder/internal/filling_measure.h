@@ -1,0 +1,53 @@
+// FillingMeasure: how far a filled hole is from the input, and what of that is handed on.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "builder/internal/hole.h"
+#include "builder/internal/tile.h"
+#include "builder/internal/tile_mesh.h"
+#include "store/object_record.h"
+
+namespace mtdb {
+
+// A measure is asked of one tile after the other, and for each in this order:
+//   Load        the tile as it comes, with the errors of its triangles; the mesh stays where it is
+//   FirstGuess  when a vertex should be looked at first: about its error, rather too low
+// and for a vertex, whose hole is open in the mesh:
+//   Open        looks at the hole (Hole::LookAlong), and measures the new border edge
+//   Sees        false when the hole cannot be measured along that direction
+//   PriceEdges  sets the error of every diagonal that may be used, for rules that want them; true
+//               when all are measured, false when some are guesses
+//   MeasureEdge measures a diagonal (i, j), i < j; negative: it cannot be
+//   Measure     the errors of a filling, whose diagonals are measured
+//   MeasureFolded  likewise when Sees was false, or no filling could be measured; only of measures
+//               with kMeasuresFolds, with the others such vertices stay
+//   HandOn      the filling has been put in the mesh, its triangles numbered from `first`
+// errors() are then the bounds of all local triangles, current and past.
+//
+// What a measure promises: the error of a filling is a bound on the distance, in the sense of
+// kMeasure, between each of its triangles and the part of the tile that the triangle stands for,
+// plus what that part's triangles brought along as their errors; so the errors of several rounds
+// add up to a bound against the input. Work units. Deterministic. One object serves one thread.
+template <typename M>
+concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& mesh,
+                                  std::span<const TileTriangle> tile, Hole& hole,
+                                  const Hole& filled, Filling& filling, uint32_t n) {
+  { M::kMeasure } -> std::convertible_to<ErrorMeasure>;
+  { M::kMeasuresFolds } -> std::convertible_to<bool>;
+  measure.Load(mesh, tile);
+  { constant.FirstGuess(n) } -> std::convertible_to<double>;
+  measure.Open(hole);
+  { measure.Sees(filled) } -> std::same_as<bool>;
+  { measure.PriceEdges(hole) } -> std::same_as<bool>;
+  measure.MeasureEdge(hole, n, n);
+  measure.Measure(filled, filling);
+  measure.MeasureFolded(filled, filling);
+  measure.HandOn(filled, filling, n);
+  { constant.errors() } -> std::same_as<const std::vector<float>&>;
+};
+
+}  // namespace mtdb

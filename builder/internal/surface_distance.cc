@@ -1,0 +1,340 @@
+#include "builder/internal/surface_distance.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "store/base/float4.h"
+
+namespace mtdb {
+
+namespace {
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kUnknown = -2;      // of a diagonal's error
+constexpr double kFirstGuess = 0.4;  // of a vertex's error, by its height over its neighbours
+
+// The nearest triangle of a filling, and the square of its distance.
+std::pair<uint32_t, double> Nearest(const Hole& hole, const Hole::Triangles& triangles, Vec3d p) {
+  uint32_t nearest = 0;
+  double least = kInfinity;
+  for (uint32_t t = 0; t < hole.k - 2; ++t) {
+    const auto [i, m, j] = triangles[t];
+    const double d =
+        SquaredDistancePointTriangle(p, hole.positions[i], hole.positions[m], hole.positions[j]);
+    if (d < least) {
+      least = d;
+      nearest = t;
+    }
+  }
+  return {nearest, least};
+}
+
+// Bounds the two-sided distance between filling and star by a correspondence: the vertex goes to
+// its nearest triangle (of a border vertex: to the new border edge, which is triangle 0's), and a
+// diagonal is crossed by the spokes to the ring vertices on its far side.
+double DistanceToStar(const Hole& hole, const Hole::Triangles& triangles) {
+  const uint32_t k = hole.k;
+  const auto [home, nearest] =
+      hole.boundary ? std::pair(0u, SquaredDistancePointSegment(hole.apex, hole.positions[0],
+                                                                hole.positions[k - 1]))
+                    : Nearest(hole, triangles, hole.apex);
+  double distance2 = nearest;
+  const auto [hi, hm, hj] = triangles[home];
+  for (uint32_t t = 1; t < k - 2; ++t) {  // triangle t hangs on the diagonal (i, j)
+    const auto [i, m, j] = triangles[t];
+    const bool home_between = hi >= i && hj <= j;  // the ring positions i..j hold the home triangle
+    for (uint32_t r = 0; r < k; ++r) {
+      const bool between = r > i && r < j;
+      if (r == i || r == j || between == home_between) continue;
+      distance2 =
+          std::max(distance2, SquaredDistanceSegmentSegment(hole.apex, hole.positions[r],
+                                                            hole.positions[i], hole.positions[j]));
+    }
+  }
+  return std::sqrt(distance2);
+}
+
+}  // namespace
+
+void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile) {
+  mesh_ = &mesh;
+  const size_t n = tile.size();
+  errors_.resize(n);
+  for (size_t t = 0; t < n; ++t) errors_[t] = tile[t].error;
+  const std::span<const uint32_t> opposites = mesh.opposites();
+  round_.Build(mesh.corners(), opposites, mesh.positions(), errors_);
+  curve_error_.resize(3 * n);
+  for (size_t h = 0; h < 3 * n; ++h) {
+    curve_error_[h] = errors_[h / 3];
+    if (const uint32_t o = opposites[h]; o != kNone32) {
+      curve_error_[h] = std::max<double>(curve_error_[h], errors_[o / 3]);
+    }
+  }
+  chain_head_.assign(3 * n, kNone32);
+  conservative_.assign(n, 0);
+  sample_head_.assign(n, kNone32);
+  next_sample_.assign(mesh.vertices(), kNone32);
+}
+
+double SurfaceDistance::FirstGuess(uint32_t v) const {
+  return kFirstGuess * round_.Height(v) + round_.vertex_error(v);
+}
+
+void SurfaceDistance::Open(Hole& hole) {
+  if (hole.boundary) hole.edge_error[0][hole.k - 1] = BorderCurveError(hole);
+  samples_.clear();
+  Vec3d normal{};
+  for (const uint32_t t : hole.star) {
+    for (uint32_t w = sample_head_[t]; w != kNone32; w = next_sample_[w]) samples_.push_back(w);
+    const auto& c = mesh_->corners()[t];
+    const Vec3d first = mesh_->position(c[0]);
+    normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
+  }
+  if (!hole.boundary) samples_.push_back(hole.vertex);
+  const double length = Length(normal);
+  hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
+  points_.clear();
+  for (const uint32_t w : samples_) points_.push_back(hole.InFrame(mesh_->position(w)));
+}
+
+// The curve of the new border edge is the chain of border vertices removed between its ends; the
+// accumulated error along it is that of the vertices on it.
+double SurfaceDistance::BorderCurveError(const Hole& hole) const {
+  const Vec3d a = hole.positions[hole.k - 1];
+  const Vec3d b = hole.positions[0];
+  double error = 0;
+  const auto add = [&](uint32_t w) {
+    error = std::max(error, std::sqrt(SquaredDistancePointSegment(mesh_->position(w), a, b)) +
+                                round_.vertex_error(w));
+  };
+  add(hole.vertex);
+  for (const uint32_t h : {hole.border_out, hole.border_in}) {
+    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_sample_[w]) add(w);
+  }
+  return error;
+}
+
+bool SurfaceDistance::Sees(const Hole& hole) const {
+  if (!(hole.area > 0)) return false;
+  for (const uint32_t t : hole.star) {
+    if (conservative_[t]) return false;
+  }
+  for (const uint32_t w : samples_) {
+    if (!round_.Faces(w, hole.normal)) return false;
+  }
+  return !hole.boundary || round_.Faces(hole.vertex, hole.normal);
+}
+
+bool SurfaceDistance::IsFresh(const Hole& hole) const {
+  return !hole.boundary && samples_.size() == 1 &&
+         std::all_of(hole.star.begin(), hole.star.end(),
+                     [&](uint32_t t) { return t < round_.triangle_count(); });
+}
+
+// Curves are dear, so that those of diagonals that no filling uses are found only where they are
+// cheap. Elsewhere a guess decides.
+bool SurfaceDistance::PriceEdges(Hole& hole) const {
+  if (!IsFresh(hole)) {
+    GuessEdges(hole);
+    return false;
+  }
+  MeasureOverSpokes(hole);
+  hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
+    if (hole.edge_error[i][j] == kUnknown) MeasureEdge(hole, i, j);
+  });
+  return true;
+}
+
+void SurfaceDistance::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
+  hole.edge_error[i][j] = round_.CurveError(hole.ring[i], hole.ring[j], hole.normal);
+}
+
+// From the samples that lie near an edge.
+void SurfaceDistance::GuessEdges(Hole& hole) const {
+  // Four points at once. More than these hardly change a guess.
+  constexpr size_t kMost = 64;
+  const size_t count = std::min(points_.size(), kMost);
+  const size_t groups = (count + 3) / 4;
+  std::array<float, kMost> x;
+  std::array<float, kMost> y;
+  std::array<float, kMost> z;
+  for (size_t s = 0; s < 4 * groups; ++s) {
+    const Vec3d& p = points_[std::min(s, count - 1)];
+    x[s] = static_cast<float>(p.x);
+    y[s] = static_cast<float>(p.y);
+    z[s] = static_cast<float>(p.z);
+  }
+  hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
+    // How far points near the edge's line stand off it; nearer ones count more.
+    const Vec3d origin = hole.points[i];
+    const Vec3d d = hole.points[j] - origin;
+    const double length2 = d.x * d.x + d.y * d.y;
+    if (!(length2 > 0)) {
+      hole.edge_error[i][j] = 0;
+      return;
+    }
+    // Along the edge in units of its length; across it likewise.
+    const auto ux = static_cast<float>(d.x / length2);
+    const auto uy = static_cast<float>(d.y / length2);
+    const auto dz = static_cast<float>(d.z);
+    const auto ox = static_cast<float>(origin.x);
+    const auto oy = static_cast<float>(origin.y);
+    const auto oz = static_cast<float>(origin.z);
+    Float4 most{};
+    for (size_t g = 0; g < groups; ++g) {
+      const Float4 px = Load4<Float4>(&x[4 * g]) - ox;
+      const Float4 py = Load4<Float4>(&y[4 * g]) - oy;
+      const Float4 pz = Load4<Float4>(&z[4 * g]) - oz;
+      const Float4 t = px * ux + py * uy;
+      const Float4 side = px * uy - py * ux;
+      const Float4 off = pz - t * dz;
+      const Float4 value = (off < 0 ? -off : off) * (1 - 4 * side * side);
+      most = Max4(most, ((t > 0) & (t < 1)) ? value : Float4{});
+    }
+    hole.edge_error[i][j] = std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
+  });
+}
+
+// A diagonal's curve runs over the star in the plane along z. Diagonals that leave the star get
+// kUnknown.
+void SurfaceDistance::MeasureOverSpokes(Hole& hole) const {
+  const uint32_t k = hole.k;
+  std::array<double, Hole::kMaxRing> spoke_error;  // what the surface around it has accumulated
+  for (uint32_t m = 0; m < k; ++m) {
+    spoke_error[m] = std::max(errors_[hole.star[m]], errors_[hole.star[m == 0 ? k - 1 : m - 1]]);
+  }
+  const Vec3d apex = points_[0];
+  hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
+    const Vec3d origin = hole.points[i];
+    const Vec3d d = hole.points[j] - origin;
+    const Vec3d to_apex = apex - origin;
+    const double apex_side = d.x * to_apex.y - d.y * to_apex.x;
+    const double length2 = SquaredLength(d);
+    double& error = hole.edge_error[i][j];
+    error = 0;
+    // The ring beyond the edge, seen from the apex.
+    const bool left = apex_side >= 0;
+    const uint32_t begin = left ? i + 1 : j + 1;
+    const uint32_t end = left ? j : i + k;
+    for (uint32_t r = begin; r < end; ++r) {
+      const uint32_t m = r < k ? r : r - k;
+      const Vec3d to_ring = hole.points[m] - origin;
+      const double ring_side = d.x * to_ring.y - d.y * to_ring.x;
+      if (left ? ring_side >= 0 : ring_side <= 0) {
+        error = kUnknown;
+        return;
+      }
+      // The crossing c; w * (c - origin) needs no division.
+      const double w = std::abs(apex_side - ring_side);
+      const Vec3d wc = to_apex * w + (to_ring - to_apex) * std::abs(apex_side);
+      const double t = Dot(wc, d);
+      const Vec3d offset = t <= 0 ? wc : t >= length2 * w ? wc - d * w : wc - d * (t / length2);
+      error = std::max(error, Length(offset) / w + spoke_error[m]);
+    }
+  });
+}
+
+void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
+  const uint32_t count = hole.k - 2;
+  const auto curve = [&](uint32_t a, uint32_t b) {  // a < b
+    if (b == a + 1) return curve_error_[hole.ring_edges[a]];
+    if (hole.OnRing(b, a)) return curve_error_[hole.ring_edges[b]];
+    return hole.edge_error[a][b];
+  };
+  for (uint32_t t = 0; t < count; ++t) {
+    const auto [i, m, j] = filling.triangles[t];
+    filling.errors[t] = std::max({curve(i, m), curve(m, j), curve(i, j)});
+  }
+  // Each sample goes to the triangle in whose projection it lies, from the first triangle across
+  // diagonals. The triangles form a tree, listed from its root, so that this ends.
+  sample_triangle_.resize(samples_.size());
+  for (size_t s = 0; s < samples_.size(); ++s) {
+    const Vec3d p = points_[s];
+    uint32_t t = 0;
+    for (;;) {
+      const auto [i, m, j] = filling.triangles[t];
+      const auto beyond = [&](uint32_t a, uint32_t b) {
+        return b >= a + 2 && hole.IsRightOf(p, a, b);
+      };
+      const bool first = beyond(i, m);
+      const bool second = !first && beyond(m, j);
+      if (!first && !second) break;
+      const uint32_t from = first ? i : m;
+      const uint32_t to = first ? m : j;
+      do {
+        ++t;
+      } while (filling.triangles[t][0] != from || filling.triangles[t][2] != to);
+    }
+    sample_triangle_[s] = static_cast<uint8_t>(t);
+    const auto [i, m, j] = filling.triangles[t];
+    const double distance =
+        std::sqrt(SquaredDistancePointTriangle(p, hole.points[i], hole.points[m], hole.points[j]));
+    filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
+  }
+  filling.error = 0;
+  for (uint32_t t = 0; t < count; ++t) filling.error = std::max(filling.error, filling.errors[t]);
+}
+
+void SurfaceDistance::MeasureFolded(const Hole& hole, Filling& filling) {
+  double star_error = 0;
+  for (const uint32_t t : hole.star) {
+    star_error = std::max<double>(star_error, errors_[t]);
+    for (uint32_t c = 0; c < 3; ++c) star_error = std::max(star_error, curve_error_[3 * t + c]);
+  }
+  filling.error = DistanceToStar(hole, filling.triangles) + star_error;
+  if (hole.boundary) filling.error = std::max(filling.error, hole.edge_error[0][hole.k - 1]);
+  filling.errors.fill(filling.error);
+  sample_triangle_.resize(samples_.size());
+  for (size_t s = 0; s < samples_.size(); ++s) {
+    sample_triangle_[s] =
+        static_cast<uint8_t>(Nearest(hole, filling.triangles, mesh_->position(samples_[s])).first);
+  }
+}
+
+void SurfaceDistance::HandOn(const Hole& hole, const Filling& filling, uint32_t first) {
+  const uint32_t count = hole.k - 2;
+  bool conservative = hole.folded;
+  for (const uint32_t t : hole.star) conservative |= conservative_[t] != 0;
+  const uint32_t new_chain = hole.boundary ? JoinBorderChains(hole) : kNone32;
+  errors_.resize(first + count);
+  conservative_.resize(first + count, conservative);
+  sample_head_.resize(first + count, kNone32);
+  curve_error_.resize(3 * (first + count));
+  chain_head_.resize(3 * (first + count), kNone32);
+  for (uint32_t t = 0; t < count; ++t) {
+    errors_[first + t] = std::nextafter(static_cast<float>(filling.errors[t]),
+                                        std::numeric_limits<float>::infinity());
+    for (uint32_t c = 0; c < 3; ++c) {
+      const uint32_t h = 3 * (first + t) + c;
+      const auto [a, b] = Hole::Edge(filling.triangles[t], c);
+      if (hole.OnRing(a, b)) {  // takes over what the star's half-edge had
+        curve_error_[h] = curve_error_[hole.ring_edges[a]];
+        chain_head_[h] = chain_head_[hole.ring_edges[a]];
+      } else if (hole.IsNewBorder(a, b)) {
+        curve_error_[h] = hole.edge_error[b][a];
+        chain_head_[h] = new_chain;
+      } else {
+        curve_error_[h] =
+            hole.folded ? filling.error : hole.edge_error[std::min(a, b)][std::max(a, b)];
+      }
+    }
+  }
+  for (size_t s = 0; s < samples_.size(); ++s) {
+    const uint32_t id = first + sample_triangle_[s];
+    next_sample_[samples_[s]] = sample_head_[id];
+    sample_head_[id] = samples_[s];
+  }
+}
+
+// The new border edge's chain: both old ones and the vertex that goes.
+uint32_t SurfaceDistance::JoinBorderChains(const Hole& hole) {
+  next_sample_[hole.vertex] = chain_head_[hole.border_out];
+  uint32_t tail = hole.vertex;
+  while (next_sample_[tail] != kNone32) tail = next_sample_[tail];
+  next_sample_[tail] = chain_head_[hole.border_in];
+  return hole.vertex;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,65 @@
+// SurfaceDistance: the error measure of surfaces in space, a bound on the two-sided distance.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "builder/internal/filling_measure.h"
+#include "builder/internal/hole.h"
+#include "builder/internal/round_mesh.h"
+#include "builder/internal/tile.h"
+#include "builder/internal/tile_mesh.h"
+
+namespace mtdb {
+
+// Bounds the two-sided distance between a triangle and the part of the round's input that it stands
+// for, by the curves of its edges and by the removed vertices between these (docs/design.md,
+// section 3; RoundMesh). Looks along the star's normal. A folded hole, where the input turns away
+// from that or such a bound came before, gets a conservative one: by how far hole and star are
+// apart, added to the star's errors.
+class SurfaceDistance {
+ public:
+  static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
+  static constexpr bool kMeasuresFolds = true;
+
+  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
+  double FirstGuess(uint32_t v) const;
+  void Open(Hole& hole);
+  bool Sees(const Hole& hole) const;
+  bool PriceEdges(Hole& hole) const;
+  void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const;
+  void Measure(const Hole& hole, Filling& filling);
+  void MeasureFolded(const Hole& hole, Filling& filling);
+  void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
+  const std::vector<float>& errors() const { return errors_; }
+
+ private:
+  double BorderCurveError(const Hole& hole) const;
+  // True when the star is the round's input, so that diagonals cross nothing but its spokes.
+  bool IsFresh(const Hole& hole) const;
+  void MeasureOverSpokes(Hole& hole) const;
+  void GuessEdges(Hole& hole) const;
+  uint32_t JoinBorderChains(const Hole& hole);
+
+  const TileMesh* mesh_ = nullptr;
+  RoundMesh round_;
+
+  // Triangles, current and past.
+  std::vector<float> errors_;
+  std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
+  std::vector<uint32_t> sample_head_;  // removed vertices that the triangle stands for
+  // Half-edges.
+  std::vector<double> curve_error_;
+  std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
+  // Vertices.
+  std::vector<uint32_t> next_sample_;  // list of removed ones
+
+  // Of the open hole.
+  std::vector<uint32_t> samples_;         // removed vertices of its star, and the one that goes
+  std::vector<Vec3d> points_;             // their places in the hole's frame
+  std::vector<uint8_t> sample_triangle_;  // of the filling
+};
+static_assert(FillingMeasure<SurfaceDistance>);
+
+}  // namespace mtdb

@@ -1,0 +1,91 @@
+// TileMesh: the triangles of a tile while vertices are removed from it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "builder/internal/hole.h"
+#include "builder/internal/tile.h"
+#include "store/base/geometry.h"
+#include "store/base/grid.h"
+#include "store/base/ids.h"
+
+namespace mtdb {
+
+// Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
+// made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
+// + 1. Keeps topology and orientation: what it is asked to do is legal, see EdgesAreFree and
+// ForbidEdges. A vertex on the tile's seam or at a non-manifold place is locked: it stays.
+class TileMesh {
+ public:
+  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
+  void Load(std::span<const TileTriangle> tile, const Grid& grid);
+
+  uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
+  uint32_t triangles() const { return static_cast<uint32_t>(corners_.size()); }
+  uint32_t live_triangles() const { return live_triangles_; }
+  bool locked(uint32_t v) const { return locked_[v]; }
+  bool removed(uint32_t v) const { return removed_[v]; }
+  Vec3d position(uint32_t v) const { return positions_[v]; }  // work units
+  std::span<const Vec3d> positions() const { return positions_; }
+  std::span<const std::array<uint32_t, 3>> corners() const { return corners_; }
+  // Twins of half-edges; kNone32 at the rim.
+  std::span<const uint32_t> opposites() const { return opposite_; }
+
+  // Fills in what a hole is, of a vertex that is there and not locked. False when it has more than
+  // `limit` neighbours (at most Hole::kMaxRing).
+  bool OpenHole(uint32_t v, uint32_t limit, Hole& hole) const;
+  // False when no filling of the hole is legal: the new border edge exists already, or the new
+  // triangle would be locked as a whole or close a tetrahedron.
+  bool EdgesAreFree(const Hole& hole) const;
+  // Sets hole.forbidden: edges between two locked vertices (the neighbouring tile may hold or make
+  // the same edge) and, when `existing`, edges that are there.
+  void ForbidEdges(Hole& hole, bool existing);
+  // True when a diagonal of the filling is an edge of the mesh already.
+  bool UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const;
+  // Puts the filling in the place of the vertex and its star. Leaves the error of the removal open.
+  Removal Fill(const Hole& hole, const Hole::Triangles& triangles);
+
+  // All but removals, errors and counts.
+  void CopyTo(TileResult& result) const;
+
+ private:
+  void NumberVertices(std::span<const TileTriangle> tile);
+  void LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first);
+  bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
+  // Calls f(w) for the neighbours of a vertex that is not locked, until it returns true; says
+  // whether it did.
+  template <typename F>
+  bool AnyNeighbour(uint32_t v, F&& f) const;
+
+  uint32_t Origin(uint32_t h) const { return corners_[h / 3][h % 3]; }
+  static uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
+  static uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+  bool IsBorderEdge(uint32_t h) const { return border_[h / 3] >> (h % 3) & 1; }
+
+  // Vertices.
+  std::vector<uint32_t> vertices_;      // the input's numbering
+  std::vector<uint32_t> first_corner_;  // 3 * input triangle + corner
+  std::vector<Vec3i> grid_positions_;
+  std::vector<Vec3d> positions_;
+  std::vector<uint32_t> half_edge_;  // outgoing; of a border vertex the one on the border
+  std::vector<uint8_t> locked_, fixed_, on_border_, removed_;
+  std::vector<uint32_t> ring_mark_;
+  // Triangles, current and past.
+  std::vector<std::array<uint32_t, 3>> corners_;
+  std::vector<uint8_t> border_, alive_;
+  // Half-edges.
+  std::vector<uint32_t> opposite_;
+  // Of removals.
+  std::vector<uint32_t> holes_, stars_;
+  uint32_t live_triangles_ = 0;
+};
+
+// Pairs half-edges with their twins; kNone32 where there is none or where an edge occurs more than
+// once in one direction.
+void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
+                   std::vector<uint32_t>& opposite);
+
+}  // namespace mtdb

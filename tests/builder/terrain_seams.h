@@ -1,0 +1,57 @@
+// A vertical error measure and the Delaunay rule, as plain as can be: what the builder's seams
+// take. Height fields in grid mode only, whose border stays.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "builder/internal/decimator.h"
+
+namespace mtdb::testing {
+
+// The largest difference in height between triangles a and b over what they have in common, seen
+// from above; negative when that has no area.
+double HeightDifference(const std::array<Vec3d, 3>& a, const std::array<Vec3d, 3>& b);
+
+// The largest |height difference| between a triangle and the round's input above and below it,
+// found by cutting it with every input triangle near by.
+class VerticalMeasure {
+ public:
+  static constexpr ErrorMeasure kMeasure = ErrorMeasure::kVertical;
+  static constexpr bool kMeasuresFolds = false;
+
+  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
+  double FirstGuess(uint32_t) const { return 0; }
+  void Open(Hole& hole);
+  bool Sees(const Hole& hole) const { return !hole.boundary; }
+  bool PriceEdges(Hole& hole) const;
+  void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const { hole.edge_error[i][j] = 0; }
+  void Measure(const Hole& hole, Filling& filling) const;
+  void MeasureFolded(const Hole&, Filling&) const {}
+  void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
+  const std::vector<float>& errors() const { return errors_; }
+
+ private:
+  static constexpr size_t kBins = 24;  // along a side
+  size_t BinOf(double value, int axis) const;
+
+  std::vector<std::array<Vec3d, 3>> input_;
+  std::vector<uint32_t> bins_[kBins * kBins];  // input triangles by the boxes that they touch
+  Vec3d min_, max_;
+  std::vector<float> errors_;
+};
+static_assert(FillingMeasure<VerticalMeasure>);
+
+// The (constrained) Delaunay triangulation of the ring, seen along the measure's direction.
+class DelaunayFilling {
+ public:
+  static constexpr bool kReadsEdgeErrors = false;
+  bool Fill(const Hole& hole, Hole::Triangles& triangles) const;
+};
+static_assert(FillingRule<DelaunayFilling>);
+
+using TerrainDecimator = Decimator<VerticalMeasure, DelaunayFilling>;
+
+}  // namespace mtdb::testing
