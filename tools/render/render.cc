@@ -3,10 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <embree3/rtcore.h>
-#include <exception>
 #include <limits>
 #include <memory>
 #include <new>
@@ -42,23 +39,6 @@ Vec3f Unit(Vec3f v) {
   return n > 0 ? v * (1 / n) : Vec3f{0, 0, 1};
 }
 
-// Embree calls std::terminate where it finds no memory for its threads. Then the process cannot go
-// on, but it ends as it does for every other lack of memory: with one line and an exit status.
-class EmbreeTerminates {
- public:
-  EmbreeTerminates() : before_(std::set_terminate(&End)) {}
-  ~EmbreeTerminates() { std::set_terminate(before_); }
-  EmbreeTerminates(const EmbreeTerminates&) = delete;
-  EmbreeTerminates& operator=(const EmbreeTerminates&) = delete;
-
- private:
-  [[noreturn]] static void End() {
-    std::fputs("mtdb: out of memory in Embree\n", stderr);
-    std::_Exit(1);
-  }
-  std::terminate_handler before_;
-};
-
 float SmoothStep(float low, float high, float x) {
   const float t = std::clamp((x - low) / (high - low), 0.0f, 1.0f);
   return t * t * (3 - 2 * t);
@@ -66,7 +46,7 @@ float SmoothStep(float low, float high, float x) {
 
 // Two unit vectors that complete the unit vector n to a frame.
 void Complete(Vec3f n, Vec3f* u, Vec3f* v) {
-  *u = Unit(Cross(std::abs(n.z) < 0.9f ? Vec3f{0, 0, 1} : Vec3f{1, 0, 0}, n));
+  *u = Unit(Cross(std::fabs(n.z) < 0.9f ? Vec3f{0, 0, 1} : Vec3f{1, 0, 0}, n));
   *v = Cross(n, *u);
 }
 
@@ -152,7 +132,8 @@ class Geometry {
   }
 
   Status BuildScene(const TriangleMesh& mesh) {
-    device_.reset(rtcNewDevice(nullptr));
+    // On this thread alone: with too little memory for threads of its own Embree ends the process.
+    device_.reset(rtcNewDevice("threads=1,user_threads=1"));
     if (device_ == nullptr) return Status(StatusCode::kNoSpace, "Embree cannot start");
     scene_.reset(rtcNewScene(device_.get()));
     if (scene_ == nullptr) return Status(StatusCode::kNoSpace, "Embree has no memory for a scene");
@@ -229,7 +210,7 @@ Result<View> PlaceView(const Geometry& geometry, const RenderOptions& options) {
     return InvalidArgument("the view direction must be a finite vector other than 0");
   }
   const Vec3d forward = direction * (1 / length);
-  const Vec3d helper = std::abs(forward.z) < 0.999 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
+  const Vec3d helper = std::fabs(forward.z) < 0.999 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
   Vec3d right = Cross(forward, helper);
   right = right * (1 / Length(right));
   const Vec3d up = Cross(right, forward);
@@ -418,7 +399,7 @@ class Painter {
     const float pixel = view_.pixel * distance * Dot(direction, view_.forward);
     const auto across = [&](Vec3f w) { return w - direction * Dot(w, direction); };
     float nearest = std::numeric_limits<float>::max();
-    const float area = std::abs(Dot(Cross(corner[1] - a, corner[2] - a), direction));
+    const float area = std::fabs(Dot(Cross(corner[1] - a, corner[2] - a), direction));
     for (size_t i = 0; i < 3; ++i) {
       const Vec3f edge = across(corner[(i + 1) % 3] - corner[i]);
       const float length = Norm(edge);
@@ -445,7 +426,6 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
                            std::to_string(options.height) +
                            " pixels cannot be drawn; ask for 1 to 16384 each");
   }
-  const EmbreeTerminates guard;  // longer than what Embree holds
   Geometry geometry;
   MTDB_RETURN_IF_ERROR(geometry.Load(mesh));
   MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(geometry, options));
