@@ -25,6 +25,7 @@ constexpr uint64_t kMapSmallest = uint64_t{1} << 24;  // when the system gives n
 constexpr uint64_t kLowDisk = uint64_t{1} << 26;
 constexpr unsigned kReaders = 512;
 constexpr int kTries = 100;
+constexpr uint64_t kSmallestFile = 2 * 4096;  // of any page size
 
 MDB_val ToVal(ByteSpan b) {
   return {b.size(), const_cast<void*>(static_cast<const void*>(b.data()))};
@@ -176,8 +177,15 @@ Status LmdbEnvironment::MakeWritable(bool may_be_empty) {
   MTDB_RETURN_IF_ERROR(CheckSameFile());
   MTDB_RETURN_IF_ERROR(CheckBeforeOpen(may_be_empty));
   CloseLmdb();  // which a Pin had opened for reading
+  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes_before, file_->Size());
   const Status status = OpenLmdb(true, 0, true);
-  if (!status.ok()) name_claim_.reset();
+  if (status.ok()) return status;
+  name_claim_.reset();
+  // LMDB's first write, of two pages, may have been cut short. Nobody can have used such a file.
+  const Result<uint64_t> bytes = file_->Size();
+  if (bytes_before == 0 && bytes.ok() && *bytes < kSmallestFile) {
+    [[maybe_unused]] const int result = ::truncate(real_path_.c_str(), 0);
+  }
   return status;
 }
 
