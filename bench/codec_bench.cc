@@ -283,7 +283,7 @@ class Bench {
   static double TimeLoading(const Surface& surface) {
     LoadStats stats;
     const double begin = ProcessCpuSeconds();
-    for (UnitId unit = UnitCount(surface.index()); unit-- > 0;) {
+    for (UnitId unit = surface.index().unit_count(); unit-- > 0;) {
       surface.cache().Get(unit, &stats).value();
     }
     return ProcessCpuSeconds() - begin;
@@ -296,13 +296,13 @@ class Bench {
     const AttributeLayout& attributes = surface.record().attributes;
     LoadStats stats;
     bool good = true;
-    for (UnitId unit = UnitCount(index); unit-- > 0;) {
+    for (UnitId unit = index.unit_count(); unit-- > 0;) {
       const LoadedUnitPtr loaded = surface.cache().Get(unit, &stats).value();
-      if (loaded->is_root) continue;
+      if (loaded->nodes() == 0) continue;
       const Cluster& cluster = loaded->cluster;
       Bytes payload;
-      const ClusterId id(unit);
-      const Status status = surface.source()->ReadClusters({&id, 1}, [&](ClusterId, Bytes bytes) {
+      const UnitId id(unit);
+      const Status status = surface.source()->Read({&id, 1}, [&](UnitId, Bytes bytes) {
         payload = std::move(bytes);
         return Status::Ok();
       });

@@ -50,15 +50,12 @@ class NotingSource final : public ClusterSource {
   explicit NotingSource(std::shared_ptr<ClusterSource> source) : source_(std::move(source)) {}
   const ObjectRecord& record() const override { return source_->record(); }
   const ClusterIndex& index() const override { return source_->index(); }
-  Status ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) override {
-    read.insert(read.end(), ids.begin(), ids.end());
-    return source_->ReadClusters(ids, receive);
-  }
-  Status ReadRootPieces(std::span<const RootPieceId> ids, const RootReceiver& receive) override {
-    return source_->ReadRootPieces(ids, receive);
+  Status Read(std::span<const UnitId> units, const Receiver& receive) override {
+    read.insert(read.end(), units.begin(), units.end());
+    return source_->Read(units, receive);
   }
 
-  std::vector<ClusterId> read;
+  std::vector<UnitId> read;
 
  private:
   const std::shared_ptr<ClusterSource> source_;
@@ -74,7 +71,7 @@ struct Cost {
 struct Answer {
   Cost cost;
   double needed_bytes = 0;  // of the applied nodes
-  std::vector<ClusterId> clusters;
+  std::vector<UnitId> clusters;
 };
 
 // From an empty cache.
@@ -100,8 +97,8 @@ Answer Ask(const std::shared_ptr<ClusterSource>& source, const BoxQuery& q) {
       0,
       std::move(noting->read)};
   const ClusterIndex& index = source->index();
-  for (const ClusterId id : answer.clusters) {
-    const uint32_t nodes = index.cluster(id).nodes;
+  for (const UnitId id : answer.clusters) {
+    const uint32_t nodes = index.unit(id).nodes;
     uint32_t applied = 0;
     for (NodeIndex node = 0; node < nodes; ++node) applied += cut.applied(id, node) ? 1 : 0;
     answer.needed_bytes += static_cast<double>(index.location(id).length) * applied / nodes;
@@ -207,7 +204,7 @@ class Layout {
   Layout(const ClusterIndex& index, std::span<const uint32_t> order) : at_(order.size()) {
     uint64_t next = 0;
     for (const uint32_t c : order) {
-      const uint64_t bytes = index.location(ClusterId(c)).length;
+      const uint64_t bytes = index.location(c).length;
       const uint64_t left = kValueBytes - next % kValueBytes;
       if (bytes > left && left < kValueBytes) next += left;
       at_[c] = {next, next + bytes};
@@ -220,10 +217,10 @@ class Layout {
     double pages = 0;
     double runs = 0;
   };
-  Touched Touch(std::span<const ClusterId> clusters) const {
+  Touched Touch(std::span<const UnitId> clusters) const {
     std::vector<uint64_t> values, pages;
-    for (const ClusterId id : clusters) {
-      const auto [begin, end] = at_[id.value];
+    for (const UnitId id : clusters) {
+      const auto [begin, end] = at_[id];
       for (uint64_t v = begin / kValueBytes; v * kValueBytes < end; ++v) values.push_back(v);
       for (uint64_t p = begin / kPageBytes; p * kPageBytes < end; ++p) pages.push_back(p);
     }
@@ -258,11 +255,11 @@ std::vector<Order> Orders(const ClusterIndex& index) {
   std::iota(built.begin(), built.end(), 0);
   std::vector<uint32_t> by_round = built;
   std::ranges::stable_sort(by_round, std::greater<>(),
-                           [&](uint32_t c) { return index.cluster(ClusterId(c)).round; });
+                           [&](uint32_t c) { return index.unit(c).round; });
   Box3i bounds;
-  for (const uint32_t c : built) bounds.Add(index.cluster(ClusterId(c)).bounds);
+  for (const uint32_t c : built) bounds.Add(index.unit(c).bounds);
   const auto place = [&](uint32_t c) {
-    const Box3i& b = index.cluster(ClusterId(c)).bounds;
+    const Box3i& b = index.unit(c).bounds;
     std::array<uint32_t, 3> at{};
     for (int i = 0; i < 3; ++i) {
       const double middle = 0.5 * (static_cast<double>(b.min[i]) + b.max[i]) - bounds.min[i];

@@ -286,7 +286,7 @@ void BM_CacheHits(benchmark::State& state) {
   const std::shared_ptr<Surface> surface = OpenWith(1);
   Count(state, *surface, Query{});
   const auto threads = static_cast<size_t>(state.range(0));
-  const uint32_t units = UnitCount(surface->index());
+  const uint32_t units = surface->index().unit_count();
   std::atomic<bool> failed{false};
   for (auto _ : state) {
     std::vector<std::thread> all;
@@ -314,7 +314,7 @@ void BM_DecodeClusters(benchmark::State& state) {
     const ClusterIndex& index = surface->index();
     LoadStats stats;
     nodes = 0;
-    for (UnitId unit = UnitCount(index); unit-- > 0;) {  // coarsest first: parents are there
+    for (UnitId unit = index.unit_count(); unit-- > 0;) {  // coarsest first: parents are there
       const LoadedUnitPtr loaded = surface->cache().Get(unit, &stats).value();
       nodes += loaded->nodes();
     }

@@ -397,7 +397,7 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
   const ClusterIndex& index = surface->index();
   uint64_t payloads = 0;
   for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-    payloads += index.location(ClusterId(c)).length;
+    payloads += index.location(c).length;
   }
   Connection connection(surface);
   const Connection::Frame frame = connection.Move({});

@@ -439,10 +439,9 @@ class Builder {
     report.stuck_degree += outcome.stuck_degree;
     uint32_t own = kNone32;
     if (!cluster.empty) {
-      MTDB_ASSIGN_OR_RETURN(
-          const ClusterId id,
-          writer_.AddCluster(cluster.entry, cluster.encoded.children, cluster.encoded.payload));
-      own = id.value;
+      MTDB_ASSIGN_OR_RETURN(const UnitId id, writer_.Add(cluster.entry, cluster.encoded.children,
+                                                         cluster.encoded.payload));
+      own = id;
       ++report.clusters;
       report.nodes += cluster.entry.nodes;
       report.error_code_max = std::max(report.error_code_max, cluster.entry.error_code_max);

@@ -66,17 +66,17 @@ class ClusterCache::Plan {
         continue;
       }
       todo_.push_back(u);
-      for (const UnitId p : UnitParents(cache_.index_, u)) open.push_back(p);
+      for (const UnitId p : cache_.index_.parents(u)) open.push_back(p);
     }
     for (const UnitId u : todo_) {
-      for (const UnitId p : UnitParents(cache_.index_, u)) ++users_[p];
+      for (const UnitId p : cache_.index_.parents(u)) ++users_[p];
     }
     std::sort(todo_.begin(), todo_.end(), std::greater<>());
   }
 
   const std::vector<UnitId>& todo() const { return todo_; }
   bool HasParents(UnitId unit) const {
-    return std::ranges::all_of(UnitParents(cache_.index_, unit),
+    return std::ranges::all_of(cache_.index_.parents(unit),
                                [&](UnitId p) { return pinned_.contains(p); });
   }
   // The unit is ready: its parents are needed for one thing less.
@@ -87,7 +87,7 @@ class ClusterCache::Plan {
       const UnitId u = done.back();
       done.pop_back();
       std::erase(todo_, u);
-      for (const UnitId p : UnitParents(cache_.index_, u)) {
+      for (const UnitId p : cache_.index_.parents(u)) {
         if (--users_[p] > 0) continue;
         if (pinned_.erase(p) > 0) {
           cache_.Unpin(p);
@@ -145,7 +145,7 @@ ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_
       budget_bytes_(budget_bytes),
       threads_(threads),
       form_(form),
-      entries_(UnitCount(index_)) {}
+      entries_(index_.unit_count()) {}
 
 ClusterCache::~ClusterCache() {
   {
@@ -245,8 +245,8 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   errand.tally.stats.decode_seconds += stats.decode_seconds;
   if (stats.bytes_read > 0) {
     errand.tally.stats.bytes_read += stats.bytes_read;
-    ++(IsRootUnit(index_, unit) ? errand.tally.stats.root_pieces_read
-                                : errand.tally.stats.clusters_read);
+    ++(index_.unit(unit).nodes == 0 ? errand.tally.stats.root_pieces_read
+                                    : errand.tally.stats.clusters_read);
     errand.tally.read[unit] = true;
   }
   // The guess gives way to what it is.
@@ -296,8 +296,8 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
              keep && kept != reader->payloads_.end()) {
     payload = kept->second;
   } else {
-    if (keep && !IsRootUnit(index_, unit) &&
-        index_.location(ClusterId(unit)).length > reader->bytes_left()) {
+    if (keep && index_.unit(unit).nodes > 0 &&
+        index_.location(unit).length > reader->bytes_left()) {
       reader->out_of_bytes_ = true;
       return Status(StatusCode::kBudgetExceeded, UnitName(source_->record(), unit) +
                                                      ": to read it exceeds the query's limit of " +
@@ -313,7 +313,7 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
   stats.read_seconds = read_watch.Seconds();
   const Stopwatch decode_watch;
   std::vector<LoadedUnitPtr> parents;
-  for (const UnitId p : UnitParents(index_, unit)) parents.push_back(entries_[p].value);
+  for (const UnitId p : index_.parents(unit)) parents.push_back(entries_[p].value);
   Result<LoadedUnitPtr> loaded = LoadUnit(source_->record(), index_, unit, *payload, parents);
   stats.decode_seconds = decode_watch.Seconds();
   return loaded;
@@ -321,17 +321,11 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
 
 Result<Bytes> ClusterCache::ReadPayload(UnitId unit) {
   std::optional<Bytes> found;
-  const auto receive = [&](auto, Bytes payload) {
+  const auto receive = [&](UnitId, Bytes payload) {
     found = std::move(payload);
     return Status::Ok();
   };
-  if (IsRootUnit(index_, unit)) {
-    const RootPieceId id(unit - index_.cluster_count());
-    MTDB_RETURN_IF_ERROR(source_->ReadRootPieces({&id, 1}, receive));
-  } else {
-    const ClusterId id(unit);
-    MTDB_RETURN_IF_ERROR(source_->ReadClusters({&id, 1}, receive));
-  }
+  MTDB_RETURN_IF_ERROR(source_->Read({&unit, 1}, receive));
   if (!found) {
     return IoError(UnitName(source_->record(), unit) + ": the source did not deliver the payload");
   }
@@ -512,16 +506,12 @@ void ClusterCache::DropOldestPayload() {
 // Six star triangles a node are usual.
 size_t ClusterCache::EstimateBytes(UnitId unit) const {
   const size_t row_bytes = source_->record().attributes.row_bytes();
-  if (IsRootUnit(index_, unit)) {
-    const RootPieceEntry& piece = index_.root_piece(RootPieceId(unit - index_.cluster_count()));
-    return sizeof(LoadedUnit) + piece.triangles * size_t{17} +
-           piece.vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + row_bytes);
-  }
-  const ClusterEntry& cluster = index_.cluster(ClusterId(unit));
-  const size_t slots = size_t{6} * cluster.nodes;
-  return sizeof(LoadedUnit) + cluster.in_triangles * size_t{32} + slots * size_t{12} +
-         cluster.nodes * (sizeof(Vec3i) + 13 + row_bytes) +
-         cluster.external_vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + 4 + row_bytes);
+  const UnitEntry& entry = index_.unit(unit);
+  const size_t stars = size_t{6} * entry.nodes;
+  const size_t listed = entry.nodes > 0 ? 0 : entry.out_triangles;
+  return sizeof(LoadedUnit) + entry.in_triangles * size_t{32} + stars * size_t{12} +
+         listed * size_t{17} + entry.nodes * (sizeof(Vec3i) + 13 + row_bytes) +
+         entry.external_vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + 4 + row_bytes);
 }
 
 }  // namespace mtdb

@@ -12,7 +12,7 @@ Cut::Cut(Cut&&) noexcept = default;
 Cut& Cut::operator=(Cut&&) noexcept = default;
 Cut::~Cut() = default;
 
-bool Cut::applied(ClusterId cluster, NodeIndex node) const { return impl_->applied(cluster, node); }
+bool Cut::applied(UnitId cluster, NodeIndex node) const { return impl_->applied(cluster, node); }
 const ExtractStats& Cut::stats() const { return impl_->stats(); }
 Status Cut::Emit(MeshSink& sink) {
   return CatchOutOfMemory([&] { return impl_->Emit(sink); });

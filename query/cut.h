@@ -55,7 +55,7 @@ class Cut {
   Cut& operator=(Cut&&) noexcept;
   ~Cut();
 
-  bool applied(ClusterId cluster, NodeIndex node) const;
+  bool applied(UnitId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return stats().nodes_applied; }
   uint64_t triangle_count() const { return stats().triangles; }
   uint64_t vertex_count() const { return stats().vertices; }

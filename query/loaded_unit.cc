@@ -20,13 +20,13 @@ size_t VectorBytes(const std::vector<T>& v) {
 class Gatherer {
  public:
   Gatherer(const ClusterIndex& index, UnitId unit, const std::string& name)
-      : index_(index), unit_(unit), name_(name), entry_(index.cluster(ClusterId(unit))) {}
+      : index_(index), unit_(unit), name_(name), entry_(index.unit(unit)) {}
 
   // Appends the parent's out-triangles that the cluster consumes, in slot order.
   Status Add(uint32_t ordinal, const LoadedUnit& parent) {
-    const std::vector<ClusterId>& children = parent.children();
-    const auto it = std::lower_bound(children.begin(), children.end(), ClusterId(unit_));
-    if (it == children.end() || it->value != unit_) {
+    const std::vector<UnitId>& children = parent.children();
+    const auto it = std::lower_bound(children.begin(), children.end(), unit_);
+    if (it == children.end() || *it != unit_) {
       return Corrupt(name_ + ": unit " + std::to_string(parent.id) +
                      " is a parent in the index, but does not name it as a child; rebuild");
     }
@@ -34,7 +34,8 @@ class Gatherer {
     const std::vector<uint32_t>& removers = parent.removers();
     const size_t before = triangles_.size();
 
-    NodeIndex node = 0;
+    NodeIndex creator = kNone32;
+    const uint32_t listed = parent.cluster.listed();
     const auto end = static_cast<uint32_t>(removers.size());
     constexpr uint32_t kStride = 16;  // most strides have none
     for (uint32_t begin = parent.first_own_slot(); begin < end; begin += kStride) {
@@ -45,10 +46,11 @@ class Gatherer {
       for (uint32_t slot = begin; slot < last; ++slot) {
         if (removers[slot] != wanted) continue;
         if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
-        if (!parent.is_root) {
-          while (parent.cluster.star_begin[node + 1] <= slot) ++node;
+        if (slot >= listed) {
+          if (creator == kNone32) creator = 0;
+          while (parent.cluster.star_begin[creator + 1] <= slot) ++creator;
         }
-        AddTriangle(ordinal, parent, slot, node);
+        AddTriangle(ordinal, parent, slot, creator);
       }
     }
     if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
@@ -93,24 +95,19 @@ class Gatherer {
                    std::to_string(entry_.in_triangles) + " in-triangles of the index");
   }
 
-  void AddTriangle(uint32_t ordinal, const LoadedUnit& parent, uint32_t slot, NodeIndex node) {
+  void AddTriangle(uint32_t ordinal, const LoadedUnit& parent, uint32_t slot, NodeIndex creator) {
     InTriangle& t = triangles_.emplace_back();
-    t.parent_vertices = parent.corners(slot, node);
+    t.parent_vertices = parent.corners(slot, creator);
     const std::vector<Vec3i>& positions = parent.positions();
     for (int c = 0; c < 3; ++c) {
       const uint32_t local = t.parent_vertices[c];
       t.positions[c] = positions[local];
-      if (parent.is_root) {
-        t.vertices[c] = parent.piece.vertices[local];
-      } else {
-        const uint32_t external = parent.cluster.external_vertices();
-        t.vertices[c] = local < external
-                            ? parent.cluster.in.vertices[local]
-                            : index_.first_vertex(ClusterId(parent.id)) + (local - external);
-      }
+      const uint32_t external = parent.cluster.external_vertices();
+      t.vertices[c] = local < external ? parent.vertex(local)
+                                       : index_.first_vertex(parent.id) + (local - external);
     }
     t.origin = static_cast<uint32_t>(origins_.size());
-    origins_.push_back({ordinal, slot, parent.is_root ? kNone32 : node});
+    origins_.push_back({ordinal, slot, creator});
   }
 
   // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
@@ -132,7 +129,7 @@ class Gatherer {
   const ClusterIndex& index_;
   const UnitId unit_;
   const std::string& name_;
-  const ClusterEntry& entry_;
+  const UnitEntry& entry_;
   std::vector<InTriangle> triangles_;  // until Take()
   std::vector<SlotOrigin> origins_;
   std::vector<ExplicitArc> arcs_;
@@ -151,9 +148,7 @@ void AskParents(std::span<const InTriangle> triangles, const Gatherer& gatherer,
     for (size_t c = 0; c < 3; ++c) {
       if (patch.triangles[i][c] != next) continue;
       const uint32_t local = triangles[i].parent_vertices[c];
-      owners[next] = parent.is_root                 ? kNone32
-                     : local < parent.owners.size() ? parent.owners[local]
-                                                    : parent.id;
+      owners[next] = local < parent.owners.size() ? parent.owners[local] : parent.id;
       if (row_bytes > 0) {
         std::memcpy(patch.rows.data() + next * row_bytes, parent.rows().data() + local * row_bytes,
                     row_bytes);
@@ -166,14 +161,6 @@ void AskParents(std::span<const InTriangle> triangles, const Gatherer& gatherer,
 Status Mismatch(const std::string& name, const char* what, uint64_t expected, uint64_t found) {
   return Corrupt(name + ": " + what + ": the index says " + std::to_string(expected) +
                  ", the payload has " + std::to_string(found));
-}
-
-Status CheckChildren(const std::string& name, std::span<const ClusterId> indexed,
-                     std::span<const ClusterId> found) {
-  if (!std::equal(indexed.begin(), indexed.end(), found.begin(), found.end())) {
-    return Corrupt(name + ": its children differ from those in the index");
-  }
-  return Status::Ok();
 }
 
 Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t expected_out) {
@@ -204,12 +191,15 @@ Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t e
   return Status::Ok();
 }
 
-Status CheckCluster(const std::string& name, const ClusterIndex& index, const LoadedUnit& unit) {
-  const ClusterEntry& entry = index.cluster(ClusterId(unit.id));
+Status CheckUnit(const std::string& name, const ClusterIndex& index, const LoadedUnit& unit) {
+  const UnitEntry& entry = index.unit(unit.id);
   const Cluster& c = unit.cluster;
   if (c.nodes() != entry.nodes) return Mismatch(name, "nodes", entry.nodes, c.nodes());
   if (c.in_triangles() != entry.in_triangles) {
     return Mismatch(name, "in-triangles", entry.in_triangles, c.in_triangles());
+  }
+  if (c.external_vertices() != entry.external_vertices) {
+    return Mismatch(name, "external vertices", entry.external_vertices, c.external_vertices());
   }
   for (const uint8_t code : c.error_codes) {
     if (code < entry.error_code_min || code > entry.error_code_max) {
@@ -218,7 +208,9 @@ Status CheckCluster(const std::string& name, const ClusterIndex& index, const Lo
                      std::to_string(entry.error_code_max));
     }
   }
-  MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(ClusterId(unit.id)), c.children));
+  if (!std::ranges::equal(index.children(unit.id), c.children)) {
+    return Corrupt(name + ": its children differ from those in the index");
+  }
   return CheckRemovers(name, unit, entry.out_triangles);
 }
 
@@ -234,8 +226,9 @@ std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
 std::vector<NodeIndex> FindCreators(const LoadedUnit& unit) {
   std::vector<NodeIndex> creators;
   NodeIndex node = 0;
-  for (uint32_t own = 0; own < unit.own_slots(); own += LoadedUnit::kCreatorStep) {
-    while (unit.cluster.star_begin[node + 1] <= own + unit.first_own_slot()) ++node;
+  const uint32_t end = unit.cluster.slots();
+  for (uint32_t slot = unit.cluster.listed(); slot < end; slot += LoadedUnit::kCreatorStep) {
+    while (unit.cluster.star_begin[node + 1] <= slot) ++node;
     creators.push_back(node);
   }
   return creators;
@@ -256,53 +249,23 @@ uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
 }
 
 size_t LoadedUnit::memory_bytes() const {
-  return sizeof(LoadedUnit) + (is_root ? piece.memory_bytes() : cluster.memory_bytes()) +
-         VectorBytes(parents) + VectorBytes(origins) + VectorBytes(by_origin) +
-         VectorBytes(owners) + VectorBytes(drain) + VectorBytes(creators);
-}
-
-std::vector<UnitId> UnitParents(const ClusterIndex& index, UnitId unit) {
-  std::vector<UnitId> parents;
-  if (IsRootUnit(index, unit)) return parents;
-  for (const RootPieceId p : index.root_parents(ClusterId(unit))) {
-    parents.push_back(index.cluster_count() + p.value);
-  }
-  for (const ClusterId c : index.parents(ClusterId(unit))) parents.push_back(c.value);
-  return parents;
+  return sizeof(LoadedUnit) + cluster.memory_bytes() + VectorBytes(parents) + VectorBytes(origins) +
+         VectorBytes(by_origin) + VectorBytes(owners) + VectorBytes(drain) + VectorBytes(creators);
 }
 
 std::string UnitName(const ObjectRecord& record, UnitId unit) {
-  return unit < record.clusters
-             ? record.name + ": cluster " + std::to_string(unit)
-             : record.name + ": root piece " + std::to_string(unit - record.clusters);
+  return record.name + ": " + UnitLabel(record, unit);
 }
 
-Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& index, UnitId unit,
-                               ByteSpan payload, std::span<const LoadedUnitPtr> parents) {
-  const std::string name = UnitName(record, unit);
-  auto loaded = std::make_shared<LoadedUnit>();
-  loaded->id = unit;
-  if (IsRootUnit(index, unit)) {
-    const RootPieceId id(unit - index.cluster_count());
-    const RootPieceEntry& entry = index.root_piece(id);
-    loaded->is_root = true;
-    MTDB_ASSIGN_OR_RETURN(loaded->piece,
-                          DecodeRootPiece(payload, record.attributes, index.root_vertices(), name));
-    const RootPiece& piece = loaded->piece;
-    if (piece.triangles.size() != entry.triangles) {
-      return Mismatch(name, "triangles", entry.triangles, piece.triangles.size());
-    }
-    if (piece.vertices.size() != entry.vertices) {
-      return Mismatch(name, "vertices", entry.vertices, piece.vertices.size());
-    }
-    MTDB_RETURN_IF_ERROR(CheckChildren(name, index.children(id), piece.children));
-    MTDB_RETURN_IF_ERROR(CheckRemovers(name, *loaded, entry.triangles));
-    loaded->drain = FindDrain(*loaded);
-    return LoadedUnitPtr(std::move(loaded));
-  }
-  const ClusterEntry& entry = index.cluster(ClusterId(unit));
-  loaded->parents = UnitParents(index, unit);
-  Gatherer gatherer(index, unit, name);
+namespace {
+
+// Gathers the in-triangles from the parents and replays the payload on them.
+Status DecodeFromParents(const ObjectRecord& record, const ClusterIndex& index,
+                         const std::string& name, ByteSpan payload,
+                         std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
+  const UnitEntry& entry = index.unit(unit.id);
+  unit.parents.assign(index.parents(unit.id).begin(), index.parents(unit.id).end());
+  Gatherer gatherer(index, unit.id, name);
   for (uint32_t i = 0; i < parents.size(); ++i) {
     MTDB_RETURN_IF_ERROR(gatherer.Add(i, *parents[i]));
   }
@@ -311,19 +274,36 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   if (patch.vertices.size() != entry.external_vertices) {
     return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
   }
-  AskParents(triangles, gatherer, parents, record.attributes.row_bytes(), patch, loaded->owners);
-  MTDB_ASSIGN_OR_RETURN(loaded->cluster, DecodeCluster(payload, std::move(patch), record.attributes,
-                                                       entry.nodes, name));
-  MTDB_RETURN_IF_ERROR(CheckCluster(name, index, *loaded));
+  AskParents(triangles, gatherer, parents, record.attributes.row_bytes(), patch, unit.owners);
+  MTDB_ASSIGN_OR_RETURN(
+      unit.cluster, DecodeCluster(payload, std::move(patch), record.attributes, entry.nodes, name));
+  // The triangles were gathered in ascending order of their origins.
+  unit.origins.resize(triangles.size());
+  unit.by_origin.resize(triangles.size());
+  for (uint32_t i = 0; i < triangles.size(); ++i) {
+    unit.origins[i] = gatherer.origin(triangles[i].origin);
+    unit.by_origin[triangles[i].origin] = i;
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& index, UnitId unit,
+                               ByteSpan payload, std::span<const LoadedUnitPtr> parents) {
+  const std::string name = UnitName(record, unit);
+  auto loaded = std::make_shared<LoadedUnit>();
+  loaded->id = unit;
+  if (index.unit(unit).round == kRootRound) {
+    MTDB_ASSIGN_OR_RETURN(loaded->cluster,
+                          DecodeRootPiece(payload, record.attributes, index.root_vertices(), name));
+    loaded->owners.assign(loaded->cluster.external_vertices(), kNone32);
+  } else {
+    MTDB_RETURN_IF_ERROR(DecodeFromParents(record, index, name, payload, parents, *loaded));
+  }
+  MTDB_RETURN_IF_ERROR(CheckUnit(name, index, *loaded));
   loaded->drain = FindDrain(*loaded);
   loaded->creators = FindCreators(*loaded);
-  // The triangles were gathered in ascending order of their origins.
-  loaded->origins.resize(triangles.size());
-  loaded->by_origin.resize(triangles.size());
-  for (uint32_t i = 0; i < triangles.size(); ++i) {
-    loaded->origins[i] = gatherer.origin(triangles[i].origin);
-    loaded->by_origin[triangles[i].origin] = i;
-  }
   return LoadedUnitPtr(std::move(loaded));
 }
 

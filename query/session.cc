@@ -95,10 +95,10 @@ Result<BaseMesh> Session::ReadBase() const {
   UnitReader reader(surface_->cache(), {});
   BaseMesh base;
   std::unordered_map<VertexIndex, uint32_t> numbers;
-  for (UnitId id = index.cluster_count(); id < UnitCount(index); ++id) {
+  for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) {
     reader.Release();
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader.Get(id));
-    const RootPiece& piece = unit->piece;
+    const InPatch& piece = unit->cluster.in;
     std::vector<uint32_t> number_of(piece.vertices.size());
     for (size_t v = 0; v < piece.vertices.size(); ++v) {
       const auto next = static_cast<uint32_t>(base.vertices.size());
@@ -236,11 +236,10 @@ const Bits& Session::BitsOf(uint32_t cluster) const {
   return moving_ == nullptr ? settled_[cluster] : moving_->applied(cluster);
 }
 
-bool Session::applied(ClusterId cluster, NodeIndex node) const {
+bool Session::applied(UnitId cluster, NodeIndex node) const {
   const ClusterIndex& index = surface_->index();
-  MTDB_CHECK(cluster.value < index.cluster_count() && node < index.cluster(cluster).nodes,
-             "no such node");
-  const Bits& bits = BitsOf(cluster.value);
+  MTDB_CHECK(cluster < index.cluster_count() && node < index.unit(cluster).nodes, "no such node");
+  const Bits& bits = BitsOf(cluster);
   return !bits.empty() && bits.Test(node);
 }
 

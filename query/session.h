@@ -71,7 +71,7 @@ class Session {
   // the sink's included, it is that of the last round whose batches the sink took.
   Result<SessionUpdate> Update(const Query& query, const BatchSink& sink);
 
-  bool applied(ClusterId cluster, NodeIndex node) const;
+  bool applied(UnitId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return applied_count_; }
 
  private:

@@ -28,20 +28,17 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
     return corrupt(std::to_string(index.root_vertices()) + " root vertices, but the catalog says " +
                    std::to_string(record.root_vertices));
   }
-  if (UnitCount(index) >= kChildFlag) return corrupt("too many clusters");
+  if (index.unit_count() >= kChildFlag) return corrupt("too many clusters");
   VertexIndex next = index.root_vertices();
-  for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-    const ClusterId id(c);
-    const std::string name = "cluster " + std::to_string(c);
-    if (index.cluster(id).nodes == 0 || index.first_vertex(id) != next) {
+  for (UnitId id = 0; id < index.unit_count(); ++id) {
+    const std::string name = UnitLabel(record, id);
+    const UnitEntry& unit = index.unit(id);
+    if ((unit.nodes == 0) != (unit.round == kRootRound) || index.first_vertex(id) != next) {
       return corrupt(name + " has no nodes or the wrong first vertex");
     }
-    next += index.cluster(id).nodes;
-    for (const ClusterId p : index.parents(id)) {
-      if (p <= id || p.value >= index.cluster_count()) return corrupt(name + ": parent order");
-    }
-    for (const RootPieceId p : index.root_parents(id)) {
-      if (p.value >= index.root_piece_count()) return corrupt(name + ": root parent");
+    next += unit.nodes;
+    for (const UnitId p : index.parents(id)) {
+      if (p <= id || p >= index.unit_count()) return corrupt(name + ": parent order");
     }
   }
   if (next != record.vertices) {

@@ -114,7 +114,7 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
         const bool there =
             (entry.state == ClusterCache::State::kReady || entry.payload != nullptr) &&
             !tally_->read[unit];
-        if (there && !IsRootUnit(cache_.index_, unit)) ++tally_->stats.clusters_cached;
+        if (there && cache_.index_.unit(unit).nodes > 0) ++tally_->stats.clusters_cached;
       }
       Status status;
       bool crowded = false;
@@ -187,11 +187,11 @@ uint64_t UnitReader::BytesToRead(UnitId unit) const {
     open.pop_back();
     if (!visited.insert(u).second) continue;
     if (cache_.entries_[u].state == ClusterCache::State::kReady) continue;
-    if (!IsRootUnit(cache_.index_, u) && !payloads_.contains(u) &&
+    if (cache_.index_.unit(u).nodes > 0 && !payloads_.contains(u) &&
         cache_.entries_[u].payload == nullptr) {
-      bytes += cache_.index_.location(ClusterId(u)).length;
+      bytes += cache_.index_.location(u).length;
     }
-    for (const UnitId p : UnitParents(cache_.index_, u)) open.push_back(p);
+    for (const UnitId p : cache_.index_.parents(u)) open.push_back(p);
   }
   return bytes;
 }

@@ -22,21 +22,17 @@ class Verifier {
         index_(surface.index()),
         cache_(surface.cache()),
         report_(report),
-        failed_(UnitCount(index_)),
-        depths_(index_.cluster_count()),
-        children_left_(index_.cluster_count()) {}
+        failed_(index_.unit_count()),
+        depths_(index_.unit_count()),
+        children_left_(index_.unit_count()) {}
 
   Status Full() {
-    for (uint32_t c = 0; c < index_.cluster_count(); ++c) {
-      children_left_[c] = static_cast<uint32_t>(index_.children(ClusterId(c)).size());
+    for (UnitId u = 0; u < index_.unit_count(); ++u) {
+      children_left_[u] = static_cast<uint32_t>(index_.children(u).size());
     }
     MTDB_RETURN_IF_ERROR(ForEachUnit([&](const LoadedUnit& unit) {
       CountRemovers(unit);
-      if (unit.is_root) {
-        CheckRootPiece(unit);
-      } else {
-        CheckCluster(unit);
-      }
+      CheckUnit(unit);
     }));
     if (!complete_) return Status::Ok();
     Expect("nodes", record_.nodes, nodes_);
@@ -80,10 +76,10 @@ class Verifier {
   template <typename F>
   Status ForEachUnit(F&& f) {
     LoadStats stats;
-    for (UnitId unit = UnitCount(index_); unit-- > 0;) {
+    for (UnitId unit = index_.unit_count(); unit-- > 0;) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
       bool skip = false;
-      for (const UnitId p : UnitParents(index_, unit)) skip |= failed_.Test(p);
+      for (const UnitId p : index_.parents(unit)) skip |= failed_.Test(p);
       if (skip) {
         failed_.Set(unit);
         continue;
@@ -142,14 +138,10 @@ class Verifier {
     }
   }
 
-  void CheckRootPiece(const LoadedUnit& unit) {
-    root_triangles_ += unit.piece.triangles.size();
-    CheckBounds(unit, index_.root_piece(RootPieceId(unit.id - index_.cluster_count())).bounds);
-  }
-
-  void CheckCluster(const LoadedUnit& unit) {
+  void CheckUnit(const LoadedUnit& unit) {
     const Cluster& c = unit.cluster;
-    CheckBounds(unit, index_.cluster(ClusterId(unit.id)).bounds);
+    CheckBounds(unit, index_.unit(unit.id).bounds);
+    root_triangles_ += c.listed() - c.in_triangles();
     nodes_ += c.nodes();
     in_triangles_ += c.in_triangles();
     std::vector<uint32_t>& depth = depths_[unit.id];
@@ -170,22 +162,18 @@ class Verifier {
     }
     if (children_left_[unit.id] == 0) depth = {};
     for (const UnitId p : unit.parents) {
-      if (p < index_.cluster_count() && --children_left_[p] == 0) depths_[p] = {};
+      if (--children_left_[p] == 0) depths_[p] = {};
     }
   }
 
   void AddToDigest(const LoadedUnit& unit) {
     const std::vector<uint32_t>& removers = unit.removers();
     const std::vector<Vec3i>& positions = unit.positions();
-    if (unit.is_root) root_triangles_ += unit.piece.triangles.size();
+    root_triangles_ += unit.cluster.listed() - unit.cluster.in_triangles();
     for (NodeIndex i = 0; i < unit.nodes(); ++i) boundary_nodes_ += unit.cluster.boundary(i);
-    NodeIndex node = 0;
     for (uint32_t slot = unit.first_own_slot(); slot < removers.size(); ++slot) {
       if (removers[slot] != kDrain) continue;
-      if (!unit.is_root) {
-        while (unit.cluster.star_begin[node + 1] <= slot) ++node;
-      }
-      const std::array<uint32_t, 3> t = unit.corners(slot, node);
+      const std::array<uint32_t, 3> t = unit.corners(slot, unit.creator(slot));
       digest_.AddTriangle({positions[t[0]], positions[t[1]], positions[t[2]]});
     }
   }

@@ -11,30 +11,25 @@
 
 namespace mtdb {
 
-// What the index says of one cluster, all of it known when the builder has made the cluster.
-struct ClusterEntry {
-  uint8_t round = 0;           // 1 = finest
-  uint64_t hilbert = 0;        // place on the round's curve; ascending with ClusterId in a round
-  Box3i bounds;                // grid; every vertex that a node of the cluster touches
-  uint32_t nodes = 0;          // > 0
-  uint32_t in_triangles = 0;   // consumed from parents and the root
-  uint32_t out_triangles = 0;  // left for children and the drain
-  uint32_t external_vertices = 0;  // corners of in-triangles
+// The round of the root's pieces.
+inline constexpr uint8_t kRootRound = 255;
+
+// What the index says of one unit, all of it known when the builder has made it.
+struct UnitEntry {
+  uint8_t round = 0;               // 1 = finest
+  uint64_t hilbert = 0;            // place on the round's curve; ascending with UnitId in a round
+  Box3i bounds;                    // grid; every vertex that the unit touches
+  uint32_t nodes = 0;              // 0 in the root's round only
+  uint32_t in_triangles = 0;       // consumed from parents
+  uint32_t out_triangles = 0;      // left for children and the drain
+  uint32_t external_vertices = 0;  // that no node inserts: corners of in-triangles, or of the root
   uint8_t error_code_min = 0;      // over its nodes
   uint8_t error_code_max = 0;
   bool explicit_arcs = false;  // in-triangles coincide on the grid; arcs name their slots
-  friend bool operator==(const ClusterEntry&, const ClusterEntry&) = default;
+  friend bool operator==(const UnitEntry&, const UnitEntry&) = default;
 };
 
-// A piece of the root mesh.
-struct RootPieceEntry {
-  Box3i bounds;
-  uint32_t triangles = 0;
-  uint32_t vertices = 0;
-  friend bool operator==(const RootPieceEntry&, const RootPieceEntry&) = default;
-};
-
-// Where a cluster's or root piece's payload lies: a value of the store and a range in it.
+// Where a unit's payload lies: a value of the store and a range in it.
 struct PayloadLocation {
   uint32_t value = 0;     // number of the value within its table, in key order of writing
   uint32_t offset = 0;    // bytes
@@ -46,54 +41,39 @@ struct PayloadLocation {
 // Immutable once built; safe for many threads.
 class ClusterIndex {
  public:
-  uint32_t cluster_count() const { return static_cast<uint32_t>(entries_.size()); }
-  uint32_t root_piece_count() const { return static_cast<uint32_t>(root_entries_.size()); }
+  // Clusters are the units 0 .. cluster_count() - 1, pieces of the root those that follow.
+  uint32_t unit_count() const { return static_cast<uint32_t>(entries_.size()); }
+  uint32_t cluster_count() const { return clusters_; }
+  uint32_t root_piece_count() const { return unit_count() - clusters_; }
   uint64_t root_vertices() const { return root_vertices_; }
 
-  const ClusterEntry& cluster(ClusterId id) const { return entries_[id.value]; }
-  const RootPieceEntry& root_piece(RootPieceId id) const { return root_entries_[id.value]; }
-  const PayloadLocation& location(ClusterId id) const { return locations_[id.value]; }
-  const PayloadLocation& location(RootPieceId id) const { return root_locations_[id.value]; }
-
+  const UnitEntry& unit(UnitId id) const { return entries_[id]; }
+  const PayloadLocation& location(UnitId id) const { return locations_[id]; }
   // Clusters that consume out-triangles of `id`; ascending, each smaller than `id`.
-  std::span<const ClusterId> children(ClusterId id) const {
-    return Range(children_, child_begin_, id.value);
-  }
-  std::span<const ClusterId> children(RootPieceId id) const {
-    return Range(root_children_, root_child_begin_, id.value);
-  }
-  // Clusters and root pieces whose out-triangles `id` consumes; ascending.
-  std::span<const ClusterId> parents(ClusterId id) const {
-    return Range(parents_, parent_begin_, id.value);
-  }
-  std::span<const RootPieceId> root_parents(ClusterId id) const {
-    return Range(root_parents_, root_parent_begin_, id.value);
-  }
-  // VertexIndex of the cluster's node 0.
-  VertexIndex first_vertex(ClusterId id) const { return first_vertex_[id.value]; }
+  std::span<const UnitId> children(UnitId id) const { return Range(children_, child_begin_, id); }
+  // Units whose out-triangles `id` consumes; ascending, each larger than `id`.
+  std::span<const UnitId> parents(UnitId id) const { return Range(parents_, parent_begin_, id); }
+  // VertexIndex of the unit's node 0.
+  VertexIndex first_vertex(UnitId id) const { return first_vertex_[id]; }
 
-  // Appends; a child must have been added before. Finish() then derives parents and numbering.
-  void AddCluster(const ClusterEntry& entry, const PayloadLocation& location,
-                  std::span<const ClusterId> children);
-  void AddRootPiece(const RootPieceEntry& entry, const PayloadLocation& location,
-                    std::span<const ClusterId> children);
+  // Appends; children are added before, and clusters before pieces of the root. Finish() then
+  // derives parents and numbering.
+  void Add(const UnitEntry& entry, const PayloadLocation& location,
+           std::span<const UnitId> children);
   void Finish(uint64_t root_vertices);
 
  private:
-  template <typename T>
-  static std::span<const T> Range(const std::vector<T>& values, const std::vector<uint64_t>& begin,
-                                  uint32_t i) {
-    return std::span(values).subspan(begin[i], begin[i + 1] - begin[i]);
+  static std::span<const UnitId> Range(const std::vector<UnitId>& values,
+                                       const std::vector<uint64_t>& begin, UnitId id) {
+    return std::span(values).subspan(begin[id], begin[id + 1] - begin[id]);
   }
 
-  std::vector<ClusterEntry> entries_;
+  std::vector<UnitEntry> entries_;
   std::vector<PayloadLocation> locations_;
-  std::vector<RootPieceEntry> root_entries_;
-  std::vector<PayloadLocation> root_locations_;
-  std::vector<ClusterId> children_, root_children_, parents_;
-  std::vector<RootPieceId> root_parents_;
-  std::vector<uint64_t> child_begin_{0}, root_child_begin_{0}, parent_begin_, root_parent_begin_;
+  std::vector<UnitId> children_, parents_;
+  std::vector<uint64_t> child_begin_{0}, parent_begin_;
   std::vector<VertexIndex> first_vertex_;
+  uint32_t clusters_ = 0;
   uint64_t root_vertices_ = 0;
 };
 

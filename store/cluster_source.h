@@ -1,4 +1,4 @@
-// ClusterSource: where the query engine gets clusters from. LMDB stands behind it today
+// ClusterSource: where the query engine gets units from. LMDB stands behind it today
 // (Database::OpenObject); an object store or HTTP ranges can tomorrow.
 #pragma once
 
@@ -24,14 +24,12 @@ class ClusterSource {
 
   // Reads payloads, in any order, and hands each one to `receive` (on the calling thread) once its
   // checksum has been verified. An error of `receive` stops the batch and is returned.
-  // Errors: kCorrupt (names object, cluster, offset), kNotFound (the object was removed since),
+  // Errors: kCorrupt (names object, unit, offset), kNotFound (the object was removed since),
   // kIoError.
-  using ClusterReceiver = std::function<Status(ClusterId, Bytes payload)>;
-  virtual Status ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) = 0;
-  using RootReceiver = std::function<Status(RootPieceId, Bytes payload)>;
-  virtual Status ReadRootPieces(std::span<const RootPieceId> ids, const RootReceiver& receive) = 0;
+  using Receiver = std::function<Status(UnitId, Bytes payload)>;
+  virtual Status Read(std::span<const UnitId> units, const Receiver& receive) = 0;
 
-  // Bytes that were read so far from where the clusters lie: payloads, checksums and what leads to
+  // Bytes that were read so far from where the units lie: payloads, checksums and what leads to
   // them, by all handles of the process on the same store. 0 when the source does not count.
   virtual uint64_t bytes_read() const { return 0; }
 };

@@ -70,14 +70,11 @@ class ObjectWriter {
  public:
   virtual ~ObjectWriter() = default;
 
-  // Returns the cluster's id: 0, 1, 2, ... `children` ascending and without repetition, a payload
-  // of 1 byte to 1 GiB.
-  virtual Result<ClusterId> AddCluster(const ClusterEntry& entry,
-                                       std::span<const ClusterId> children, ByteSpan payload) = 0;
-  // After the last cluster. A piece's payload has 1 byte to 1 MiB.
-  virtual Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry,
-                                           std::span<const ClusterId> children,
-                                           ByteSpan payload) = 0;
+  // Appends a cluster, or, when `entry` has no nodes, a piece of the root: after the last cluster.
+  // Returns its id: 0, 1, 2, ... `children` ascending and without repetition. A payload has 1 byte
+  // to 1 GiB.
+  virtual Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
+                             ByteSpan payload) = 0;
   // Writes the index and flips the catalog. `record` comes without id, name, payload_bytes,
   // stored_bytes, index_checksum and digest; the published record is returned. A replaced object's
   // pages are freed.

@@ -329,6 +329,11 @@ std::string ObjectRecord::digest_hex() const {
   return text;
 }
 
+std::string UnitLabel(const ObjectRecord& record, UnitId unit) {
+  return unit < record.clusters ? "cluster " + std::to_string(unit)
+                                : "root piece " + std::to_string(unit - record.clusters);
+}
+
 Bytes EncodeObjectRecord(const ObjectRecord& record) {
   ByteWriter w;
   w.Put(kRecordVersion);

@@ -101,6 +101,9 @@ inline bool IsSameObject(const ObjectRecord& a, const ObjectRecord& b) {
          a.digest_high == b.digest_high;
 }
 
+// "cluster 12" or "root piece 0", for messages.
+std::string UnitLabel(const ObjectRecord& record, UnitId unit);
+
 Bytes EncodeObjectRecord(const ObjectRecord& record);
 // `where` names the record in messages.
 Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where);

@@ -82,7 +82,7 @@ class StoreVerifier {
 
   // Every key belongs to an object of the catalog.
   void CheckOwners() {
-    for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
+    for (const Table table : {Table::kUnits, Table::kIndex}) {
       std::set<ObjectId> strangers;
       const Status status =
           snapshot_.Scan(table, {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
@@ -109,9 +109,9 @@ class StoreVerifier {
     const auto index = LoadIndex(
         path_, record,
         [&](const Bytes& key, const std::string& at) { return ReadIndexValue(snapshot_, key, at); },
-        [&](IndexKind kind, uint32_t first, ByteSpan body) {
+        [&](uint32_t first, ByteSpan body) {
           ++index_values;
-          digest.AddIndexValue(kind, first, body);
+          digest.AddIndexValue(first, body);
         });
     if (!index.ok()) {
       Fail(index.status());
@@ -119,45 +119,26 @@ class StoreVerifier {
     }
     const ValueKeys keys(record.id, *index);
     CheckCount(place + ": values of its index", index_values, Table::kIndex, record.id);
-    CheckCount(place + ": values of its clusters", keys.cluster_values(), Table::kClusters,
-               record.id);
-    CheckCount(place + ": values of its root", keys.root_values(), Table::kRoot, record.id);
+    CheckCount(place + ": values of its units", keys.count(), Table::kUnits, record.id);
     CheckCounts(record, *index, place);
 
     uint64_t payload_bytes = 0;
     bool whole = true;
-    for (uint32_t i = 0; i < index->cluster_count(); ++i) {
-      const ClusterId id{i};
-      const ClusterEntry& entry = index->cluster(id);
-      const PayloadLocation& location = index->location(id);
+    for (UnitId unit = 0; unit < index->unit_count(); ++unit) {
+      const UnitEntry& entry = index->unit(unit);
+      const PayloadLocation& location = index->location(unit);
       const bool ends_value =
-          i + 1 == index->cluster_count() || index->location(ClusterId{i + 1}).offset == 0;
-      const auto payload = ReadPayload(
-          Table::kClusters, keys.ClusterValueKey(location.value), location, ends_value,
-          ClusterSeed(id, entry.round, entry.hilbert), place + ": cluster " + std::to_string(i));
+          unit + 1 == index->unit_count() || index->location(unit + 1).offset == 0;
+      const auto payload = ReadPayload(keys[location.value], location, ends_value,
+                                       UnitSeed(unit, entry.round, entry.hilbert),
+                                       place + ": " + UnitLabel(record, unit));
       whole = whole && payload.ok();
       if (!payload.ok()) {
         Fail(payload.status());
         continue;
       }
       payload_bytes += payload->size();
-      digest.AddCluster(id, entry.round, entry.hilbert, *payload);
-    }
-    for (uint32_t i = 0; i < index->root_piece_count(); ++i) {
-      const RootPieceId id{i};
-      const PayloadLocation& location = index->location(id);
-      const bool ends_value =
-          i + 1 == index->root_piece_count() || index->location(RootPieceId{i + 1}).offset == 0;
-      const auto payload =
-          ReadPayload(Table::kRoot, keys.RootValueKey(location.value), location, ends_value,
-                      RootSeed(id), place + ": root piece " + std::to_string(i));
-      whole = whole && payload.ok();
-      if (!payload.ok()) {
-        Fail(payload.status());
-        continue;
-      }
-      payload_bytes += payload->size();
-      digest.AddRootPiece(id, *payload);
+      digest.AddUnit(unit, entry.round, entry.hilbert, *payload);
     }
     Checked(record.name + ": checksums of " + std::to_string(record.clusters) + " clusters and " +
             std::to_string(record.root_pieces) + " root pieces");
@@ -183,10 +164,10 @@ class StoreVerifier {
   void CheckCounts(const ObjectRecord& record, const ClusterIndex& index,
                    const std::string& place) {
     uint64_t nodes = 0;
-    for (uint32_t i = 0; i < index.cluster_count(); ++i) nodes += index.cluster(ClusterId{i}).nodes;
     uint64_t triangles = 0;
-    for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
-      triangles += index.root_piece(RootPieceId{i}).triangles;
+    for (UnitId unit = 0; unit < index.unit_count(); ++unit) {
+      nodes += index.unit(unit).nodes;
+      if (unit >= index.cluster_count()) triangles += index.unit(unit).out_triangles;
     }
     const auto compare = [&](const char* what, uint64_t expected, uint64_t found) {
       if (expected == found) return;
@@ -198,9 +179,9 @@ class StoreVerifier {
   }
 
   // As a reader reads it; besides, the last payload of a value must reach the value's end.
-  Result<Bytes> ReadPayload(Table table, const Bytes& key, const PayloadLocation& location,
-                            bool ends_value, uint64_t seed, const std::string& where) {
-    MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.Find(table, key));
+  Result<Bytes> ReadPayload(const Bytes& key, const PayloadLocation& location, bool ends_value,
+                            uint64_t seed, const std::string& where) {
+    MTDB_ASSIGN_OR_RETURN(const auto value, snapshot_.Find(Table::kUnits, key));
     if (!value) return Corrupt(where + ": its value is missing");
     const uint64_t end = uint64_t{location.offset} + location.length;
     if (ends_value && end != value->size) {

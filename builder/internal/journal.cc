@@ -44,7 +44,7 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   w.Put<uint8_t>(c.entry.explicit_arcs);
   for (const uint64_t n : {o.locked_vertices, o.stuck_topology, o.stuck_degree}) w.PutVarint(n);
   w.PutVarint(c.encoded.children.size());
-  for (const ClusterId child : c.encoded.children) w.PutVarint(child.value);
+  for (const UnitId child : c.encoded.children) w.PutVarint(child);
   w.PutVarint(c.encoded.payload.size());
   w.PutBytes(c.encoded.payload);
   w.PutVarint(c.left.triangles.size());
@@ -75,7 +75,7 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   const uint64_t children = r.GetVarint();
   if (children > r.remaining()) return false;
   for (uint64_t i = 0; i < children; ++i) {
-    c.encoded.children.push_back(ClusterId(static_cast<uint32_t>(r.GetVarint())));
+    c.encoded.children.push_back(static_cast<UnitId>(r.GetVarint()));
   }
   const ByteSpan payload = r.GetBytes(r.GetVarint());
   c.encoded.payload.assign(payload.begin(), payload.end());

@@ -21,10 +21,11 @@ void RootWriter::Join(uint32_t a, uint32_t b) {
 
 Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows) {
   const size_t row = attributes_.row_bytes();
-  RootPiece piece;
-  RootPieceEntry entry;
+  Cluster piece;
+  UnitEntry entry;
+  entry.round = kRootRound;
   for (const TileTriangle& t : triangles) {
-    if (t.child != kNone32) piece.children.push_back(ClusterId(t.child));
+    if (t.child != kNone32) piece.children.push_back(t.child);
   }
   std::sort(piece.children.begin(), piece.children.end());
   piece.children.erase(std::unique(piece.children.begin(), piece.children.end()),
@@ -32,19 +33,19 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
   std::unordered_map<uint32_t, uint32_t> local;
   for (size_t i = 0; i < triangles.size(); ++i) {
     const TileTriangle& t = triangles[i];
-    auto& corners = piece.triangles.emplace_back();
+    auto& corners = piece.in.triangles.emplace_back();
     std::array<uint32_t, 3> root;
     for (size_t c = 0; c < 3; ++c) {
       const auto next = static_cast<uint32_t>(root_vertex_.size());
       root[c] = root_vertex_.try_emplace(t.vertices[c], next).first->second;
       if (root[c] == parent_.size()) parent_.push_back(root[c]);
       const auto [it, inserted] =
-          local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.positions.size()));
+          local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.in.positions.size()));
       if (inserted) {
-        piece.positions.push_back(t.positions[c]);
-        piece.vertices.push_back(root[c]);
+        piece.in.positions.push_back(t.positions[c]);
+        piece.in.vertices.push_back(root[c]);
         const auto at = rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
-        piece.rows.insert(piece.rows.end(), at, at + static_cast<std::ptrdiff_t>(row));
+        piece.in.rows.insert(piece.in.rows.end(), at, at + static_cast<std::ptrdiff_t>(row));
         entry.bounds.Add(t.positions[c]);
       }
       corners[c] = it->second;
@@ -58,8 +59,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     }
     uint32_t remover = kDrain;
     if (t.child != kNone32) {
-      const auto at =
-          std::lower_bound(piece.children.begin(), piece.children.end(), ClusterId(t.child));
+      const auto at = std::lower_bound(piece.children.begin(), piece.children.end(), t.child);
       remover = kChildFlag | static_cast<uint32_t>(at - piece.children.begin());
       if (t.explicit_arc) {
         piece.explicit_arcs.push_back({static_cast<uint32_t>(i), t.child_slot, 0});
@@ -67,10 +67,9 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     }
     piece.removers.push_back(remover);
   }
-  entry.triangles = static_cast<uint32_t>(piece.triangles.size());
-  entry.vertices = static_cast<uint32_t>(piece.positions.size());
-  const Result<RootPieceId> id =
-      writer_.AddRootPiece(entry, piece.children, EncodeRootPiece(piece, attributes_));
+  entry.out_triangles = static_cast<uint32_t>(piece.in.triangles.size());
+  entry.external_vertices = static_cast<uint32_t>(piece.in.positions.size());
+  const Result<UnitId> id = writer_.Add(entry, piece.children, EncodeRootPiece(piece, attributes_));
   if (!id.ok()) return id.status();
   topology_.triangles += triangles.size();
   ++topology_.pieces;

@@ -35,10 +35,10 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     updates.consumers.resize(result.triangles.size());
     std::vector<uint32_t> heights(result.triangles.size(), 0);
     for (uint32_t t = 0; t < input_count; ++t) {
-      updates.consumers[t] = {ClusterId(tile[t].child), tile[t].child_slot, tile[t].explicit_arc};
+      updates.consumers[t] = {tile[t].child, tile[t].child_slot, tile[t].explicit_arc};
       heights[t] = tile[t].height;
     }
-    ClusterEntry& entry = cluster.entry;
+    UnitEntry& entry = cluster.entry;
     entry.error_code_min = 255;
     for (const Removal& removal : result.removals) {
       const uint8_t code = grid.ErrorCode(removal.error * model_units);

@@ -11,7 +11,7 @@ namespace mtdb {
 
 struct TileCluster {
   bool empty = true;  // nothing could be removed: no cluster
-  ClusterEntry entry;
+  UnitEntry entry;
   EncodedCluster encoded;
   // The simplified tile. Those that this cluster's nodes remove have child == kOwnCluster, to be
   // replaced once the cluster has its id.

@@ -105,10 +105,4 @@ size_t Cluster::memory_bytes() const {
          VectorBytes(children) + VectorBytes(explicit_arcs);
 }
 
-size_t RootPiece::memory_bytes() const {
-  return sizeof(*this) + VectorBytes(triangles) + VectorBytes(positions) + VectorBytes(vertices) +
-         VectorBytes(rows) + VectorBytes(removers) + VectorBytes(children) +
-         VectorBytes(explicit_arcs);
-}
-
 }  // namespace mtdb

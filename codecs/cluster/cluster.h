@@ -17,7 +17,7 @@
 
 namespace mtdb {
 
-// A triangle slot's fate, in Cluster::removers and RootPiece::removers.
+// A triangle slot's fate, in Cluster::removers.
 inline constexpr uint32_t kDrain = kNone32;          // nobody removes it: full resolution
 inline constexpr uint32_t kChildFlag = 0x80000000u;  // | ordinal in `children`: a child removes it
 constexpr bool RemovedByNode(uint32_t remover) { return (remover & kChildFlag) == 0; }
@@ -47,7 +47,8 @@ struct InTriangle {
 // triangles, or two rotations of one, cannot be told apart (see ExplicitArc).
 bool SortCanonically(std::vector<InTriangle>& triangles);
 
-// In-triangles in slot order and their corners, numbered by first occurrence.
+// Listed triangles in slot order, in-triangles or a piece of the root, and their corners, numbered
+// by first occurrence.
 struct InPatch {
   std::vector<std::array<uint32_t, 3>> triangles;  // local vertices
   std::vector<Vec3i> positions;                    // of local vertices
@@ -55,25 +56,30 @@ struct InPatch {
   Bytes rows;                                      // attributes of local vertices
 };
 
-// The explicit form. Local vertices: 0 .. external_vertices()-1 are the corners of in-triangles;
-// node i's vertex is external_vertices() + i. Slots: 0 .. in-triangles-1, then the star triangles
-// of node 0, of node 1, ... Star triangle j of node i is (i's vertex, ring[j], ring[j+1]); the ring
-// of an interior node is cyclic, that of a boundary node is open (one star triangle less).
-// Nodes are in an order that every parent precedes its children.
+// The explicit form. Local vertices: 0 .. external_vertices()-1 are the corners of listed
+// triangles; node i's vertex is external_vertices() + i. Slots: the listed triangles, then the star
+// triangles of node 0, of node 1, ... Star triangle j of node i is (i's vertex, ring[j],
+// ring[j+1]); the ring of an interior node is cyclic, that of a boundary node is open (one star
+// triangle less). Nodes are in an order that every parent precedes its children.
+//
+// Parents create the slots below first_own_slot, the cluster itself the others. A piece of the root
+// mesh is a cluster without nodes: it lists triangles and consumes none.
 struct Cluster {
-  InPatch in;                              // positions and rows are extended by the nodes' own
-  std::vector<uint8_t> error_codes;        // per node
-  std::vector<uint32_t> ring_begin;        // nodes + 1
-  std::vector<uint32_t> ring_vertices;     // local
-  std::vector<uint32_t> star_begin;        // nodes + 1; slots
-  std::vector<uint32_t> hole_begin;        // nodes + 1
-  std::vector<uint32_t> hole_slots;        // slots that a node removes
-  std::vector<uint32_t> removers;          // per slot: node, kChildFlag | ordinal, or kDrain
-  std::vector<ClusterId> children;         // ascending
+  InPatch in;                           // positions and rows are extended by the nodes' own
+  uint32_t first_own_slot = 0;          // parents create those below: all that are listed, or none
+  std::vector<uint8_t> error_codes;     // per node
+  std::vector<uint32_t> ring_begin;     // nodes + 1
+  std::vector<uint32_t> ring_vertices;  // local
+  std::vector<uint32_t> star_begin;     // nodes + 1; slots
+  std::vector<uint32_t> hole_begin;     // nodes + 1
+  std::vector<uint32_t> hole_slots;     // slots that a node removes
+  std::vector<uint32_t> removers;       // per slot: node, kChildFlag | ordinal, or kDrain
+  std::vector<UnitId> children;         // ascending
   std::vector<ExplicitArc> explicit_arcs;  // ascending by slot
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
-  uint32_t in_triangles() const { return static_cast<uint32_t>(in.triangles.size()); }
+  uint32_t in_triangles() const { return first_own_slot; }
+  uint32_t listed() const { return static_cast<uint32_t>(in.triangles.size()); }
   uint32_t external_vertices() const { return static_cast<uint32_t>(in.vertices.size()); }
   uint32_t slots() const { return static_cast<uint32_t>(removers.size()); }
   bool boundary(NodeIndex i) const {
@@ -92,18 +98,6 @@ struct Cluster {
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
   }
-  size_t memory_bytes() const;
-};
-
-// A piece of the root mesh in explicit form. Slots are its triangles.
-struct RootPiece {
-  std::vector<std::array<uint32_t, 3>> triangles;  // local vertices
-  std::vector<Vec3i> positions;                    // of local vertices
-  std::vector<VertexIndex> vertices;               // of local vertices; < root vertices
-  Bytes rows;                                      // attributes of local vertices
-  std::vector<uint32_t> removers;                  // per triangle: kChildFlag | ordinal, or kDrain
-  std::vector<ClusterId> children;
-  std::vector<ExplicitArc> explicit_arcs;
   size_t memory_bytes() const;
 };
 

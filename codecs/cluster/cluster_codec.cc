@@ -106,7 +106,7 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
     if (i > 0 && delta == 0) return Corrupted("head: children not ascending");
     child += delta;
     if (child >= kChildFlag) return Corrupted("head: child beyond any cluster");
-    cluster_.children.push_back(ClusterId(static_cast<uint32_t>(child)));
+    cluster_.children.push_back(static_cast<UnitId>(child));
   }
   if (head.failed() || head.remaining() != 0) return Corrupted("head: wrong length");
   return Status::Ok();
@@ -294,13 +294,14 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   Cluster& c = cluster_;
   const size_t n = node_count_;
   c.in = std::move(in);
+  c.first_own_slot = c.listed();
   c.in.positions.reserve(c.external_vertices() + n);
   c.in.rows.reserve((c.external_vertices() + n) * row);
   c.error_codes.resize(n);
   c.ring_begin.resize(n + 1);
   c.star_begin.resize(n + 1);
   c.hole_begin.resize(n + 1);
-  c.star_begin[0] = c.in_triangles();
+  c.star_begin[0] = c.first_own_slot;
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
   patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n);

@@ -21,7 +21,7 @@ namespace mtdb {
 struct ClusterUpdates {
   // Where an out-triangle goes; none: full resolution.
   struct Consumer {
-    ClusterId child{kNone32};
+    UnitId child{kNone32};
     uint32_t child_slot = 0;
     bool explicit_arc = false;
   };
@@ -43,7 +43,7 @@ struct ClusterUpdates {
 
 struct EncodedCluster {
   Bytes payload;
-  std::vector<ClusterId> children;   // ascending
+  std::vector<UnitId> children;      // ascending
   std::vector<uint32_t> node_order;  // stored node -> ClusterUpdates::nodes
   // Stored in-triangle -> ClusterUpdates::triangles, and which of its corners comes first.
   std::vector<uint32_t> in_triangles;

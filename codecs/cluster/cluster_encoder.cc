@@ -243,8 +243,8 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   }
   for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
     if (patch.remover(slot) != kNone32) continue;
-    const ClusterId child = updates.consumers[slot_triangle[slot]].child;
-    if (child.value != kNone32) result.children.push_back(child);
+    const UnitId child = updates.consumers[slot_triangle[slot]].child;
+    if (child != kNone32) result.children.push_back(child);
   }
   std::sort(result.children.begin(), result.children.end());
   result.children.erase(std::unique(result.children.begin(), result.children.end()),
@@ -258,7 +258,7 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     if (patch.remover(slot) != kNone32) continue;
     ++result.out_triangles;
     const ClusterUpdates::Consumer& consumer = updates.consumers[slot_triangle[slot]];
-    if (consumer.child.value == kNone32) continue;
+    if (consumer.child == kNone32) continue;
     const auto at =
         std::lower_bound(result.children.begin(), result.children.end(), consumer.child);
     arcs[slot] = static_cast<uint32_t>(at - result.children.begin());
@@ -304,9 +304,9 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   head.PutVarint(node_count);
   head.PutVarint(child_count);
   uint32_t previous = 0;
-  for (const ClusterId child : result.children) {
-    head.PutVarint(child.value - previous);
-    previous = child.value;
+  for (const UnitId child : result.children) {
+    head.PutVarint(child - previous);
+    previous = child;
   }
   streams.AddCoded(StreamTag::kTopology, topology.Finish(2));
   streams.AddCoded(StreamTag::kVertices, vertices.Finish(4));

@@ -11,36 +11,36 @@ namespace mtdb {
 
 // Vertices come in the order of first use by a triangle, so that
 // triangles code well; their global numbers are coded as differences.
-Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes) {
+Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes) {
   StreamWriter streams;
   ByteWriter& head = streams.stream(StreamTag::kHead);
-  head.PutVarint(piece.positions.size());
-  head.PutVarint(piece.triangles.size());
+  head.PutVarint(piece.in.positions.size());
+  head.PutVarint(piece.in.triangles.size());
   head.PutVarint(piece.children.size());
   uint32_t previous_child = 0;
-  for (const ClusterId child : piece.children) {
-    head.PutVarint(child.value - previous_child);
-    previous_child = child.value;
+  for (const UnitId child : piece.children) {
+    head.PutVarint(child - previous_child);
+    previous_child = child;
   }
   ByteWriter& vertices = streams.stream(StreamTag::kRootVertices);
   Vec3i last{};
   int64_t last_vertex = -1;
-  for (size_t i = 0; i < piece.positions.size(); ++i) {
-    const auto vertex = static_cast<int64_t>(piece.vertices[i]);
+  for (size_t i = 0; i < piece.in.positions.size(); ++i) {
+    const auto vertex = static_cast<int64_t>(piece.in.vertices[i]);
     vertices.PutSignedVarint(vertex - last_vertex - 1);
     last_vertex = vertex;
     for (int c = 0; c < 3; ++c) {
       vertices.PutVarint(
-          ZigZag(static_cast<uint32_t>(piece.positions[i][c]) - static_cast<uint32_t>(last[c])));
+          ZigZag(static_cast<uint32_t>(piece.in.positions[i][c]) - static_cast<uint32_t>(last[c])));
     }
-    last = piece.positions[i];
+    last = piece.in.positions[i];
   }
   // A corner is 0 for the next new vertex, else 1 + how many vertices back.
   ByteWriter& triangles = streams.stream(StreamTag::kRootTriangles);
   ByteWriter& arcs = streams.stream(StreamTag::kArcs);
   uint32_t seen = 0;
-  for (size_t t = 0; t < piece.triangles.size(); ++t) {
-    for (const uint32_t v : piece.triangles[t]) {
+  for (size_t t = 0; t < piece.in.triangles.size(); ++t) {
+    for (const uint32_t v : piece.in.triangles[t]) {
       MTDB_CHECK(v <= seen, "root vertices are not in order of first use");
       triangles.PutVarint(seen - v);
       if (v == seen) ++seen;
@@ -48,7 +48,7 @@ Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes)
     const uint32_t remover = piece.removers[t];
     arcs.PutVarint(remover == kDrain ? 0 : ChildOrdinal(remover) + 1ull);
   }
-  MTDB_CHECK(seen == piece.positions.size(), "a root vertex without a triangle");
+  MTDB_CHECK(seen == piece.in.positions.size(), "a root vertex without a triangle");
   ByteWriter& explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
   uint32_t last_slot = 0;
   for (const ExplicitArc& arc : piece.explicit_arcs) {
@@ -58,12 +58,12 @@ Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes)
     last_slot = arc.slot;
   }
   const size_t row = attributes.row_bytes();
-  if (row != 0) streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(piece.rows, row));
+  if (row != 0) streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(piece.in.rows, row));
   return streams.Finish();
 }
 
-Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
-                                  uint64_t root_vertices, const std::string& where) {
+Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
+                                uint64_t root_vertices, const std::string& where) {
   const auto corrupt = [&](const std::string& what) { return Corrupt(where + ": " + what); };
   MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where));
   ByteReader head = streams.stream(StreamTag::kHead);
@@ -77,13 +77,13 @@ Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attri
       triangle_count > triangles.remaining() / 3 || triangle_count > arcs.remaining()) {
     return corrupt("head: counts beyond the payload");
   }
-  RootPiece piece;
+  Cluster piece;
   uint64_t child = 0;
   for (uint64_t i = 0; i < child_count; ++i) {
     const uint64_t delta = head.GetVarint();
     child += delta;
     if ((i > 0 && delta == 0) || child >= kChildFlag) return corrupt("head: children");
-    piece.children.push_back(ClusterId(static_cast<uint32_t>(child)));
+    piece.children.push_back(static_cast<UnitId>(child));
   }
   if (head.failed() || head.remaining() != 0) return corrupt("head: wrong length");
   Vec3i last{};
@@ -98,18 +98,18 @@ Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attri
       last[c] = static_cast<int32_t>(static_cast<uint32_t>(last[c]) +
                                      UnZigZag(static_cast<uint32_t>(vertices.GetVarint())));
     }
-    piece.vertices.push_back(static_cast<VertexIndex>(last_vertex));
-    piece.positions.push_back(last);
+    piece.in.vertices.push_back(static_cast<VertexIndex>(last_vertex));
+    piece.in.positions.push_back(last);
   }
   if (vertices.failed() || vertices.remaining() != 0) return corrupt("vertices: wrong length");
-  std::vector<VertexIndex> sorted = piece.vertices;
+  std::vector<VertexIndex> sorted = piece.in.vertices;
   std::sort(sorted.begin(), sorted.end());
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
     return corrupt("a vertex occurs twice");
   }
   uint64_t seen = 0;
   for (uint64_t t = 0; t < triangle_count; ++t) {
-    auto& corners = piece.triangles.emplace_back();
+    auto& corners = piece.in.triangles.emplace_back();
     for (uint32_t& v : corners) {
       const uint64_t back = triangles.GetVarint();
       if (back > seen || (back == 0 && seen == vertex_count)) return corrupt("corner out of range");
@@ -143,7 +143,7 @@ Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attri
   const size_t row = attributes.row_bytes();
   ByteReader rows = streams.stream(StreamTag::kAttributes);
   if (rows.remaining() != vertex_count * row) return corrupt("attributes: wrong length");
-  piece.rows = JoinPlanes(rows.GetBytes(vertex_count * row), row);
+  piece.in.rows = JoinPlanes(rows.GetBytes(vertex_count * row), row);
   return piece;
 }
 

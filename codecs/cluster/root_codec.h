@@ -11,10 +11,10 @@
 namespace mtdb {
 
 // Deterministic.
-Bytes EncodeRootPiece(const RootPiece& piece, const AttributeLayout& attributes);
+Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes);
 
 // Errors: kCorrupt. Bounded by the payload's length; vertices are below `root_vertices`.
-Result<RootPiece> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
-                                  uint64_t root_vertices, const std::string& where);
+Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
+                                uint64_t root_vertices, const std::string& where);
 
 }  // namespace mtdb

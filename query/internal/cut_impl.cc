@@ -111,11 +111,10 @@ void CutImpl::AddSinkRounding(double rounding) {
   }
 }
 
-bool CutImpl::applied(ClusterId cluster, NodeIndex node) const {
-  MTDB_CHECK(cluster.value < index_.cluster_count() && node < index_.cluster(cluster).nodes,
-             "no such node");
+bool CutImpl::applied(UnitId cluster, NodeIndex node) const {
+  MTDB_CHECK(cluster < index_.cluster_count() && node < index_.unit(cluster).nodes, "no such node");
   if (everything_) return true;
-  return cut_.state_of[cluster.value] != kNone32 && state(UnitId{cluster.value}).applied.Test(node);
+  return cut_.state_of[cluster] != kNone32 && state(cluster).applied.Test(node);
 }
 
 // A triangle that meets the region is active, whatever its error.
@@ -124,7 +123,7 @@ Status CutImpl::MarkClipped() {
   const Grid& grid = surface_->record().grid;
   root_used_ = Bits(static_cast<uint32_t>(index_.root_vertices()));
   for (const auto& s : cut_.states) {
-    s->used = Bits(s->unit < index_.cluster_count() ? index_.cluster(ClusterId(s->unit)).nodes : 0);
+    s->used = Bits(index_.unit(s->unit).nodes);
   }
   for (const auto& each : cut_.states) {
     UnitState& s = *each;
@@ -136,28 +135,23 @@ Status CutImpl::MarkClipped() {
     if (s.active.empty()) continue;
     s.active.ForEach([&](uint32_t own) {
       const uint32_t slot = own + s.first_own_slot;
-      const std::array<uint32_t, 3> corners =
-          unit->corners(slot, unit->is_root ? 0 : unit->creator(slot));
+      const std::array<uint32_t, 3> corners = unit->corners(slot, unit->creator(slot));
       Triangle3d t;
       for (size_t c = 0; c < 3; ++c) t[c] = grid.Position(positions[corners[c]]);
       if (!meter.Spend(1) || !query_.region->Within(t, 0)) return;
       s.kept.Set(own);
       for (const uint32_t local : corners) {
-        if (unit->is_root) {
-          root_used_.Set(static_cast<uint32_t>(unit->piece.vertices[local]));
-          continue;
-        }
         const uint32_t external = unit->cluster.external_vertices();
         if (local >= external) {
           s.used.Set(local - external);
           continue;
         }
-        const VertexIndex v = unit->cluster.in.vertices[local];
-        const UnitId owner = unit->owners[local];
+        const VertexIndex v = unit->vertex(local);
+        const UnitId owner = unit->owner(local);
         if (owner == kNone32) {
           root_used_.Set(static_cast<uint32_t>(v));
         } else {
-          state(owner).used.Set(static_cast<uint32_t>(v - index_.first_vertex(ClusterId(owner))));
+          state(owner).used.Set(static_cast<uint32_t>(v - index_.first_vertex(owner)));
         }
       }
     });
@@ -168,12 +162,11 @@ Status CutImpl::MarkClipped() {
 
 Status CutImpl::NumberVertices() {
   root_numbers_ = RootNumbering(index_.root_vertices());
-  for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
-    const UnitId id = index_.cluster_count() + r;
+  for (UnitId id = index_.cluster_count(); id < index_.unit_count(); ++id) {
     reader_.Release();
     MTDB_RETURN_IF_ERROR(reader_.Check());
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
-    for (const VertexIndex v : unit->piece.vertices) {
+    for (const VertexIndex v : unit->cluster.in.vertices) {
       if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
     }
   }
@@ -184,12 +177,12 @@ Status CutImpl::NumberVertices() {
                    std::to_string(index_.root_vertices()));
   }
   VertexIndex next = root_numbers_.count();
-  std::vector<Numbering> numberings(everything_ ? index_.cluster_count() : cut_.states.size());
-  for (UnitId c = 0; c < index_.cluster_count(); ++c) {
+  std::vector<Numbering> numberings(everything_ ? index_.unit_count() : cut_.states.size());
+  for (UnitId u = 0; u < index_.unit_count(); ++u) {
     if (everything_) {
-      numberings[c].first = next;
-      next += index_.cluster(ClusterId(c)).nodes;
-    } else if (const uint32_t s = cut_.state_of[c]; s != kNone32) {
+      numberings[u].first = next;
+      next += index_.unit(u).nodes;
+    } else if (const uint32_t s = cut_.state_of[u]; s != kNone32) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
       const Bits& nodes = Nodes(cut_.state(s));
       numberings[s] = {next, nodes.words().data(), nodes.Ranks()};
@@ -202,7 +195,7 @@ Status CutImpl::NumberVertices() {
 
 VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   if (owner == kNone32) return root_numbers_.number(vertex);
-  const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(ClusterId(owner)));
+  const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(owner));
   return numberings_[everything_ ? owner : cut_.state_of[owner]].Of(node);
 }
 
@@ -263,7 +256,7 @@ std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
 template <typename F, typename After>
 Status CutImpl::ForEachUnit(F&& f, After&& after) {
   std::vector<UnitId> units;
-  for (UnitId id = index_.cluster_count(); id < UnitCount(index_); ++id) units.push_back(id);
+  for (UnitId id = index_.cluster_count(); id < index_.unit_count(); ++id) units.push_back(id);
   for (UnitId id = 0; id < index_.cluster_count(); ++id) {
     if (!Skips(id)) units.push_back(id);
   }
@@ -288,7 +281,7 @@ Status CutImpl::EmitVertices(BlockWriter& out) {
   uint64_t next = 0;
   MTDB_RETURN_IF_ERROR(ForEachUnit(
       [&](const LoadedUnit& unit) {
-        if (unit.is_root) {
+        if (unit.nodes() == 0) {
           EmitRootVertices(unit, out, &next);
         } else {
           EmitClusterVertices(unit, out);
@@ -312,7 +305,7 @@ Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
 
 // A vertex that several pieces share is emitted with the first of them.
 void CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
-  const RootPiece& piece = unit.piece;
+  const InPatch& piece = unit.cluster.in;
   const size_t row_bytes = surface_->record().attributes.row_bytes();
   out.ReserveVertices(piece.vertices.size());
   for (size_t i = 0; i < piece.vertices.size(); ++i) {
@@ -335,16 +328,14 @@ void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) cons
 
 template <typename F>
 void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) {
-  if (unit.is_root) {
-    for (uint32_t slot = 0; slot < unit.piece.triangles.size(); ++slot) {
-      if (!slots.empty() && BitsAt(slots, slot, 1) != 0) f(unit.piece.triangles[slot]);
-    }
-    return;
-  }
-  FindCreators(unit);
   const Cluster& cluster = unit.cluster;
   const uint32_t external = cluster.external_vertices();
   const uint32_t first_own = unit.first_own_slot();
+  for (uint32_t slot = first_own; slot < cluster.listed(); ++slot) {
+    if (!slots.empty() && BitsAt(slots, slot - first_own, 1) != 0) f(cluster.in.triangles[slot]);
+  }
+  if (unit.nodes() == 0) return;
+  FindCreators(unit);
   const uint32_t* const ring_begin = cluster.ring_begin.data();
   const uint32_t* const star_begin = cluster.star_begin.data();
   const uint32_t* const ring = cluster.ring_vertices.data();
@@ -380,10 +371,6 @@ void CutImpl::FindCreators(const LoadedUnit& unit) {
 }
 
 void CutImpl::NumberOwn(const LoadedUnit& unit) {
-  if (unit.is_root) {
-    numbers_.assign(unit.piece.vertices.size(), kUnset);
-    return;
-  }
   const uint32_t external = unit.cluster.external_vertices();
   numbers_.assign(external + unit.nodes(), kUnset);
   VertexIndex next = numberings_[everything_ ? unit.id : cut_.state_of[unit.id]].first;
@@ -408,8 +395,7 @@ void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t
 bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {
   if (!clip_) return true;
   if (owner == kNone32) return root_used_.Test(static_cast<uint32_t>(vertex));
-  return state(owner).used.Test(
-      static_cast<uint32_t>(vertex - index_.first_vertex(ClusterId(owner))));
+  return state(owner).used.Test(static_cast<uint32_t>(vertex - index_.first_vertex(owner)));
 }
 
 // Triangles come in the order of the units, so that the sums' roundings do not vary.

@@ -35,7 +35,7 @@ class CutImpl {
 
   Status Select();
   Status Emit(MeshSink& sink);
-  bool applied(ClusterId cluster, NodeIndex node) const;
+  bool applied(UnitId cluster, NodeIndex node) const;
   const ExtractStats& stats() const { return stats_; }
 
  private:

@@ -34,7 +34,7 @@ MovingCut::MovingCut(const ClusterSource& source)
       grid_(source.record().grid),
       rounding_(source.record().rounding_error),
       bounds_(BoundsByCode(grid_, rounding_)),
-      units_(UnitCount(source.index())) {}
+      units_(source.index().unit_count()) {}
 
 MovingCut::~MovingCut() = default;
 
@@ -52,20 +52,18 @@ MovingCut::Unit& MovingCut::Open(UnitId id) {
   auto opened = std::make_unique<Unit>();
   Unit& u = *opened;
   u.id = id;
-  const bool root = IsRootUnit(index_, id);
-  const Box3i& bounds = root ? index_.root_piece(RootPieceId(id - index_.cluster_count())).bounds
-                             : index_.cluster(ClusterId(id)).bounds;
+  const UnitEntry& entry = index_.unit(id);
+  const Box3i& bounds = entry.bounds;
   u.box = {grid_.Position(bounds.min), grid_.Position(bounds.max)};
-  uint8_t largest = root ? 0 : index_.cluster(ClusterId(id)).error_code_max;
-  const auto children = root ? index_.children(RootPieceId(id - index_.cluster_count()))
-                             : index_.children(ClusterId(id));
-  for (const ClusterId c : children) largest = std::max(largest, index_.cluster(c).error_code_max);
+  uint8_t largest = entry.error_code_max;
+  const std::span<const UnitId> children = index_.children(id);
+  for (const UnitId c : children) largest = std::max(largest, index_.unit(c).error_code_max);
   u.reach = bounds_[largest];
   u.range = threshold_->Range(u.box, u.reach);
   u.activity = ActivityOf(u.box, u.reach);
   u.stale = false;
-  const uint32_t nodes = root ? 0 : index_.cluster(ClusterId(id)).nodes;
-  u.applied = u.strong = u.known = u.refusing = u.wanted = u.forced_to = u.dirty = Bits(nodes);
+  u.applied = u.strong = u.known = u.refusing = u.wanted = u.forced_to = u.dirty =
+      Bits(entry.nodes);
   u.deadlines.assign(u.known.size(), kNever);
   u.gates.assign(children.size(), kNever);
   // In all lists or in none: Undo goes by them.
@@ -142,7 +140,7 @@ Status MovingCut::EndRoundWith(const Commit& commit) {
     Unit& u = *units_[id];
     u.before.reset();
     u.fresh = false;
-    if (u.applied_count == 0 && !IsRootUnit(index_, id)) idle_.push_back(id);
+    if (u.applied_count == 0 && index_.unit(id).nodes > 0) idle_.push_back(id);
   }
   touched_.clear();
   totals_before_ = totals_;
@@ -235,7 +233,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
       u.range = threshold_->Range(u.box, u.reach);
       if (all) u.low = u.high = 0;
       // Now and then a unit that only waits is asked whether it still has to.
-      if (u.applied_count == 0 && !IsRootUnit(index_, id) &&
+      if (u.applied_count == 0 && index_.unit(id).nodes > 0 &&
           (all || (id + moves_) % kAskEvery == 0)) {
         idle_.push_back(id);
       }
@@ -251,7 +249,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   MTDB_RETURN_IF_ERROR(SuspendAll());
   MTDB_RETURN_IF_ERROR(RemoveUnfounded());
   if (open_.empty()) {
-    for (uint32_t r = 0; r < index_.root_piece_count(); ++r) Open(index_.cluster_count() + r);
+    for (UnitId id = index_.cluster_count(); id < index_.unit_count(); ++id) Open(id);
   }
   return Refine(round_nodes, commit);
 }
@@ -323,17 +321,16 @@ Status MovingCut::Decide(Unit& u) {
     if (!applied && u.refusing.Test(node)) Want(u, node, unit->cluster.error_codes[node]);
   });
   for (const uint32_t g : expired_gates_) {
-    const ClusterId child = unit->children()[g];
+    const UnitId child = unit->children()[g];
     u.gates[g] = kNever;
-    if (Find(child.value) != nullptr) continue;
+    if (Find(child) != nullptr) continue;
     later_gates_[LargestCode(child)].emplace_back(u.id, g);
   }
   return Status::Ok();
 }
 
 Triangle3d MovingCut::Corners(const LoadedUnit& unit, uint32_t slot) const {
-  const NodeIndex creator = unit.is_root || slot < unit.first_own_slot() ? 0 : unit.creator(slot);
-  const std::array<uint32_t, 3> corners = unit.corners(slot, creator);
+  const std::array<uint32_t, 3> corners = unit.corners(slot, unit.creator(slot));
   const std::vector<Vec3i>& positions = unit.positions();
   return {grid_.Position(positions[corners[0]]), grid_.Position(positions[corners[1]]),
           grid_.Position(positions[corners[2]])};

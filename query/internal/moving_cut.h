@@ -195,7 +195,7 @@ class MovingCut {
   double GateMargin(const Unit& u, const LoadedUnit& unit, uint32_t slot, double error) const;
   Status Survey();
   void SurveyUnit(const Unit& u, const LoadedUnit& unit, bool shortfall);
-  uint8_t LargestCode(ClusterId cluster) const { return index_.cluster(cluster).error_code_max; }
+  uint8_t LargestCode(UnitId cluster) const { return index_.unit(cluster).error_code_max; }
   // 4. Closes units that no present triangle can need.
   void CloseIdle();
   bool Close(Unit& u, const LoadedUnit& unit);
@@ -254,7 +254,8 @@ void MovingCut::ForEachChange(F&& f) const {
   static const Bits kNone;
   for (const UnitId id : touched_) {
     const Unit& u = *units_[id];
-    if (!IsRootUnit(index_, id)) f(id, u.before == nullptr ? kNone : u.before->applied, u.applied);
+    if (index_.unit(id).nodes > 0)
+      f(id, u.before == nullptr ? kNone : u.before->applied, u.applied);
   }
 }
 

@@ -118,23 +118,20 @@ Status MovingCut::Advance(Unit& u) {
   return Status::Ok();
 }
 
-// The first look at a unit: all that enters it, or all of a root piece.
+// The first look at a unit: all that enters it, and what is there without a node.
 void MovingCut::LookAt(Unit& u, const LoadedUnit& unit) {
-  if (!unit.is_root) {
-    for (uint32_t slot = 0; slot < u.first_own; ++slot) {
-      if (!Present(u, unit, slot)) continue;
-      const NodeIndex node = unit.cluster.removers[slot];
-      --totals_.by_code[LargestCode(ClusterId(u.id))];
-      ++totals_.by_code[unit.cluster.error_codes[node]];
-      Touch(u, unit, node);
-    }
-    return;
+  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
+    if (!Present(u, unit, slot)) continue;
+    const NodeIndex node = unit.cluster.removers[slot];
+    --totals_.by_code[LargestCode(u.id)];
+    ++totals_.by_code[unit.cluster.error_codes[node]];
+    Touch(u, unit, node);
   }
-  const auto triangles = static_cast<uint32_t>(unit.piece.triangles.size());
-  u.present.SetRange(0, triangles);
-  totals_.triangles += triangles;
-  for (uint32_t slot = 0; slot < triangles; ++slot) {
-    const uint32_t remover = unit.piece.removers[slot];
+  const uint32_t listed = unit.cluster.listed() - u.first_own;
+  u.present.SetRange(0, listed);
+  totals_.triangles += listed;
+  for (uint32_t slot = u.first_own; slot < unit.cluster.listed(); ++slot) {
+    const uint32_t remover = unit.cluster.removers[slot];
     if (RemovedByChild(remover)) {
       ++totals_.by_code[LargestCode(unit.children()[ChildOrdinal(remover)])];
       PassGate(u, unit, slot, ChildOrdinal(remover));
@@ -274,8 +271,8 @@ void MovingCut::Apply(Unit& u, const LoadedUnit& unit, NodeIndex node) {
       ++totals_.by_code[0];
     } else {
       // A child that has looked around counts what arrives.
-      const ClusterId id = cluster.children[ChildOrdinal(remover)];
-      const Unit* const child = Find(id.value);
+      const UnitId id = cluster.children[ChildOrdinal(remover)];
+      const Unit* const child = Find(id);
       if (child == nullptr || !child->looked) ++totals_.by_code[LargestCode(id)];
       PassGate(u, unit, slot, ChildOrdinal(remover));
     }
@@ -286,10 +283,10 @@ void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
   gates_open_.assign(u.gates.size(), false);
   bool any = false;
   for (const uint32_t ordinal : u.gates_todo) {
-    const ClusterId child = unit.children()[ordinal];
+    const UnitId child = unit.children()[ordinal];
     if (!meter_->Spend(1)) return;
     const double error = bounds_[LargestCode(child)];
-    const Box3i& bounds = index_.cluster(child).bounds;
+    const Box3i& bounds = index_.unit(child).bounds;
     const ErrorRange range =
         threshold_->Range({grid_.Position(bounds.min), grid_.Position(bounds.max)}, error);
     const double fall = range.low - error;
@@ -303,7 +300,7 @@ void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
   u.present.ForEach([&](uint32_t own) {
     const uint32_t remover = removers[own + u.first_own];
     if (!RemovedByChild(remover) || !gates_open_[ChildOrdinal(remover)]) return;
-    const UnitId child = unit.children()[ChildOrdinal(remover)].value;
+    const UnitId child = unit.children()[ChildOrdinal(remover)];
     // A child that has been opened meanwhile will look for itself.
     if (Find(child) == nullptr) PassGate(u, unit, own + u.first_own, ChildOrdinal(remover));
   });
@@ -312,8 +309,8 @@ void MovingCut::PassGates(Unit& u, const LoadedUnit& unit) {
 // A present triangle that a child removes: looks whether it could be refused, with the largest
 // error of the child.
 void MovingCut::PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_t ordinal) {
-  const ClusterId id = unit.children()[ordinal];
-  if (Unit* const child = Find(id.value); child != nullptr) {
+  const UnitId id = unit.children()[ordinal];
+  if (Unit* const child = Find(id); child != nullptr) {
     child->arrivals.push_back({u.id, slot});
     Enqueue(*child);
     return;
@@ -327,7 +324,7 @@ void MovingCut::PassGate(Unit& u, const LoadedUnit& unit, uint32_t slot, uint32_
   }
   const double margin = GateMargin(u, unit, slot, bounds_[code]);
   if (margin < 0) {
-    Open(id.value);
+    Open(id);
   } else {
     u.gates[ordinal] = std::max(u.gates[ordinal], Up(u.low - margin));
   }
@@ -392,8 +389,8 @@ void MovingCut::SurveyUnit(const Unit& u, const LoadedUnit& unit, bool shortfall
       survey(slot, unit.cluster.error_codes[remover]);
     } else if (remover == kDrain) {
       survey(slot, 0);
-    } else if (const ClusterId child = unit.children()[ChildOrdinal(remover)];
-               Find(child.value) == nullptr) {
+    } else if (const UnitId child = unit.children()[ChildOrdinal(remover)];
+               Find(child) == nullptr) {
       survey(slot, LargestCode(child));
     }
   });
@@ -421,7 +418,7 @@ void MovingCut::CloseIdle() {
 // Closes a unit without applied nodes when no triangle that enters it could be refused with its
 // largest error.
 bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
-  const double error = bounds_[LargestCode(ClusterId(u.id))];
+  const double error = bounds_[LargestCode(u.id)];
   std::vector<double> margins(unit.parents.size(), std::numeric_limits<double>::infinity());
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!Present(u, unit, slot)) continue;
@@ -435,16 +432,14 @@ bool MovingCut::Close(Unit& u, const LoadedUnit& unit) {
   for (size_t p = 0; p < unit.parents.size(); ++p) {
     Unit* const parent = Find(unit.parents[p]);
     if (parent == nullptr) continue;
-    const auto children = IsRootUnit(index_, parent->id)
-                              ? index_.children(RootPieceId(parent->id - index_.cluster_count()))
-                              : index_.children(ClusterId(parent->id));
-    const auto at = std::lower_bound(children.begin(), children.end(), ClusterId(u.id));
+    const std::span<const UnitId> children = index_.children(parent->id);
+    const auto at = std::lower_bound(children.begin(), children.end(), u.id);
     parent->gates[static_cast<size_t>(at - children.begin())] = Up(parent->low - margins[p]);
   }
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!Present(u, unit, slot)) continue;
     --totals_.by_code[unit.cluster.error_codes[unit.cluster.removers[slot]]];
-    ++totals_.by_code[LargestCode(ClusterId(u.id))];
+    ++totals_.by_code[LargestCode(u.id)];
   }
   units_[u.id].reset();
   return true;

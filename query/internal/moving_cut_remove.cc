@@ -72,7 +72,7 @@ Status MovingCut::Strengthen() {
           u.dirty.Set(remover);
           continue;
         }
-        Unit& child = *Find(cluster.children[ChildOrdinal(remover)].value);
+        Unit& child = *Find(cluster.children[ChildOrdinal(remover)]);
         child.arrivals.push_back({u.id, slot});
         Enqueue(child);
       }
@@ -149,7 +149,7 @@ void MovingCut::SuspendAround(Unit& u, const LoadedUnit& unit, NodeIndex node) {
       if (u.refusing.Test(remover)) Suspend(u, remover);
       continue;
     }
-    Unit& child = *Find(cluster.children[ChildOrdinal(remover)].value);
+    Unit& child = *Find(cluster.children[ChildOrdinal(remover)]);
     child.arrivals.push_back({u.id, own + u.first_own});
     Enqueue(child);
   }
@@ -230,8 +230,8 @@ void MovingCut::Remove(Unit& u, const LoadedUnit& unit, NodeIndex node) {
       --totals_.by_code[cluster.error_codes[remover]];
     } else if (remover == kDrain) {
       --totals_.by_code[0];
-    } else if (const ClusterId id = cluster.children[ChildOrdinal(remover)];
-               Unit* const child = Find(id.value)) {
+    } else if (const UnitId id = cluster.children[ChildOrdinal(remover)];
+               Unit* const child = Find(id)) {
       child->arrivals.push_back({u.id, slot});
       Enqueue(*child);
     } else {

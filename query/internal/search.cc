@@ -32,10 +32,10 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
   for (int code = 0; code < 256; ++code) {
     if (constant_ && bounds_[static_cast<size_t>(code)] <= *constant_) valid_code_ = code;
   }
-  cut_.state_of.assign(UnitCount(index_), kNone32);
-  pending_ = Bits(index_.cluster_count());
-  looked_into_ = Bits(index_.cluster_count());
-  prefetched_ = Bits(index_.cluster_count());
+  cut_.state_of.assign(index_.unit_count(), kNone32);
+  pending_ = Bits(index_.unit_count());
+  looked_into_ = Bits(index_.unit_count());
+  prefetched_ = Bits(index_.unit_count());
 }
 
 Status Search::Run() {
@@ -86,8 +86,7 @@ Status Search::Take(Step&& step) {
 }
 
 Status Search::ExamineRoot() {
-  for (uint32_t r = 0; r < index_.root_piece_count(); ++r) {
-    const UnitId unit = index_.cluster_count() + r;
+  for (UnitId unit = index_.cluster_count(); unit < index_.unit_count(); ++unit) {
     MTDB_RETURN_IF_ERROR(Take([&] { return ExamineRootPiece(unit); }));
   }
   return Status::Ok();
@@ -97,23 +96,17 @@ Status Search::ExamineRootPiece(UnitId unit) {
   MTDB_ASSIGN_OR_RETURN(const uint32_t s, StateOf(unit));
   UnitState& state = cut_.state(s);
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* loaded, Pin(state));
-  const auto triangles = static_cast<uint32_t>(loaded->piece.triangles.size());
+  const uint32_t triangles = loaded->cluster.listed();
   state.present.SetRange(0, triangles);
   cut_.triangles += triangles;
   ExamineOutSlots(*loaded, state);
   return Status::Ok();
 }
 
-const Box3i& Search::Bounds(UnitId unit) const {
-  return IsRootUnit(index_, unit)
-             ? index_.root_piece(RootPieceId(unit - index_.cluster_count())).bounds
-             : index_.cluster(ClusterId(unit)).bounds;
-}
-
 uint8_t Search::LargestCode(const LoadedUnit& unit) const {
-  uint8_t largest = unit.is_root ? 0 : index_.cluster(ClusterId(unit.id)).error_code_max;
-  for (const ClusterId child : unit.children()) {
-    largest = std::max(largest, index_.cluster(child).error_code_max);
+  uint8_t largest = index_.unit(unit.id).error_code_max;
+  for (const UnitId child : unit.children()) {
+    largest = std::max(largest, index_.unit(child).error_code_max);
   }
   return largest;
 }
@@ -238,7 +231,7 @@ void Search::ApplyInOrder(const LoadedUnit& unit, uint32_t s) {
   UnitState& state = cut_.state(s);
   const Cluster& cluster = unit.cluster;
   const Outlook outlook =
-      LookAhead(Bounds(unit.id), index_.cluster(ClusterId(unit.id)).error_code_max);
+      LookAhead(index_.unit(unit.id).bounds, index_.unit(unit.id).error_code_max);
   if (outlook.none_active || outlook.all_valid) return;
   const bool by_code = constant_ && outlook.all_active;
   FindParents(unit);
@@ -362,7 +355,7 @@ void Search::ForceInBytes(const LoadedUnit& unit, uint32_t s, NodeIndex target) 
 }
 
 void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
-  const std::vector<ClusterId>& children = unit.children();
+  const std::vector<UnitId>& children = unit.children();
   settled_.assign(children.size(), false);
   size_t open = children.size();
   const auto settle = [&](size_t ordinal) {
@@ -370,7 +363,7 @@ void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
     --open;
   };
   for (size_t i = 0; i < children.size(); ++i) {
-    const ClusterEntry& child = index_.cluster(children[i]);
+    const UnitEntry& child = index_.unit(children[i]);
     const Outlook outlook = LookAhead(child.bounds, child.error_code_max);
     if (outlook.none_active || outlook.all_valid) settle(i);
   }
@@ -380,10 +373,10 @@ void Search::ExamineOutSlots(const LoadedUnit& unit, UnitState& state) {
     const uint32_t slot = own + unit.first_own_slot();
     const uint32_t remover = removers[slot];
     if (!RemovedByChild(remover) || settled_[ChildOrdinal(remover)]) continue;
-    const ClusterId child = children[ChildOrdinal(remover)];
-    ExamineOutSlot(unit, state, slot, unit.is_root || trivial_ ? 0 : unit.creator(slot));
+    const UnitId child = children[ChildOrdinal(remover)];
+    ExamineOutSlot(unit, state, slot, trivial_ ? 0 : unit.creator(slot));
     // Pending for the first time: it will see all its in-triangles itself.
-    if (!by_error_ && pending_.Test(child.value) && !looked_into_.Test(child.value)) {
+    if (!by_error_ && pending_.Test(child) && !looked_into_.Test(child)) {
       settle(ChildOrdinal(remover));
     }
   }
@@ -544,25 +537,25 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, UnitState& state, uint32_t s
                             NodeIndex creator) {
   const uint32_t remover = unit.removers()[slot];
   if (remover == kDrain) return;
-  const ClusterId child = unit.children()[ChildOrdinal(remover)];
-  const bool pending = pending_.Test(child.value);
-  if (pending && !looked_into_.Test(child.value)) return;  // the child will examine it
-  const uint8_t largest = index_.cluster(child).error_code_max;
+  const UnitId child = unit.children()[ChildOrdinal(remover)];
+  const bool pending = pending_.Test(child);
+  if (pending && !looked_into_.Test(child)) return;  // the child will examine it
+  const uint8_t largest = index_.unit(child).error_code_max;
   if (largest <= valid_code_) return;
   if (!pending && !Refused(Corners(unit, slot, creator), bounds_[largest])) return;
   NoteLateArc(child, state.unit, slot);
   if (pending) return;
-  pending_.Set(child.value);
+  pending_.Set(child);
   if (by_error_) {
-    queue_.Push({largest, true, child.value, 0});
+    queue_.Push({largest, true, child, 0});
   } else {
-    pending_clusters_.insert(child.value);
+    pending_clusters_.insert(child);
   }
 }
 
 // The first look at a cluster passes all its in-triangles; later ones only those noted since.
-void Search::NoteLateArc(ClusterId child, UnitId parent, uint32_t slot) {
-  if (looked_into_.Test(child.value)) late_arcs_[child.value].push_back({parent, slot});
+void Search::NoteLateArc(UnitId child, UnitId parent, uint32_t slot) {
+  if (looked_into_.Test(child)) late_arcs_[child].push_back({parent, slot});
 }
 
 void Search::Want(uint32_t state, NodeIndex node, uint8_t code) {
@@ -628,9 +621,9 @@ Status Search::SurveyErrors(UnitState& state) {
   state.present.ForEach([&](uint32_t own) {
     const uint32_t remover = unit->removers()[own + unit->first_own_slot()];
     if (!RemovedByChild(remover)) return;
-    const ClusterId child = unit->children()[ChildOrdinal(remover)];
-    if (looked_into_.Test(child.value)) return;
-    cut_.largest_code = std::max(cut_.largest_code, index_.cluster(child).error_code_max);
+    const UnitId child = unit->children()[ChildOrdinal(remover)];
+    if (looked_into_.Test(child)) return;
+    cut_.largest_code = std::max(cut_.largest_code, index_.unit(child).error_code_max);
   });
   return Status::Ok();
 }
@@ -640,7 +633,7 @@ Status Search::SurveyUnit(UnitState& state) {
   const uint32_t first_own = unit->first_own_slot();
   if (state.active.empty()) state.active = Bits(unit->own_slots());
   const ThresholdPtr asked = query_.threshold == nullptr ? threshold_ : query_.threshold;
-  const Outlook outlook = LookAhead(Bounds(state.unit), LargestCode(*unit));
+  const Outlook outlook = LookAhead(index_.unit(state.unit).bounds, LargestCode(*unit));
   if (outlook.none_active) return Status::Ok();
   const auto survey = [&](uint32_t slot, NodeIndex creator, uint8_t code, const Outlook& of) {
     if (of.none_active) return false;
@@ -655,7 +648,7 @@ Status Search::SurveyUnit(UnitState& state) {
     return true;
   };
   // A cluster that was looked into knows the errors of its in-triangles.
-  if (!unit->is_root && looked_into_.Test(state.unit)) {
+  if (looked_into_.Test(state.unit)) {
     FindParents(*unit);
     for (uint32_t slot = 0; slot < first_own; ++slot) {
       if (!Present(*unit, state, slot)) continue;
@@ -672,16 +665,16 @@ Status Search::SurveyUnit(UnitState& state) {
     const uint32_t remover = unit->removers()[slot];
     if (RemovedByNode(remover)) return unit->cluster.error_codes[remover];
     if (!RemovedByChild(remover)) return 0;
-    const ClusterId child = unit->children()[ChildOrdinal(remover)];
-    if (looked_into_.Test(child.value)) return std::nullopt;
-    return index_.cluster(child).error_code_max;
+    const UnitId child = unit->children()[ChildOrdinal(remover)];
+    if (looked_into_.Test(child)) return std::nullopt;
+    return index_.unit(child).error_code_max;
   };
   const bool all_active = outlook.all_active && !surveys_shortfall_;
   if (all_active) {
     // What nobody removes needs no look.
     cut_.active_triangles += state.active.AddBoth(state.present.words(), unit->drain);
   }
-  if (unit->is_root || all_active) {
+  if (unit->nodes() == 0 || all_active) {
     state.present.ForEach([&](uint32_t own) {
       if (state.active.Test(own)) return;
       const std::optional<uint8_t> code = code_of(own + first_own);

@@ -76,7 +76,7 @@ class Search {
   // Finds the children that have to be looked into.
   void ExamineOutSlots(const LoadedUnit& unit, UnitState& state);
   void ExamineInSlot(const LoadedUnit& unit, uint32_t state, uint32_t slot);
-  void NoteLateArc(ClusterId child, UnitId parent, uint32_t slot);
+  void NoteLateArc(UnitId child, UnitId parent, uint32_t slot);
   // Applies the wanted nodes, and those that become wanted or necessary on the way.
   Status ApplyTargets();
   // Lists the node's missing ancestors and itself in plan_, in an order that can be applied.
@@ -124,7 +124,6 @@ class Search {
   Outlook LookAhead(const Box3i& bounds, uint8_t largest) const;
   // The largest error code of a triangle that the unit creates or consumes.
   uint8_t LargestCode(const LoadedUnit& unit) const;
-  const Box3i& Bounds(UnitId unit) const;
 
   Result<uint32_t> StateOf(UnitId unit);
   Result<const LoadedUnit*> Pin(UnitState& state);
@@ -152,11 +151,11 @@ class Search {
   int valid_code_ = -1;  // codes up to this one are valid everywhere
 
   CutState cut_;
-  Bits pending_;      // per cluster: to be looked into
-  Bits looked_into_;  // per cluster: once at least
+  Bits pending_;      // per unit: to be looked into
+  Bits looked_into_;  // per unit: once at least
   std::unordered_map<UnitId, std::vector<Arc>> late_arcs_;
   std::set<UnitId, std::greater<>> pending_clusters_;
-  Bits prefetched_;  // per cluster
+  Bits prefetched_;  // per unit
   std::vector<UnitId> ahead_;
   ErrorQueue queue_;
   std::priority_queue<std::pair<UnitId, uint32_t>> wanting_;  // units with wanted nodes; states

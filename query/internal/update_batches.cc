@@ -108,7 +108,7 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
                             std::span<const NodeIndex> creators, UpdateBatch& batch) const {
   const Cluster& c = unit.cluster;
   const uint32_t external = c.external_vertices();
-  const VertexIndex first_vertex = index_.first_vertex(ClusterId(unit.id));
+  const VertexIndex first_vertex = index_.first_vertex(unit.id);
   const uint32_t local = external + node;
   UpdateBatch::Node& out = batch.nodes.emplace_back();
   out.vertex = first_vertex + node;

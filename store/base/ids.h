@@ -8,7 +8,7 @@
 
 namespace mtdb {
 
-// An integer with a meaning. Explicit both ways: ClusterId{3}, id.value.
+// An integer with a meaning. Explicit both ways: ObjectId{3}, id.value.
 template <typename Tag, typename Rep>
 struct StrongId {
   using RepType = Rep;
@@ -20,11 +20,10 @@ struct StrongId {
 
 // An object of a store. Never reused within a store.
 using ObjectId = StrongId<struct ObjectTag, uint64_t>;
-// A cluster of an object, in the order in which the builder made them: finest round first, so that
-// a parent's id is larger than its child's.
-using ClusterId = StrongId<struct ClusterTag, uint32_t>;
-// A piece of the root mesh.
-using RootPieceId = StrongId<struct RootPieceTag, uint32_t>;
+// A unit of an object: a cluster, or a piece of the root mesh, which is a cluster without nodes and
+// in-triangles. In the order in which the builder makes them, finest round first and the root last,
+// so that a parent's id is larger than its child's.
+using UnitId = uint32_t;
 // A node (update) within its cluster.
 using NodeIndex = uint32_t;
 // A vertex of an object: root vertices first, then cluster after cluster, node after node.

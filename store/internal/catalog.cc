@@ -173,7 +173,7 @@ Status RemoveRemains(Environment& environment, ObjectId id) {
   }));
   if (!there) return Status::Ok();
   const Bytes prefix = ObjectPrefix(id);
-  for (const Table table : {Table::kClusters, Table::kIndex, Table::kRoot}) {
+  for (const Table table : {Table::kUnits, Table::kIndex}) {
     bool done = false;
     while (!done) {
       MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {

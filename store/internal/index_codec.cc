@@ -11,8 +11,7 @@ constexpr uint8_t kExplicitArcs = 0x01;
 constexpr uint8_t kBeginsValue = 0x02;
 
 // The least bytes of a row: a hostile count is found before memory is taken for it.
-constexpr size_t kMinClusterRowBytes = 25;
-constexpr size_t kMinRootRowBytes = 19;
+constexpr size_t kMinRowBytes = 25;
 
 void PutBounds(const Box3i& bounds, const Vec3i& previous_min, ByteWriter* w) {
   for (int i = 0; i < 3; ++i) {
@@ -23,12 +22,12 @@ void PutBounds(const Box3i& bounds, const Vec3i& previous_min, ByteWriter* w) {
   }
 }
 
-void PutChildren(std::span<const ClusterId> children, uint32_t own, ByteWriter* w) {
+void PutChildren(std::span<const UnitId> children, uint32_t below, ByteWriter* w) {
   w->PutVarint(children.size());
-  uint32_t next = own;
+  uint32_t next = below;
   for (size_t i = children.size(); i-- > 0;) {
-    w->PutVarint(next - children[i].value - 1);
-    next = children[i].value;
+    w->PutVarint(next - children[i] - 1);
+    next = children[i];
   }
 }
 
@@ -114,7 +113,7 @@ class RowReader {
     return location;
   }
 
-  const std::vector<ClusterId>& GetChildren(uint32_t own) {
+  const std::vector<UnitId>& GetChildren(uint32_t below) {
     const uint64_t count = r_.GetVarint();
     children_.clear();
     if (count > r_.remaining()) {
@@ -122,7 +121,7 @@ class RowReader {
       return children_;
     }
     children_.resize(count);
-    uint64_t next = own;
+    uint64_t next = below;
     for (uint64_t i = count; i-- > 0;) {
       const uint64_t gap = r_.GetVarint();
       if (gap >= next) {
@@ -131,7 +130,7 @@ class RowReader {
         return children_;
       }
       next -= gap + 1;
-      children_[i] = ClusterId{static_cast<uint32_t>(next)};
+      children_[i] = static_cast<UnitId>(next);
     }
     return children_;
   }
@@ -143,114 +142,81 @@ class RowReader {
   Vec3i previous_min_;
   uint32_t begun_ = 0;  // values that begin before the next row
   uint64_t end_ = 0;    // of the payload before, in its value
-  std::vector<ClusterId> children_;
+  std::vector<UnitId> children_;
 };
 
-void DecodeClusterRow(RowReader* r, ClusterEntry* previous, ClusterIndex* index) {
-  const uint32_t own = index->cluster_count();
+void DecodeRow(RowReader* r, UnitEntry* previous, ClusterIndex* index) {
   const uint8_t flags = r->Get8();
   if ((flags & ~(kExplicitArcs | kBeginsValue)) != 0) r->Fail("flags", flags);
-  ClusterEntry e;
+  UnitEntry e;
   e.explicit_arcs = (flags & kExplicitArcs) != 0;
   e.round = r->Get8();
   if (e.round == 0 || e.round < previous->round) r->Fail("round", e.round);
+  if (e.round < kRootRound && index->root_piece_count() > 0) r->Fail("round", e.round);
   const uint64_t hilbert = r->Get64();
   e.hilbert = e.round == previous->round ? previous->hilbert + hilbert : hilbert;
   if (e.hilbert < hilbert) r->Fail("hilbert code", hilbert);
   e.bounds = r->GetBounds();
   e.nodes = r->Get32("nodes");
-  if (e.nodes == 0) r->Fail("nodes", 0);
+  if ((e.nodes == 0) != (e.round == kRootRound)) r->Fail("nodes", e.nodes);
   e.in_triangles = r->Get32("in-triangles");
   e.out_triangles = r->Get32("out-triangles");
   e.external_vertices = r->Get32("external vertices");
   e.error_code_min = r->Get8();
   e.error_code_max = r->Get8();
   if (e.error_code_min > e.error_code_max) r->Fail("smallest error code", e.error_code_min);
+  if (e.nodes == 0) {
+    if (e.in_triangles != 0) r->Fail("in-triangles", e.in_triangles);
+    if (e.explicit_arcs) r->Fail("flags", flags);
+    if (e.error_code_max != 0) r->Fail("largest error code", e.error_code_max);
+  }
   const PayloadLocation location = r->GetLocation((flags & kBeginsValue) != 0);
-  const std::vector<ClusterId>& children = r->GetChildren(own);
+  const std::vector<UnitId>& children = r->GetChildren(index->cluster_count());
   if (!r->ok()) return;
-  index->AddCluster(e, location, children);
+  index->Add(e, location, children);
   *previous = e;
-}
-
-void DecodeRootRow(RowReader* r, ClusterIndex* index) {
-  const uint8_t flags = r->Get8();
-  if ((flags & ~kBeginsValue) != 0) r->Fail("flags", flags);
-  RootPieceEntry e;
-  e.bounds = r->GetBounds();
-  e.triangles = r->Get32("triangles");
-  e.vertices = r->Get32("vertices");
-  const PayloadLocation location = r->GetLocation((flags & kBeginsValue) != 0);
-  const std::vector<ClusterId>& children = r->GetChildren(index->cluster_count());
-  if (!r->ok()) return;
-  index->AddRootPiece(e, location, children);
 }
 
 }  // namespace
 
-Bytes EncodeIndexRows(const ClusterIndex& index, IndexKind kind, uint32_t first, uint32_t count) {
+Bytes EncodeIndexRows(const ClusterIndex& index, uint32_t first, uint32_t count) {
   ByteWriter w;
   if (count == 0) return w.Take();
-  const bool clusters = kind == IndexKind::kClusters;
-  const auto location_of = [&](uint32_t i) -> const PayloadLocation& {
-    return clusters ? index.location(ClusterId{i}) : index.location(RootPieceId{i});
-  };
-  const PayloadLocation& start = location_of(first);
+  const PayloadLocation& start = index.location(first);
   w.PutVarint(start.offset == 0 ? start.value : uint64_t{start.value} + 1);
   w.PutVarint(start.offset);
-  ClusterEntry previous;
+  UnitEntry previous;
   Vec3i previous_min;
-  for (uint32_t i = first; i < first + count; ++i) {
-    const PayloadLocation& location = location_of(i);
+  for (UnitId i = first; i < first + count; ++i) {
+    const PayloadLocation& location = index.location(i);
+    const UnitEntry& e = index.unit(i);
     uint8_t flags = location.offset == 0 ? kBeginsValue : 0;
-    if (clusters) {
-      const ClusterEntry& e = index.cluster(ClusterId{i});
-      if (e.explicit_arcs) flags |= kExplicitArcs;
-      w.Put(flags);
-      w.Put(e.round);
-      w.PutVarint(e.round == previous.round ? e.hilbert - previous.hilbert : e.hilbert);
-      PutBounds(e.bounds, previous_min, &w);
-      previous_min = e.bounds.min;
-      w.PutVarint(e.nodes);
-      w.PutVarint(e.in_triangles);
-      w.PutVarint(e.out_triangles);
-      w.PutVarint(e.external_vertices);
-      w.Put(e.error_code_min);
-      w.Put(e.error_code_max);
-      w.PutVarint(location.length);
-      w.Put(location.checksum);
-      PutChildren(index.children(ClusterId{i}), i, &w);
-      previous = e;
-    } else {
-      const RootPieceEntry& e = index.root_piece(RootPieceId{i});
-      w.Put(flags);
-      PutBounds(e.bounds, previous_min, &w);
-      previous_min = e.bounds.min;
-      w.PutVarint(e.triangles);
-      w.PutVarint(e.vertices);
-      w.PutVarint(location.length);
-      w.Put(location.checksum);
-      PutChildren(index.children(RootPieceId{i}), index.cluster_count(), &w);
-    }
+    if (e.explicit_arcs) flags |= kExplicitArcs;
+    w.Put(flags);
+    w.Put(e.round);
+    w.PutVarint(e.round == previous.round ? e.hilbert - previous.hilbert : e.hilbert);
+    PutBounds(e.bounds, previous_min, &w);
+    previous_min = e.bounds.min;
+    w.PutVarint(e.nodes);
+    w.PutVarint(e.in_triangles);
+    w.PutVarint(e.out_triangles);
+    w.PutVarint(e.external_vertices);
+    w.Put(e.error_code_min);
+    w.Put(e.error_code_max);
+    w.PutVarint(location.length);
+    w.Put(location.checksum);
+    PutChildren(index.children(i), std::min(i, index.cluster_count()), &w);
+    previous = e;
   }
   return w.Take();
 }
 
-Status DecodeIndexRows(ByteSpan body, IndexKind kind, uint32_t count, const std::string& where,
+Status DecodeIndexRows(ByteSpan body, uint32_t count, const std::string& where,
                        ClusterIndex* index) {
-  const bool clusters = kind == IndexKind::kClusters;
   RowReader r(body, where);
-  if (r.remaining() / (clusters ? kMinClusterRowBytes : kMinRootRowBytes) < count) {
-    r.Fail("number of rows", count);
-  }
-  ClusterEntry previous;
-  for (uint32_t i = 0; i < count && r.ok(); ++i) {
-    if (clusters) {
-      DecodeClusterRow(&r, &previous, index);
-    } else {
-      DecodeRootRow(&r, index);
-    }
-  }
+  if (r.remaining() / kMinRowBytes < count) r.Fail("number of rows", count);
+  UnitEntry previous;
+  for (uint32_t i = 0; i < count && r.ok(); ++i) DecodeRow(&r, &previous, index);
   return r.Finish();
 }
 

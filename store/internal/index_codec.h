@@ -12,11 +12,11 @@
 namespace mtdb {
 
 // The body of the index value that holds rows `first` .. `first + count - 1`.
-Bytes EncodeIndexRows(const ClusterIndex& index, IndexKind kind, uint32_t first, uint32_t count);
+Bytes EncodeIndexRows(const ClusterIndex& index, uint32_t first, uint32_t count);
 
 // Appends exactly `count` rows to `index`, which holds the rows before them. `where` names the
 // value.
-Status DecodeIndexRows(ByteSpan body, IndexKind kind, uint32_t count, const std::string& where,
+Status DecodeIndexRows(ByteSpan body, uint32_t count, const std::string& where,
                        ClusterIndex* index);
 
 }  // namespace mtdb

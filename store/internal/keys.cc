@@ -39,7 +39,7 @@ Bytes ObjectKey(const std::string& name) {
   return w.Take();
 }
 
-Bytes ClusterKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence) {
+Bytes UnitKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence) {
   ByteWriter w;
   w.PutBigEndian(id.value);
   w.Put(static_cast<uint8_t>(255 - round));
@@ -48,17 +48,9 @@ Bytes ClusterKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence
   return w.Take();
 }
 
-Bytes RootKey(ObjectId id, uint32_t value) {
+Bytes IndexKey(ObjectId id, uint32_t first_row) {
   ByteWriter w;
   w.PutBigEndian(id.value);
-  w.PutBigEndian(value);
-  return w.Take();
-}
-
-Bytes IndexKey(ObjectId id, IndexKind kind, uint32_t first_row) {
-  ByteWriter w;
-  w.PutBigEndian(id.value);
-  w.Put(static_cast<uint8_t>(kind));
   w.PutBigEndian(first_row);
   return w.Take();
 }
@@ -69,11 +61,9 @@ Bytes ObjectPrefix(ObjectId id) {
   return w.Take();
 }
 
-uint64_t ClusterSeed(ClusterId cluster, uint8_t round, uint64_t hilbert) {
-  return MixAll('C', cluster.value, round, hilbert);
+uint64_t UnitSeed(UnitId unit, uint8_t round, uint64_t hilbert) {
+  return MixAll('C', unit, round, hilbert);
 }
-
-uint64_t RootSeed(RootPieceId piece) { return MixAll('R', piece.value); }
 
 uint64_t ValueSeed(Table table, ByteSpan key) {
   return MixAll(table == Table::kCatalog ? 'K' : 'I', Hash64(key));

@@ -1,4 +1,4 @@
-// Keys of the four tables, which share one tree, and the checksum seeds that tie a value to its
+// Keys of the three tables, which share one tree, and the checksum seeds that tie a value to its
 // key. See store/FORMAT.md.
 #pragma once
 
@@ -13,21 +13,18 @@
 
 namespace mtdb {
 
-enum class Table : uint8_t { kCatalog = 0, kClusters = 1, kIndex = 2, kRoot = 3 };
-inline constexpr std::array<const char*, 4> kTableNames = {"catalog", "clusters", "index", "root"};
+enum class Table : uint8_t { kCatalog = 0, kUnits = 1, kIndex = 2 };
+inline constexpr std::array<const char*, 3> kTableNames = {"catalog", "units", "index"};
 inline constexpr size_t kTables = kTableNames.size();
 
 enum class CatalogKind : uint8_t { kSuperblock = 0, kBuilding = 1, kGarbage = 2, kObject = 3 };
-enum class IndexKind : uint8_t { kClusters = 0, kRootPieces = 1 };
 
 inline constexpr size_t kChecksumBytes = 8;
 inline constexpr size_t kMaxNameBytes = 500;
-inline constexpr size_t kMaxRootPayloadBytes = size_t{1} << 20;
 inline constexpr uint32_t kIndexRowsPerValue = 512;
 
-inline constexpr size_t kClusterKeyBytes = 21;
-inline constexpr size_t kRootKeyBytes = 12;
-inline constexpr size_t kIndexKeyBytes = 13;
+inline constexpr size_t kUnitKeyBytes = 21;
+inline constexpr size_t kIndexKeyBytes = 12;
 
 // The key in the tree: the table's byte, then the key in the table.
 Bytes TreeKey(Table table, ByteSpan key);
@@ -36,10 +33,9 @@ Bytes SuperblockKey();
 Bytes BuildingKey(ObjectId id);
 Bytes GarbageKey(ObjectId id);
 Bytes ObjectKey(const std::string& name);
-Bytes ClusterKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence);
-Bytes RootKey(ObjectId id, uint32_t value);
-Bytes IndexKey(ObjectId id, IndexKind kind, uint32_t first_row);
-// The first 8 bytes of an object's keys in the tables clusters, index and root.
+Bytes UnitKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence);
+Bytes IndexKey(ObjectId id, uint32_t first_row);
+// The first 8 bytes of an object's keys in the tables units and index.
 Bytes ObjectPrefix(ObjectId id);
 
 // Mix(a, b, c, ...) of the format.
@@ -51,8 +47,7 @@ constexpr uint64_t MixAll(uint64_t first, Rest... rest) {
 }
 
 // Of payloads. Free of the object's id, as the whole index is.
-uint64_t ClusterSeed(ClusterId cluster, uint8_t round, uint64_t hilbert);
-uint64_t RootSeed(RootPieceId piece);
+uint64_t UnitSeed(UnitId unit, uint8_t round, uint64_t hilbert);
 // Values of the tables catalog and index.
 uint64_t ValueSeed(Table table, ByteSpan key);
 

@@ -12,17 +12,13 @@ namespace mtdb {
 
 class ObjectDigest {
  public:
-  void AddCluster(ClusterId id, uint8_t round, uint64_t hilbert, ByteSpan payload) {
-    low_ += Hash64(payload, MixAll('C', 1, id.value, round, hilbert));
-    high_ += Hash64(payload, MixAll('C', 2, id.value, round, hilbert));
+  void AddUnit(UnitId id, uint8_t round, uint64_t hilbert, ByteSpan payload) {
+    low_ += Hash64(payload, MixAll('C', 1, id, round, hilbert));
+    high_ += Hash64(payload, MixAll('C', 2, id, round, hilbert));
   }
-  void AddRootPiece(RootPieceId id, ByteSpan payload) {
-    low_ += Hash64(payload, MixAll('R', 1, id.value));
-    high_ += Hash64(payload, MixAll('R', 2, id.value));
-  }
-  void AddIndexValue(IndexKind kind, uint32_t first_row, ByteSpan body) {
-    low_ += Hash64(body, MixAll('I', 1, static_cast<uint8_t>(kind), first_row));
-    high_ += Hash64(body, MixAll('I', 2, static_cast<uint8_t>(kind), first_row));
+  void AddIndexValue(uint32_t first_row, ByteSpan body) {
+    low_ += Hash64(body, MixAll('I', 1, first_row));
+    high_ += Hash64(body, MixAll('I', 2, first_row));
   }
   void AddRecord(ObjectRecord record) {
     record.id = ObjectId{1};

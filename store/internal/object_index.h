@@ -28,23 +28,21 @@ Result<Bytes> ReadIndexValue(const Snapshot& snapshot, const Bytes& key, const s
 // Reads all rows that the record promises and checks the whole: counts, values numbered without
 // gaps, children of finer rounds only. `value_read` (may be empty) sees each value's body. `store`
 // names the file.
-using IndexValueReceiver = std::function<void(IndexKind kind, uint32_t first_row, ByteSpan body)>;
+using IndexValueReceiver = std::function<void(uint32_t first_row, ByteSpan body)>;
 Result<ClusterIndex> LoadIndex(const std::string& store, const ObjectRecord& record,
                                const IndexValueSource& source,
                                const IndexValueReceiver& value_read = {});
 
-// The keys of an object's values in the tables clusters and root. Immutable.
+// The keys of an object's values in the table units. Immutable.
 class ValueKeys {
  public:
   ValueKeys(ObjectId id, const ClusterIndex& index);
 
-  uint32_t cluster_values() const { return static_cast<uint32_t>(values_.size()); }
-  uint32_t root_values() const { return root_values_; }
-  Bytes ClusterValueKey(uint32_t value) const {
+  uint32_t count() const { return static_cast<uint32_t>(values_.size()); }
+  Bytes operator[](uint32_t value) const {
     const Value& v = values_[value];
-    return ClusterKey(id_, v.round, v.hilbert, v.sequence);
+    return UnitKey(id_, v.round, v.hilbert, v.sequence);
   }
-  Bytes RootValueKey(uint32_t value) const { return RootKey(id_, value); }
 
  private:
   struct Value {
@@ -54,7 +52,6 @@ class ValueKeys {
   };
   ObjectId id_;
   std::vector<Value> values_;
-  uint32_t root_values_ = 0;
 };
 
 }  // namespace mtdb

@@ -1,7 +1,6 @@
 #include "store/internal/object_reader.h"
 
 #include <algorithm>
-#include <type_traits>
 
 #include "store/internal/catalog.h"
 
@@ -10,9 +9,6 @@ namespace {
 
 constexpr int kTries = 200;
 constexpr size_t kResolvedValues = 1 << 16;
-
-template <typename Id>
-constexpr bool kIsCluster = std::is_same_v<Id, ClusterId>;
 
 }  // namespace
 
@@ -73,77 +69,42 @@ Status ObjectReader::Explain(const Status& failure) const {
                   " after it was opened; open it again");
 }
 
-template <typename Id>
 Result<ValueRef> ObjectReader::FindValue(const Snapshot& snapshot, uint32_t value) {
-  Resolved& resolved = kIsCluster<Id> ? cluster_values_ : root_values_;
   {
     const std::lock_guard lock(mutex_);
-    if (resolved.state != snapshot.state().serial || resolved.values.size() > kResolvedValues) {
+    if (resolved_.state != snapshot.state().serial || resolved_.values.size() > kResolvedValues) {
       // An older snapshot's reader may undo a newer one's work here, never mix with it.
-      resolved.state = snapshot.state().serial;
-      resolved.values.clear();
+      resolved_.state = snapshot.state().serial;
+      resolved_.values.clear();
     }
-    const auto it = resolved.values.find(value);
-    if (it != resolved.values.end()) return it->second;
+    const auto it = resolved_.values.find(value);
+    if (it != resolved_.values.end()) return it->second;
   }
-  const Table table = kIsCluster<Id> ? Table::kClusters : Table::kRoot;
-  const Bytes key = kIsCluster<Id> ? keys_.ClusterValueKey(value) : keys_.RootValueKey(value);
-  MTDB_ASSIGN_OR_RETURN(const auto found, snapshot.Find(table, key));
+  MTDB_ASSIGN_OR_RETURN(const auto found, snapshot.Find(Table::kUnits, keys_[value]));
   if (!found) {
-    return Corrupt(place_ + ": " + kTableNames[static_cast<size_t>(table)] + " value " +
-                   std::to_string(value) + ": missing; run verify");
+    return Corrupt(place_ + ": value " + std::to_string(value) +
+                   " of its units: missing; run verify");
   }
   const std::lock_guard lock(mutex_);
-  if (resolved.state == snapshot.state().serial) resolved.values.emplace(value, *found);
+  if (resolved_.state == snapshot.state().serial) resolved_.values.emplace(value, *found);
   return *found;
 }
 
-template <typename Id>
-Result<Bytes> ObjectReader::ReadOne(const Snapshot& snapshot, Id id) {
-  const PayloadLocation& location = index_.location(id);
-  MTDB_ASSIGN_OR_RETURN(const ValueRef value, FindValue<Id>(snapshot, location.value));
-  uint64_t seed = 0;
-  std::string where = place_;
-  if constexpr (kIsCluster<Id>) {
-    const ClusterEntry& entry = index_.cluster(id);
-    seed = ClusterSeed(id, entry.round, entry.hilbert);
-    where += ": cluster ";
-  } else {
-    seed = RootSeed(id);
-    where += ": root piece ";
-  }
-  where += std::to_string(id.value);
-  return ReadPayload(snapshot.pages(), value, location, seed, where);
-}
-
-template <typename Id, typename Receiver>
-Status ObjectReader::ReadAll(std::span<const Id> ids, const Receiver& receive) {
-  const uint32_t count = kIsCluster<Id> ? index_.cluster_count() : index_.root_piece_count();
-  for (const Id id : ids) {
-    if (id.value >= count) {
-      return InvalidArgument(place_ + ": no " + (kIsCluster<Id> ? "cluster " : "root piece ") +
-                             std::to_string(id.value) + ", it has " + std::to_string(count));
-    }
-  }
-  std::vector<Id> order(ids.begin(), ids.end());
-  std::ranges::sort(order);
-  if (order.empty()) return Status::Ok();
-  MTDB_ASSIGN_OR_RETURN(Snapshot snapshot, environment_->Newest());
-  for (const Id id : order) {
-    MTDB_ASSIGN_OR_RETURN(Bytes payload, ReadProven(id, &snapshot));
-    MTDB_RETURN_IF_ERROR(receive(id, std::move(payload)));
-  }
-  return Status::Ok();
+Result<Bytes> ObjectReader::ReadOne(const Snapshot& snapshot, UnitId unit) {
+  const PayloadLocation& location = index_.location(unit);
+  MTDB_ASSIGN_OR_RETURN(const ValueRef value, FindValue(snapshot, location.value));
+  const UnitEntry& entry = index_.unit(unit);
+  return ReadPayload(snapshot.pages(), value, location, UnitSeed(unit, entry.round, entry.hilbert),
+                     place_ + ": " + UnitLabel(record_, unit));
 }
 
 // What the checksum proves is right, whatever has become of the snapshot. Anything else is looked
 // at in a newer one, if writers have used its pages again, and once without the pages that were
 // read before.
-template <typename Id>
-Result<Bytes> ObjectReader::ReadProven(Id id, Snapshot* snapshot) {
+Result<Bytes> ObjectReader::ReadProven(UnitId unit, Snapshot* snapshot) {
   bool fresh = false;
   for (int i = 0; i < kTries; ++i) {
-    auto payload = ReadOne(*snapshot, id);
+    auto payload = ReadOne(*snapshot, unit);
     if (payload.ok()) return payload;
     MTDB_ASSIGN_OR_RETURN(const bool held, environment_->Holds(*snapshot));
     if (held && fresh) return Explain(payload.status());
@@ -153,12 +114,22 @@ Result<Bytes> ObjectReader::ReadProven(Id id, Snapshot* snapshot) {
   return Status(StatusCode::kBusy, place_ + ": writers are too fast for this reader; try again");
 }
 
-Status ObjectReader::ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) {
-  return ReadAll(ids, receive);
-}
-
-Status ObjectReader::ReadRootPieces(std::span<const RootPieceId> ids, const RootReceiver& receive) {
-  return ReadAll(ids, receive);
+Status ObjectReader::Read(std::span<const UnitId> units, const Receiver& receive) {
+  for (const UnitId unit : units) {
+    if (unit >= index_.unit_count()) {
+      return InvalidArgument(place_ + ": no unit " + std::to_string(unit) + ", it has " +
+                             std::to_string(index_.unit_count()));
+    }
+  }
+  std::vector<UnitId> order(units.begin(), units.end());
+  std::ranges::sort(order);
+  if (order.empty()) return Status::Ok();
+  MTDB_ASSIGN_OR_RETURN(Snapshot snapshot, environment_->Newest());
+  for (const UnitId unit : order) {
+    MTDB_ASSIGN_OR_RETURN(Bytes payload, ReadProven(unit, &snapshot));
+    MTDB_RETURN_IF_ERROR(receive(unit, std::move(payload)));
+  }
+  return Status::Ok();
 }
 
 }  // namespace mtdb

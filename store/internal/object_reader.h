@@ -21,8 +21,7 @@ class ObjectReader final : public ClusterSource {
 
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
-  Status ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) override;
-  Status ReadRootPieces(std::span<const RootPieceId> ids, const RootReceiver& receive) override;
+  Status Read(std::span<const UnitId> units, const Receiver& receive) override;
   uint64_t bytes_read() const override { return environment_->file().bytes_read(); }
 
  private:
@@ -34,13 +33,8 @@ class ObjectReader final : public ClusterSource {
     std::unordered_map<uint32_t, ValueRef> values;
   };
 
-  template <typename Id, typename Receiver>
-  Status ReadAll(std::span<const Id> ids, const Receiver& receive);
-  template <typename Id>
-  Result<Bytes> ReadProven(Id id, Snapshot* snapshot);
-  template <typename Id>
-  Result<Bytes> ReadOne(const Snapshot& snapshot, Id id);
-  template <typename Id>
+  Result<Bytes> ReadProven(UnitId unit, Snapshot* snapshot);
+  Result<Bytes> ReadOne(const Snapshot& snapshot, UnitId unit);
   Result<ValueRef> FindValue(const Snapshot& snapshot, uint32_t value);
   // What to say of `failure`, which a snapshot that holds gave: that the object was removed, or
   // `failure`.
@@ -51,9 +45,8 @@ class ObjectReader final : public ClusterSource {
   const ClusterIndex index_;
   const ValueKeys keys_;
   const std::string place_;
-  std::mutex mutex_;  // guards the two below
-  Resolved cluster_values_;
-  Resolved root_values_;
+  std::mutex mutex_;  // guards the one below
+  Resolved resolved_;
 };
 
 // The payload at `location` of `value`, after its checksum has been verified.

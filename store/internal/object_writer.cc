@@ -79,10 +79,10 @@ StoreObjectWriter::~StoreObjectWriter() {
   static_cast<void>(status);
 }
 
-Status StoreObjectWriter::CheckChildren(std::span<const ClusterId> children, uint32_t below) const {
+Status StoreObjectWriter::CheckChildren(std::span<const UnitId> children, uint32_t below) const {
   for (size_t i = 0; i < children.size(); ++i) {
-    if (children[i].value >= below || (i > 0 && children[i] <= children[i - 1])) {
-      return InvalidArgument("object " + name_ + ": child " + std::to_string(children[i].value) +
+    if (children[i] >= below || (i > 0 && children[i] <= children[i - 1])) {
+      return InvalidArgument("object " + name_ + ": child " + std::to_string(children[i]) +
                              ": expected ascending ids of finer rounds, below " +
                              std::to_string(below));
     }
@@ -90,12 +90,10 @@ Status StoreObjectWriter::CheckChildren(std::span<const ClusterId> children, uin
   return Status::Ok();
 }
 
-Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
-                                                std::span<const ClusterId> children,
-                                                ByteSpan payload) {
-  MTDB_CHECK(!in_root_, "clusters come before root pieces");
-  const uint32_t id = index_.cluster_count() + static_cast<uint32_t>(waiting_.size());
-  const std::string place = "object " + name_ + ": cluster " + std::to_string(id) + ": ";
+Result<UnitId> StoreObjectWriter::Add(const UnitEntry& entry, std::span<const UnitId> children,
+                                      ByteSpan payload) {
+  const UnitId id = index_.unit_count() + static_cast<uint32_t>(waiting_.size());
+  const std::string place = "object " + name_ + ": unit " + std::to_string(id) + ": ";
   if (entry.round == 0 || entry.round < round_) {
     return InvalidArgument(place + "expected a round from " +
                            std::to_string(std::max<int>(round_, 1)) + ", found " +
@@ -104,116 +102,71 @@ Result<ClusterId> StoreObjectWriter::AddCluster(const ClusterEntry& entry,
   if (entry.round == round_ && entry.hilbert < hilbert_) {
     return InvalidArgument(place + "hilbert codes of a round must ascend");
   }
-  if (entry.nodes == 0 || entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
-    return InvalidArgument(place + "expected nodes, bounds and ordered error codes");
+  if (entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
+    return InvalidArgument(place + "expected bounds and ordered error codes");
+  }
+  if (entry.round == kRootRound ? entry.nodes != 0 || entry.in_triangles != 0 ||
+                                      entry.explicit_arcs || entry.error_code_max != 0
+                                : entry.nodes == 0) {
+    return InvalidArgument(place + "expected nodes in a cluster, and none, nor in-triangles or " +
+                           "errors, in a piece of the root");
   }
   if (payload.empty() || payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
     return InvalidArgument(place + "expected a payload of 1 byte to 1 GiB, found " +
                            std::to_string(payload.size()) + " bytes");
   }
+  MTDB_RETURN_IF_ERROR(CheckChildren(children, entry.round == round_ ? round_begin_ : id));
   if (entry.round != round_) {
     round_ = entry.round;
     round_begin_ = id;
   }
-  MTDB_RETURN_IF_ERROR(CheckChildren(children, round_begin_));
   hilbert_ = entry.hilbert;
   Waiting w;
   w.entry = entry;
   w.children.assign(children.begin(), children.end());
   w.payload.assign(payload.begin(), payload.end());
-  w.checksum = Hash64(payload, ClusterSeed(ClusterId{id}, entry.round, entry.hilbert));
-  digest_.AddCluster(ClusterId{id}, entry.round, entry.hilbert, payload);
+  w.checksum = Hash64(payload, UnitSeed(id, entry.round, entry.hilbert));
+  digest_.AddUnit(id, entry.round, entry.hilbert, payload);
   payload_bytes_ += payload.size();
   waiting_bytes_.push_back(payload.size());
   waiting_.push_back(std::move(w));
-  MTDB_RETURN_IF_ERROR(PackClusters(false));
-  return ClusterId{id};
+  MTDB_RETURN_IF_ERROR(PackUnits(false));
+  return id;
 }
 
-Result<RootPieceId> StoreObjectWriter::AddRootPiece(const RootPieceEntry& entry,
-                                                    std::span<const ClusterId> children,
-                                                    ByteSpan payload) {
-  if (!in_root_) {
-    MTDB_RETURN_IF_ERROR(PackClusters(true));
-    in_root_ = true;
-  }
-  const uint32_t id = index_.root_piece_count() + static_cast<uint32_t>(waiting_.size());
-  if (payload.empty() || payload.size() > kMaxRootPayloadBytes || entry.bounds.empty()) {
-    return InvalidArgument("object " + name_ + ": root piece " + std::to_string(id) +
-                           ": expected bounds and a payload of 1 byte to 1 MiB, found " +
-                           std::to_string(payload.size()) + " bytes");
-  }
-  MTDB_RETURN_IF_ERROR(CheckChildren(children, index_.cluster_count()));
-  Waiting w;
-  w.root_entry = entry;
-  w.children.assign(children.begin(), children.end());
-  w.payload.assign(payload.begin(), payload.end());
-  w.checksum = Hash64(payload, RootSeed(RootPieceId{id}));
-  digest_.AddRootPiece(RootPieceId{id}, payload);
-  payload_bytes_ += payload.size();
-  waiting_bytes_.push_back(payload.size());
-  waiting_.push_back(std::move(w));
-  MTDB_RETURN_IF_ERROR(PackRootPieces(false));
-  return RootPieceId{id};
-}
-
-Status StoreObjectWriter::PackClusters(bool last) {
+Status StoreObjectWriter::PackUnits(bool last) {
   for (;;) {
     const size_t count = PayloadsOfNextValue(waiting_bytes_, last);
     if (count == 0) return Status::Ok();
-    const ClusterEntry& first = waiting_[0].entry;
+    const UnitEntry& first = waiting_[0].entry;
     values_of_round_ = first.round == value_round_ ? values_of_round_ + 1 : 0;
     value_round_ = first.round;
-    const Bytes key = ClusterKey(id_, first.round, first.hilbert, values_of_round_);
+    const Bytes key = UnitKey(id_, first.round, first.hilbert, values_of_round_);
     Bytes value;
     for (size_t i = 0; i < count; ++i) {
       const Waiting& w = waiting_[i];
       const PayloadLocation location{values_, static_cast<uint32_t>(value.size()),
                                      static_cast<uint32_t>(w.payload.size()), w.checksum};
-      index_.AddCluster(w.entry, location, w.children);
+      index_.Add(w.entry, location, w.children);
       value.insert(value.end(), w.payload.begin(), w.payload.end());
     }
     ++values_;
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
     waiting_bytes_.erase(waiting_bytes_.begin(),
                          waiting_bytes_.begin() + static_cast<ptrdiff_t>(count));
-    MTDB_RETURN_IF_ERROR(Queue(Table::kClusters, key, std::move(value)));
-  }
-}
-
-Status StoreObjectWriter::PackRootPieces(bool last) {
-  for (;;) {
-    const size_t count = PayloadsOfNextValue(waiting_bytes_, last);
-    if (count == 0) return Status::Ok();
-    Bytes value;
-    for (size_t i = 0; i < count; ++i) {
-      const Waiting& w = waiting_[i];
-      const PayloadLocation location{root_values_, static_cast<uint32_t>(value.size()),
-                                     static_cast<uint32_t>(w.payload.size()), w.checksum};
-      index_.AddRootPiece(w.root_entry, location, w.children);
-      value.insert(value.end(), w.payload.begin(), w.payload.end());
-    }
-    const Bytes key = RootKey(id_, root_values_++);
-    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(count));
-    waiting_bytes_.erase(waiting_bytes_.begin(),
-                         waiting_bytes_.begin() + static_cast<ptrdiff_t>(count));
-    MTDB_RETURN_IF_ERROR(Queue(Table::kRoot, key, std::move(value)));
+    MTDB_RETURN_IF_ERROR(Queue(Table::kUnits, key, std::move(value)));
   }
 }
 
 Status StoreObjectWriter::QueueIndex() {
-  for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
-    const uint32_t rows =
-        kind == IndexKind::kClusters ? index_.cluster_count() : index_.root_piece_count();
-    for (uint32_t first = 0; first < rows; first += std::min(kIndexRowsPerValue, rows - first)) {
-      const uint32_t count = std::min(kIndexRowsPerValue, rows - first);
-      const Bytes body = EncodeIndexRows(index_, kind, first, count);
-      digest_.AddIndexValue(kind, first, body);
-      index_checksum_ = ChainIndexValue(index_checksum_, body);
-      Bytes key = IndexKey(id_, kind, first);
-      Bytes value = SealValue(Table::kIndex, key, body);
-      MTDB_RETURN_IF_ERROR(Queue(Table::kIndex, std::move(key), std::move(value)));
-    }
+  const uint32_t rows = index_.unit_count();
+  for (uint32_t first = 0; first < rows; first += std::min(kIndexRowsPerValue, rows - first)) {
+    const Bytes body = EncodeIndexRows(index_, first, std::min(kIndexRowsPerValue, rows - first));
+    digest_.AddIndexValue(first, body);
+    index_checksum_ = ChainIndexValue(index_checksum_, body);
+    Bytes key = IndexKey(id_, first);
+    Bytes value = SealValue(Table::kIndex, key, body);
+    MTDB_RETURN_IF_ERROR(Queue(Table::kIndex, std::move(key), std::move(value)));
   }
   return Status::Ok();
 }
@@ -258,7 +211,7 @@ Status StoreObjectWriter::WriteQueue() {
 
 Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
   MTDB_CHECK(!published_, "an object is published once");
-  MTDB_RETURN_IF_ERROR(in_root_ ? PackRootPieces(true) : PackClusters(true));
+  MTDB_RETURN_IF_ERROR(PackUnits(true));
   ObjectRecord record = input;
   record.id = id_;
   record.name = name_;

@@ -20,23 +20,20 @@ class StoreObjectWriter final : public ObjectWriter {
                                                       const std::string& name, bool replace);
   ~StoreObjectWriter() override;
 
-  Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
-                               ByteSpan payload) override;
-  Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry, std::span<const ClusterId> children,
-                                   ByteSpan payload) override;
+  Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
+                     ByteSpan payload) override;
   Result<ObjectRecord> Publish(const ObjectRecord& record) override;
 
  private:
-  // A cluster or root piece whose value is not complete yet.
+  // A unit whose value is not complete yet.
   struct Waiting {
-    ClusterEntry entry;
-    RootPieceEntry root_entry;
-    std::vector<ClusterId> children;
+    UnitEntry entry;
+    std::vector<UnitId> children;
     Bytes payload;
     uint64_t checksum = 0;
   };
   struct QueuedValue {
-    Table table = Table::kClusters;
+    Table table = Table::kUnits;
     Bytes key;
     Bytes value;
   };
@@ -44,9 +41,8 @@ class StoreObjectWriter final : public ObjectWriter {
   StoreObjectWriter(std::shared_ptr<Environment> environment, std::string name, bool replace,
                     BuilderLock name_lock, std::pair<ObjectId, BuilderLock> reserved);
 
-  Status CheckChildren(std::span<const ClusterId> children, uint32_t below) const;
-  Status PackClusters(bool last);
-  Status PackRootPieces(bool last);
+  Status CheckChildren(std::span<const UnitId> children, uint32_t below) const;
+  Status PackUnits(bool last);
   Status QueueIndex();
   Status Queue(Table table, Bytes key, Bytes value);
   Status PutQueue(WriteTransaction& write) const;
@@ -65,14 +61,12 @@ class StoreObjectWriter final : public ObjectWriter {
   ClusterIndex index_;  // without what waits
   std::vector<Waiting> waiting_;
   std::vector<uint64_t> waiting_bytes_;  // of the payloads
-  bool in_root_ = false;                 // waiting_ holds root pieces
   uint8_t round_ = 0;
-  uint32_t round_begin_ = 0;  // first cluster of round_
+  uint32_t round_begin_ = 0;  // first unit of round_
   uint64_t hilbert_ = 0;
-  uint32_t values_ = 0;           // of clusters
+  uint32_t values_ = 0;
   uint8_t value_round_ = 0;       // that the last value began in
   uint32_t values_of_round_ = 0;  // that began in it before the last one
-  uint32_t root_values_ = 0;
 
   std::vector<QueuedValue> queue_;
   uint64_t queued_bytes_ = 0;

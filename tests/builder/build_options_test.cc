@@ -25,15 +25,10 @@ class FailingWriter final : public ObjectWriter {
   FailingWriter(std::unique_ptr<ObjectWriter> writer, int fail_at)
       : writer_(std::move(writer)), left_(fail_at) {}
 
-  Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
-                               ByteSpan payload) override {
+  Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
+                     ByteSpan payload) override {
     if (left_-- == 0) return Failure();
-    return writer_->AddCluster(entry, children, payload);
-  }
-  Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry, std::span<const ClusterId> children,
-                                   ByteSpan payload) override {
-    if (left_-- == 0) return Failure();
-    return writer_->AddRootPiece(entry, children, payload);
+    return writer_->Add(entry, children, payload);
   }
   Result<ObjectRecord> Publish(const ObjectRecord& record) override {
     if (left_-- == 0) return Failure();

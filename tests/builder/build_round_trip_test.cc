@@ -196,7 +196,7 @@ TEST_CASE("Vertices that collapse onto few grid cells keep their connectivity") 
     RequireRoundTrip(mesh, built);
     const ClusterIndex& index = built.surface->index();
     for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-      explicit_clusters += index.cluster(ClusterId(c)).explicit_arcs;
+      explicit_clusters += index.unit(c).explicit_arcs;
     }
   }
   REQUIRE(explicit_clusters > 0);

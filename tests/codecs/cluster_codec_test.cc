@@ -159,7 +159,7 @@ TEST_CASE("the worked example of the format has these bytes") {
   u.positions = {{0, 0, 0}, {300, 0, 0}, {0, 300, 0}, {110, 90, 20}};
   u.triangles = {{3, 0, 1}, {3, 1, 2}, {3, 2, 0}, {0, 1, 2}};
   u.consumers.resize(4);
-  u.consumers[1].child = ClusterId(7);
+  u.consumers[1].child = 7;
   ClusterUpdates::Node node;
   node.vertex = 3;
   node.error_code = 68;

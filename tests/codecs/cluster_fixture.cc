@@ -222,7 +222,7 @@ ClusterFixture MakeCluster(const ClusterOptions& options) {
     const auto child = static_cast<int>(column) * (options.children + 1) / options.side;
     if (child == options.children) continue;  // the drain
     const bool explicit_arc = options.numbers == Numbers::kCoincident;
-    updates.consumers[t] = {ClusterId(static_cast<uint32_t>(3 + 5 * child)), t, explicit_arc};
+    updates.consumers[t] = {static_cast<UnitId>(3 + 5 * child), t, explicit_arc};
   }
   if (options.attributes) AddAttributes(fixture, options.seed);
   if (options.rounded_attributes) AddRoundedAttributes(fixture, options.seed);
@@ -290,10 +290,10 @@ std::string Difference(const ClusterFixture& fixture, const EncodedCluster& enco
   for (uint32_t s = cluster.in_triangles(); s < cluster.slots(); ++s) {
     if (triangle_of_slot[s] == kNone32) return "triangle of slot " + std::to_string(s);
     if (RemovedByNode(cluster.removers[s])) continue;
-    const ClusterId child = updates.consumers[triangle_of_slot[s]].child;
-    const ClusterId found = cluster.removers[s] == kDrain
-                                ? ClusterId(kNone32)
-                                : cluster.children[ChildOrdinal(cluster.removers[s])];
+    const UnitId child = updates.consumers[triangle_of_slot[s]].child;
+    const UnitId found = cluster.removers[s] == kDrain
+                             ? kNone32
+                             : cluster.children[ChildOrdinal(cluster.removers[s])];
     if (child != found) return "arc of slot " + std::to_string(s);
   }
   return "";

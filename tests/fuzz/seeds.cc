@@ -43,19 +43,19 @@ void AddPayloads(const SeedFolder& folder) {
     folder.Add("cluster", "seed" + std::to_string(choice), choice, encoded.payload);
     ++choice;
   }
-  RootPiece piece;
+  Cluster piece;
   for (uint32_t t = 0; t < 20; ++t) {
-    piece.triangles.push_back({t, t + 1, t + 2});
+    piece.in.triangles.push_back({t, t + 1, t + 2});
     piece.removers.push_back(t % 3 == 0 ? kDrain : kChildFlag | t % 2);
   }
   for (uint32_t v = 0; v < 22; ++v) {
-    piece.positions.push_back({static_cast<int32_t>(v * v), static_cast<int32_t>(10 * v), -5});
-    piece.vertices.push_back(v * 3);
+    piece.in.positions.push_back({static_cast<int32_t>(v * v), static_cast<int32_t>(10 * v), -5});
+    piece.in.vertices.push_back(v * 3);
   }
-  piece.children = {ClusterId(4), ClusterId(9)};
+  piece.children = {4, 9};
   folder.Add("root", "seed0", 0, EncodeRootPiece(piece, {}));
   piece.explicit_arcs = {{1, 7, 2}, {2, 0, 0}};
-  piece.rows.assign(22 * 5, std::byte{3});
+  piece.in.rows.assign(22 * 5, std::byte{3});
   const AttributeLayout layout{{{"quality", ScalarType::kFloat32}, {"red", ScalarType::kUint8}}};
   folder.Add("root", "seed1", 1, EncodeRootPiece(piece, layout));
 }
@@ -90,7 +90,7 @@ void AddUpdates(const SeedFolder& folder) {
 void AddStoreValues(const SeedFolder& folder) {
   ClusterIndex index;
   for (uint32_t c = 0; c < 8; ++c) {
-    ClusterEntry entry;
+    UnitEntry entry;
     entry.round = static_cast<uint8_t>(1 + c / 4);
     entry.hilbert = 1000 * c;
     entry.bounds.Add(Vec3i{-1, 2, 300});
@@ -101,22 +101,23 @@ void AddStoreValues(const SeedFolder& folder) {
     entry.external_vertices = 8;
     entry.error_code_max = 30;
     entry.explicit_arcs = c == 5;
-    const ClusterId children[] = {ClusterId{0}, ClusterId{3}};
-    index.AddCluster(entry, {c / 2, c % 2 * 192, 192}, std::span(children, c >= 4 ? 2 : 0));
+    const UnitId children[] = {0, 3};
+    index.Add(entry, {c / 2, c % 2 * 192, 192}, std::span(children, c >= 4 ? 2 : 0));
   }
-  RootPieceEntry piece;
+  UnitEntry piece;
+  piece.round = kRootRound;
   piece.bounds.Add(Vec3i{-1, 2, 300});
-  piece.triangles = 12;
-  const ClusterId children[] = {ClusterId{4}, ClusterId{7}};
-  index.AddRootPiece(piece, {0, 0, 4}, children);
-  index.AddRootPiece(piece, {0, 4, 4}, {});
+  piece.out_triangles = 12;
+  const UnitId children[] = {4, 7};
+  index.Add(piece, {4, 0, 4}, children);
+  index.Add(piece, {4, 4, 4}, {});
   // The second byte: the number of rows.
-  const auto rows = [&](IndexKind kind, uint32_t count) {
+  const auto rows = [&](uint32_t first, uint32_t count) {
     return std::string(1, static_cast<char>(count)) +
-           std::string(AsString(EncodeIndexRows(index, kind, 0, count)));
+           std::string(AsString(EncodeIndexRows(index, first, count)));
   };
-  folder.Add("index", "clusters", 0, rows(IndexKind::kClusters, 8));
-  folder.Add("index", "root_pieces", 1, rows(IndexKind::kRootPieces, 2));
+  folder.Add("index", "whole", 0, rows(0, 10));
+  folder.Add("index", "root_pieces", 1, rows(8, 2));
 
   folder.Add("catalog", "superblock", 0, EncodeSuperblock({2, uint64_t{1} << 40, 3}));
   folder.Add("catalog", "pending", 1, EncodePendingEntry({"bunny", 4711}));

@@ -15,9 +15,8 @@
 
 namespace {
 
-using mtdb::ClusterId;
-using mtdb::RootPieceId;
 using mtdb::Status;
+using mtdb::UnitId;
 
 constexpr uint32_t kClusters = 6;
 constexpr size_t kPageBytes = 4096;
@@ -30,26 +29,29 @@ mtdb::Bytes Payload(uint32_t number, size_t size_bytes) {
   }
   return bytes;
 }
-mtdb::Bytes ClusterPayload(uint32_t c) { return Payload(c, c % 2 == 0 ? 40 : 2500); }
+mtdb::Bytes UnitPayload(UnitId u) {
+  return Payload(u, u == kClusters ? 300 : u % 2 == 0 ? 40 : 2500);
+}
 
 Status Write(mtdb::Database& database, const std::string& name) {
   MTDB_ASSIGN_OR_RETURN(const auto writer, database.Create(name, false));
   mtdb::ObjectRecord record;
   for (uint32_t c = 0; c < kClusters; ++c) {
-    mtdb::ClusterEntry entry;
+    mtdb::UnitEntry entry;
     entry.round = static_cast<uint8_t>(1 + c / 3);
     entry.hilbert = 10 * c;
     entry.bounds.Add(mtdb::Vec3i{0, 1, 2});
     entry.nodes = 5;
-    const ClusterId child{0};
-    const auto id = writer->AddCluster(entry, {&child, c >= 3 ? size_t{1} : 0}, ClusterPayload(c));
+    const UnitId child{0};
+    const auto id = writer->Add(entry, {&child, c >= 3 ? size_t{1} : 0}, UnitPayload(c));
     if (!id.ok()) return id.status();
     if (c % 3 == 0) record.rounds.emplace_back();
   }
-  const ClusterId child{kClusters - 1};
-  mtdb::RootPieceEntry piece;
+  const UnitId child{kClusters - 1};
+  mtdb::UnitEntry piece;
+  piece.round = mtdb::kRootRound;
   piece.bounds.Add(mtdb::Vec3i{0, 1, 2});
-  const auto id = writer->AddRootPiece(piece, {&child, 1}, Payload(kClusters, 300));
+  const auto id = writer->Add(piece, {&child, 1}, UnitPayload(kClusters));
   if (!id.ok()) return id.status();
   record.clusters = kClusters;
   record.root_pieces = 1;
@@ -90,19 +92,13 @@ Status ReadAll(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const auto objects, database->List());
   for (const mtdb::ObjectRecord& object : objects) {
     MTDB_ASSIGN_OR_RETURN(const auto source, database->OpenObject(object.name));
-    std::vector<ClusterId> ids;
-    for (uint32_t c = 0; c < source->index().cluster_count(); ++c) ids.emplace_back(c);
+    std::vector<UnitId> ids;
+    for (UnitId u = 0; u < source->index().unit_count(); ++u) ids.push_back(u);
     // A payload is the one that was written, or an error.
-    MTDB_RETURN_IF_ERROR(source->ReadClusters(ids, [](ClusterId id, const mtdb::Bytes& payload) {
-      if (payload != ClusterPayload(id.value)) __builtin_trap();
+    MTDB_RETURN_IF_ERROR(source->Read(ids, [](UnitId id, const mtdb::Bytes& payload) {
+      if (payload != UnitPayload(id)) __builtin_trap();
       return Status::Ok();
     }));
-    const RootPieceId piece{0};
-    MTDB_RETURN_IF_ERROR(
-        source->ReadRootPieces({&piece, 1}, [](RootPieceId, const mtdb::Bytes& payload) {
-          if (payload != Payload(kClusters, 300)) __builtin_trap();
-          return Status::Ok();
-        }));
   }
   return Status::Ok();
 }

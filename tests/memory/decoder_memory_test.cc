@@ -290,17 +290,17 @@ TEST_CASE("payloads take memory by their bytes", "[memory]") {
 
 TEST_CASE("root payloads take memory by their bytes", "[memory]") {
   const AttributeLayout layout = Many(3, ScalarType::kFloat64);
-  RootPiece piece;
+  Cluster piece;
   for (uint32_t t = 0; t < 5000; ++t) {
-    piece.triangles.push_back({t, t + 1, t + 2});
+    piece.in.triangles.push_back({t, t + 1, t + 2});
     piece.removers.push_back(kDrain);
   }
   for (uint32_t v = 0; v < 5002; ++v) {
-    piece.positions.push_back({0, 0, 0});
-    piece.vertices.push_back(v);
+    piece.in.positions.push_back({0, 0, 0});
+    piece.in.vertices.push_back(v);
   }
   for (const AttributeLayout& attributes : {AttributeLayout{}, layout}) {
-    piece.rows.assign(5002 * attributes.row_bytes(), std::byte{0});
+    piece.in.rows.assign(5002 * attributes.row_bytes(), std::byte{0});
     Meter meter(kRoot, [&](ByteSpan payload) {
       static_cast<void>(DecodeRootPiece(payload, attributes, 5002, "test"));
     });
@@ -346,23 +346,23 @@ TEST_CASE("records, entries and index rows take memory by their bytes", "[memory
   entry_meter.TryAll(EncodeSuperblock({2, uint64_t{1} << 40, 3}), 300);
 
   ClusterIndex index;
-  std::vector<ClusterId> children;
+  std::vector<UnitId> children;
   for (uint32_t c = 0; c < 512; ++c) {
-    ClusterEntry entry;
+    UnitEntry entry;
     entry.round = 1;
     entry.hilbert = c;
     entry.bounds.Add(Vec3i{0, 0, 0});
     entry.nodes = 1;
-    index.AddCluster(entry, {c, 0, 1}, children);
-    children.push_back(ClusterId{c});
+    index.Add(entry, {c, 0, 1}, children);
+    children.push_back(c);
   }
   for (const uint32_t count : {512u, 40u, 0xffffffffu}) {
     Meter meter(kIndex, [&](ByteSpan bytes) {
       ClusterIndex decoded;
-      static_cast<void>(DecodeIndexRows(bytes, IndexKind::kClusters, count, "test", &decoded));
+      static_cast<void>(DecodeIndexRows(bytes, count, "test", &decoded));
       decoded.Finish(1);
     });
-    meter.TryAll(EncodeIndexRows(index, IndexKind::kClusters, 0, std::min(count, 512u)), 100);
+    meter.TryAll(EncodeIndexRows(index, 0, std::min(count, 512u)), 100);
   }
 }
 

@@ -41,7 +41,7 @@ TEST_CASE("A cluster is read with the ancestors that are missing, and once") {
 
 TEST_CASE("The least recently used unpinned units go first, pinned ones stay") {
   const MtFixture f = Fixture();
-  const uint32_t count = UnitCount(f.source->index());
+  const uint32_t count = f.source->index().unit_count();
   LoadStats stats;
   size_t all = 0;
   {
@@ -117,7 +117,7 @@ size_t SmallestCache(const MtFixture& f, const Wanted& wanted, size_t at_least) 
 
 TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
   const MtFixture f = Fixture();
-  const uint32_t count = UnitCount(f.source->index());
+  const uint32_t count = f.source->index().unit_count();
   constexpr unsigned kReaders = 6;
   // What is enough for each of them alone is enough for all of them.
   size_t budget = 0;
@@ -157,7 +157,7 @@ TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
 TEST_CASE("What is named ahead is loaded by other threads, once, and counted for its query",
           "[threads]") {
   const MtFixture f = Fixture();
-  const uint32_t count = UnitCount(f.source->index());
+  const uint32_t count = f.source->index().unit_count();
   ClusterCache cache(f.source, size_t{1} << 30, 3);
   UnitReader reader(cache, {});
   REQUIRE(reader.prefetch_units() > 0);
@@ -181,7 +181,7 @@ TEST_CASE("What is named ahead is loaded by other threads, once, and counted for
 
 TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
   const MtFixture f = Fixture();
-  const uint32_t count = UnitCount(f.source->index());
+  const uint32_t count = f.source->index().unit_count();
   for (int round = 0; round < 10; ++round) {
     ClusterCache cache(f.source, size_t{1} << 30);
     const uint64_t before = f.source->reads_;
@@ -210,7 +210,7 @@ TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
 
 TEST_CASE("When the thread that loads fails, the others find out for themselves", "[threads]") {
   const MtFixture f = Fixture();
-  const uint32_t count = UnitCount(f.source->index());
+  const uint32_t count = f.source->index().unit_count();
   ClusterCache cache(f.source, size_t{1} << 30);
   std::atomic<int> failures_left{20};
   f.source->on_read_ = [&](uint32_t) {

@@ -10,7 +10,7 @@ namespace mtdb::testing {
 TEST_CASE("A payload with an unknown stream that must be understood is refused by name") {
   for (const bool root : {false, true}) {
     const MtFixture f = MakeMt({});
-    Bytes& payload = root ? f.source->root_pieces_[0] : f.source->clusters_[0];
+    Bytes& payload = root ? f.source->root_payloads()[0] : f.source->payloads_[0];
     payload[1] = std::byte{0xf0};  // the first stream's tag, after the number of streams
     const auto surface = Surface::Open(f.source).value();
     TriangleMesh mesh;

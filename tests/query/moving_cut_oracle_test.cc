@@ -111,7 +111,7 @@ class Follower {
   explicit Follower(const MtFixture& f) : f_(f), numbers_(f.source->index_.cluster_count()) {
     for (size_t n = 0; n < f.mt.nodes.size(); ++n) {
       const InMemoryMt::Node& node = f.mt.nodes[n];
-      auto& of = numbers_[node.cluster.value];
+      auto& of = numbers_[node.cluster];
       if (of.size() <= node.index) of.resize(node.index + 1);
       of[node.index] = n;
     }
@@ -129,7 +129,7 @@ class Follower {
     uint64_t count = 0;
     for (size_t n = 0; n < applied.size(); ++n) {
       const InMemoryMt::Node& node = f_.mt.nodes[n];
-      const Bits& bits = cut.applied(node.cluster.value);
+      const Bits& bits = cut.applied(node.cluster);
       REQUIRE(applied[n] == (!bits.empty() && bits.Test(node.index)));
       if (!applied[n]) continue;
       ++count;
@@ -271,7 +271,7 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
       in_rounds += rounds > 0 ? 1 : 0;
       for (size_t n = 0; n < f.mt.nodes.size(); ++n) {
         const InMemoryMt::Node& node = f.mt.nodes[n];
-        const Bits& bits = cut.applied(node.cluster.value);
+        const Bits& bits = cut.applied(node.cluster);
         REQUIRE(follower.applied[n] == (!bits.empty() && bits.Test(node.index)));
       }
     }

@@ -290,7 +290,7 @@ class MtBuilder {
     std::map<uint32_t, uint32_t> vertices;
     std::map<uint32_t, uint32_t> triangles;
     std::vector<uint32_t> triangle_ids;
-    ClusterEntry entry;
+    UnitEntry entry;
     const auto local = [&](uint32_t v) {
       const auto [it, added] = vertices.emplace(v, static_cast<uint32_t>(vertices.size()));
       if (added) {
@@ -331,7 +331,7 @@ class MtBuilder {
                    static_cast<uint32_t>(node.star.size() + (node.boundary ? 1 : 0)));
     }
     EncodedCluster encoded = EncodeCluster(updates, Attributes());
-    const ClusterId id(static_cast<uint32_t>(source_->clusters_.size()));
+    const auto id = static_cast<UnitId>(source_->payloads_.size());
     for (uint32_t i = 0; i < encoded.node_order.size(); ++i) {
       InMemoryMt::Node& node = mt_.nodes[static_cast<size_t>(first_node) + encoded.node_order[i]];
       node.cluster = id;
@@ -344,15 +344,15 @@ class MtBuilder {
       std::rotate(corners.begin(), corners.begin() + encoded.in_rotations[slot], corners.end());
     }
     entry.round = static_cast<uint8_t>(round);
-    entry.hilbert = id.value;
+    entry.hilbert = id;
     entry.nodes = static_cast<uint32_t>(updates.nodes.size());
     entry.in_triangles = static_cast<uint32_t>(encoded.in_triangles.size());
     entry.out_triangles = encoded.out_triangles;
     entry.external_vertices = encoded.external_vertices;
     entry.explicit_arcs = encoded.explicit_arcs;
     const auto length = static_cast<uint32_t>(encoded.payload.size());
-    source_->index_.AddCluster(entry, {0, 0, length}, encoded.children);
-    source_->clusters_.push_back(std::move(encoded.payload));
+    source_->index_.Add(entry, {0, 0, length}, encoded.children);
+    source_->payloads_.push_back(std::move(encoded.payload));
   }
 
   void MakeRoot() {
@@ -360,15 +360,16 @@ class MtBuilder {
     std::map<uint32_t, VertexIndex> numbers;
     const size_t pieces = std::min(static_cast<size_t>(options_.root_pieces), current_.size());
     for (size_t p = 0; p < pieces; ++p) {
-      RootPiece piece;
-      RootPieceEntry entry;
+      Cluster piece;
+      UnitEntry entry;
+      entry.round = kRootRound;
       std::map<uint32_t, uint32_t> vertices;
-      std::set<ClusterId> children;
+      std::set<UnitId> children;
       const size_t begin = p * mt_.root_triangles.size() / pieces;
       const size_t end = (p + 1) * mt_.root_triangles.size() / pieces;
       for (size_t i = begin; i < end; ++i) {
-        const ClusterId child = live_[mt_.root_triangles[i]].consumer.child;
-        if (child.value != kNone32) children.insert(child);
+        const UnitId child = live_[mt_.root_triangles[i]].consumer.child;
+        if (child != kNone32) children.insert(child);
       }
       piece.children.assign(children.begin(), children.end());
       for (size_t i = begin; i < end; ++i) {
@@ -379,32 +380,32 @@ class MtBuilder {
           numbers.emplace(v, numbers.size());
           const auto [it, added] = vertices.emplace(v, static_cast<uint32_t>(vertices.size()));
           if (added) {
-            piece.positions.push_back(mt_.positions[v]);
-            piece.vertices.push_back(numbers.at(v));
-            AppendRow(v, piece.rows);
+            piece.in.positions.push_back(mt_.positions[v]);
+            piece.in.vertices.push_back(numbers.at(v));
+            AppendRow(v, piece.in.rows);
             entry.bounds.Add(mt_.positions[v]);
           }
           corners[c] = it->second;
         }
         const ClusterUpdates::Consumer& consumer = live_[id].consumer;
         uint32_t remover = kDrain;
-        if (consumer.child.value != kNone32) {
+        if (consumer.child != kNone32) {
           const auto at =
               std::lower_bound(piece.children.begin(), piece.children.end(), consumer.child);
           remover = kChildFlag | static_cast<uint32_t>(at - piece.children.begin());
           if (consumer.explicit_arc) {
             piece.explicit_arcs.push_back(
-                {static_cast<uint32_t>(piece.triangles.size()), consumer.child_slot, 0});
+                {static_cast<uint32_t>(piece.in.triangles.size()), consumer.child_slot, 0});
           }
         }
-        piece.triangles.push_back(corners);
+        piece.in.triangles.push_back(corners);
         piece.removers.push_back(remover);
       }
-      entry.triangles = static_cast<uint32_t>(piece.triangles.size());
-      entry.vertices = static_cast<uint32_t>(piece.vertices.size());
-      source_->root_pieces_.push_back(EncodeRootPiece(piece, Attributes()));
-      const auto length = static_cast<uint32_t>(source_->root_pieces_.back().size());
-      source_->index_.AddRootPiece(entry, {0, 0, length}, piece.children);
+      entry.out_triangles = static_cast<uint32_t>(piece.in.triangles.size());
+      entry.external_vertices = static_cast<uint32_t>(piece.in.vertices.size());
+      source_->payloads_.push_back(EncodeRootPiece(piece, Attributes()));
+      const auto length = static_cast<uint32_t>(source_->payloads_.back().size());
+      source_->index_.Add(entry, {0, 0, length}, piece.children);
     }
     source_->index_.Finish(numbers.size());
   }
@@ -503,22 +504,11 @@ std::vector<uint32_t> InMemoryMt::Mesh(const std::vector<bool>& applied) const {
   return mesh;
 }
 
-Status MemoryClusterSource::ReadClusters(std::span<const ClusterId> ids,
-                                         const ClusterReceiver& receive) {
-  for (const ClusterId id : ids) {
+Status MemoryClusterSource::Read(std::span<const UnitId> units, const Receiver& receive) {
+  for (const UnitId unit : units) {
     ++reads_;
-    if (on_read_) MTDB_RETURN_IF_ERROR(on_read_(id.value));
-    MTDB_RETURN_IF_ERROR(receive(id, clusters_[id.value]));
-  }
-  return Status::Ok();
-}
-
-Status MemoryClusterSource::ReadRootPieces(std::span<const RootPieceId> ids,
-                                           const RootReceiver& receive) {
-  for (const RootPieceId id : ids) {
-    ++reads_;
-    if (on_read_) MTDB_RETURN_IF_ERROR(on_read_(record_.clusters + id.value));
-    MTDB_RETURN_IF_ERROR(receive(id, root_pieces_[id.value]));
+    if (on_read_) MTDB_RETURN_IF_ERROR(on_read_(unit));
+    MTDB_RETURN_IF_ERROR(receive(unit, payloads_[unit]));
   }
   return Status::Ok();
 }

@@ -44,7 +44,7 @@ struct InMemoryMt {
     uint32_t vertex = 0;
     std::vector<uint32_t> hole;
     std::vector<uint32_t> star;
-    ClusterId cluster;
+    UnitId cluster;
     NodeIndex index = 0;
   };
   std::vector<Vec3i> positions;
@@ -64,14 +64,14 @@ class MemoryClusterSource final : public ClusterSource {
  public:
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
-  Status ReadClusters(std::span<const ClusterId> ids, const ClusterReceiver& receive) override;
-  Status ReadRootPieces(std::span<const RootPieceId> ids, const RootReceiver& receive) override;
+  Status Read(std::span<const UnitId> units, const Receiver& receive) override;
 
   ObjectRecord record_;
   ClusterIndex index_;
-  std::vector<Bytes> clusters_;
-  std::vector<Bytes> root_pieces_;
+  std::vector<Bytes> payloads_;  // by unit
   std::atomic<uint64_t> reads_{0};
+  std::span<Bytes> cluster_payloads() { return std::span(payloads_).first(record_.clusters); }
+  std::span<Bytes> root_payloads() { return std::span(payloads_).subspan(record_.clusters); }
   // Not null: decides each read (a failed Status) before it is served.
   std::function<Status(uint32_t unit)> on_read_;
 };

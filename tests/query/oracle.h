@@ -101,8 +101,8 @@ class Oracle {
     std::vector<bool> looked_into(index.cluster_count(), false);
     std::vector<bool> read(index.cluster_count(), false);
     uint64_t bytes_read = 0;
-    for (uint32_t r = 0; r < index.root_piece_count(); ++r) {
-      bytes_read += index.location(RootPieceId(r)).length;
+    for (UnitId u = index.cluster_count(); u < index.unit_count(); ++u) {
+      bytes_read += index.location(u).length;
     }
     using Rank = std::tuple<uint8_t, bool, uint32_t, uint32_t>;  // code, look, cluster, node
     for (;;) {
@@ -112,11 +112,11 @@ class Oracle {
         const InMemoryMt::Triangle& t = f_.mt.triangles[id];
         if (t.remover < 0) continue;
         const InMemoryMt::Node& node = f_.mt.nodes[static_cast<size_t>(t.remover)];
-        Rank rank{node.code, false, node.cluster.value, kNone32 - node.index};
-        if (!looked_into[node.cluster.value]) {
-          const uint8_t largest = index.cluster(node.cluster).error_code_max;
+        Rank rank{node.code, false, node.cluster, kNone32 - node.index};
+        if (!looked_into[node.cluster]) {
+          const uint8_t largest = index.unit(node.cluster).error_code_max;
           if (!Refused(f_.Corners(t), Bound(largest))) continue;
-          rank = {largest, true, node.cluster.value, kNone32};
+          rank = {largest, true, node.cluster, kNone32};
         } else if (!wanted_[id]) {
           continue;
         }
@@ -131,12 +131,12 @@ class Oracle {
         uint64_t cost = 0;
         std::vector<uint32_t> open{std::get<2>(*best)};
         while (!open.empty()) {
-          const ClusterId c(open.back());
+          const UnitId c = open.back();
           open.pop_back();
-          if (next[c.value]) continue;
-          next[c.value] = true;
+          if (c >= index.cluster_count() || next[c]) continue;
+          next[c] = true;
           cost += index.location(c).length;
-          for (const ClusterId p : index.parents(c)) open.push_back(p.value);
+          for (const UnitId p : index.parents(c)) open.push_back(p);
         }
         *limit = QueryLimit::kBytes;
         if (query_.max_bytes && bytes_read + cost > *query_.max_bytes) return applied;

@@ -256,10 +256,10 @@ class Follower {
     uint64_t count = 0;
     const ClusterIndex& index = f.source->index();
     for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-      for (NodeIndex i = 0; i < index.cluster(ClusterId(c)).nodes; ++i) {
-        const bool applied = session.applied(ClusterId(c), i);
+      for (NodeIndex i = 0; i < index.unit(c).nodes; ++i) {
+        const bool applied = session.applied(c, i);
         count += applied ? 1 : 0;
-        if (applied != vertices_.contains(index.first_vertex(ClusterId(c)) + i)) return false;
+        if (applied != vertices_.contains(index.first_vertex(c) + i)) return false;
       }
     }
     return count == session.applied_count();
@@ -272,8 +272,8 @@ class Follower {
 bool SameCut(const MtFixture& f, const Session& session, const Cut& cut) {
   const ClusterIndex& index = f.source->index();
   for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-    for (NodeIndex i = 0; i < index.cluster(ClusterId(c)).nodes; ++i) {
-      if (session.applied(ClusterId(c), i) != cut.applied(ClusterId(c), i)) return false;
+    for (NodeIndex i = 0; i < index.unit(c).nodes; ++i) {
+      if (session.applied(c, i) != cut.applied(c, i)) return false;
     }
   }
   return true;

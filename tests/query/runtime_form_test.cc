@@ -38,8 +38,7 @@ std::shared_ptr<Surface> Open(const MtFixture& f, RuntimeForm form, size_t cache
 
 size_t PayloadBytes(const MtFixture& f) {
   size_t bytes = 0;
-  for (const Bytes& payload : f.source->clusters_) bytes += payload.size();
-  for (const Bytes& payload : f.source->root_pieces_) bytes += payload.size();
+  for (const Bytes& payload : f.source->payloads_) bytes += payload.size();
   return bytes;
 }
 
@@ -91,7 +90,7 @@ TEST_CASE("Both forms give the same answers, in caches of any size that is enoug
 
 TEST_CASE("Between queries the implicit form keeps payloads only, and reads none of them again") {
   const MtFixture f = Fixture(3);
-  const uint32_t units = UnitCount(f.source->index_);
+  const uint32_t units = f.source->index_.unit_count();
   const auto surface = Open(f, RuntimeForm::kImplicit);
   ExtractStats stats;
   Extract(*surface, Query{}, &stats).value();
@@ -179,7 +178,7 @@ TEST_CASE("An implicit surface is verified with every unit decoded once") {
   const auto surface = Open(f, RuntimeForm::kImplicit);
   CheckReport report;
   REQUIRE(VerifyObject(*surface, VerifyLevel::kFull, &report).ok());
-  REQUIRE(surface->cache().decoded() == UnitCount(f.source->index_));
+  REQUIRE(surface->cache().decoded() == f.source->index_.unit_count());
 }
 
 }  // namespace

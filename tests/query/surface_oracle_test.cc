@@ -99,7 +99,7 @@ void CheckAnswer(const MtFixture& f, const Query& query, const Oracle& oracle,
     if (t.remover >= 0) {
       const InMemoryMt::Node& node = f.mt.nodes[static_cast<size_t>(t.remover)];
       code = node.code;
-      largest = f.source->index_.cluster(node.cluster).error_code_max;
+      largest = f.source->index_.unit(node.cluster).error_code_max;
     }
     if (oracle.active(id)) {
       ++active;
@@ -268,9 +268,9 @@ TEST_CASE("With budgets of triangles and bytes the largest errors are refined fi
   for (const MtOptions& options : SmallMts()) {
     const MtFixture f = MakeMt(options);
     uint64_t all_bytes = 0;
-    for (const Bytes& payload : f.source->clusters_) all_bytes += payload.size();
+    for (const Bytes& payload : f.source->cluster_payloads()) all_bytes += payload.size();
     uint64_t root_bytes = 0;
-    for (const Bytes& payload : f.source->root_pieces_) root_bytes += payload.size();
+    for (const Bytes& payload : f.source->root_payloads()) root_bytes += payload.size();
     for (int i = 0; i < 9; ++i) {
       Query query = RandomQuery(f, random);
       query.clip = i % 4 == 0;

@@ -198,7 +198,7 @@ TEST_CASE("A budget below the root gives the root, and one above everything give
 TEST_CASE("Bytes in the cache are free, and a smaller budget never reads or refines more") {
   const MtFixture f = MakeMt(Medium(3));
   uint64_t root_bytes = 0;
-  for (const Bytes& payload : f.source->root_pieces_) root_bytes += payload.size();
+  for (const Bytes& payload : f.source->root_payloads()) root_bytes += payload.size();
   Query query;
   uint64_t triangles = 0;
   double error = 1e9;
@@ -322,9 +322,9 @@ TEST_CASE("The smallest cache that can hold a query's steps gives the same answe
         REQUIRE(SameMesh(Extract(*small, query), Extract(*large, query)));
       }
       REQUIRE(small->cache().peak_bytes() <= budget);
-      REQUIRE(small->cache().decoded() > 2 * UnitCount(f.source->index_));
+      REQUIRE(small->cache().decoded() > 2 * f.source->index_.unit_count());
     }
-    REQUIRE(large->cache().decoded() == UnitCount(f.source->index_));
+    REQUIRE(large->cache().decoded() == f.source->index_.unit_count());
   }
 }
 
@@ -353,7 +353,7 @@ TEST_CASE("Many threads on one surface get the answers of one, and decode each c
     }
     for (std::thread& thread : threads) thread.join();
     REQUIRE(wrong == 0);
-    if (budget > 1000000) REQUIRE(shared->cache().decoded() == UnitCount(f.source->index_));
+    if (budget > 1000000) REQUIRE(shared->cache().decoded() == f.source->index_.unit_count());
     REQUIRE(shared->cache().peak_bytes() <= budget);
   }
 }
@@ -364,7 +364,7 @@ TEST_CASE("A query can be cancelled from another thread, also while it waits for
   const auto surface = Open(f, SmallestCache(f, {Query{}}));
   // Somebody else holds a unit and does not let go.
   UnitReader other(surface->cache(), {});
-  REQUIRE(other.Get(UnitCount(f.source->index_) - 1).ok());
+  REQUIRE(other.Get(f.source->index_.unit_count() - 1).ok());
   QueryControl control;
   Query query;
   query.control = &control;
@@ -398,7 +398,7 @@ TEST_CASE("A cancelled query stops at its next step, and progress is seen") {
     TriangleMesh mesh;
     TriangleMeshSink sink(&mesh);
     REQUIRE(surface->Extract(query, sink).status().code() == StatusCode::kCancelled);
-    REQUIRE(control.clusters_loaded() < UnitCount(f.source->index_));
+    REQUIRE(control.clusters_loaded() < f.source->index_.unit_count());
     REQUIRE(control.triangles_emitted() == 0);
     REQUIRE(surface->Select(query).status().code() == StatusCode::kCancelled);
     f.source->on_read_ = nullptr;
@@ -451,9 +451,9 @@ TEST_CASE("Damaged payloads give kCorrupt or another valid mesh, never a crash")
     o.tiles = 4;
     const MtFixture f = MakeMt(o);
     for (int i = 0; i < 60; ++i) {
-      const std::vector<Bytes> clusters = f.source->clusters_;
-      const std::vector<Bytes> roots = f.source->root_pieces_;
-      auto& values = random() % 4 == 0 ? f.source->root_pieces_ : f.source->clusters_;
+      const std::vector<Bytes> payloads = f.source->payloads_;
+      const std::span<Bytes> values =
+          random() % 4 == 0 ? f.source->root_payloads() : f.source->cluster_payloads();
       Bytes& victim = values[random() % values.size()];
       switch (random() % 4) {
         case 0: victim.resize(random() % (victim.size() + 1)); break;
@@ -478,8 +478,7 @@ TEST_CASE("Damaged payloads give kCorrupt or another valid mesh, never a crash")
       CheckReport report;
       REQUIRE(VerifyObject(*surface, VerifyLevel::kFull, &report).ok());
       REQUIRE(VerifyObject(*surface, VerifyLevel::kGlobal, &report).ok());
-      f.source->clusters_ = clusters;
-      f.source->root_pieces_ = roots;
+      f.source->payloads_ = payloads;
     }
   }
   REQUIRE(refused > 200);
@@ -489,34 +488,30 @@ TEST_CASE("An index that disagrees with a payload is found when the cluster is l
   const MtFixture f = MakeMt(Medium(5));
   const ClusterIndex index = f.source->index_;
   const ObjectRecord record = f.source->record_;
-  const auto with_change = [&](const std::function<void(ClusterEntry&)>& change,
-                               const std::function<void(RootPieceEntry&)>& change_root) {
+  const auto with_change = [&](const std::function<void(UnitEntry&)>& change,
+                               const std::function<void(UnitEntry&)>& change_root) {
     ClusterIndex out;
-    for (uint32_t c = 0; c < index.cluster_count(); ++c) {
-      ClusterEntry entry = index.cluster(ClusterId(c));
-      if (c == index.cluster_count() / 2) change(entry);
-      out.AddCluster(entry, {}, index.children(ClusterId(c)));
-    }
-    for (uint32_t r = 0; r < index.root_piece_count(); ++r) {
-      RootPieceEntry entry = index.root_piece(RootPieceId(r));
-      if (r == 0) change_root(entry);
-      out.AddRootPiece(entry, {}, index.children(RootPieceId(r)));
+    for (UnitId u = 0; u < index.unit_count(); ++u) {
+      UnitEntry entry = index.unit(u);
+      if (u == index.cluster_count() / 2) change(entry);
+      if (u == index.cluster_count()) change_root(entry);
+      out.Add(entry, {}, index.children(u));
     }
     out.Finish(index.root_vertices());
     return out;
   };
   const auto no_change = [](auto&) {};
   std::vector<ClusterIndex> wrong;
-  for (const auto& change : std::vector<std::function<void(ClusterEntry&)>>{
-           [](ClusterEntry& e) { ++e.in_triangles; }, [](ClusterEntry& e) { --e.in_triangles; },
-           [](ClusterEntry& e) { ++e.out_triangles; }, [](ClusterEntry& e) { ++e.nodes; },
-           [](ClusterEntry& e) { ++e.external_vertices; },
-           [](ClusterEntry& e) { ++e.error_code_min; }, [](ClusterEntry& e) { --e.error_code_max; },
-           [](ClusterEntry& e) { e.explicit_arcs = !e.explicit_arcs; }}) {
+  for (const auto& change : std::vector<std::function<void(UnitEntry&)>>{
+           [](UnitEntry& e) { ++e.in_triangles; }, [](UnitEntry& e) { --e.in_triangles; },
+           [](UnitEntry& e) { ++e.out_triangles; }, [](UnitEntry& e) { ++e.nodes; },
+           [](UnitEntry& e) { ++e.external_vertices; }, [](UnitEntry& e) { ++e.error_code_min; },
+           [](UnitEntry& e) { --e.error_code_max; },
+           [](UnitEntry& e) { e.explicit_arcs = !e.explicit_arcs; }}) {
     wrong.push_back(with_change(change, no_change));
   }
-  wrong.push_back(with_change(no_change, [](RootPieceEntry& e) { ++e.triangles; }));
-  wrong.push_back(with_change(no_change, [](RootPieceEntry& e) { ++e.vertices; }));
+  wrong.push_back(with_change(no_change, [](UnitEntry& e) { ++e.out_triangles; }));
+  wrong.push_back(with_change(no_change, [](UnitEntry& e) { ++e.external_vertices; }));
   for (size_t i = 0; i < wrong.size(); ++i) {
     f.source->index_ = wrong[i];
     f.source->record_ = record;

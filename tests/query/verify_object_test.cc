@@ -66,7 +66,7 @@ TEST_CASE("A cluster that does not decode is reported once") {
   o.resolution = 16;
   o.tiles = 8;
   const MtFixture f = MakeMt(o);
-  f.source->clusters_.back().resize(3);  // coarsest: others descend from it
+  f.source->cluster_payloads().back().resize(3);  // coarsest: others descend from it
   CheckReport report;
   const auto surface = Surface::Open(f.source).value();
   REQUIRE(VerifyObject(*surface, VerifyLevel::kFull, &report).ok());

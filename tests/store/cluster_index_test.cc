@@ -16,20 +16,14 @@ ClusterIndex MakeIndex(const SyntheticObject& object) {
   ClusterIndex index;
   uint32_t value = 0;
   uint32_t offset = 0;
-  for (size_t i = 0; i < object.clusters.size(); ++i) {
-    const auto& c = object.clusters[i];
-    if (i > 0 && (i % 5 == 0 || c.entry.round != object.clusters[i - 1].entry.round)) {
+  for (size_t i = 0; i < object.units.size(); ++i) {
+    const auto& u = object.units[i];
+    if (i > 0 && (i % 5 == 0 || u.entry.round != object.units[i - 1].entry.round)) {
       ++value;
       offset = 0;
     }
-    const auto length = static_cast<uint32_t>(c.payload.size());
-    index.AddCluster(c.entry, {value, offset, length, Hash64(c.payload)}, c.children);
-    offset += length;
-  }
-  value = offset = 0;
-  for (const auto& p : object.pieces) {
-    const auto length = static_cast<uint32_t>(p.payload.size());
-    index.AddRootPiece(p.entry, {value, offset, length, Hash64(p.payload)}, p.children);
+    const auto length = static_cast<uint32_t>(u.payload.size());
+    index.Add(u.entry, {value, offset, length, Hash64(u.payload)}, u.children);
     offset += length;
   }
   index.Finish(object.record.root_vertices);
@@ -39,24 +33,17 @@ ClusterIndex MakeIndex(const SyntheticObject& object) {
 TEST_CASE("the index derives parents and vertex numbers", "[store]") {
   const SyntheticObject object = MakeObject({.seed = 11, .clusters = 200});
   const ClusterIndex index = MakeIndex(object);
-  std::vector<std::set<uint32_t>> parents(object.clusters.size());
-  std::vector<std::set<uint32_t>> root_parents(object.clusters.size());
-  for (uint32_t p = 0; p < object.clusters.size(); ++p) {
-    for (const ClusterId c : object.clusters[p].children) parents[c.value].insert(p);
-  }
-  for (uint32_t p = 0; p < object.pieces.size(); ++p) {
-    for (const ClusterId c : object.pieces[p].children) root_parents[c.value].insert(p);
+  CHECK(index.cluster_count() == object.record.clusters);
+  CHECK(index.root_piece_count() == object.record.root_pieces);
+  std::vector<std::set<UnitId>> parents(object.units.size());
+  for (UnitId p = 0; p < object.units.size(); ++p) {
+    for (const UnitId c : object.units[p].children) parents[c].insert(p);
   }
   VertexIndex next = object.record.root_vertices;
-  for (uint32_t i = 0; i < index.cluster_count(); ++i) {
-    const ClusterId id{i};
+  for (UnitId id = 0; id < index.unit_count(); ++id) {
     CHECK(index.first_vertex(id) == next);
-    next += index.cluster(id).nodes;
-    const auto same = [](const auto& found, const std::set<uint32_t>& expected) {
-      return std::ranges::equal(found, expected, {}, [](auto x) { return x.value; });
-    };
-    CHECK(same(index.parents(id), parents[i]));
-    CHECK(same(index.root_parents(id), root_parents[i]));
+    next += index.unit(id).nodes;
+    CHECK(std::ranges::equal(index.parents(id), parents[id]));
   }
   CHECK(next == object.record.vertices);
 }
@@ -75,31 +62,21 @@ TEST_CASE("index rows come back from their bytes; every prefix fails", "[store]"
   const std::string where = "i";
   for (const uint32_t per_value : {7u, 512u}) {
     ClusterIndex decoded;
-    for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
-      const uint32_t rows =
-          kind == IndexKind::kClusters ? index.cluster_count() : index.root_piece_count();
-      for (uint32_t first = 0; first < rows; first += per_value) {
-        const uint32_t count = std::min(per_value, rows - first);
-        const Bytes body = EncodeIndexRows(index, kind, first, count);
-        REQUIRE(DecodeIndexRows(body, kind, count, where, &decoded).message() == "");
-        for (size_t size = 0; size < body.size(); size += 1 + size / 50) {
-          ClusterIndex scratch = decoded;
-          REQUIRE(
-              DecodeIndexRows(ByteSpan(body).first(size), kind, count, where, &scratch).code() ==
-              StatusCode::kCorrupt);
-        }
+    const uint32_t rows = index.unit_count();
+    for (uint32_t first = 0; first < rows; first += per_value) {
+      const uint32_t count = std::min(per_value, rows - first);
+      const Bytes body = EncodeIndexRows(index, first, count);
+      REQUIRE(DecodeIndexRows(body, count, where, &decoded).message() == "");
+      for (size_t size = 0; size < body.size(); size += 1 + size / 50) {
+        ClusterIndex scratch = decoded;
+        REQUIRE(DecodeIndexRows(ByteSpan(body).first(size), count, where, &scratch).code() ==
+                StatusCode::kCorrupt);
       }
     }
     decoded.Finish(object.record.root_vertices);
-    for (uint32_t i = 0; i < index.cluster_count(); ++i) {
-      const ClusterId id{i};
-      REQUIRE(decoded.cluster(id) == index.cluster(id));
-      REQUIRE(decoded.location(id) == index.location(id));
-      REQUIRE(std::ranges::equal(decoded.children(id), index.children(id)));
-    }
-    for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
-      const RootPieceId id{i};
-      REQUIRE(decoded.root_piece(id) == index.root_piece(id));
+    REQUIRE(decoded.cluster_count() == index.cluster_count());
+    for (UnitId id = 0; id < index.unit_count(); ++id) {
+      REQUIRE(decoded.unit(id) == index.unit(id));
       REQUIRE(decoded.location(id) == index.location(id));
       REQUIRE(std::ranges::equal(decoded.children(id), index.children(id)));
     }
@@ -111,8 +88,7 @@ TEST_CASE("hostile index rows are refused", "[store]") {
   ClusterIndex index;
   // A count of rows that the bytes cannot hold.
   Bytes small(40, std::byte{0});
-  CHECK(DecodeIndexRows(small, IndexKind::kClusters, 500000000, where, &index).code() ==
-        StatusCode::kCorrupt);
+  CHECK(DecodeIndexRows(small, 500000000, where, &index).code() == StatusCode::kCorrupt);
   CHECK(index.cluster_count() == 0);
   // A count of children that the bytes cannot hold.
   ByteWriter w;
@@ -130,29 +106,55 @@ TEST_CASE("hostile index rows are refused", "[store]") {
   empty.Put(uint64_t{0});
   empty.PutVarint(0);
   ClusterIndex none;
-  CHECK(DecodeIndexRows(empty.bytes(), IndexKind::kClusters, 1, where, &none).code() ==
-        StatusCode::kCorrupt);
+  CHECK(DecodeIndexRows(empty.bytes(), 1, where, &none).code() == StatusCode::kCorrupt);
   w.PutVarint(10);
   w.Put(uint64_t{0});  // checksum
   ByteWriter good = w;
   good.PutVarint(0);
-  CHECK(DecodeIndexRows(good.bytes(), IndexKind::kClusters, 1, where, &index).message() == "");
+  CHECK(DecodeIndexRows(good.bytes(), 1, where, &index).message() == "");
   w.PutVarint(uint64_t{1} << 60);
   ClusterIndex other;
-  CHECK(DecodeIndexRows(w.bytes(), IndexKind::kClusters, 1, where, &other).code() ==
-        StatusCode::kCorrupt);
+  CHECK(DecodeIndexRows(w.bytes(), 1, where, &other).code() == StatusCode::kCorrupt);
+  // What has a cluster's nodes and the root's round, or is after the root, or errors without nodes.
+  const auto row = [&](uint8_t flags, uint8_t round, uint32_t nodes, uint32_t in, uint8_t code) {
+    ByteWriter one;
+    one.Put(flags);
+    one.Put(round);
+    for (int i = 0; i < 7; ++i) one.PutVarint(0);
+    for (const uint32_t n : {nodes, in, 1u, 1u}) one.PutVarint(n);
+    one.Put(uint8_t{0});
+    one.Put(code);
+    one.PutVarint(10);
+    one.Put(uint64_t{0});
+    one.PutVarint(0);
+    return one.Take();
+  };
+  const auto decode = [&](const std::vector<Bytes>& rows) {
+    ByteWriter body;
+    body.PutVarint(0);
+    body.PutVarint(0);
+    for (const Bytes& r : rows) body.PutBytes(r);
+    ClusterIndex fresh;
+    return DecodeIndexRows(body.bytes(), static_cast<uint32_t>(rows.size()), where, &fresh).code();
+  };
+  CHECK(decode({row(2, 1, 5, 1, 9), row(2, kRootRound, 0, 0, 0)}) == StatusCode::kOk);
+  CHECK(decode({row(2, kRootRound, 5, 0, 0)}) == StatusCode::kCorrupt);
+  CHECK(decode({row(2, kRootRound, 0, 1, 0)}) == StatusCode::kCorrupt);
+  CHECK(decode({row(2, kRootRound, 0, 0, 1)}) == StatusCode::kCorrupt);
+  CHECK(decode({row(3, kRootRound, 0, 0, 0)}) == StatusCode::kCorrupt);
+  CHECK(decode({row(2, 1, 0, 0, 0)}) == StatusCode::kCorrupt);
+  CHECK(decode({row(2, kRootRound, 0, 0, 0), row(2, 1, 5, 1, 9)}) == StatusCode::kCorrupt);
   // Random changes: an error, or rows that encode to rows that decode alike.
   const SyntheticObject object = MakeObject({.seed = 13, .clusters = 60});
   const ClusterIndex whole = MakeIndex(object);
-  const Bytes body = EncodeIndexRows(whole, IndexKind::kClusters, 0, whole.cluster_count());
+  const Bytes body = EncodeIndexRows(whole, 0, whole.unit_count());
   std::mt19937_64 random(8);
   for (int i = 0; i < 5000; ++i) {
     Bytes changed = body;
     changed[random() % changed.size()] = static_cast<std::byte>(random());
     ClusterIndex scratch;
-    const Status status =
-        DecodeIndexRows(changed, IndexKind::kClusters, whole.cluster_count(), where, &scratch);
-    if (status.ok()) REQUIRE(scratch.cluster_count() == whole.cluster_count());
+    const Status status = DecodeIndexRows(changed, whole.unit_count(), where, &scratch);
+    if (status.ok()) REQUIRE(scratch.unit_count() == whole.unit_count());
   }
 }
 

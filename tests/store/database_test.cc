@@ -35,8 +35,7 @@ TEST_CASE("an object comes back as it was written", "[store]") {
   CHECK(EncodeObjectRecord((*source)->record()) == EncodeObjectRecord(published));
   CHECK(VerifyFailures(path) == "");
   uint64_t payload_bytes = 0;
-  for (const auto& c : object.clusters) payload_bytes += c.payload.size();
-  for (const auto& p : object.pieces) payload_bytes += p.payload.size();
+  for (const auto& u : object.units) payload_bytes += u.payload.size();
   CHECK(published.payload_bytes == payload_bytes);
   CHECK(published.stored_bytes >= payload_bytes);
   CHECK(published.stored_bytes <= *database->FileBytes());
@@ -68,7 +67,7 @@ TEST_CASE("the same input gives the same digest under any name, id and store", "
   const TempDir dir;
   const SyntheticObject object = MakeObject({.seed = 5});
   SyntheticObject other = object;
-  other.pieces[0].payload[0] ^= std::byte{1};
+  other.units.back().payload[0] ^= std::byte{1};
   SyntheticObject renamed_units = object;
   renamed_units.record.units = std::string("mm");
   const auto a = OpenWritable(dir.File("a.mtdb"));
@@ -163,8 +162,8 @@ TEST_CASE("an object that is not published leaves nothing", "[store]") {
   {
     const auto writer = database->Create("x", false);
     REQUIRE(writer.ok());
-    for (const auto& c : object.clusters) {
-      REQUIRE((*writer)->AddCluster(c.entry, c.children, c.payload).ok());
+    for (const auto& u : std::span(object.units).first(object.record.clusters)) {
+      REQUIRE((*writer)->Add(u.entry, u.children, u.payload).ok());
     }
     CHECK(database->Create("x", true).status().code() == StatusCode::kBusy);
     CHECK(database->List()->empty());
@@ -186,12 +185,13 @@ TEST_CASE("two objects are built at a time", "[store]") {
   const SyntheticObject b = MakeObject({.seed = 2});
   const auto writer = database->Create("a", false);
   REQUIRE(writer.ok());
-  for (const auto& c : a.clusters) {
-    REQUIRE((*writer)->AddCluster(c.entry, c.children, c.payload).ok());
+  const std::span a_units(a.units);
+  for (const auto& u : a_units.first(a.record.clusters)) {
+    REQUIRE((*writer)->Add(u.entry, u.children, u.payload).ok());
   }
   REQUIRE(WriteObject(*database, "b", b).ok());
-  for (const auto& p : a.pieces) {
-    REQUIRE((*writer)->AddRootPiece(p.entry, p.children, p.payload).ok());
+  for (const auto& u : a_units.subspan(a.record.clusters)) {
+    REQUIRE((*writer)->Add(u.entry, u.children, u.payload).ok());
   }
   REQUIRE((*writer)->Publish(a.record).ok());
   CHECK(CompareObject(**database->OpenObject("a"), a).message() == "");
@@ -204,13 +204,13 @@ TEST_CASE("entries that break the rules are refused with their reason", "[store]
   const auto database = OpenWritable(dir.File("a.mtdb"));
   const auto writer = database->Create("x", false);
   REQUIRE(writer.ok());
-  ClusterEntry e = MakeObject({.seed = 1}).clusters[0].entry;
+  UnitEntry e = MakeObject({.seed = 1}).units[0].entry;
   e.hilbert = 10;
-  REQUIRE((*writer)->AddCluster(e, {}, Bytes(1)).ok());
-  const auto code = [&](const ClusterEntry& entry, std::vector<ClusterId> children) {
-    return (*writer)->AddCluster(entry, children, Bytes(1)).status().code();
+  REQUIRE((*writer)->Add(e, {}, Bytes(1)).ok());
+  const auto code = [&](const UnitEntry& entry, std::vector<UnitId> children) {
+    return (*writer)->Add(entry, children, Bytes(1)).status().code();
   };
-  ClusterEntry bad = e;
+  UnitEntry bad = e;
   bad.round = 0;
   CHECK(code(bad, {}) == StatusCode::kInvalidArgument);
   bad = e;
@@ -222,19 +222,29 @@ TEST_CASE("entries that break the rules are refused with their reason", "[store]
   bad = e;
   bad.bounds = {};
   CHECK(code(bad, {}) == StatusCode::kInvalidArgument);
-  CHECK(code(e, {ClusterId{0}}) == StatusCode::kInvalidArgument);  // a child of the same round
-  ClusterEntry coarser = e;
+  CHECK(code(e, {0}) == StatusCode::kInvalidArgument);  // a child of the same round
+  UnitEntry coarser = e;
   coarser.round = 2;
-  CHECK(code(coarser, {ClusterId{0}, ClusterId{0}}) == StatusCode::kInvalidArgument);
-  CHECK(code(coarser, {ClusterId{1}}) == StatusCode::kInvalidArgument);
-  CHECK(code(coarser, {ClusterId{0}}) == StatusCode::kOk);
+  CHECK(code(coarser, {0, 0}) == StatusCode::kInvalidArgument);
+  CHECK(code(coarser, {1}) == StatusCode::kInvalidArgument);
+  CHECK(code(coarser, {0}) == StatusCode::kOk);
   CHECK(code(e, {}) == StatusCode::kInvalidArgument);  // back to a finer round
-  CHECK((*writer)->AddCluster(coarser, {}, {}).status().code() == StatusCode::kInvalidArgument);
-  RootPieceEntry piece;
+  CHECK((*writer)->Add(coarser, {}, {}).status().code() == StatusCode::kInvalidArgument);
+  UnitEntry piece;
+  piece.round = kRootRound;
   piece.bounds = e.bounds;
-  CHECK((*writer)->AddRootPiece(piece, {}, {}).status().code() == StatusCode::kInvalidArgument);
-  CHECK((*writer)->AddRootPiece(piece, {}, Bytes((1 << 20) + 1)).status().code() ==
-        StatusCode::kInvalidArgument);
+  CHECK((*writer)->Add(piece, {}, {}).status().code() == StatusCode::kInvalidArgument);
+  for (const auto& spoil : std::vector<std::function<void(UnitEntry&)>>{
+           [](UnitEntry& p) { p.nodes = 1; }, [](UnitEntry& p) { p.in_triangles = 1; },
+           [](UnitEntry& p) { p.error_code_max = 1; }, [](UnitEntry& p) { p.explicit_arcs = true; },
+           [](UnitEntry& p) { p.round = 3; }}) {
+    bad = piece;
+    spoil(bad);
+    CHECK(code(bad, {}) == StatusCode::kInvalidArgument);
+  }
+  CHECK(code(piece, {1}) == StatusCode::kOk);
+  CHECK(code(piece, {2}) == StatusCode::kInvalidArgument);  // a piece of the root
+  CHECK(code(coarser, {}) == StatusCode::kInvalidArgument);
 }
 
 TEST_CASE("handles of a file share one environment, also when one of them writes", "[store]") {
@@ -303,11 +313,8 @@ TEST_CASE("objects built side by side have ids of their own, in any order of pub
   const auto database = OpenWritable(dir.File("a.mtdb"));
   const SyntheticObject object = MakeObject({.seed = 1, .clusters = 4});
   const auto publish = [&](ObjectWriter& writer) {
-    for (const auto& c : object.clusters) {
-      REQUIRE(writer.AddCluster(c.entry, c.children, c.payload).ok());
-    }
-    for (const auto& p : object.pieces) {
-      REQUIRE(writer.AddRootPiece(p.entry, p.children, p.payload).ok());
+    for (const auto& u : object.units) {
+      REQUIRE(writer.Add(u.entry, u.children, u.payload).ok());
     }
     return writer.Publish(object.record).value().id.value;
   };
@@ -333,12 +340,12 @@ TEST_CASE("small rounds share a value", "[store]") {
   const std::string path = dir.File("a.mtdb");
   const auto database = OpenWritable(path);
   const SyntheticObject object = MakeObject({.clusters = 16, .max_payload = 1000});
-  REQUIRE(object.clusters.back().entry.round > 2);
+  REQUIRE(object.units[object.record.clusters - 1].entry.round > 2);
   REQUIRE(WriteObject(*database, "x", object).ok());
   const auto source = database->OpenObject("x").value();
   const ClusterIndex& index = source->index();
   for (uint32_t i = 0; i < index.cluster_count(); ++i) {
-    CHECK(index.location(ClusterId{i}).value == 0);
+    CHECK(index.location(i).value == 0);
   }
 }
 
@@ -379,24 +386,24 @@ TEST_CASE("reading a cluster reads its own bytes and few pages of the tree", "[s
   const auto database = OpenReadOnly(path);
   const auto source = database->OpenObject("x");
   REQUIRE(source.ok());
-  const auto ignore = [](ClusterId, Bytes) { return Status::Ok(); };
+  const auto ignore = [](UnitId, Bytes) { return Status::Ok(); };
   const auto read = [&](uint32_t id) {
     const uint64_t before = (*source)->bytes_read();
-    const ClusterId ids[] = {ClusterId{id}};
-    REQUIRE((*source)->ReadClusters(ids, ignore).ok());
-    return (*source)->bytes_read() - before - object.clusters[id].payload.size();
+    const UnitId ids[] = {id};
+    REQUIRE((*source)->Read(ids, ignore).ok());
+    return (*source)->bytes_read() - before - object.units[id].payload.size();
   };
   CHECK(read(150) <= 16 + 4 * 4096);
   CHECK(read(150) == 4 * 152);  // the meta pages, each twice
-  const ClusterId bad[] = {ClusterId{100000}};
-  CHECK((*source)->ReadClusters(bad, ignore).code() == StatusCode::kInvalidArgument);
-  const ClusterId good[] = {ClusterId{1}, ClusterId{0}};
+  const UnitId bad[] = {100000};
+  CHECK((*source)->Read(bad, ignore).code() == StatusCode::kInvalidArgument);
+  const UnitId good[] = {1, 0};
   int calls = 0;
-  const auto stop = [&](ClusterId, Bytes) {
+  const auto stop = [&](UnitId, Bytes) {
     ++calls;
     return Status(StatusCode::kCancelled, "enough");
   };
-  CHECK((*source)->ReadClusters(good, stop).code() == StatusCode::kCancelled);
+  CHECK((*source)->Read(good, stop).code() == StatusCode::kCancelled);
   CHECK(calls == 1);
 }
 

@@ -45,12 +45,12 @@ SmallStore MakeSmallStore(const std::string& path) {
   REQUIRE(WalkPages(snapshot->pages(), options).failures == std::vector<std::string>());
   std::vector<bool> payload(store.bytes.size(), false);
   std::vector<bool> value(store.bytes.size(), false);
-  for (const Table table : {Table::kCatalog, Table::kClusters, Table::kIndex, Table::kRoot}) {
+  for (const Table table : {Table::kCatalog, Table::kUnits, Table::kIndex}) {
     const auto scanned =
         snapshot->Scan(table, {}, [&](ByteSpan, const ValueRef& v) -> Result<bool> {
           const auto at = static_cast<ptrdiff_t>(v.file_offset);
           std::fill_n(value.begin() + at, v.size, true);
-          if (table == Table::kClusters) std::fill_n(payload.begin() + at, v.size, true);
+          if (table == Table::kUnits) std::fill_n(payload.begin() + at, v.size, true);
           return true;
         });
     REQUIRE(scanned.ok());
@@ -93,8 +93,7 @@ TEST_CASE("a flipped byte is never read as if it were right, and verify reports 
   // The walker must claim all that was written: a mask of nothing would make this test hollow.
   uint64_t written = 0;
   for (const SyntheticObject* o : {&store.first, &store.second}) {
-    for (const auto& c : o->clusters) written += c.payload.size() + 8;
-    for (const auto& p : o->pieces) written += p.payload.size() + 8;
+    for (const auto& u : o->units) written += u.payload.size() + 8;
   }
   const auto covered =
       static_cast<uint64_t>(std::count(store.covered.begin(), store.covered.end(), true));

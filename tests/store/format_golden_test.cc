@@ -42,12 +42,11 @@ std::vector<Example> Examples() {
   all.push_back({"building key", building_key});
   all.push_back({"building entry",
                  SealValue(Table::kCatalog, building_key, EncodePendingEntry({"bunny", 4711}))});
-  all.push_back({"cluster key", ClusterKey(ObjectId{1}, 1, 5, 0)});
-  all.push_back({"root key", RootKey(ObjectId{1}, 0)});
+  all.push_back({"unit key", UnitKey(ObjectId{1}, 1, 5, 0)});
   const ByteSpan payload = AsBytes("mesh");
 
   ClusterIndex index;
-  ClusterEntry e;
+  UnitEntry e;
   e.round = 1;
   e.hilbert = 5;
   e.bounds.Add(Vec3i{-1, 2, 300});
@@ -58,23 +57,20 @@ std::vector<Example> Examples() {
   e.external_vertices = 8;
   e.error_code_min = 7;
   e.error_code_max = 30;
-  index.AddCluster(e, {0, 0, 4, Hash64(payload, ClusterSeed(ClusterId{0}, 1, 5))}, {});
+  index.Add(e, {0, 0, 4, Hash64(payload, UnitSeed(0, 1, 5))}, {});
   e.hilbert = 6;
   e.explicit_arcs = true;
-  index.AddCluster(e, {0, 4, 4, Hash64(payload, ClusterSeed(ClusterId{1}, 1, 6))}, {});
-  RootPieceEntry piece;
+  index.Add(e, {0, 4, 4, Hash64(payload, UnitSeed(1, 1, 6))}, {});
+  UnitEntry piece;
+  piece.round = kRootRound;
   piece.bounds = e.bounds;
-  piece.triangles = 12;
-  piece.vertices = 8;
-  const ClusterId children[] = {ClusterId{0}, ClusterId{1}};
-  index.AddRootPiece(piece, {0, 0, 4, Hash64(payload, RootSeed(RootPieceId{0}))}, children);
-  for (const IndexKind kind : {IndexKind::kClusters, IndexKind::kRootPieces}) {
-    const Bytes key = IndexKey(ObjectId{1}, kind, 0);
-    all.push_back({"index key", key});
-    const uint32_t rows = kind == IndexKind::kClusters ? 2 : 1;
-    all.push_back(
-        {"index value", SealValue(Table::kIndex, key, EncodeIndexRows(index, kind, 0, rows))});
-  }
+  piece.out_triangles = 12;
+  piece.external_vertices = 8;
+  const UnitId children[] = {0, 1};
+  index.Add(piece, {0, 8, 4, Hash64(payload, UnitSeed(2, kRootRound, 0))}, children);
+  const Bytes key = IndexKey(ObjectId{1}, 0);
+  all.push_back({"index key", key});
+  all.push_back({"index value", SealValue(Table::kIndex, key, EncodeIndexRows(index, 0, 3))});
   ObjectRecord record;
   record.id = ObjectId{1};
   record.name = std::string("bunny");
@@ -100,17 +96,16 @@ TEST_CASE("the format page shows the bytes that are written", "[store]") {
 
 TEST_CASE("sizes and numbers of the format are pinned", "[store]") {
   CHECK(kSuperblockBytes == 48);
-  CHECK(kClusterKeyBytes == ClusterKey(ObjectId{1}, 1, 0, 0).size());
-  CHECK(kRootKeyBytes == RootKey(ObjectId{1}, 0).size());
-  CHECK(kIndexKeyBytes == IndexKey(ObjectId{1}, IndexKind::kClusters, 0).size());
+  CHECK(kUnitKeyBytes == UnitKey(ObjectId{1}, 1, 0, 0).size());
+  CHECK(kIndexKeyBytes == IndexKey(ObjectId{1}, 0).size());
   CHECK(kStoreVersion == 1);
   CHECK(MaxNodeBytes(4096) == 2038);
   CHECK(OverflowPages(4080, 4096) == 1);
   CHECK(OverflowPages(4081, 4096) == 2);
   CHECK(MixAll(1, 2) == Mix64(Mix64(1) ^ 2));
   // The coarsest round comes first, whatever the curve says.
-  CHECK(CompareKeys(KeyOrder::kBytes, ClusterKey(ObjectId{1}, 3, ~uint64_t{0}, 0),
-                    ClusterKey(ObjectId{1}, 2, 0, 0)) < 0);
+  CHECK(CompareKeys(KeyOrder::kBytes, UnitKey(ObjectId{1}, 3, ~uint64_t{0}, 0),
+                    UnitKey(ObjectId{1}, 2, 0, 0)) < 0);
 }
 
 TEST_CASE("another version of the store is refused by name", "[store]") {

@@ -47,8 +47,8 @@ class Workload {
     }
     const Status status = environment.Write([&](WriteTransaction& write) -> Status {
       for (const auto& [key, value] : todo) {
-        MTDB_RETURN_IF_ERROR(value ? write.Put(Table::kClusters, AsBytes(key), AsBytes(*value))
-                                   : write.Delete(Table::kClusters, AsBytes(key)));
+        MTDB_RETURN_IF_ERROR(value ? write.Put(Table::kUnits, AsBytes(key), AsBytes(*value))
+                                   : write.Delete(Table::kUnits, AsBytes(key)));
       }
       return Status::Ok();
     });
@@ -69,8 +69,8 @@ Model ReadAll(const Snapshot& snapshot, ByteSpan first = {}) {
   Model read;
   std::string last;
   bool ascending = true;
-  const Status status = snapshot.Scan(
-      Table::kClusters, first, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
+  const Status status =
+      snapshot.Scan(Table::kUnits, first, [&](ByteSpan key, const ValueRef& value) -> Result<bool> {
         MTDB_ASSIGN_OR_RETURN(const Bytes bytes, snapshot.pages().ReadWhole(value, 1 << 30));
         const std::string k(AsString(key));
         ascending = ascending && (read.empty() || last < k);
@@ -87,7 +87,7 @@ Model ReadByLmdb(Environment& environment) {
   Model read;
   const Status status = environment.Write([&](WriteTransaction& write) -> Status {
     read.clear();
-    return write.Scan(Table::kClusters, {}, [&](ByteSpan key, ByteSpan value) -> Result<bool> {
+    return write.Scan(Table::kUnits, {}, [&](ByteSpan key, ByteSpan value) -> Result<bool> {
       read[std::string(AsString(key))] = std::string(AsString(value));
       return true;
     });
@@ -115,7 +115,7 @@ TEST_CASE("the page reader finds what LMDB's cursor finds", "[store]") {
       std::string key = RandomText(work.random(), 1 + work.random()() % max_key);
       const auto at = work.model().lower_bound(key);
       if (i % 2 == 0 && at != work.model().end()) key = at->first;
-      const auto found = snapshot->Find(Table::kClusters, AsBytes(key));
+      const auto found = snapshot->Find(Table::kUnits, AsBytes(key));
       REQUIRE(found.status().message() == "");
       const auto expected = work.model().find(key);
       REQUIRE(found->has_value() == (expected != work.model().end()));
@@ -157,7 +157,7 @@ TEST_CASE("emptied tables keep their pages accounted for", "[store]") {
   bool done = false;
   while (!done) {
     const Status status = (*environment)->Write([&](WriteTransaction& write) -> Status {
-      MTDB_ASSIGN_OR_RETURN(done, write.DeletePrefix(Table::kClusters, {}, 37, 1 << 20));
+      MTDB_ASSIGN_OR_RETURN(done, write.DeletePrefix(Table::kUnits, {}, 37, 1 << 20));
       return Status::Ok();
     });
     REQUIRE(status.message() == "");

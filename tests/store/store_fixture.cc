@@ -38,10 +38,10 @@ Box3i RandomBounds(std::mt19937_64& random) {
   return box;
 }
 
-std::vector<ClusterId> RandomChildren(std::mt19937_64& random, uint32_t below) {
-  std::vector<ClusterId> children;
+std::vector<UnitId> RandomChildren(std::mt19937_64& random, uint32_t below) {
+  std::vector<UnitId> children;
   for (uint32_t c = 0; c < below; ++c) {
-    if (random() % 8 == 0) children.push_back(ClusterId{c});
+    if (random() % 8 == 0) children.push_back(c);
   }
   return children;
 }
@@ -53,11 +53,11 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
   SyntheticObject o;
   uint8_t round = 1;
   for (uint32_t count = options.clusters; count > 0; count /= 4, ++round) {
-    const auto finer = static_cast<uint32_t>(o.clusters.size());
+    const auto finer = static_cast<uint32_t>(o.units.size());
     uint64_t hilbert = random() % 1000;
     RoundReport report;
     for (uint32_t i = 0; i < count; ++i) {
-      SyntheticObject::Cluster c;
+      SyntheticObject::Unit c;
       c.entry.round = round;
       c.entry.hilbert = hilbert;
       hilbert += random() % 3 == 0 ? 0 : random() % (uint64_t{1} << 40);
@@ -73,23 +73,24 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
       c.payload = RandomBytes(random, 1 + random() % options.max_payload);
       o.record.nodes += c.entry.nodes;
       report.nodes += c.entry.nodes;
-      o.clusters.push_back(std::move(c));
+      o.units.push_back(std::move(c));
     }
     report.clusters = count;
     o.record.rounds.push_back(report);
   }
-  for (uint32_t i = 0; i < 1 + options.clusters / 16; ++i) {
-    SyntheticObject::RootPiece p;
+  o.record.clusters = static_cast<uint32_t>(o.units.size());
+  o.record.root_pieces = 1 + options.clusters / 16;
+  for (uint32_t i = 0; i < o.record.root_pieces; ++i) {
+    SyntheticObject::Unit p;
+    p.entry.round = kRootRound;
     p.entry.bounds = RandomBounds(random);
-    p.entry.triangles = static_cast<uint32_t>(random() % 9000);
-    p.entry.vertices = static_cast<uint32_t>(17 + random() % 9000);
-    p.children = RandomChildren(random, static_cast<uint32_t>(o.clusters.size()));
+    p.entry.out_triangles = static_cast<uint32_t>(random() % 9000);
+    p.entry.external_vertices = static_cast<uint32_t>(17 + random() % 9000);
+    p.children = RandomChildren(random, o.record.clusters);
     p.payload = RandomBytes(random, 1 + random() % options.max_payload);
-    o.record.root_triangles += p.entry.triangles;
-    o.pieces.push_back(std::move(p));
+    o.record.root_triangles += p.entry.out_triangles;
+    o.units.push_back(std::move(p));
   }
-  o.record.clusters = static_cast<uint32_t>(o.clusters.size());
-  o.record.root_pieces = static_cast<uint32_t>(o.pieces.size());
   o.record.root_vertices = 17;
   o.record.vertices = 17 + o.record.nodes;
   o.record.bounds.Add(Vec3d{0, 1, 2});
@@ -102,12 +103,8 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
 Result<ObjectRecord> WriteObject(Database& database, const std::string& name,
                                  const SyntheticObject& object, bool replace) {
   MTDB_ASSIGN_OR_RETURN(const auto writer, database.Create(name, replace));
-  for (const auto& c : object.clusters) {
-    const auto id = writer->AddCluster(c.entry, c.children, c.payload);
-    if (!id.ok()) return id.status();
-  }
-  for (const auto& p : object.pieces) {
-    const auto id = writer->AddRootPiece(p.entry, p.children, p.payload);
+  for (const auto& u : object.units) {
+    const auto id = writer->Add(u.entry, u.children, u.payload);
     if (!id.ok()) return id.status();
   }
   return writer->Publish(object.record);
@@ -118,34 +115,21 @@ Status CompareObject(ClusterSource& source, const SyntheticObject& object) {
   const auto differs = [](const std::string& what) {
     return InvalidArgument(std::string("differs: ").append(what));
   };
-  if (index.cluster_count() != object.clusters.size()) return differs("cluster count");
-  if (index.root_piece_count() != object.pieces.size()) return differs("root piece count");
-  std::vector<ClusterId> ids;
-  for (uint32_t i = 0; i < index.cluster_count(); ++i) {
-    const auto& c = object.clusters[i];
-    const ClusterId id{i};
+  if (index.unit_count() != object.units.size()) return differs("unit count");
+  if (index.cluster_count() != object.record.clusters) return differs("cluster count");
+  std::vector<UnitId> ids;
+  for (UnitId id = 0; id < index.unit_count(); ++id) {
+    const auto& u = object.units[id];
     ids.push_back(id);
-    if (index.cluster(id) != c.entry) return differs("entry of cluster " + std::to_string(i));
-    if (!std::ranges::equal(index.children(id), c.children)) return differs("children");
-  }
-  std::vector<RootPieceId> pieces;
-  for (uint32_t i = 0; i < index.root_piece_count(); ++i) {
-    const auto& p = object.pieces[i];
-    const RootPieceId id{i};
-    pieces.push_back(id);
-    if (index.root_piece(id) != p.entry) return differs("entry of root piece");
-    if (!std::ranges::equal(index.children(id), p.children)) return differs("root children");
+    if (index.unit(id) != u.entry) return differs("entry of unit " + std::to_string(id));
+    if (!std::ranges::equal(index.children(id), u.children)) return differs("children");
   }
   size_t received = 0;
-  MTDB_RETURN_IF_ERROR(source.ReadClusters(ids, [&](ClusterId id, Bytes payload) {
+  MTDB_RETURN_IF_ERROR(source.Read(ids, [&](UnitId id, Bytes payload) {
     ++received;
-    return payload == object.clusters[id.value].payload ? Status::Ok() : differs("payload");
+    return payload == object.units[id].payload ? Status::Ok() : differs("payload");
   }));
-  MTDB_RETURN_IF_ERROR(source.ReadRootPieces(pieces, [&](RootPieceId id, Bytes payload) {
-    ++received;
-    return payload == object.pieces[id.value].payload ? Status::Ok() : differs("root payload");
-  }));
-  return received == ids.size() + pieces.size() ? Status::Ok() : differs("number of payloads");
+  return received == ids.size() ? Status::Ok() : differs("number of payloads");
 }
 
 std::string VerifyFailures(const std::string& path, const std::string& object) {

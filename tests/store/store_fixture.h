@@ -27,18 +27,12 @@ class TempDir {
 
 // What is written for an object, and so expected back.
 struct SyntheticObject {
-  struct Cluster {
-    ClusterEntry entry;
-    std::vector<ClusterId> children;
+  struct Unit {
+    UnitEntry entry;
+    std::vector<UnitId> children;
     Bytes payload;
   };
-  struct RootPiece {
-    RootPieceEntry entry;
-    std::vector<ClusterId> children;
-    Bytes payload;
-  };
-  std::vector<Cluster> clusters;
-  std::vector<RootPiece> pieces;
+  std::vector<Unit> units;
   ObjectRecord record;
 };
 

@@ -227,7 +227,7 @@ TEST_CASE("a file that is written over or cut off while it is read is an error, 
   std::array objects{MakeObject({.seed = 1, .max_payload = 20000}),
                      MakeObject({.seed = twin ? 1u : 2u, .max_payload = 20000})};
   if (twin) {
-    for (auto& cluster : objects[1].clusters) cluster.payload[0] ^= std::byte{1};
+    for (auto& unit : objects[1].units) unit.payload[0] ^= std::byte{1};
   }
   REQUIRE(WriteObject(*OpenWritable(path), "x", objects[0]).ok());
   REQUIRE(WriteObject(*OpenWritable(other), "x", objects[1]).ok());
@@ -379,7 +379,7 @@ TEST_CASE("a reader that writers overtake reads again, and gives up in the end",
       REQUIRE(source.status().message() == "");
       CHECK(CompareObject(**source, Kept()).message() == "");
     }
-    const Overtaker overtaker(*database, 2);
+    const Overtaker overtaker(*database, 1);
     CHECK(CompareObject(*kept, Kept()).message() == "");
     CHECK(overtaker.left() == 0);
   }

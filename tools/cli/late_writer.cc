@@ -36,17 +36,10 @@ Status LateWriter::Begin() {
   return Status::Ok();
 }
 
-Result<ClusterId> LateWriter::AddCluster(const ClusterEntry& entry,
-                                         std::span<const ClusterId> children, ByteSpan payload) {
+Result<UnitId> LateWriter::Add(const UnitEntry& entry, std::span<const UnitId> children,
+                               ByteSpan payload) {
   MTDB_RETURN_IF_ERROR(Begin());
-  return writer_->AddCluster(entry, children, payload);
-}
-
-Result<RootPieceId> LateWriter::AddRootPiece(const RootPieceEntry& entry,
-                                             std::span<const ClusterId> children,
-                                             ByteSpan payload) {
-  MTDB_RETURN_IF_ERROR(Begin());
-  return writer_->AddRootPiece(entry, children, payload);
+  return writer_->Add(entry, children, payload);
 }
 
 Result<ObjectRecord> LateWriter::Publish(const ObjectRecord& record) {

@@ -18,10 +18,8 @@ class LateWriter final : public ObjectWriter {
   // store, an object of that name, which must not be replaced.
   Status Check() const;
 
-  Result<ClusterId> AddCluster(const ClusterEntry& entry, std::span<const ClusterId> children,
-                               ByteSpan payload) override;
-  Result<RootPieceId> AddRootPiece(const RootPieceEntry& entry, std::span<const ClusterId> children,
-                                   ByteSpan payload) override;
+  Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
+                     ByteSpan payload) override;
   Result<ObjectRecord> Publish(const ObjectRecord& record) override;
 
   // After Publish().

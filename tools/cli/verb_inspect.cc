@@ -28,9 +28,9 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<ClusterSource> source,
                         database.OpenObject(record.name));
   std::map<std::string, uint64_t> bytes;
-  std::vector<ClusterId> clusters;
-  for (uint32_t i = 0; i < record.clusters; ++i) clusters.emplace_back(i);
-  MTDB_RETURN_IF_ERROR(source->ReadClusters(clusters, [&](ClusterId, const Bytes& payload) {
+  std::vector<UnitId> clusters;
+  for (uint32_t i = 0; i < record.clusters; ++i) clusters.push_back(i);
+  MTDB_RETURN_IF_ERROR(source->Read(clusters, [&](UnitId, const Bytes& payload) {
     uint64_t listed = 0;
     for (const StreamSize& s : ClusterStreamSizes(payload)) {
       bytes[s.name] += s.coded_bytes;

@@ -43,15 +43,6 @@ class Digest {
     Add(c.children);
     Add(c.explicit_arcs);
   }
-  void Add(const RootPiece& p) {
-    Add(p.triangles);
-    Add(p.positions);
-    Add(p.vertices);
-    Add(p.rows);
-    Add(p.removers);
-    Add(p.children);
-    Add(p.explicit_arcs);
-  }
   uint64_t sum() const { return sum_; }
 
  private:
@@ -84,8 +75,7 @@ Status DigestFile(const char* path) {
             DecodeCluster(payload, GetInPatch(in), layout, static_cast<uint32_t>(number), path));
         digest.Add(cluster);
       } else {
-        MTDB_ASSIGN_OR_RETURN(const RootPiece piece,
-                              DecodeRootPiece(payload, layout, number, path));
+        MTDB_ASSIGN_OR_RETURN(const Cluster piece, DecodeRootPiece(payload, layout, number, path));
         digest.Add(piece);
       }
       ++units;

@@ -28,28 +28,17 @@ void DumpObject(const Surface& surface, ByteWriter& out) {
   PutAttributeLayout(surface.record().attributes, &out);
   const size_t row = surface.record().attributes.row_bytes();
   LoadStats stats;
-  for (UnitId unit = UnitCount(index); unit-- > index.cluster_count();) {
-    const RootPieceId id(unit - index.cluster_count());
-    const Status status =
-        surface.source()->ReadRootPieces({&id, 1}, [&](RootPieceId, const Bytes& payload) {
-          out.Put(kRootPayload);
-          out.PutVarint(surface.record().root_vertices);
-          PutBlob(out, Expand(payload));
-          return Status::Ok();
-        });
+  for (UnitId unit = index.unit_count(); unit-- > 0;) {
+    const LoadedUnitPtr loaded = surface.cache().Get(unit, &stats).value();
+    const bool root = unit >= index.cluster_count();
+    const Status status = surface.source()->Read({&unit, 1}, [&](UnitId, const Bytes& payload) {
+      out.Put(root ? kRootPayload : kClusterPayload);
+      out.PutVarint(root ? surface.record().root_vertices : loaded->nodes());
+      PutBlob(out, Expand(payload));
+      return Status::Ok();
+    });
     MTDB_CHECK(status.ok(), status.message().c_str());
-  }
-  for (uint32_t i = index.cluster_count(); i-- > 0;) {
-    const ClusterId id(i);
-    const LoadedUnitPtr loaded = surface.cache().Get(i, &stats).value();
-    const Status status =
-        surface.source()->ReadClusters({&id, 1}, [&](ClusterId, const Bytes& payload) {
-          out.Put(kClusterPayload);
-          out.PutVarint(loaded->cluster.nodes());
-          PutBlob(out, Expand(payload));
-          return Status::Ok();
-        });
-    MTDB_CHECK(status.ok(), status.message().c_str());
+    if (root) continue;
     InPatch in = loaded->cluster.in;
     in.positions.resize(in.vertices.size());
     in.rows.resize(in.vertices.size() * row);
