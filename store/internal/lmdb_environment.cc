@@ -124,7 +124,10 @@ Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool chec
     if (rc == EINTR) size *= 2;  // once more
     if (rc != ENOMEM && rc != EINTR) break;
   }
-  if (rc != 0) return Error(rc, "opening the store");
+  if (rc != 0) {
+    if (writable && bytes == 0) name_claim_->EmptyUnfinished();
+    return Error(rc, "opening the store");
+  }
   process_ = ::getpid();
   if (const Status status = name_claim_->CheckLockFile(); !status.ok()) {
     CloseLmdb();

@@ -90,10 +90,22 @@ Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, b
   }
   MTDB_RETURN_IF_ERROR(Lock(locked, F_RDLCK, own));
   MTDB_RETURN_IF_ERROR(Lock(locked, F_UNLCK, kGateByte));
+  claim->byte_ = own;
   return claim;
 }
 
 NameClaim::~NameClaim() { ::close(lock_descriptor_); }
+
+void NameClaim::EmptyUnfinished() const {
+  struct flock lock = Range(F_WRLCK, byte_, byte_ + 1);
+  if (::fcntl(file_->descriptor(), F_OFD_SETLK, &lock) != 0) return;  // others have it open
+  const auto bytes = file_->Size();
+  if (bytes.ok() && *bytes < 2 * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE))) {
+    static_cast<void>(TEMP_FAILURE_RETRY(::ftruncate(file_->descriptor(), 0)));
+  }
+  lock.l_type = F_RDLCK;
+  static_cast<void>(::fcntl(file_->descriptor(), F_OFD_SETLK, &lock));
+}
 
 Status NameClaim::CheckLockFile() const {
   struct stat claimed {};
