@@ -110,8 +110,8 @@ Result<QueryJson> Between(const QueryJson& from, const QueryJson& to, double t,
 
 }  // namespace
 
-Result<std::vector<QueryJson>> ParseFollowPath(const std::string& text) {
-  std::vector<QueryJson> queries;
+Result<QueryJson::array_t> ParseFollowPath(const std::string& text) {
+  QueryJson::array_t queries;
   std::istringstream lines(text);
   std::string line;
   for (size_t number = 1; std::getline(lines, line); ++number) {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 
 #include "builder/build.h"
 #include "store/base/hash.h"
+#include "tools/client/json.h"
 
 namespace mtdb {
 
@@ -50,11 +50,11 @@ std::string JournalPath(const std::string& folder, const std::string& store,
 std::string JournalNote(const std::string& store, const std::string& object,
                         const std::string& command) {
   std::error_code error;
-  const nlohmann::json note{{"store", store},
-                            {"object", object},
-                            {"folder", std::filesystem::current_path(error).string()},
-                            {"command", command.size() <= kMaxCommandBytes ? command : ""}};
-  return note.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const JsonTree note{{"store", store},
+                      {"object", object},
+                      {"folder", std::filesystem::current_path(error).string()},
+                      {"command", command.size() <= kMaxCommandBytes ? command : ""}};
+  return note.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
 }
 
 std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store) {
@@ -67,7 +67,7 @@ std::vector<IngestJournal> FindJournals(const std::string& folder, const std::st
     if (!name.starts_with(prefix) || !name.ends_with(kSuffix)) continue;
     const Result<JournalInfo> info = ReadJournalInfo(at->path().string());
     if (!info.ok()) continue;
-    const nlohmann::json note = nlohmann::json::parse(info->note, nullptr, false);
+    const JsonTree note = JsonTree::parse(info->note, nullptr, false);
     const auto text = [&](const char* key) {
       const bool there = note.is_object() && note.contains(key) && note[key].is_string();
       return there ? note[key].get<std::string>() : std::string();

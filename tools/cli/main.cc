@@ -86,10 +86,9 @@ void AddJson(CLI::App* verb, bool* json) {
 }
 
 // An option that may be given several times.
-template <typename Value, typename Parse>
+template <typename List, typename Parse>
 CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::string& form,
-                           std::vector<Value>* values, Parse parse,
-                           const std::string& description) {
+                           List* values, Parse parse, const std::string& description) {
   return verb
       ->add_option_function<std::vector<std::string>>(
           name,

@@ -18,16 +18,15 @@ namespace mtdb {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Count = unsigned long long;
 
-Result<std::vector<QueryJson>> ReadPath(const std::string& path) {
+Result<QueryJson::array_t> ReadPath(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   const std::string text(std::istreambuf_iterator<char>(file), {});
   if (!file.is_open() || file.bad()) {
     return IoError(path + ": cannot be read: " + std::generic_category().message(errno));
   }
-  Result<std::vector<QueryJson>> queries = ParseFollowPath(text);
+  Result<QueryJson::array_t> queries = ParseFollowPath(text);
   if (!queries.ok()) return InvalidArgument(path + ": " + queries.status().message());
   return queries;
 }
@@ -118,7 +117,7 @@ void PrintSummary(const RemoteSession& session, const std::vector<RemoteUpdate>&
 }  // namespace
 
 Status Follow(const FollowArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<QueryJson> queries, ReadPath(arguments.path));
+  MTDB_ASSIGN_OR_RETURN(const QueryJson::array_t queries, ReadPath(arguments.path));
   CsvFile csv;
   if (!arguments.csv.empty()) MTDB_RETURN_IF_ERROR(csv.Open(arguments.csv));
   RemoteSessionOptions options;

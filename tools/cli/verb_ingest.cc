@@ -178,7 +178,7 @@ Status Ingest(const IngestArguments& arguments) {
   }
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
   if (arguments.json) {
-    nlohmann::ordered_json json = RecordJson(*record, file_bytes);
+    Json json = RecordJson(*record, file_bytes);
     json["notes"] = notes;
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},

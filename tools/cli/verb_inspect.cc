@@ -18,7 +18,6 @@ namespace mtdb {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 unsigned long long U(uint64_t v) { return v; }
 
 using BitsPerVertex = std::map<std::string, double>;

@@ -10,18 +10,18 @@ namespace mtdb {
 
 namespace {
 
-nlohmann::ordered_json PointJson(Vec3d p) { return nlohmann::ordered_json::array({p.x, p.y, p.z}); }
+Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
 void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
                  const ProbeAnswer& answer, double seconds) {
   const char* const measure = arguments.ray ? "parameter" : "distance";
   if (arguments.json) {
-    nlohmann::ordered_json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
+    Json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
     if (answer.hit) {
       json["point"] = PointJson(answer.hit->point);
       json[measure] = answer.hit->distance;
       json["front"] = answer.hit->front;
-      json["triangle"] = nlohmann::ordered_json::array();
+      json["triangle"] = Json::array();
       for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(PointJson(p));
       json["error_bound"] = answer.error_bound;
       json["excess"] = answer.excess;

@@ -27,7 +27,7 @@ bool TakeHeaders(const HttpResponse& response, FetchAnswer* answer) {
   take("x-mtdb-clusters-total", &answer->clusters_total);
   take("x-mtdb-bytes-read", &answer->bytes_read);
   answer->limit = response.header("x-mtdb-limit");
-  const auto shortfall = nlohmann::json::parse(response.header("x-mtdb-shortfall"), nullptr, false);
+  const auto shortfall = JsonTree::parse(response.header("x-mtdb-shortfall"), nullptr, false);
   return ok && !answer->limit.empty() && ParseShortfall(shortfall, &answer->shortfall);
 }
 

@@ -2,7 +2,6 @@
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <deque>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "tools/client/client.h"
 #include "tools/client/internal/blocking_connection.h"
 #include "tools/client/internal/remote_object.h"
+#include "tools/client/json.h"
 #include "tools/client/session_message.h"
 
 namespace mtdb {
@@ -211,7 +211,7 @@ Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
 }
 
 Result<uint64_t> RemoteSession::Impl::Send(const std::string& query) {
-  const auto json = nlohmann::json::parse(query, nullptr, false);
+  const auto json = JsonTree::parse(query, nullptr, false);
   if (!json.is_object()) return InvalidArgument("the query is not a JSON object");
   if (!connected_) return IoError(where_ + ": the session is closed");
   const std::string text = SessionRequestText({next_id_, query});

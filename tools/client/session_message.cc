@@ -1,15 +1,13 @@
 #include "tools/client/session_message.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
+#include "tools/client/json.h"
 #include "tools/client/shortfall_json.h"
 
 namespace mtdb {
 
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
 
@@ -34,18 +32,18 @@ bool IsTooDeep(std::string_view text) {
 
 // The object that `text` is; discarded when it is none. (nlohmann's callbacks could watch the
 // depth, but take quadratic time.)
-Json ParseObject(std::string_view text) {
-  const Json none(Json::value_t::discarded);
+JsonTree ParseObject(std::string_view text) {
+  const JsonTree none(JsonTree::value_t::discarded);
   if (IsTooDeep(text)) return none;
-  Json json = Json::parse(text, nullptr, false);
+  JsonTree json = JsonTree::parse(text, nullptr, false);
   return json.is_object() ? json : none;
 }
 
-std::string Text(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+std::string Text(const JsonTree& json) {
+  return json.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
 }
 
-std::optional<uint64_t> IdOf(const Json& json) {
+std::optional<uint64_t> IdOf(const JsonTree& json) {
   const auto at = json.find("id");
   if (at == json.end() || !at->is_number_unsigned()) return std::nullopt;
   const auto id = at->get<uint64_t>();
@@ -55,39 +53,39 @@ std::optional<uint64_t> IdOf(const Json& json) {
 // Takes the values of an object's keys, all of which must be there and of the right kind.
 class Fields {
  public:
-  explicit Fields(const Json& json) : json_(json), ok_(json.is_object()) {}
+  explicit Fields(const JsonTree& json) : json_(json), ok_(json.is_object()) {}
   bool ok() const { return ok_; }
 
   void Take(const char* key, uint64_t* value) {
-    if (Find(key, &Json::is_number_unsigned)) *value = found_->get<uint64_t>();
+    if (Find(key, &JsonTree::is_number_unsigned)) *value = found_->get<uint64_t>();
   }
   void Take(const char* key, double* value) {
-    if (!Find(key, &Json::is_number)) return;
+    if (!Find(key, &JsonTree::is_number)) return;
     *value = found_->get<double>();
     ok_ = std::isfinite(*value) && *value >= 0;
   }
   void Take(const char* key, std::string* value) {
-    if (Find(key, &Json::is_string)) *value = found_->get<std::string>();
+    if (Find(key, &JsonTree::is_string)) *value = found_->get<std::string>();
   }
   void Take(const char* key, bool* value) {
-    if (Find(key, &Json::is_boolean)) *value = found_->get<bool>();
+    if (Find(key, &JsonTree::is_boolean)) *value = found_->get<bool>();
   }
 
  private:
-  bool Find(const char* key, bool (Json::*is)() const noexcept) {
+  bool Find(const char* key, bool (JsonTree::*is)() const noexcept) {
     if (!ok_) return false;
     found_ = json_.find(key);
     ok_ = found_ != json_.end() && (*found_.*is)();
     return ok_;
   }
-  const Json& json_;
-  Json::const_iterator found_;
+  const JsonTree& json_;
+  JsonTree::const_iterator found_;
   bool ok_;
 };
 
 Status NotReply() { return BadInput("the server sent a control message that mtdb does not know"); }
 
-Result<SessionHello> HelloOf(const Json& json) {
+Result<SessionHello> HelloOf(const JsonTree& json) {
   uint64_t protocol = 0;
   Fields head(json);
   head.Take("protocol", &protocol);
@@ -112,7 +110,7 @@ Result<SessionHello> HelloOf(const Json& json) {
   return hello;
 }
 
-Result<SessionDone> DoneOf(const Json& json) {
+Result<SessionDone> DoneOf(const JsonTree& json) {
   SessionDone done;
   Fields fields(json);
   fields.Take("triangles", &done.triangles);
@@ -138,7 +136,7 @@ Result<SessionDone> DoneOf(const Json& json) {
 Result<SessionRequest> ParseSessionRequest(std::string_view text, std::optional<uint64_t>* id) {
   constexpr const char* kForm = R"({"id": 7, "query": {...}})";
   id->reset();
-  const Json json = ParseObject(text);
+  const JsonTree json = ParseObject(text);
   if (json.is_discarded()) {
     return InvalidArgument(std::string("expected a JSON object such as ") + kForm);
   }
@@ -164,7 +162,7 @@ std::string SessionRequestText(const SessionRequest& request) {
 }
 
 Result<SessionReply> ParseSessionReply(std::string_view text) {
-  const Json json = ParseObject(text);
+  const JsonTree json = ParseObject(text);
   if (json.is_discarded()) return NotReply();
   SessionReply reply;
   reply.id = IdOf(json);
@@ -193,7 +191,7 @@ Result<SessionReply> ParseSessionReply(std::string_view text) {
 }
 
 std::string SessionReplyText(const SessionReply& reply) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  Json json = Json::object();
   if (reply.id) json["id"] = *reply.id;
   const SessionHello& hello = reply.hello;
   const SessionDone& done = reply.done;
@@ -226,7 +224,7 @@ std::string SessionReplyText(const SessionReply& reply) {
     case SessionReply::Kind::kSuperseded: json["superseded"] = true; break;
     case SessionReply::Kind::kError: json["error"] = reply.error; json["code"] = reply.code;
   }
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace mtdb

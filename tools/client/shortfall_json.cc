@@ -5,8 +5,6 @@
 namespace mtdb {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
 }  // namespace
@@ -18,11 +16,11 @@ Json ShortfallJson(const Shortfall& s) {
           {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}}};
 }
 
-bool ParseShortfall(const nlohmann::json& json, Shortfall* shortfall) {
+bool ParseShortfall(const JsonTree& json, Shortfall* shortfall) {
   *shortfall = {};
   if (json.is_null()) return true;
   Shortfall s;
-  const auto number = [](const nlohmann::json& object, const auto& key) {
+  const auto number = [](const JsonTree& object, const auto& key) {
     return object.at(key).template get<double>();
   };
   try {
@@ -32,7 +30,7 @@ bool ParseShortfall(const nlohmann::json& json, Shortfall* shortfall) {
       s.bounds.min[i] = number(json.at("bounds").at("min"), static_cast<size_t>(i));
       s.bounds.max[i] = number(json.at("bounds").at("max"), static_cast<size_t>(i));
     }
-  } catch (const nlohmann::json::exception&) {
+  } catch (const JsonTree::exception&) {
     return false;
   }
   *shortfall = s;

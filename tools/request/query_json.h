@@ -1,14 +1,14 @@
 // Queries as JSON values, which options put together; query/query_json.h reads them as text.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "query/query_json.h"
+#include "tools/client/json.h"
 
 namespace mtdb {
 
-using QueryJson = nlohmann::ordered_json;
+using QueryJson = Json;
 
 // As ParseQuery.
 inline Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {

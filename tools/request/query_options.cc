@@ -28,7 +28,7 @@ Result<QueryJson> CheckedRegion(const std::string& text, QueryJson region) {
 }
 
 // One part as it is, several as the list of a part that puts them together.
-QueryJson Together(const char* key, std::vector<QueryJson> parts) {
+QueryJson Together(const char* key, QueryJson::array_t parts) {
   if (parts.size() == 1) return std::move(parts[0]);
   return {{key, QueryJson(std::move(parts))}};
 }
@@ -201,12 +201,12 @@ Result<QueryJson> QueryOf(const QueryOptions& o, const Extent& viewport) {
       return InvalidArgument(o.file + ": has no region for --clip");
     }
   } else {
-    std::vector<QueryJson> regions = o.regions;
+    QueryJson::array_t regions = o.regions;
     if (o.frustum) regions.push_back({{"frustum", CameraOf(o, viewport)}});
     QueryJson region;
     if (!regions.empty()) region = Together(o.intersect ? "intersection" : "union", regions);
     if (o.outside) region = {{"outside", region}};
-    std::vector<QueryJson> thresholds = o.errors_at;
+    QueryJson::array_t thresholds = o.errors_at;
     if (o.error) thresholds.push_back(*o.error);
     if (o.error_relative) thresholds.push_back({{"relative", *o.error_relative}});
     if (o.pixels) {

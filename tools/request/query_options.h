@@ -18,14 +18,14 @@ struct QueryOptions {
   std::optional<double> error;           // model units
   std::optional<double> error_relative;  // of the diagonal
   std::optional<double> pixels;
-  std::vector<QueryJson> errors_at;     // thresholds by distance from a point
+  QueryJson::array_t errors_at;         // thresholds by distance from a point
   std::optional<double> error_outside;  // of the regions
   std::optional<uint64_t> triangles;
   std::optional<uint64_t> max_bytes;
   std::optional<double> max_ms;
   bool normals = false;
 
-  std::vector<QueryJson> regions;
+  QueryJson::array_t regions;
   bool frustum = false;
   bool intersect = false;  // of the regions, not their union
   bool outside = false;

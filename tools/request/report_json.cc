@@ -6,8 +6,6 @@ namespace mtdb {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 const char* TypeName(ScalarType type) {
   switch (type) {
     case ScalarType::kInt8: return "int8";

@@ -1,24 +1,24 @@
 // What the verbs print with --json.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "query/cut.h"
 #include "store/object_record.h"
 #include "store/verify_store.h"
+#include "tools/client/json.h"
 
 namespace mtdb {
 
 // One object of `info`. `file_bytes` is the whole store's.
-nlohmann::ordered_json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
+Json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
 // All objects, as `list` has them.
-nlohmann::ordered_json CatalogJson(const std::vector<ObjectRecord>& records);
-nlohmann::ordered_json ChecksJson(const CheckReport& report);
+Json CatalogJson(const std::vector<ObjectRecord>& records);
+Json ChecksJson(const CheckReport& report);
 // "accuracy", "triangles", ...
 const char* LimitName(QueryLimit limit);
 // To standard output. Bytes that are not UTF-8, which names of files may have, become U+FFFD.
-void PrintJson(const nlohmann::ordered_json& json);
+void PrintJson(const Json& json);
 
 }  // namespace mtdb

@@ -1,12 +1,10 @@
 #include "tools/client/internal/remote_object.h"
 
-#include <nlohmann/json.hpp>
+#include "tools/client/json.h"
 
 namespace mtdb {
 
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr size_t kMaxTextBytes = 16 << 20;
 constexpr std::string_view kObjects = "/objects/";
@@ -35,8 +33,9 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
         return AppendText(url.origin(), piece, &text);
       }));
   if (response.status != 200) return Refused(url.origin(), response.status, text);
-  const Json json = Json::parse(text, nullptr, false);
-  const Json* objects = json.is_object() && json.contains("objects") ? &json["objects"] : nullptr;
+  const JsonTree json = JsonTree::parse(text, nullptr, false);
+  const JsonTree* objects =
+      json.is_object() && json.contains("objects") ? &json["objects"] : nullptr;
   if (objects == nullptr || !objects->is_array()) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
@@ -44,7 +43,7 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
     return InvalidArgument(url.origin() + ": holds " + std::to_string(objects->size()) +
                            " objects; choose one by its name (--name)");
   }
-  const Json& object = (*objects)[0];
+  const JsonTree& object = (*objects)[0];
   if (!object.is_object() || !object.contains("object") || !object["object"].is_string()) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
@@ -52,7 +51,7 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
 }
 
 Status Refused(const std::string& where, unsigned status, const std::string& text) {
-  const Json json = Json::parse(text, nullptr, false);
+  const JsonTree json = JsonTree::parse(text, nullptr, false);
   const bool told = json.is_object() && json.contains("error") && json["error"].is_string();
   const std::string message =
       where + ": " + std::to_string(status) + ": " +

@@ -69,7 +69,7 @@ Status Set(Value* value, Parse parse, const std::string& text) {
 }
 
 template <typename Parse>
-Status Append(std::vector<QueryJson>* values, Parse parse, const std::string& text) {
+Status Append(QueryJson::array_t* values, Parse parse, const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(QueryJson value, parse(text));
   values->push_back(std::move(value));
   return Status::Ok();

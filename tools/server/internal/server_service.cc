@@ -21,8 +21,6 @@ namespace mtdb {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // Draco's encoder keeps the whole mesh and more in memory.
 constexpr uint64_t kMaxDracoTriangles = 2'000'000;
 // A ClientMesh numbers half-edges, four a triangle, in 32 bits.
