@@ -63,6 +63,18 @@ struct LoadedUnit {
     if (slot < cluster.listed()) return cluster.in.triangles[slot];
     return cluster.star_triangle(creator_node, slot);
   }
+  // A node's shape. Around all vertices of its hole, of its star; vertices that it inserts.
+  Box3i hole_bounds(NodeIndex node) const {
+    Box3i bounds;
+    for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.position(local));
+    return bounds;
+  }
+  Box3i star_bounds(NodeIndex node) const {
+    Box3i bounds = hole_bounds(node);
+    bounds.Add(cluster.position(cluster.external_vertices() + node));
+    return bounds;
+  }
+  uint32_t vertices_inserted(NodeIndex /*node*/) const { return 1; }
   // The in-slot that a parent's slot arrives at, or kNone32.
   uint32_t FindInSlot(UnitId parent, uint32_t parent_slot) const;
   size_t memory_bytes() const;

@@ -24,7 +24,7 @@ class QueryControl {
  private:
   friend class UnitReader;
   friend class Search;
-  friend class MovingCut;
+  friend class Insertion;
   friend class CutImpl;
   std::atomic<bool> cancelled_{false};
   std::atomic<uint64_t> clusters_loaded_{0};

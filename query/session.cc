@@ -24,8 +24,6 @@ namespace {
 
 constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to come
 
-constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
-
 UpdateBatches::GetUnit OneByOne(UnitReader& reader) {
   return [&reader](UnitId unit) -> Result<const LoadedUnit*> {
     reader.Release();
@@ -71,6 +69,14 @@ class Changes {
   UpdateBatches insertions_;
 };
 
+void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
+               const ActiveTriangles& active, ExtractStats* stats) {
+  stats->triangles = counts.triangles;
+  stats->active_triangles = active.count;
+  stats->error_bound = BoundOf(record.grid, active.largest_code, record.rounding_error);
+  stats->shortfall = active.shortfall;
+}
+
 }  // namespace
 
 Session::Session(std::shared_ptr<const Surface> surface)
@@ -114,7 +120,7 @@ Result<BaseMesh> Session::ReadBase() const {
       const auto& corners = piece.triangles[t];
       base.triangles.push_back(
           {number_of[corners[0]], number_of[corners[1]], number_of[corners[2]]});
-      base.triangle_keys.push_back(KeyOf(id, t));
+      base.triangle_keys.push_back(TriangleKeyOf(id, t));
     }
   }
   return base;
@@ -143,7 +149,7 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
   SessionUpdate result;
   ExtractStats& stats = result.stats;
   UnitReader reader(surface_->cache(), {query.control, query.max_bytes});
-  MTDB_RETURN_IF_ERROR(budget ? Settle(reader, query, take, &result)
+  MTDB_RETURN_IF_ERROR(budget ? Select(reader, query, take, &result)
                               : Move(reader, query, rounds, take, &result));
   stats.vertices = index.root_vertices() + applied_count_;
   stats.nodes_applied = applied_count_;
@@ -174,66 +180,58 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
     };
     const auto get = [&](UnitId unit) { return cut.Pin(unit); };
     const Status taken = changes.Send(get, release_and_take, update);
-    if (taken.ok()) applied_count_ = cut.totals().applied;
+    if (taken.ok()) applied_count_ = cut.counts().applied;
     return taken;
   };
   MTDB_RETURN_IF_ERROR(
       cut.Move(reader, query, rounds && fresh == nullptr ? kRoundNodes : 0, end_round));
   if (fresh != nullptr) {
     Changes changes(*surface_);
-    for (UnitId c = 0; c < settled_.size(); ++c) changes.AddUnit(c, settled_[c], cut.applied(c));
+    for (UnitId c = 0; c < selected_.size(); ++c) changes.AddUnit(c, selected_[c], cut.applied(c));
     MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
-    applied_count_ = cut.totals().applied;
+    applied_count_ = cut.counts().applied;
     moving_ = std::move(fresh);
-    settled_.clear();
+    selected_.clear();
   }
   ExtractStats& stats = update->stats;
-  stats.triangles = cut.totals().triangles;
-  stats.active_triangles = cut.active().triangles;
-  const ObjectRecord& record = surface_->record();
-  stats.error_bound = BoundOf(record.grid, cut.active().largest_code, record.rounding_error);
-  stats.shortfall = cut.active().shortfall;
-  stats.nodes_forced = cut.totals().forced;
-  stats.clusters_used = cut.totals().clusters_used;
+  FillStats(surface_->record(), cut.counts(), cut.active(), &stats);
+  stats.nodes_forced = cut.counts().forced;
+  stats.clusters_used = cut.counts().clusters_used;
   stats.nodes_visited = cut.evaluated();
   return Status::Ok();
 }
 
 // Under a budget the cut is not the least one of any query, and cannot move on.
-Status Session::Settle(UnitReader& reader, const Query& query, const TakeBatches& take,
+Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                        SessionUpdate* update) {
   const ObjectRecord& record = surface_->record();
   const ClusterIndex& index = surface_->index();
-  Search search(*surface_->source(), reader, query, record.rounding_error);
-  MTDB_RETURN_IF_ERROR(search.Run());
-  const CutState cut = search.TakeState();
+  CutState cut(*surface_->source(), false);
+  Search search(*surface_->source(), reader, query, record.rounding_error, &cut);
+  MTDB_ASSIGN_OR_RETURN(const Search::Outcome outcome, search.Run());
   std::vector<Bits> applied(index.cluster_count());
   Changes changes(*surface_);
   for (UnitId c = 0; c < index.cluster_count(); ++c) {
-    const uint32_t s = cut.state_of[c];
-    if (s != kNone32 && cut.state(s).applied_count > 0) applied[c] = cut.state(s).applied;
+    const CutUnit* const u = cut.Find(c);
+    if (u != nullptr && u->applied_count > 0) applied[c] = u->applied;
     changes.AddUnit(c, BitsOf(c), applied[c]);
     update->stats.clusters_used += applied[c].empty() ? 0 : 1;
   }
   // What the updates need was in the search's reach, or is what the client holds: no budget.
   UnitReader updates(surface_->cache(), {query.control, std::nullopt});
   MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(updates), Releasing(updates, take), update));
-  settled_ = std::move(applied);
+  selected_ = std::move(applied);
   moving_.reset();
-  applied_count_ = cut.nodes_applied;
-  ExtractStats& stats = update->stats;
-  stats.triangles = cut.triangles;
-  stats.active_triangles = cut.active_triangles;
-  stats.error_bound = BoundOf(record.grid, cut.largest_code, record.rounding_error);
-  stats.shortfall = cut.shortfall;
-  stats.limit = cut.limit;
-  stats.nodes_visited = cut.nodes_visited;
-  stats.nodes_forced = cut.nodes_forced;
+  applied_count_ = cut.counts().applied;
+  FillStats(record, cut.counts(), outcome.active, &update->stats);
+  update->stats.limit = outcome.limit;
+  update->stats.nodes_visited = outcome.nodes_visited;
+  update->stats.nodes_forced = outcome.nodes_forced;
   return Status::Ok();
 }
 
 const Bits& Session::BitsOf(uint32_t cluster) const {
-  return moving_ == nullptr ? settled_[cluster] : moving_->applied(cluster);
+  return moving_ == nullptr ? selected_[cluster] : moving_->applied(cluster);
 }
 
 bool Session::applied(UnitId cluster, NodeIndex node) const {

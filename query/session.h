@@ -22,7 +22,6 @@
 namespace mtdb {
 
 class Bits;
-struct CutState;
 class MovingCut;
 class Surface;
 class UnitReader;
@@ -81,12 +80,12 @@ class Session {
   Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
   Status Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
               SessionUpdate* update);
-  Status Settle(UnitReader& reader, const Query& query, const TakeBatches& take,
+  Status Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
   const Bits& BitsOf(uint32_t cluster) const;
   const std::shared_ptr<const Surface> surface_;
   std::unique_ptr<MovingCut> moving_;  // null after an update with a budget
-  std::vector<Bits> settled_;          // then: per cluster, empty where no node is applied
+  std::vector<Bits> selected_;         // then: per cluster, empty where no node is applied
   uint64_t applied_count_ = 0;
 };
 

@@ -40,6 +40,7 @@ class Bits {
   bool Test(uint32_t i) const { return (words_[i >> 6] >> (i & 63)) & 1; }
   void Set(uint32_t i) { words_[i >> 6] |= uint64_t{1} << (i & 63); }
   void Clear(uint32_t i) { words_[i >> 6] &= ~(uint64_t{1} << (i & 63)); }
+  void Put(uint32_t i, bool flag) { flag ? Set(i) : Clear(i); }
   // Clears the flag unless `keep`.
   void Keep(uint32_t i, bool keep) { words_[i >> 6] &= ~(uint64_t{!keep} << (i & 63)); }
   // 64 flags from bytes that are 0 or 1.

@@ -25,6 +25,7 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query, dou
       rounding_(surface_->record().rounding_error),
       sink_rounding_(sink_rounding),
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
+      cut_(*surface_->source(), false),
       root_numbers_(index_.root_vertices()),
       reader_(surface_->cache(), {query.control, query.max_bytes}) {}
 
@@ -46,9 +47,9 @@ Status CutImpl::Select() {
   MTDB_RETURN_IF_ERROR(reader_.Check());
   everything_ = WantsEverything();
   if (!everything_) {
-    Search search(*surface_->source(), reader_, query_, rounding_ + sink_rounding_);
-    MTDB_RETURN_IF_ERROR(search.Run());
-    cut_ = search.TakeState();
+    Search search(*surface_->source(), reader_, query_, rounding_ + sink_rounding_, &cut_);
+    MTDB_ASSIGN_OR_RETURN(outcome_, search.Run());
+    outputs_.resize(cut_.open().size());
     if (clip_) MTDB_RETURN_IF_ERROR(MarkClipped());
     MTDB_RETURN_IF_ERROR(NumberVertices());
   }
@@ -61,8 +62,8 @@ void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
   reader_.FillStats(&stats_);
-  stats_.error_bound = BoundOf(record.grid, cut_.largest_code, rounding_ + sink_rounding_);
-  stats_.shortfall = cut_.shortfall;
+  stats_.error_bound = BoundOf(record.grid, outcome_.active.largest_code, rounding_ + sink_rounding_);
+  stats_.shortfall = outcome_.active.shortfall;
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
     stats_.vertices = record.vertices;
@@ -70,29 +71,31 @@ void CutImpl::FillStats() {
     stats_.clusters_used = index_.cluster_count();
     return;
   }
-  stats_.limit = cut_.limit;
-  stats_.nodes_visited = cut_.nodes_visited;
-  stats_.nodes_applied = cut_.nodes_applied;
-  stats_.nodes_forced = cut_.nodes_forced;
-  for (const auto& s : cut_.states) stats_.clusters_used += s->applied_count > 0 ? 1 : 0;
+  stats_.limit = outcome_.limit;
+  stats_.nodes_visited = outcome_.nodes_visited;
+  stats_.nodes_applied = cut_.counts().applied;
+  stats_.nodes_forced = outcome_.nodes_forced;
+  for (const UnitId id : cut_.open()) {
+    stats_.clusters_used += cut_.Find(id)->applied_count > 0 ? 1 : 0;
+  }
   stats_.vertices = root_numbers_.count();
   if (!clip_) {
-    stats_.vertices += cut_.nodes_applied;
-    stats_.triangles = cut_.triangles;
-    stats_.active_triangles = cut_.active_triangles;
+    stats_.vertices += cut_.counts().vertices;
+    stats_.triangles = cut_.counts().triangles;
+    stats_.active_triangles = outcome_.active.count;
     return;
   }
-  for (const auto& s : cut_.states) {
-    stats_.vertices += s->used.Count();
-    stats_.triangles += s->kept.Count();
+  for (const Output& o : outputs_) {
+    stats_.vertices += o.used.Count();
+    stats_.triangles += o.kept.Count();
   }
   stats_.active_triangles = stats_.triangles;
 }
 
 void CutImpl::AddSinkRounding(double rounding) {
   const ObjectRecord& record = surface_->record();
-  stats_.error_bound = BoundOf(record.grid, cut_.largest_code, rounding_ + rounding);
-  stats_.shortfall = cut_.shortfall;
+  stats_.error_bound = BoundOf(record.grid, outcome_.active.largest_code, rounding_ + rounding);
+  stats_.shortfall = outcome_.active.shortfall;
   const ThresholdPtr& asked = query_.threshold;
   if (asked == nullptr || rounding == sink_rounding_) return;
   Shortfall& shortfall = stats_.shortfall;
@@ -114,7 +117,8 @@ void CutImpl::AddSinkRounding(double rounding) {
 bool CutImpl::applied(UnitId cluster, NodeIndex node) const {
   MTDB_CHECK(cluster < index_.cluster_count() && node < index_.unit(cluster).nodes, "no such node");
   if (everything_) return true;
-  return cut_.state_of[cluster] != kNone32 && state(cluster).applied.Test(node);
+  const CutUnit* const u = cut_.Find(cluster);
+  return u != nullptr && u->applied.Test(node);
 }
 
 // A triangle that meets the region is active, whatever its error.
@@ -122,28 +126,27 @@ Status CutImpl::MarkClipped() {
   WorkMeter meter([this] { return reader_.Check(); });
   const Grid& grid = surface_->record().grid;
   root_used_ = Bits(static_cast<uint32_t>(index_.root_vertices()));
-  for (const auto& s : cut_.states) {
-    s->used = Bits(index_.unit(s->unit).nodes);
-  }
-  for (const auto& each : cut_.states) {
-    UnitState& s = *each;
+  for (const UnitId id : cut_.open()) output(id).used = Bits(index_.unit(id).nodes);
+  for (const UnitId id : cut_.open()) {
+    const CutUnit& u = *cut_.Find(id);
     reader_.Release();
     MTDB_RETURN_IF_ERROR(reader_.Check());
-    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(s.unit));
-    s.kept = Bits(unit->own_slots());
+    if (u.active.empty()) continue;
+    MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
+    Output& out = output(id);
+    out.kept = Bits(unit->own_slots());
     const std::vector<Vec3i>& positions = unit->positions();
-    if (s.active.empty()) continue;
-    s.active.ForEach([&](uint32_t own) {
-      const uint32_t slot = own + s.first_own_slot;
+    u.active.ForEach([&](uint32_t own) {
+      const uint32_t slot = own + u.first_own;
       const std::array<uint32_t, 3> corners = unit->corners(slot, unit->creator(slot));
       Triangle3d t;
       for (size_t c = 0; c < 3; ++c) t[c] = grid.Position(positions[corners[c]]);
       if (!meter.Spend(1) || !query_.region->Within(t, 0)) return;
-      s.kept.Set(own);
+      out.kept.Set(own);
       for (const uint32_t local : corners) {
         const uint32_t external = unit->cluster.external_vertices();
         if (local >= external) {
-          s.used.Set(local - external);
+          out.used.Set(local - external);
           continue;
         }
         const VertexIndex v = unit->vertex(local);
@@ -151,7 +154,7 @@ Status CutImpl::MarkClipped() {
         if (owner == kNone32) {
           root_used_.Set(static_cast<uint32_t>(v));
         } else {
-          state(owner).used.Set(static_cast<uint32_t>(v - index_.first_vertex(owner)));
+          output(owner).used.Set(static_cast<uint32_t>(v - index_.first_vertex(owner)));
         }
       }
     });
@@ -177,26 +180,29 @@ Status CutImpl::NumberVertices() {
                    std::to_string(index_.root_vertices()));
   }
   VertexIndex next = root_numbers_.count();
-  std::vector<Numbering> numberings(everything_ ? index_.unit_count() : cut_.states.size());
+  if (everything_) outputs_.resize(index_.unit_count());
   for (UnitId u = 0; u < index_.unit_count(); ++u) {
     if (everything_) {
-      numberings[u].first = next;
+      outputs_[u].first = next;
       next += index_.unit(u).nodes;
-    } else if (const uint32_t s = cut_.state_of[u]; s != kNone32) {
+    } else if (cut_.Find(u) != nullptr) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
-      const Bits& nodes = Nodes(cut_.state(s));
-      numberings[s] = {next, nodes.words().data(), nodes.Ranks()};
+      const Bits& nodes = Nodes(u);
+      Output& out = output(u);
+      out.first = next;
+      out.nodes = nodes.words().data();
+      out.ranks = nodes.Ranks();
       next += nodes.Count();
     }
   }
-  numberings_ = std::move(numberings);
+  numbered_ = true;
   return Status::Ok();
 }
 
 VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   if (owner == kNone32) return root_numbers_.number(vertex);
   const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(owner));
-  return numberings_[everything_ ? owner : cut_.state_of[owner]].Of(node);
+  return output(owner).Of(node);
 }
 
 // Out of line: called once for a vertex, in a loop that needs its registers.
@@ -208,7 +214,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   const Stopwatch watch;
   const double load_before = stats_.seconds.load;
   const ObjectRecord& record = surface_->record();
-  if (everything_ && numberings_.empty()) MTDB_RETURN_IF_ERROR(NumberVertices());
+  if (everything_ && !numbered_) MTDB_RETURN_IF_ERROR(NumberVertices());
   MeshHeader header;
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
@@ -240,16 +246,18 @@ Status CutImpl::Emit(MeshSink& sink) {
 }
 
 bool CutImpl::Skips(UnitId unit) const {
-  return !everything_ && (cut_.state_of[unit] == kNone32 || state(unit).applied_count == 0);
+  if (everything_) return false;
+  const CutUnit* const u = cut_.Find(unit);
+  return u == nullptr || u->applied_count == 0;
 }
 
 std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
   if (everything_) return unit.drain;
-  const UnitState& s = state(unit.id);
-  if (cut_.all_active) return s.present.words();
-  if (active) return (clip_ ? s.kept : s.active).words();
-  inactive_.assign(s.present.words().begin(), s.present.words().end());
-  for (size_t w = 0; w < s.active.words().size(); ++w) inactive_[w] &= ~s.active.words()[w];
+  const CutUnit& u = *cut_.Find(unit.id);
+  if (outcome_.active.all) return u.present.words();
+  if (active) return (clip_ ? output(unit.id).kept : u.active).words();
+  inactive_.assign(u.present.words().begin(), u.present.words().end());
+  for (size_t w = 0; w < u.active.words().size(); ++w) inactive_[w] &= ~u.active.words()[w];
   return inactive_;
 }
 
@@ -366,14 +374,14 @@ void CutImpl::FindCreators(const LoadedUnit& unit) {
   if (everything_) {
     for (NodeIndex i = 0; i < unit.nodes(); ++i) fill(i);
   } else {
-    state(unit.id).applied.ForEach(fill);
+    cut_.Find(unit.id)->applied.ForEach(fill);
   }
 }
 
 void CutImpl::NumberOwn(const LoadedUnit& unit) {
   const uint32_t external = unit.cluster.external_vertices();
   numbers_.assign(external + unit.nodes(), kUnset);
-  VertexIndex next = numberings_[everything_ ? unit.id : cut_.state_of[unit.id]].first;
+  VertexIndex next = output(unit.id).first;
   ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
 }
 
@@ -395,7 +403,7 @@ void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t
 bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {
   if (!clip_) return true;
   if (owner == kNone32) return root_used_.Test(static_cast<uint32_t>(vertex));
-  return state(owner).used.Test(static_cast<uint32_t>(vertex - index_.first_vertex(owner)));
+  return output(owner).used.Test(static_cast<uint32_t>(vertex - index_.first_vertex(owner)));
 }
 
 // Triangles come in the order of the units, so that the sums' roundings do not vary.
@@ -408,7 +416,7 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
         const uint32_t external = static_cast<uint32_t>(numbers_.size()) - unit.nodes();
         const std::vector<Vec3i>& positions = unit.positions();
         const std::span<const uint64_t> slots =
-            everything_ ? std::span<const uint64_t>(unit.drain) : state(unit.id).present.words();
+            everything_ ? std::span<const uint64_t>(unit.drain) : cut_.Find(unit.id)->present.words();
         ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
           const Vec3d a = grid.Position(positions[t[0]]);
           const Vec3d normal =

@@ -9,6 +9,7 @@
 #include "query/internal/block_writer.h"
 #include "query/internal/cut_state.h"
 #include "query/internal/root_numbering.h"
+#include "query/internal/search.h"
 #include "query/query.h"
 #include "query/surface.h"
 #include "query/unit_reader.h"
@@ -16,8 +17,11 @@
 namespace mtdb {
 
 class CutImpl {
-  // The output's numbers of a cluster's vertices: those of Nodes() are counted from `first` on.
-  struct Numbering {
+  // What is emitted of a unit. The output's numbers of its vertices: those of Nodes() are counted
+  // from `first` on.
+  struct Output {
+    Bits kept;  // per own slot, when clipped
+    Bits used;  // per node, likewise
     VertexIndex first = 0;
     const uint64_t* nodes = nullptr;  // null: all
     std::vector<uint32_t> ranks;      // flags before each word of `nodes`
@@ -72,7 +76,7 @@ class CutImpl {
   // Calls f(node) for each node of the cluster whose vertex is in the output, ascending.
   template <typename F>
   void ForEachNode(const LoadedUnit& unit, F&& f) const {
-    if (!everything_) return Nodes(state(unit.id)).ForEach(f);
+    if (!everything_) return Nodes(unit.id).ForEach(f);
     for (NodeIndex i = 0; i < unit.nodes(); ++i) f(i);
   }
   // The output's number of a vertex that another unit brings.
@@ -84,9 +88,13 @@ class CutImpl {
   bool Skips(UnitId unit) const;
   // Bits per own slot: what is emitted of the unit's active triangles, or of the others.
   std::span<const uint64_t> Slots(const LoadedUnit& unit, bool active);
-  const Bits& Nodes(const UnitState& state) const { return clip_ ? state.used : state.applied; }
-  UnitState& state(UnitId unit) { return cut_.state(cut_.state_of[unit]); }
-  const UnitState& state(UnitId unit) const { return cut_.state(cut_.state_of[unit]); }
+  const Bits& Nodes(UnitId unit) const {
+    return clip_ ? output(unit).used : cut_.Find(unit)->applied;
+  }
+  Output& output(UnitId unit) { return outputs_[everything_ ? unit : cut_.Find(unit)->place]; }
+  const Output& output(UnitId unit) const {
+    return outputs_[everything_ ? unit : cut_.Find(unit)->place];
+  }
 
   const std::shared_ptr<const Surface> surface_;
   const ClusterIndex& index_;
@@ -95,10 +103,12 @@ class CutImpl {
   const double sink_rounding_;  // expected
   const bool clip_;
   bool everything_ = false;
+  bool numbered_ = false;
   CutState cut_;
+  Search::Outcome outcome_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<Numbering> numberings_;  // per state; when everything_ per cluster
+  std::vector<Output> outputs_;        // per place in cut_.open(); when everything_ per unit
   std::vector<VertexIndex> numbers_;   // scratch: per local vertex
   std::vector<NodeIndex> creators_;    // scratch: per own slot
   std::vector<uint64_t> inactive_;     // scratch: a bit per own slot

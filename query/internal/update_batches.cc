@@ -8,11 +8,6 @@
 #include "query/internal/fetch_nodes.h"
 
 namespace mtdb {
-namespace {
-
-constexpr TriangleKey KeyOf(UnitId unit, uint32_t slot) { return TriangleKey{unit} << 32 | slot; }
-
-}  // namespace
 
 void UpdateBatches::AddUnit(UnitId unit, const Bits& from, const Bits& to) {
   Bits changes = to;
@@ -114,7 +109,7 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
   out.vertex = first_vertex + node;
   out.position = c.position(local);
   out.boundary = c.boundary(node);
-  out.first_star = KeyOf(unit.id, c.star_begin[node]);
+  out.first_star = TriangleKeyOf(unit.id, c.star_begin[node]);
   out.ring_begin = static_cast<uint32_t>(batch.ring.size());
   const std::span<const uint32_t> ring = c.ring(node);
   out.ring_count = static_cast<uint32_t>(ring.size());
@@ -130,9 +125,9 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
     UpdateBatch::HoleTriangle& t = batch.holes[out.hole_begin + h];
     const bool own = slot >= unit.first_own_slot();
     if (own) {
-      t.key = KeyOf(unit.id, slot);
+      t.key = TriangleKeyOf(unit.id, slot);
     } else {
-      t.key = KeyOf(unit.parents[unit.origins[slot].parent], unit.origins[slot].slot);
+      t.key = TriangleKeyOf(unit.parents[unit.origins[slot].parent], unit.origins[slot].slot);
     }
     const std::array<uint32_t, 3> corners = unit.corners(slot, creators[h]);
     // All of the ring each time: no branch to guess.

@@ -13,6 +13,11 @@
 
 namespace mtdb {
 
+// What a session calls the triangle of a slot, to its client.
+constexpr TriangleKey TriangleKeyOf(UnitId unit, uint32_t slot) {
+  return TriangleKey{unit} << 32 | slot;
+}
+
 // Nodes that change in one direction. Cost: in proportion to them.
 class UpdateBatches {
  public:

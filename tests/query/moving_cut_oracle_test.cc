@@ -136,10 +136,10 @@ class Follower {
       for (const int p : f_.mt.Parents(static_cast<int>(n)))
         REQUIRE(applied[static_cast<size_t>(p)]);
     }
-    REQUIRE(cut.totals().applied == count);
+    REQUIRE(cut.counts().applied == count);
     uint64_t triangles = 0;
-    for (const uint64_t of_code : cut.totals().by_code) triangles += of_code;
-    REQUIRE(triangles == cut.totals().triangles);
+    for (const uint64_t of_code : cut.counts().by_code) triangles += of_code;
+    REQUIRE(triangles == cut.counts().triangles);
   }
   void RequireCut(const Cut& cut) const {
     for (size_t n = 0; n < applied.size(); ++n) {
@@ -192,9 +192,9 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
       }
       const Cut select = *surface->Select(query);
       follower.RequireCut(select);
-      REQUIRE(cut.totals().triangles == select.triangle_count());
-      REQUIRE(cut.totals().forced == select.stats().nodes_forced);
-      REQUIRE(cut.totals().clusters_used == select.stats().clusters_used);
+      REQUIRE(cut.counts().triangles == select.triangle_count());
+      REQUIRE(cut.counts().forced == select.stats().nodes_forced);
+      REQUIRE(cut.counts().clusters_used == select.stats().clusters_used);
       // Clusters that stayed open tell more of their errors than a search learns.
       uint64_t active = 0;
       uint8_t largest = 0;
@@ -207,8 +207,8 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
           largest = std::max(largest, f.mt.nodes[static_cast<size_t>(remover)].code);
       }
       const Grid& grid = f.source->record_.grid;
-      REQUIRE(cut.active().triangles >= active);
-      REQUIRE(cut.active().triangles <= select.stats().active_triangles);
+      REQUIRE(cut.active().count >= active);
+      REQUIRE(cut.active().count <= select.stats().active_triangles);
       REQUIRE(cut.active().largest_code >= largest);
       REQUIRE(grid.Error(cut.active().largest_code) + f.source->record_.rounding_error <=
               select.error_bound());
@@ -264,7 +264,7 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
         query.control = nullptr;
         const Cut select = *surface->Select(query);
         follower.RequireCut(select);
-        REQUIRE(cut.totals().triangles == select.triangle_count());
+        REQUIRE(cut.counts().triangles == select.triangle_count());
         continue;
       }
       ++stopped;

@@ -1,0 +1,80 @@
+// Deadlines: what a new query can change in a cut. docs/design.md, "What a new query can change".
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "query/internal/moving_units.h"
+
+namespace mtdb {
+
+// For each known node: which of its triangles are refused, and how far the threshold has to fall or
+// rise before that can be otherwise; for each child that is not open: before it can be needed. A
+// threshold bounds its change over a unit's box, and the sums of these bounds are compared with the
+// deadlines, so that only what may have changed is looked at. Changes CutFlags::known, refusing and
+// refused.
+class Deadlines {
+ public:
+  // What a query changed; `from` is the threshold before.
+  struct Moved {
+    const Threshold* from;
+    bool threshold;
+    bool region;
+  };
+  // What has to be decided again, in one unit. Overwritten by the next.
+  struct Expired {
+    bool all = false;
+    std::vector<NodeIndex> nodes;
+    std::vector<uint32_t> children;  // ordinals; their deadlines have passed
+  };
+
+  explicit Deadlines(MovingUnits& units) : units_(units), judge_(units.judge()) {}
+
+  // Of a unit that is opened: nothing is known.
+  static void Begin(const Judge& judge, const ClusterIndex& index, MovingUnit& u);
+  const Expired& Advance(MovingUnit& u, const Moved& moved);
+
+  // Looks which triangles of the node's hole are refused, present or not. True when that is new.
+  bool Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+  // Makes a node known; true when it has to be evaluated: its code does not tell that it is valid.
+  bool Learn(MovingUnit& u, NodeIndex node, uint8_t code);
+  // Known, but waits to be evaluated: its deadline has passed.
+  static bool Waits(const MovingUnit& u, NodeIndex node);
+  // A node that is not applied, and of whose hole nothing is present.
+  void Forget(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+
+  // By how much the threshold has to fall before a slot of the unit is refused, with an error of
+  // this code; negative when it is.
+  double Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot, uint8_t code) const;
+  // Likewise of all triangles that the child, which is not open, could remove; negative when that
+  // does not tell.
+  double ChildMargin(UnitId child) const;
+  // The child is needed no sooner than the threshold has fallen by this (negative: not known); by
+  // the least of these.
+  static void SetChild(MovingUnit& u, uint32_t ordinal, double margin);
+  static void AddChild(MovingUnit& u, uint32_t ordinal, double margin);
+  // The child waits to be asked about: its deadline has passed.
+  static void SetChildWaits(MovingUnit& u, uint32_t ordinal);
+  static bool ChildWaits(const MovingUnit& u, uint32_t ordinal);
+
+  // Nodes that were evaluated, or learnt, since the last call of ResetCount.
+  uint64_t evaluated() const { return evaluated_; }
+  void ResetCount() { evaluated_ = 0; }
+
+ private:
+  struct Verdict {
+    bool some = false, all = false;  // triangles are refused
+    double fall = 0, rise = 0;       // of the threshold, that may change that
+  };
+  Verdict Look(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+  Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active);
+  void FindExpired(MovingUnit& u);
+
+  MovingUnits& units_;
+  const Judge& judge_;
+  Expired expired_;
+  std::vector<bool> refused_;  // of LookAtTriangles
+  uint64_t evaluated_ = 0;
+};
+
+}  // namespace mtdb

@@ -1,0 +1,229 @@
+#include "query/internal/insertion.h"
+
+#include <algorithm>
+
+#include "query/internal/fetch_nodes.h"
+
+namespace mtdb {
+namespace {
+
+constexpr uint64_t kRoundShare = 4;  // a round inserts at least this part of all nodes
+constexpr int kCodeStep = 8;         // an octave
+
+}  // namespace
+
+void Insertion::Begin(QueryControl* control) {
+  Clear();
+  control_ = control;
+  waiting_code_ = 255;
+  inserted_ = inserted_before_ = 0;
+}
+
+void Insertion::Clear() {
+  for (auto& list : nodes_waiting_) list.clear();
+  for (auto& list : children_waiting_) list.clear();
+}
+
+void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
+  Deadlines::SetChildWaits(u, ordinal);
+  children_waiting_[units_.LargestCode(child)].emplace_back(u.id, ordinal);
+}
+
+Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_round) {
+  MTDB_RETURN_IF_ERROR(RunQueue());
+  while (TakeUp(round_nodes > 0 ? kCodeStep : 256)) {
+    MTDB_RETURN_IF_ERROR(RunQueue());
+    if (round_nodes > 0 &&
+        inserted_ >= std::max(round_nodes, units_.counts().applied / kRoundShare)) {
+      MTDB_RETURN_IF_ERROR(end_round());
+      inserted_before_ += std::exchange(inserted_, 0);
+    }
+  }
+  return Status::Ok();
+}
+
+bool Insertion::TakeUp(int step) {
+  const auto waits = [&](int code) {
+    const auto c = static_cast<size_t>(code);
+    return !nodes_waiting_[c].empty() || !children_waiting_[c].empty();
+  };
+  while (waiting_code_ >= 0 && !waits(waiting_code_)) --waiting_code_;
+  if (waiting_code_ < 0) return false;
+  const auto top = static_cast<size_t>(waiting_code_);
+  waiting_code_ = std::max(waiting_code_ - step, -1);
+  for (size_t code = top + 1; code-- > static_cast<size_t>(waiting_code_ + 1);) {
+    for (const auto& [id, node] : nodes_waiting_[code]) {
+      MovingUnit& u = *units_.Find(id);
+      u.undecided.push_back(node);
+      units_.queue().Add(u);
+    }
+    nodes_waiting_[code].clear();
+    for (const auto& [id, ordinal] : children_waiting_[code]) {
+      MovingUnit& u = *units_.Find(id);
+      u.undecided_children.push_back(ordinal);
+      units_.queue().Add(u);
+    }
+    children_waiting_[code].clear();
+  }
+  return true;
+}
+
+// Coarsest units first.
+Status Insertion::RunQueue() {
+  units_.queue().Prefetch(units_.pins().reader());
+  return units_.RunQueue([&](MovingUnit& u, const LoadedUnit& unit) -> Status {
+    MTDB_RETURN_IF_ERROR(Advance(u, unit));
+    units_.queue().Prefetch(units_.pins().reader());
+    if (control_ != nullptr) {
+      control_->nodes_applied_.store(inserted_before_ + inserted_, std::memory_order_relaxed);
+    }
+    return Status::Ok();
+  });
+}
+
+// May be taken again from wherever it fails.
+Status Insertion::Advance(MovingUnit& u, const LoadedUnit& unit) {
+  if (u.looked) {
+    MTDB_RETURN_IF_ERROR(units_.ForEachArrival(u, unit, [&](NodeIndex node) {
+      units_.CountArrival(unit, node, 1);
+      ReachNode(u, node, unit.cluster.error_codes[node]);
+    }));
+  } else {
+    LookAt(u, unit);
+    u.arrivals.clear();
+  }
+  if (!u.undecided_children.empty()) LookAtChildren(u, unit);
+  do {
+    nodes_.clear();
+    nodes_.swap(u.undecided);
+    ForEachFetched(unit, nodes_, Fetch::kShapes, [&](NodeIndex node) {
+      if (u.applied.Test(node)) return;
+      if (Deadlines::Waits(u, node)) deadlines_.Evaluate(u, unit, node);
+      if (u.refusing.Test(node)) u.wanted.Set(node);
+    });
+    nodes_.clear();
+    u.wanted.ForEach([&](NodeIndex node) { nodes_.push_back(node); });
+    Status status;
+    ForEachFetched(unit, nodes_, Fetch::kStars, [&](NodeIndex node) {
+      if (status.ok()) status = Insert(u, unit, node);
+    });
+    MTDB_RETURN_IF_ERROR(status);
+    // Those that have become wanted on the way.
+    for (NodeIndex n = u.wanted.FirstFrom(0); n != kNone32; n = u.wanted.FirstFrom(n + 1)) {
+      MTDB_RETURN_IF_ERROR(Insert(u, unit, n));
+    }
+  } while (!u.undecided.empty());
+  return Status::Ok();
+}
+
+// The first look at a unit: all that enters it, or all of a piece of the root.
+void Insertion::LookAt(MovingUnit& u, const LoadedUnit& unit) {
+  units_.SetLooked(u, unit, true);
+  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
+    const NodeIndex node = unit.cluster.removers[slot];
+    if (units_.Present(u, unit, slot)) ReachNode(u, node, unit.cluster.error_codes[node]);
+  }
+  if (unit.nodes() > 0) return;
+  units_.InsertRoot(u, unit);
+  for (uint32_t slot = 0; slot < unit.own_slots(); ++slot) {
+    const uint32_t remover = unit.removers()[slot];
+    if (RemovedByChild(remover)) ReachChild(u, unit, slot, ChildOrdinal(remover));
+  }
+}
+
+void Insertion::LookAtChildren(MovingUnit& u, const LoadedUnit& unit) {
+  looks_.assign(unit.children().size(), false);
+  bool any = false;
+  for (const uint32_t ordinal : u.undecided_children) {
+    const double margin = deadlines_.ChildMargin(unit.children()[ordinal]);
+    looks_[ordinal] = margin < 0;
+    any |= looks_[ordinal];
+    Deadlines::SetChild(u, ordinal, margin);
+  }
+  u.undecided_children.clear();
+  if (!any) return;
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t remover = unit.removers()[own + u.first_own];
+    if (!RemovedByChild(remover) || !looks_[ChildOrdinal(remover)]) return;
+    // A child that has been opened meanwhile will look for itself.
+    if (units_.Find(unit.children()[ChildOrdinal(remover)]) != nullptr) return;
+    ReachChild(u, unit, own + u.first_own, ChildOrdinal(remover));
+  });
+}
+
+void Insertion::ReachNode(MovingUnit& u, NodeIndex node, uint8_t code) {
+  if (u.known.Test(node)) {
+    if (u.refusing.Test(node)) Want(u, node, code);
+    return;
+  }
+  if (!deadlines_.Learn(u, node, code)) return;
+  if (code <= waiting_code_) {
+    Defer(u, node, code);
+  } else {
+    u.undecided.push_back(node);
+    units_.queue().Add(u);
+  }
+}
+
+// Looks whether the triangle could be refused, with the largest error of the child.
+void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
+                           uint32_t ordinal) {
+  const UnitId id = unit.children()[ordinal];
+  if (MovingUnit* const child = units_.Find(id); child != nullptr) {
+    units_.queue().Add(*child, {u.id, slot});
+    return;
+  }
+  if (Deadlines::ChildWaits(u, ordinal)) return;
+  const uint8_t code = units_.LargestCode(id);
+  if (code <= waiting_code_) return DeferChild(u, ordinal, id);
+  const double margin = deadlines_.Margin(u, unit, slot, code);
+  if (margin < 0) {
+    units_.Open(id);
+  } else {
+    Deadlines::AddChild(u, ordinal, margin);
+  }
+}
+
+void Insertion::Want(MovingUnit& u, NodeIndex node, uint8_t code) {
+  if (code <= waiting_code_) return Defer(u, node, code);
+  u.wanted.Set(node);
+  units_.queue().Add(u);
+}
+
+// Applies the node if it removes a present refused triangle, after its missing ancestors.
+Status Insertion::Insert(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const uint32_t begin = unit.cluster.hole_begin[node];
+  bool refused = false;
+  for (uint32_t i = 0; i < hole.size() && !refused; ++i) {
+    refused = u.refused.Test(begin + i) && units_.Present(u, unit, hole[i]);
+  }
+  closure_.clear();
+  if (refused) MTDB_RETURN_IF_ERROR(units_.Insert({&u, node}, units_.pins(), &closure_));
+  u.wanted.Clear(node);
+  inserted_ += closure_.size();
+  for (const NodeRef& n : closure_) FollowInsertion(static_cast<MovingUnit&>(*n.unit), n.node);
+  return Status::Ok();
+}
+
+// Parents come first.
+void Insertion::FollowInsertion(MovingUnit& u, NodeIndex node) {
+  const LoadedUnit& unit = *u.pin;
+  const Cluster& cluster = unit.cluster;
+  if (!u.known.Test(node) || Deadlines::Waits(u, node)) {
+    units_.Save(u);
+    u.known.Set(node);
+    deadlines_.Evaluate(u, unit, node);
+  }
+  strength_.Find(u, unit, node);
+  for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {
+    const uint32_t remover = cluster.removers[slot];
+    if (RemovedByNode(remover)) {
+      ReachNode(u, remover, cluster.error_codes[remover]);
+    } else if (remover != kDrain) {
+      ReachChild(u, unit, slot, ChildOrdinal(remover));
+    }
+  }
+}
+
+}  // namespace mtdb

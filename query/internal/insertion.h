@@ -1,0 +1,68 @@
+// Insertion: brings in what a cut needs. docs/design.md, "Refining".
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "query/internal/deadlines.h"
+#include "query/internal/moving_units.h"
+#include "query/internal/strength.h"
+#include "query/query_control.h"
+
+namespace mtdb {
+
+// Selective refinement from the cut that is there, nodes of large errors first. As in Search the
+// order does not matter for where it ends. What has a smaller error waits, so that a round can end
+// on the way; cuts between rounds hold all their parents.
+class Insertion {
+ public:
+  Insertion(MovingUnits& units, Deadlines& deadlines, Strength& strength)
+      : units_(units), deadlines_(deadlines), strength_(strength) {}
+
+  // Forgets what waits, and begins anew: all waits.
+  void Begin(QueryControl* control);
+  // A known node that is refusing; a child that may be needed. They wait.
+  void Defer(const MovingUnit& u, NodeIndex node, uint8_t code) {
+    nodes_waiting_[code].emplace_back(u.id, node);
+  }
+  void DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child);
+  // Works off the queue and what waits. With round_nodes > 0 calls end_round when so many nodes
+  // have come, and a quarter of all.
+  Status Run(uint64_t round_nodes, const std::function<Status()>& end_round);
+  // Needs no memory.
+  void Clear();
+
+ private:
+  using NodeRef = CutState::NodeRef;
+
+  // Takes up what waits, by `step` codes; false when nothing does.
+  bool TakeUp(int step);
+  Status RunQueue();
+  Status Advance(MovingUnit& u, const LoadedUnit& unit);
+  void LookAt(MovingUnit& u, const LoadedUnit& unit);
+  void LookAtChildren(MovingUnit& u, const LoadedUnit& unit);
+  Status Insert(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+  void FollowInsertion(MovingUnit& u, NodeIndex node);
+  // A triangle that the node, or a child, removes has become present.
+  void ReachNode(MovingUnit& u, NodeIndex node, uint8_t code);
+  void ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot, uint32_t ordinal);
+  void Want(MovingUnit& u, NodeIndex node, uint8_t code);
+
+  MovingUnits& units_;
+  Deadlines& deadlines_;
+  Strength& strength_;
+  QueryControl* control_ = nullptr;
+  // What has an error of at most this code waits: nodes, and children of units by their ordinals.
+  int waiting_code_ = 255;
+  std::array<std::vector<std::pair<UnitId, uint32_t>>, 256> nodes_waiting_, children_waiting_;
+  uint64_t inserted_ = 0;  // in this round
+  uint64_t inserted_before_ = 0;
+  std::vector<NodeRef> closure_;
+  std::vector<NodeIndex> nodes_;
+  std::vector<bool> looks_;  // per child of the unit at hand
+};
+
+}  // namespace mtdb

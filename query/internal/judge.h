@@ -1,0 +1,92 @@
+// Judge: what a query says of triangles, and of all triangles in a box.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "query/internal/promise.h"
+#include "query/internal/work_meter.h"
+#include "query/loaded_unit.h"
+#include "query/query.h"
+#include "store/cluster_source.h"
+
+namespace mtdb {
+
+// Which triangles of a box are active.
+enum class Activity : uint8_t { kNone, kSome, kAll };
+
+// The definitions of query.h, with bounds b(t) = e(t) + `rounding` in model units. A triangle is
+// refused when it is active and invalid. Questions are counted on the meter; once that says that
+// the query is to end, answers are void. One thread.
+class Judge {
+ public:
+  Judge(const ClusterSource& source, double rounding);
+
+  // From now on it judges for this query. Its region and threshold stay alive with it.
+  void SetQuery(const Query& query);
+  // Not null while questions are asked.
+  void SetMeter(WorkMeter* meter) { meter_ = meter; }
+  WorkMeter& meter() const { return *meter_; }
+
+  const Grid& grid() const { return grid_; }
+  double rounding() const { return rounding_; }
+  bool whole() const { return region_ == nullptr; }
+  const RegionPtr& region() const { return region_; }           // null: all of space
+  const ThresholdPtr& asked() const { return asked_; }          // the query's; may be null
+  const ThresholdPtr& threshold() const { return threshold_; }  // the attainable one
+  const std::optional<double>& constant() const { return constant_; }
+  // No region and one threshold: the geometry need not be looked at.
+  bool by_code() const { return whole() && constant_.has_value(); }
+  double Bound(uint8_t code) const { return bounds_[code]; }
+  // Triangles whose errors have at most this code are valid everywhere; -1: not even those of 0.
+  int valid_code() const { return valid_code_; }
+
+  bool Active(const Triangle3d& t, double bound) const {
+    return whole() || (meter_->Spend(1) && region_->Within(t, bound));
+  }
+  bool Valid(const Triangle3d& t, double bound) const {
+    if (constant_) return bound <= *constant_;
+    return !meter_->Spend(1) || bound <= threshold_->Min(t, bound);
+  }
+  // A slot of the unit whose remover has an error of this code; `creator` as LoadedUnit::creator.
+  bool Refused(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code) const {
+    if (code <= valid_code_) return false;
+    if (by_code()) return true;
+    const Triangle3d t = Corners(unit, slot, creator);
+    return Active(t, bounds_[code]) && !Valid(t, bounds_[code]);
+  }
+  // Whether some triangle of the node's hole is, present or not.
+  bool RefusesAny(const LoadedUnit& unit, NodeIndex node) const;
+
+  // Of triangles inside the box with bounds up to `bound`.
+  Activity ActivityIn(const Box3d& box, double bound) const;
+  // False only when none inside the box with a code up to `largest` is refused.
+  bool MayRefuse(const Box3i& box, uint8_t largest) const {
+    return largest > valid_code_ && ActivityIn(ModelBox(box), bounds_[largest]) != Activity::kNone;
+  }
+  // Where the threshold's Min lies, likewise.
+  ErrorRange RangeIn(const Box3d& box, double bound) const {
+    meter_->Spend(1);
+    return threshold_->Range(box, bound);
+  }
+
+  Box3d ModelBox(const Box3i& box) const { return {grid_.Position(box.min), grid_.Position(box.max)}; }
+  Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
+  // The largest code of a triangle that the unit creates or removes.
+  uint8_t LargestCode(UnitId unit) const;
+
+ private:
+  const ClusterIndex& index_;
+  const Grid& grid_;
+  const double rounding_;
+  const std::array<double, 256> bounds_;
+  WorkMeter* meter_ = nullptr;
+  RegionPtr region_;
+  ThresholdPtr asked_;
+  ThresholdPtr threshold_;
+  std::optional<double> constant_;
+  int valid_code_ = -1;
+};
+
+}  // namespace mtdb

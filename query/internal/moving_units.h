@@ -1,0 +1,96 @@
+// MovingUnits: what a moving cut keeps of its units, and what those who work on it share.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "query/internal/cut_state.h"
+#include "query/internal/judge.h"
+#include "query/internal/unit_pins.h"
+#include "query/internal/unit_queue.h"
+
+namespace mtdb {
+
+// A node of an object, in the order of units and nodes.
+using NodeKey = uint64_t;
+inline NodeKey KeyOf(UnitId unit, NodeIndex node) { return NodeKey{unit} << 32 | node; }
+inline UnitId UnitOf(NodeKey key) { return static_cast<UnitId>(key >> 32); }
+inline NodeIndex NodeOf(NodeKey key) { return static_cast<NodeIndex>(key); }
+
+// Of Deadlines: when a unit's decisions may be otherwise.
+struct UnitDeadlines {
+  // Of a node that refuses some of its triangles, and not all: both count.
+  struct Mixed {
+    NodeIndex node;
+    float low, high;
+  };
+  bool stale = true;  // all have passed
+  Activity activity = Activity::kNone;
+  Box3d box;
+  double reach = 0;  // the largest bound of a triangle that the unit creates or removes
+  ErrorRange range;  // of the threshold's Min in the box
+  // Bounds of the sum of all changes of Min in the box since the deadlines began.
+  double low = 0, high = 0;
+  bool fell = true, rose = true;  // in this move
+  // Per known node, whole words of them: its decision stands until `low` has fallen to this; or,
+  // of a node that refuses, until `high` has risen to it.
+  std::vector<float> nodes;
+  std::vector<Mixed> mixed;
+  // Per child that is not open: it is not needed until `low` has fallen to this.
+  std::vector<float> children;
+};
+
+struct MovingUnit final : CutUnit {
+  UnitDeadlines deadlines;
+  Bits recheck;                          // Strength: per node: may be strong, or weak, now
+  Bits suspended;                        // Removal: per node
+  std::vector<NodeIndex> new_suspended;  // Removal: those whose neighbours are still to come
+  std::vector<NodeIndex> undecided;      // Insertion: nodes to be looked at
+  std::vector<uint32_t> undecided_children;  // Insertion: ordinals
+};
+
+// The cut, what its query says, and the units at work. One thread.
+class MovingUnits final : public CutState {
+ public:
+  explicit MovingUnits(const ClusterSource& source)
+      : CutState(source, true), judge_(source, source.record().rounding_error) {}
+
+  MovingUnit* Find(UnitId unit) const { return static_cast<MovingUnit*>(CutState::Find(unit)); }
+  // A unit that is opened goes to the queue, to be looked at.
+  MovingUnit& Open(UnitId unit) override;
+
+  Judge& judge() { return judge_; }
+  UnitQueue& queue() { return queue_; }
+  // While moving.
+  UnitPins& pins() { return *pins_; }
+  void SetPins(UnitPins* pins) { pins_ = pins; }
+  // The rest of the queue, unit by unit: f(u, unit) gives a Status. Each is a step.
+  template <typename F>
+  Status RunQueue(F&& f) {
+    while (!queue_.empty()) {
+      auto& u = static_cast<MovingUnit&>(queue_.Take());
+      MTDB_RETURN_IF_ERROR(pins_->RunOn(u, [&](const LoadedUnit& unit) { return f(u, unit); }));
+    }
+    return Status::Ok();
+  }
+  // Calls f(node) for the removers of the triangles that have come or gone, and forgets these.
+  template <typename F>
+  Status ForEachArrival(MovingUnit& u, const LoadedUnit& unit, F&& f) {
+    for (const Arc& arc : u.arrivals) {
+      MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(unit, arc));
+      f(node);
+    }
+    u.arrivals.clear();
+    return Status::Ok();
+  }
+  // Undoes the round, and with it all work that was begun. What was learnt in it is forgotten.
+  void UndoMove();
+
+ private:
+  Judge judge_;
+  UnitQueue queue_;
+  UnitPins* pins_ = nullptr;
+};
+
+}  // namespace mtdb

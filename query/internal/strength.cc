@@ -1,0 +1,74 @@
+#include "query/internal/strength.h"
+
+#include "query/internal/fetch_nodes.h"
+
+namespace mtdb {
+
+void Strength::Recheck(MovingUnit& u, NodeIndex node) {
+  if (u.recheck.empty()) u.recheck = Bits(u.applied.size());
+  u.recheck.Set(node);
+  units_.queue().Add(u);
+}
+
+Status Strength::Run(std::vector<NodeKey>* weakened) {
+  return units_.RunQueue([&](MovingUnit& u, const LoadedUnit& unit) -> Status {
+    if (u.recheck.empty()) u.recheck = Bits(u.applied.size());
+    MTDB_RETURN_IF_ERROR(
+        units_.ForEachArrival(u, unit, [&](NodeIndex node) { u.recheck.Set(node); }));
+    nodes_.clear();
+    u.recheck.ForEach([&](NodeIndex node) { nodes_.push_back(node); });
+    ForEachFetched(unit, nodes_, Fetch::kStars, [](NodeIndex) {});
+    // More come on the way, all of them later ones.
+    for (NodeIndex n = u.recheck.FirstFrom(0); n != kNone32; n = u.recheck.FirstFrom(n + 1)) {
+      if (!u.applied.Test(n)) continue;
+      const bool strong = IsStrong(u, unit, n);
+      if (strong == u.strong.Test(n)) continue;
+      units_.Save(u);
+      u.strong.Put(n, strong);
+      if (!strong) weakened->push_back(KeyOf(u.id, n));
+      RecheckRemovers(u, unit, n);
+    }
+    u.recheck = Bits();
+    return Status::Ok();
+  });
+}
+
+void Strength::RecheckRemovers(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+  const Cluster& cluster = unit.cluster;
+  for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {
+    if (u.present.Test(slot - u.first_own)) continue;
+    const uint32_t remover = cluster.removers[slot];
+    if (RemovedByNode(remover)) {
+      u.recheck.Set(remover);
+    } else {
+      units_.queue().Add(*units_.Find(cluster.children[ChildOrdinal(remover)]), {u.id, slot});
+    }
+  }
+}
+
+void Strength::Find(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+  units_.Save(u);
+  u.strong.Put(node, IsStrong(u, unit, node));
+}
+
+bool Strength::IsStrong(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
+  if (!u.refusing.Test(node)) return false;
+  const uint32_t begin = unit.cluster.hole_begin[node];
+  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  for (uint32_t i = 0; i < hole.size(); ++i) {
+    if (!u.refused.Test(begin + i)) continue;
+    const CutUnit* of = &u;
+    NodeIndex creator = 0;
+    if (hole[i] >= u.first_own) {
+      creator = unit.creator(hole[i]);
+    } else {
+      const SlotOrigin& origin = unit.origins[hole[i]];
+      creator = origin.creator;
+      of = units_.Find(unit.parents[origin.parent]);
+    }
+    if (creator == kNone32 || (of != nullptr && of->strong.Test(creator))) return true;
+  }
+  return false;
+}
+
+}  // namespace mtdb

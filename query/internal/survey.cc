@@ -1,0 +1,140 @@
+#include "query/internal/survey.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace mtdb {
+
+Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
+  active_.all = judge_.whole();
+  falls_short_ = !complete || MayFallShort(judge_.asked(), bounds, judge_.rounding());
+  if (falls_short_ && judge_.by_code() && complete) {
+    // All triangles have the same bound.
+    active_.shortfall = {cut_.counts().triangles, judge_.rounding() - *judge_.asked()->constant(),
+                         bounds};
+    falls_short_ = false;
+  }
+  const bool codes_only = active_.all && !falls_short_;
+  if (codes_only) active_.count = cut_.counts().triangles;
+  if (codes_only && cut_.remembers()) {
+    const std::array<uint64_t, 256>& by_code = cut_.counts().by_code;
+    for (size_t c = 0; c < 256; ++c) {
+      if (by_code[c] > 0) active_.largest_code = static_cast<uint8_t>(c);
+    }
+    return active_;
+  }
+  for (const UnitId id : cut_.open()) {
+    CutUnit& u = *cut_.Find(id);
+    if (u.present.empty()) continue;
+    if (codes_only) {
+      if (complete && active_.largest_code == judge_.valid_code()) break;
+      MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
+        FindLargestCode(u, unit);
+        return Status::Ok();
+      }));
+      continue;
+    }
+    const Box3d box = judge_.ModelBox(cut_.index().unit(id).bounds);
+    const double bound = judge_.Bound(judge_.LargestCode(id));
+    In in{judge_.ActivityIn(box, bound), -std::numeric_limits<double>::infinity()};
+    if (in.activity == Activity::kNone) continue;
+    if (falls_short_ && judge_.asked() != nullptr) in.least = judge_.asked()->Range(box, bound).low;
+    MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
+      SurveyUnit(u, unit, in);
+      return Status::Ok();
+    }));
+  }
+  return active_;
+}
+
+int Survey::CodeOf(const LoadedUnit& unit, uint32_t slot) const {
+  const uint32_t remover = unit.removers()[slot];
+  if (RemovedByNode(remover)) return unit.cluster.error_codes[remover];
+  if (remover == kDrain) return 0;
+  const UnitId child = unit.children()[ChildOrdinal(remover)];
+  return cut_.Looked(child) ? -1 : cut_.LargestCode(child);
+}
+
+void Survey::FindLargestCode(const CutUnit& u, const LoadedUnit& unit) {
+  for (NodeIndex node = 0; node < unit.nodes(); ++node) {
+    const uint8_t code = unit.cluster.error_codes[node];
+    if (code <= active_.largest_code || u.applied.Test(node)) continue;
+    if (cut_.AnyPresent(u, unit, node)) active_.largest_code = code;
+  }
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + u.first_own;
+    if (!RemovedByChild(unit.removers()[slot])) return;
+    if (const int code = CodeOf(unit, slot); code > active_.largest_code) {
+      active_.largest_code = static_cast<uint8_t>(code);
+    }
+  });
+}
+
+bool Survey::Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code,
+                   const In& in) {
+  const double bound = judge_.Bound(code);
+  const bool looks = in.activity == Activity::kSome || (falls_short_ && !(in.least > bound));
+  const Triangle3d t = looks ? judge_.Corners(unit, slot, creator) : Triangle3d{};
+  if (in.activity == Activity::kSome && !judge_.Active(t, bound)) return false;
+  ++active_.count;
+  active_.largest_code = std::max(active_.largest_code, code);
+  if (falls_short_ && !(in.least > bound) && judge_.meter().Spend(1)) {
+    const Threshold& asked = judge_.asked() == nullptr ? *judge_.threshold() : *judge_.asked();
+    AddShortfall(asked, t, bound, unit.removers()[slot] != kDrain, &active_.shortfall);
+  }
+  return true;
+}
+
+void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
+  if (marks_ && u.active.empty()) u.active = Bits(unit.own_slots());
+  for (uint32_t slot = 0; u.looked && slot < u.first_own; ++slot) {
+    if (!cut_.Present(u, unit, slot)) continue;
+    const uint8_t code = unit.cluster.error_codes[unit.cluster.removers[slot]];
+    if (!Count(unit, slot, kNone32, code, in) || !marks_) continue;
+    const SlotOrigin& origin = unit.origins[slot];
+    CutUnit& parent = *cut_.Find(unit.parents[origin.parent]);
+    if (parent.active.empty()) parent.active = Bits(parent.present.size());
+    parent.active.Set(origin.slot - parent.first_own);
+  }
+  const bool all = in.activity == Activity::kAll && !falls_short_;
+  if (!all && unit.nodes() > 0) {
+    SurveyStars(u, unit, in.least);
+    return;
+  }
+  // What nobody removes needs no look.
+  if (all && marks_) active_.count += u.active.AddBoth(u.present.words(), unit.drain);
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + u.first_own;
+    if (all && marks_ && unit.removers()[slot] == kDrain) return;
+    const int code = CodeOf(unit, slot);
+    if (code < 0) return;
+    const NodeIndex creator = all ? kNone32 : unit.creator(slot);
+    if (Count(unit, slot, creator, static_cast<uint8_t>(code), in) && marks_) u.active.Set(own);
+  });
+}
+
+// Star by star, whose bounds decide most cases.
+void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, double least) {
+  const Cluster& cluster = unit.cluster;
+  u.applied.ForEach([&](NodeIndex node) {
+    star_.clear();
+    uint8_t largest = 0;
+    const uint32_t end = cluster.star_begin[node + 1] - u.first_own;
+    for (uint32_t own = u.present.FirstFrom(cluster.star_begin[node] - u.first_own); own < end;
+         own = u.present.FirstFrom(own + 1)) {
+      if (const int code = CodeOf(unit, own + u.first_own); code >= 0) {
+        star_.emplace_back(own, static_cast<uint8_t>(code));
+        largest = std::max(largest, star_.back().second);
+      }
+    }
+    if (star_.empty()) return;
+    const Box3d box = judge_.ModelBox(unit.star_bounds(node));
+    const In in{judge_.ActivityIn(box, judge_.Bound(largest)), least};
+    if (in.activity == Activity::kNone) return;
+    for (const auto& [own, code] : star_) {
+      if (Count(unit, own + u.first_own, node, code, in) && marks_) u.active.Set(own);
+    }
+  });
+}
+
+}  // namespace mtdb

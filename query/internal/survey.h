@@ -1,0 +1,56 @@
+// Survey: the active triangles of a cut's mesh.
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "query/internal/cut_state.h"
+#include "query/internal/judge.h"
+#include "query/internal/unit_pins.h"
+
+namespace mtdb {
+
+// Bounds as in ExtractStats: where the cluster of a triangle's remover has not been looked at, its
+// largest error stands for the triangle's.
+struct ActiveTriangles {
+  bool all = false;  // so CutUnit::active is not filled
+  uint64_t count = 0;
+  uint8_t largest_code = 0;
+  Shortfall shortfall;
+};
+
+// Goes once over the units that may have some. One use.
+class Survey {
+ public:
+  // With `marks` CutUnit::active tells which triangles these are.
+  Survey(CutState& cut, const Judge& judge, UnitPins& pins, bool marks)
+      : cut_(cut), judge_(judge), pins_(pins), marks_(marks) {}
+
+  // `complete`: every active triangle is valid. `bounds` of the whole surface.
+  Result<ActiveTriangles> Run(bool complete, const Box3d& bounds);
+
+ private:
+  // What is known of the triangles in a box.
+  struct In {
+    Activity activity;
+    double least;  // of what is asked for
+  };
+  void FindLargestCode(const CutUnit& u, const LoadedUnit& unit);
+  void SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in);
+  void SurveyStars(CutUnit& u, const LoadedUnit& unit, double least);
+  // Counts the slot if it is active, and says so.
+  bool Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code, const In& in);
+  // Of a present own slot; -1 when a child looks at it.
+  int CodeOf(const LoadedUnit& unit, uint32_t slot) const;
+
+  CutState& cut_;
+  const Judge& judge_;
+  UnitPins& pins_;
+  const bool marks_;
+  bool falls_short_ = false;  // some triangle may
+  ActiveTriangles active_;
+  std::vector<std::pair<uint32_t, uint8_t>> star_;  // own slots and codes
+};
+
+}  // namespace mtdb

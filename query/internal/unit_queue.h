@@ -1,0 +1,54 @@
+// UnitQueue: the units of a cut that have work to do, coarsest first.
+#pragma once
+
+#include <set>
+#include <vector>
+
+#include "query/internal/cut_state.h"
+#include "query/unit_reader.h"
+
+namespace mtdb {
+
+// What the work is, whoever takes a unit finds in it. One queue at a time for each cut.
+class UnitQueue {
+ public:
+  bool empty() const { return units_.empty(); }
+  void Add(CutUnit& u) {
+    if (u.queued) return;
+    units_.insert(&u);
+    u.queued = true;
+  }
+  // A triangle that the unit removes has come or gone.
+  void Add(CutUnit& u, Arc arc) {
+    u.arrivals.push_back(arc);
+    Add(u);
+  }
+  // The first, of a queue that is not empty.
+  CutUnit& Take() {
+    CutUnit& u = **units_.begin();
+    units_.erase(units_.begin());
+    u.queued = false;
+    return u;
+  }
+  // Has units loaded that will be taken soon, but for the first.
+  void Prefetch(UnitReader& reader) {
+    ahead_.clear();
+    size_t window = reader.prefetch_units();
+    for (auto it = units_.begin(); it != units_.end() && window > 0; ++it, --window) {
+      CutUnit& u = **it;
+      if (!u.prefetched && it != units_.begin()) ahead_.push_back(u.id);
+      u.prefetched = true;
+    }
+    if (!ahead_.empty()) reader.Prefetch(ahead_);
+  }
+  void Clear() { units_.clear(); }
+
+ private:
+  struct Coarser {
+    bool operator()(const CutUnit* a, const CutUnit* b) const { return a->id > b->id; }
+  };
+  std::set<CutUnit*, Coarser> units_;
+  std::vector<UnitId> ahead_;
+};
+
+}  // namespace mtdb
