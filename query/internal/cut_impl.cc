@@ -62,7 +62,8 @@ void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
   reader_.FillStats(&stats_);
-  stats_.error_bound = BoundOf(record.grid, outcome_.active.largest_code, rounding_ + sink_rounding_);
+  stats_.error_bound =
+      BoundOf(record.grid, outcome_.active.largest_code, rounding_ + sink_rounding_);
   stats_.shortfall = outcome_.active.shortfall;
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
@@ -415,8 +416,8 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
         NumberOwn(unit);
         const uint32_t external = static_cast<uint32_t>(numbers_.size()) - unit.nodes();
         const std::vector<Vec3i>& positions = unit.positions();
-        const std::span<const uint64_t> slots =
-            everything_ ? std::span<const uint64_t>(unit.drain) : cut_.Find(unit.id)->present.words();
+        const std::span<const uint64_t> slots = everything_ ? std::span<const uint64_t>(unit.drain)
+                                                            : cut_.Find(unit.id)->present.words();
         ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
           const Vec3d a = grid.Position(positions[t[0]]);
           const Vec3d normal =

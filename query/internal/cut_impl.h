@@ -108,10 +108,10 @@ class CutImpl {
   Search::Outcome outcome_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<Output> outputs_;        // per place in cut_.open(); when everything_ per unit
-  std::vector<VertexIndex> numbers_;   // scratch: per local vertex
-  std::vector<NodeIndex> creators_;    // scratch: per own slot
-  std::vector<uint64_t> inactive_;     // scratch: a bit per own slot
+  std::vector<Output> outputs_;       // per place in cut_.open(); when everything_ per unit
+  std::vector<VertexIndex> numbers_;  // scratch: per local vertex
+  std::vector<NodeIndex> creators_;   // scratch: per own slot
+  std::vector<uint64_t> inactive_;    // scratch: a bit per own slot
   UnitReader reader_;
   ExtractStats stats_;
 };

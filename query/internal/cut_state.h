@@ -26,9 +26,9 @@ struct Arc {
 // What a cut knows of one unit. "Own slot" s is the unit's slot first_own + s: in-triangles are
 // counted where they are created. The last four are empty in a cut that is not to move.
 struct CutFlags {
-  Bits applied;  // per node
-  Bits present;  // per own slot: in the mesh; empty until the unit has been pinned
-  Bits known;    // per node: what follows is known of it; all that are applied, and more
+  Bits applied;   // per node
+  Bits present;   // per own slot: in the mesh; empty until the unit has been pinned
+  Bits known;     // per node: what follows is known of it; all that are applied, and more
   Bits refusing;  // per node: removes a refused triangle
   Bits refused;   // per place in Cluster::hole_slots: that triangle is refused
   Bits strong;    // per node: applied, and refused triangles alone are why; see strength.h

@@ -166,8 +166,7 @@ void Insertion::ReachNode(MovingUnit& u, NodeIndex node, uint8_t code) {
 }
 
 // Looks whether the triangle could be refused, with the largest error of the child.
-void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
-                           uint32_t ordinal) {
+void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot, uint32_t ordinal) {
   const UnitId id = unit.children()[ordinal];
   if (MovingUnit* const child = units_.Find(id); child != nullptr) {
     units_.queue().Add(*child, {u.id, slot});

@@ -71,7 +71,9 @@ class Judge {
     return threshold_->Range(box, bound);
   }
 
-  Box3d ModelBox(const Box3i& box) const { return {grid_.Position(box.min), grid_.Position(box.max)}; }
+  Box3d ModelBox(const Box3i& box) const {
+    return {grid_.Position(box.min), grid_.Position(box.max)};
+  }
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
   // The largest code of a triangle that the unit creates or removes.
   uint8_t LargestCode(UnitId unit) const;

@@ -43,9 +43,7 @@ class MovingCut {
   // Empty when no node is.
   const Bits& applied(UnitId unit) const;
   // During Move, for its Commit: the unit, until the next call.
-  Result<const LoadedUnit*> Pin(UnitId unit) {
-    return units_.pins().PinOne(*units_.Find(unit));
-  }
+  Result<const LoadedUnit*> Pin(UnitId unit) { return units_.pins().PinOne(*units_.Find(unit)); }
   // Likewise: lets go of all units.
   void ReleasePins() { units_.pins().Release(); }
 

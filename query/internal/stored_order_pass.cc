@@ -86,7 +86,8 @@ bool StoredOrderPass::Wanted(NodeIndex node) const {
     if (judge_.constant() && region.BoxCovers(box, 0)) return true;
   }
   for (const uint32_t slot : cluster.hole(node)) {
-    if (present_[slot] != 0 && judge_.Refused(*unit_, slot, unit_->creator(slot), code)) return true;
+    if (present_[slot] != 0 && judge_.Refused(*unit_, slot, unit_->creator(slot), code))
+      return true;
   }
   return false;
 }
