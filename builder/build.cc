@@ -131,6 +131,20 @@ class Builder {
   }
 
   Result<ObjectRecord> Run(const MeshProducer& input) {
+    Result<ObjectRecord> published = Build(input);
+    const StatusCode code = published.status().code();
+    // The same build would fail again.
+    const bool over =
+        published.ok() || code == StatusCode::kBadInput || code == StatusCode::kInvalidArgument;
+    if (journal_ != nullptr && over) {
+      journal_->Remove();
+      if (report_ != nullptr) report_->journal_left = false;
+    }
+    return published;
+  }
+
+ private:
+  Result<ObjectRecord> Build(const MeshProducer& input) {
     MTDB_RETURN_IF_ERROR(CheckOptions(options_));
     std::unique_ptr<TriangleSorter> sorter;
     MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
@@ -151,13 +165,13 @@ class Builder {
     }
     MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
     MTDB_RETURN_IF_ERROR(Report("publish", 0, 0, 0, 1));
-    Result<ObjectRecord> published = writer_.Publish(record_);
+    Result<ObjectRecord> published = writer_.Publish(record_, [&](const ObjectRecord& record) {
+      return journal_ == nullptr ? Status::Ok() : journal_->Finish(record);
+    });
     CountStage("publish", 0);
-    if (published.ok() && journal_ != nullptr) journal_->Remove();
     return published;
   }
 
- private:
   struct TileJob {
     TriangleBlock tile;
     uint64_t code = 0;
@@ -329,6 +343,7 @@ class Builder {
     const JournalKey key{Hash64(o.bytes()), Hash64(w.bytes())};
     MTDB_ASSIGN_OR_RETURN(journal_, Journal::Open(options_.journal_path, key, options_.journal_note,
                                                   options_.resume));
+    if (report_ != nullptr) report_->journal_left = true;
     return Status::Ok();
   }
 

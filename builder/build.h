@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,10 @@ struct BuildOptions {
   std::string tmp_directory =
       ".";  // of temporary files, which have no names and go with the process
   // Where finished tiles are noted down, so that the build can go on after an interruption; empty:
-  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published. After a power
-  // failure it lacks at most the last 64 MiB of results.
+  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published, and when the
+  // build fails for what its input or options are. Of a build that was killed in between it is
+  // left: RemoveFinishedJournal(). After a power failure it lacks at most the last 64 MiB of
+  // results.
   std::string journal_path;
   std::string journal_note;  // kept in it, for whoever finds it: up to 64 KiB
   // Go on with what the journal holds, if it is there. It serves only a build of the same input
@@ -71,6 +74,7 @@ struct StageCost {
 };
 struct BuildReport {
   std::vector<StageCost> stages;
+  bool journal_left = false;  // the build failed, and the same one with `resume` goes on from there
 };
 
 // Pushes the mesh into the sink: Begin, blocks of vertices and triangles, End.
@@ -97,8 +101,14 @@ struct JournalInfo {
   uint64_t bytes = 0;   // size of the file
   bool in_use = false;  // a build is running
   bool usable = false;  // it is whole at its beginning, and of this version
+  // Its build ended with one of the objects that are `published` in its store, and was killed
+  // before it removed the journal.
+  bool finished = false;
 };
 // Changes nothing. Errors: kNotFound, kIoError.
-Result<JournalInfo> ReadJournalInfo(const std::string& path);
+Result<JournalInfo> ReadJournalInfo(const std::string& path,
+                                    std::span<const ObjectRecord> published = {});
+// Removes a journal that is finished and not in use, where that is permitted.
+void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord> published);
 
 }  // namespace mtdb

@@ -3,6 +3,7 @@
 #include "store/internal/builder_lock.h"
 #include "store/internal/catalog.h"
 #include "store/internal/environment.h"
+#include "store/internal/meta_page.h"
 #include "store/internal/object_reader.h"
 #include "store/internal/object_writer.h"
 #include "store/internal/test_hooks.h"
@@ -19,6 +20,11 @@ Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
                                                  const OpenOptions& options) {
   MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
   return std::shared_ptr<Database>(new Database(std::move(environment)));
+}
+
+bool Database::NothingStored(const std::string& path) {
+  const auto file = StoreFile::Open(path, StoreFile::Access::kRead);
+  return file.ok() && NeverCommitted(**file);
 }
 
 const std::string& Database::path() const { return environment_->path(); }

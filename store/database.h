@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -39,6 +40,9 @@ class Database {
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
                                                 const OpenOptions& options = {});
   ~Database();
+  // Whether a file is there in which nothing was ever stored, as a process leaves it that dies
+  // while it makes a store: no store yet, but Open() with `create` makes it one.
+  static bool NothingStored(const std::string& path);
 
   const std::string& path() const;
   // Size of the file in bytes.
@@ -64,6 +68,9 @@ class Database {
   std::shared_ptr<Environment> environment_;
 };
 
+// Called with the whole record when everything is written but the catalog's entry.
+using BeforePublish = std::function<Status(const ObjectRecord&)>;
+
 // Writes one object. Clusters come finest round first; within a round with ascending `hilbert`.
 // Destroyed before Publish(): what it wrote is removed. Single thread.
 class ObjectWriter {
@@ -77,8 +84,9 @@ class ObjectWriter {
                              ByteSpan payload) = 0;
   // Writes the index and flips the catalog. `record` comes without id, name, payload_bytes,
   // stored_bytes, index_checksum and digest; the published record is returned. A replaced object's
-  // pages are freed.
-  virtual Result<ObjectRecord> Publish(const ObjectRecord& record) = 0;
+  // pages are freed. An error of `before` is returned, and nothing is published.
+  virtual Result<ObjectRecord> Publish(const ObjectRecord& record,
+                                       const BeforePublish& before = {}) = 0;
 };
 
 }  // namespace mtdb

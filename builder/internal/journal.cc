@@ -1,11 +1,15 @@
 #include "builder/internal/journal.h"
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <thread>
 #include <unistd.h>
+#include <utility>
 
 #include "store/base/hash.h"
 
@@ -13,20 +17,44 @@ namespace mtdb {
 
 namespace {
 
-// The header: magic, u64 checksum of what follows, the key, u32 length of the note, the note. The
-// magic's number changes with the records, and with what the builder or the codecs make of a tile.
-constexpr char kMagic[16] = "mtdb journal 02";
-constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + 8 + 4 + 16;
+// The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
+// note. The magic's number changes with the records, and with what the builder or the codecs make
+// of a tile.
+constexpr char kMagic[16] = "mtdb journal 03";
+// The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
+constexpr size_t kMarkBytes = 32;
+constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;
 constexpr size_t kMaxNoteBytes = 64 << 10;
 constexpr uint64_t kRecordHeaderBytes = 16;  // u64 length, u64 checksum
 constexpr uint64_t kSyncBytes = uint64_t{64} << 20;
+// Who only looks at a journal holds its lock for a moment.
+constexpr int kLockAttempts = 100;
+constexpr std::chrono::milliseconds kLockPause{5};
 
 struct Header {
   JournalKey key;
   std::string note;
+  Bytes mark;
   uint64_t checksum = 0;
   uint64_t bytes = 0;  // of the header
 };
+
+Bytes MarkOf(const ObjectRecord& record, uint64_t checksum) {
+  ByteWriter w;
+  w.Put(record.digest_low);
+  w.Put(record.digest_high);
+  w.Put(Hash64(AsBytes(record.name)));
+  w.Put(Hash64(w.bytes(), checksum));
+  return Bytes(w.bytes().begin(), w.bytes().end());
+}
+
+// Whether the path still leads to this file.
+bool IsAt(int file, const std::string& path) {
+  struct stat here;
+  struct stat there;
+  return fstat(file, &here) == 0 && lstat(path.c_str(), &there) == 0 &&
+         here.st_dev == there.st_dev && here.st_ino == there.st_ino;
+}
 
 void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   const TileCluster& c = o.cluster;
@@ -116,6 +144,8 @@ Found ReadHeader(int file, Header* header, int* error) {
   bytes.resize(static_cast<size_t>(n));
   ByteReader r(bytes);
   const ByteSpan magic = r.GetBytes(sizeof(kMagic));
+  const ByteSpan mark = r.GetBytes(kMarkBytes);
+  header->mark.assign(mark.begin(), mark.end());
   header->checksum = r.Get<uint64_t>();
   if (r.failed()) return Found::kNothingWhole;
   const size_t hashed = r.position();
@@ -134,18 +164,34 @@ Found ReadHeader(int file, Header* header, int* error) {
   return Found::kHeader;
 }
 
+// All but whether it is in use.
+Result<JournalInfo> Examine(int file, const std::string& path,
+                            std::span<const ObjectRecord> published) {
+  JournalInfo journal;
+  struct stat info;
+  Header header;
+  int error = 0;
+  const bool examined = fstat(file, &info) == 0;
+  const Found found =
+      examined && S_ISREG(info.st_mode) ? ReadHeader(file, &header, &error) : Found::kNothingWhole;
+  if (found == Found::kUnreadable) return IoError(path + ": " + std::strerror(error));
+  journal.bytes = examined ? static_cast<uint64_t>(info.st_size) : 0;
+  journal.note = std::move(header.note);
+  journal.usable = found == Found::kHeader;
+  journal.finished = journal.usable && std::ranges::any_of(published, [&](const ObjectRecord& r) {
+                       return header.mark == MarkOf(r, header.checksum);
+                     });
+  return journal;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const JournalKey& key,
                                                const std::string& note, bool resume) {
   // The folder may be open to all: a link or a file of somebody else's is not followed or believed.
-  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
-  std::unique_ptr<Journal> journal(new Journal(file, path));
-  if (file < 0) return journal->Error("cannot be made", errno);
-  if (flock(file, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return journal->Error("cannot be locked", errno);
-    return Status(StatusCode::kBusy, path + ": another process builds this object; wait for it");
-  }
+  std::unique_ptr<Journal> journal(new Journal(path));
+  MTDB_RETURN_IF_ERROR(journal->Lock());
+  const int file = journal->file_;
   struct stat info;
   if (fstat(file, &info) != 0) return journal->Error("cannot be examined", errno);
   if (!S_ISREG(info.st_mode) || info.st_uid != geteuid()) {
@@ -169,12 +215,30 @@ Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const Jo
         }
         journal->size_ = static_cast<uint64_t>(info.st_size);
         journal->at_ = header.bytes;
-        journal->chain_ = header.checksum;
+        journal->chain_ = journal->checksum_ = header.checksum;
         return journal;
     }
   }
   MTDB_RETURN_IF_ERROR(journal->Begin(key, note));
   return journal;
+}
+
+Status Journal::Lock() {
+  for (int attempt = 0;; ++attempt) {
+    file_ = open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+    if (file_ < 0) return Error("cannot be made", errno);
+    if (flock(file_, LOCK_EX | LOCK_NB) == 0) {
+      // Who had it may have removed it since it was opened here.
+      if (IsAt(file_, path_)) return Status::Ok();
+    } else if (errno != EWOULDBLOCK) {
+      return Error("cannot be locked", errno);
+    }
+    close(std::exchange(file_, -1));
+    if (attempt == kLockAttempts) {
+      return Status(StatusCode::kBusy, path_ + ": another process builds this object; wait for it");
+    }
+    std::this_thread::sleep_for(kLockPause);
+  }
 }
 
 Status Journal::Begin(const JournalKey& key, const std::string& note) {
@@ -188,9 +252,11 @@ Status Journal::Begin(const JournalKey& key, const std::string& note) {
   chain_ = Hash64(body.bytes());
   ByteWriter header;
   header.PutBytes(std::as_bytes(std::span(kMagic)));
+  header.PutBytes(Bytes(kMarkBytes));
   header.Put(chain_);
   header.PutBytes(body.bytes());
   MTDB_RETURN_IF_ERROR(Write(header.bytes()));
+  checksum_ = chain_;
   size_ = at_;
   MTDB_RETURN_IF_ERROR(Sync());
   // The name too, else a power failure takes the file with it.
@@ -276,29 +342,41 @@ Status Journal::Sync() {
   return Status::Ok();
 }
 
-void Journal::Remove() { unlink(path_.c_str()); }
+Status Journal::Finish(const ObjectRecord& record) {
+  const Bytes mark = MarkOf(record, checksum_);
+  const uint64_t end = std::exchange(at_, sizeof(kMagic));
+  const Status written = Write(mark);
+  at_ = end;
+  MTDB_RETURN_IF_ERROR(written);
+  return Sync();
+}
 
-Result<JournalInfo> ReadJournalInfo(const std::string& path) {
+void Journal::Remove() {
+  if (IsAt(file_, path_)) unlink(path_.c_str());
+}
+
+Result<JournalInfo> ReadJournalInfo(const std::string& path,
+                                    std::span<const ObjectRecord> published) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (file < 0) {
     const int error = errno;
     const std::string what = path + ": " + std::strerror(error);
     return error == ENOENT ? NotFound(what) : IoError(what);
   }
-  JournalInfo journal;
-  struct stat info;
-  Header header;
-  int error = 0;
-  const bool examined = fstat(file, &info) == 0;
-  const Found found =
-      examined && S_ISREG(info.st_mode) ? ReadHeader(file, &header, &error) : Found::kNothingWhole;
-  journal.in_use = flock(file, LOCK_SH | LOCK_NB) != 0;
+  Result<JournalInfo> journal = Examine(file, path, published);
+  if (journal.ok()) journal->in_use = flock(file, LOCK_SH | LOCK_NB) != 0;
   close(file);
-  if (found == Found::kUnreadable) return IoError(path + ": " + std::strerror(error));
-  journal.bytes = examined ? static_cast<uint64_t>(info.st_size) : 0;
-  journal.note = std::move(header.note);
-  journal.usable = found == Found::kHeader;
   return journal;
+}
+
+void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord> published) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  if (file < 0) return;
+  if (flock(file, LOCK_EX | LOCK_NB) == 0) {
+    const Result<JournalInfo> journal = Examine(file, path, published);
+    if (journal.ok() && journal->finished && IsAt(file, path)) unlink(path.c_str());
+  }
+  close(file);
 }
 
 }  // namespace mtdb

@@ -7,8 +7,10 @@
 // Nothing is believed that was not written whole: each record's checksum is seeded with the one
 // before it, the first with the header's. So a record serves only when all before it are there, in
 // their order, and of this build; from the first that is torn, zeroed or misplaced on, the file is
-// cut off. The file and its name reach the disk at the beginning, its records every 64 MiB: a power
-// failure costs the work since then, a killed process none.
+// cut off. Before the object is published, its digest is noted in the header, so that whoever finds
+// the journal of a build that was killed after that knows it for finished. The file and its name
+// reach the disk at the beginning, its records every 64 MiB: a power failure costs the work since
+// then, a killed process none.
 #pragma once
 
 #include <cstdint>
@@ -52,21 +54,25 @@ class Journal {
   // The next tile's result, or none when the journal ends here; after that, only Append.
   Result<std::optional<TileOutcome>> Next();
   Status Append(const TileOutcome& outcome);
-  // Removes the file: the object is published.
+  // Notes what is about to be published, on the disk when this returns.
+  Status Finish(const ObjectRecord& record);
+  // Removes the file: the object is published, or never will be.
   void Remove();
 
  private:
-  Journal(int file, std::string path) : file_(file), path_(std::move(path)) {}
+  explicit Journal(std::string path) : path_(std::move(path)) {}
   Status Error(const char* what, int error) const;
+  Status Lock();
   Status Begin(const JournalKey& key, const std::string& note);
   Status Write(ByteSpan bytes);
   Status Sync();
 
-  int file_;
+  int file_ = -1;
   std::string path_;
   uint64_t at_ = 0;        // where the next record begins
   uint64_t size_ = 0;      // of what was there when it was opened
   uint64_t chain_ = 0;     // checksum of what is before at_
+  uint64_t checksum_ = 0;  // the header's
   uint64_t unsynced_ = 0;  // bytes
   bool reading_ = true;
 };

@@ -25,7 +25,6 @@ constexpr uint64_t kMapSmallest = uint64_t{1} << 24;  // when the system gives n
 constexpr uint64_t kLowDisk = uint64_t{1} << 26;
 constexpr unsigned kReaders = 512;
 constexpr int kTries = 100;
-constexpr uint64_t kSmallestFile = 2 * 4096;  // of any page size
 
 MDB_val ToVal(ByteSpan b) {
   return {b.size(), const_cast<void*>(static_cast<const void*>(b.data()))};
@@ -93,8 +92,7 @@ Status LmdbEnvironment::CheckSameFile() {
 }
 
 Status LmdbEnvironment::CheckBeforeOpen(bool may_be_empty) {
-  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
-  if (bytes == 0 && may_be_empty) return Status::Ok();
+  if (may_be_empty && NeverCommitted(*file_)) return Status::Ok();
   return CheckStoreFile(*file_);
 }
 
@@ -124,10 +122,7 @@ Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool chec
     if (rc == EINTR) size *= 2;  // once more
     if (rc != ENOMEM && rc != EINTR) break;
   }
-  if (rc != 0) {
-    if (writable && bytes == 0) name_claim_->EmptyUnfinished();
-    return Error(rc, "opening the store");
-  }
+  if (rc != 0) return Error(rc, "opening the store");
   process_ = ::getpid();
   if (const Status status = name_claim_->CheckLockFile(); !status.ok()) {
     CloseLmdb();
@@ -180,15 +175,8 @@ Status LmdbEnvironment::MakeWritable(bool may_be_empty) {
   MTDB_RETURN_IF_ERROR(CheckSameFile());
   MTDB_RETURN_IF_ERROR(CheckBeforeOpen(may_be_empty));
   CloseLmdb();  // which a Pin had opened for reading
-  MTDB_ASSIGN_OR_RETURN(const uint64_t bytes_before, file_->Size());
   const Status status = OpenLmdb(true, 0, true);
-  if (status.ok()) return status;
-  name_claim_.reset();
-  // LMDB's first write, of two pages, may have been cut short. Nobody can have used such a file.
-  const Result<uint64_t> bytes = file_->Size();
-  if (bytes_before == 0 && bytes.ok() && *bytes < kSmallestFile) {
-    [[maybe_unused]] const int result = ::truncate(real_path_.c_str(), 0);
-  }
+  if (!status.ok()) name_claim_.reset();
   return status;
 }
 

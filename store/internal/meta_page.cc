@@ -1,5 +1,6 @@
 #include "store/internal/meta_page.h"
 
+#include <algorithm>
 #include <bit>
 
 namespace mtdb {
@@ -39,6 +40,45 @@ Status ReadStable(const StoreFile& file, uint64_t offset, Bytes* bytes) {
     std::swap(again, *bytes);
   }
   return {StatusCode::kBusy, file.path() + ": meta page keeps changing; try again"};
+}
+
+Result<MetaPages> TryReadMetaPages(const StoreFile& file) {
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, file.Size());
+  if (file_bytes < kMetaPages * kMinPageSize) {
+    return Corrupt(file.path() + ": " + std::to_string(file_bytes) +
+                   " bytes are too few for a store; it was truncated or is another file: restore "
+                   "it from a copy");
+  }
+  Status last = Status::Ok();
+  for (int i = 0; i < kStableReadTries; ++i) {
+    Bytes bytes;
+    MetaPages metas;
+    MTDB_RETURN_IF_ERROR(ReadStable(file, 0, &bytes));
+    MTDB_ASSIGN_OR_RETURN(metas.page[0], DecodeMetaPage(bytes, 0, file.path()));
+    const uint32_t page_size = metas.page[0].page_size;
+    if (file_bytes < kMetaPages * page_size) {
+      return Corrupt(file.path() + ": the file has " + std::to_string(file_bytes) +
+                     " bytes, a store at least " + std::to_string(kMetaPages * page_size) +
+                     "; it was truncated: restore it from a copy");
+    }
+    MTDB_RETURN_IF_ERROR(ReadStable(file, page_size, &bytes));
+    MTDB_ASSIGN_OR_RETURN(metas.page[1], DecodeMetaPage(bytes, 1, file.path()));
+    if (metas.page[1].page_size != page_size) {
+      return Corrupt(file.path() + ": meta page 1: page size: expected " +
+                     std::to_string(page_size) + ", found " +
+                     std::to_string(metas.page[1].page_size));
+    }
+    const uint64_t live = metas.live().txnid;
+    const uint64_t superseded = metas.superseded().txnid;
+    const bool parity =
+        metas.page[0].txnid % 2 == 0 && (metas.page[1].txnid % 2 == 1 || metas.page[1].txnid == 0);
+    if (parity && (live == superseded + 1 || (live == 0 && superseded == 0))) return metas;
+    // Two commits may have come between the two reads: look again.
+    last = Corrupt(file.path() + ": meta pages 0 and 1: expected consecutive transaction ids, " +
+                   "even and odd, found " + std::to_string(metas.page[0].txnid) + " and " +
+                   std::to_string(metas.page[1].txnid) + "; restore the file from a copy");
+  }
+  return last;
 }
 
 }  // namespace
@@ -100,49 +140,29 @@ Result<MetaPage> DecodeMetaPage(ByteSpan bytes, uint64_t number, const std::stri
   return meta;
 }
 
+bool NeverCommitted(const StoreFile& file) {
+  const Result<uint64_t> size = file.Size();
+  if (!size.ok() || *size > kMetaPages * kMaxPageSize) return false;
+  Bytes bytes(*size);
+  if (!file.ReadAt(0, bytes).ok()) return false;
+  const auto zero = [](ByteSpan part) {
+    return std::ranges::all_of(part, [](std::byte b) { return b == std::byte{0}; });
+  };
+  if (zero(bytes)) return true;
+  const Result<MetaPage> first = DecodeMetaPage(bytes, 0, file.path());
+  if (!first.ok() || first->txnid != 0 || *size > kMetaPages * first->page_size) return false;
+  const ByteSpan rest = ByteSpan(bytes).subspan(std::min<uint64_t>(*size, first->page_size));
+  if (rest.size() < kPageHeaderBytes + kMetaBytes || zero(rest)) return true;
+  const Result<MetaPage> second = DecodeMetaPage(rest, 1, file.path());
+  return second.ok() && second->txnid == 0;
+}
+
 Result<MetaPages> ReadMetaPages(const StoreFile& file) {
-  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, file.Size());
-  if (file_bytes == 0) {
-    return Corrupt(
-        file.path() +
-        ": the file is empty: either nothing was stored in it yet, and an ingest makes it "
-        "a store, or it was truncated: restore it from a copy");
-  }
-  if (file_bytes < kMetaPages * kMinPageSize) {
-    return Corrupt(file.path() + ": " + std::to_string(file_bytes) +
-                   " bytes are too few for a store; it was truncated or is another file: restore "
-                   "it from a copy");
-  }
-  Status last = Status::Ok();
-  for (int i = 0; i < kStableReadTries; ++i) {
-    Bytes bytes;
-    MetaPages metas;
-    MTDB_RETURN_IF_ERROR(ReadStable(file, 0, &bytes));
-    MTDB_ASSIGN_OR_RETURN(metas.page[0], DecodeMetaPage(bytes, 0, file.path()));
-    const uint32_t page_size = metas.page[0].page_size;
-    if (file_bytes < kMetaPages * page_size) {
-      return Corrupt(file.path() + ": the file has " + std::to_string(file_bytes) +
-                     " bytes, a store at least " + std::to_string(kMetaPages * page_size) +
-                     "; it was truncated: restore it from a copy");
-    }
-    MTDB_RETURN_IF_ERROR(ReadStable(file, page_size, &bytes));
-    MTDB_ASSIGN_OR_RETURN(metas.page[1], DecodeMetaPage(bytes, 1, file.path()));
-    if (metas.page[1].page_size != page_size) {
-      return Corrupt(file.path() + ": meta page 1: page size: expected " +
-                     std::to_string(page_size) + ", found " +
-                     std::to_string(metas.page[1].page_size));
-    }
-    const uint64_t live = metas.live().txnid;
-    const uint64_t superseded = metas.superseded().txnid;
-    const bool parity =
-        metas.page[0].txnid % 2 == 0 && (metas.page[1].txnid % 2 == 1 || metas.page[1].txnid == 0);
-    if (parity && (live == superseded + 1 || (live == 0 && superseded == 0))) return metas;
-    // Two commits may have come between the two reads: look again.
-    last = Corrupt(file.path() + ": meta pages 0 and 1: expected consecutive transaction ids, " +
-                   "even and odd, found " + std::to_string(metas.page[0].txnid) + " and " +
-                   std::to_string(metas.page[1].txnid) + "; restore the file from a copy");
-  }
-  return last;
+  Result<MetaPages> metas = TryReadMetaPages(file);
+  if (metas.ok() || !NeverCommitted(file)) return metas;
+  return Corrupt(file.path() +
+                 ": the file is empty: either nothing was stored in it yet, and an ingest makes it "
+                 "a store, or it was truncated: restore it from a copy");
 }
 
 Result<MetaPage> ReadMetaPageOf(const StoreFile& file, uint64_t txnid, uint32_t page_size) {

@@ -31,7 +31,15 @@ Result<MetaPage> DecodeMetaPage(ByteSpan bytes, uint64_t number, const std::stri
 
 // Reads both, each in a state that no writer was changing, and checks every field of both, and the
 // one against the other.
+// Whether a file is empty, or has no more than what making a store has written of it: zeros, or
+// meta pages of transaction 0.
+bool NeverCommitted(const StoreFile& file);
+
 Result<MetaPages> ReadMetaPages(const StoreFile& file);
+
+// Whether a file has no more than what making a store has written of it: nothing, zeros, or meta
+// pages of transaction 0.
+bool NeverCommitted(const StoreFile& file);
 
 // The meta page of transaction `txnid`; kNotFound when two later transactions have overwritten it.
 Result<MetaPage> ReadMetaPageOf(const StoreFile& file, uint64_t txnid, uint32_t page_size);

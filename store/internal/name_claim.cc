@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "store/base/hash.h"
+#include "store/internal/meta_page.h"
 
 namespace mtdb {
 namespace {
@@ -80,6 +81,7 @@ Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, b
   const uint64_t own = ClaimByte(info);
   MTDB_ASSIGN_OR_RETURN(const bool below, AnyLocked(locked, kFirstClaimByte, own));
   MTDB_ASSIGN_OR_RETURN(const bool above, AnyLocked(locked, own + 1, kEndOfClaims));
+  MTDB_ASSIGN_OR_RETURN(const bool beside, AnyLocked(locked, own, own + 1));
   if (below || above) {
     return Status(
         StatusCode::kBusy,
@@ -88,24 +90,18 @@ Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, b
             "from another machine or container), or its lock file was deleted since: the two "
             "would not see each other's changes; use the same name, or wait for that program");
   }
+  // LMDB goes on with an empty file, but not with what is left of one that was being made when its
+  // process died or the disk was full. Nobody else has it open.
+  if (writable && !beside && !ReadMetaPages(locked).ok() && NeverCommitted(locked) &&
+      ::ftruncate(locked.descriptor(), 0) != 0) {
+    return IoError(path + ": cannot be emptied: " + std::strerror(errno));
+  }
   MTDB_RETURN_IF_ERROR(Lock(locked, F_RDLCK, own));
   MTDB_RETURN_IF_ERROR(Lock(locked, F_UNLCK, kGateByte));
-  claim->byte_ = own;
   return claim;
 }
 
 NameClaim::~NameClaim() { ::close(lock_descriptor_); }
-
-void NameClaim::EmptyUnfinished() const {
-  struct flock lock = Range(F_WRLCK, byte_, byte_ + 1);
-  if (::fcntl(file_->descriptor(), F_OFD_SETLK, &lock) != 0) return;  // others have it open
-  const auto bytes = file_->Size();
-  if (bytes.ok() && *bytes < 2 * static_cast<uint64_t>(::sysconf(_SC_PAGESIZE))) {
-    static_cast<void>(TEMP_FAILURE_RETRY(::ftruncate(file_->descriptor(), 0)));
-  }
-  lock.l_type = F_RDLCK;
-  static_cast<void>(::fcntl(file_->descriptor(), F_OFD_SETLK, &lock));
-}
 
 Status NameClaim::CheckLockFile() const {
   struct stat claimed {};

@@ -4,7 +4,6 @@
 // other. See store/FORMAT.md, "Who locks what".
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -27,16 +26,12 @@ class NameClaim {
   // kBusy when the lock file at the path is no longer the one that was claimed, as when somebody
   // deleted it just before LMDB opened it.
   Status CheckLockFile() const;
-  // After LMDB failed to open a file that was empty: makes it empty again when it is shorter than
-  // its two meta pages and nobody else has it open. What is there then is no store.
-  void EmptyUnfinished() const;
 
  private:
   NameClaim(std::unique_ptr<StoreFile> file, int lock_descriptor)
       : file_(std::move(file)), lock_descriptor_(lock_descriptor) {}
 
   std::unique_ptr<StoreFile> file_;  // an open file description of its own; closing it unlocks
-  uint64_t byte_ = 0;
   int lock_descriptor_ = -1;  // keeps the lock file's inode number from being given to another
 };
 

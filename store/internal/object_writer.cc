@@ -209,7 +209,8 @@ Status StoreObjectWriter::WriteQueue() {
   return Status::Ok();
 }
 
-Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
+Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input,
+                                                const BeforePublish& before) {
   MTDB_CHECK(!published_, "an object is published once");
   MTDB_RETURN_IF_ERROR(PackUnits(true));
   ObjectRecord record = input;
@@ -234,6 +235,7 @@ Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input) {
   if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {
     return InvalidArgument("object " + name_ + ": " + check.status().message());
   }
+  if (before) MTDB_RETURN_IF_ERROR(before(record));
   std::optional<ObjectId> replaced;
   MTDB_ASSIGN_OR_RETURN(record, FlipCatalog(std::move(record), &replaced));
   published_ = true;

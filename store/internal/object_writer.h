@@ -22,7 +22,8 @@ class StoreObjectWriter final : public ObjectWriter {
 
   Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                      ByteSpan payload) override;
-  Result<ObjectRecord> Publish(const ObjectRecord& record) override;
+  Result<ObjectRecord> Publish(const ObjectRecord& record,
+                               const BeforePublish& before = {}) override;
 
  private:
   // A unit whose value is not complete yet.

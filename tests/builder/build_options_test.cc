@@ -30,9 +30,9 @@ class FailingWriter final : public ObjectWriter {
     if (left_-- == 0) return Failure();
     return writer_->Add(entry, children, payload);
   }
-  Result<ObjectRecord> Publish(const ObjectRecord& record) override {
+  Result<ObjectRecord> Publish(const ObjectRecord& record, const BeforePublish& before) override {
     if (left_-- == 0) return Failure();
-    return writer_->Publish(record);
+    return writer_->Publish(record, before);
   }
   bool failed() const { return left_ < 0; }
 

@@ -44,8 +44,26 @@ void CheckLeftovers(World& world) {
   for (const std::string& file : FilesOf(world)) {
     if (IsStoreOrLock(file) || world.expected_files.contains(file)) continue;
     world.ErrorFault("left behind", file);
-    world.expected_files.insert(file);
+    world.expected_files[file] = "";
   }
+}
+
+// An ingest of `work` came to no end: it may leave its journal, and must where it says so.
+void ExpectJournal(World& world, const std::set<std::string>& before, const std::string& work,
+                   bool promised) {
+  size_t journals = 0;
+  for (const std::string& file : FilesOf(world)) {
+    if (!file.ends_with(".journal")) continue;
+    if (!before.contains(file)) world.expected_files[file] = work;
+    const auto known = world.expected_files.find(file);
+    journals += known != world.expected_files.end() && known->second == work ? 1 : 0;
+  }
+  if (promised && journals == 0) world.Fault("no journal though --resume is promised", work);
+}
+
+// The ingest of `work` came to its end, so none of its journals may be there.
+void ExpectNoJournal(World& world, const std::string& work) {
+  std::erase_if(world.expected_files, [&](const auto& file) { return file.second == work; });
 }
 
 // The store has what the model says, and verify finds nothing.
@@ -182,10 +200,19 @@ bool JournalReaches(const World& world, uint64_t bytes) {
 }
 
 Step WithoutInterruption(Step step) {
-  for (const char* key : {"kill", "resume", "threads", "memory", "force"}) step.with.erase(key);
+  for (const char* key : {"kill", "operation", "resume", "threads", "memory", "force"}) {
+    step.with.erase(key);
+  }
   return step;
 }
 std::string Place(const Step& step) { return step.Text("store", "0") + " " + NameOf(step); }
+// Ingests of one object that use one journal.
+std::string WorkOf(const Step& step) {
+  return Place(step) + (step.Flag("tmp") ? " tmp" : "") +
+         (step.Text("via") == "library" ? " library" : "") +
+         (step.Text("by") == "hardlink" ? " hardlink" : "");
+}
+bool PromisesResume(const Ran& ran) { return ran.err.find(" goes on where") != std::string::npos; }
 
 // Why this ingest may be refused though nothing is wrong with its input; empty: it may not.
 std::string MayRefuse(World& world, const Step& step, const std::string& by) {
@@ -203,7 +230,10 @@ std::string MayRefuse(World& world, const Step& step, const std::string& by) {
 void Judged(World& world, const Step& step, Plan plan, const Ran& ran, const std::string& by) {
   const int64_t store = step.Int("store", 0);
   const std::string refusal = plan.object.Refusal();
-  const bool taken = world.Store(store).model.objects.contains(plan.name) && !step.Flag("force");
+  // To go on with what published its object before it was killed is to publish it again.
+  const bool goes_on = step.Flag("resume") && world.interrupted.contains(Place(step));
+  const bool taken =
+      world.Store(store).model.objects.contains(plan.name) && !step.Flag("force") && !goes_on;
   if (ran.ok()) {
     if (!refusal.empty() || taken) {
       world.Fault("ingest: not refused: " + (taken ? "the name is taken" : refusal),
@@ -225,6 +255,27 @@ void Judged(World& world, const Step& step, Plan plan, const Ran& ran, const std
   }
 }
 
+// `list` tells of the journal of an ingest that was killed, unless that had published its object:
+// then the journal is finished work, and `list` removes it.
+void CheckList(World& world, const Step& step, bool published) {
+  const bool left = std::ranges::any_of(
+      world.expected_files, [&](const auto& file) { return file.second == WorkOf(step); });
+  const int64_t store = step.Int("store", 0);
+  if (!left) return;
+  Arguments list{"list", world.PathOf(store, step.Text("by", "plain")), "--json"};
+  if (step.Flag("tmp")) list.push_back("--tmp=" + world.Folder("tmp"));
+  const Ran ran = world.Mtdb(list);
+  const auto json = nlohmann::json::parse(ran.out, nullptr, false);
+  if (!ran.ok() || !json.is_object()) return world.ErrorFault("list: refused", ran.err);
+  bool offered = false;
+  for (const auto& journal : json.value("journals", nlohmann::json::array())) {
+    offered |= journal.at("object") == NameOf(step);
+  }
+  if (offered && published) world.Fault("list: offers to go on with what is done", ran.out);
+  if (!offered && !published) world.Fault("list: does not tell of a journal", ran.out);
+  if (published) ExpectNoJournal(world, WorkOf(step));
+}
+
 void Ingest(World& world, const Step& step) {
   const int64_t store = step.Int("store", 0);
   const std::string by = step.Text("by", "plain");
@@ -239,29 +290,44 @@ void Ingest(World& world, const Step& step) {
         static_cast<uint64_t>(std::max<int64_t>(1, step.Int("kill", 1)) * kJournalUnit);
     run.kill_when = [&world, bytes] { return JournalReaches(world, bytes); };
   }
+  if (step.has("operation") && !world.options().faults.empty()) {
+    run.environment = {"LD_PRELOAD=" + world.options().faults, "MTDB_FAULT=kill",
+                       "MTDB_FAULT_UNDER=" + world.options().folder,
+                       "MTDB_FAULT_AT=" + step.Text("operation")};
+  }
   ++world.counts().acts;
+  const std::set<std::string> before = FilesOf(world);
   Ran ran = Run(CommandOf(world, plan, step), world.scratch(), run);
-  if (step.has("kill") && ran.signal == SIGKILL) ran.killed = true;
+  if ((step.has("kill") || step.has("operation")) && ran.signal == SIGKILL) ran.killed = true;
   ran = world.Checked(std::move(ran), "mtdb ingest");
   if (ran.killed) {
     // The journal, for the next one that goes on.
     world.interrupted[Place(step)] = WithoutInterruption(step);
-    for (const std::string& file : FilesOf(world)) {
-      if (file.ends_with(".journal")) world.expected_files.insert(file);
-    }
+    ExpectJournal(world, before, WorkOf(step), false);
     // It may have made the store, and even published.
+    std::optional<bool> published = false;
     StorePlace& place = world.Store(store);
     place.model.exists |= fs::exists(place.path);
     if (ReadRecord(place.path, name).ok() && !place.model.objects.contains(name)) {
       TakeOver(world, store, name, std::move(plan.object));
+      published = true;
     } else if (place.model.objects.contains(name) && step.Flag("force")) {
       // The old one or the new one: their records tell.
       StoredObject fresh = plan.object;
       const Result<ObjectRecord> record = ReadRecord(place.path, name);
       StoredObject old = *place.model.objects.at(name);
-      if (record.ok() && !Settle(*record, &old).empty() && Settle(*record, &fresh).empty()) {
-        TakeOver(world, store, name, std::move(fresh));
+      if (record.ok() && Settle(*record, &fresh).empty()) {
+        // The two may be the same to the record.
+        published.reset();
+        if (!Settle(*record, &old).empty()) {
+          TakeOver(world, store, name, std::move(fresh));
+          published = true;
+        }
       }
+    }
+    // Who does not look finds the journal there when he goes on.
+    if (!library && published && (!step.Flag("tmp") || step.Flag("list"))) {
+      CheckList(world, step, *published);
     }
   } else {
     Judged(world, step, std::move(plan), ran, by);
@@ -269,6 +335,8 @@ void Ingest(World& world, const Step& step) {
     place.model.exists |= fs::exists(place.path);
     if (ran.ok() && place.model.objects.contains(name)) CheckObject(world, store, name);
     if (ran.ok()) world.interrupted.erase(Place(step));
+    if (ran.ok()) ExpectNoJournal(world, WorkOf(step));
+    if (PromisesResume(ran)) ExpectJournal(world, before, WorkOf(step), true);
   }
   CheckLeftovers(world);
   CheckStore(world, store, "full");
@@ -290,6 +358,7 @@ void Pair(World& world, const Step& step) {
   RunOptions run;
   run.folder = world.Folder("inputs");
   world.counts().acts += 2;
+  const std::set<std::string> before = FilesOf(world);
   Child a(CommandOf(world, one, first), world.scratch(), run);
   Child b(CommandOf(world, two, second), world.scratch(), run);
   const Ran ran_a = world.Checked(a.Wait(), "mtdb ingest");
@@ -297,6 +366,10 @@ void Pair(World& world, const Step& step) {
   const std::string strictest = by == "hardlink" || by2 == "hardlink" ? "hardlink" : by;
   Judged(world, first, std::move(one), ran_a, strictest);
   Judged(world, second, std::move(two), ran_b, strictest);
+  for (const auto& [ran, s] : {std::pair(ran_a, first), std::pair(ran_b, second)}) {
+    if (ran.ok()) ExpectNoJournal(world, WorkOf(s));
+    if (PromisesResume(ran)) ExpectJournal(world, before, WorkOf(s), true);
+  }
   StorePlace& place = world.Store(step.Int("store", 0));
   place.model.exists |= fs::exists(place.path);
   CheckLeftovers(world);
@@ -421,6 +494,13 @@ std::vector<std::string> ActNames() {
   return names;
 }
 
+// As its documentation tells users of the library.
+void RemoveIfFinished(const std::string& store, const std::string& name,
+                      const std::string& journal) {
+  const Result<ObjectRecord> record = ReadRecord(store, name);
+  if (record.ok()) RemoveFinishedJournal(journal, std::span(&*record, 1));
+}
+
 int LibraryIngestMain(int count, char** arguments) {
   BuildOptions options;
   std::vector<std::string> paths;
@@ -464,6 +544,7 @@ int LibraryIngestMain(int count, char** arguments) {
                            file_name + ".journal";
   }
   const auto build = [&]() -> Status {
+    if (!options.resume) RemoveIfFinished(store, name, options.journal_path);
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
                           Database::Open(store, {.writable = true, .create = true}));
     MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,

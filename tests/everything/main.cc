@@ -106,7 +106,7 @@ int WalkHere(const Options& options) {
     std::fprintf(stderr, "%s\n", walk.status().message().c_str());
     return 2;
   }
-  World world({options.mtdb, options.walk_here});
+  World world({options.mtdb, options.walk_here, MTDB_FAULTS});
   world.Walk(*walk);
   return 0;
 }

@@ -29,7 +29,8 @@ struct RunOptions {
   double timeout_seconds = 120;
   // Asked every half millisecond; the process is killed (SIGKILL) when it says so.
   std::function<bool()> kill_when = {};
-  bool measure = false;  // peak_bytes
+  bool measure = false;        // peak_bytes
+  Arguments environment = {};  // NAME=VALUE, beside this process's
 };
 
 // A process under way; killed by the destructor.

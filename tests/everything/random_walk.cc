@@ -59,7 +59,8 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 12)) {
+    switch (Between(0, 13)) {
+      case 13: return Killed();
       case 0:
       case 1: return Interrupted();
       case 2:
@@ -146,6 +147,22 @@ class Maker {
     if (Chance(0.3)) step->Set("threads", Between(1, 8));
     if (Chance(0.2)) step->Set("memory", Between(256, 400));
     if (Chance(0.2)) step->Set("tmp", 1);
+  }
+
+  // An ingest that is killed at some operation on a file, and what may come then.
+  void Killed() {
+    Ingest(Chance(0.5));
+    Step& killed = walk_.steps.back();
+    for (const char* key : {"via", "tile", "wide", "memory", "spoilt"}) killed.with.erase(key);
+    killed.Set("size", Between(50, 2500));
+    killed.Set("operation", Between(1, 110));
+    if (Chance(0.3)) killed.Set("list", 1);
+    Step next = killed;
+    next.with.erase("operation");
+    if (Chance(0.6)) next.Set("resume", 1);
+    if (Chance(0.3)) next.Set("force", next.Flag("force") ? 0 : 1);
+    if (Chance(0.2)) Ask();
+    walk_.steps.push_back(next);
   }
 
   // An ingest that is killed, and one that goes on, of the same or of something else.

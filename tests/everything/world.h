@@ -14,8 +14,9 @@
 namespace mtdb::everything {
 
 struct WorldOptions {
-  std::string mtdb;    // the program
-  std::string folder;  // of this walk alone; exists
+  std::string mtdb;         // the program
+  std::string folder;       // of this walk alone; exists
+  std::string faults = {};  // the library that makes operations on files fail; empty: none
 };
 
 // `mtdb serve` of one store.
@@ -72,7 +73,8 @@ class World {
   void Note(const std::string& where);
 
   Counts& counts() { return counts_; }
-  std::set<std::string> expected_files;  // in stores/, beside stores and locks
+  // In stores/ and tmp/, beside stores and locks; journals with whose they are (WorkOf in acts.cc).
+  std::map<std::string, std::string> expected_files;
   // Ingests that were killed: what they were told, less the kill; by store and name.
   std::map<std::string, Step> interrupted;
 

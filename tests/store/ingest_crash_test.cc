@@ -281,5 +281,48 @@ TEST_CASE("little address space will do, and the map grows when more is there", 
 }
 #endif
 
+TEST_CASE("what is left of a store that was being made is made a store", "[store]") {
+  const TempDir dir;
+  REQUIRE(OpenWritable(dir.File("new.mtdb")) != nullptr);
+  const auto read = [](const std::string& path) { return std::string(AsString(ReadFile(path))); };
+  const std::string fresh = read(dir.File("new.mtdb"));
+  REQUIRE(fresh.size() >= 8192);
+  const SyntheticObject object = MakeObject({.seed = 1});
+  for (const char* name : {"a", "b"}) {
+    REQUIRE(WriteObject(*OpenWritable(dir.File("full.mtdb")), name, object).ok());
+  }
+  const std::string full = read(dir.File("full.mtdb"));
+  int number = 0;
+  const auto make = [&](const std::string& bytes) {
+    const std::string path = dir.File(std::to_string(number++) + ".mtdb");
+    std::ofstream(path, std::ios::binary) << bytes;
+    return path;
+  };
+  const size_t page = fresh.size() / 2;
+  for (const std::string& left :
+       {std::string(), fresh.substr(0, 200), fresh.substr(0, page), fresh.substr(0, page + 100),
+        fresh.substr(0, page) + std::string(page, '\0'), std::string(page, '\0'),
+        std::string(2 * page, '\0'), fresh}) {
+    const std::string path = make(left);
+    INFO(left.size() << " bytes");
+    CHECK(Database::NothingStored(path));
+    const auto database = Database::Open(path, {.writable = true, .create = true});
+    REQUIRE(database.status().message() == "");
+    REQUIRE(WriteObject(**database, "a", object).status().message() == "");
+    CHECK(VerifyFailures(path) == "");
+    CHECK_FALSE(Database::NothingStored(path));
+  }
+  // What was stored once is not made anew.
+  for (const size_t left : {size_t{200}, page, 2 * page, 3 * page}) {
+    INFO(left << " bytes of a store");
+    const std::string path = make(full.substr(0, left));
+    CHECK_FALSE(Database::NothingStored(path));
+    CHECK_FALSE(Database::Open(path, {.writable = true, .create = true}).ok());
+    CHECK(read(path) == full.substr(0, left));
+  }
+  CHECK_FALSE(Database::NothingStored(dir.File("none.mtdb")));
+  CHECK_FALSE(Database::Open(make("no store"), {.writable = true, .create = true}).ok());
+}
+
 }  // namespace
 }  // namespace mtdb::test

@@ -4,8 +4,11 @@
 #include <csignal>
 #include <thread>
 
+#include "store/database.h"
+#include "store/internal/test_hooks.h"
 #include "tests/tools/cli_testing.h"
 #include "tools/cli/ingest_journal.h"
+#include "tools/cli/verbs.h"
 
 namespace mtdb::test {
 namespace {
@@ -122,6 +125,130 @@ TEST_CASE("a journal serves its own ingest only: other files, other order, other
         fresh.at("digest"));
   CHECK_FALSE(Exists(journal));
   CHECK(RunJson({"verify", store, "--level", "full"}).at("ok") == true);
+}
+
+// What may come after an ingest was killed.
+enum class Next { kList, kResume, kIngest, kOtherInput, kRemove };
+
+// An ingest of object "o" that is killed when it comes to `point`, into a store that has the same
+// mesh by another name and, to be replaced, another mesh by this one.
+class KilledIngest {
+ public:
+  KilledIngest(const std::string& point, bool replace) : replace_(replace) {
+    RunOk({"generate", "sculpture", mesh_, "--triangles", "3000"});
+    RunOk({"generate", "sculpture", other_, "--triangles", "2000", "--seed", "2"});
+    RunOk({"ingest", mesh_, store_, "--name", "twin", "--quiet"});
+    if (replace) RunOk({"ingest", other_, store_, "--name", "o", "--quiet"});
+    fresh_ = Digest("twin");
+    const pid_t child = ::fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+      TestPointHook() = [&](const char* reached) {
+        if (point == reached) ::raise(SIGKILL);
+      };
+      IngestArguments arguments;
+      arguments.inputs = {mesh_};
+      arguments.store = store_;
+      arguments.name = "o";
+      arguments.threads = 1;
+      arguments.force = replace;
+      arguments.quiet = true;
+      ::_exit(Ingest(arguments).ok() ? 0 : 1);
+    }
+    CHECK(Finish(child).signal == SIGKILL);
+    REQUIRE(Journals().size() == 1);
+  }
+
+  // Empty: there is no such object.
+  std::string Digest(const std::string& name) const {
+    const Json info = RunJson({"info", store_});
+    for (const Json& o : info.at("objects")) {
+      if (o.at("object") == name) return o.at("digest");
+    }
+    return "";
+  }
+  std::vector<std::string> Journals() const { return FilesOf(folder_, ".journal"); }
+  Arguments Command(const Arguments& more, bool other_input = false) const {
+    Arguments command{"ingest", other_input ? other_ : mesh_, store_, "--name", "o", "--quiet"};
+    if (replace_) command.emplace_back("--force");
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+
+  void GoOn(Next next) const {
+    const bool published = Digest("o") == fresh_;
+    switch (next) {
+      case Next::kList:
+        CHECK(RunJson({"list", store_}).contains("journals") == !published);
+        CHECK(Journals().empty() == published);
+        if (!published) RunOk(Command({"--resume"}));
+        break;
+      case Next::kResume: RunOk(Command({"--resume"})); break;
+      case Next::kIngest:
+        if (published && !replace_) {
+          RunFails(1, Command({}), {"object o is there"});
+        } else {
+          RunOk(Command({}));
+        }
+        break;
+      case Next::kOtherInput:
+        RunFails(1, Command({"--resume"}, true), {"another input"});
+        CHECK((Digest("o") == fresh_) == published);
+        RunOk(Command({"--resume"}));
+        break;
+      case Next::kRemove:
+        if (published) {
+          RunOk({"remove", store_, "o"});
+          CHECK_FALSE(RunJson({"list", store_}).contains("journals"));
+        }
+        RunOk(Command(published ? Arguments{} : Arguments{"--resume"}));
+        break;
+    }
+    CHECK(Journals().empty());
+    CHECK(Digest("o") == fresh_);
+    CHECK(Digest("twin") == fresh_);
+    CHECK(RunJson({"verify", store_, "--level", "full"}).at("ok") == true);
+  }
+
+ private:
+  Folder folder_;
+  bool replace_;
+  std::string mesh_ = folder_.File("mesh.ply");
+  std::string other_ = folder_.File("other.ply");
+  std::string store_ = folder_.File("store.mtdb");
+  std::string fresh_;
+};
+
+TEST_CASE("a journal whose object is published is finished work, whoever finds it", "[cli]") {
+  for (const std::string point : {"created", "values put", "catalog put", "published"}) {
+    for (const bool replace : {false, true}) {
+      for (const Next next :
+           {Next::kList, Next::kResume, Next::kIngest, Next::kOtherInput, Next::kRemove}) {
+        INFO("killed at: " << point << (replace ? ", replacing" : "") << ", then "
+                           << static_cast<int>(next));
+        KilledIngest(point, replace).GoOn(next);
+      }
+    }
+  }
+}
+
+TEST_CASE("an ingest that the store refuses in the end keeps its work, and says so", "[cli]") {
+  const Folder folder;
+  const std::string mesh = folder.File("mesh.ply");
+  const std::string store = folder.File("store.mtdb");
+  const std::string link = folder.File("link.mtdb");
+  RunOk({"generate", "sculpture", mesh, "--triangles", "3000"});
+  RunOk({"ingest", mesh, store, "--name", "a", "--quiet"});
+  std::filesystem::create_hard_link(store, link);
+  {
+    const auto writer = Database::Open(store, {.writable = true});
+    REQUIRE(writer.ok());
+    RunFails(1, {"ingest", mesh, link, "--name", "b", "--quiet"},
+             {"by another name", "--resume goes on"});
+    CHECK(RunJson({"list", link}).at("journals").size() == 1);
+  }
+  RunOk({"ingest", mesh, link, "--name", "b", "--quiet", "--resume"});
+  CHECK(FilesOf(folder, ".journal").empty());
 }
 
 }  // namespace

@@ -57,7 +57,8 @@ std::string JournalNote(const std::string& store, const std::string& object,
   return note.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
 }
 
-std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store) {
+std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store,
+                                        std::span<const ObjectRecord> published) {
   std::vector<IngestJournal> journals;
   std::error_code error;
   const std::string prefix = JournalPrefix(store);
@@ -65,7 +66,7 @@ std::vector<IngestJournal> FindJournals(const std::string& folder, const std::st
   for (; !error && at != std::filesystem::directory_iterator(); at.increment(error)) {
     const std::string name = at->path().filename().string();
     if (!name.starts_with(prefix) || !name.ends_with(kSuffix)) continue;
-    const Result<JournalInfo> info = ReadJournalInfo(at->path().string());
+    const Result<JournalInfo> info = ReadJournalInfo(at->path().string(), published);
     if (!info.ok()) continue;
     const JsonTree note = JsonTree::parse(info->note, nullptr, false);
     const auto text = [&](const char* key) {
@@ -74,6 +75,10 @@ std::vector<IngestJournal> FindJournals(const std::string& folder, const std::st
     };
     // Of a store of the same name elsewhere.
     if (!text("store").empty() && text("store") != store) continue;
+    if (info->finished && !info->in_use) {
+      RemoveFinishedJournal(at->path().string(), published);
+      continue;
+    }
     journals.push_back({at->path().string(), text("object"), text("folder"), text("command"),
                         info->bytes, info->in_use});
   }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
+
+#include "store/object_record.h"
 
 namespace mtdb {
 
@@ -33,6 +36,8 @@ std::string JournalNote(const std::string& store, const std::string& object,
                         const std::string& command);
 
 // Journals of `store`, a real path, in `folder`; by path. Files that cannot be read are left out.
-std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store);
+// Journals of ingests that ended with one of the objects in the store, `published`, are removed.
+std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store,
+                                        std::span<const ObjectRecord> published);
 
 }  // namespace mtdb

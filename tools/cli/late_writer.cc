@@ -13,9 +13,7 @@ Status LateWriter::Check() const {
   if (!std::filesystem::is_directory(folder, error)) {
     return NotFound(store_ + ": " + folder.string() + " is not a folder; make it first");
   }
-  if (!std::filesystem::exists(store_, error)) return Status::Ok();
-  // What a process that died while it made the store has left.
-  if (std::filesystem::is_regular_file(store_, error) && std::filesystem::is_empty(store_, error)) {
+  if (!std::filesystem::exists(store_, error) || Database::NothingStored(store_)) {
     return Status::Ok();
   }
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(store_));
@@ -42,9 +40,9 @@ Result<UnitId> LateWriter::Add(const UnitEntry& entry, std::span<const UnitId> c
   return writer_->Add(entry, children, payload);
 }
 
-Result<ObjectRecord> LateWriter::Publish(const ObjectRecord& record) {
+Result<ObjectRecord> LateWriter::Publish(const ObjectRecord& record, const BeforePublish& before) {
   MTDB_RETURN_IF_ERROR(Begin());
-  return writer_->Publish(record);
+  return writer_->Publish(record, before);
 }
 
 }  // namespace mtdb

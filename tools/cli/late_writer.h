@@ -20,7 +20,8 @@ class LateWriter final : public ObjectWriter {
 
   Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                      ByteSpan payload) override;
-  Result<ObjectRecord> Publish(const ObjectRecord& record) override;
+  Result<ObjectRecord> Publish(const ObjectRecord& record,
+                               const BeforePublish& before = {}) override;
 
   // After Publish().
   Result<uint64_t> StoreBytes() const { return database_->FileBytes(); }

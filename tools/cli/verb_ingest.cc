@@ -119,6 +119,21 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   std::printf("  store: %.1f MB\n", static_cast<double>(file_bytes) / 1e6);
 }
 
+// Whether an ingest of this journal published its object and was killed before it removed the
+// journal. One that is not to be gone on with is removed here: its command may now be refused.
+bool Finished(const BuildOptions& options, const std::string& store, const std::string& name) {
+  const auto published = [&]() -> Result<ObjectRecord> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(store));
+    return database->Find(name);
+  }();
+  if (!published.ok()) return false;
+  const std::span<const ObjectRecord> one(&*published, 1);
+  const Result<JournalInfo> journal = ReadJournalInfo(options.journal_path, one);
+  if (!journal.ok() || !journal->finished) return false;
+  if (!options.resume) RemoveFinishedJournal(options.journal_path, one);
+  return true;
+}
+
 }  // namespace
 
 Status Ingest(const IngestArguments& arguments) {
@@ -141,7 +156,9 @@ Status Ingest(const IngestArguments& arguments) {
   std::signal(SIGINT, [](int) { g_interrupted = 1; });
   std::signal(SIGTERM, [](int) { g_interrupted = 1; });
 
-  LateWriter writer(arguments.store, name, arguments.force);
+  // To go on with what was published before it was killed is to publish the same again.
+  const bool finished = Finished(options, store, name);
+  LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
   MTDB_RETURN_IF_ERROR(writer.Check());
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
@@ -157,13 +174,11 @@ Status Ingest(const IngestArguments& arguments) {
   Result<ObjectRecord> record = BuildObject(read, options, writer, on_progress, &report);
   progress.Finish();
   if (!record.ok()) {
-    const StatusCode code = record.status().code();
-    std::error_code error;
-    if ((code == StatusCode::kCancelled || code == StatusCode::kNoSpace ||
-         code == StatusCode::kIoError) &&
-        std::filesystem::exists(options.journal_path, error)) {
-      return Status(code, record.status().message() +
-                              "; the same command with --resume goes on where it stopped");
+    if (report.journal_left) {
+      const StatusCode code = record.status().code();
+      return Status(code, record.status().message() + "; the same command with --resume" +
+                              (code == StatusCode::kAlreadyExists ? " --force" : "") +
+                              " goes on where it stopped");
     }
     // What the readers say begins with the file; what the builder finds does not.
     const std::string& message = record.status().message();

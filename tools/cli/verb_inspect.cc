@@ -153,18 +153,18 @@ Status Info(const InspectArguments& arguments) {
 
 Status List(const InspectArguments& arguments) {
   const std::string store = RealStorePath(arguments.store);
-  const std::vector<IngestJournal> journals =
-      FindJournals(arguments.tmp.empty() ? FolderOf(store) : arguments.tmp, store);
   const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
                           Database::Open(arguments.store));
     return database->List();
   };
   Result<std::vector<ObjectRecord>> records = list();
+  const std::vector<IngestJournal> journals =
+      FindJournals(arguments.tmp.empty() ? FolderOf(store) : arguments.tmp, store,
+                   records.ok() ? *records : std::vector<ObjectRecord>());
   // The first ingest may have been interrupted before it made the store, or while it did.
-  std::error_code error;
   const bool none = !journals.empty() && (records.status().code() == StatusCode::kNotFound ||
-                                          std::filesystem::is_empty(store, error));
+                                          Database::NothingStored(store));
   if (!records.ok() && !none) return records.status();
   if (none) records = std::vector<ObjectRecord>();
   if (arguments.json) {
@@ -225,6 +225,10 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
 Status Remove(const InspectArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
                         Database::Open(arguments.store, {.writable = true, .create = false}));
+  // The journal of what is removed would pass for an ingest that was interrupted.
+  const std::string store = RealStorePath(arguments.store);
+  const Result<ObjectRecord> record = database->Find(arguments.name);
+  if (record.ok()) (void)FindJournals(FolderOf(store), store, {&*record, 1});
   return database->Remove(arguments.name);
 }
 
