@@ -88,7 +88,10 @@ class World:
 
     def held(self, store):
         """Object name -> digest."""
-        if not store.exists() or store.stat().st_size == 0:
+        if not store.exists():
+            return {}
+        outcome = self.run(["info", store, "--json"])
+        if "nothing was stored in it yet" in outcome.err:
             return {}
         objects = json.loads(self.ok("info", store, "--json"))["objects"]
         return {o["object"]: o["digest"] for o in objects}
@@ -152,7 +155,15 @@ class Act:
 
     def again(self, world):
         """What the message says helps: the same once more, then all is well."""
+        # What `list` finds finished, it removes; of the rest it tells.
+        listed = world.run(["list", world.store(), "--tmp", world.place / "tmp", "--json"])
+        offered = len(json.loads(listed.out).get("journals", [])) if listed.status == 0 else 0
+        left = len(list(world.place.rglob("*.journal")))
+        if offered != left:
+            raise Wrong(f"{left} journals are left, list tells of {offered}")
         held = world.held(world.store())
+        if self.makes <= set(held) and left:
+            raise Wrong("list offers to go on with what is published")
         if self.makes and not self.makes <= set(held):
             world.ok(*world.command(self, "--resume"))
         elif self.removes and not self.removes & set(held):
