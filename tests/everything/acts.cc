@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "builder/build.h"
+#include "store/database.h"
 #include "tests/everything/world.h"
 #include "tools/cli/merge.h"
 
@@ -64,6 +65,10 @@ void ExpectJournal(World& world, const std::set<std::string>& before, const std:
 // The ingest of `work` came to its end, so none of its journals may be there.
 void ExpectNoJournal(World& world, const std::string& work) {
   std::erase_if(world.expected_files, [&](const auto& file) { return file.second == work; });
+}
+
+bool HasStore(const StorePlace& place) {
+  return fs::exists(place.path) && !Database::NothingStored(place.path);
 }
 
 // The store has what the model says, and verify finds nothing.
@@ -307,7 +312,7 @@ void Ingest(World& world, const Step& step) {
     // It may have made the store, and even published.
     std::optional<bool> published = false;
     StorePlace& place = world.Store(store);
-    place.model.exists |= fs::exists(place.path);
+    place.model.exists |= HasStore(place);
     if (ReadRecord(place.path, name).ok() && !place.model.objects.contains(name)) {
       TakeOver(world, store, name, std::move(plan.object));
       published = true;
@@ -332,7 +337,7 @@ void Ingest(World& world, const Step& step) {
   } else {
     Judged(world, step, std::move(plan), ran, by);
     StorePlace& place = world.Store(store);
-    place.model.exists |= fs::exists(place.path);
+    place.model.exists |= HasStore(place);
     if (ran.ok() && place.model.objects.contains(name)) CheckObject(world, store, name);
     if (ran.ok()) world.interrupted.erase(Place(step));
     if (ran.ok()) ExpectNoJournal(world, WorkOf(step));
@@ -371,7 +376,7 @@ void Pair(World& world, const Step& step) {
     if (PromisesResume(ran)) ExpectJournal(world, before, WorkOf(s), true);
   }
   StorePlace& place = world.Store(step.Int("store", 0));
-  place.model.exists |= fs::exists(place.path);
+  place.model.exists |= HasStore(place);
   CheckLeftovers(world);
   CheckStore(world, step.Int("store", 0), "full");
 }

@@ -68,10 +68,13 @@ Status ReadDraco(const std::string& path, TriangleMesh* mesh) {
   const draco::PointAttribute* positions =
       read.GetNamedAttribute(draco::GeometryAttribute::POSITION);
   if (positions == nullptr) return BadInput(path + ": no positions");
+  std::vector<double> told(3);
+  if (read.GetMetadata() != nullptr) read.GetMetadata()->GetEntryDoubleArray("origin", &told);
+  const Vec3d origin{told.at(0), told.at(1), told.at(2)};
   for (draco::PointIndex p(0); p < read.num_points(); ++p) {
     double xyz[3];
     positions->ConvertValue<double>(positions->mapped_index(p), 3, xyz);
-    mesh->positions.push_back({xyz[0], xyz[1], xyz[2]});
+    mesh->positions.push_back(origin + Vec3d{xyz[0], xyz[1], xyz[2]});
   }
   for (draco::FaceIndex f(0); f < read.num_faces(); ++f) {
     const auto& face = read.face(f);

@@ -43,6 +43,7 @@ void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
   answer->has_rows = true;
   answer->exact = true;
   answer->triangles = stats->triangles;
+  answer->active = stats->active_triangles;
   answer->bound = stats->error_bound;
   answer->excess = stats->shortfall.excess;
   constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};

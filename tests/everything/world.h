@@ -105,6 +105,7 @@ struct Answer {
   double bound = 0;
   std::string limit;
   uint64_t triangles = 0;  // as told
+  uint64_t active = 1;     // of them within reach of the region, where it is told
   double excess = 0;       // by what it says that the threshold is not kept
   std::string refused;     // why there is no mesh; empty: there is one
 };
