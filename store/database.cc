@@ -1,5 +1,6 @@
 #include "store/database.h"
 
+#include "store/base/out_of_memory.h"
 #include "store/internal/builder_lock.h"
 #include "store/internal/catalog.h"
 #include "store/internal/environment.h"
@@ -18,8 +19,10 @@ Database::~Database() = default;
 
 Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
                                                  const OpenOptions& options) {
-  MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
-  return std::shared_ptr<Database>(new Database(std::move(environment)));
+  return CatchOutOfMemory([&]() -> Result<std::shared_ptr<Database>> {
+    MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
+    return std::shared_ptr<Database>(new Database(std::move(environment)));
+  });
 }
 
 bool Database::NothingStored(const std::string& path) {
@@ -32,57 +35,68 @@ const std::string& Database::path() const { return environment_->path(); }
 Result<uint64_t> Database::FileBytes() const { return environment_->file().Size(); }
 
 Result<std::vector<ObjectRecord>> Database::List() const {
-  Status first = Status::Ok();
-  MTDB_ASSIGN_OR_RETURN(CatalogListing listing,
-                        ListCatalog(*environment_, [&](const Status& status) {
-                          if (first.ok()) first = status;
-                        }));
-  MTDB_RETURN_IF_ERROR(first);
-  return std::move(listing.objects);
+  return CatchOutOfMemory([&]() -> Result<std::vector<ObjectRecord>> {
+    Status first = Status::Ok();
+    MTDB_ASSIGN_OR_RETURN(CatalogListing listing,
+                          ListCatalog(*environment_, [&](const Status& status) {
+                            if (first.ok()) first = status;
+                          }));
+    MTDB_RETURN_IF_ERROR(first);
+    return std::move(listing.objects);
+  });
 }
 
 Result<ObjectRecord> Database::Find(const std::string& name) const {
-  if (name.empty()) {
-    MTDB_ASSIGN_OR_RETURN(std::vector<ObjectRecord> all, List());
-    if (all.size() == 1) return std::move(all.front());
-    if (all.empty()) return NotFound(path() + ": the store holds no object");
-    std::string names;
-    for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
-    return InvalidArgument(path() + ": holds " + std::to_string(all.size()) + " objects (" + names +
-                           (all.size() > 5 ? ", ..." : "") + "); choose one by its name (--name)");
-  }
-  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
-  MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
-  if (!record) return NotFound(path() + ": no object " + name + "; see list");
-  return *std::move(record);
+  return CatchOutOfMemory([&]() -> Result<ObjectRecord> {
+    if (name.empty()) {
+      MTDB_ASSIGN_OR_RETURN(std::vector<ObjectRecord> all, List());
+      if (all.size() == 1) return std::move(all.front());
+      if (all.empty()) return NotFound(path() + ": the store holds no object");
+      std::string names;
+      for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
+      return InvalidArgument(path() + ": holds " + std::to_string(all.size()) + " objects (" +
+                             names + (all.size() > 5 ? ", ..." : "") +
+                             "); choose one by its name (--name)");
+    }
+    MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+    MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
+    if (!record) return NotFound(path() + ": no object " + name + "; see list");
+    return *std::move(record);
+  });
 }
 
 Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& name) const {
-  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, Find(name));
-  return ObjectReader::Open(environment_, record.name);
+  return CatchOutOfMemory([&]() -> Result<std::shared_ptr<ClusterSource>> {
+    MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, Find(name));
+    return ObjectReader::Open(environment_, record.name);
+  });
 }
 
 Result<std::unique_ptr<ObjectWriter>> Database::Create(const std::string& name, bool replace) {
-  return StoreObjectWriter::Create(environment_, name, replace);
+  return CatchOutOfMemory([&]() -> Result<std::unique_ptr<ObjectWriter>> {
+    return StoreObjectWriter::Create(environment_, name, replace);
+  });
 }
 
 Status Database::Remove(const std::string& name) {
-  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
-  if (!environment_->writable()) {
-    return InvalidArgument(path() + ": opened for reading; open it writable");
-  }
-  ObjectId id;
-  std::optional<BuilderLock> lock;  // keeps another Create from doing the same work
-  MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
-    MTDB_ASSIGN_OR_RETURN(const auto record, FindObject(write, path(), name));
-    if (!record) return NotFound(path() + ": no object " + name + "; see list");
-    id = record->id;
-    lock.reset();
-    MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->real_path(), id));
-    return MakeGarbage(write, *record);
-  }));
-  ReachTestPoint("removed");
-  return RemoveRemains(*environment_, id);
+  return CatchOutOfMemory([&]() -> Status {
+    MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+    if (!environment_->writable()) {
+      return InvalidArgument(path() + ": opened for reading; open it writable");
+    }
+    ObjectId id;
+    std::optional<BuilderLock> lock;  // keeps another Create from doing the same work
+    MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
+      MTDB_ASSIGN_OR_RETURN(const auto record, FindObject(write, path(), name));
+      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      id = record->id;
+      lock.reset();
+      MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->real_path(), id));
+      return MakeGarbage(write, *record);
+    }));
+    ReachTestPoint("removed");
+    return RemoveRemains(*environment_, id);
+  });
 }
 
 }  // namespace mtdb

@@ -34,6 +34,17 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
   MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
   const Registry::Key key{::getpid(), file->device(), file->inode()};
 
+  // Made before the lock is taken and destroyed after it is given back, also when memory runs out:
+  // its deleter takes the lock.
+  std::shared_ptr<Environment> fresh(new Environment(std::move(file)), [key](Environment* e) {
+    Registry& r = GetRegistry();
+    const std::lock_guard guard(r.mutex);
+    const bool registered = e->registered_;
+    delete e;
+    if (!registered) return;
+    r.open.erase(key);
+    r.closed.notify_all();
+  });
   Registry& registry = GetRegistry();
   std::unique_lock lock(registry.mutex);
   for (auto it = registry.open.find(key); it != registry.open.end(); it = registry.open.find(key)) {
@@ -49,19 +60,12 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
     }
     registry.closed.wait(lock);  // its last handle is just closing it
   }
-  std::shared_ptr<Environment> environment(new Environment(std::move(file)), [key](Environment* e) {
-    Registry& r = GetRegistry();
-    const std::lock_guard guard(r.mutex);
-    delete e;
-    r.open.erase(key);
-    r.closed.notify_all();
-  });
-  // An error destroys `environment`, whose deleter takes the registry's lock: hold it no longer.
-  registry.open[key] = environment;
-  const std::unique_lock exclusive(environment->opening_);
+  registry.open[key] = fresh;
+  fresh->registered_ = true;
+  const std::unique_lock exclusive(fresh->opening_);
   lock.unlock();
-  MTDB_RETURN_IF_ERROR(environment->OpenFirst(options));
-  return environment;
+  MTDB_RETURN_IF_ERROR(fresh->OpenFirst(options));
+  return fresh;
 }
 
 Environment::Environment(std::unique_ptr<StoreFile> file)

@@ -105,7 +105,8 @@ class Environment {
   LmdbEnvironment lmdb_;
   mutable std::shared_mutex opening_;  // held exclusively by the first that opens it
   bool opened_ = false;
-  std::mutex state_mutex_;  // guards state_
+  bool registered_ = false;  // the registry leads to it; guarded by the registry's mutex
+  std::mutex state_mutex_;   // guards state_
   std::shared_ptr<SnapshotState> state_;
 
   struct Registry;

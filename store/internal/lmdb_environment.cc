@@ -10,7 +10,9 @@
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
+#include <utility>
 
+#include "store/base/out_of_memory.h"
 #include "store/internal/page_walker.h"
 #include "store/internal/store_check.h"
 
@@ -37,6 +39,21 @@ std::string RealPath(const StoreFile& file) {
                                                          &std::free);
   return real == nullptr ? std::string() : std::string(real.get());
 }
+
+// Ends with the scope, whatever happens: an abandoned writer would keep all others waiting.
+class Transaction {
+ public:
+  explicit Transaction(MDB_txn* txn) : txn_(txn) {}
+  ~Transaction() {
+    if (txn_ != nullptr) mdb_txn_abort(txn_);
+  }
+  Transaction(const Transaction&) = delete;
+  Transaction& operator=(const Transaction&) = delete;
+  int Commit() { return mdb_txn_commit(std::exchange(txn_, nullptr)); }
+
+ private:
+  MDB_txn* txn_;
+};
 
 // So that a store that was just made is there after a power failure, once something was committed
 // to it.
@@ -97,6 +114,13 @@ Status LmdbEnvironment::CheckBeforeOpen(bool may_be_empty) {
 }
 
 Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool check_pages) {
+  const Status status =
+      CatchOutOfMemory([&] { return TryOpenLmdb(writable, map_at_least, check_pages); });
+  if (!status.ok()) CloseLmdb();
+  return status;
+}
+
+Status LmdbEnvironment::TryOpenLmdb(bool writable, uint64_t map_at_least, bool check_pages) {
   uint64_t smallest = kMapSmallest;
   MTDB_ASSIGN_OR_RETURN(const uint64_t bytes, file_->Size());
   while (smallest < bytes || smallest < map_at_least) smallest *= 2;
@@ -124,21 +148,18 @@ Status LmdbEnvironment::OpenLmdb(bool writable, uint64_t map_at_least, bool chec
   }
   if (rc != 0) return Error(rc, "opening the store");
   process_ = ::getpid();
-  if (const Status status = name_claim_->CheckLockFile(); !status.ok()) {
-    CloseLmdb();
-    return status;
-  }
+  MTDB_RETURN_IF_ERROR(name_claim_->CheckLockFile());
   MDB_stat stat;
   mdb_env_stat(env_, &stat);
   page_size_ = stat.ms_psize;
   int stale = 0;
   mdb_reader_check(env_, &stale);
+  if (writable) {
+    if (check_pages) MTDB_RETURN_IF_ERROR(CheckPinnedPages());
+    MTDB_RETURN_IF_ERROR(SyncFolder(real_path_));
+  }
   writable_ = writable;
-  if (!writable) return Status::Ok();
-  Status status = check_pages ? CheckPinnedPages() : Status::Ok();
-  if (status.ok()) status = SyncFolder(real_path_);
-  if (!status.ok()) CloseLmdb();
-  return status;
+  return Status::Ok();
 }
 
 // The tree pages are checked once, under a pinned snapshot, before LMDB's writer trusts them.
@@ -146,17 +167,10 @@ Status LmdbEnvironment::CheckPinnedPages() {
   MDB_txn* txn = nullptr;
   const int rc = mdb_txn_begin(env_, nullptr, MDB_RDONLY, &txn);
   if (rc != 0) return Error(rc, "reading");
-  Status status = Status::Ok();
-  const auto meta = ReadMetaPageOf(*file_, mdb_txn_id(txn), page_size_);
-  if (!meta.ok()) {
-    status = meta.status();
-  } else if (auto state = LoadSnapshotState(*file_, *meta); !state.ok()) {
-    status = state.status();
-  } else {
-    status = CheckTreePages((*state)->pages);
-  }
-  mdb_txn_abort(txn);
-  return status;
+  const Transaction pin(txn);
+  MTDB_ASSIGN_OR_RETURN(const MetaPage meta, ReadMetaPageOf(*file_, mdb_txn_id(txn), page_size_));
+  MTDB_ASSIGN_OR_RETURN(const auto state, LoadSnapshotState(*file_, meta));
+  return CheckTreePages(state->pages);
 }
 
 void LmdbEnvironment::CloseLmdb() {
@@ -307,25 +321,22 @@ Status LmdbEnvironment::TryWrite(const std::function<Status(WriteTransaction&)>&
   MDB_txn* txn = nullptr;
   *lmdb_error = mdb_txn_begin(env_, nullptr, 0, &txn);
   if (*lmdb_error != 0) return Error(*lmdb_error, "writing");
+  Transaction transaction(txn);
   unsigned tree = 0;
   *lmdb_error = mdb_dbi_open(txn, nullptr, 0, &tree);
   MDB_stat stat{};
   if (*lmdb_error == 0) *lmdb_error = mdb_stat(txn, tree, &stat);
-  if (*lmdb_error != 0) {
-    mdb_txn_abort(txn);
-    return Error(*lmdb_error, "writing");
-  }
+  if (*lmdb_error != 0) return Error(*lmdb_error, "writing");
   WriteTransaction write(this, txn, tree);
   const Status status = Fill(write, stat.ms_entries == 0, body);
   if (!status.ok()) {
-    mdb_txn_abort(txn);
     *lmdb_error = write.lmdb_error_;
     return status;
   }
   OldMetaPage old;
   old.offset = mdb_txn_id(txn) % 2 * page_size_;
   const Status read = file_->ReadAt(old.offset, old.bytes);
-  *lmdb_error = mdb_txn_commit(txn);
+  *lmdb_error = transaction.Commit();
   if (*lmdb_error == 0) return Status::Ok();
   if (read.ok()) *superseded = old;
   return Error(*lmdb_error, "writing");
@@ -341,6 +352,7 @@ void LmdbEnvironment::RestoreMetaPage(const OldMetaPage& old) {
   if (!OpenLmdb(writable_, 0, false).ok()) return;
   MDB_txn* txn = nullptr;
   if (mdb_txn_begin(env_, nullptr, 0, &txn) != 0) return;
+  const Transaction transaction(txn);
   OldMetaPage now = old;
   int descriptor = -1;
   // Its transaction id comes last. Who committed in between has written another one.
@@ -353,7 +365,6 @@ void LmdbEnvironment::RestoreMetaPage(const OldMetaPage& old) {
     const auto offset = static_cast<off_t>(old.offset);
     if (::pwrite(descriptor, old.bytes.data(), old.bytes.size(), offset) > 0) ::fsync(descriptor);
   }
-  mdb_txn_abort(txn);
 }
 
 Status LmdbEnvironment::Fill(WriteTransaction& write, bool first,

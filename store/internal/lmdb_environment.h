@@ -110,6 +110,7 @@ class LmdbEnvironment {
   friend class Pin;
 
   Status OpenLmdb(bool writable, uint64_t map_at_least, bool check_pages);
+  Status TryOpenLmdb(bool writable, uint64_t map_at_least, bool check_pages);
   Status CheckPinnedPages();
   void CloseLmdb();
   void CloseAfterPins();

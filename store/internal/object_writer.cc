@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <unistd.h>
 
+#include "store/base/out_of_memory.h"
 #include "store/internal/catalog.h"
 #include "store/internal/index_codec.h"
 #include "store/internal/object_index.h"
@@ -75,7 +76,7 @@ StoreObjectWriter::~StoreObjectWriter() {
   if (published_ || !begun_) return;
   queue_.clear();
   // What cannot be removed now goes at the next Create.
-  const Status status = RemoveRemains(*environment_, id_);
+  const Status status = CatchOutOfMemory([&] { return RemoveRemains(*environment_, id_); });
   static_cast<void>(status);
 }
 
@@ -92,46 +93,48 @@ Status StoreObjectWriter::CheckChildren(std::span<const UnitId> children, uint32
 
 Result<UnitId> StoreObjectWriter::Add(const UnitEntry& entry, std::span<const UnitId> children,
                                       ByteSpan payload) {
-  const UnitId id = index_.unit_count() + static_cast<uint32_t>(waiting_.size());
-  const std::string place = "object " + name_ + ": unit " + std::to_string(id) + ": ";
-  if (entry.round == 0 || entry.round < round_) {
-    return InvalidArgument(place + "expected a round from " +
-                           std::to_string(std::max<int>(round_, 1)) + ", found " +
-                           std::to_string(entry.round));
-  }
-  if (entry.round == round_ && entry.hilbert < hilbert_) {
-    return InvalidArgument(place + "hilbert codes of a round must ascend");
-  }
-  if (entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
-    return InvalidArgument(place + "expected bounds and ordered error codes");
-  }
-  if (entry.round == kRootRound ? entry.nodes != 0 || entry.in_triangles != 0 ||
-                                      entry.explicit_arcs || entry.error_code_max != 0
-                                : entry.nodes == 0) {
-    return InvalidArgument(place + "expected nodes in a cluster, and none, nor in-triangles or " +
-                           "errors, in a piece of the root");
-  }
-  if (payload.empty() || payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
-    return InvalidArgument(place + "expected a payload of 1 byte to 1 GiB, found " +
-                           std::to_string(payload.size()) + " bytes");
-  }
-  MTDB_RETURN_IF_ERROR(CheckChildren(children, entry.round == round_ ? round_begin_ : id));
-  if (entry.round != round_) {
-    round_ = entry.round;
-    round_begin_ = id;
-  }
-  hilbert_ = entry.hilbert;
-  Waiting w;
-  w.entry = entry;
-  w.children.assign(children.begin(), children.end());
-  w.payload.assign(payload.begin(), payload.end());
-  w.checksum = Hash64(payload, UnitSeed(id, entry.round, entry.hilbert));
-  digest_.AddUnit(id, entry.round, entry.hilbert, payload);
-  payload_bytes_ += payload.size();
-  waiting_bytes_.push_back(payload.size());
-  waiting_.push_back(std::move(w));
-  MTDB_RETURN_IF_ERROR(PackUnits(false));
-  return id;
+  return CatchOutOfMemory([&]() -> Result<UnitId> {
+    const UnitId id = index_.unit_count() + static_cast<uint32_t>(waiting_.size());
+    const std::string place = "object " + name_ + ": unit " + std::to_string(id) + ": ";
+    if (entry.round == 0 || entry.round < round_) {
+      return InvalidArgument(place + "expected a round from " +
+                             std::to_string(std::max<int>(round_, 1)) + ", found " +
+                             std::to_string(entry.round));
+    }
+    if (entry.round == round_ && entry.hilbert < hilbert_) {
+      return InvalidArgument(place + "hilbert codes of a round must ascend");
+    }
+    if (entry.bounds.empty() || entry.error_code_min > entry.error_code_max) {
+      return InvalidArgument(place + "expected bounds and ordered error codes");
+    }
+    if (entry.round == kRootRound ? entry.nodes != 0 || entry.in_triangles != 0 ||
+                                        entry.explicit_arcs || entry.error_code_max != 0
+                                  : entry.nodes == 0) {
+      return InvalidArgument(place + "expected nodes in a cluster, and none, nor in-triangles or " +
+                             "errors, in a piece of the root");
+    }
+    if (payload.empty() || payload.size() > kMaxPayloadBytes || id == kNone32 - 1) {
+      return InvalidArgument(place + "expected a payload of 1 byte to 1 GiB, found " +
+                             std::to_string(payload.size()) + " bytes");
+    }
+    MTDB_RETURN_IF_ERROR(CheckChildren(children, entry.round == round_ ? round_begin_ : id));
+    if (entry.round != round_) {
+      round_ = entry.round;
+      round_begin_ = id;
+    }
+    hilbert_ = entry.hilbert;
+    Waiting w;
+    w.entry = entry;
+    w.children.assign(children.begin(), children.end());
+    w.payload.assign(payload.begin(), payload.end());
+    w.checksum = Hash64(payload, UnitSeed(id, entry.round, entry.hilbert));
+    digest_.AddUnit(id, entry.round, entry.hilbert, payload);
+    payload_bytes_ += payload.size();
+    waiting_bytes_.push_back(payload.size());
+    waiting_.push_back(std::move(w));
+    MTDB_RETURN_IF_ERROR(PackUnits(false));
+    return id;
+  });
 }
 
 Status StoreObjectWriter::PackUnits(bool last) {
@@ -211,41 +214,44 @@ Status StoreObjectWriter::WriteQueue() {
 
 Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input,
                                                 const BeforePublish& before) {
-  MTDB_CHECK(!published_, "an object is published once");
-  MTDB_RETURN_IF_ERROR(PackUnits(true));
-  ObjectRecord record = input;
-  record.id = id_;
-  record.name = name_;
-  if (record.clusters != index_.cluster_count() ||
-      record.root_pieces != index_.root_piece_count()) {
-    return InvalidArgument("object " + name_ + ": the record says " +
-                           std::to_string(record.clusters) + " clusters and " +
-                           std::to_string(record.root_pieces) + " root pieces, " +
-                           std::to_string(index_.cluster_count()) + " and " +
-                           std::to_string(index_.root_piece_count()) + " were added");
-  }
-  MTDB_RETURN_IF_ERROR(QueueIndex());
-  digest_.AddRecord(record);
-  record.payload_bytes = payload_bytes_;
-  record.stored_bytes = overflow_bytes_ + OverflowPages(node_bytes_, environment_->page_size()) *
-                                              environment_->page_size();
-  record.index_checksum = index_checksum_;
-  record.digest_low = digest_.low();
-  record.digest_high = digest_.high();
-  if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {
-    return InvalidArgument("object " + name_ + ": " + check.status().message());
-  }
-  if (before) MTDB_RETURN_IF_ERROR(before(record));
-  std::optional<ObjectId> replaced;
-  MTDB_ASSIGN_OR_RETURN(record, FlipCatalog(std::move(record), &replaced));
-  published_ = true;
-  ReachTestPoint("published");
-  if (replaced) {
-    // The object is published whatever comes now; what is left goes at the next Create.
-    const Status status = RemoveRemains(*environment_, *replaced);
-    static_cast<void>(status);
-  }
-  return record;
+  return CatchOutOfMemory([&]() -> Result<ObjectRecord> {
+    MTDB_CHECK(!published_, "an object is published once");
+    MTDB_RETURN_IF_ERROR(PackUnits(true));
+    ObjectRecord record = input;
+    record.id = id_;
+    record.name = name_;
+    if (record.clusters != index_.cluster_count() ||
+        record.root_pieces != index_.root_piece_count()) {
+      return InvalidArgument("object " + name_ + ": the record says " +
+                             std::to_string(record.clusters) + " clusters and " +
+                             std::to_string(record.root_pieces) + " root pieces, " +
+                             std::to_string(index_.cluster_count()) + " and " +
+                             std::to_string(index_.root_piece_count()) + " were added");
+    }
+    MTDB_RETURN_IF_ERROR(QueueIndex());
+    digest_.AddRecord(record);
+    record.payload_bytes = payload_bytes_;
+    record.stored_bytes = overflow_bytes_ + OverflowPages(node_bytes_, environment_->page_size()) *
+                                                environment_->page_size();
+    record.index_checksum = index_checksum_;
+    record.digest_low = digest_.low();
+    record.digest_high = digest_.high();
+    if (const auto check = DecodeObjectRecord(EncodeObjectRecord(record), "record"); !check.ok()) {
+      return InvalidArgument("object " + name_ + ": " + check.status().message());
+    }
+    if (before) MTDB_RETURN_IF_ERROR(before(record));
+    std::optional<ObjectId> replaced;
+    MTDB_ASSIGN_OR_RETURN(record, FlipCatalog(std::move(record), &replaced));
+    published_ = true;
+    ReachTestPoint("published");
+    if (replaced) {
+      // The object is published whatever comes now; what is left goes at the next Create.
+      const Status status =
+          CatchOutOfMemory([&] { return RemoveRemains(*environment_, *replaced); });
+      static_cast<void>(status);
+    }
+    return record;
+  });
 }
 
 Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,

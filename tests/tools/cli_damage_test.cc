@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "store/database.h"
 #include "tests/tools/cli_testing.h"
 
 namespace mtdb::test {
@@ -141,7 +142,8 @@ void CheckRefused(const std::string& store, const Folder& folder) {
   CHECK(verify.exit_code == 1);
   CHECK_THAT(verify.out + verify.err, Catch::Contains(store));
   CHECK((verify.out.empty() ? IsOneLine(verify.err) : verify.err.empty()));
-  if (!before.empty()) {
+  // Of one that was cut off before its second page nothing tells that it was one.
+  if (!before.empty() && !Database::NothingStored(store)) {
     RunFails(1, {"ingest", SmallExample().mesh, store, "--quiet"}, {store});
   }
   CHECK(ReadText(store) == before);
