@@ -139,12 +139,13 @@ class ClusterCache::Claim {
 };
 
 ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes,
-                           unsigned threads, RuntimeForm form)
+                           unsigned threads, RuntimeForm form, Loader loader)
     : source_(std::move(source)),
       index_(source_->index()),
       budget_bytes_(budget_bytes),
       threads_(threads),
       form_(form),
+      loader_(std::move(loader)),
       entries_(index_.unit_count()) {}
 
 ClusterCache::~ClusterCache() {
@@ -314,7 +315,7 @@ Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, L
   const Stopwatch decode_watch;
   std::vector<LoadedUnitPtr> parents;
   for (const UnitId p : index_.parents(unit)) parents.push_back(entries_[p].value);
-  Result<LoadedUnitPtr> loaded = LoadUnit(source_->record(), index_, unit, *payload, parents);
+  Result<LoadedUnitPtr> loaded = loader_(source_->record(), index_, unit, *payload, parents);
   stats.decode_seconds = decode_watch.Seconds();
   return loaded;
 }

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <queue>
@@ -41,9 +42,12 @@ struct LoadStats {
 // its readers and the pointers it gave.
 class ClusterCache {
  public:
+  // What makes a unit of a payload, as LoadUnit does; called by many threads.
+  using Loader = std::function<decltype(LoadUnit)>;
+
   // With threads > 1, threads - 1 of its own read and decode what UnitReader::Prefetch names.
   ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes, unsigned threads = 1,
-               RuntimeForm form = RuntimeForm::kExplicit);
+               RuntimeForm form = RuntimeForm::kExplicit, Loader loader = LoadUnit);
   ~ClusterCache();
   ClusterCache(const ClusterCache&) = delete;
   ClusterCache& operator=(const ClusterCache&) = delete;
@@ -139,6 +143,7 @@ class ClusterCache {
   const size_t budget_bytes_;
   const unsigned threads_;
   const RuntimeForm form_;
+  const Loader loader_;
 
   mutable std::mutex mutex_;
   std::condition_variable loaded_;  // some unit left kLoading
