@@ -4,42 +4,102 @@
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <string_view>
 
-#include "codecs/mesh_file/internal/file_io.h"
-#include "codecs/mesh_file/internal/mesh_writer.h"
+#include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/internal/readers.h"
 
 namespace mtdb {
 namespace {
 
-std::string LowerExtension(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
+// "ply" of "a/b.PLY".
+std::string LowerSuffix(const std::string& path) {
+  std::string suffix = std::filesystem::path(path).extension().string();
+  if (!suffix.empty()) suffix.erase(0, 1);
+  for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return suffix;
 }
 
-bool StartsWithWord(std::string_view text, std::string_view word) {
-  return text.starts_with(word) && (text.size() == word.size() ||
-                                    std::isspace(static_cast<unsigned char>(text[word.size()])));
+// "a, b or c", of what is put before a text of each format.
+template <typename TextOf>
+std::string OneOf(const std::vector<MeshFormat>& formats, TextOf&& text_of) {
+  std::string list;
+  for (size_t i = 0; i < formats.size(); ++i) {
+    if (i > 0) list += i + 1 < formats.size() ? ", " : " or ";
+    list += text_of(formats[i]);
+  }
+  return list;
+}
+std::string Dotted(const MeshFormat& format) { return "." + std::string(format.suffixes[0]); }
+
+bool HasSuffix(const MeshFormat& format, std::string_view suffix) {
+  return std::ranges::find(format.suffixes, suffix) != format.suffixes.end();
 }
 
-constexpr uint64_t kStlHeaderBytes = 84;
-constexpr uint64_t kStlTriangleBytes = 50;
-
-// By size, as binary files may begin with "solid" too.
-bool HasBinaryStlSize(std::string_view start, uint64_t size_bytes) {
-  if (start.size() < kStlHeaderBytes) return false;
-  uint32_t triangles = 0;
-  std::memcpy(&triangles, start.data() + kStlHeaderBytes - sizeof(triangles), sizeof(triangles));
-  return size_bytes == kStlHeaderBytes + kStlTriangleBytes * triangles;
+template <typename Want>
+std::vector<MeshFormat> FormatsThat(Want&& want) {
+  std::vector<MeshFormat> formats;
+  for (const MeshFormatRow& row : MeshFormatTable()) {
+    if (want(row)) formats.push_back(row.format);
+  }
+  return formats;
 }
 
-bool HasNul(std::string_view text) { return text.find('\0') != std::string_view::npos; }
+// Null when no format that is written has the suffix.
+const MeshFormatRow* RowOfWritten(std::string_view suffix) {
+  for (const MeshFormatRow& row : MeshFormatTable()) {
+    if (row.create_writer != nullptr && HasSuffix(row.format, suffix)) return &row;
+  }
+  return nullptr;
+}
+Result<const MeshFormatRow*> RowOfFile(const std::string& path) {
+  const MeshFormatRow* const row = RowOfWritten(LowerSuffix(path));
+  if (row != nullptr) return row;
+  return Unsupported(path + ": expected a name that ends in " +
+                     OneOf(WrittenMeshFormats(), Dotted));
+}
 
 }  // namespace
+
+std::vector<MeshFormat> ReadMeshFormats() {
+  return FormatsThat([](const MeshFormatRow& row) { return row.read != nullptr; });
+}
+
+std::vector<MeshFormat> WrittenMeshFormats() {
+  return FormatsThat([](const MeshFormatRow& row) { return row.create_writer != nullptr; });
+}
+
+std::string SuffixesOf(const std::vector<MeshFormat>& formats) {
+  std::string list;
+  for (const MeshFormat& format : formats) {
+    for (const std::string_view suffix : format.suffixes) {
+      list += (list.empty() ? "." : " .") + std::string(suffix);
+    }
+  }
+  return list;
+}
+
+Result<MeshFormat> FindWrittenMeshFormat(std::string_view suffix) {
+  for (const MeshFormat& format : WrittenMeshFormats()) {
+    if (format.suffixes[0] == suffix) return format;
+  }
+  return Unsupported(
+      "expected " +
+      OneOf(WrittenMeshFormats(), [](const MeshFormat& f) { return std::string(f.suffixes[0]); }) +
+      ", found '" + std::string(suffix) + "'");
+}
+
+Result<MeshFormat> WrittenMeshFormatOf(const std::string& path) {
+  MTDB_ASSIGN_OR_RETURN(const MeshFormatRow* const row, RowOfFile(path));
+  return row->format;
+}
+
+std::string ExactSuffixes() {
+  return OneOf(
+      FormatsThat([](const MeshFormatRow& row) { return row.create_writer && row.format.exact; }),
+      Dotted);
+}
 
 Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report) {
   MeshReadReport unused;
@@ -49,61 +109,40 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
   std::array<std::byte, 512> bytes;
   MTDB_ASSIGN_OR_RETURN(const size_t size, file->ReadAt(0, bytes));
   if (size == 0) return BadInput(path + ": the file is empty, expected a mesh");
-  const std::string_view start = AsString(ByteSpan(bytes).first(size));
-  const std::string extension = LowerExtension(path);
-
-  if (extension == ".stl" && HasBinaryStlSize(start, file->size_bytes())) {
-    return ReadBinaryStl(*file, sink, report);
+  MeshFileStart start;
+  start.bytes = AsString(ByteSpan(bytes).first(size));
+  start.file_bytes = file->size_bytes();
+  const std::string suffix = LowerSuffix(path);
+  const MeshFormatRow* best = nullptr;
+  MeshFileFit best_fit = MeshFileFit::kNone;
+  for (const MeshFormatRow& row : MeshFormatTable()) {
+    if (row.read == nullptr) continue;
+    start.named = HasSuffix(row.format, suffix);
+    const MeshFileFit fit = row.recognise(start);
+    if (fit <= best_fit) continue;
+    best = &row;
+    best_fit = fit;
   }
-  if (StartsWithWord(start, "ply")) return ReadPly(*file, sink, report);
-  if (extension == ".obj") return ReadObj(*file, sink, report);
-  if (StartsWithOffKeyword(start)) return ReadOff(*file, sink, report);
-  if (StartsWithWord(start, "solid") &&
-      !(extension == ".stl" && HasNul(start.substr(0, kStlHeaderBytes)))) {
-    return ReadAsciiStl(*file, sink, report);
+  if (best == nullptr) {
+    return BadInput(
+        path + ": not a mesh file that mtdb reads, expected " +
+        OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
   }
-  if (extension == ".ply") return ReadPly(*file, sink, report);
-  if (extension == ".stl") return ReadBinaryStl(*file, sink, report);
-  if (extension == ".off") return ReadOff(*file, sink, report);
-  return BadInput(path + ": not a mesh file that mtdb reads, expected PLY, OBJ, STL or OFF");
+  start.named = HasSuffix(best->format, suffix);
+  return best->read(*file, start, sink, report);
 }
-
-Result<std::string> MeshFileFormat(const std::string& path) {
-  const std::string extension = LowerExtension(path);
-  for (const char* const known : {".ply", ".obj", ".stl", ".off", ".glb", ".drc"}) {
-    if (extension == known) return extension.substr(1);
-  }
-  return Unsupported(path + ": expected a name that ends in .ply, .obj, .stl, .off, .glb or .drc");
-}
-
-namespace {
-
-Result<std::unique_ptr<MeshWriter>> CreateWriter(const std::string& path,
-                                                 const MeshWriteOptions& options) {
-  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(path));
-  if (format == "ply") return CreatePlyWriter(path);
-  if (format == "obj") return CreateObjWriter(path);
-  if (format == "stl") return CreateStlWriter(path);
-  if (format == "off") return CreateOffWriter(path);
-  if (format == "glb") return CreateGltfWriter(path);
-  if (options.draco_position_bits < 1 || options.draco_position_bits > 30) {
-    return InvalidArgument("draco_position_bits: expected 1 to 30, found " +
-                           std::to_string(options.draco_position_bits));
-  }
-  if (options.draco_level < 0 || options.draco_level > 10) {
-    return InvalidArgument("draco_level: expected 0 to 10, found " +
-                           std::to_string(options.draco_level));
-  }
-  return CreateDracoWriter(path, options);
-}
-
-}  // namespace
 
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options) {
-  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer, CreateWriter(path, options));
+  MTDB_ASSIGN_OR_RETURN(const MeshFormatRow* const row, RowOfFile(path));
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer, row->create_writer(path, options));
   if (options.descriptor >= 0) writer->WriteInto(options.descriptor);
   return std::unique_ptr<MeshFileWriter>(std::move(writer));
+}
+
+bool StartsWithWord(std::string_view text, std::string_view word) {
+  return text.starts_with(word) && (text.size() == word.size() ||
+                                    std::isspace(static_cast<unsigned char>(text[word.size()])));
 }
 
 std::string NonFinite(Vec3d p) {

@@ -1,16 +1,39 @@
-// Mesh files: readers and writers of PLY, OBJ, STL, OFF and (writing only) binary glTF and Draco.
+// Mesh files: their formats, readers and writers.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
 
 namespace mtdb {
+
+// A format of mesh files, as whoever offers it to others wants to know it.
+struct MeshFormat {
+  std::string_view name;  // "PLY"
+  // Of files, in small letters and without the dot. Programs ask for the format by the first one.
+  std::vector<std::string_view> suffixes;
+  std::string_view content_type = "application/octet-stream";  // in HTTP
+  bool exact = false;       // positions are written as they are, in double where they need it
+  bool keeps_mesh = false;  // its writer keeps the whole mesh in memory
+};
+// In the order in which they are offered: those that ReadMeshFile reads, and those that
+// CreateMeshFileWriter writes.
+std::vector<MeshFormat> ReadMeshFormats();
+std::vector<MeshFormat> WrittenMeshFormats();
+// Their suffixes, for help: ".ply .obj .stl".
+std::string SuffixesOf(const std::vector<MeshFormat>& formats);
+// The format that programs ask for by that name, "ply" or "glb", and writes. kUnsupported for
+// others: "expected ply, obj or stl, found 'x'".
+Result<MeshFormat> FindWrittenMeshFormat(std::string_view suffix);
+// The format that is written to a file of that name, by its suffix in whatever letters.
+// kUnsupported for others.
+Result<MeshFormat> WrittenMeshFormatOf(const std::string& path);
 
 // What a reader met beside vertices and triangles.
 struct MeshReadReport {
@@ -21,7 +44,7 @@ struct MeshReadReport {
   std::vector<std::string> ignored;  // elements and properties that mtdb does not carry
 };
 
-// Reads the file at `path` (by its content where it has a magic word, else by its extension) and
+// Reads the file at `path` (by its content where it has a magic word, else by its suffix) and
 // pushes it into `sink` in blocks. Memory: blocks, but for STL, whose vertices are joined by exact
 // position, and the vertex table of OBJ faces. Errors: kNotFound, kIoError, and kBadInput with
 // file, element number or line, what was expected and what was found; among them: non-finite
@@ -38,25 +61,21 @@ struct MeshWriteOptions {
   int descriptor = -1;
 };
 
-// By the extension of `path`: .ply (binary little endian; attributes), .obj, .stl (binary), .off,
-// .glb (attributes; see codecs/README.md), .drc. kUnsupported for others. PLY, OBJ, OFF and .glb
-// stream; STL keeps 12 bytes a vertex and .drc the whole mesh. bytes_written() is valid after
-// End().
+// By the suffix of `path`; kUnsupported when no format has it. What each format carries is in
+// codecs/mesh_file/README.md. They stream, but for STL, which keeps 12 bytes a vertex, and those
+// that keep the mesh. bytes_written() is valid after End().
 //
-// Positions: PLY, OBJ and OFF keep them as they are, in double where they need it. The others have
-// float32: rounding() says what that moved, and meshes that are far from 0 for their size are
-// written as offsets from an origin: the node's translation in .glb, the metadata "origin" in .drc,
-// and the header in STL ("binary STL by mtdb, origin X Y Z"), which ReadMeshFile adds again.
+// Positions: formats that are not exact have float32; rounding() says what that moved, and meshes
+// that are far from 0 for their size are written as offsets from an origin: the node's translation
+// in glTF, the metadata "origin" in Draco, and the header in STL ("binary STL by mtdb, origin X Y
+// Z"), which ReadMeshFile adds again.
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;
-  // STL, .glb and .drc: what their float32 positions are offsets from, where float32 alone would
+  // What the positions of a format that is not exact are offsets from, where float32 alone would
   // lose too much. After Begin.
   virtual std::optional<Vec3d> origin() const = 0;
 };
-// "ply", "obj", "stl", "off", "glb" or "drc", by the extension, in whatever letters; kUnsupported
-// for others.
-Result<std::string> MeshFileFormat(const std::string& path);
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options = {});
 

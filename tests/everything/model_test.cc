@@ -1,11 +1,14 @@
 // The model: it says what a mesh is, and notices what is wrong with an answer.
 #include "tests/everything/model.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "codecs/mesh_file/mesh_file.h"
 #include "store/base/geometry.h"
 #include "tests/everything/input_files.h"
+#include "tests/everything/output_files.h"
 #include "tests/everything/process.h"
 #include "tests/everything/question.h"
 #include "tests/support/temporary_folder.h"
@@ -34,6 +37,25 @@ TEST_CASE("what a file says is what the product's reader reads") {
       CHECK(same);
       CHECK(truth.report == input.truth.report);
     }
+  }
+}
+
+TEST_CASE("walks know every format that is read or written") {
+  const auto named = [](const MeshFormat& format, const std::string& extension) {
+    return std::ranges::find(format.suffixes, extension) != format.suffixes.end();
+  };
+  for (const MeshFormat& format : ReadMeshFormats()) {
+    INFO(format.name);
+    CHECK(std::ranges::any_of(FileFormats(), [&](const FileFormat& f) {
+      return named(format, std::string(f.extension).substr(1));
+    }));
+  }
+  for (const MeshFormat& format : WrittenMeshFormats()) {
+    INFO(format.name);
+    const auto* const at = std::ranges::find_if(
+        kOutputFormats, [&](const OutputFormat& f) { return named(format, f.extension); });
+    REQUIRE(at != std::end(kOutputFormats));
+    CHECK(at->lossy != format.exact);
   }
 }
 

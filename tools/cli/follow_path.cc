@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <filesystem>
 #include <set>
 #include <sstream>
 #include <string_view>
+
+#include "codecs/mesh_file/mesh_file.h"
 
 namespace mtdb {
 
@@ -143,12 +144,7 @@ Result<std::string> StepFile(const std::string& pattern, size_t step) {
       "expected a mesh file's name with one %d or %03d in it, such "
       "as step-%03d.ply, found '" +
       pattern + "'");
-  constexpr std::string_view kExtensions[] = {".ply", ".obj", ".stl", ".off", ".glb", ".drc"};
-  const std::string extension = std::filesystem::path(pattern).extension().string();
-  if (std::find(std::begin(kExtensions), std::end(kExtensions), extension) ==
-      std::end(kExtensions)) {
-    return wrong;
-  }
+  if (!WrittenMeshFormatOf(pattern).ok()) return wrong;
   const size_t percent = pattern.find('%');
   if (percent == std::string::npos || pattern.find('%', percent + 1) != std::string::npos) {
     return wrong;

@@ -266,10 +266,12 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
 }
 
 void AddOutput(CLI::App* verb, std::string* output) {
-  verb->add_option("OUTPUT", *output, "the mesh file: .ply .obj .stl .off .glb .drc")
+  verb->add_option("OUTPUT", *output,
+                   "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()))
       ->required()
-      ->check(
-          [](const std::string& text) { return mtdb::MeshFileFormat(text).status().message(); });
+      ->check([](const std::string& text) {
+        return mtdb::WrittenMeshFormatOf(text).status().message();
+      });
 }
 
 // A server's URL.
@@ -297,7 +299,7 @@ void AddFollow(CLI::App* verb, mtdb::FollowArguments* a) {
       ->type_name("PATTERN")
       ->check([](const std::string& text) {
         const mtdb::Status status = mtdb::StepFile(text, 0).status();
-        return status.ok() ? mtdb::MeshFileFormat(text).status().message() : status.message();
+        return status.ok() ? mtdb::WrittenMeshFormatOf(text).status().message() : status.message();
       });
   verb->add_option("--csv", a->csv,
                    "write a table of bytes, milliseconds and triangles, a row a step")
@@ -335,8 +337,9 @@ void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
 
 void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArguments* a) {
   verb->add_option("INPUT... STORE", *paths,
-                   "mesh files (.ply .obj .stl .off; several become one object), then the store, "
-                   "which is made when it is not there")
+                   "mesh files (" + mtdb::SuffixesOf(mtdb::ReadMeshFormats()) +
+                       "; several become one object), then the store, which is made when it is "
+                       "not there")
       ->required()
       ->expected(2, 1 << 20);
   verb->add_option("--name", a->name,

@@ -55,10 +55,10 @@ Status Fetch(const QueryArguments& arguments) {
     PrintJson(query);
     return Status::Ok();
   }
-  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(arguments.output));
+  MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(arguments.output));
   FetchOptions options;
   options.name = arguments.name;
-  options.format = format;
+  options.format = format.suffixes[0];
   options.timeout_seconds = arguments.timeout_seconds;
   std::unique_ptr<AtomicFile> output;
   const auto receive = [&](std::string_view piece) -> Status {

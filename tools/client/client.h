@@ -32,7 +32,7 @@ Status CheckUrl(const std::string& url);
 
 struct FetchOptions {
   std::string name;            // of the object, when the URL has none
-  std::string format = "ply";  // ply, obj, stl, off, glb or drc
+  std::string format = "ply";  // one that docs/protocol.md lists
   // Without progress: to connect, to take the query, to answer it, and for each KiB of the mesh.
   double timeout_seconds = 600;
 };

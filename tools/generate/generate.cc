@@ -93,8 +93,8 @@ Status GenerateFile(std::string_view shape, const GenerateOptions& options,
   const auto generate = [&](MeshSink& sink) {
     return sculpture ? GenerateSculpture(options, sink) : GenerateTerrain(options, sink);
   };
-  MTDB_ASSIGN_OR_RETURN(const std::string format, MeshFileFormat(output_path));
-  if (format == "ply") {
+  MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(output_path));
+  if (format.name == "PLY") {
     PlyStreamWriter writer(output_path);
     return generate(writer);
   }

@@ -260,9 +260,17 @@ class DracoWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshWriter> CreateDracoWriter(const std::string& path,
-                                              const MeshWriteOptions& options) {
-  return std::make_unique<DracoWriter>(path, options);
+Result<std::unique_ptr<MeshWriter>> CreateDracoWriter(const std::string& path,
+                                                      const MeshWriteOptions& options) {
+  if (options.draco_position_bits < 1 || options.draco_position_bits > 30) {
+    return InvalidArgument("draco_position_bits: expected 1 to 30, found " +
+                           std::to_string(options.draco_position_bits));
+  }
+  if (options.draco_level < 0 || options.draco_level > 10) {
+    return InvalidArgument("draco_level: expected 0 to 10, found " +
+                           std::to_string(options.draco_level));
+  }
+  return std::unique_ptr<MeshWriter>(std::make_unique<DracoWriter>(path, options));
 }
 
 }  // namespace mtdb

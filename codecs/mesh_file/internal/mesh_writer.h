@@ -12,6 +12,9 @@
 
 namespace mtdb {
 
+// ".ply, .obj or .off": the suffixes of formats that are written exactly.
+std::string ExactSuffixes();
+
 // Checks what arrives and hands it to the format. Every format wants both counts in the header,
 // and all vertices before the first triangle: kInvalidArgument otherwise, as for a triangle whose
 // vertex does not exist.
@@ -50,8 +53,8 @@ class MeshWriter : public MeshFileWriter {
   FloatPositions& float_positions() { return positions_; }
   const FloatPositions& float_positions() const { return positions_; }
   Status TooLarge() const {
-    return InvalidArgument(path_ +
-                           ": a position is too large for float32; write .ply, .obj or .off");
+    return InvalidArgument(path_ + ": a position is too large for float32; write " +
+                           ExactSuffixes());
   }
 
  private:
@@ -93,7 +96,7 @@ std::unique_ptr<MeshWriter> CreateObjWriter(const std::string& path);
 std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path);
 std::unique_ptr<MeshWriter> CreateStlWriter(const std::string& path);
 std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path);
-std::unique_ptr<MeshWriter> CreateDracoWriter(const std::string& path,
-                                              const MeshWriteOptions& options);
+Result<std::unique_ptr<MeshWriter>> CreateDracoWriter(const std::string& path,
+                                                      const MeshWriteOptions& options);
 
 }  // namespace mtdb

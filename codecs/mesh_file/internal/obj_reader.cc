@@ -229,6 +229,10 @@ class ObjReader {
 
 }  // namespace
 
+MeshFileFit RecogniseObj(const MeshFileStart& start) {
+  return start.named ? MeshFileFit::kContent : MeshFileFit::kNone;
+}
+
 Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   return ObjReader(file, sink, report).Read();
 }

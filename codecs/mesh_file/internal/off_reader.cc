@@ -268,10 +268,11 @@ class OffReader {
 
 }  // namespace
 
-bool StartsWithOffKeyword(std::string_view start) {
-  LineTokens tokens(start.substr(0, start.find_first_of("#\n")));
+MeshFileFit RecogniseOff(const MeshFileStart& start) {
+  LineTokens tokens(start.bytes.substr(0, start.bytes.find_first_of("#\n")));
   std::string_view word;
-  return tokens.Next(&word) && ParseKeyword(word).valid;
+  if (tokens.Next(&word) && ParseKeyword(word).valid) return MeshFileFit::kContent;
+  return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
 }
 
 Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report) {

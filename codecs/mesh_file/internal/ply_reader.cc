@@ -488,6 +488,11 @@ class PlyBody {
 
 }  // namespace
 
+MeshFileFit RecognisePly(const MeshFileStart& start) {
+  if (StartsWithWord(start.bytes, "ply")) return MeshFileFit::kContent;
+  return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
+}
+
 Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   MTDB_ASSIGN_OR_RETURN(PlyHeader header, ReadPlyHeader(file));
   if (header.encoding == PlyEncoding::kAscii) {

@@ -1,11 +1,12 @@
-// The reader of each mesh file format. ReadMeshFile (codecs/mesh_file/mesh_file.h) chooses among
-// them.
+// The reader of each mesh file format, and how it knows its files. ReadMeshFile
+// (codecs/mesh_file/mesh_file.h) chooses among them.
 #pragma once
 
 #include <string>
 #include <string_view>
 
 #include "codecs/mesh_file/internal/file_io.h"
+#include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
 
@@ -14,14 +15,26 @@ namespace mtdb {
 Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report);
+// Binary or ASCII.
+Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+               MeshReadReport* report);
 Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 
 // In a binary STL's header, before the origin that its positions are offsets from.
 inline constexpr const char* kStlOriginWord = ", origin";
 
-// Whether a file that starts so is OFF: OFF, COFF, NOFF, CNOFF, ... and white space or '#'.
-bool StartsWithOffKeyword(std::string_view start);
+// "ply" and white space.
+MeshFileFit RecognisePly(const MeshFileStart& start);
+// Any text whose name says so.
+MeshFileFit RecogniseObj(const MeshFileStart& start);
+// OFF, COFF, NOFF, CNOFF, ... and white space or '#'.
+MeshFileFit RecogniseOff(const MeshFileStart& start);
+// "solid" and white space; or the size that the header promises, as binary files may begin with
+// "solid" too.
+MeshFileFit RecogniseStl(const MeshFileStart& start);
+// True when `text` begins with the word, and white space or nothing behind it.
+bool StartsWithWord(std::string_view text, std::string_view word);
 
 // "y is nan, expected a finite number" for the first coordinate of `p` that is not finite; "" when
 // all are.

@@ -204,6 +204,34 @@ class AsciiStlReader {
 
 }  // namespace
 
+namespace {
+
+bool HasBinarySize(const MeshFileStart& start) {
+  if (start.bytes.size() < kHeaderBytes) return false;
+  uint32_t triangles = 0;
+  std::memcpy(&triangles, start.bytes.data() + kHeaderBytes - sizeof(triangles), sizeof(triangles));
+  return start.file_bytes == kHeaderBytes + uint64_t{kTriangleBytes} * triangles;
+}
+
+bool IsText(const MeshFileStart& start) {
+  const bool has_nul = start.bytes.substr(0, kHeaderBytes).find('\0') != std::string_view::npos;
+  return StartsWithWord(start.bytes, "solid") && !(start.named && has_nul);
+}
+
+}  // namespace
+
+MeshFileFit RecogniseStl(const MeshFileStart& start) {
+  if (start.named && HasBinarySize(start)) return MeshFileFit::kCertain;
+  if (IsText(start)) return MeshFileFit::kContent;
+  return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
+}
+
+Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+               MeshReadReport* report) {
+  const bool binary = !IsText(start) || (start.named && HasBinarySize(start));
+  return binary ? ReadBinaryStl(file, sink, report) : ReadAsciiStl(file, sink, report);
+}
+
 Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   return AsciiStlReader(file, sink, report).Read();
 }

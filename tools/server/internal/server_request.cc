@@ -1,10 +1,10 @@
 #include "tools/server/internal/server_request.h"
 
 #include <algorithm>
-#include <array>
 #include <set>
 #include <string_view>
 
+#include "codecs/mesh_file/mesh_file.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
@@ -12,7 +12,6 @@ namespace mtdb {
 
 namespace {
 
-constexpr std::array<std::string_view, 6> kFormats{"ply", "obj", "stl", "off", "glb", "drc"};
 // Those that may be given several times.
 const std::set<std::string> kLists{"error-at", "box",   "sphere",  "half-space", "prism",
                                    "wedge",    "point", "segment", "tube"};
@@ -163,10 +162,8 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       return InvalidArgument(name + ": is given twice");
     }
     if (name == "format") {
-      if (std::find(kFormats.begin(), kFormats.end(), value) == kFormats.end()) {
-        return InvalidArgument("format: expected ply, obj, stl, off, glb or drc, found '" + value +
-                               "'");
-      }
+      const Status known = FindWrittenMeshFormat(value).status();
+      if (!known.ok()) return InvalidArgument("format: " + known.message());
       request.format = value;
       continue;
     }

@@ -21,7 +21,7 @@ struct RequestTarget {
 Result<RequestTarget> ParseTarget(const std::string& text);
 
 struct MeshRequest {
-  std::string format = "ply";  // ply, obj, stl, off, glb or drc
+  std::string format = "ply";  // see FindWrittenMeshFormat
   QueryJson query;             // as docs/query.md has it; its values are not yet checked
 };
 // The query is the body when there is one, else the parameters, which are the options of `mtdb

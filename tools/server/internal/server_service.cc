@@ -21,20 +21,13 @@ namespace mtdb {
 
 namespace {
 
-// Draco's encoder keeps the whole mesh and more in memory.
-constexpr uint64_t kMaxDracoTriangles = 2'000'000;
+// Of formats whose writers keep the whole mesh and more in memory.
+constexpr uint64_t kMaxKeptTriangles = 2'000'000;
 // A ClientMesh numbers half-edges, four a triangle, in 32 bits.
 constexpr uint64_t kMaxSessionTriangles = uint64_t{1} << 28;
 
 std::string Dump(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-const char* ContentType(const std::string& format) {
-  if (format == "obj") return "model/obj";
-  if (format == "stl") return "model/stl";
-  if (format == "glb") return "model/gltf-binary";
-  return "application/octet-stream";
 }
 
 // Passes a mesh on, unless it is too large or nobody wants it any more.
@@ -247,15 +240,15 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   write.descriptor = answer.file.descriptor();
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter("the mesh." + request.format, write));
-  const uint64_t most = request.format == "drc"
-                            ? std::min(options_.max_triangles, kMaxDracoTriangles)
-                            : options_.max_triangles;
+  MTDB_ASSIGN_OR_RETURN(const MeshFormat format, FindWrittenMeshFormat(request.format));
+  const uint64_t most = format.keeps_mesh ? std::min(options_.max_triangles, kMaxKeptTriangles)
+                                          : options_.max_triangles;
   GuardedSink sink(*writer, answer.file, call, most);
   ++metrics_.queries;
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
   metrics_.read_bytes += stats.bytes_read;
   metrics_.cache_hits += stats.clusters_cached;
-  answer.content_type = ContentType(request.format);
+  answer.content_type = format.content_type;
   answer.triangles = stats.triangles;
   AddStats(stats, &answer);
   return answer;

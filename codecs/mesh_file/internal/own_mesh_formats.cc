@@ -1,0 +1,47 @@
+#include "codecs/mesh_file/internal/mesh_format_table.h"
+#include "codecs/mesh_file/internal/readers.h"
+
+namespace mtdb {
+
+namespace {
+
+// A reader and a writer as the table wants them, for those that need less.
+template <auto kRead>
+Status Read(const InputFile& file, const MeshFileStart&, MeshSink& sink, MeshReadReport* report) {
+  return kRead(file, sink, report);
+}
+template <auto kCreate>
+Result<std::unique_ptr<MeshWriter>> Create(const std::string& path, const MeshWriteOptions&) {
+  return kCreate(path);
+}
+
+}  // namespace
+
+std::vector<MeshFormatRow> OwnMeshFormats() {
+  std::vector<MeshFormatRow> rows;
+  rows.push_back({.format = {.name = "PLY", .suffixes = {"ply"}, .exact = true},
+                  .recognise = RecognisePly,
+                  .read = Read<ReadPly>,
+                  .create_writer = Create<CreatePlyWriter>});
+  rows.push_back(
+      {.format = {.name = "OBJ", .suffixes = {"obj"}, .content_type = "model/obj", .exact = true},
+       .recognise = RecogniseObj,
+       .read = Read<ReadObj>,
+       .create_writer = Create<CreateObjWriter>});
+  rows.push_back({.format = {.name = "STL", .suffixes = {"stl"}, .content_type = "model/stl"},
+                  .recognise = RecogniseStl,
+                  .read = ReadStl,
+                  .create_writer = Create<CreateStlWriter>});
+  rows.push_back({.format = {.name = "OFF", .suffixes = {"off"}, .exact = true},
+                  .recognise = RecogniseOff,
+                  .read = Read<ReadOff>,
+                  .create_writer = Create<CreateOffWriter>});
+  rows.push_back(
+      {.format = {.name = "glTF", .suffixes = {"glb"}, .content_type = "model/gltf-binary"},
+       .create_writer = Create<CreateGltfWriter>});
+  rows.push_back({.format = {.name = "Draco", .suffixes = {"drc"}, .keeps_mesh = true},
+                  .create_writer = CreateDracoWriter});
+  return rows;
+}
+
+}  // namespace mtdb
