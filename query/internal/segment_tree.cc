@@ -123,44 +123,33 @@ bool SegmentTree::MayBeNear(const Node& node, const Asked& asked) {
 // Groups that the ray crosses as a whole, or misses, need no look at their segments.
 bool SegmentTree::CrossesOdd(Vec3d p) const {
   if (nodes_.empty()) return false;
-  WorkMeter* const meter = WorkMeter::Current();
   const double slack = 4 * kBoxRounding * std::max(scale_, LargestCoordinate(p));
   uint32_t crossings = 0;
-  std::array<uint32_t, kDeepest> open;
-  size_t count = 0;
-  open[count++] = 0;
-  while (count > 0) {
-    const uint32_t n = open[--count];
-    const Node& node = nodes_[n];
-    if (meter != nullptr && !meter->Spend(1)) return false;
-    if (!(node.box.min.y <= p.y && p.y < node.box.max.y)) continue;
-    if (p.x > node.box.max.x + slack) continue;
+  const auto enter = [&](const Node& node) {
+    if (!(node.box.min.y <= p.y && p.y < node.box.max.y)) return false;
+    if (p.x > node.box.max.x + slack) return false;
     // On which side of all lines p is, as the first strip tells.
     const double across = node.across[0].x;
     const double at = Dot(p, node.across[0]);
     const bool below = at < node.low[0] - slack;
     const bool above = at > node.high[0] + slack;
-    if (across > 0 ? above : (across < 0 && below)) continue;
+    if (across > 0 ? above : (across < 0 && below)) return false;
     if (node.all_from <= p.y && p.y < node.all_to) {
       const bool before = across > 0 ? below : (across < 0 && above);
       if (before || p.x < node.box.min.x - slack) {
         crossings += node.end - node.begin;
-        continue;
+        return false;
       }
     }
-    if (node.right != 0) {
-      open[count++] = node.right;
-      open[count++] = n + 1;
-      continue;
+    return true;
+  };
+  Walk(enter, [&](const Segment& s) {
+    const auto& [a, b] = s;
+    if ((a.y > p.y) != (b.y > p.y) && p.x - a.x < (p.y - a.y) * ((b.x - a.x) / (b.y - a.y))) {
+      ++crossings;
     }
-    if (meter != nullptr && !meter->Spend(node.end - node.begin)) return false;
-    for (uint32_t i = node.begin; i < node.end; ++i) {
-      const auto& [a, b] = segments_[i];
-      if ((a.y > p.y) != (b.y > p.y) && p.x - a.x < (p.y - a.y) * ((b.x - a.x) / (b.y - a.y))) {
-        ++crossings;
-      }
-    }
-  }
+    return false;
+  });
   return crossings % 2 != 0;
 }
 

@@ -63,6 +63,10 @@ class SegmentTree {
     double squared;  // of a box's squared distance
   };
 
+  // Visits the segments of all groups that `enter` enters, until one is true: then true. False also
+  // when the meter says that the question is to end. There is a group.
+  template <typename Enter, typename Visit>
+  bool Walk(Enter&& enter, Visit&& visit) const;
   uint32_t Build(uint32_t begin, uint32_t end);
   void Enclose(Node& node) const;
   // By the coordinate that differs most.
@@ -90,7 +94,6 @@ bool SegmentTree::AnyNear(const Box3d& box, double distance, Visit&& visit) cons
 template <typename Visit>
 bool SegmentTree::AnyNear(std::span<const Vec3d> points, double distance, Visit&& visit) const {
   if (nodes_.empty()) return false;
-  WorkMeter* const meter = WorkMeter::Current();
   Box3d around;
   for (const Vec3d& p : points) around.Add(p);
   Asked asked;
@@ -98,6 +101,15 @@ bool SegmentTree::AnyNear(std::span<const Vec3d> points, double distance, Visit&
   asked.around = around;
   asked.limit = distance + 4 * Rounding(around, distance, scale_);
   asked.squared = distance * distance * (1 + kBoxRounding);
+  return Walk([&](const Node& node) { return MayBeNear(node, asked); },
+              [&](const Segment& s) {
+                return SquaredDistanceBoxBox(BoxOf(s), around) <= asked.squared && visit(s);
+              });
+}
+
+template <typename Enter, typename Visit>
+bool SegmentTree::Walk(Enter&& enter, Visit&& visit) const {
+  WorkMeter* const meter = WorkMeter::Current();
   std::array<uint32_t, kDeepest> open;
   size_t count = 0;
   open[count++] = 0;
@@ -105,7 +117,7 @@ bool SegmentTree::AnyNear(std::span<const Vec3d> points, double distance, Visit&
     const uint32_t n = open[--count];
     const Node& node = nodes_[n];
     if (meter != nullptr && !meter->Spend(1)) return false;
-    if (!MayBeNear(node, asked)) continue;
+    if (!enter(node)) continue;
     if (node.right != 0) {
       open[count++] = node.right;
       open[count++] = n + 1;
@@ -113,7 +125,6 @@ bool SegmentTree::AnyNear(std::span<const Vec3d> points, double distance, Visit&
     }
     if (meter != nullptr && !meter->Spend(node.end - node.begin)) return false;
     for (uint32_t i = node.begin; i < node.end; ++i) {
-      if (SquaredDistanceBoxBox(BoxOf(segments_[i]), around) > asked.squared) continue;
       if (visit(segments_[i])) return true;
     }
   }

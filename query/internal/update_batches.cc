@@ -27,68 +27,72 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
   std::sort(units_.begin(), units_.end(), [&](const Unit& a, const Unit& b) {
     return insert_ ? a.unit > b.unit : a.unit < b.unit;
   });
-  std::vector<NodeIndex> nodes;
   for (Unit& u : units_) {
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, get(u.unit));
-    parents_.clear();
-    for (const UnitId p : unit->parents) {
-      const auto at = std::lower_bound(
-          units_.begin(), units_.end(), p,
-          [&](const Unit& a, UnitId id) { return insert_ ? a.unit > id : a.unit < id; });
-      parents_.push_back(at != units_.end() && at->unit == p ? &*at : nullptr);
-    }
-    nodes.clear();
-    u.changes.ForEach([&](NodeIndex node) { nodes.push_back(node); });
-    if (!insert_) std::reverse(nodes.begin(), nodes.end());
-    const Cluster& cluster = unit->cluster;
-    const uint32_t first_own = unit->first_own_slot();
-    const auto place = [&](size_t n) { return insert_ ? n : nodes.size() - 1 - n; };
-    size_t n = 0;
-    creators_.clear();
-    // On the way it asks for what AddNode will read.
-    ForEachFetched(*unit, nodes, Fetch::kStars, [&](NodeIndex node) {
-      const size_t i = place(n++);
-      __builtin_prefetch(&cluster.ring_begin[node]);
-      for (const uint32_t slot : cluster.hole(node)) {
-        uint32_t* parent = nullptr;
-        creators_.push_back(slot >= first_own ? unit->creator(slot) : 0);
-        if (slot >= first_own) {
-          __builtin_prefetch(&cluster.ring_begin[creators_.back()]);
-          parent = Level(&u, creators_.back());
-        } else {
-          __builtin_prefetch(&cluster.in.triangles[slot]);
-          if (const SlotOrigin& origin = unit->origins[slot]; origin.creator != kNone32) {
-            parent = Level(parents_[origin.parent], origin.creator);
-          }
-        }
-        if (parent == nullptr) continue;
-        if (insert_) {
-          u.levels[i] = std::max(u.levels[i], *parent + 1);
-        } else {
-          *parent = std::max(*parent, u.levels[i] + 1);
-        }
-      }
-    });
-    for (const NodeIndex node : nodes) {
-      __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[node]);
-      __builtin_prefetch(&cluster.in.positions[cluster.external_vertices() + node]);
-    }
-    for (const NodeIndex creator : creators_) {
-      __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator]);
-    }
+    nodes_.clear();
+    u.changes.ForEach([&](NodeIndex node) { nodes_.push_back(node); });
+    if (!insert_) std::reverse(nodes_.begin(), nodes_.end());
+    FindLevels(u, *unit);
+    PrefetchShapes(*unit);
     std::span<const NodeIndex> creators = creators_;
-    for (n = 0; n < nodes.size(); ++n) {
-      const size_t batch = first + u.levels[place(n)];
+    for (size_t n = 0; n < nodes_.size(); ++n) {
+      const size_t batch = first + u.levels[LevelPlace(n)];
       while (batches->size() <= batch) {
         batches->emplace_back().insert = insert_;
         if (batches->size() == first + 1) Reserve(batches->back());
       }
-      const size_t holes = cluster.hole(nodes[n]).size();
-      AddNode(*unit, nodes[n], creators.first(holes), (*batches)[batch]);
+      const size_t holes = unit->cluster.hole(nodes_[n]).size();
+      AddNode(*unit, nodes_[n], creators.first(holes), (*batches)[batch]);
       creators = creators.subspan(holes);
     }
   }
   return Status::Ok();
+}
+
+// On the way it asks for what AddNode will read.
+void UpdateBatches::FindLevels(Unit& u, const LoadedUnit& unit) {
+  parents_.clear();
+  for (const UnitId p : unit.parents) {
+    const auto at = std::lower_bound(
+        units_.begin(), units_.end(), p,
+        [&](const Unit& a, UnitId id) { return insert_ ? a.unit > id : a.unit < id; });
+    parents_.push_back(at != units_.end() && at->unit == p ? &*at : nullptr);
+  }
+  const Cluster& cluster = unit.cluster;
+  const uint32_t first_own = unit.first_own_slot();
+  size_t n = 0;
+  creators_.clear();
+  ForEachFetched(unit, nodes_, Fetch::kStars, [&](NodeIndex node) {
+    uint32_t& level = u.levels[LevelPlace(n++)];
+    __builtin_prefetch(&cluster.ring_begin[node]);
+    for (const uint32_t slot : cluster.hole(node)) {
+      uint32_t* parent = nullptr;
+      creators_.push_back(slot >= first_own ? unit.creator(slot) : 0);
+      if (slot >= first_own) {
+        __builtin_prefetch(&cluster.ring_begin[creators_.back()]);
+        parent = Level(&u, creators_.back());
+      } else {
+        __builtin_prefetch(&cluster.in.triangles[slot]);
+        if (const SlotOrigin& origin = unit.origins[slot]; origin.creator != kNone32) {
+          parent = Level(parents_[origin.parent], origin.creator);
+        }
+      }
+      if (parent == nullptr) continue;
+      uint32_t& later = insert_ ? level : *parent;
+      later = std::max(later, (insert_ ? *parent : level) + 1);
+    }
+  });
+}
+
+void UpdateBatches::PrefetchShapes(const LoadedUnit& unit) const {
+  const Cluster& cluster = unit.cluster;
+  for (const NodeIndex node : nodes_) {
+    __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[node]);
+    __builtin_prefetch(&cluster.in.positions[cluster.external_vertices() + node]);
+  }
+  for (const NodeIndex creator : creators_) {
+    __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator]);
+  }
 }
 
 void UpdateBatches::Reserve(UpdateBatch& batch) const {

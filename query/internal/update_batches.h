@@ -49,6 +49,11 @@ class UpdateBatches {
     if (unit == nullptr || !unit->changes.Test(node)) return nullptr;
     return &unit->levels[unit->Place(node)];
   }
+  // Of nodes_[n], in Unit::levels.
+  size_t LevelPlace(size_t n) const { return insert_ ? n : nodes_.size() - 1 - n; }
+  // The longest chain of changes before each of nodes_, from the units that came before; creators_.
+  void FindLevels(Unit& u, const LoadedUnit& unit);
+  void PrefetchShapes(const LoadedUnit& unit) const;
   // `creators` of the hole's triangles that the unit creates.
   void AddNode(const LoadedUnit& unit, NodeIndex node, std::span<const NodeIndex> creators,
                UpdateBatch& batch) const;
@@ -60,8 +65,10 @@ class UpdateBatches {
   const bool insert_;
   uint64_t count_ = 0;
   std::vector<Unit> units_;
-  std::vector<Unit*> parents_;       // of the unit at hand
-  std::vector<NodeIndex> creators_;  // of the holes of the unit at hand
+  // Of the unit at hand.
+  std::vector<Unit*> parents_;
+  std::vector<NodeIndex> nodes_;     // that change, in the order of their changes
+  std::vector<NodeIndex> creators_;  // of their holes
 };
 
 }  // namespace mtdb
