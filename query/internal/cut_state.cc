@@ -85,6 +85,7 @@ Status CutState::Insert(NodeRef target, UnitPins& pins, std::vector<NodeRef>* in
       MakeRoomForOne(*inserted);
       Exchange(u, *unit, top.node, true);
       inserted->push_back(top);
+      stack_.pop_back();
     }
     return Status::Ok();
   };
@@ -111,8 +112,7 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   const Cluster& cluster = unit.cluster;
   const std::span<const uint32_t> hole = cluster.hole(node);
   const uint64_t n = apply ? 1 : ~uint64_t{0};  // modulo 2^64 this also takes away
-  const uint8_t code = cluster.error_codes[node];
-  const uint8_t code_in = u.looked ? code : LargestCode(u.id);  // as SetLooked counts
+  uint32_t entering = 0;                        // of the hole's triangles
   for (const uint32_t slot : hole) {
     CutUnit* of = &u;
     uint32_t own = slot - u.first_own;
@@ -121,9 +121,9 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
       of = Find(unit.parents[origin.parent]);
       own = origin.slot - of->first_own;
       Save(*of);
+      ++entering;
     }
     of->present.Put(own, !apply);
-    if (remembers_) counts_.by_code[slot < u.first_own ? code_in : code] -= n;
   }
   const uint32_t begin = cluster.star_begin[node] - u.first_own;
   const uint32_t end = cluster.star_begin[node + 1] - u.first_own;
@@ -138,15 +138,20 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   counts_.vertices += n * unit.vertices_inserted(node);
   counts_.triangles += n * (end - begin - hole.size());
   if (!remembers_) return;
+  const uint8_t* const codes = cluster.error_codes.data();
+  counts_.by_code[codes[node]] -= n * (hole.size() - entering);
+  counts_.by_code[u.looked ? codes[node] : LargestCode(u.id)] -= n * entering;  // as SetLooked does
   for (uint32_t slot = begin + u.first_own; slot < end + u.first_own; ++slot) {
     const uint32_t remover = cluster.removers[slot];
-    if (RemovedByNode(remover)) {
-      counts_.by_code[cluster.error_codes[remover]] += n;
-    } else if (remover == kDrain) {
-      counts_.by_code[0] += n;
-    } else if (const UnitId child = cluster.children[ChildOrdinal(remover)]; !Looked(child)) {
-      counts_.by_code[LargestCode(child)] += n;
+    if (RemovedByChild(remover)) {
+      const UnitId child = cluster.children[ChildOrdinal(remover)];
+      if (!Looked(child)) counts_.by_code[LargestCode(child)] += n;
+      continue;
     }
+    // Without a branch, which would be hard to predict.
+    const bool drain = remover == kDrain;
+    const uint8_t code = codes[drain ? node : remover];
+    counts_.by_code[drain ? 0 : code] += n;
   }
 }
 
@@ -167,8 +172,7 @@ void CutState::SetLooked(CutUnit& u, const LoadedUnit& unit, bool looked) {
   }
 }
 
-void CutState::Save(CutUnit& u) {
-  if (u.fresh || u.before != nullptr) return;
+void CutState::Keep(CutUnit& u) {
   MakeRoomForOne(touched_);
   u.before = std::make_unique<CutFlags>(u);
   touched_.push_back(u.id);

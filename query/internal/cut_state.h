@@ -132,7 +132,9 @@ class CutState {
   void SetLooked(CutUnit& u, const LoadedUnit& unit, bool looked);
 
   // Before the flags of a unit change in a round.
-  void Save(CutUnit& u);
+  void Save(CutUnit& u) {
+    if (!u.fresh && u.before == nullptr) Keep(u);
+  }
   // Before the round ends: counts what Counts says of the end of a round.
   void CountRound();
   void EndRound();
@@ -153,6 +155,7 @@ class CutState {
   CutUnit& Add(UnitId id, std::unique_ptr<CutUnit> unit);
 
  private:
+  void Keep(CutUnit& u);
   // Puts the node's star in the place of its hole, or (not `apply`) back.
   void Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool apply);
 

@@ -11,12 +11,11 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNever = -std::numeric_limits<float>::infinity();  // as a deadline of `low`
-constexpr float kPassed = std::numeric_limits<float>::infinity();  // likewise
 
 // As deadlines: what is at least, at most the value.
 float Up(double value) {
   const auto f = static_cast<float>(value);
-  return f < value ? std::nextafter(f, kPassed) : f;
+  return f < value ? std::nextafter(f, -kNever) : f;
 }
 float Down(double value) {
   const auto f = static_cast<float>(value);
@@ -193,10 +192,6 @@ bool Deadlines::Learn(MovingUnit& u, NodeIndex node, uint8_t code) {
   return !valid;
 }
 
-bool Deadlines::Waits(const MovingUnit& u, NodeIndex node) {
-  return u.deadlines.nodes[node] == kPassed && !u.refusing.Test(node);
-}
-
 void Deadlines::Forget(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   units_.Save(u);
   u.known.Clear(node);
@@ -237,10 +232,6 @@ void Deadlines::AddChild(MovingUnit& u, uint32_t ordinal, double margin) {
 
 void Deadlines::SetChildWaits(MovingUnit& u, uint32_t ordinal) {
   u.deadlines.children[ordinal] = kPassed;
-}
-
-bool Deadlines::ChildWaits(const MovingUnit& u, uint32_t ordinal) {
-  return u.deadlines.children[ordinal] == kPassed;
 }
 
 }  // namespace mtdb

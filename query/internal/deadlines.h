@@ -1,6 +1,7 @@
 // Deadlines: what a new query can change in a cut. docs/design.md, "What a new query can change".
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -39,7 +40,9 @@ class Deadlines {
   // Makes a node known; true when it has to be evaluated: its code does not tell that it is valid.
   bool Learn(MovingUnit& u, NodeIndex node, uint8_t code);
   // Known, but waits to be evaluated: its deadline has passed.
-  static bool Waits(const MovingUnit& u, NodeIndex node);
+  static bool Waits(const MovingUnit& u, NodeIndex node) {
+    return u.deadlines.nodes[node] == kPassed && !u.refusing.Test(node);
+  }
   // A node that is not applied, and of whose hole nothing is present.
   void Forget(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
 
@@ -55,13 +58,18 @@ class Deadlines {
   static void AddChild(MovingUnit& u, uint32_t ordinal, double margin);
   // The child waits to be asked about: its deadline has passed.
   static void SetChildWaits(MovingUnit& u, uint32_t ordinal);
-  static bool ChildWaits(const MovingUnit& u, uint32_t ordinal);
+  static bool ChildWaits(const MovingUnit& u, uint32_t ordinal) {
+    return u.deadlines.children[ordinal] == kPassed;
+  }
 
   // Nodes that were evaluated, or learnt, since the last call of ResetCount.
   uint64_t evaluated() const { return evaluated_; }
   void ResetCount() { evaluated_ = 0; }
 
  private:
+  static constexpr float kPassed =
+      std::numeric_limits<float>::infinity();  // as a deadline of `low`
+
   struct Verdict {
     bool some = false, all = false;  // triangles are refused
     double fall = 0, rise = 0;       // of the threshold, that may change that
