@@ -24,19 +24,19 @@ class Environment;
 class ObjectWriter;
 
 struct OpenOptions {
-  bool writable = false;  // false: the file must exist and is not changed
-  bool create = true;     // with writable: makes the file when it is not there
+  bool writable = false;  // false: the file must exist, and is not changed
+  bool create = true;     // when writable: makes the file if it does not exist
 };
 
-// Safe for many threads, and for many processes on one file. One Database per file and process is
-// enough: opening a file that this process has open shares the environment. Reading needs leave to
-// read the file and nothing else, keeps nothing from writers, and goes on in a forked child;
-// writing needs a Database that the process opened itself.
+// Safe for many threads, and for many processes on one file. A process needs one Database for a
+// file: a second one shares the environment of the first. To read takes no more than permission to
+// read the file, never makes a writer wait, and also works in a forked child. To write, a process
+// needs a Database that it opened itself.
 class Database {
  public:
-  // Checks the size and both meta pages; with `writable` also walks the tree pages, since LMDB
-  // trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kBusy (another program writes
-  // the file by another name).
+  // Checks the size of the file and both meta pages. When writable, also walks the pages of the
+  // tree, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kBusy
+  // (another program writes the file by another name).
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
                                                 const OpenOptions& options = {});
   ~Database();
@@ -48,16 +48,16 @@ class Database {
   // Size of the file in bytes.
   Result<uint64_t> FileBytes() const;
 
-  // Published objects, by name, each as of a moment during the call.
+  // The published objects, sorted by name; each as it was at some moment during the call.
   Result<std::vector<ObjectRecord>> List() const;
   // The object of that name; with an empty name, the store's only object.
   Result<ObjectRecord> Find(const std::string& name) const;
   // Loads the record and the cluster index.
   Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name) const;
 
-  // Begins an object in the state "building". Fails with kAlreadyExists when `name` is published
-  // and not `replace`, with kBusy while a live process builds that name. What a dead builder left
-  // of that name is removed. Writable databases only.
+  // Begins an object in the state "building", after removing what a dead builder left of that name.
+  // Fails with kAlreadyExists when `name` is published and `replace` is false, and with kBusy while
+  // a live process builds that name. Writable databases only.
   Result<std::unique_ptr<ObjectWriter>> Create(const std::string& name, bool replace);
 
   // Takes the object out of the catalog, then frees its pages in bounded transactions.
@@ -68,23 +68,24 @@ class Database {
   std::shared_ptr<Environment> environment_;
 };
 
-// Called with the whole record when everything is written but the catalog's entry.
+// Publish() calls it with the whole record, when everything is written except the catalog's entry.
 using BeforePublish = std::function<Status(const ObjectRecord&)>;
 
-// Writes one object. Clusters come finest round first; within a round with ascending `hilbert`.
-// Destroyed before Publish(): what it wrote is removed. Single thread.
+// Writes one object. Clusters must come finest round first, and within a round with ascending
+// `hilbert`. A writer that is destroyed before Publish() removes what it wrote. Single thread.
 class ObjectWriter {
  public:
   virtual ~ObjectWriter() = default;
 
-  // Appends a cluster, or, when `entry` has no nodes, a piece of the root: after the last cluster.
-  // Returns its id: 0, 1, 2, ... `children` ascending and without repetition. A payload has 1 byte
-  // to 1 GiB.
+  // Appends a cluster, or a piece of the root when `entry` has no nodes; pieces of the root come
+  // after all clusters. Returns the unit's id: 0, 1, 2, ... `children` must ascend without
+  // repetition. A payload has 1 byte to 1 GiB.
   virtual Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                              ByteSpan payload) = 0;
-  // Writes the index and flips the catalog. `record` comes without id, name, payload_bytes,
-  // stored_bytes, index_checksum and digest; the published record is returned. A replaced object's
-  // pages are freed. An error of `before` is returned, and nothing is published.
+  // Writes the index, publishes the object in the catalog, and frees the pages of the object that
+  // it replaces. Returns the published record: `record`, with id, name, payload_bytes,
+  // stored_bytes, index_checksum and digest filled in. When `before` returns an error, nothing is
+  // published and the error is returned.
   virtual Result<ObjectRecord> Publish(const ObjectRecord& record,
                                        const BeforePublish& before = {}) = 0;
 };

@@ -14,10 +14,10 @@
 
 namespace mtdb {
 
-// What the input was, and what of it could not be kept.
+// What the input had, and what of it could not be kept.
 struct InputReport {
   uint64_t vertices = 0;               // as read
-  uint64_t triangles = 0;              // as read, polygons and strips split
+  uint64_t triangles = 0;              // as read, after polygons and strips were split
   uint64_t unreferenced_vertices = 0;  // dropped
   uint64_t degenerate_triangles = 0;   // two equal vertex indices; dropped
   uint64_t duplicate_triangles = 0;    // the same three vertices in the same orientation; dropped
@@ -33,9 +33,9 @@ struct RoundReport {
   uint64_t tiles = 0;
   uint64_t clusters = 0;
   uint64_t nodes = 0;
-  uint64_t locked_vertices = 0;  // corners of tiles' seams, counted per tile
-  uint64_t stuck_topology = 0;   // vertices that no legal removal exists for
-  uint64_t stuck_degree = 0;     // vertices of more neighbours than max_degree
+  uint64_t locked_vertices = 0;  // on seams of tiles; a vertex counts once for each of its tiles
+  uint64_t stuck_topology = 0;   // vertices for which no legal removal exists
+  uint64_t stuck_degree = 0;     // vertices with more neighbours than ObjectRecord::degree_limit
   uint8_t error_code_max = 0;
   friend bool operator==(const RoundReport&, const RoundReport&) = default;
 };
@@ -47,9 +47,9 @@ struct ObjectRecord {
   std::string name;  // 1..500 bytes of UTF-8 without control characters
 
   Grid grid;
-  uint8_t bits = 0;  // of the longest side; 32 when lossless
-  // Model units: no vertex of the input, and no point of its surface, was farther than this from
-  // where it is stored. 0: the input lies on the grid.
+  uint8_t bits = 0;  // for coordinates along the longest side of the bounds; 32 when lossless
+  // The largest displacement, in model units: no vertex of the input, and so no point of its
+  // surface, was farther than this from its stored position. 0: the input lies on the grid.
   double rounding_error = 0;
   ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
   AttributeLayout attributes;
@@ -72,30 +72,30 @@ struct ObjectRecord {
   uint64_t root_vertices = 0;
   uint64_t root_triangles = 0;
   uint32_t depth = 0;          // longest path of nodes in the DAG
-  uint32_t max_degree = 0;     // largest number of star triangles' ring vertices of a node
+  uint32_t max_degree = 0;     // the largest number of ring vertices of a node
   uint8_t error_code_max = 0;  // of any node
   std::vector<RoundReport> rounds;
   uint32_t degree_limit = 0;    // build option
   uint32_t tile_triangles = 0;  // build option
 
-  // Order-free sums over the full-resolution mesh on its grid (see store/FORMAT.md, "surface
-  // digest"): verify recomputes them from the nodes.
+  // Sums over the full-resolution mesh on its grid that do not depend on the order of triangles
+  // (store/base/surface_digest.h). `verify --level global` computes them again from the store.
   uint64_t surface_digest = 0;  // over triangles
   uint64_t border_digest = 0;   // over directed edges without a partner
 
   // Filled in by ObjectWriter::Publish.
-  uint64_t payload_bytes = 0;   // clusters and root pieces
-  uint64_t stored_bytes = 0;    // pages that the object occupies, in bytes
-  uint64_t index_checksum = 0;  // of the cluster index, and so of every payload
-  uint64_t digest_low = 0;      // 128 bits over keys and values, free of object id and name
+  uint64_t payload_bytes = 0;   // of all units
+  uint64_t stored_bytes = 0;    // of the pages that the object occupies
+  uint64_t index_checksum = 0;  // of the cluster index, which has the checksum of every payload
+  uint64_t digest_low = 0;      // 128 bits over payloads, index and record, but not id and name
   uint64_t digest_high = 0;
 
   double diagonal() const { return Diagonal(bounds); }
-  // First VertexIndex of a cluster's nodes is in ClusterIndex; the total is vertices.
   std::string digest_hex() const;
 };
 
-// An id is never used twice in a store, but another file may be copied over it.
+// True when both records are of one object. The id alone does not tell: a store never uses an id
+// twice, but another store may be copied over the file.
 inline bool IsSameObject(const ObjectRecord& a, const ObjectRecord& b) {
   return a.id == b.id && a.index_checksum == b.index_checksum && a.digest_low == b.digest_low &&
          a.digest_high == b.digest_high;

@@ -14,13 +14,13 @@ struct CheckReport {
   bool ok() const { return failures.empty(); }
 };
 
-// Walks every page that the live meta page reaches with a bounds-checked reader (LMDB's own code
-// trusts its pages), accounts for every page of the file (live, free, meta), then reads every
-// value of `object` (all objects when empty) and checks its checksum, the index, the counts and
-// the digest. Uses memory of a few bytes per page. Appends to `report`; the Status is an error only
-// when nothing could be examined (no such file, i/o error). Safe beside readers and writers; kBusy
-// when it was overtaken by writers again and again, since it cannot use the lock file to pin a
-// snapshot.
+// Walks every page that the live meta page reaches, with a reader that checks every field (LMDB's
+// own code trusts its pages), and makes sure that every page of the file is live, free or meta.
+// Then reads every value of `object` (of all objects when the name is empty) and checks its
+// checksum, the index, the counts and the digest. Takes a few bytes of memory per page. Appends to
+// `report`; the Status is an error only when nothing could be examined (no such file, i/o error).
+// Safe beside readers and writers. Where it may not write the lock file it cannot pin a snapshot,
+// and returns kBusy when writers overtake it again and again.
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report);
 
 }  // namespace mtdb

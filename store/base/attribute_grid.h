@@ -1,5 +1,6 @@
-// The grids that a VertexAttribute may promise: multiples of a step, and points of the octahedron.
-// IEEE operations that are correctly rounded only, so that every machine finds the same codes.
+// The grids that the values of a VertexAttribute may lie on: the multiples of a step, and points of
+// the octahedron. A code is the integer that names a point of a grid. All functions use only
+// operations that IEEE 754 rounds correctly, so that every machine computes the same codes.
 #pragma once
 
 #include <cstdint>
@@ -11,35 +12,40 @@ namespace mtdb {
 
 inline constexpr int kMinNormalBits = 4;
 inline constexpr int kMaxNormalBits = 16;
-// A code beyond is not told from its neighbours by the type.
+// The largest code of a step, positive or negative, that values of the type can tell from the codes
+// beside it.
 constexpr int64_t MaxScalarCode(ScalarType type) {
   return int64_t{1} << (type == ScalarType::kFloat32 ? 22 : 51);
 }
 
-// Whether steps are of floats and above 0, and normals three float32 of legal bits, without steps.
+// True when only floats have steps, every step is finite and above 0, and every normal is three
+// float32 attributes without steps, of which the first has kMinNormalBits to kMaxNormalBits bits.
 bool IsValidLayout(const AttributeLayout& layout);
 
-// The multiple of `step` nearest to `value`, of which ScalarOfCode is at most step / 2 away and the
-// half of a float's last place; 0 when the value is not finite or lies beyond 2^52 steps.
+// The integer q for which q * step is nearest to `value`; 0 when `value` is not finite, or farther
+// than 2^52 steps from 0.
 int64_t ScalarCode(double value, double step);
-// As the type's nearest; its ScalarCode is `code` up to MaxScalarCode(type). 0 on overflow.
+// The value of a code: code * step, rounded to the type; 0 when that overflows the type. Rounding a
+// value v to Float32OfCode(ScalarCode(v, step), step) moves it by at most step / 2 and half a unit
+// in the float's last place. For codes up to MaxScalarCode(type), ScalarCode gives the code back.
 float Float32OfCode(int64_t code, double step);
 double Float64OfCode(int64_t code, double step);
 
-// A direction as a point of the unit octahedron, unfolded to the square [-c, c]^2 with
-// c = OctahedralCentre(bits): the half z >= 0 is |s| + |t| <= c, the other one is folded outwards
-// (Meyer et al., "On Floating-Point Normal Vectors", 2010). Points of the square's border that
-// coincide on the octahedron have one code.
+// A direction, as a point of the unit octahedron that is unfolded to the square [-c, c]^2 with c =
+// OctahedralCentre(bits): its half with z >= 0 is |s| + |t| <= c, the other half is folded outwards
+// (Meyer et al., "On Floating-Point Normal Vectors", 2010). Points of the square's border that are
+// the same point of the octahedron have the same code.
 struct OctahedralCode {
   int32_t s = 0;
   int32_t t = 0;
   friend bool operator==(const OctahedralCode&, const OctahedralCode&) = default;
 };
 constexpr int32_t OctahedralCentre(int bits) { return (1 << (bits - 1)) - 1; }
-// Of any length; (0, 0, 1) when it is zero or not finite. The decoded normal is at most
-// 2.13 / OctahedralCentre(bits) radians off, and has the same code.
+// `normal` may have any length; a zero or non-finite one has the code of (0, 0, 1). The decoded
+// normal differs from `normal` by at most 2.13 / OctahedralCentre(bits) radians, and has the same
+// code.
 OctahedralCode EncodeOctahedral(const Vec3d& normal, int bits);
-// Of length 1, its coordinates rounded to float32.
+// The direction of a code: of length 1, its coordinates rounded to float32.
 Vec3d DecodeOctahedral(OctahedralCode code, int bits);
 
 }  // namespace mtdb

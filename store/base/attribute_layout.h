@@ -10,8 +10,8 @@ namespace mtdb {
 
 // `layout` must be valid (IsValidLayout) and have at most kMaxAttributes.
 void PutAttributeLayout(const AttributeLayout& layout, ByteWriter* writer);
-// From untrusted bytes. What it returns is valid. Memory: some 50 times the bytes that it reads.
-// Errors: kCorrupt, with what is wrong; the caller adds where.
+// Reads untrusted bytes; the layout that it returns is valid. Takes memory of some 50 times the
+// bytes that it reads. Errors: kCorrupt, whose message says what is wrong; the caller adds where.
 Result<AttributeLayout> GetAttributeLayout(ByteReader* reader);
 
 }  // namespace mtdb

@@ -33,20 +33,23 @@ constexpr size_t ScalarSize(ScalarType t) {
   return 0;
 }
 
-// One scalar per vertex, named as in PLY: "red", "nx", "quality". A layout may promise that its
-// values lie on a grid, which the codec makes use of; the row holds them in `type` all the same.
+// One scalar per vertex, named as in PLY: "red", "nx", "quality". `step` and `normal_bits` promise
+// that its values lie on a grid, so that the codec needs fewer bits for them; the row holds the
+// values in `type` all the same.
 struct VertexAttribute {
   std::string name;
   ScalarType type = ScalarType::kFloat32;
-  // Floats: above 0, each value is a multiple of the step, rounded to the type; see ScalarCode.
+  // When above 0 (floats only): each value is a multiple of the step, rounded to the type; see
+  // ScalarCode.
   double step = 0;
-  // Above 0: this and the next two, all float32, are a unit normal of so many bits a component on
-  // the octahedron, 4 to 16; see OctahedralCode. Set on the first of them.
+  // When above 0, 4 to 16: this attribute and the next two, all float32, are a unit normal that is
+  // stored with this many bits for each of its two coordinates on the octahedron; see
+  // OctahedralCode. Set on the first of the three.
   uint8_t normal_bits = 0;
   friend bool operator==(const VertexAttribute&, const VertexAttribute&) = default;
 };
 
-// More are refused when a mesh comes in: a coder has some 3 KB of models for each.
+// A mesh with more attributes is refused when it is read: a coder has some 3 KB of models for each.
 inline constexpr size_t kMaxAttributes = 4096;
 
 // The attributes of a mesh, at most kMaxAttributes. A vertex's row is their values, packed in this

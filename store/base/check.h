@@ -1,4 +1,4 @@
-// MTDB_CHECK: a caller's bug, never bad bytes. Says where and aborts.
+// MTDB_CHECK: for bugs of a caller, never for bad bytes. Prints where the check failed, and aborts.
 #pragma once
 
 namespace mtdb {

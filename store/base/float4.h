@@ -1,5 +1,6 @@
-// Four binary32 or int32 numbers at once, in the compilers' portable vector types: each operation
-// is the scalar one in each lane, so that every machine computes the same bits.
+// Four binary32 or int32 numbers at once, in the portable vector types of the compilers. An
+// operation on a vector does the scalar operation in each lane, so that every machine computes the
+// same bits.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// Points, boxes and exact-enough distances. Header-only and free of allocation.
+// Points, boxes, and distances between them, in double and exact up to rounding. Nothing here takes
+// memory.
 #pragma once
 
 #include <algorithm>

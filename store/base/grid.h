@@ -15,7 +15,8 @@ enum class PositionMode : uint8_t {
 
 inline constexpr int kErrorStepsPerOctave = 8;
 
-// float32 <-> int32 that orders alike (-0 and +0 differ). Not for NaN.
+// float32 <-> int32, such that the integers have the same order as the floats (-0 and +0 differ).
+// Not for NaN.
 int32_t OrderedFromFloat(float f);
 inline float FloatFromOrdered(int32_t i) {
   return std::bit_cast<float>(
@@ -30,8 +31,8 @@ struct Grid {
   double step = 1;        // model units; > 0
   double error_unit = 1;  // model units; > 0
 
-  // The nearest point of the grid. `p` is finite; what lies beyond the grid's 2^32 cells is drawn
-  // to its rim.
+  // The nearest point of the grid. `p` must be finite. A coordinate beyond the grid's 2^32 cells is
+  // moved to the outermost cell.
   Vec3i Quantize(Vec3d p) const;
   Vec3d Position(Vec3i i) const {
     if (mode == PositionMode::kLossless) {
@@ -39,10 +40,11 @@ struct Grid {
     }
     return {origin.x + step * i.x, origin.y + step * i.y, origin.z + step * i.z};
   }
-  // How far an input vertex is from its stored position; with what Position's arithmetic in double
-  // adds, where it is not exact. At most half a cell's diagonal and a little; 0 when lossless.
+  // An upper bound of the distance from an input vertex p to its stored position, in model units.
+  // It includes the rounding errors of Position's arithmetic. At most cell_error() inside of the
+  // grid; 0 when lossless and p is float32.
   double Displacement(Vec3d p) const;
-  double cell_error() const;  // that most
+  double cell_error() const;  // half a cell's diagonal and a little; 0 when lossless
   // Whether all positions inside the bounds are float32 values.
   bool FitsFloat(const Box3d& bounds) const;
   // The smallest code whose error is at least `error` (>= 0); 255 when none is.

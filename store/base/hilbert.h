@@ -10,8 +10,9 @@ namespace mtdb {
 
 inline constexpr int kHilbertBits = 21;  // per axis; a code has 63 bits
 
-// The curve through a cube is eight turned and mirrored copies of itself, one an octant; a state
-// says which copy. After J. Skilling, "Programming the Hilbert curve" (2004), level by level.
+// The curve through a cube is eight turned and mirrored copies of itself, one in each octant. A
+// state says how a copy is turned and mirrored. After J. Skilling, "Programming the Hilbert curve"
+// (2004), but level by level.
 struct HilbertState {
   std::array<uint8_t, 3> axis{0, 1, 2};  // which axis takes the place of each
   std::array<uint8_t, 3> mirrored{};     // 0 or 1

@@ -21,8 +21,8 @@ struct StrongId {
 // An object of a store. Never reused within a store.
 using ObjectId = StrongId<struct ObjectTag, uint64_t>;
 // A unit of an object: a cluster, or a piece of the root mesh, which is a cluster without nodes and
-// in-triangles. In the order in which the builder makes them, finest round first and the root last,
-// so that a parent's id is larger than its child's.
+// in-triangles. Units are numbered from 0 in the order in which the builder makes them, finest
+// round first and the root last, so that a parent has a larger id than its child.
 using UnitId = uint32_t;
 // A node (update) within its cluster.
 using NodeIndex = uint32_t;

@@ -1,5 +1,5 @@
-// MeshSink: how a mesh travels through mtdb, block after block. File readers push into one, query
-// results go to one, file writers and TriangleMesh are ones.
+// MeshSink: takes a mesh, block after block. File readers and queries push meshes into a sink; file
+// writers are sinks, and TriangleMeshSink fills a mesh in memory.
 #pragma once
 
 #include <array>
@@ -21,19 +21,21 @@ using TriangleVertices = std::array<VertexIndex, 3>;  // counter-clockwise from 
 // What is known before the first vertex.
 struct MeshHeader {
   AttributeLayout attributes;
-  bool double_positions = false;  // positions need more than float32
-  // Positions were decimals, and are given in double. Where double_positions is false they have no
-  // more digits than float32 values are written with: the nearest float32 may be what was meant.
+  bool double_positions = false;  // some position is not a float32 value
+  // The positions were decimals in a text, and are given in double. When double_positions is false,
+  // none has more digits than a float32 value is written with: the nearest float32 may be the
+  // number that was meant.
   bool from_text = false;
-  Box3d bounds;                            // that hold all positions; set by query results
+  Box3d bounds;                            // around all positions; set by queries
   bool soup = false;                       // see MeshSink::joins_soup
-  std::optional<uint64_t> vertex_count;    // always set by query results
+  std::optional<uint64_t> vertex_count;    // always set by queries
   std::optional<uint64_t> triangle_count;  // likewise
 };
 
-// Calls come in the order Begin, AddVertices/AddTriangles in any mixture, End. A triangle may name
-// a vertex that comes later, except from query results, which send all vertices first. Blocks are
-// at most some 64 Ki elements. The first error stops the producer, which returns it. Single thread.
+// The producer of a mesh calls Begin, then AddVertices and AddTriangles in any mixture, then End. A
+// triangle may name a vertex that comes later; queries, however, send all vertices first. A block
+// has at most some 64 Ki elements. When a call returns an error, the producer stops and returns it.
+// Single thread.
 class MeshSink {
  public:
   virtual ~MeshSink() = default;
@@ -42,14 +44,15 @@ class MeshSink {
   virtual Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) = 0;
   virtual Status AddTriangles(std::span<const TriangleVertices> triangles) = 0;
   virtual Status End() = 0;
-  // True when the sink gives vertices of equal position one number itself. Formats without shared
-  // vertices are then sent with header.soup: three vertices for each triangle, in its order, and
-  // the triangles (0, 1, 2), (3, 4, 5), ...; else their readers join the vertices in memory.
+  // True when the sink itself joins vertices of equal position into one. Readers of formats without
+  // shared vertices then set header.soup, and send three vertices for each triangle, in its order,
+  // and the triangles (0, 1, 2), (3, 4, 5), ... When it is false, they join the vertices in memory.
   virtual bool joins_soup() const { return false; }
-  // For sinks that round positions, as files of float32 do. How far such a sink moves a vertex of
-  // the mesh at most, in model units; asked before Begin, with the header's counts not set.
+  // For sinks that round positions, as writers of float32 do: the farthest that the sink will move
+  // a vertex of a mesh with this header, in model units. Asked before Begin; the header's counts
+  // are not set yet.
   virtual double LargestRounding(const MeshHeader& /*header*/) const { return 0; }
-  // How far it has moved the farthest one so far.
+  // The farthest that the sink has moved a vertex so far, in model units.
   virtual double rounding() const { return 0; }
 };
 

@@ -9,7 +9,7 @@
 
 namespace mtdb {
 
-// -0 and +0 differ.
+// -0 and +0 have different hashes.
 constexpr uint64_t HashOfPosition(Vec3f p) {
   const uint64_t xy = uint64_t{std::bit_cast<uint32_t>(p.x)} << 32 | std::bit_cast<uint32_t>(p.y);
   return Mix64(Mix64(xy) ^ std::bit_cast<uint32_t>(p.z));

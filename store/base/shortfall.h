@@ -7,13 +7,13 @@
 
 namespace mtdb {
 
-// Of the triangles of an answer whose bound is above the threshold around them. There are some
-// where vertices were rounded by more than the threshold when the object was ingested, and where a
-// budget ended the refinement.
+// Tells of the triangles of an answer whose bound is above the threshold around them. An answer has
+// such triangles when vertices were rounded by more than the threshold, at ingest or by the output
+// file, or when a budget ended the refinement.
 struct Shortfall {
-  uint64_t triangles = 0;  // 0: the answer is what was asked for
-  double excess = 0;       // model units: the largest of their bounds less the threshold there
-  Box3d bounds;            // model units, around them
+  uint64_t triangles = 0;  // how many they are; 0: the answer is what was asked for
+  double excess = 0;       // the largest of (bound - threshold there), model units
+  Box3d bounds;            // around these triangles, model units
   bool any() const { return triangles > 0; }
   friend bool operator==(const Shortfall&, const Shortfall&) = default;
 };

@@ -1,5 +1,6 @@
-// SurfaceDigest: what a mesh is, apart from the order and numbering of its parts, in two words.
-// The builder takes it of the input, `verify` of what the store gives back.
+// SurfaceDigest: two numbers that tell a mesh from others, whatever the order and numbering of its
+// triangles and vertices. The builder computes them of the input, and `verify` of the mesh that the
+// store gives back.
 #pragma once
 
 #include <array>
