@@ -25,29 +25,30 @@ struct BuildOptions {
   PositionMode mode = PositionMode::kGrid;
   int bits = 16;               // grid: cells along the longest side are 2^bits - 1; 1..24
   std::optional<double> step;  // grid: model units, instead of bits
-  // Attributes are lossless but for these. nx, ny, nz (float32, side by side) keep their direction
-  // as so many bits a component on the octahedron, 4..16; none: lossless.
+  // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
+  // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
+  // nor attribute_steps names are lossless.
   std::optional<int> normal_bits;
-  // Float attributes, by name, are rounded to multiples of a step.
+  // Rounds the float attributes of these names to multiples of their steps.
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
-  // What the build may keep in memory; the rest goes to temporary files. At least 256 MiB. A thread
-  // takes some 16 MiB of it, and attributes more: what a tile of them takes is in
-  // internal/memory_plan.h, and fewer threads work where not all of them fit. The result does not
-  // depend on it.
+  // The most memory that the build may take, at least 256 MiB; the rest goes to temporary files. A
+  // thread takes some 16 MiB, and more with attributes (internal/memory_plan.h); when the memory
+  // does not suffice for all threads, fewer work. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
-  std::string tmp_directory =
-      ".";  // of temporary files, which have no names and go with the process
-  // Where finished tiles are noted down, so that the build can go on after an interruption; empty:
-  // nowhere. Takes some 25 bytes a triangle. Removed when the object is published, and when the
-  // build fails for what its input or options are. Of a build that was killed in between it is
-  // left: RemoveFinishedJournal(). After a power failure it lacks at most the last 64 MiB of
-  // results.
+  // The folder of temporary files. They have no names, so that the system deletes them with the
+  // process.
+  std::string tmp_directory = ".";
+  // The file to which the build writes the results of finished tiles, so that it can go on after an
+  // interruption; empty: none. It takes some 25 bytes a triangle. The build removes it when the
+  // object is published, and when it fails because of its input or options. A build that is killed
+  // in between leaves it: see RemoveFinishedJournal(). After a power failure it lacks at most the
+  // last 64 MiB of results.
   std::string journal_path;
-  std::string journal_note;  // kept in it, for whoever finds it: up to 64 KiB
-  // Go on with what the journal holds, if it is there. It serves only a build of the same input
-  // (triangles, attributes and their order) and of the options that shape the result; threads,
-  // memory and the temporary folder may be others.
+  std::string journal_note;  // a text that the journal keeps for who finds it, up to 64 KiB
+  // Goes on with the journal's results, if the journal exists. It must be of a build of the same
+  // input (triangles, attributes and their order), with the same options; threads, memory and the
+  // temporary folder may be others.
   bool resume = false;
   uint32_t degree_limit = 12;  // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;
@@ -65,7 +66,7 @@ struct BuildProgress {
 // Called now and then, on the calling thread. An error cancels the build and is returned.
 using ProgressCallback = std::function<Status(const BuildProgress&)>;
 
-// What a stage took; not in the record, which is the same however fast the machine is.
+// What a stage took. This is not in the record, which does not depend on the machine's speed.
 struct StageCost {
   std::string stage;       // "read", "join", "round 1", ..., "root", "publish"
   double seconds = 0;      // wall
@@ -80,15 +81,17 @@ struct BuildReport {
 // Pushes the mesh into the sink: Begin, blocks of vertices and triangles, End.
 using MeshProducer = std::function<Status(MeshSink&)>;
 
-// Builds the MT of the mesh that `input` produces and publishes it through `writer`. What the mesh
-// has that cannot be kept is counted in the record's InputReport. Out of core: no step holds the
-// whole mesh, but for the root. Deterministic: the same mesh and options give the same keys and
-// values. Errors: kBadInput (no triangles, coordinates that are not finite or do not fit float32
-// when lossless, indices out of range, attributes that do not fit their step), kInvalidArgument
-// (options, also when the input has no such attribute, or the journal is another build's), kNoSpace
-// and kIoError (temporary files; kNoSpace also when memory runs out), kBudgetExceeded (attributes,
-// vertices or a root that memory_bytes are too few for, with what is needed), and what `input` and
-// `writer` return. `report`, when given, says where the time went.
+// Builds the Multi-Triangulation of the mesh that `input` produces, and publishes it through
+// `writer`. The record's InputReport counts what the mesh has that cannot be kept. Out of core: no
+// step holds the whole mesh, except that the root is held as a whole. Deterministic: the same mesh
+// and options give the same keys and values. `report`, when given, says where the time went.
+//
+// Errors: kBadInput (no triangles; coordinates that are not finite, or do not fit float32 when
+// lossless; indices out of range; attributes that do not fit their step), kInvalidArgument (wrong
+// options, or such as name an attribute that the input does not have; the journal of another
+// build), kNoSpace and kIoError (temporary files; kNoSpace also when memory runs out),
+// kBudgetExceeded (memory_bytes is too little for the attributes, the vertices or the root; the
+// message says how much is needed), and those of `input` and `writer`.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},
                                  BuildReport* report = nullptr);
@@ -99,16 +102,17 @@ Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& o
 struct JournalInfo {
   std::string note;     // BuildOptions::journal_note
   uint64_t bytes = 0;   // size of the file
-  bool in_use = false;  // a build is running
-  bool usable = false;  // it is whole at its beginning, and of this version
-  // Its build ended with one of the objects that are `published` in its store, and was killed
-  // before it removed the journal.
+  bool in_use = false;  // a running build has locked it
+  bool usable = false;  // its header is whole, and of this version
+  // True when its build had published one of the objects of `published`, and was killed before it
+  // removed the journal.
   bool finished = false;
 };
-// Changes nothing. Errors: kNotFound, kIoError.
+// `published`: the objects of the store that the journal's note names. Changes nothing. Errors:
+// kNotFound, kIoError.
 Result<JournalInfo> ReadJournalInfo(const std::string& path,
                                     std::span<const ObjectRecord> published = {});
-// Removes a journal that is finished and not in use, where that is permitted.
+// Removes the journal when it is finished and not in use, and when the process may remove it.
 void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord> published);
 
 }  // namespace mtdb

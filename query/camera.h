@@ -8,8 +8,9 @@
 
 namespace mtdb {
 
-// Model units; right-handed: `right` is direction x up. The depth of a point is its distance from
-// the eye along the direction of view; what lies between `near` and `far` in depth is in sight.
+// In model units; right-handed: `right` is direction x up. The depth of a point is its distance
+// from the eye along the direction of view. Points of the picture whose depth is between `near` and
+// `far` are in sight.
 struct Camera {
   Vec3d eye;
   Vec3d direction{0, 1, 0};  // of view; any length above 0
@@ -20,7 +21,8 @@ struct Camera {
   double near = 0;  // >= 0
   double far = std::numeric_limits<double>::infinity();
 
-  // kInvalidArgument says which value is wrong. The functions that take a camera require Ok.
+  // kInvalidArgument when a value is wrong; the message says which. Functions that take a camera
+  // require that this is Ok.
   Status Validate() const;
 
   struct Axes {  // of length 1, at right angles

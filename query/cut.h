@@ -20,34 +20,36 @@ enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime };
 struct ExtractStats {
   uint64_t triangles = 0;  // of the mesh that is emitted: after clipping
   uint64_t vertices = 0;   // likewise
-  // Those within b(t) of the region. Where the cluster of a triangle's remover was not needed, its
-  // largest error stands for e(t), here and below.
+  // How many triangles of the mesh are active: within b(t) of the region (query/query.h). A
+  // triangle's e(t) is known when the cluster of its remover was loaded; otherwise, here and below,
+  // the largest error of that cluster stands for it.
   uint64_t active_triangles = 0;
-  // Model units: the largest b(t) over the active triangles; without any, of those that no node
-  // removes. In the region, mesh and input (as it was before rounding) are that close, both ways.
+  // The largest b(t) of the active triangles, in model units; when none is active, b(t) of a
+  // triangle that no node removes. In the region, no point of the mesh is farther than this from
+  // the input as it was before rounding, and no point of the input farther from the mesh.
   double error_bound = 0;
   Shortfall shortfall;  // of the active triangles
   QueryLimit limit = QueryLimit::kThreshold;
-  uint64_t nodes_visited = 0;  // of the clusters that were looked into
+  uint64_t nodes_visited = 0;  // of all clusters that the search looked into
   uint64_t nodes_applied = 0;
-  uint64_t nodes_forced = 0;     // remove no active invalid triangle: applied only as ancestors
-  uint64_t clusters_read = 0;    // payloads that this query read from the source
-  uint64_t clusters_cached = 0;  // clusters that were decoded already when it first wanted them
-  uint64_t clusters_used = 0;    // those with an applied node
+  uint64_t nodes_forced = 0;   // applied only as ancestors: they remove no active invalid triangle
+  uint64_t clusters_read = 0;  // whose payloads this query read from the source
+  uint64_t clusters_cached = 0;  // that were decoded already when the query first wanted them
+  uint64_t clusters_used = 0;    // that have an applied node
   uint64_t clusters_total = 0;   // of the object
   uint64_t bytes_read = 0;       // payloads of clusters and root pieces
   struct Seconds {
-    double select = 0;  // without load
-    double load = 0;    // the query's thread: reading, decoding, waiting
-    double read = 0;    // of all threads that read and decode for the query
-    double decode = 0;  // likewise
-    double emit = 0;    // without load; includes the sink's time
+    double select = 0;  // finding the cut, without `load`
+    double load = 0;    // reading, decoding and waiting by the query's own thread
+    double read = 0;    // reading, by all threads that work for the query
+    double decode = 0;  // decoding, likewise
+    double emit = 0;    // sending the mesh, with the sink's time, without `load`
   } seconds;
 };
 
-// A conforming mesh of the whole surface (or its clipped part), before it is written out. Keeps
-// some bits per triangle of the clusters that it uses, not the clusters. Movable; used by one
-// thread at a time. Keeps the surface alive.
+// A conforming mesh of the whole surface, or the part of it that meets the region when the query
+// clips. Emit sends it to a sink. Keeps some bits for each triangle of the clusters that it uses,
+// not the clusters. Movable; used by one thread at a time. Keeps the surface alive.
 class Cut {
  public:
   explicit Cut(std::unique_ptr<CutImpl> impl);
@@ -62,8 +64,8 @@ class Cut {
   double error_bound() const { return stats().error_bound; }
   const ExtractStats& stats() const;
 
-  // Sends the mesh: all vertices (those of the root, then those of the clusters in ascending
-  // order), then all triangles, active ones first, in blocks. Adds to stats() what it reads. May be
+  // Sends the mesh in blocks: all vertices (those of the root, then those of the clusters in
+  // ascending order), then all triangles, active ones first. Adds what it reads to stats(). May be
   // called again. Errors: the sink's, and those of reading clusters.
   Status Emit(MeshSink& sink);
 

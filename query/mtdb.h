@@ -8,16 +8,15 @@
  *
  * - A call that can fail returns an mtdb_code and takes an mtdb_error, which may be NULL. Results
  *   are written on MTDB_OK only. Nothing is printed, and there is no global state.
- * - A handle is freed by the function of its name; freeing NULL does nothing. What was made from a
- *   handle keeps what it needs: handles may be freed in any order.
+ * - Each kind of handle has its mtdb_free_...; freeing NULL does nothing. A handle keeps what it
+ *   needs of the handle that it was made from: handles may be freed in any order.
  * - A NULL where something is needed, and numbers that make no sense, are MTDB_INVALID_ARGUMENT.
- * - Databases, objects and controls may be used by many threads at once; queries and cuts by one at
- * a time.
+ * - Many threads at once may use a database, an object or a control; one thread at a time may use a
+ *   query or a cut.
  * - Lengths are in the object's units; texts are UTF-8 with a 0 at the end.
  *
- * How the interface grows: by functions and structs that are new. mtdb_query_set_json takes
- * whatever region and threshold there is, now and later. A change of what is here raises
- * MTDB_ABI_VERSION.
+ * The interface grows by new functions and structs; a change of an existing one raises
+ * MTDB_ABI_VERSION. mtdb_query_set_json takes new kinds of regions and thresholds as they come.
  */
 #ifndef MTDB_QUERY_MTDB_H
 #define MTDB_QUERY_MTDB_H
@@ -31,7 +30,8 @@ extern "C" {
 
 /* NOLINTBEGIN(readability-identifier-naming) */
 
-/* What a program was compiled for. mtdb_open compares it with what the library is. */
+/* The version of the interface that a program was compiled for. mtdb_open compares it with the
+ * library's. */
 #define MTDB_ABI_VERSION 1u
 
 #if defined(__GNUC__)
@@ -56,7 +56,7 @@ typedef enum mtdb_code {
   MTDB_BUSY = 302
 } mtdb_code;
 
-/* One line: what, where, what to do. Cut off when it is longer. */
+/* One line: what is wrong, where, and what to do. A longer message is cut off. */
 typedef struct mtdb_error {
   char message[1024];
 } mtdb_error;
@@ -119,7 +119,7 @@ typedef struct mtdb_info {
   uint64_t clusters;
   double bounds_min[3];
   double bounds_max[3];
-  double rounding_error; /* the stored positions are that close to the input's */
+  double rounding_error; /* no vertex of the input is farther than this from its stored position */
   double error_max;      /* of the coarsest mesh */
   uint32_t attributes;   /* scalars of a vertex beside its position */
   uint32_t row_bytes;    /* of all of them */
@@ -149,9 +149,10 @@ typedef enum mtdb_verify_level {
   MTDB_VERIFY_FULL = 1,  /* also decodes every cluster and compares it with the index */
   MTDB_VERIFY_GLOBAL = 2 /* also the full resolution: digest, border, Euler characteristic */
 } mtdb_verify_level;
-/* Looks for damage. `failures` says what is wrong, a line each, and is freed by mtdb_free_names;
- * mtdb_names_count 0: nothing is. Damage is no error of this call, but of mtdb_open_object when an
- * object cannot even be opened. Reads the whole file; safe beside queries. */
+/* Looks for damage. `failures` has a line for each thing that is wrong; free it by mtdb_free_names.
+ * When mtdb_names_count of it is 0, nothing is wrong. Damage is no error of this call; when an
+ * object is so damaged that it cannot be opened, mtdb_open_object has said so. Reads the whole
+ * file; safe beside queries. */
 MTDB_API mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names** failures,
                                mtdb_error* error);
 
@@ -160,15 +161,16 @@ MTDB_API mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtd
 MTDB_API mtdb_code mtdb_create_query(mtdb_query** query, mtdb_error* error);
 MTDB_API void mtdb_free_query(mtdb_query* query);
 
-/* Regions: where accuracy is wanted; elsewhere the mesh is as coarse as it can be. Several: what
- * lies in at least one. None: everywhere. */
+/* Regions: where accuracy is wanted; elsewhere the mesh is as coarse as it can be. Several regions
+ * together are what lies in at least one of them. A query without regions wants accuracy
+ * everywhere. */
 MTDB_API mtdb_code mtdb_query_add_box(mtdb_query* query, const double min[3], const double max[3],
                                       mtdb_error* error);
 MTDB_API mtdb_code mtdb_query_add_sphere(mtdb_query* query, const double centre[3], double radius,
                                          mtdb_error* error);
 
-/* Thresholds: the largest error that is permitted. Several: the smallest, place by place. None:
- * full resolution. */
+/* Thresholds: the largest error that is permitted. Of several, the smallest holds, place by place.
+ * A query without thresholds asks for full resolution. */
 MTDB_API mtdb_code mtdb_query_add_constant_error(mtdb_query* query, double largest,
                                                  mtdb_error* error);
 MTDB_API mtdb_code mtdb_query_add_full_resolution(mtdb_query* query, mtdb_error* error);
@@ -177,9 +179,9 @@ MTDB_API mtdb_code mtdb_query_add_coarsest(mtdb_query* query, mtdb_error* error)
 MTDB_API mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3],
                                                double base, double slope, mtdb_error* error);
 
-/* Takes what a query in JSON asks for, in place of all that was asked for before: every region,
- * threshold and budget there is (docs/query.md). Its region and threshold then count as one of
- * those added above. `object` says what relative errors are a fraction of. The control stays. On an
+/* Replaces all that the query asked for before by what `json` asks for: any region, threshold and
+ * budget of docs/query.md. Functions above may then add further regions and thresholds to those of
+ * the JSON. Relative errors are fractions of the diagonal of `object`. The control stays. On an
  * error the query stays as it was, and the message begins with the place in the text. */
 MTDB_API mtdb_code mtdb_query_set_json(mtdb_query* query, const mtdb_object* object,
                                        const char* json, mtdb_error* error);
@@ -208,8 +210,9 @@ MTDB_API void mtdb_free_control(mtdb_control* control);
 /* NULL: none. */
 MTDB_API mtdb_code mtdb_query_set_control(mtdb_query* query, const mtdb_control* control,
                                           mtdb_error* error);
-/* From any thread: mtdb_select, mtdb_cut_copy and mtdb_cut_emit return MTDB_CANCELLED within some
- * milliseconds, now and ever after. A callback is not interrupted. */
+/* From any thread. mtdb_select, mtdb_cut_copy and mtdb_cut_emit with this control return
+ * MTDB_CANCELLED within some milliseconds, and so do all later calls. A callback is not
+ * interrupted. */
 MTDB_API void mtdb_cancel(mtdb_control* control);
 
 /* So far; the numbers only grow. */
@@ -230,7 +233,8 @@ typedef struct mtdb_stats {
   uint64_t nodes_applied;
   uint64_t clusters_read; /* from the file; others were in the cache */
   uint64_t bytes_read;
-  double error_bound; /* in the region, the mesh is that close to the input, both ways */
+  double error_bound; /* in the region, no point of the mesh is farther than this from the input,
+                         and no point of the input farther from the mesh */
 } mtdb_stats;
 
 /* Finds the smallest mesh that satisfies the query; `query` may be NULL: everything. */
@@ -241,7 +245,7 @@ MTDB_API mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_e
 
 /* What ended the refinement. */
 typedef enum mtdb_limit {
-  MTDB_LIMIT_THRESHOLD = 0, /* all is as accurate as was asked for, but for the shortfall */
+  MTDB_LIMIT_THRESHOLD = 0, /* the accuracy that was asked for, except for the shortfall */
   MTDB_LIMIT_TRIANGLES = 1,
   MTDB_LIMIT_BYTES = 2,
   MTDB_LIMIT_TIME = 3
@@ -250,7 +254,7 @@ typedef enum mtdb_limit {
  * when the object was ingested, or a budget ended the refinement. */
 typedef struct mtdb_shortfall {
   uint64_t triangles;   /* 0: nowhere, and the rest means nothing */
-  double excess;        /* the largest of their bounds less the error that was asked for there */
+  double excess;        /* the largest of (bound - error that was asked for there) */
   double bounds_min[3]; /* around these triangles */
   double bounds_max[3];
 } mtdb_shortfall;
@@ -258,17 +262,17 @@ typedef struct mtdb_shortfall {
 typedef struct mtdb_details {
   mtdb_limit limit;
   uint32_t row_bytes;        /* of this cut's rows: mtdb_info.row_bytes and its normals */
-  uint64_t active_triangles; /* within their error of the region */
-  uint64_t nodes_visited;
-  uint64_t nodes_forced;    /* applied only because others need them */
-  uint64_t clusters_cached; /* were decoded already */
-  uint64_t clusters_used;   /* have an applied node */
-  uint64_t clusters_total;  /* of the object */
-  double select_seconds;    /* without load_seconds */
-  double load_seconds;      /* of the calling thread: reading, decoding, waiting */
-  double read_seconds;      /* of all threads that worked for the query */
-  double decode_seconds;    /* likewise */
-  double emit_seconds;      /* so far; with the callbacks' time, without load_seconds */
+  uint64_t active_triangles; /* within their bound of the region */
+  uint64_t nodes_visited;    /* of all clusters that the search looked into */
+  uint64_t nodes_forced;     /* applied only because others need them as ancestors */
+  uint64_t clusters_cached;  /* were decoded already */
+  uint64_t clusters_used;    /* have an applied node */
+  uint64_t clusters_total;   /* of the object */
+  double select_seconds;     /* without load_seconds */
+  double load_seconds;       /* of the calling thread: reading, decoding, waiting */
+  double read_seconds;       /* of all threads that worked for the query */
+  double decode_seconds;     /* likewise */
+  double emit_seconds;       /* so far; with the callbacks' time, without load_seconds */
   mtdb_shortfall shortfall;
 } mtdb_details;
 MTDB_API mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_error* error);
@@ -287,9 +291,9 @@ typedef struct mtdb_arrays {
 /* Arrays may be partly filled when clusters cannot be read. */
 MTDB_API mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error);
 
-/* Callbacks for a mesh of any size, in blocks: begin, then all vertices, then all triangles. What
- * is passed is valid during the call. A callback that returns something else than 0 ends the
- * emission with MTDB_CANCELLED. A NULL is not called. */
+/* Callbacks for a mesh of any size, in blocks: begin, then all vertices, then all triangles.
+ * Pointers that a callback gets are valid during the call. When a callback returns anything but 0,
+ * the emission ends with MTDB_CANCELLED. A NULL is not called. */
 typedef struct mtdb_sink {
   void* user; /* the first argument of each */
   int (*begin)(void* user, uint64_t vertices, uint64_t triangles);
@@ -307,7 +311,8 @@ typedef struct mtdb_hit {
   double distance;    /* closest point: in units; ray: the parameter t of origin + t * direction */
   double triangle[9]; /* corners of the triangle that was met */
   double error_bound;
-  double excess; /* error_bound less largest_error, where rounding at ingest does not permit that */
+  double excess; /* error_bound less largest_error when rounding at ingest makes largest_error
+                    impossible; else 0 */
 } mtdb_hit;
 /* Nothing farther than max_distance; it may be INFINITY. */
 MTDB_API mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3],

@@ -10,13 +10,13 @@
 namespace mtdb {
 
 struct ProbeOptions {
-  // Model units: triangles of at most this bound are good enough; negative: only those of the full
-  // resolution are.
+  // Model units: the largest bound of a triangle that is good enough. Negative: only triangles of
+  // the full resolution are.
   double error_model = -1;
-  // Nothing farther away is looked for. Closest point: a distance in model units. Ray: a parameter,
-  // in lengths of its direction.
+  // How far away the probe looks. Closest point: a distance in model units. Ray: the largest
+  // parameter t of origin + t * direction.
   double limit = std::numeric_limits<double>::infinity();
-  // Cancels the probe from other threads (kCancelled). Must outlive it. May be null.
+  // Lets other threads cancel the probe (kCancelled). Must outlive the probe. May be null.
   QueryControl* control = nullptr;
 };
 
@@ -25,23 +25,23 @@ struct ProbeHit {
   Vec3d point;
   // Closest point: the distance in model units. Ray: the parameter t of origin + t * direction.
   double distance = 0;
-  Triangle3d triangle{};  // which the point lies on, counter-clockwise from outside
-  bool front = false;     // the probe comes from the triangle's outside
+  Triangle3d triangle{};  // that the point lies on, counter-clockwise from outside
+  bool front = false;     // true when the probe comes from the outside of this triangle
 };
 
 struct ProbeAnswer {
   std::optional<ProbeHit> hit;  // nullopt: nothing within the limit
-  // How far the answer is good: the cut that it was taken from is accurate as far as `reach` from
-  // the point, or up to the parameter `reach` of the ray. At least hit->distance; as far as the
-  // object goes, or the limit, when there is no hit.
+  // How far away the answer holds: the cut that it was taken from is accurate up to the distance
+  // `reach` from the point, or up to the parameter `reach` of the ray. At least hit->distance. When
+  // there is no hit, it is the limit, or as far as the object goes.
   double reach = 0;
-  // Of the part of the surface within `reach`, in model units; see below. Means nothing without a
-  // hit.
+  // The error bound of the part of that cut within `reach`, in model units; the functions below say
+  // what it promises. Means nothing without a hit.
   double error_bound = 0;
-  double excess =
-      0;  // error_bound less error_model where rounding at ingest does not permit that; else 0
-  uint32_t queries = 0;        // cuts that were made
-  uint64_t clusters_read = 0;  // payloads read from the source, of all cuts
+  // error_bound less error_model when rounding at ingest makes error_model impossible; else 0.
+  double excess = 0;
+  uint32_t queries = 0;        // how many cuts were made
+  uint64_t clusters_read = 0;  // payloads that these cuts read from the source
   uint64_t bytes_read = 0;
 };
 
@@ -52,10 +52,10 @@ struct ProbeAnswer {
 // closest point of the whole mesh as it is stored. At any accuracy its distance differs from the
 // distance to the input by at most error_bound.
 //
-// How: cuts at falling thresholds; the closest triangle of each bounds the ball that the next one
-// has to look at, so that fine clusters are read only where the answer can be. Memory: the
-// triangles of a ball. Errors: kInvalidArgument (numbers that are not finite, a negative or NaN
-// limit), those of reading clusters. Safe for many threads.
+// How: it makes cuts at falling thresholds. The closest triangle of each cut bounds the ball in
+// which the next cut has to look, so that fine clusters are read only where the answer can be.
+// Memory: the triangles in a ball. Errors: kInvalidArgument (numbers that are not finite, a
+// negative or NaN limit), those of reading clusters. Safe for many threads.
 Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
                                      const ProbeOptions& options = {});
 
@@ -65,13 +65,14 @@ Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
 // What it is exactly: the first hit of the mesh of one cut, the smallest for the part of the ray
 // that lies within the object's bounds and not beyond `reach`, at the constant threshold
 // error_model. At full resolution that is the first hit of the whole mesh as it is stored. At any
-// accuracy the hit lies within error_bound of the input; what a ray grazes at a distance below that
-// may be hit or missed. No ray slips through between two triangles. A triangle that the ray lies in
-// is not hit, its neighbours are.
+// accuracy the hit lies within error_bound of the input; a ray that passes the input at less than
+// that distance may hit or miss it. No ray slips through between two triangles. A ray that lies in
+// the plane of a triangle does not hit this triangle, but its neighbours.
 //
-// How: as above; the first hit of a coarse cut says how far the next one has to look, and when the
-// finest does not meet the ray there, it is asked for the rest. Errors: kInvalidArgument (a
-// direction of length 0 among them), those of reading clusters. Safe for many threads.
+// How: as above. The first hit of a coarse cut says how far along the ray the next cut has to look.
+// When the finest cut does not meet the ray that far, another one looks at the rest. Errors:
+// kInvalidArgument (also for a direction of length 0), those of reading clusters. Safe for many
+// threads.
 Result<ProbeAnswer> CastRay(const Surface& surface, Vec3d origin, Vec3d direction,
                             const ProbeOptions& options = {});
 

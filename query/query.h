@@ -24,30 +24,34 @@ struct Query {
   RegionPtr region;        // null: all of space
   ThresholdPtr threshold;  // null: full resolution
 
-  // Budgets. With any of them the largest errors are refined first (ties: the coarser cluster, then
-  // the smaller node) until the threshold is met or the next step does not fit; the root mesh is
-  // returned in any case. The achieved error is in the answer's error_bound, what ended the
-  // refinement in its limit. Not more triangles than this, before clipping:
+  // Budgets. With any of them the query refines the largest errors first (ties: the coarser
+  // cluster, then the smaller node), until the threshold is met or the next step does not fit a
+  // budget. The answer has at least the root mesh. Its error_bound says which error was reached,
+  // and its limit what ended the refinement.
+  //
+  // The mesh has at most this many triangles, counted before clipping.
   std::optional<uint64_t> max_triangles;
-  // Payload bytes that this query reads from the store. Hard, but for the root pieces, which are
-  // read in any case. What is in the cache costs nothing; what was read is kept till the end of the
-  // query, so that nothing is read twice. When other queries drop from the cache what this one has
-  // found there, and reading it again exceeds the budget, the query fails with kBudgetExceeded.
+  // The query reads at most this many bytes of payloads from the store, besides the root pieces,
+  // which it reads in any case. What is in the cache costs nothing, and what was read is kept till
+  // the end of the query, so that nothing is read twice. The query fails with kBudgetExceeded when
+  // other queries drop clusters from the cache that it had found there, and reading them again
+  // would exceed the budget.
   std::optional<uint64_t> max_bytes;
-  // Wall time. The search stops at the first node or cluster after it; then the errors are summed
-  // up and what was selected is emitted, which takes some 20 ns a triangle and the sink's time.
+  // Wall time. The search stops at the first node or cluster after it. Summing up the errors and
+  // emitting the mesh comes on top, some 20 ns a triangle and the sink's time.
   std::optional<double> max_milliseconds;
 
-  // Leaves out triangles that do not meet the region, and the vertices that only they use.
+  // Leaves out triangles that do not meet the region, and vertices that only such triangles use.
   bool clip = false;
 
-  // Adds the attributes nx, ny, nz (float32, the last of the row) to each vertex: the unit vector
-  // of the sum of its triangles' normals times their areas, over all triangles of the cut, also
-  // those that are clipped away; (0, 0, 1) where the sum is 0. Takes 24 bytes a vertex and another
-  // pass over the clusters. kInvalidArgument when the object has attributes of these names.
+  // Adds the attributes nx, ny, nz (float32, the last of the row) to each vertex. They are the unit
+  // vector of the sum of the normals of the vertex's triangles times their areas; all triangles of
+  // the cut count, also those that are clipped away. Where the sum is 0 they are (0, 0, 1). Takes
+  // 24 bytes a vertex and another pass over the clusters. kInvalidArgument when the object has
+  // attributes of these names.
   bool normals = false;
 
-  // Progress and cancellation, from other threads. Must outlive the query and its Cut. May be null.
+  // Lets other threads watch and cancel the query. Must outlive the query and its Cut. May be null.
   QueryControl* control = nullptr;
 };
 

@@ -14,9 +14,9 @@ namespace mtdb {
 // A closed set of points in model units. Immutable; safe for many threads. The same arguments
 // always give the same answer.
 //
-// A question is answered exactly, up to rounding, unless a kind of region says that it cannot be
-// done; the answer then errs to the safe side: Within to true, Covers to false. So complements and
-// combinations of safe answers are safe.
+// Answers are exact, up to rounding, unless the comment of a kind of region says otherwise. An
+// answer that is not exact errs to the safe side: Within says true when in doubt, Covers says
+// false. So the answers of complements and combinations are safe too.
 //
 // Contract of an implementation: as `distance` grows, Within and BoxWithin never change from true
 // to false, Covers and BoxCovers never from false to true. For a triangle t inside a box b,
@@ -26,14 +26,14 @@ class Region {
   virtual ~Region() = default;
   // True when some point of the triangle is at most `distance` (>= 0) away from the region.
   virtual bool Within(const Triangle3d& t, double distance) const = 0;
-  // True when every point at most `distance` away from the triangle is inside of the region, not
-  // on its border: the triangle is farther than `distance` from all that is outside.
+  // True when every point that is at most `distance` away from the triangle is inside of the region
+  // and not on its border.
   virtual bool Covers(const Triangle3d& t, double distance) const = 0;
-  // The same for all triangles inside a box: false only if none of them is within `distance`, ...
+  // For all triangles inside a box at once: false only if Within is false of each of them.
   virtual bool BoxWithin(const Box3d& box, double distance) const = 0;
-  // ... true only if all of them are covered.
+  // Likewise: true only if Covers is true of each of them.
   virtual bool BoxCovers(const Box3d& box, double distance) const = 0;
-  // True when the region is all of space, so that the geometry need not be looked at.
+  // True when the region is all of space, so that nobody need ask about triangles.
   virtual bool whole() const { return false; }
 };
 
@@ -55,18 +55,19 @@ struct HalfSpace {
 };
 constexpr size_t kMaxHalfSpaces = 64;
 RegionPtr HalfSpaceRegion(const HalfSpace& half_space);
-// The convex polyhedron in which all of `half_spaces` meet, bounded or not; at most
-// kMaxHalfSpaces. It may be flat, or empty. Planes at an angle below 1e-9 count as parallel. Cost:
-// the few triangles that are neither clearly in nor clearly out take one step per edge.
+// The convex polyhedron that lies in all of `half_spaces`, of which there are at most
+// kMaxHalfSpaces. It may be unbounded, flat or empty. Planes at an angle below 1e-9 count as
+// parallel. Cost: one step per edge of the polyhedron for triangles that are neither clearly in nor
+// clearly out, which are few.
 RegionPtr ConvexRegion(const std::vector<HalfSpace>& half_spaces);
 // What is in sight of the camera, between its near and far: a convex polyhedron.
 RegionPtr FrustumRegion(const Camera& camera);
 // What lies above, below or inside of the camera's frustum: its shadow along z, a vertical convex
 // prism. For terrain. The camera's `far` must be finite.
 RegionPtr FrustumShadowRegion(const Camera& camera);
-// The vertical wedge over the points of the plane whose direction from `apex` is at most half of
-// `angle_rad` (above 0, below pi) from `direction`, and whose depth along it is between `near`
-// and `far`. For terrain.
+// For terrain: the points above and below a wedge in the plane. A point (x, y) is in the wedge when
+// the angle between `direction` and the direction from `apex` to it is at most half of `angle_rad`
+// (above 0, below pi), and its distance from `apex` along `direction` is between `near` and `far`.
 struct Wedge {
   double apex_x = 0, apex_y = 0;
   double direction_x = 0, direction_y = 1;  // any length above 0
@@ -75,10 +76,11 @@ struct Wedge {
   double far = std::numeric_limits<double>::infinity();
 };
 RegionPtr WedgeRegion(const Wedge& wedge);
-// The vertical prism over a polygon of at least 3 corners {x, y}, in either order, not necessarily
-// convex, from min_z to max_z. Where the polygon crosses itself, what an even number of its turns
-// surrounds is outside. Cost per question: about logarithmic in the number n of corners where edges
-// do not cross; at worst, where they all cross each other or end at all heights, about n^(3/4).
+// The vertical prism over a polygon of at least 3 corners {x, y}, clockwise or counter-clockwise,
+// not necessarily convex, from min_z to max_z. Where the polygon crosses itself, a point that it
+// winds around an even number of times is outside. Cost per question: about logarithmic in the
+// number n of corners when edges do not cross; at worst, when all edges cross each other or end at
+// all heights, about n^(3/4).
 RegionPtr PrismRegion(const std::vector<std::array<double, 2>>& polygon,
                       double min_z = -std::numeric_limits<double>::infinity(),
                       double max_z = std::numeric_limits<double>::infinity());
@@ -86,23 +88,24 @@ RegionPtr PrismRegion(const std::vector<std::array<double, 2>>& polygon,
 RegionPtr PointRegion(Vec3d point);
 // A segment: a line of sight.
 RegionPtr SegmentRegion(Vec3d from, Vec3d to);
-// What is at most `radius` away from a line of at least one point. A negative radius meets
-// nothing. Covers is decided on eighths of the triangle, each in the tube around one segment. Cost
-// per question: likewise in the number of points.
+// Tubes, unions and intersections cannot answer every question exactly. They split the triangle
+// into parts, down to sides of an eighth, and ask about the parts. When regions that split contain
+// each other, only the innermost split; the others ask about the whole triangle.
+
+// What is at most `radius` away from a line of at least one point. A negative radius meets nothing.
+// Covers is true only if parts that the tube around a single segment covers make up the triangle.
+// Cost per question: in the number of points as that of PrismRegion in corners.
 RegionPtr TubeRegion(const std::vector<Vec3d>& line, double radius);
 
-// Of regions that are decided on eighths of a triangle and lie within each other, only the
-// innermost are; the others are decided on the whole triangle.
-//
-// What lies in at least one of `regions`. Covers is decided on eighths of the triangle, each in one
-// of the regions.
+// What lies in at least one of `regions`. Covers is true only if parts that a single region covers
+// make up the triangle.
 RegionPtr UnionRegion(std::vector<RegionPtr> regions);
 // What lies in all of `regions`; without any, all of space. Boxes and convex polyhedra among them
-// become one polyhedron, as long as they have at most kMaxHalfSpaces together: exact. For others
-// Within is decided on eighths of the triangle, each within `distance` of every region: true when
-// the regions are near the triangle but nowhere meet.
+// become one polyhedron, which is exact, as long as they have at most kMaxHalfSpaces together. With
+// other regions, Within is true when some part of the triangle is within `distance` of every
+// region; this can be so although the regions do not meet there.
 RegionPtr IntersectionRegion(std::vector<RegionPtr> regions);
-// What lies outside of `region`, and its border. As exact as `region` is.
+// What lies outside of `region`, and its border. Answers are as exact as those of `region`.
 RegionPtr ComplementRegion(RegionPtr region);
 
 }  // namespace mtdb

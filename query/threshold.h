@@ -16,31 +16,34 @@
 
 namespace mtdb {
 
-// All numbers from `low` to `high`; by default nothing is known of one.
+// The numbers from `low` to `high`. The default is all numbers: nothing is known.
 struct ErrorRange {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
 };
 
-// A field of largest permitted errors over space, both in model units. Negative: only the full
-// resolution will do. Immutable; safe for many threads.
+// A field over space: at each point the largest error that is permitted there. Points and errors
+// are in model units; a negative error means that only the full resolution will do. Immutable; safe
+// for many threads.
 //
 // Contract of an implementation: Min does not grow as `distance` grows, and is never above the
-// field, so that no triangle passes for valid that is not.
+// field, so that no triangle that is invalid passes for a valid one.
 class Threshold {
  public:
   virtual ~Threshold() = default;
-  // A lower bound of the field over all points within `distance` (>= 0) of the triangle; their
-  // smallest value, up to rounding, where a kind of threshold does not say otherwise. The same
-  // arguments always give the same answer.
+  // A lower bound of the field over all points within `distance` (>= 0) of the triangle. It is the
+  // smallest value there, up to rounding, unless the comment of a kind of threshold says otherwise.
+  // The same arguments always give the same answer.
   virtual double Min(const Triangle3d& t, double distance) const = 0;
-  // Where Min(t, d) lies for all triangles t inside the box and all d from 0 to `distance`.
+  // A range that contains Min(t, d) for all triangles t inside the box and all d from 0 to
+  // `distance`.
   virtual ErrorRange Range(const Box3d& box, double distance) const;
-  // Where to.Min(t, d) - Min(t, d) lies for all these t and d; two infinite values of one sign
-  // differ by 0. For those who follow a field that moves, as a camera's does. Known for constants,
-  // fields of a distance and of the screen when only the place moves, and what consists of them.
+  // A range that contains to.Min(t, d) - Min(t, d) for the same t and d, where two infinite values
+  // of one sign differ by 0. A session asks for it when the threshold moves, as a camera's does.
+  // Known for constants, for functions of a distance whose point moves, for thresholds in pixels
+  // whose camera moves or turns, and for combinations of these. Otherwise it is all numbers.
   virtual ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const;
-  // The field's value when it is the same everywhere, so that the geometry need not be looked at.
+  // The field's value when it is the same everywhere, so that nobody need ask about triangles.
   virtual std::optional<double> constant() const { return std::nullopt; }
   // True when no error is permitted anywhere, not even 0.
   bool full_resolution() const {
@@ -70,24 +73,23 @@ ThresholdPtr SquareRootThreshold(Vec3d point, double base, double factor);
 // base * exp(rate * r).
 ThresholdPtr ExponentialThreshold(Vec3d point, double base, double rate);
 
-// What the camera sees is off by at most `pixels` (> 0) pixels. In full: where a triangle with
-// bound e satisfies this threshold, any two points in sight that are at most e apart, one of them
-// on the triangle, are drawn at most `pixels` apart. So is every point in sight of the surface from
-// its counterpart.
+// What the camera sees of the surface is drawn at most `pixels` (> 0) pixels from where it belongs.
+// In full: let a triangle with bound b satisfy this threshold. Take a point on the triangle and
+// another point at most b away, both in sight: they are drawn at most `pixels` apart.
 //
-// A step of length s from a point at depth z and at distance r from the eye moves its image by at
-// most s * r / z^2 / camera.pixel(). So the field is pixels * camera.pixel() * z^2 / r, with z at
-// least `near`; beyond the sides of the picture it goes on with the z / r of its corners, and it is
-// infinite where z < near. The `far` does not matter. Min takes z from the nearest corner of the
-// triangle and r from the one farthest from the axis of view.
+// Moving a point at depth z and at distance r from the eye by a length s moves its image by at most
+// s * r / z^2 / camera.pixel(). So the field is pixels * camera.pixel() * z^2 / r, with z at least
+// `near`. Beyond the sides of the picture it goes on with the z / r of the picture's corners. It is
+// infinite where z < near. The camera's `far` does not matter. Min takes z from the nearest corner
+// of the triangle, and r from the corner that is farthest from the axis of view.
 ThresholdPtr ScreenThreshold(const Camera& camera, double pixels);
 
-// `inside` in the region, `outside` elsewhere. Min is as exact as the region's answers; on its
-// border it is the smaller of both thresholds' Min.
+// `inside` in the region, `outside` elsewhere. Min is as exact as the region's answers. Where a
+// triangle is near the region's border, Min is the smaller of both thresholds' Min.
 ThresholdPtr RegionThreshold(RegionPtr region, ThresholdPtr inside, ThresholdPtr outside);
 
-// One error for each cell of a regular grid, which is the field's value in all of the (closed)
-// cell; on a face between cells the smaller one. Cells at the border of the grid go on to infinity.
+// One error for each cell of a regular grid: the field's value in all of the cell. On a face
+// between two cells the smaller error holds. Cells at the border of the grid go on to infinity.
 struct GridField {
   Vec3d origin;                      // the smallest corner
   Vec3d cell_size;                   // above 0
@@ -98,15 +100,16 @@ struct GridField {
 // the triangle.
 ThresholdPtr GridThreshold(GridField field);
 
-// Any other field, told by a function that takes a box and returns a lower bound of the field over
-// it. It must never be larger for a box that contains another than for that other, and be safe for
-// many threads. Min passes the smallest box around the triangle, grown by `distance` on all sides.
+// Any other field, given by a function that takes a box and returns a lower bound of the field over
+// it. For a box that contains another one the function must not return more than for the other. It
+// must be safe for many threads. Min passes the smallest box around the triangle, grown by
+// `distance` on all sides.
 ThresholdPtr FunctionThreshold(std::function<double(const Box3d&)> min_over_box);
 
 // The smallest of `thresholds`, place by place; without any, infinite.
 ThresholdPtr MinThreshold(std::vector<ThresholdPtr> thresholds);
-// The largest of `thresholds`, place by place. Min is the largest of theirs, and so lower where
-// the largest is not the same one all around.
+// The largest of `thresholds`, place by place. Min is the largest of their Mins; this is below the
+// smallest value around the triangle when not the same threshold is the largest everywhere there.
 ThresholdPtr MaxThreshold(std::vector<ThresholdPtr> thresholds);
 
 }  // namespace mtdb

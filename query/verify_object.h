@@ -17,10 +17,11 @@ enum class VerifyLevel {
 };
 
 // Appends what was checked and what is wrong to `report`. A unit that does not decode is reported
-// once, and those that descend from it are skipped. Memory: the surface's cache, four bytes per
-// node of the clusters whose children are still to come (kFull), some bytes per cluster. Both
-// levels read every payload. The Status is an error only when the source fails otherwise than by
-// kCorrupt or kUnsupported, and when `control`, which may be null, cancels it. Safe beside queries.
+// once, and units that descend from it are skipped. Memory: the surface's cache, some bytes per
+// cluster, and for kFull four bytes per node of each cluster some of whose children have not been
+// checked yet. Both levels read every payload. The Status is an error only when the source fails
+// otherwise than by kCorrupt or kUnsupported, or when `control`, which may be null, cancels the
+// check. Safe beside queries.
 Status VerifyObject(const Surface& surface, VerifyLevel level, CheckReport* report,
                     QueryControl* control = nullptr);
 

@@ -1,8 +1,8 @@
 // Cluster: a decoded cluster in explicit form, and the patch of triangles that it grows from.
 //
 // A cluster is a set of nodes of the Multi-Triangulation that one tile of one round produced. Its
-// nodes consume in-triangles, which parents (coarser clusters) or the root create, and leave
-// out-triangles, which children consume or which belong to the full-resolution mesh.
+// nodes remove in-triangles, which its parents (coarser clusters, or pieces of the root) create.
+// They leave out-triangles, which its children remove or which belong to the full-resolution mesh.
 #pragma once
 
 #include <array>
@@ -17,7 +17,8 @@
 
 namespace mtdb {
 
-// A triangle slot's fate, in Cluster::removers.
+// Who removes the triangle in a slot, as Cluster::removers has it: a node of the cluster (its
+// number), a child, or nobody.
 inline constexpr uint32_t kDrain = kNone32;          // nobody removes it: full resolution
 inline constexpr uint32_t kChildFlag = 0x80000000u;  // | ordinal in `children`: a child removes it
 constexpr bool RemovedByNode(uint32_t remover) { return (remover & kChildFlag) == 0; }
@@ -26,7 +27,8 @@ constexpr bool RemovedByChild(uint32_t remover) {
 }
 constexpr uint32_t ChildOrdinal(uint32_t remover) { return remover & ~kChildFlag; }
 
-// An arc to a child whose in-triangles coincide on the grid, so that sorting cannot place them.
+// An arc to a child some of whose in-triangles have equal positions on the grid, so that sorting
+// does not tell their slots.
 struct ExplicitArc {
   uint32_t slot = 0;        // of the parent
   uint32_t child_slot = 0;  // of the child
@@ -42,13 +44,14 @@ struct InTriangle {
   uint32_t origin = 0;                      // the caller's number for it
 };
 
-// Rotates each triangle so that its corners' positions read smallest, and sorts by them: the order
-// in which a child numbers its in-triangles without an index being stored. Returns false when two
-// triangles, or two rotations of one, cannot be told apart (see ExplicitArc).
+// Rotates each triangle so that the sequence of its corners' positions is the smallest, and sorts
+// the triangles by these sequences. In this order a child numbers its in-triangles, so that no
+// numbers need to be stored. Returns false when two triangles, or two rotations of one, have the
+// same sequence (see ExplicitArc).
 bool SortCanonically(std::vector<InTriangle>& triangles);
 
-// Listed triangles in slot order, in-triangles or a piece of the root, and their corners, numbered
-// by first occurrence.
+// The listed triangles of a unit in the order of their slots: the in-triangles of a cluster, or the
+// triangles of a root piece. Their corners are numbered by first occurrence: local vertices.
 struct InPatch {
   std::vector<std::array<uint32_t, 3>> triangles;  // local vertices
   std::vector<Vec3i> positions;                    // of local vertices

@@ -1,4 +1,4 @@
-// The compressed form of a cluster: implicit, decoded by replaying the updates. Specified in
+// The compressed form of a cluster. It is implicit: the decoder replays the updates. Specified in
 // codecs/FORMAT.md. After the implicit coding of De Floriani, Magillo and Puppo, "Compressing
 // triangulated irregular networks" and "VARIANT"; the order of nodes and the sorted arcs are ours.
 #pragma once
@@ -53,10 +53,10 @@ struct EncodedCluster {
   bool explicit_arcs = false;  // parents must name slots
 };
 
-// Deterministic. `updates` must be a consistent set of updates: a bug otherwise.
+// Deterministic. Updates that contradict each other are a caller's bug (MTDB_CHECK).
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes);
 
-// A decoded cluster as updates: what it was encoded from, but for the order of things.
+// The updates that the cluster was encoded from, in the order of the cluster.
 ClusterUpdates UpdatesOf(const Cluster& cluster);
 
 // Numbers the corners of `triangles` (in slot order) by first occurrence; leaves rows empty.
@@ -68,7 +68,7 @@ InPatch MakeInPatch(std::span<const InTriangle> triangles);
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
                               uint32_t node_limit, const std::string& where);
 
-// What each stream of a payload takes, for `info` and the benchmarks.
+// The size of each stream of a payload, for `info` and the benchmarks.
 struct StreamSize {
   const char* name;
   uint32_t raw_bytes;

@@ -13,7 +13,8 @@ namespace mtdb {
 // Deterministic.
 Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes);
 
-// Errors: kCorrupt. Bounded by the payload's length; vertices are below `root_vertices`.
+// `root_vertices`: how many vertices the root has; larger numbers are refused. The payload's length
+// bounds memory and time. `where` names the piece in messages. Errors: kCorrupt.
 Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
                                 uint64_t root_vertices, const std::string& where);
 

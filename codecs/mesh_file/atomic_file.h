@@ -15,17 +15,18 @@
 namespace mtdb {
 
 // Writes a file that has no name until Commit() gives it `path`, so that nothing is left of a
-// process that dies. Where the system has no such files, it has a temporary name beside `path`
-// until then, "PATH.PID-N.tmp", and so it has for a moment when `path` is replaced; it is locked
-// while its process lives, and Create() removes those of `path` that nobody has locked. After a
-// power failure too there is a whole file or none of that name; which of both is not promised for
-// one that was just committed: the folder is not synced, as meshes can be made again.
+// process that dies. On systems without such files, and for the moment in which `path` is replaced,
+// the file has a temporary name beside `path`, "PATH.PID-N.tmp". It is locked while its process
+// lives; Create() removes the temporary files of `path` that nobody has locked.
+//
+// After a power failure there is a whole file of that name, or none. A file that was just committed
+// may be missing, since the folder is not synced: meshes can be made again.
 class AtomicFile {
  public:
   // kIoError, kNoSpace.
   static Result<std::unique_ptr<AtomicFile>> Create(const std::string& path);
-  // Writes into an open file, which has no name to be given: Commit() leaves it whole and does not
-  // wait for the disk. `path` is for messages.
+  // Writes into the open file `descriptor`. Commit() then gives it no name, and does not wait for
+  // the disk. `path` is for messages.
   static Result<std::unique_ptr<AtomicFile>> Into(int descriptor, const std::string& path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;

@@ -1,6 +1,6 @@
-// What the update stream is encoded from: a base mesh and batches of vertex insertions and removals
-// in explicit form. The numbers of vertices and triangles are the sender's own; no one else sees
-// them.
+// What the update stream is encoded from: a base mesh, and batches of vertex insertions and
+// removals in explicit form. The sender numbers vertices and triangles as it likes; these numbers
+// do not travel.
 #pragma once
 
 #include <array>
@@ -18,8 +18,8 @@ namespace mtdb {
 // Any number that tells a triangle from all others that a sender will ever name.
 using TriangleKey = uint64_t;
 
-// Whether a triangle, in model units, meets the region that a client is clipped to. A null function
-// is the region of everything.
+// Says whether a triangle, in model units, meets the region that a client is clipped to. A null
+// function stands for all of space.
 using MeetsRegion = std::function<bool(const Triangle3d&)>;
 
 // The mesh that a client starts from.

@@ -76,14 +76,15 @@ class UpdateEncoder::Impl {
   void EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out);
   // Ends the record if there is no room in it for so many more.
   void MakeRoom(uint64_t updates, ByteWriter& out);
-  // Whether the client can find the node's hole (star) by itself, and where it starts.
-  // The nodes of a batch that are found by walking, by where they are, and those to be listed.
+  // The nodes of a batch: those whose hole (star) the client finds by walking, in the order of
+  // their places, and those that have to be listed.
   struct Sorted {
     std::vector<Target> targets;
     std::vector<const Node*> listed;
   };
   Sorted Sort(const UpdateBatch& batch, const Follows& follows,
               bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
+  // True when the client can find the node's hole (star) by walking; *target says from where.
   bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
   bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
   uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;

@@ -49,7 +49,7 @@ using ResidualModel = AdaptiveSymbolOfRate<6>;
 struct ClipModels {
   AdaptiveBit more_drops, more_seeds, at_edge;
   NumberModel drop_gap, edge_gap, reference, coordinate;
-  std::array<AdaptiveBit, 64> drop;  // see DropContext
+  std::array<AdaptiveBit, 64> drop;  // see DropWalk::Context
   std::array<AdaptiveBit, 128>
       attach;  // two classes of ends; whether the last edge was attached to
   std::array<AdaptiveBit, 64> near_end, far_end, fresh;  // two classes of ends
