@@ -38,12 +38,6 @@ struct LoadedUnit {
   std::vector<uint64_t> drain;  // a bit per own slot: part of the full-resolution mesh
   std::vector<NodeIndex> creators;  // of every kCreatorStep-th star slot, for creator()
 
-  // Where nodes are of another shape than a star around one vertex: the corners of each star slot,
-  // and before each node and after the last the number of vertices that were inserted.
-  // Cluster::ring then is all vertices of the hole. The cluster codec makes no such nodes.
-  std::vector<std::array<uint32_t, 3>> other_stars;
-  std::vector<uint32_t> other_vertices;
-
   const std::vector<uint32_t>& removers() const { return cluster.removers; }
   const std::vector<UnitId>& children() const { return cluster.children; }
   const std::vector<ExplicitArc>& explicit_arcs() const { return cluster.explicit_arcs; }
@@ -67,17 +61,9 @@ struct LoadedUnit {
   // The local vertices of a slot, which `creator_node` creates.
   std::array<uint32_t, 3> corners(uint32_t slot, NodeIndex creator_node) const {
     if (slot < cluster.listed()) return cluster.in.triangles[slot];
-    if (!other_stars.empty()) return other_stars[slot - cluster.listed()];
-    return cluster.star_triangle(creator_node, slot);
+    return cluster.created_triangle(creator_node, slot);
   }
-  // A node's shape, besides Cluster::hole and star_begin: the local vertices that it inserts, and
-  // the bounds of its hole and of its star.
-  uint32_t first_vertex(NodeIndex node) const {
-    return cluster.external_vertices() + (other_vertices.empty() ? node : other_vertices[node]);
-  }
-  uint32_t vertices_inserted(NodeIndex node) const {
-    return first_vertex(node + 1) - first_vertex(node);
-  }
+  // The bounds of what a node removes, and of that and what it creates.
   Box3i hole_bounds(NodeIndex node) const {
     Box3i bounds;
     for (const uint32_t local : cluster.ring(node)) bounds.Add(cluster.position(local));
@@ -85,9 +71,7 @@ struct LoadedUnit {
   }
   Box3i star_bounds(NodeIndex node) const {
     Box3i bounds = hole_bounds(node);
-    for (uint32_t local = first_vertex(node); local < first_vertex(node + 1); ++local) {
-      bounds.Add(cluster.position(local));
-    }
+    for (const uint32_t local : cluster.shape(node).vertices) bounds.Add(cluster.position(local));
     return bounds;
   }
   // The in-slot that a parent's slot arrives at, or kNone32.

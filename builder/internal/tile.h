@@ -37,11 +37,12 @@ struct TriangleBlock {
 
 // A vertex removal, to be read backwards as a node.
 struct Removal {
-  uint32_t vertex = 0;  // local
-  bool boundary = false;
+  uint32_t vertex = 0;                      // local
   double error = 0;                         // work units; bound for its whole hole
   uint32_t hole_begin = 0, hole_count = 0;  // ranges in TileResult::holes
   uint32_t star_begin = 0, star_count = 0;  // ranges in TileResult::stars
+  // True when the vertex was on the surface's border: one triangle less instead of two.
+  bool boundary() const { return star_count == hole_count + 1; }
 };
 
 // What decimating a tile leaves. Local triangles: the input's, then the created ones.

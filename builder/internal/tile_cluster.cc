@@ -1,98 +1,118 @@
 #include "builder/internal/tile_cluster.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <span>
+#include <vector>
 
 namespace mtdb {
+
+namespace {
+
+void AppendRow(const TriangleBlock& input, size_t row, uint64_t corner, Bytes& to) {
+  const auto begin = input.rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
+  to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+}
+
+// The removals of a tile, read backwards. Leaves nodes and what the tile's own triangles say out.
+ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, size_t row) {
+  ClusterUpdates updates;
+  updates.positions = result.positions;
+  updates.rows.reserve(result.vertices.size() * row);
+  for (const uint32_t corner : result.first_corner) AppendRow(input, row, corner, updates.rows);
+  updates.triangles = result.triangles;
+  updates.holes = result.holes;
+  updates.stars = result.stars;
+  updates.consumers.resize(result.triangles.size());
+  for (size_t t = 0; t < input.triangles.size(); ++t) {
+    const TileTriangle& own = input.triangles[t];
+    updates.consumers[t] = {own.child, own.child_slot, own.explicit_arc};
+  }
+  return updates;
+}
+
+// Adds the nodes to `updates`, and to `cluster` what their entry in the index and the object's
+// record need. `heights`: of the tile's triangles; gets those of all.
+void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& updates,
+              std::vector<uint32_t>& heights, TileCluster& cluster) {
+  const double model_units = grid.mode == PositionMode::kGrid ? grid.step : 1.0;
+  UnitEntry& entry = cluster.entry;
+  entry.error_code_min = 255;
+  heights.resize(result.triangles.size(), 0);
+  for (const Removal& removal : result.removals) {
+    const uint8_t code = grid.ErrorCode(removal.error * model_units);
+    entry.error_code_min = std::min(entry.error_code_min, code);
+    entry.error_code_max = std::max(entry.error_code_max, code);
+    updates.nodes.push_back({removal.vertex, code, removal.hole_begin, removal.hole_count,
+                             removal.star_begin, removal.star_count});
+    cluster.max_degree = std::max(cluster.max_degree, removal.star_count + removal.boundary());
+    uint32_t height = 0;
+    for (const uint32_t t : updates.star(updates.nodes.size() - 1)) {
+      height = std::max(height, heights[t]);
+      for (const uint32_t v : result.triangles[t]) entry.bounds.Add(result.positions[v]);
+    }
+    for (const uint32_t t : updates.hole(updates.nodes.size() - 1)) heights[t] = height + 1;
+    cluster.height = std::max(cluster.height, height + 1);
+  }
+}
+
+// Appends the created triangles that stayed, the cluster's in-triangles, to what is left.
+void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size_t row,
+                      std::span<const uint32_t> heights, TileCluster& cluster) {
+  const EncodedCluster& encoded = cluster.encoded;
+  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
+    const uint32_t t = encoded.in_triangles[slot];
+    TileTriangle& out = cluster.left.triangles.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) {
+      const uint32_t from = (c + encoded.in_rotations[slot]) % 3;
+      const uint32_t v = result.triangles[t][from];
+      out.vertices[c] = result.vertices[v];
+      out.positions[c] = result.positions[v];
+      out.border_edges |= static_cast<uint8_t>((result.border_edges[t] >> from & 1) << c);
+      out.fixed_corners |= static_cast<uint8_t>(result.fixed[v] << c);
+      AppendRow(input, row, result.first_corner[v], cluster.left.rows);
+    }
+    out.error = result.errors[t];
+    out.child = TileCluster::kOwnCluster;
+    out.child_slot = slot;
+    out.height = heights[t];
+    out.explicit_arc = encoded.explicit_arcs;
+  }
+}
+
+}  // namespace
 
 TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
                             const AttributeLayout& attributes) {
   TileCluster cluster;
   const std::vector<TileTriangle>& tile = input.triangles;
-  const auto input_count = static_cast<uint32_t>(tile.size());
-  const double model_units = grid.mode == PositionMode::kGrid ? grid.step : 1.0;
-
   const size_t row = attributes.row_bytes();
-  const auto append_row = [&](Bytes& to, uint64_t corner) {
-    const auto begin = input.rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
-    to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
-  };
-
-  const auto reserve_left = [&](size_t created) {
-    const size_t kept = static_cast<size_t>(
-        std::count(result.alive.begin(), result.alive.begin() + input_count, uint8_t{1}));
-    cluster.left.triangles.reserve(created + kept);
-    cluster.left.rows.reserve(3 * row * (created + kept));
-  };
+  std::vector<uint32_t> heights;
   if (!result.removals.empty()) {
     cluster.empty = false;
-    ClusterUpdates updates;
-    updates.positions = result.positions;
-    updates.rows.reserve(result.vertices.size() * row);
-    for (const uint32_t corner : result.first_corner) append_row(updates.rows, corner);
-    updates.triangles = result.triangles;
-    updates.holes = result.holes;
-    updates.stars = result.stars;
-    updates.consumers.resize(result.triangles.size());
-    std::vector<uint32_t> heights(result.triangles.size(), 0);
-    for (uint32_t t = 0; t < input_count; ++t) {
-      updates.consumers[t] = {tile[t].child, tile[t].child_slot, tile[t].explicit_arc};
-      heights[t] = tile[t].height;
-    }
-    UnitEntry& entry = cluster.entry;
-    entry.error_code_min = 255;
-    for (const Removal& removal : result.removals) {
-      const uint8_t code = grid.ErrorCode(removal.error * model_units);
-      entry.error_code_min = std::min(entry.error_code_min, code);
-      entry.error_code_max = std::max(entry.error_code_max, code);
-      updates.nodes.push_back({removal.vertex, removal.boundary, code, removal.hole_begin,
-                               removal.hole_count, removal.star_begin, removal.star_count});
-      cluster.max_degree = std::max(cluster.max_degree, removal.star_count + removal.boundary);
-      uint32_t height = 0;
-      for (uint32_t j = 0; j < removal.star_count; ++j) {
-        const uint32_t t = result.stars[removal.star_begin + j];
-        height = std::max(height, heights[t]);
-        for (const uint32_t v : result.triangles[t]) entry.bounds.Add(result.positions[v]);
-      }
-      for (uint32_t j = 0; j < removal.hole_count; ++j) {
-        heights[result.holes[removal.hole_begin + j]] = height + 1;
-      }
-      cluster.height = std::max(cluster.height, height + 1);
-    }
+    ClusterUpdates updates = UpdatesOf(input, result, row);
+    heights.reserve(result.triangles.size());
+    for (const TileTriangle& t : tile) heights.push_back(t.height);
+    AddNodes(result, grid, updates, heights, cluster);
     cluster.encoded = EncodeCluster(updates, attributes);
     Bytes().swap(updates.rows);  // a tile's rows are much of what a build keeps in memory
+    UnitEntry& entry = cluster.entry;
     entry.nodes = static_cast<uint32_t>(updates.nodes.size());
     entry.in_triangles = static_cast<uint32_t>(cluster.encoded.in_triangles.size());
     entry.out_triangles = cluster.encoded.out_triangles;
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
-
-    reserve_left(cluster.encoded.in_triangles.size());
-    // Created triangles that stayed: this cluster's in-triangles.
-    for (uint32_t slot = 0; slot < cluster.encoded.in_triangles.size(); ++slot) {
-      const uint32_t t = cluster.encoded.in_triangles[slot];
-      const uint32_t rotation = cluster.encoded.in_rotations[slot];
-      TileTriangle& out = cluster.left.triangles.emplace_back();
-      for (uint32_t c = 0; c < 3; ++c) {
-        const uint32_t from = (c + rotation) % 3;
-        const uint32_t v = result.triangles[t][from];
-        out.vertices[c] = result.vertices[v];
-        out.positions[c] = result.positions[v];
-        out.border_edges |= static_cast<uint8_t>((result.border_edges[t] >> from & 1) << c);
-        out.fixed_corners |= static_cast<uint8_t>(result.fixed[v] << c);
-        append_row(cluster.left.rows, result.first_corner[v]);
-      }
-      out.error = result.errors[t];
-      out.child = TileCluster::kOwnCluster;
-      out.child_slot = slot;
-      out.height = heights[t];
-      out.explicit_arc = cluster.encoded.explicit_arcs;
-    }
   }
-  if (cluster.empty) reserve_left(0);
-  for (uint32_t t = 0; t < input_count; ++t) {
+  const auto kept = static_cast<size_t>(
+      std::count(result.alive.begin(), result.alive.begin() + tile.size(), uint8_t{1}));
+  const size_t left = cluster.encoded.in_triangles.size() + kept;
+  cluster.left.triangles.reserve(left);
+  cluster.left.rows.reserve(3 * row * left);
+  LeaveInTriangles(input, result, row, heights, cluster);
+  for (uint32_t t = 0; t < tile.size(); ++t) {
     if (!result.alive[t]) continue;
     cluster.left.triangles.push_back(tile[t]);
-    for (uint32_t c = 0; c < 3; ++c) append_row(cluster.left.rows, 3 * t + c);
+    for (uint32_t c = 0; c < 3; ++c) AppendRow(input, row, 3 * t + c, cluster.left.rows);
   }
   return cluster;
 }

@@ -214,7 +214,6 @@ Removal TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles) {
   const uint32_t first = this->triangles();
   Removal removal;
   removal.vertex = hole.vertex;
-  removal.boundary = hole.boundary;
   removal.star_begin = static_cast<uint32_t>(stars_.size());
   removal.star_count = static_cast<uint32_t>(hole.star.size());
   removal.hole_begin = static_cast<uint32_t>(holes_.size());

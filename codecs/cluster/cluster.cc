@@ -102,7 +102,8 @@ size_t Cluster::memory_bytes() const {
          VectorBytes(in.vertices) + VectorBytes(in.rows) + VectorBytes(error_codes) +
          VectorBytes(ring_begin) + VectorBytes(ring_vertices) + VectorBytes(star_begin) +
          VectorBytes(hole_begin) + VectorBytes(hole_slots) + VectorBytes(removers) +
-         VectorBytes(children) + VectorBytes(explicit_arcs);
+         VectorBytes(children) + VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) +
+         VectorBytes(created_corners);
 }
 
 }  // namespace mtdb

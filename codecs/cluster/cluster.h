@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstdint>
+#include <ranges>
 #include <span>
 #include <vector>
 
@@ -59,11 +60,23 @@ struct InPatch {
   Bytes rows;                                      // attributes of local vertices
 };
 
+using IndexRange = std::ranges::iota_view<uint32_t, uint32_t>;
+
+// What a node does to the mesh: it removes some triangles and creates others with the same border,
+// among the vertices around and new ones. All nodes that the codec writes insert one vertex with a
+// star of triangles around it; who asks for the shape need not know that.
+struct NodeShape {
+  std::span<const uint32_t> removed;  // slots
+  IndexRange created;                 // slots
+  IndexRange vertices;                // local: those that the node creates
+};
+
 // The explicit form. Local vertices: 0 .. external_vertices()-1 are the corners of listed
-// triangles; node i's vertex is external_vertices() + i. Slots: the listed triangles, then the star
-// triangles of node 0, of node 1, ... Star triangle j of node i is (i's vertex, ring[j],
-// ring[j+1]); the ring of an interior node is cyclic, that of a boundary node is open (one star
-// triangle less). Nodes are in an order that every parent precedes its children.
+// triangles, then come those that node 0 creates, node 1, ... Slots: the listed triangles, then
+// those that node 0 creates, node 1, ... A node's ring is the vertices around its hole,
+// counter-clockwise. A star's triangle j is (the node's vertex, ring[j], ring[j+1]); the ring of an
+// interior node is cyclic, that of a boundary node is open (one star triangle less). Nodes are in
+// an order that every parent precedes its children.
 //
 // Parents create the slots below first_own_slot, the cluster itself the others. A piece of the root
 // mesh is a cluster without nodes: it lists triangles and consumes none.
@@ -73,20 +86,31 @@ struct Cluster {
   std::vector<uint8_t> error_codes;     // per node
   std::vector<uint32_t> ring_begin;     // nodes + 1
   std::vector<uint32_t> ring_vertices;  // local
-  std::vector<uint32_t> star_begin;     // nodes + 1; slots
+  std::vector<uint32_t> star_begin;     // nodes + 1; slots that a node creates
   std::vector<uint32_t> hole_begin;     // nodes + 1
   std::vector<uint32_t> hole_slots;     // slots that a node removes
   std::vector<uint32_t> removers;       // per slot: node, kChildFlag | ordinal, or kDrain
   std::vector<UnitId> children;         // ascending
   std::vector<ExplicitArc> explicit_arcs;  // ascending by slot
+  // Of other shapes than stars; both are empty when each node inserts one vertex.
+  std::vector<uint32_t> vertex_begin;                    // nodes + 1; local vertices
+  std::vector<std::array<uint32_t, 3>> created_corners;  // of slots listed() + 0, 1, ...
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
   uint32_t in_triangles() const { return first_own_slot; }
   uint32_t listed() const { return static_cast<uint32_t>(in.triangles.size()); }
   uint32_t external_vertices() const { return static_cast<uint32_t>(in.vertices.size()); }
   uint32_t slots() const { return static_cast<uint32_t>(removers.size()); }
+  NodeShape shape(NodeIndex i) const {
+    return {hole(i), {star_begin[i], star_begin[i + 1]}, {first_vertex(i), first_vertex(i + 1)}};
+  }
+  // That node i creates; of nodes(): one beyond the last.
+  uint32_t first_vertex(NodeIndex i) const {
+    return vertex_begin.empty() ? external_vertices() + i : vertex_begin[i];
+  }
+  // True when the node's vertex splits an edge of the surface's border.
   bool boundary(NodeIndex i) const {
-    return star_begin[i + 1] - star_begin[i] != ring_begin[i + 1] - ring_begin[i];
+    return star_begin[i + 1] - star_begin[i] + 1 == ring_begin[i + 1] - ring_begin[i];
   }
   std::span<const uint32_t> ring(NodeIndex i) const {
     return std::span(ring_vertices).subspan(ring_begin[i], ring_begin[i + 1] - ring_begin[i]);
@@ -95,8 +119,9 @@ struct Cluster {
     return std::span(hole_slots).subspan(hole_begin[i], hole_begin[i + 1] - hole_begin[i]);
   }
   Vec3i position(uint32_t local_vertex) const { return in.positions[local_vertex]; }
-  // Corners of star slot `slot` of node `i`, which created it.
-  std::array<uint32_t, 3> star_triangle(NodeIndex i, uint32_t slot) const {
+  // Corners of the triangle in `slot`, which node `i` created.
+  std::array<uint32_t, 3> created_triangle(NodeIndex i, uint32_t slot) const {
+    if (!created_corners.empty()) return created_corners[slot - listed()];
     const std::span<const uint32_t> r = ring(i);
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};

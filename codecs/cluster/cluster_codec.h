@@ -25,12 +25,15 @@ struct ClusterUpdates {
     uint32_t child_slot = 0;
     bool explicit_arc = false;
   };
+  // Inserts one vertex.
   struct Node {
     uint32_t vertex = 0;  // local
-    bool boundary = false;
     uint8_t error_code = 0;
     uint32_t hole_begin = 0, hole_count = 0;  // ranges in `holes`
     uint32_t star_begin = 0, star_count = 0;  // ranges in `stars`
+    // True when the vertex splits an edge of the hole, on the surface's border: one triangle more
+    // instead of two.
+    bool boundary() const { return star_count == hole_count + 1; }
   };
   std::vector<Vec3i> positions;  // of local vertices
   Bytes rows;                    // attributes of local vertices
@@ -39,6 +42,14 @@ struct ClusterUpdates {
   std::vector<Node> nodes;          // in any order
   std::vector<uint32_t> holes;      // triangles
   std::vector<uint32_t> stars;      // triangles
+
+  // Of nodes[i]: the triangles that it removes and those that it creates.
+  std::span<const uint32_t> hole(size_t i) const {
+    return std::span(holes).subspan(nodes[i].hole_begin, nodes[i].hole_count);
+  }
+  std::span<const uint32_t> star(size_t i) const {
+    return std::span(stars).subspan(nodes[i].star_begin, nodes[i].star_count);
+  }
 };
 
 struct EncodedCluster {

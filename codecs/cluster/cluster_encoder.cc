@@ -1,5 +1,8 @@
 #include <algorithm>
-#include <limits>
+#include <array>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/internal/cluster_payload.h"
@@ -56,13 +59,28 @@ bool ErrorsBoundHeights(const std::vector<VertexResidual>& residuals,
   return within * 10 >= residuals.size() * 9;
 }
 
-// The typical exponent of the squared longest edge of the out-triangles.
-int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& creator,
-                    const std::vector<uint32_t>& remover) {
+// Which node removes and which one creates each triangle of the updates; kNone32: none of them.
+struct Owners {
+  std::vector<uint32_t> removers, creators;
+};
+
+Owners FindOwners(const ClusterUpdates& updates) {
+  Owners owners;
+  owners.removers.resize(updates.triangles.size(), kNone32);
+  owners.creators.resize(updates.triangles.size(), kNone32);
+  for (uint32_t i = 0; i < updates.nodes.size(); ++i) {
+    for (const uint32_t t : updates.hole(i)) owners.removers[t] = i;
+    for (const uint32_t t : updates.star(i)) owners.creators[t] = i;
+  }
+  return owners;
+}
+
+// The typical exponent of the squared longest edge of the out-triangles that nodes created.
+int ReferenceLength(const ClusterUpdates& updates, const Owners& owners) {
   uint64_t sum = 0;
   uint64_t count = 0;
   for (size_t t = 0; t < updates.triangles.size(); ++t) {
-    if (creator[t] == kNone32 || remover[t] != kNone32) continue;
+    if (owners.creators[t] == kNone32 || owners.removers[t] != kNone32) continue;
     const auto& c = updates.triangles[t];
     double longest = 0;
     for (size_t i = 0; i < 3; ++i) {
@@ -75,38 +93,19 @@ int ReferenceLength(const ClusterUpdates& updates, const std::vector<uint32_t>& 
   return count == 0 ? 0 : static_cast<int>((sum + count / 2) / count);
 }
 
-}  // namespace
-
-EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
-  ClusterModels models;
-  return EncodeCluster(updates, attributes, models, nullptr);
-}
-
-EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
-                             ClusterModels& models, ModelObserver* observer) {
-  const auto node_count = static_cast<uint32_t>(updates.nodes.size());
-  const size_t triangle_count = updates.triangles.size();
-  MTDB_CHECK(node_count > 0, "a cluster needs nodes");
-  EncodedCluster result;
-
-  // Who removes and who creates each triangle.
-  std::vector<uint32_t> remover(triangle_count, kNone32);
-  std::vector<uint32_t> creator(triangle_count, kNone32);
-  for (uint32_t i = 0; i < node_count; ++i) {
-    const ClusterUpdates::Node& node = updates.nodes[i];
-    for (uint32_t j = 0; j < node.hole_count; ++j) remover[updates.holes[node.hole_begin + j]] = i;
-    for (uint32_t j = 0; j < node.star_count; ++j) creator[updates.stars[node.star_begin + j]] = i;
-  }
-
-  // In-triangles in canonical order. origin carries the triangle, parent_vertices its corners.
+// Finds the in-triangles and puts them in their canonical order: sets what `result` says of them,
+// and returns the patch, whose vertices are numbers of `updates`.
+InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
+                         EncodedCluster& result) {
   std::vector<InTriangle> in;
-  for (uint32_t t = 0; t < triangle_count; ++t) {
-    if (remover[t] == kNone32 || creator[t] != kNone32) continue;
+  for (uint32_t t = 0; t < updates.triangles.size(); ++t) {
+    if (owners.removers[t] == kNone32 || owners.creators[t] != kNone32) continue;
     InTriangle& entry = in.emplace_back();
     for (size_t c = 0; c < 3; ++c) {
-      entry.vertices[c] = updates.triangles[t][c];
-      entry.positions[c] = updates.positions[updates.triangles[t][c]];
-      entry.parent_vertices[c] = updates.triangles[t][c];
+      const uint32_t v = updates.triangles[t][c];
+      entry.vertices[c] = v;
+      entry.positions[c] = updates.positions[v];
+      entry.parent_vertices[c] = v;
     }
     entry.origin = t;
   }
@@ -117,188 +116,262 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     const auto first = std::find(corners.begin(), corners.end(), t.parent_vertices[0]);
     result.in_rotations.push_back(static_cast<uint8_t>(first - corners.begin()));
   }
-  InPatch patch_in = MakeInPatch(in);
-  result.external_vertices = static_cast<uint32_t>(patch_in.vertices.size());
+  InPatch patch = MakeInPatch(in);
+  result.external_vertices = static_cast<uint32_t>(patch.vertices.size());
+  return patch;
+}
 
-  // Vertex numbers of the stored cluster; rows in that numbering.
-  AttributeCoder attribute_coder(attributes);
-  std::vector<Vec3i> ring_positions;
-  const size_t row = attribute_coder.row_bytes();
-  std::vector<uint32_t> stored_vertex(updates.positions.size(), kNone32);
-  Bytes rows;
-  rows.reserve(updates.rows.size());
-  std::vector<Vec3i> positions;  // of vertices that have rows
-  const auto append_row = [&](uint64_t vertex) {
-    const auto begin = updates.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
-    rows.insert(rows.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
-  };
-  for (uint32_t v = 0; v < result.external_vertices; ++v) {
-    stored_vertex[patch_in.vertices[v]] = v;
-    append_row(patch_in.vertices[v]);
-    positions.push_back(updates.positions[patch_in.vertices[v]]);
+// Replays the updates in the order in which a reader will, which it finds on the way, and codes
+// what a reader needs to go on: which nodes there are, their holes and attributes. What is coded
+// when all is known (vertices, errors, arcs) is kept.
+class Replay {
+ public:
+  Replay(const ClusterUpdates& updates, const Owners& owners, const AttributeLayout& attributes,
+         const InPatch& in, int reference_length, ClusterModels& models, ModelObserver* observer)
+      : topology(observer),
+        patch(in.triangles, in.positions, reference_length, updates.nodes.size()),
+        any_boundary(std::any_of(updates.nodes.begin(), updates.nodes.end(),
+                                 [](const auto& node) { return node.boundary(); })),
+        updates_(updates),
+        owners_(owners),
+        attribute_coder_(attributes),
+        models_(models),
+        observer_(observer),
+        stored_vertex_(updates.positions.size(), kNone32) {
+    residuals.reserve(updates.nodes.size());
+    codes.reserve(updates.nodes.size());
+    rows_.reserve(updates.rows.size());
+    for (const VertexIndex v : in.vertices) NumberVertex(static_cast<uint32_t>(v));
   }
 
-  // Replay, choosing the order of the nodes on the way.
-  const int reference_length = ReferenceLength(updates, creator, remover);
-  Patch patch(patch_in.triangles, patch_in.positions, reference_length, node_count);
-  std::vector<uint32_t> slot_triangle = result.in_triangles;
-  std::vector<uint32_t> slot_creator(in.size(), kNone32);
-  std::vector<uint32_t> waiting(node_count);  // hole triangles not visited yet
-  for (uint32_t i = 0; i < node_count; ++i) waiting[i] = updates.nodes[i].hole_count;
+  // `in_triangles`: slot by slot.
+  void Run(std::span<const uint32_t> in_triangles);
 
-  RansEncoder topology(observer);
-  RansEncoder attribute_stream;
+  std::vector<uint32_t> node_order;     // stored node -> ClusterUpdates::nodes
+  std::vector<uint32_t> slot_triangle;  // slot -> ClusterUpdates::triangles
+  std::vector<uint8_t> codes;           // of the stored nodes' errors
   std::vector<VertexResidual> residuals;
-  std::vector<uint8_t> codes;
-  residuals.reserve(node_count);
-  codes.reserve(node_count);
-  const bool any_boundary = std::any_of(updates.nodes.begin(), updates.nodes.end(),
-                                        [](const auto& node) { return node.boundary; });
-  uint32_t hole_slots[kHoleEntries];
-  uint32_t ring_vertices[kHoleEntries];
-  Patch::Hole hole{hole_slots, ring_vertices};
+  RansEncoder topology;
+  RansEncoder attribute_stream;
+  Patch patch;
+  const bool any_boundary;
+
+ private:
+  void Insert(uint32_t slot, uint32_t i);
+  uint32_t MatchStar(uint32_t i, const Patch::Hole& hole);
+  void EncodeRow(uint32_t vertex, std::span<const uint32_t> ring);
+  void NumberVertex(uint32_t vertex);
+
+  const ClusterUpdates& updates_;
+  const Owners& owners_;
+  AttributeCoder attribute_coder_;
+  ClusterModels& models_;
+  ModelObserver* observer_;
+  // Vertices get their stored numbers one after the other, with rows and positions.
+  std::vector<uint32_t> stored_vertex_;
+  uint32_t stored_vertices_ = 0;
+  Bytes rows_;
+  std::vector<Vec3i> positions_;
+  // Of the node that is inserted.
+  std::array<uint32_t, kMaxRing> star_;  // by ring edge
+  std::vector<Vec3i> ring_positions_;
+};
+
+void Replay::Run(std::span<const uint32_t> in_triangles) {
+  const size_t nodes = updates_.nodes.size();
+  slot_triangle.assign(in_triangles.begin(), in_triangles.end());
+  std::vector<uint32_t> waiting(nodes);  // hole triangles not visited yet
+  for (uint32_t i = 0; i < nodes; ++i) waiting[i] = updates_.nodes[i].hole_count;
   uint32_t generation_end = patch.slots();
-  for (uint32_t slot = 0; codes.size() < node_count; ++slot) {
+  for (uint32_t slot = 0; codes.size() < nodes; ++slot) {
     if (slot == generation_end) {
       patch.EndGeneration(codes);
       generation_end = patch.slots();
     }
     MTDB_CHECK(slot < generation_end, "the updates of a cluster form a cycle");
-    const uint32_t i = remover[slot_triangle[slot]];
+    const uint32_t i = owners_.removers[slot_triangle[slot]];
     const bool is_anchor = i != kNone32 && --waiting[i] == 0;
-    models.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
-    if (!is_anchor) continue;
-    const ClusterUpdates::Node& node = updates.nodes[i];
-    const auto stored = static_cast<uint32_t>(codes.size());
-    const bool walked =
-        patch.WalkHole(slot, stored, hole, [&](uint32_t count, uint32_t other, uint32_t shape) {
-          const bool take = remover[slot_triangle[other]] == i;
-          return models.topology.CodeTake(topology.lane(1), count, shape, take);
-        });
-    MTDB_CHECK(walked && hole.slot_count == node.hole_count, "a hole is not a disc");
-
-    uint32_t split_edge = kNone32;
-    if (node.boundary) {
-      // The split edge is the one whose ends are not joined by a star triangle.
-      const std::span<const uint32_t> ring = hole.ring_span();
-      size_t split = ring.size();
-      for (size_t j = 0; j < ring.size(); ++j) {
-        const uint32_t a = ring[j];
-        const uint32_t b = ring[j + 1 == ring.size() ? 0 : j + 1];
-        bool found = false;
-        for (uint32_t s = 0; s < node.star_count && !found; ++s) {
-          const auto& t = updates.triangles[updates.stars[node.star_begin + s]];
-          for (size_t c = 0; c < 3; ++c) {
-            found |= stored_vertex[t[c]] == a && stored_vertex[t[(c + 1) % 3]] == b;
-          }
-        }
-        if (!found) {
-          MTDB_CHECK(split == ring.size(), "a boundary node splits one edge");
-          split = j;
-        }
-      }
-      MTDB_CHECK(split < ring.size(), "a boundary node splits an edge");
-      split_edge = static_cast<uint32_t>(split);
-    }
-    if (any_boundary) CodeSplitEdge(topology.lane(1), models.topology, hole, split_edge);
-    if (node.boundary) {
-      hole.Rotate(split_edge);
-      patch.OpenStar(hole);
-    }
-
-    codes.push_back(node.error_code);
-
-    const Vec3i p = updates.positions[node.vertex];
-    residuals.push_back(MeasureVertex(patch, hole, node.boundary, p));
-    if (row != 0) {
-      ring_positions.clear();
-      for (const uint32_t v : hole.ring_span()) ring_positions.push_back(positions[v]);
-      attribute_coder.Encode(attribute_stream, {p, hole.ring_span(), ring_positions}, rows,
-                             updates.rows.data() + node.vertex * row, observer);
-      append_row(node.vertex);
-      positions.push_back(p);
-    }
-    const uint32_t vertex = result.external_vertices + stored;
-    stored_vertex[node.vertex] = vertex;
-    result.node_order.push_back(i);
-    patch.AddPoint(p);
-
-    // Which triangle of the builder is which star triangle: by its ring edge.
-    for (uint32_t j = 0; j < node.star_count; ++j) {
-      const uint32_t a = hole.ring[j];
-      uint32_t match = kNone32;
-      for (uint32_t s = 0; s < node.star_count; ++s) {
-        const uint32_t t = updates.stars[node.star_begin + s];
-        for (size_t c = 0; c < 3; ++c) {
-          if (updates.triangles[t][c] == node.vertex &&
-              stored_vertex[updates.triangles[t][(c + 1) % 3]] == a) {
-            match = t;
-          }
-        }
-      }
-      MTDB_CHECK(match != kNone32, "the star does not fit its hole");
-      slot_triangle.push_back(match);
-      slot_creator.push_back(stored);
-    }
+    models_.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
+    if (is_anchor) Insert(slot, i);
   }
-  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
-    if (patch.remover(slot) != kNone32) continue;
-    const UnitId child = updates.consumers[slot_triangle[slot]].child;
-    if (child != kNone32) result.children.push_back(child);
+}
+
+// Inserts node `i`, whose anchor is visited.
+void Replay::Insert(uint32_t slot, uint32_t i) {
+  const ClusterUpdates::Node& node = updates_.nodes[i];
+  uint32_t hole_slots[kHoleEntries];
+  uint32_t ring_vertices[kHoleEntries];
+  Patch::Hole hole{hole_slots, ring_vertices};
+  const auto stored = static_cast<uint32_t>(codes.size());
+  const bool walked =
+      patch.WalkHole(slot, stored, hole, [&](uint32_t count, uint32_t other, uint32_t shape) {
+        const bool take = owners_.removers[slot_triangle[other]] == i;
+        return models_.topology.CodeTake(topology.lane(1), count, shape, take);
+      });
+  MTDB_CHECK(walked && hole.slot_count == node.hole_count, "a hole is not a disc");
+  const uint32_t split = MatchStar(i, hole);
+  if (any_boundary) CodeSplitEdge(topology.lane(1), models_.topology, hole, split);
+  if (split != kNone32) {
+    std::rotate(star_.begin(), star_.begin() + split + 1, star_.begin() + hole.ring_count);
+    hole.Rotate(split);
+    patch.OpenStar(hole);
   }
-  std::sort(result.children.begin(), result.children.end());
-  result.children.erase(std::unique(result.children.begin(), result.children.end()),
-                        result.children.end());
-  const auto child_count = static_cast<uint32_t>(result.children.size());
-  std::vector<uint32_t> arcs(patch.slots(), child_count);
-  StreamWriter streams;
-  ByteWriter& explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
+  slot_triangle.insert(slot_triangle.end(), star_.begin(), star_.begin() + node.star_count);
+  node_order.push_back(i);
+  codes.push_back(node.error_code);
+  const Vec3i p = updates_.positions[node.vertex];
+  residuals.push_back(MeasureVertex(patch, hole, node.boundary(), p));
+  if (attribute_coder_.row_bytes() != 0) EncodeRow(node.vertex, hole.ring_span());
+  NumberVertex(node.vertex);
+  patch.AddPoint(p);
+}
+
+// Sets star_[j] to the star triangle beyond ring edge j. Returns the edge that has none, the one
+// that a boundary node splits; kNone32 when the node is interior.
+uint32_t Replay::MatchStar(uint32_t i, const Patch::Hole& hole) {
+  const ClusterUpdates::Node& node = updates_.nodes[i];
+  const std::span<const uint32_t> ring = hole.ring_span();
+  std::fill_n(star_.begin(), ring.size(), kNone32);
+  for (const uint32_t t : updates_.star(i)) {
+    const auto& corners = updates_.triangles[t];
+    const auto apex = std::find(corners.begin(), corners.end(), node.vertex) - corners.begin();
+    MTDB_CHECK(apex < 3, "a star triangle without the node's vertex");
+    const uint32_t from = stored_vertex_[corners[static_cast<size_t>(apex + 1) % 3]];
+    const uint32_t to = stored_vertex_[corners[static_cast<size_t>(apex + 2) % 3]];
+    const auto j = static_cast<size_t>(std::find(ring.begin(), ring.end(), from) - ring.begin());
+    MTDB_CHECK(
+        j < ring.size() && ring[j + 1 == ring.size() ? 0 : j + 1] == to && star_[j] == kNone32,
+        "the star does not fit its hole");
+    star_[j] = t;
+  }
+  MTDB_CHECK(node.star_count + node.boundary() == ring.size(),
+             "a node's star leaves no ring edge out, or the one that its vertex splits");
+  if (!node.boundary()) return kNone32;
+  return static_cast<uint32_t>(std::find(star_.begin(), star_.end(), kNone32) - star_.begin());
+}
+
+void Replay::EncodeRow(uint32_t vertex, std::span<const uint32_t> ring) {
+  ring_positions_.clear();
+  for (const uint32_t v : ring) ring_positions_.push_back(positions_[v]);
+  attribute_coder_.Encode(attribute_stream, {updates_.positions[vertex], ring, ring_positions_},
+                          rows_, updates_.rows.data() + vertex * attribute_coder_.row_bytes(),
+                          observer_);
+}
+
+void Replay::NumberVertex(uint32_t vertex) {
+  stored_vertex_[vertex] = stored_vertices_++;
+  const size_t row = attribute_coder_.row_bytes();
+  if (row == 0) return;
+  const auto begin = updates_.rows.begin() + static_cast<std::ptrdiff_t>(vertex * row);
+  rows_.insert(rows_.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+  positions_.push_back(updates_.positions[vertex]);
+}
+
+// Where the out-triangles go.
+struct OutArcs {
+  std::vector<uint32_t> ordinals;  // per slot, among the children; their count for the drain
+  Bytes explicit_arcs;             // the stream of these
+};
+
+// Sets what `result` says of children and out-triangles.
+OutArcs FindArcs(const ClusterUpdates& updates, const Owners& owners, const Replay& replay,
+                 EncodedCluster& result) {
+  std::vector<UnitId>& children = result.children;
+  std::vector<uint32_t> out;  // slots
+  for (uint32_t slot = 0; slot < replay.patch.slots(); ++slot) {
+    if (replay.patch.remover(slot) == kNone32) out.push_back(slot);
+  }
+  result.out_triangles = static_cast<uint32_t>(out.size());
+  const auto consumer_of = [&](uint32_t slot) -> const ClusterUpdates::Consumer& {
+    return updates.consumers[replay.slot_triangle[slot]];
+  };
+  for (const uint32_t slot : out) {
+    const UnitId child = consumer_of(slot).child;
+    if (child != kNone32) children.push_back(child);
+  }
+  std::sort(children.begin(), children.end());
+  children.erase(std::unique(children.begin(), children.end()), children.end());
+
+  OutArcs arcs;
+  arcs.ordinals.resize(replay.patch.slots(), static_cast<uint32_t>(children.size()));
+  ByteWriter explicit_arcs;
   uint32_t last_explicit = 0;
-  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
-    if (patch.remover(slot) != kNone32) continue;
-    ++result.out_triangles;
-    const ClusterUpdates::Consumer& consumer = updates.consumers[slot_triangle[slot]];
+  for (const uint32_t slot : out) {
+    const ClusterUpdates::Consumer& consumer = consumer_of(slot);
     if (consumer.child == kNone32) continue;
-    const auto at =
-        std::lower_bound(result.children.begin(), result.children.end(), consumer.child);
-    arcs[slot] = static_cast<uint32_t>(at - result.children.begin());
+    const auto at = std::lower_bound(children.begin(), children.end(), consumer.child);
+    arcs.ordinals[slot] = static_cast<uint32_t>(at - children.begin());
     if (!consumer.explicit_arc) continue;
     // The builder's corner 0 is the child's first corner; find it among the star triangle's.
-    const auto& t = updates.triangles[slot_triangle[slot]];
-    const uint32_t vertex = updates.nodes[result.node_order[slot_creator[slot]]].vertex;
+    const uint32_t triangle = replay.slot_triangle[slot];
+    const auto& t = updates.triangles[triangle];
+    const uint32_t vertex = updates.nodes[owners.creators[triangle]].vertex;
     const auto apex = std::find(t.begin(), t.end(), vertex) - t.begin();
     explicit_arcs.PutVarint(slot - last_explicit);
     explicit_arcs.PutVarint(consumer.child_slot);
     explicit_arcs.Put<uint8_t>(static_cast<uint8_t>((3 - apex) % 3));
     last_explicit = slot;
   }
+  arcs.explicit_arcs = explicit_arcs.Take();
+  return arcs;
+}
 
-  RansEncoder arc_stream(observer);
-  if (child_count > 0) {
-    models.arcs.Code(
-        arc_stream, patch, static_cast<uint32_t>(in.size()), child_count,
-        [&](uint32_t slot) { return arcs[slot]; }, [](uint32_t, uint32_t) { return true; });
-  }
-
-  const bool scaled_by_error = ErrorsBoundHeights(residuals, codes);
-  RansEncoder vertices(observer);
-  BitWriter bits;
-  for (uint32_t i = 0; i < node_count; ++i) {
-    const VertexResidual& r = residuals[i];
-    models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, i == 0 ? 0 : codes[i - 1],
-                       codes[i]);
+void EncodeVertices(const Replay& replay, bool scaled_by_error, ClusterModels& models,
+                    RansEncoder& vertices, BitWriter& bits) {
+  uint8_t last = 0;
+  for (size_t i = 0; i < replay.codes.size(); ++i) {
+    const VertexResidual& r = replay.residuals[i];
+    const uint8_t code = replay.codes[i];
+    models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, last, code);
     models.positions.CodeScaled(vertices.lane(1), bits, 0, r.ring_class, r.variance_u, r.u);
     models.positions.CodeScaled(vertices.lane(2), bits, 1, r.ring_class, r.variance_v, r.v);
     if (scaled_by_error) {
       models.positions.CodeWithin(vertices.lane(3), bits, r.ring_class,
-                                  kErrorInCells[codes[i]] * r.slant, r.n);
+                                  kErrorInCells[code] * r.slant, r.n);
     } else {
       models.positions.CodeScaled(vertices.lane(3), bits, 2, r.ring_class, r.variance_n, r.n);
     }
+    last = code;
   }
+}
 
+}  // namespace
+
+EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
+  ClusterModels models;
+  return EncodeCluster(updates, attributes, models, nullptr);
+}
+
+EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
+                             ClusterModels& models, ModelObserver* observer) {
+  const size_t node_count = updates.nodes.size();
+  MTDB_CHECK(node_count > 0, "a cluster needs nodes");
+  EncodedCluster result;
+  const Owners owners = FindOwners(updates);
+  const InPatch in = OrderInTriangles(updates, owners, result);
+  const int reference_length = ReferenceLength(updates, owners);
+  Replay replay(updates, owners, attributes, in, reference_length, models, observer);
+  replay.Run(result.in_triangles);
+  const OutArcs arcs = FindArcs(updates, owners, replay, result);
+  result.node_order = std::move(replay.node_order);
+  const auto child_count = static_cast<uint32_t>(result.children.size());
+  const bool scaled_by_error = ErrorsBoundHeights(replay.residuals, replay.codes);
+
+  RansEncoder arc_stream(observer);
+  if (child_count > 0) {
+    models.arcs.Code(
+        arc_stream, replay.patch, static_cast<uint32_t>(in.triangles.size()), child_count,
+        [&](uint32_t slot) { return arcs.ordinals[slot]; },
+        [](uint32_t, uint32_t) { return true; });
+  }
+  RansEncoder vertices(observer);
+  BitWriter bits;
+  EncodeVertices(replay, scaled_by_error, models, vertices, bits);
+
+  StreamWriter streams;
+  streams.stream(StreamTag::kExplicitArcs).PutBytes(arcs.explicit_arcs);
   ByteWriter& head = streams.stream(StreamTag::kHead);
-  head.Put<uint8_t>(static_cast<uint8_t>((any_boundary ? kFlagBoundary : 0) |
+  head.Put<uint8_t>(static_cast<uint8_t>((replay.any_boundary ? kFlagBoundary : 0) |
                                          (scaled_by_error ? kFlagScaledByError : 0)));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
@@ -308,11 +381,11 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
     head.PutVarint(child - previous);
     previous = child;
   }
-  streams.AddCoded(StreamTag::kTopology, topology.Finish(2));
+  streams.AddCoded(StreamTag::kTopology, replay.topology.Finish(2));
   streams.AddCoded(StreamTag::kVertices, vertices.Finish(4));
   streams.AddCoded(StreamTag::kBits, bits.Finish());
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
-  streams.AddCoded(StreamTag::kAttributes, attribute_stream.Finish());
+  streams.AddCoded(StreamTag::kAttributes, replay.attribute_stream.Finish());
   result.payload = streams.Finish();
   if (const uint64_t least = LeastPayloadBytes(node_count, attributes.row_bytes());
       result.payload.size() < least) {
@@ -328,20 +401,20 @@ ClusterUpdates UpdatesOf(const Cluster& cluster) {
   updates.rows = cluster.in.rows;
   updates.triangles = cluster.in.triangles;
   for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
-    ClusterUpdates::Node node;
-    node.vertex = cluster.external_vertices() + i;
-    node.boundary = cluster.boundary(i);
+    const NodeShape shape = cluster.shape(i);
+    MTDB_CHECK(shape.vertices.size() == 1, "a node that is no insertion of a vertex");
+    ClusterUpdates::Node& node = updates.nodes.emplace_back();
+    node.vertex = shape.vertices.front();
     node.error_code = cluster.error_codes[i];
     node.hole_begin = static_cast<uint32_t>(updates.holes.size());
-    node.hole_count = static_cast<uint32_t>(cluster.hole(i).size());
-    updates.holes.insert(updates.holes.end(), cluster.hole(i).begin(), cluster.hole(i).end());
+    node.hole_count = static_cast<uint32_t>(shape.removed.size());
+    updates.holes.insert(updates.holes.end(), shape.removed.begin(), shape.removed.end());
     node.star_begin = static_cast<uint32_t>(updates.stars.size());
-    node.star_count = cluster.star_begin[i + 1] - cluster.star_begin[i];
-    for (uint32_t s = cluster.star_begin[i]; s < cluster.star_begin[i + 1]; ++s) {
-      updates.stars.push_back(s);
-      updates.triangles.push_back(cluster.star_triangle(i, s));
+    node.star_count = static_cast<uint32_t>(shape.created.size());
+    for (const uint32_t slot : shape.created) {
+      updates.stars.push_back(slot);
+      updates.triangles.push_back(cluster.created_triangle(i, slot));
     }
-    updates.nodes.push_back(node);
   }
   updates.consumers.resize(cluster.slots());
   for (uint32_t s = 0; s < cluster.slots(); ++s) {

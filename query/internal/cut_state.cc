@@ -135,7 +135,7 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   u.applied.Put(node, apply);
   u.applied_count += static_cast<uint32_t>(n);
   counts_.applied += n;
-  counts_.vertices += n * unit.vertices_inserted(node);
+  counts_.vertices += n * cluster.shape(node).vertices.size();
   counts_.triangles += n * (end - begin - hole.size());
   if (!remembers_) return;
   const uint8_t* const codes = cluster.error_codes.data();

@@ -109,7 +109,7 @@ void StoredOrderPass::Apply(NodeIndex node) {
   u_->applied.Set(node);
   ++u_->applied_count;
   ++nodes_;
-  vertices_ += unit_->vertices_inserted(node);
+  vertices_ += unit_->cluster.shape(node).vertices.size();
   triangles_ += size - hole.size();
 }
 

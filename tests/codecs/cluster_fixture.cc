@@ -129,7 +129,6 @@ class Decimator {
     }
     ClusterUpdates::Node node;
     node.vertex = v;
-    node.boundary = boundary;
     node.error_code = static_cast<uint8_t>(110 + random_() % 24);
     node.star_begin = static_cast<uint32_t>(updates_.stars.size());
     node.star_count = static_cast<uint32_t>(next.size());
@@ -274,13 +273,13 @@ std::string Difference(const ClusterFixture& fixture, const EncodedCluster& enco
     const std::string where = " of node " + std::to_string(i);
     if (cluster.position(external + i) != updates.positions[node.vertex]) return "position" + where;
     if (cluster.error_codes[i] != node.error_code) return "error" + where;
-    if (cluster.boundary(i) != node.boundary) return "kind" + where;
+    if (cluster.boundary(i) != node.boundary()) return "kind" + where;
     if (row != 0 && std::memcmp(cluster.in.rows.data() + (external + i) * row,
                                 updates.rows.data() + node.vertex * row, row) != 0) {
       return "attributes" + where;
     }
     for (uint32_t s = cluster.star_begin[i]; s < cluster.star_begin[i + 1]; ++s) {
-      triangle_of_slot.push_back(find(cluster.star_triangle(i, s)));
+      triangle_of_slot.push_back(find(cluster.created_triangle(i, s)));
     }
     std::set<uint32_t> hole;
     for (const uint32_t s : cluster.hole(i)) hole.insert(triangle_of_slot[s]);

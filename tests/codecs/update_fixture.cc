@@ -66,7 +66,7 @@ std::vector<bool> UpdateFixture::Closed(std::vector<bool> wanted) const {
 
 std::array<uint32_t, 3> UpdateFixture::Corners(uint32_t slot) const {
   if (slot < cluster_.in_triangles()) return cluster_.in.triangles[slot];
-  return cluster_.star_triangle(creator_[slot], slot);
+  return cluster_.created_triangle(creator_[slot], slot);
 }
 
 void UpdateFixture::AddNode(uint32_t node, UpdateBatch& batch) const {

@@ -315,7 +315,6 @@ class MtBuilder {
       const InMemoryMt::Node& node = mt_.nodes[i];
       ClusterUpdates::Node out;
       out.vertex = local(node.vertex);
-      out.boundary = node.boundary;
       out.error_code = node.code;
       out.hole_begin = static_cast<uint32_t>(updates.holes.size());
       out.hole_count = static_cast<uint32_t>(node.hole.size());

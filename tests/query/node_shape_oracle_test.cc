@@ -170,13 +170,14 @@ class ShapelessMt {
     c.first_own_slot = id == root ? 0 : static_cast<uint32_t>(listed.size());
     std::map<uint32_t, uint32_t> slot_here;
     for (uint32_t s = 0; s < slots.size(); ++s) slot_here[slots[s]] = s;
-    c.ring_begin = c.hole_begin = unit->other_vertices = {0};
+    c.ring_begin = c.hole_begin = {0};
+    c.vertex_begin = {static_cast<uint32_t>(locals.size())};
     c.star_begin = {static_cast<uint32_t>(slots.size())};
     for (const uint32_t n : nodes) {
       const InMemoryMt::Node& node = mt.nodes[n];
       c.error_codes.push_back(node.code);
       for (uint32_t v = 0; v < kVertices; ++v) local(node.vertex + v);
-      unit->other_vertices.push_back(unit->other_vertices.back() + kVertices);
+      c.vertex_begin.push_back(static_cast<uint32_t>(locals.size()));
       std::set<uint32_t> ring;
       for (const uint32_t t : node.hole) {
         c.hole_slots.push_back(slot_here.at(t));
@@ -186,7 +187,7 @@ class ShapelessMt {
       for (const uint32_t t : node.star) {
         slot_here[t] = static_cast<uint32_t>(slots.size());
         slots.push_back(t);
-        unit->other_stars.push_back(corners(t));
+        c.created_corners.push_back(corners(t));
       }
       c.ring_begin.push_back(static_cast<uint32_t>(c.ring_vertices.size()));
       c.hole_begin.push_back(static_cast<uint32_t>(c.hole_slots.size()));
