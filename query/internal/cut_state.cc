@@ -103,10 +103,6 @@ void CutState::TakeBack(std::span<const NodeRef> inserted) {
   }
 }
 
-void CutState::Remove(CutUnit& u, const LoadedUnit& unit, NodeIndex node) {
-  Exchange(u, unit, node, false);
-}
-
 void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool apply) {
   Save(u);
   const Cluster& cluster = unit.cluster;

@@ -114,7 +114,9 @@ class CutState {
   // What Insert did; the units are still pinned.
   void TakeBack(std::span<const NodeRef> inserted);
   // An applied node, none of whose children is applied.
-  void Remove(CutUnit& u, const LoadedUnit& unit, NodeIndex node);
+  void Remove(CutUnit& u, const LoadedUnit& unit, NodeIndex node) {
+    Exchange(u, unit, node, false);
+  }
   // Counts nodes that were applied by other means: see StoredOrderPass.
   void CountInserted(uint64_t nodes, uint64_t vertices, uint64_t triangles) {
     counts_.applied += nodes;

@@ -49,21 +49,19 @@ bool Insertion::TakeUp(int step) {
   };
   while (waiting_code_ >= 0 && !waits(waiting_code_)) --waiting_code_;
   if (waiting_code_ < 0) return false;
+  const auto take = [&](std::vector<std::pair<UnitId, uint32_t>>& waiting, auto undecided) {
+    for (const auto& [id, what] : waiting) {
+      MovingUnit& u = *units_.Find(id);
+      (u.*undecided).push_back(what);
+      units_.queue().Add(u);
+    }
+    waiting.clear();
+  };
   const auto top = static_cast<size_t>(waiting_code_);
   waiting_code_ = std::max(waiting_code_ - step, -1);
   for (size_t code = top + 1; code-- > static_cast<size_t>(waiting_code_ + 1);) {
-    for (const auto& [id, node] : nodes_waiting_[code]) {
-      MovingUnit& u = *units_.Find(id);
-      u.undecided.push_back(node);
-      units_.queue().Add(u);
-    }
-    nodes_waiting_[code].clear();
-    for (const auto& [id, ordinal] : children_waiting_[code]) {
-      MovingUnit& u = *units_.Find(id);
-      u.undecided_children.push_back(ordinal);
-      units_.queue().Add(u);
-    }
-    children_waiting_[code].clear();
+    take(nodes_waiting_[code], &MovingUnit::undecided);
+    take(children_waiting_[code], &MovingUnit::undecided_children);
   }
   return true;
 }

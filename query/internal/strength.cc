@@ -51,22 +51,14 @@ void Strength::Find(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   u.strong.Put(node, IsStrong(u, unit, node));
 }
 
-bool Strength::IsStrong(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
+bool Strength::IsStrong(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
   if (!u.refusing.Test(node)) return false;
   const uint32_t begin = unit.cluster.hole_begin[node];
   const std::span<const uint32_t> hole = unit.cluster.hole(node);
   for (uint32_t i = 0; i < hole.size(); ++i) {
     if (!u.refused.Test(begin + i)) continue;
-    const CutUnit* of = &u;
-    NodeIndex creator = 0;
-    if (hole[i] >= u.first_own) {
-      creator = unit.creator(hole[i]);
-    } else {
-      const SlotOrigin& origin = unit.origins[hole[i]];
-      creator = origin.creator;
-      of = units_.Find(unit.parents[origin.parent]);
-    }
-    if (creator == kNone32 || (of != nullptr && of->strong.Test(creator))) return true;
+    const CutState::NodeRef creator = units_.CreatorOf(u, unit, hole[i]);
+    if (creator.unit == nullptr || creator.unit->strong.Test(creator.node)) return true;
   }
   return false;
 }

@@ -26,7 +26,7 @@ class Strength {
   void Find(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
 
  private:
-  bool IsStrong(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
+  bool IsStrong(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
   // Those that remove the node's triangles.
   void RecheckRemovers(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
 
