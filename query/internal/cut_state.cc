@@ -157,17 +157,6 @@ Result<NodeIndex> CutState::RemoverOf(const LoadedUnit& unit, const Arc& arc) co
   return unit.cluster.removers[slot];
 }
 
-void CutState::SetLooked(CutUnit& u, const LoadedUnit& unit, bool looked) {
-  u.looked = looked;
-  if (!remembers_) return;
-  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
-    if (!Present(u, unit, slot)) continue;
-    const uint64_t n = looked ? 1 : ~uint64_t{0};
-    counts_.by_code[LargestCode(u.id)] -= n;
-    counts_.by_code[unit.cluster.error_codes[unit.cluster.removers[slot]]] += n;
-  }
-}
-
 void CutState::Keep(CutUnit& u) {
   MakeRoomForOne(touched_);
   u.before = std::make_unique<CutFlags>(u);

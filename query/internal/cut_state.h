@@ -131,7 +131,20 @@ class CutState {
   void CountArrival(const LoadedUnit& unit, NodeIndex node, int n) {
     counts_.by_code[unit.cluster.error_codes[node]] += static_cast<uint64_t>(n);
   }
-  void SetLooked(CutUnit& u, const LoadedUnit& unit, bool looked);
+  // Calls f(node) for the removers of these.
+  template <typename F>
+  void SetLooked(CutUnit& u, const LoadedUnit& unit, bool looked, F&& f) {
+    u.looked = looked;
+    const uint8_t largest = LargestCode(u.id);
+    for (uint32_t slot = 0; slot < u.first_own; ++slot) {
+      if (!Present(u, unit, slot)) continue;
+      const NodeIndex node = unit.cluster.removers[slot];
+      const uint64_t n = looked ? 1 : ~uint64_t{0};
+      counts_.by_code[largest] -= n;
+      counts_.by_code[unit.cluster.error_codes[node]] += n;
+      f(node);
+    }
+  }
 
   // Before the flags of a unit change in a round.
   void Save(CutUnit& u) {

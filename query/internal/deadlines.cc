@@ -174,8 +174,10 @@ bool Deadlines::Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) 
   if (same) return false;
   units_.Save(u);
   u.refusing.Put(node, verdict.some);
-  for (uint32_t i = begin; i < end; ++i) {
-    u.refused.Put(i, mixed ? refused_[i - begin] : verdict.all);
+  u.refused.ClearRange(begin, end);
+  if (verdict.all) u.refused.SetRange(begin, end);
+  for (uint32_t i = begin; mixed && i < end; ++i) {
+    if (refused_[i - begin]) u.refused.Set(i);
   }
   return true;
 }

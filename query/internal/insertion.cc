@@ -116,11 +116,8 @@ Status Insertion::Advance(MovingUnit& u, const LoadedUnit& unit) {
 
 // The first look at a unit: all that enters it, or all of a piece of the root.
 void Insertion::LookAt(MovingUnit& u, const LoadedUnit& unit) {
-  units_.SetLooked(u, unit, true);
-  for (uint32_t slot = 0; slot < u.first_own; ++slot) {
-    const NodeIndex node = unit.cluster.removers[slot];
-    if (units_.Present(u, unit, slot)) ReachNode(u, node, unit.cluster.error_codes[node]);
-  }
+  units_.SetLooked(u, unit, true,
+                   [&](NodeIndex node) { ReachNode(u, node, unit.cluster.error_codes[node]); });
   if (unit.nodes() > 0) return;
   units_.InsertRoot(u, unit);
   for (uint32_t slot = 0; slot < unit.own_slots(); ++slot) {

@@ -157,7 +157,7 @@ bool MovingCut::MayClose(MovingUnit& u, const LoadedUnit& unit) {
     const auto at = std::lower_bound(children.begin(), children.end(), u.id);
     Deadlines::SetChild(*parent, static_cast<uint32_t>(at - children.begin()), margins[p]);
   }
-  units_.SetLooked(u, unit, false);
+  units_.SetLooked(u, unit, false, [](NodeIndex) {});
   return true;
 }
 

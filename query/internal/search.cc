@@ -87,7 +87,7 @@ Status Search::LookAt(CutUnit& u) {
   };
   pending_.Clear(u.id);
   if (!u.looked) {
-    cut_.SetLooked(u, *unit, true);
+    u.looked = true;
     outcome_.nodes_visited += unit->nodes();
     if (by_error_) {
       for (uint32_t slot = 0; slot < u.first_own; ++slot) examine(slot);
