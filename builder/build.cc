@@ -251,7 +251,12 @@ class Builder {
     record_.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
                       grid.Position(grid.Quantize(input.bounds().max))};
     *sorter = MakeSorter(memory_ / 2);
+    return JoinInput(input, **sorter);
+  }
 
+  // Classifies the input's corners, gives its triangles to the sorter, and opens the journal.
+  Status JoinInput(InputSpool& input, TriangleSorter& sorter) {
+    const Grid& grid = record_.grid;
     JoinTotals totals;
     SurfaceDigest digest;
     Box3i bounds;
@@ -273,7 +278,7 @@ class Builder {
       digest.Merge(joined.digest);
       bounds.Add(joined.bounds);
       joined_hash = Mix64(joined_hash ^ joined.hash);
-      MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, **sorter));
+      MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, sorter));
       const uint64_t before = std::exchange(taken, taken + joined.codes.size());
       if (before >> 20 == taken >> 20) return Status::Ok();
       const double part = static_cast<double>(taken) / static_cast<double>(input.triangles());
@@ -289,6 +294,13 @@ class Builder {
     };
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
     while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
+    RecordInput(input, totals, digest, bounds);
+    return OpenJournal(joined_hash);
+  }
+
+  void RecordInput(const InputSpool& input, const JoinTotals& totals, const SurfaceDigest& digest,
+                   const Box3i& bounds) {
+    const Grid& grid = record_.grid;
     record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
     record_.double_positions = !grid.FitsFloat(record_.bounds);
     largest_error_ =
@@ -304,7 +316,6 @@ class Builder {
     record_.boundary_edges = totals.boundary_edges;
     record_.surface_digest = digest.surface_digest();
     record_.border_digest = digest.border_digest();
-    return OpenJournal(joined_hash);
   }
 
   // `input`: the hash of the joined triangles.

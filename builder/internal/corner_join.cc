@@ -240,8 +240,30 @@ class Join {
     return Status::Ok();
   }
 
+  // Answers the questions of range `r`, whose vertices are numbered from `first`.
   Status Answer(size_t r, Worker& w) {
     const uint64_t first = uint64_t{r} << range_bits_;
+    MTDB_RETURN_IF_ERROR(LoadVertices(first, w));
+    MTDB_RETURN_IF_ERROR(LoadCorners(r, first, w));
+    for (size_t v = 0; v < w.positions.size(); ++v) {
+      if (w.begin[v] == w.begin[v + 1]) {
+        ++w.totals.unreferenced_vertices;
+        continue;
+      }
+      ++w.totals.vertices;
+      w.totals.rounding_error = std::max(w.totals.rounding_error, w.displaced[v]);
+      const Link::Counts counts =
+          w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
+                         w.corners.data(), w.flags.data());
+      w.totals.duplicate_triangles += counts.duplicates;
+      w.totals.boundary_edges += counts.border_edges;
+      w.totals.nonmanifold_edges += counts.nonmanifold_edges;
+      w.totals.nonmanifold_vertices += counts.fixed;
+    }
+    return WriteAnswers(r, first, w);
+  }
+
+  Status LoadVertices(uint64_t first, Worker& w) {
     const auto vertices =
         static_cast<uint32_t>(std::min(uint64_t{1} << range_bits_, input_.vertices() - first));
     const size_t row = input_.row_bytes();
@@ -258,6 +280,11 @@ class Join {
       w.displaced[v] = grid_.Displacement(position);
       std::copy_n(input_.Row(bytes), row, w.rows.data() + v * row);
     }
+    return Status::Ok();
+  }
+
+  // The questions' corners, and the places of each vertex's among them.
+  Status LoadCorners(size_t r, uint64_t first, Worker& w) {
     const uint64_t count = questions_[r].size() / sizeof(Corner);
     if (count >= kNone32) {
       return Status(StatusCode::kBudgetExceeded,
@@ -266,30 +293,21 @@ class Join {
     const auto n = static_cast<uint32_t>(count);
     w.corners.resize(n);
     MTDB_RETURN_IF_ERROR(questions_[r].Read(0, w.corners.data(), n * sizeof(Corner)));
-    // Places of each vertex's corners: counted, summed up, filled from the back.
+    // Counted, summed up, filled from the back.
+    const size_t vertices = w.positions.size();
     w.begin.assign(vertices + 1, 0);
     for (const Corner& c : w.corners) ++w.begin[c.vertex - first];
-    for (uint32_t v = 0; v < vertices; ++v) w.begin[v + 1] += w.begin[v];
+    for (size_t v = 0; v < vertices; ++v) w.begin[v + 1] += w.begin[v];
     w.places.resize(n);
     for (uint32_t i = n; i-- > 0;) w.places[--w.begin[w.corners[i].vertex - first]] = i;
     w.flags.assign(n, 0);
-    for (uint32_t v = 0; v < vertices; ++v) {
-      if (w.begin[v] == w.begin[v + 1]) {
-        ++w.totals.unreferenced_vertices;
-        continue;
-      }
-      ++w.totals.vertices;
-      w.totals.rounding_error = std::max(w.totals.rounding_error, w.displaced[v]);
-      const Link::Counts counts =
-          w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
-                         w.corners.data(), w.flags.data());
-      w.totals.duplicate_triangles += counts.duplicates;
-      w.totals.boundary_edges += counts.border_edges;
-      w.totals.nonmanifold_edges += counts.nonmanifold_edges;
-      w.totals.nonmanifold_vertices += counts.fixed;
-    }
+    return Status::Ok();
+  }
+
+  Status WriteAnswers(size_t r, uint64_t first, const Worker& w) {
+    const size_t row = input_.row_bytes();
     Bytes answer(answer_bytes());
-    for (uint32_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < w.corners.size(); ++i) {
       const uint64_t v = w.corners[i].vertex - first;
       if (small_) {
         const uint64_t bits = PackedTriangle::PackPosition(w.positions[v]) | uint64_t{w.flags[i]}

@@ -33,10 +33,15 @@ void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
   outgoing_.resize(3 * n);
   std::vector<uint32_t> at(outgoing_begin_.begin(), outgoing_begin_.end() - 1);
   for (uint32_t h = 0; h < 3 * n; ++h) outgoing_[at[origin_[h]]++] = h;
-  // Each vertex's half-edges in counter-clockwise order, fan after fan, so that a neighbour that
-  // two triangles share is looked at once.
+  SortFans();
+  MeasureVertices();
+}
+
+// Puts each vertex's half-edges in counter-clockwise order, fan after fan, so that a neighbour that
+// two triangles share is looked at once.
+void RoundMesh::SortFans() {
   std::vector<uint32_t> fan;
-  for (uint32_t v = 0; v < vertex_count; ++v) {
+  for (uint32_t v = 0; v < positions_.size(); ++v) {
     const std::span<uint32_t> out = std::span(outgoing_).subspan(
         outgoing_begin_[v], outgoing_begin_[v + 1] - outgoing_begin_[v]);
     fan.clear();
@@ -54,10 +59,12 @@ void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
     // Closed fans beside others, at non-manifold vertices, keep their order.
     if (fan.size() == out.size()) std::copy(fan.begin(), fan.end(), out.begin());
   }
+}
 
-  vertex_errors_.assign(vertex_count, 0);
-  cones_.assign(vertex_count, Cone{});
-  for (uint32_t v = 0; v < vertex_count; ++v) {
+void RoundMesh::MeasureVertices() {
+  vertex_errors_.assign(positions_.size(), 0);
+  cones_.assign(positions_.size(), Cone{});
+  for (uint32_t v = 0; v < positions_.size(); ++v) {
     Vec3d sum{};
     for (const uint32_t h : half_edges_from(v)) {
       vertex_errors_[v] = std::max(vertex_errors_[v], static_cast<double>(errors_[h / 3]));
@@ -98,6 +105,7 @@ bool RoundMesh::Faces(uint32_t vertex, Vec3d n) const {
   return true;
 }
 
+// Long, since the search for the path's first triangle and the walk along it share six variables.
 double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
   const Vec3d pa = positions_[a];
   const Vec3d pb = positions_[b];

@@ -46,6 +46,9 @@ class RoundMesh {
   double CurveError(uint32_t a, uint32_t b, Vec3d n) const;
 
  private:
+  void SortFans();
+  void MeasureVertices();
+
   std::vector<uint32_t> origin_;    // per half-edge
   std::vector<uint32_t> opposite_;  // per half-edge, kNone32 at the tile's rim
   std::vector<Vec3d> positions_;    // per vertex

@@ -275,6 +275,7 @@ void AttributeCoder::CodeStepped(Coder& coder, const Channel& channel,
   }
 }
 
+// Long, since the one description of a normal serves writer and reader step by step.
 template <typename Coder, typename Row>
 void AttributeCoder::CodeNormal(Coder& coder, const Channel& channel, const Star& star,
                                 const Bytes& rows, Row* row, Context& context) {
