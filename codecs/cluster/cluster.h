@@ -7,7 +7,6 @@
 
 #include <array>
 #include <cstdint>
-#include <ranges>
 #include <span>
 #include <vector>
 
@@ -60,7 +59,24 @@ struct InPatch {
   Bytes rows;                                      // attributes of local vertices
 };
 
-using IndexRange = std::ranges::iota_view<uint32_t, uint32_t>;
+// The indices first .. last - 1.
+struct IndexRange {
+  struct Iterator {
+    uint32_t index;
+    uint32_t operator*() const { return index; }
+    Iterator& operator++() {
+      ++index;
+      return *this;
+    }
+    friend bool operator==(Iterator, Iterator) = default;
+  };
+  uint32_t first = 0, last = 0;
+
+  Iterator begin() const { return {first}; }
+  Iterator end() const { return {last}; }
+  uint32_t front() const { return first; }
+  uint32_t size() const { return last - first; }
+};
 
 // What a node does to the mesh: it removes some triangles and creates others with the same border,
 // among the vertices around and new ones. All nodes that the codec writes insert one vertex with a
