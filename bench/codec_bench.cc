@@ -302,7 +302,7 @@ class Bench {
       const Cluster& cluster = loaded->cluster;
       Bytes payload;
       const UnitId id(unit);
-      const Status status = surface.source()->Read({&id, 1}, [&](UnitId, Bytes bytes) {
+      const Status status = ReadUnits(*surface.source(), {&id, 1}, [&](UnitId, Bytes bytes) {
         payload = std::move(bytes);
         return Status::Ok();
       });

@@ -50,10 +50,11 @@ class NotingSource final : public ClusterSource {
   explicit NotingSource(std::shared_ptr<ClusterSource> source) : source_(std::move(source)) {}
   const ObjectRecord& record() const override { return source_->record(); }
   const ClusterIndex& index() const override { return source_->index(); }
-  Status Read(std::span<const UnitId> units, const Receiver& receive) override {
+  void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override {
     read.insert(read.end(), units.begin(), units.end());
-    return source_->Read(units, receive);
+    source_->Read(units, std::move(receiver));
   }
+  bool answers_at_once() const override { return source_->answers_at_once(); }
 
   std::vector<UnitId> read;
 

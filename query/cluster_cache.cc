@@ -1,7 +1,6 @@
 #include "query/cluster_cache.h"
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -9,8 +8,10 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <tuple>
 #include <unordered_map>
 
+#include "query/internal/make_room.h"
 #include "query/internal/stopwatch.h"
 #include "query/unit_reader.h"
 #include "store/base/out_of_memory.h"
@@ -18,14 +19,19 @@
 namespace mtdb {
 
 // Why nobody waits forever. A thread that has claimed a unit (kLoading) reads and decodes it
-// without waiting for anything, so waiting for a claimed unit ends. Room is waited for in two
-// places only, by readers that hold nothing: at the door, and for exclusive use. Who waits for
-// exclusive use closes the door; whoever is inside holds units, does not wait for room (what finds
-// none fails), and lets go after a step. So it becomes the only holder, all else can be dropped,
-// and what finds no room then never will.
+// without waiting for anything, so waiting for a claimed unit ends. Waiting for a payload that is
+// on its way ends as the source answers every unit; whoever takes it off its way wakes all, who
+// then ask for it themselves. Payloads that a plan has yet to decode are dropped by that plan only,
+// so that plans cannot take them from each other without end. Room is waited for in two places
+// only, by readers that hold nothing: at the door, and for exclusive use. Who waits for exclusive
+// use closes the door; whoever is inside holds units, does not wait for room (what finds none
+// fails), and lets go after a step. So it becomes the only holder, all else can be dropped, and
+// what finds no room then never will.
 //
 // Nor when memory runs out: with mutex_ held, what has been counted or pinned or claimed belongs to
 // something whose destructor takes it back (Plan, Claim), or nothing that needs memory follows.
+//
+// mutex_ is not held while the source is called. Answers hold the door's mutex, then take mutex_.
 
 namespace {
 
@@ -41,20 +47,40 @@ void GiveMemoryBack() {
 
 // Payloads take at most this share of the budget: the rest is for the units that a query decodes.
 constexpr size_t kPayloadShare = 2;
+// What is asked for ahead and has not been decoded takes at most this share.
+constexpr size_t kAheadShare = 4;
 
 }  // namespace
+
+// What was asked for in one call. The fields are guarded by the cache's mutex.
+class ClusterCache::Batch final : public PayloadReceiver {
+ public:
+  Batch(std::shared_ptr<Door> door, ClientPtr for_client, bool is_ahead)
+      : client(std::move(for_client)), ahead(is_ahead), door_(std::move(door)) {}
+  void Receive(UnitId unit, Result<Bytes> payload) override {
+    const MutexLock lock(door_->mutex);
+    if (door_->cache != nullptr) door_->cache->Arrive(*this, unit, std::move(payload));
+  }
+
+  const ClientPtr client;
+  std::vector<UnitId> units;
+  size_t open = 0;  // that are on their way
+  bool ahead;       // nobody waits for them: they give way
+
+ private:
+  const std::shared_ptr<Door> door_;
+};
 
 // What a load has yet to do: the units that are not ready, and pins on those that they come from.
 class ClusterCache::Plan {
  public:
   Plan(ClusterCache& cache, UnitId target) : cache_(cache), target_(target) {}
-  ~Plan() {
-    for (const auto& [u, value] : pinned_) cache_.Unpin(u);
-  }
+  ~Plan() { Clear(); }
   Plan(const Plan&) = delete;
   Plan& operator=(const Plan&) = delete;
 
   void Make() {
+    Clear();
     std::vector<UnitId> open{target_};
     while (!open.empty()) {
       const UnitId u = open.back();
@@ -65,19 +91,27 @@ class ClusterCache::Plan {
         PinUnit(u);
         continue;
       }
+      MakeRoomForOne(todo_);
       todo_.push_back(u);
-      for (const UnitId p : cache_.index_.parents(u)) open.push_back(p);
+      ++cache_.entries_[u].plans;
+      for (const UnitId p : Parents(u)) open.push_back(p);
     }
     for (const UnitId u : todo_) {
-      for (const UnitId p : cache_.index_.parents(u)) ++users_[p];
+      rows_ += cache_.index_.Has(u) ? 1 : 0;
+      for (const UnitId p : Parents(u)) ++users_[p];
     }
     std::sort(todo_.begin(), todo_.end(), std::greater<>());
+  }
+  // True when a unit's parents have become known.
+  bool outdated() const {
+    return rows_ < std::ranges::count_if(
+                       todo_, [&](UnitId u) { return cache_.index_.Has(u); });
   }
 
   const std::vector<UnitId>& todo() const { return todo_; }
   bool HasParents(UnitId unit) const {
-    return std::ranges::all_of(cache_.index_.parents(unit),
-                               [&](UnitId p) { return pinned_.contains(p); });
+    return cache_.index_.Has(unit) &&
+           std::ranges::all_of(Parents(unit), [&](UnitId p) { return pinned_.contains(p); });
   }
   // The unit is ready: its parents are needed for one thing less.
   void Finish(UnitId unit) {
@@ -86,8 +120,11 @@ class ClusterCache::Plan {
     while (!done.empty()) {
       const UnitId u = done.back();
       done.pop_back();
-      std::erase(todo_, u);
-      for (const UnitId p : cache_.index_.parents(u)) {
+      if (std::erase(todo_, u) > 0) {
+        --cache_.entries_[u].plans;
+        --rows_;
+      }
+      for (const UnitId p : Parents(u)) {
         if (--users_[p] > 0) continue;
         if (pinned_.erase(p) > 0) {
           cache_.Unpin(p);
@@ -97,6 +134,19 @@ class ClusterCache::Plan {
       }
     }
   }
+  // Room for `unit` is worth more than the payloads of what comes after it.
+  bool GiveUpPayloads(UnitId unit) {
+    bool any = false;
+    for (const UnitId u : todo_) {
+      Entry& entry = cache_.entries_[u];
+      if (u == unit || entry.plans > 1) continue;
+      if (entry.asked == nullptr && entry.payload == nullptr) continue;
+      if (entry.asked != nullptr) cache_.Withdraw(u);
+      if (entry.payload != nullptr) cache_.DropPayload(u);
+      any = true;
+    }
+    return any;
+  }
   // Hands the target's pin to the caller.
   LoadedUnitPtr Take() {
     LoadedUnitPtr value = pinned_.at(target_);
@@ -105,6 +155,17 @@ class ClusterCache::Plan {
   }
 
  private:
+  std::span<const UnitId> Parents(UnitId unit) const {
+    return cache_.index_.Has(unit) ? cache_.index_.parents(unit) : std::span<const UnitId>();
+  }
+  void Clear() {
+    for (const auto& [u, value] : pinned_) cache_.Unpin(u);
+    for (const UnitId u : todo_) --cache_.entries_[u].plans;
+    pinned_.clear();
+    todo_.clear();
+    users_.clear();
+    rows_ = 0;
+  }
   void PinUnit(UnitId unit) {
     pinned_.emplace(unit, cache_.entries_[unit].value);
     cache_.Pin(unit);
@@ -113,6 +174,7 @@ class ClusterCache::Plan {
   ClusterCache& cache_;
   const UnitId target_;
   std::vector<UnitId> todo_;                    // coarsest first
+  std::ptrdiff_t rows_ = 0;                     // of these, in the index
   std::unordered_map<UnitId, uint32_t> users_;  // units of todo_ that a unit is a parent of
   std::unordered_map<UnitId, LoadedUnitPtr> pinned_;
 };
@@ -138,23 +200,31 @@ class ClusterCache::Claim {
   Entry& entry_;
 };
 
-ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes,
-                           unsigned threads, RuntimeForm form, Loader loader)
+ClusterCache::ClusterCache(std::shared_ptr<ClusterSource> source, const CacheOptions& options)
     : source_(std::move(source)),
       index_(source_->index()),
-      budget_bytes_(budget_bytes),
-      threads_(threads),
-      form_(form),
-      loader_(std::move(loader)),
-      entries_(index_.unit_count()) {}
+      options_(options),
+      at_once_(source_->answers_at_once()),
+      door_(std::make_shared<Door>()),
+      entries_(index_.unit_count()) {
+  door_->cache = this;
+}
 
 ClusterCache::~ClusterCache() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   work_.notify_all();
+#if MTDB_THREADS
   for (std::thread& worker : workers_) worker.join();
+#endif
+  {
+    const MutexLock lock(door_->mutex);
+    door_->cache = nullptr;
+  }
+  for (const auto& batch : batches_) source_->Cancel(*batch);
+  for (const auto& batch : withdrawn_) source_->Cancel(*batch);
 }
 
 Result<LoadedUnitPtr> ClusterCache::Get(UnitId unit, LoadStats* stats) {
@@ -171,15 +241,15 @@ Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
     value = entries_[unit].value;
   } else {
     const Stopwatch watch;
-    Tally tally;
-    tally.stats = *stats;
-    tally.read.resize(entries_.size());
-    Errand errand{tally};
+    const auto client = std::make_shared<Client>();
+    client->stats = *stats;
+    client->read.resize(entries_.size());
+    LoadRequest request{client};
     Enter();
-    Result<LoadedUnitPtr> loaded = Load(unit, errand, lock);
+    Result<LoadedUnitPtr> loaded = Load(unit, request, lock);
     Leave();
     DropIdle(dropped);
-    *stats = tally.stats;
+    *stats = client->stats;
     stats->seconds += watch.Seconds();
     MTDB_ASSIGN_OR_RETURN(value, std::move(loaded));
   }
@@ -187,7 +257,7 @@ Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
   // Also unpins when there is no memory for the pointer.
   return LoadedUnitPtr(value.get(), [this, unit](const LoadedUnit*) {
     std::vector<LoadedUnitPtr> idle;
-    const std::lock_guard unpin_lock(mutex_);
+    const MutexLock unpin_lock(mutex_);
     Unpin(unit);
     DropIdle(idle);
   });
@@ -195,41 +265,234 @@ Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
 
 // What is in the cache by chance may take the room of what a plan needs first: who has the cache
 // for itself starts again without.
-Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, Errand& errand, Lock& lock) {
-  const auto load = [&] { return TryLoad(unit, errand, lock); };
+Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, LoadRequest& request, Lock& lock) {
+  const auto load = [&] { return TryLoad(unit, request, lock); };
   Result<LoadedUnitPtr> loaded = CatchOutOfMemory(load);
-  if (loaded.ok() || !errand.exclusive || !errand.no_room) return loaded;
-  errand.no_room = false;
+  if (loaded.ok() || !request.exclusive || !request.no_room) return loaded;
+  request.no_room = false;
   std::vector<LoadedUnitPtr> dropped;
-  MakeRoom(budget_bytes_, dropped);
+  MakeRoom(options_.budget_bytes, dropped);
   return CatchOutOfMemory(load);
 }
 
 // Takes what another thread is at later, and goes on with what nobody has begun.
-Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, Errand& errand, Lock& lock) {
+Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, LoadRequest& request, Lock& lock) {
   Plan plan(*this, unit);
   plan.Make();
+  request.plan = &plan;
   while (!plan.todo().empty()) {
     const auto next = std::ranges::find_if(plan.todo(), [&](UnitId u) {
       const State state = entries_[u].state;
-      return state == State::kReady || (state == State::kEmpty && plan.HasParents(u));
+      return state == State::kReady ||
+             (state == State::kEmpty && HasPayload(u, request) && plan.HasParents(u));
     });
     if (next == plan.todo().end()) {
-      MTDB_RETURN_IF_ERROR(Wait(errand, lock));
+      if (at_once_) {
+        MTDB_RETURN_IF_ERROR(Wait(unit, request, lock));
+      } else {
+        MTDB_RETURN_IF_ERROR(AskForPlan(request, lock));
+        if (plan.outdated()) plan.Make();
+      }
       continue;
     }
     const UnitId u = *next;
-    if (errand.reader != nullptr) MTDB_RETURN_IF_ERROR(errand.reader->Check());
-    if (entries_[u].state == State::kEmpty) MTDB_RETURN_IF_ERROR(LoadOne(u, errand, lock));
+    if (request.reader != nullptr) MTDB_RETURN_IF_ERROR(request.reader->Check());
+    if (entries_[u].state == State::kEmpty) MTDB_RETURN_IF_ERROR(LoadOne(u, request, lock));
     plan.Finish(u);
   }
   return plan.Take();
 }
 
-// The unit's parents are ready and pinned.
-Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
+// True for any that can be read now.
+bool ClusterCache::HasPayload(UnitId unit, const LoadRequest& request) const {
+  return at_once_ || entries_[unit].payload != nullptr ||
+         (request.reader != nullptr && request.reader->payloads_.contains(unit));
+}
+
+Status ClusterCache::AskForPlan(LoadRequest& request, Lock& lock) {
+  std::vector<UnitId> missing;
+  UnitId waits_for = kNone32;
+  for (const UnitId u : request.plan->todo()) {
+    const Entry& entry = entries_[u];
+    const auto failed = request.client->failures.find(u);
+    if (failed != request.client->failures.end()) return failed->second;
+    if (entry.asked != nullptr || entry.state == State::kLoading) waits_for = u;
+    if (entry.state != State::kEmpty || entry.asked != nullptr || HasPayload(u, request)) continue;
+    missing.push_back(u);
+  }
+  // A job decodes what has come.
+  if (request.waits && !missing.empty()) {
+    const UnitId first = missing.front();
+    if (UnitReader* const reader = request.reader; reader != nullptr) {
+      MTDB_RETURN_IF_ERROR(reader->Check());
+      reader->CutToLimit(missing);
+      if (missing.empty() && waits_for == kNone32) return reader->OverLimit(first);
+    }
+    const std::shared_ptr<Batch> batch = Ask(missing, request.client, false, lock);
+    if (batch == nullptr && waits_for == kNone32 && !missing.empty()) {
+      if (request.plan->GiveUpPayloads(first)) return Status::Ok();
+      request.no_room = true;
+      return NoRoom(first, index_.Has(first) ? index_.location(first).length : 1);
+    }
+    // It may have come during the call.
+    if (batch != nullptr) return Status::Ok();
+  }
+  return Wait(waits_for, request, lock);
+}
+
+std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> units,
+                                                       const ClientPtr& client, bool ahead,
+                                                       Lock& lock) {
+  const auto batch = std::make_shared<Batch>(door_, client, ahead);
+  batch->units.reserve(units.size());
+  MakeRoomForOne(batches_);
   std::vector<LoadedUnitPtr> dropped;
-  MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
+  const ObjectRecord& record = source_->record();
+  const uint64_t typical = record.payload_bytes / std::max(1u, index_.unit_count()) + 1;
+  for (const UnitId u : units) {
+    Entry& entry = entries_[u];
+    if (entry.state != State::kEmpty || entry.payload != nullptr || entry.asked != nullptr) {
+      continue;
+    }
+    const size_t bytes = index_.Has(u) ? index_.location(u).length : typical;
+    const bool fits = ahead ? bytes_ + bytes <= options_.budget_bytes : MakeRoom(bytes, dropped);
+    if (!fits) break;
+    entry.asked = batch.get();
+    entry.asked_bytes = bytes;
+    bytes_ += bytes;
+    batch->units.push_back(u);
+  }
+  if (batch->units.empty()) return nullptr;
+  peak_bytes_ = std::max(peak_bytes_, bytes_);
+  batch->open = batch->units.size();
+  batches_.push_back(batch);
+  std::vector<UnitId> order;
+  if (!TryAllocate([&] { order = batch->units; })) {
+    Withdraw(*batch);
+    return nullptr;
+  }
+  std::ranges::sort(order, {}, [&](UnitId u) {
+    if (!index_.Has(u)) return std::tuple(kNone32, kNone32, u);
+    const PayloadLocation& at = index_.location(u);
+    return std::tuple(at.value, at.offset, u);
+  });
+  TellSource(lock);
+  lock.unlock();
+  dropped.clear();
+  const bool asked = TryAllocate([&] { source_->Read(order, batch); });
+  lock.lock();
+  if (!asked) Withdraw(*batch);
+  return batch;
+}
+
+void ClusterCache::AskAhead(std::span<const UnitId> units, const ClientPtr& client, Lock& lock) {
+  std::vector<UnitId> list(units.begin(), units.end());
+  size_t bytes = payload_bytes_;
+  for (const auto& batch : batches_) {
+    for (const UnitId u : batch->units) {
+      if (entries_[u].asked == batch.get()) bytes += entries_[u].asked_bytes;
+    }
+  }
+  for (size_t i = 0; i < list.size(); ++i) {
+    if (!index_.Has(list[i])) continue;
+    bytes += index_.location(list[i]).length;
+    if (bytes > options_.budget_bytes / kAheadShare) {
+      list.resize(i);
+      break;
+    }
+    for (const UnitId p : index_.parents(list[i])) {
+      if (entries_[p].state == State::kEmpty && std::ranges::find(list, p) == list.end()) {
+        list.push_back(p);
+      }
+    }
+  }
+  std::ranges::sort(list, std::greater<>());
+  Ask(list, client, true, lock);
+}
+
+void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
+  const MutexLock lock(mutex_);
+  if (unit >= entries_.size() || entries_[unit].asked != &batch) return;  // withdrawn
+  Entry& entry = entries_[unit];
+  const ClientPtr client = batch.client;
+  const bool ahead = batch.ahead;
+  Withdraw(unit);
+  Status status = payload.status();
+  if (status.ok() && (!index_.Has(unit) || payload->size() != index_.location(unit).length)) {
+    status = Corrupt(UnitName(source_->record(), unit) + ": the source gave " +
+                     std::to_string(payload->size()) + " bytes, which its index does not say");
+  }
+  if (status.ok()) {
+    const size_t bytes = payload->size();
+    client->stats.bytes_read += bytes;
+    ++(index_.unit(unit).nodes == 0 ? client->stats.root_pieces_read : client->stats.clusters_read);
+    client->read[unit] = true;
+    if (client->control != nullptr) client->control->CountLoad();
+    // It was counted, but for a row that came with it.
+    std::vector<LoadedUnitPtr> dropped;
+    if (MakeRoom(bytes, dropped)) {
+      Payload shared;
+      const bool kept = TryAllocate([&] {
+        shared = std::make_shared<const Bytes>(std::move(*payload));
+        payloads_.push_back(unit);
+      });
+      if (kept) {
+        entry.payload = std::move(shared);
+        payload_bytes_ += bytes;
+        bytes_ += bytes;
+        peak_bytes_ = std::max(peak_bytes_, bytes_);
+      } else {
+        status = OutOfMemory();
+      }
+    }
+  }
+  if (!status.ok()) static_cast<void>(TryAllocate([&] { client->failures[unit] = status; }));
+  loaded_.notify_all();
+  if (!ahead || entry.payload == nullptr || client->stopped) return;
+  static_cast<void>(TryAllocate([&] { jobs_.push({unit, client}); }));
+  work_.notify_all();
+}
+
+void ClusterCache::Withdraw(UnitId unit) {
+  Entry& entry = entries_[unit];
+  const auto batch = std::ranges::find(batches_, entry.asked, &std::shared_ptr<Batch>::get);
+  if (--(*batch)->open == 0) batches_.erase(batch);
+  bytes_ -= entry.asked_bytes;
+  entry.asked_bytes = 0;
+  entry.asked = nullptr;
+}
+
+// The list of the withdrawn may miss some that the source then answers in vain.
+void ClusterCache::Withdraw(const Batch& batch) {
+  const auto at = std::ranges::find(batches_, &batch, &std::shared_ptr<Batch>::get);
+  if (at == batches_.end()) return;
+  const std::shared_ptr<Batch> held = *at;
+  for (const UnitId u : held->units) {
+    if (entries_[u].asked == held.get()) Withdraw(u);
+  }
+  static_cast<void>(TryAllocate([&] { withdrawn_.push_back(held); }));
+  loaded_.notify_all();
+}
+
+void ClusterCache::TellSource(Lock& lock) {
+  if (withdrawn_.empty()) return;
+  std::vector<std::shared_ptr<Batch>> batches;
+  batches.swap(withdrawn_);
+  lock.unlock();
+  for (const auto& batch : batches) source_->Cancel(*batch);
+  lock.lock();
+}
+
+void ClusterCache::CancelReads() {
+  MutexLock lock(mutex_);
+  while (!batches_.empty()) Withdraw(*std::shared_ptr<Batch>(batches_.back()));
+  TellSource(lock);
+}
+
+// The unit's parents are ready and pinned.
+Status ClusterCache::LoadOne(UnitId unit, LoadRequest& request, Lock& lock) {
+  std::vector<LoadedUnitPtr> dropped;
+  MTDB_RETURN_IF_ERROR(Reserve(unit, request, dropped));
   const Claim claim(*this, unit);
   Entry& entry = entries_[unit];
   LoadStats stats;
@@ -240,42 +503,54 @@ Status ClusterCache::LoadOne(UnitId unit, Errand& errand, Lock& lock) {
   dropped.clear();
   if (trim) GiveMemoryBack();
   Result<LoadedUnitPtr> loaded =
-      CatchOutOfMemory([&] { return ReadAndDecode(unit, errand, stats, payload); });
+      CatchOutOfMemory([&] { return ReadAndDecode(unit, request, stats, payload); });
   lock.lock();
-  errand.tally.stats.read_seconds += stats.read_seconds;
-  errand.tally.stats.decode_seconds += stats.decode_seconds;
+  request.client->stats.read_seconds += stats.read_seconds;
+  request.client->stats.decode_seconds += stats.decode_seconds;
   if (stats.bytes_read > 0) {
-    errand.tally.stats.bytes_read += stats.bytes_read;
-    ++(index_.unit(unit).nodes == 0 ? errand.tally.stats.root_pieces_read
-                                    : errand.tally.stats.clusters_read);
-    errand.tally.read[unit] = true;
+    request.client->stats.bytes_read += stats.bytes_read;
+    ++(index_.unit(unit).nodes == 0 ? request.client->stats.root_pieces_read
+                                    : request.client->stats.clusters_read);
+    request.client->read[unit] = true;
   }
   // The guess gives way to what it is.
   bytes_ -= entry.bytes;
   entry.bytes = loaded.ok() ? (*loaded)->memory_bytes() : 0;
   entry.state = State::kEmpty;
   MTDB_RETURN_IF_ERROR(loaded.status());
-  MTDB_RETURN_IF_ERROR(Reserve(unit, errand, dropped));
+  MTDB_RETURN_IF_ERROR(Reserve(unit, request, dropped));
   entry.value = *std::move(loaded);
   entry.state = State::kReady;
   ++decoded_;
-  if (form_ == RuntimeForm::kImplicit) KeepPayload(unit, std::move(payload), dropped);
+  if (options_.form == RuntimeForm::kImplicit) {
+    KeepPayload(unit, std::move(payload), dropped);
+  } else if (entry.payload != nullptr) {
+    DropPayload(unit);
+  }
   Link(unit);
+  if (!at_once_) PushChildren(unit, request.client);
   return Status::Ok();
 }
 
+Status ClusterCache::NoRoom(UnitId unit, size_t bytes) const {
+  return {StatusCode::kBudgetExceeded,
+          UnitName(source_->record(), unit) + ": needs " + std::to_string(bytes) +
+              " bytes beside the " + std::to_string(bytes_) +
+              " that are in use, but the cache is limited to " +
+              std::to_string(options_.budget_bytes) +
+              "; open the surface with a cache of at least " + std::to_string(bytes_ + bytes)};
+}
+
 // Claims the unit, and entry.bytes for it, or a guess when that is 0.
-Status ClusterCache::Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnitPtr>& dropped) {
+Status ClusterCache::Reserve(UnitId unit, LoadRequest& request,
+                             std::vector<LoadedUnitPtr>& dropped) {
   Entry& entry = entries_[unit];
   const size_t bytes = entry.bytes > 0 ? entry.bytes : EstimateBytes(unit);
-  if (!MakeRoom(bytes, dropped)) {
+  if (!MakeRoom(bytes, dropped) &&
+      !(request.plan->GiveUpPayloads(unit) && MakeRoom(bytes, dropped))) {
     entry.bytes = 0;
-    errand.no_room = true;
-    return {StatusCode::kBudgetExceeded,
-            UnitName(source_->record(), unit) + ": needs " + std::to_string(bytes) +
-                " bytes beside the " + std::to_string(bytes_) +
-                " that are in use, but the cache is limited to " + std::to_string(budget_bytes_) +
-                "; open the surface with a cache of at least " + std::to_string(bytes_ + bytes)};
+    request.no_room = true;
+    return NoRoom(unit, bytes);
   }
   entry.bytes = bytes;
   entry.state = State::kLoading;
@@ -285,63 +560,54 @@ Status ClusterCache::Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnit
 }
 
 // `payload`: the one that is kept, or null; then the one that was read.
-Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats,
-                                                  Payload& payload) {
+Result<LoadedUnitPtr> ClusterCache::ReadAndDecode(UnitId unit, LoadRequest& request,
+                                                  LoadStats& stats, Payload& payload) {
   const Stopwatch read_watch;
-  UnitReader* reader = errand.reader;
+  UnitReader* reader = request.reader;
   const bool keep = reader != nullptr && reader->limits_.max_bytes.has_value();
-  if (payload != nullptr) {
-    // Nothing to read.
-  } else if (const auto kept = keep ? reader->payloads_.find(unit)
-                                    : std::unordered_map<UnitId, Payload>::iterator{};
-             keep && kept != reader->payloads_.end()) {
-    payload = kept->second;
-  } else {
+  if (payload == nullptr && keep) {
+    if (const auto kept = reader->payloads_.find(unit); kept != reader->payloads_.end()) {
+      payload = kept->second;
+    }
+  }
+  if (payload == nullptr) {
     if (keep && index_.unit(unit).nodes > 0 &&
         index_.location(unit).length > reader->bytes_left()) {
-      reader->out_of_bytes_ = true;
-      return Status(StatusCode::kBudgetExceeded, UnitName(source_->record(), unit) +
-                                                     ": to read it exceeds the query's limit of " +
-                                                     std::to_string(*reader->limits_.max_bytes) +
-                                                     " bytes; raise it, or the cache's size");
+      return reader->OverLimit(unit);
     }
-    MTDB_ASSIGN_OR_RETURN(Bytes bytes, ReadPayload(unit));
-    payload = std::make_shared<const Bytes>(std::move(bytes));
+    std::optional<Bytes> bytes;
+    MTDB_RETURN_IF_ERROR(ReadUnits(*source_, {&unit, 1}, [&](UnitId, Bytes read) {
+      bytes = std::move(read);
+      return Status::Ok();
+    }));
+    payload = std::make_shared<const Bytes>(*std::move(bytes));
     stats.bytes_read = payload->size();
-    if (keep) reader->payloads_.emplace(unit, payload);
     if (reader != nullptr) reader->NoteLoad();
   }
+  if (keep) reader->payloads_.emplace(unit, payload);
   stats.read_seconds = read_watch.Seconds();
   const Stopwatch decode_watch;
   std::vector<LoadedUnitPtr> parents;
   for (const UnitId p : index_.parents(unit)) parents.push_back(entries_[p].value);
-  Result<LoadedUnitPtr> loaded = loader_(source_->record(), index_, unit, *payload, parents);
+  Result<LoadedUnitPtr> loaded = options_.loader(source_->record(), index_, unit, *payload, parents);
   stats.decode_seconds = decode_watch.Seconds();
   return loaded;
 }
 
-Result<Bytes> ClusterCache::ReadPayload(UnitId unit) {
-  std::optional<Bytes> found;
-  const auto receive = [&](UnitId, Bytes payload) {
-    found = std::move(payload);
-    return Status::Ok();
-  };
-  MTDB_RETURN_IF_ERROR(source_->Read({&unit, 1}, receive));
-  if (!found) {
-    return IoError(UnitName(source_->record(), unit) + ": the source did not deliver the payload");
-  }
-  return *std::move(found);
-}
-
 // Until something has changed.
-Status ClusterCache::Wait(Errand& errand, Lock& lock) {
-  if (errand.helps && RunJob(lock)) return Status::Ok();
-  if (errand.reader == nullptr) {
-    loaded_.wait(lock);
-    return Status::Ok();
+Status ClusterCache::Wait(UnitId unit, LoadRequest& request, Lock& lock) {
+  if (request.helps && RunJob(lock)) return Status::Ok();
+  if (!options_.waits || !request.waits) {
+    return NotYet(UnitName(source_->record(), unit) + ": is on its way; ask again");
   }
-  errand.reader->WaitOn(loaded_, lock);
-  return errand.reader->Check();
+  if (request.reader != nullptr) {
+    MTDB_RETURN_IF_ERROR(request.reader->WaitOn(loaded_, lock));
+    return request.reader->Check();
+  }
+#if MTDB_THREADS
+  loaded_.wait(lock);
+#endif
+  return Status::Ok();
 }
 
 // Does not wait for room: a unit that finds none is left to the query.
@@ -349,11 +615,12 @@ bool ClusterCache::RunJob(Lock& lock) {
   while (!jobs_.empty()) {
     const Job job = jobs_.top();
     jobs_.pop();
-    if (job.tally->stopped || exclusive_ || exclusive_waiting_ > 0) continue;
+    if (job.client->stopped || exclusive_ || exclusive_waiting_ > 0) continue;
     if (entries_[job.unit].state != State::kEmpty) continue;
     Enter();
-    Errand errand{*job.tally};
-    if (Load(job.unit, errand, lock).ok()) Unpin(job.unit);
+    LoadRequest request{job.client};
+    request.waits = at_once_;
+    if (Load(job.unit, request, lock).ok()) Unpin(job.unit);
     Leave();
     std::vector<LoadedUnitPtr> dropped;  // when the query is over meanwhile
     DropIdle(dropped);
@@ -362,29 +629,57 @@ bool ClusterCache::RunJob(Lock& lock) {
   return false;
 }
 
-// As many as can be made: a query does without.
-void ClusterCache::StartWorkers() {
-  try {
-    while (workers_.size() + 1 < threads_) workers_.emplace_back([this] { Work(); });
-  } catch (const std::bad_alloc&) {
-  } catch (const std::system_error&) {
+// A payload that came before the parents were decoded waits for them here.
+void ClusterCache::PushChildren(UnitId unit, const ClientPtr& client) {
+  for (const UnitId c : index_.children(unit)) {
+    if (!index_.Has(c) || entries_[c].state != State::kEmpty || entries_[c].payload == nullptr) {
+      continue;
+    }
+    if (std::ranges::any_of(index_.parents(c),
+                            [&](UnitId p) { return entries_[p].state != State::kReady; })) {
+      continue;
+    }
+    static_cast<void>(TryAllocate([&] { jobs_.push({c, client}); }));
+    work_.notify_all();
   }
 }
 
+// As many as can be made: a query does without.
+void ClusterCache::StartWorkers() {
+#if MTDB_THREADS
+  try {
+    while (workers_.size() + 1 < options_.threads) workers_.emplace_back([this] { Work(); });
+  } catch (const std::bad_alloc&) {
+  } catch (const std::system_error&) {
+  }
+#endif
+}
+
 void ClusterCache::Work() {
+#if MTDB_THREADS
   Lock lock(mutex_);
   while (!stopping_) {
     if (!RunJob(lock)) work_.wait(lock);
   }
+#endif
 }
 
 // What the last reader leaves behind goes back to the system.
-void ClusterCache::RemoveReader(Tally& tally) {
+void ClusterCache::RemoveReader(Client& client) {
   std::vector<LoadedUnitPtr> dropped;
   bool trim = false;
   {
-    const std::lock_guard lock(mutex_);
-    tally.stopped = true;
+    MutexLock lock(mutex_);
+    client.stopped = true;
+    client.control = nullptr;
+    // What nobody will wait for need not come. Who does not wait comes back for it.
+    while (options_.waits) {
+      const auto batch =
+          std::ranges::find(batches_, &client, [](const auto& b) { return b->client.get(); });
+      if (batch == batches_.end()) break;
+      Withdraw(*std::shared_ptr<Batch>(*batch));
+    }
+    TellSource(lock);
     --readers_;
     DropIdle(dropped);
     trim = !dropped.empty() && dropped_bytes_ >= kTrimBytes;
@@ -395,22 +690,22 @@ void ClusterCache::RemoveReader(Tally& tally) {
 }
 
 size_t ClusterCache::bytes() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return bytes_;
 }
 
 size_t ClusterCache::peak_bytes() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return peak_bytes_;
 }
 
 uint64_t ClusterCache::decoded() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return decoded_;
 }
 
 bool ClusterCache::idle() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return holders_ == 0 && exclusive_waiting_ == 0 && !exclusive_ &&
          std::ranges::all_of(entries_, [](const Entry& entry) {
            return entry.pins == 0 && entry.state != State::kLoading;
@@ -443,26 +738,30 @@ void ClusterCache::Unlink(UnitId unit) {
   (entry.older == kNone32 ? oldest_ : entries_[entry.older].newer) = entry.newer;
 }
 
-// Decoded units go before payloads, which are smaller and cost a read.
+// Decoded units go before payloads, which are smaller and cost a read; then what nobody waits for.
 bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
   uint32_t unit = oldest_;
-  while (bytes_ + bytes > budget_bytes_ && unit != kNone32) {
+  while (bytes_ + bytes > options_.budget_bytes && unit != kNone32) {
     const uint32_t next = entries_[unit].newer;
     if (entries_[unit].pins == 0) Drop(unit, dropped);
     unit = next;
   }
-  while (bytes_ + bytes > budget_bytes_ && !payloads_.empty()) DropOldestPayload();
-  return bytes_ + bytes <= budget_bytes_;
+  while (bytes_ + bytes > options_.budget_bytes && DropOldestPayload()) {
+  }
+  while (bytes_ + bytes > options_.budget_bytes) {
+    const auto ahead = std::ranges::find(batches_, true, [](const auto& b) { return b->ahead; });
+    if (ahead == batches_.end()) break;
+    Withdraw(*std::shared_ptr<Batch>(*ahead));
+  }
+  return bytes_ + bytes <= options_.budget_bytes;
 }
 
 void ClusterCache::Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped) {
   Entry& entry = entries_[unit];
   Unlink(unit);
   LoadedUnitPtr value = std::move(entry.value);
-  try {
-    dropped.push_back(std::move(value));
-  } catch (const std::bad_alloc&) {  // then it goes here, with mutex_ held
-  }
+  // Without memory it goes here, with mutex_ held.
+  static_cast<void>(TryAllocate([&] { dropped.push_back(std::move(value)); }));
   bytes_ -= entry.bytes;
   dropped_bytes_ += entry.bytes;
   entry.bytes = 0;
@@ -470,7 +769,7 @@ void ClusterCache::Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped) {
 }
 
 void ClusterCache::DropIdle(std::vector<LoadedUnitPtr>& dropped) {
-  if (form_ == RuntimeForm::kExplicit || readers_ > 0) return;
+  if (options_.form == RuntimeForm::kExplicit || readers_ > 0) return;
   for (uint32_t unit = oldest_; unit != kNone32;) {
     const uint32_t next = entries_[unit].newer;
     if (entries_[unit].pins == 0) Drop(unit, dropped);
@@ -479,29 +778,44 @@ void ClusterCache::DropIdle(std::vector<LoadedUnitPtr>& dropped) {
 }
 
 void ClusterCache::KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped) {
+  const size_t most = options_.budget_bytes / kPayloadShare;
+  while (payload_bytes_ > most && DropOldestPayload()) {
+  }
   if (entries_[unit].payload != nullptr) return;
-  const size_t most = budget_bytes_ / kPayloadShare;
   const size_t bytes = payload->size();
   if (bytes > most) return;
-  while (payload_bytes_ + bytes > most) DropOldestPayload();
-  if (!MakeRoom(bytes, dropped)) return;
-  try {
-    payloads_.push_back(unit);
-  } catch (const std::bad_alloc&) {  // it will be read again
-    return;
+  while (payload_bytes_ + bytes > most) {
+    if (!DropOldestPayload()) return;
   }
+  if (!MakeRoom(bytes, dropped)) return;
+  // Without memory it will be read again.
+  if (!TryAllocate([&] { payloads_.push_back(unit); })) return;
   payload_bytes_ += bytes;
   bytes_ += bytes;
   peak_bytes_ = std::max(peak_bytes_, bytes_);
   entries_[unit].payload = std::move(payload);
 }
 
-void ClusterCache::DropOldestPayload() {
-  Payload& payload = entries_[payloads_.front()].payload;
-  payloads_.pop_front();
+bool ClusterCache::DropOldestPayload() {
+  const auto at = std::ranges::find_if(payloads_, [&](UnitId u) { return entries_[u].plans == 0; });
+  if (at == payloads_.end()) return false;
+  DropPayload(*at);
+  return true;
+}
+
+void ClusterCache::DropPayload(UnitId unit) {
+  Payload& payload = entries_[unit].payload;
+  payloads_.erase(std::ranges::find(payloads_, unit));
   payload_bytes_ -= payload->size();
   bytes_ -= payload->size();
   payload.reset();
+}
+
+// Some 120 bytes a node are usual.
+size_t ClusterCache::TypicalBytes() const {
+  const ObjectRecord& record = source_->record();
+  return sizeof(LoadedUnit) +
+         (120 + record.attributes.row_bytes()) * (record.nodes / std::max(1u, record.clusters));
 }
 
 // Six star triangles a node are usual.

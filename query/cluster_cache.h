@@ -1,21 +1,21 @@
-// ClusterCache: the decoded clusters and root pieces of one surface, shared by its queries.
+// ClusterCache: the decoded units of one surface, shared by its queries.
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
 #include <queue>
 #include <span>
-#include <thread>
 #include <vector>
 
 #include "query/loaded_unit.h"
+#include "query/query_control.h"
 #include "store/base/status.h"
+#include "store/base/threading.h"
 #include "store/cluster_source.h"
 
 namespace mtdb {
@@ -33,33 +33,48 @@ struct LoadStats {
   double decode_seconds = 0;      // likewise
 };
 
+// What makes a unit of a payload, as LoadUnit does; called by many threads.
+using UnitLoader = std::function<decltype(LoadUnit)>;
+
+struct CacheOptions {
+  size_t budget_bytes = size_t{256} << 20;
+  // With more than one, threads - 1 of the cache's own read and decode what UnitReader::Prefetch
+  // names.
+  unsigned threads = 1;
+  RuntimeForm form = RuntimeForm::kExplicit;
+  // False: what would wait fails with kNotYet. A payload that is on its way comes nevertheless.
+  bool waits = kThreads;
+  UnitLoader loader = LoadUnit;
+};
+
 // Keeps decoded units within a budget of bytes; the least recently used go first. A unit is pinned
 // while a caller holds it: pinned units count and are never dropped. The budget is hard: what finds
 // no room waits, or fails with kBudgetExceeded. A unit is decoded from its parents, which are
-// loaded on the way, coarsest first; by one thread, however many want it. In the implicit form it
-// keeps payloads, within half of the budget, and decoded units only while there is a reader, in
-// what room is left. Safe for many threads; a hit costs one short critical section. Must outlive
-// its readers and the pointers it gave.
+// loaded on the way, coarsest first; by one thread, however many want it. A source that does not
+// answer at once is asked for all payloads that a load lacks, and for what readers name ahead, in
+// batches; payloads that have come or are on their way count. In the implicit form payloads are
+// kept, within half of the budget, and decoded units only while there is a reader, in what room is
+// left. Safe for many threads; a hit costs one short critical section. Must outlive its readers and
+// the pointers it gave.
 class ClusterCache {
  public:
-  // What makes a unit of a payload, as LoadUnit does; called by many threads.
-  using Loader = std::function<decltype(LoadUnit)>;
-
-  // With threads > 1, threads - 1 of its own read and decode what UnitReader::Prefetch names.
-  ClusterCache(std::shared_ptr<ClusterSource> source, size_t budget_bytes, unsigned threads = 1,
-               RuntimeForm form = RuntimeForm::kExplicit, Loader loader = LoadUnit);
+  ClusterCache(std::shared_ptr<ClusterSource> source, const CacheOptions& options);
   ~ClusterCache();
   ClusterCache(const ClusterCache&) = delete;
   ClusterCache& operator=(const ClusterCache&) = delete;
 
-  // The decoded unit, pinned as long as the pointer lives. For callers that hold a few units;
-  // queries have a UnitReader. Never waits for room. Errors: those of ClusterSource, kCorrupt of
-  // LoadUnit, kBudgetExceeded when pinned units leave no room, kNoSpace without memory.
+  // The decoded unit, pinned as long as the pointer lives; the index then has the rows of the unit,
+  // its parents and its children. For callers that hold a few units; queries have a UnitReader.
+  // Never waits for room. Errors: those of ClusterSource, kCorrupt of LoadUnit, kBudgetExceeded
+  // when pinned units leave no room, kNoSpace without memory, kNotYet.
   Result<LoadedUnitPtr> Get(UnitId unit, LoadStats* stats);
+  // Nobody wants the payloads that are on their way. Queries that wait for some ask again.
+  void CancelReads();
 
-  unsigned threads() const { return threads_; }
-  size_t budget_bytes() const { return budget_bytes_; }
-  // Bytes of the units and payloads held now, pinned ones and those being decoded included.
+  unsigned threads() const { return options_.threads; }
+  size_t budget_bytes() const { return options_.budget_bytes; }
+  // Bytes of the units and payloads held now, pinned ones and those being decoded or on their way
+  // included.
   size_t bytes() const;
   // The most that bytes() has been.
   size_t peak_bytes() const;
@@ -72,52 +87,85 @@ class ClusterCache {
   friend class UnitReader;
   enum class State : uint8_t { kEmpty, kLoading, kReady };
   using Payload = std::shared_ptr<const Bytes>;
+  class Batch;
   struct Entry {
-    LoadedUnitPtr value;  // when kReady
-    Payload payload;      // in the implicit form, or null
-    size_t bytes = 0;     // an estimate when kLoading
+    LoadedUnitPtr value;           // when kReady
+    Payload payload;               // that has come, or is kept in the implicit form
+    const Batch* asked = nullptr;  // the payload is on its way
+    size_t asked_bytes = 0;        // counted for that
+    size_t bytes = 0;              // an estimate when kLoading
     uint32_t pins = 0;
+    uint32_t plans = 0;        // that will decode it: its payload stays
     uint32_t newer = kNone32;  // neighbours in the list of ready units by last use
     uint32_t older = kNone32;
     State state = State::kEmpty;
   };
-  // What all threads that work for one query have done for it.
-  struct Tally {
+  // A query, as the threads see it that work for it.
+  struct Client {
     LoadStats stats;
-    std::vector<bool> read;  // per unit: by this query
-    bool stopped = false;    // the query is over: its jobs are void
+    std::vector<bool> read;             // per unit: by this query
+    std::map<UnitId, Status> failures;  // of reads
+    QueryControl* control = nullptr;    // null when the query is over
+    bool stopped = false;               // it is over: its jobs are void
   };
+  using ClientPtr = std::shared_ptr<Client>;
   struct Job {
     UnitId unit;
-    std::shared_ptr<Tally> tally;
+    ClientPtr client;
     friend bool operator<(const Job& a, const Job& b) { return a.unit < b.unit; }
   };
-  // On whose behalf a unit is loaded.
-  struct Errand {
-    Tally& tally;
+  class Plan;
+  // On whose behalf a unit is loaded, and how.
+  struct LoadRequest {
+    ClientPtr client;
     UnitReader* reader = nullptr;  // null: nothing can interrupt it
     bool exclusive = false;        // nobody else holds units
     bool helps = false;            // works on jobs while it waits
+    bool waits = true;             // false: kNotYet instead
     bool no_room = false;          // out: why it failed
+    Plan* plan = nullptr;
   };
-  class Plan;
   class Claim;
-  using Lock = std::unique_lock<std::mutex>;
+  // Where answers of the source find the cache, or nothing when it is gone.
+  struct Door {
+    Mutex mutex;
+    ClusterCache* cache = nullptr;
+  };
+  using Lock = MutexLock;
 
   Result<LoadedUnitPtr> GetPinned(UnitId unit, LoadStats* stats);
   // With mutex_ held; let go of while reading, decoding and waiting. The unit comes back pinned.
-  Result<LoadedUnitPtr> Load(UnitId unit, Errand& errand, Lock& lock);
-  Result<LoadedUnitPtr> TryLoad(UnitId unit, Errand& errand, Lock& lock);
-  Status LoadOne(UnitId unit, Errand& errand, Lock& lock);
-  Status Reserve(UnitId unit, Errand& errand, std::vector<LoadedUnitPtr>& dropped);
-  Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, Errand& errand, LoadStats& stats,
+  Result<LoadedUnitPtr> Load(UnitId unit, LoadRequest& request, Lock& lock);
+  Result<LoadedUnitPtr> TryLoad(UnitId unit, LoadRequest& request, Lock& lock);
+  Status LoadOne(UnitId unit, LoadRequest& request, Lock& lock);
+  Status Reserve(UnitId unit, LoadRequest& request, std::vector<LoadedUnitPtr>& dropped);
+  Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, LoadRequest& request, LoadStats& stats,
                                       Payload& payload);
-  Result<Bytes> ReadPayload(UnitId unit);
-  Status Wait(Errand& errand, Lock& lock);
+  Status Wait(UnitId unit, LoadRequest& request, Lock& lock);
+  Status NoRoom(UnitId unit, size_t bytes) const;
   bool RunJob(Lock& lock);
   void StartWorkers();
+  void PushChildren(UnitId unit, const ClientPtr& client);
   void Work();
-  void RemoveReader(Tally& tally);
+  void RemoveReader(Client& client);
+
+  // What is not there for the plan can be waited for: asks for it. kBudgetExceeded when there is no
+  // room for a single payload, or none may be read.
+  Status AskForPlan(LoadRequest& request, Lock& lock);
+  // Asks for payloads that are neither there nor on their way, as many as find room, in one batch
+  // in the order of their places. `ahead`: nobody waits for them yet. Null: there was none to ask
+  // for.
+  std::shared_ptr<Batch> Ask(std::span<const UnitId> units, const ClientPtr& client, bool ahead,
+                             Lock& lock);
+  // Whoever wants the units of `ahead` soon, and their missing parents.
+  void AskAhead(std::span<const UnitId> units, const ClientPtr& client, Lock& lock);
+  void Arrive(Batch& batch, UnitId unit, Result<Bytes> payload);
+  // A unit of which nothing is on its way any more.
+  void Withdraw(UnitId unit);
+  void Withdraw(const Batch& batch);
+  // Tells the source of batches that were withdrawn. Lets go of mutex_.
+  void TellSource(Lock& lock);
+  bool HasPayload(UnitId unit, const LoadRequest& request) const;
 
   // With mutex_ held.
   void Pin(UnitId unit);
@@ -125,7 +173,9 @@ class ClusterCache {
   void Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped);
   // Of a unit that was just decoded, and is not linked yet.
   void KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped);
-  void DropOldestPayload();
+  // Of those that no plan needs; false when there is none.
+  bool DropOldestPayload();
+  void DropPayload(UnitId unit);
   // In the implicit form, when nobody asks: drops the units that nobody holds.
   void DropIdle(std::vector<LoadedUnitPtr>& dropped);
   void Enter() { ++holders_; }
@@ -137,23 +187,25 @@ class ClusterCache {
   bool MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped);
   // Bytes of the unit when decoded, guessed from the index.
   size_t EstimateBytes(UnitId unit) const;
+  size_t TypicalBytes() const;
 
   const std::shared_ptr<ClusterSource> source_;
   const ClusterIndex& index_;
-  const size_t budget_bytes_;
-  const unsigned threads_;
-  const RuntimeForm form_;
-  const Loader loader_;
+  const CacheOptions options_;
+  const bool at_once_;  // how the source answers
+  const std::shared_ptr<Door> door_;
 
-  mutable std::mutex mutex_;
-  std::condition_variable loaded_;  // some unit left kLoading
-  std::condition_variable room_;    // holders_ or exclusive_ changed
-  std::condition_variable work_;    // there are jobs
-  std::vector<Entry> entries_;      // by unit
+  mutable Mutex mutex_;
+  ConditionVariable loaded_;    // some unit left kLoading, or a payload came, or will not
+  ConditionVariable room_;      // holders_ or exclusive_ changed
+  ConditionVariable work_;      // there are jobs
+  std::vector<Entry> entries_;  // by unit
   uint32_t newest_ = kNone32;
   uint32_t oldest_ = kNone32;
-  std::deque<UnitId> payloads_;  // kept ones, oldest first
-  size_t payload_bytes_ = 0;     // of these; in bytes_ too
+  std::deque<UnitId> payloads_;                    // that are there, oldest first
+  size_t payload_bytes_ = 0;                       // of these; in bytes_ too
+  std::vector<std::shared_ptr<Batch>> batches_;    // with units on their way, oldest first
+  std::vector<std::shared_ptr<Batch>> withdrawn_;  // which the source does not know yet
   uint32_t readers_ = 0;
   size_t bytes_ = 0;
   size_t peak_bytes_ = 0;
@@ -164,7 +216,9 @@ class ClusterCache {
   bool exclusive_ = false;                      // one reader has the cache for itself
   std::priority_queue<Job> jobs_;               // coarsest first
   bool stopping_ = false;
+#if MTDB_THREADS
   std::vector<std::thread> workers_;
+#endif
 };
 
 }  // namespace mtdb

@@ -22,10 +22,13 @@ class QueryControl {
   uint64_t triangles_emitted() const { return triangles_emitted_.load(std::memory_order_relaxed); }
 
  private:
+  friend class ClusterCache;
   friend class UnitReader;
   friend class Search;
   friend class Insertion;
   friend class CutImpl;
+  void CountLoad() { clusters_loaded_.fetch_add(1, std::memory_order_relaxed); }
+
   std::atomic<bool> cancelled_{false};
   std::atomic<uint64_t> clusters_loaded_{0};
   std::atomic<uint64_t> nodes_applied_{0};

@@ -236,7 +236,9 @@ const Bits& Session::BitsOf(uint32_t cluster) const {
 
 bool Session::applied(UnitId cluster, NodeIndex node) const {
   const ClusterIndex& index = surface_->index();
-  MTDB_CHECK(cluster < index.cluster_count() && node < index.unit(cluster).nodes, "no such node");
+  MTDB_CHECK(
+      cluster < index.cluster_count() && (!index.Has(cluster) || node < index.unit(cluster).nodes),
+      "no such node");
   const Bits& bits = BitsOf(cluster);
   return !bits.empty() && bits.Test(node);
 }

@@ -13,7 +13,7 @@ namespace mtdb {
 namespace {
 
 // The index is trusted from here on: it must agree with the record and lead from larger ids to
-// smaller ones only.
+// smaller ones only. Rows that come later are checked by the source.
 Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
   const auto corrupt = [&](const std::string& what) {
     return Corrupt(record.name + ": cluster index: " + what);
@@ -30,7 +30,10 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
   }
   if (index.unit_count() >= kChildFlag) return corrupt("too many clusters");
   VertexIndex next = index.root_vertices();
+  bool all = true;
   for (UnitId id = 0; id < index.unit_count(); ++id) {
+    all = all && index.Has(id);
+    if (!all) continue;
     const std::string name = UnitLabel(record, id);
     const UnitEntry& unit = index.unit(id);
     if ((unit.nodes == 0) != (unit.round == kRootRound) || index.first_vertex(id) != next) {
@@ -41,7 +44,7 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
       if (p <= id || p >= index.unit_count()) return corrupt(name + ": parent order");
     }
   }
-  if (next != record.vertices) {
+  if (all && next != record.vertices) {
     return corrupt(std::to_string(next) + " vertices, but the catalog says " +
                    std::to_string(record.vertices));
   }
@@ -53,9 +56,9 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
 Surface::Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& options)
     : source_(std::move(source)),
       cache_(std::make_unique<ClusterCache>(
-          source_, options.cache_bytes,
-          options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency()),
-          options.form)) {}
+          source_, CacheOptions{options.cache_bytes,
+                                options.threads > 0 ? options.threads : ProcessorCount(),
+                                options.form, options.waits})) {}
 
 Surface::~Surface() = default;
 

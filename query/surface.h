@@ -19,6 +19,7 @@
 #include "query/query.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
+#include "store/base/threading.h"
 #include "store/cluster_source.h"
 #include "store/object_record.h"
 
@@ -37,6 +38,10 @@ struct SurfaceOptions {
   // That read and decode for one query, its own included. 0: as many as the machine has. Answers do
   // not depend on it.
   unsigned threads = 0;
+  // False: a query that lacks a payload fails with kNotYet and leaves what it asked for on its way;
+  // asked again when that has come, it goes on with what is in the cache. For callers that must
+  // never stand still, and where there are no threads.
+  bool waits = kThreads;
 };
 
 // Safe for many threads, which share the cache. After De Floriani, Magillo, Puppo, "Efficient

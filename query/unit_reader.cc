@@ -1,6 +1,7 @@
 #include "query/unit_reader.h"
 
 #include <algorithm>
+#include <string>
 #include <unordered_set>
 #include <utility>
 
@@ -19,28 +20,29 @@ constexpr size_t kHeldShare = 16;
 // What is loaded ahead of a query takes at most this share of the cache.
 constexpr size_t kPrefetchShare = 4;
 constexpr size_t kPrefetchPerThread = 8;
+constexpr size_t kAskedAhead = 64;  // of a source that answers later
 
 }  // namespace
 
 UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
     : cache_(cache),
       limits_(limits),
-      tally_(std::make_shared<ClusterCache::Tally>()),
+      client_(std::make_shared<ClusterCache::Client>()),
       seen_(cache.entries_.size()) {
-  tally_->read.resize(cache.entries_.size());
+  client_->read.resize(cache.entries_.size());
+  client_->control = limits.control;
   {
-    const std::lock_guard lock(cache.mutex_);
+    const MutexLock lock(cache.mutex_);
     ++cache.readers_;
   }
-  if (cache.threads() < 2 || limits.max_bytes || cache.index_.cluster_count() == 0) return;
-  const size_t typical = cache.EstimateBytes(0);  // of the finest round, as most are
-  prefetch_units_ = std::min(kPrefetchPerThread * cache.threads(),
-                             cache.budget_bytes() / kPrefetchShare / typical);
+  if ((cache.threads() < 2 && cache.at_once_) || limits.max_bytes) return;
+  const size_t most = cache.at_once_ ? kPrefetchPerThread * cache.threads() : kAskedAhead;
+  prefetch_units_ = std::min(most, cache.budget_bytes() / kPrefetchShare / cache.TypicalBytes());
 }
 
 UnitReader::~UnitReader() {
   Release();
-  cache_.RemoveReader(*tally_);
+  cache_.RemoveReader(*client_);
 }
 
 Status UnitReader::Check() {
@@ -54,24 +56,54 @@ Status UnitReader::Check() {
   return Status::Ok();
 }
 
-void UnitReader::WaitOn(std::condition_variable& changed, ClusterCache::Lock& lock) const {
+Status UnitReader::WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const {
+  if (!cache_.options_.waits) {
+    return NotYet(cache_.source_->record().name + ": other queries hold the cache; ask again");
+  }
+#if MTDB_THREADS
   if (limits_.control == nullptr && !deadline_) {
     changed.wait(lock);
   } else {
     changed.wait_for(lock, kWatch);
   }
+#else
+  static_cast<void>(changed);
+  static_cast<void>(lock);
+#endif
+  return Status::Ok();
 }
 
 void UnitReader::NoteLoad() {
-  if (limits_.control == nullptr) return;
-  limits_.control->clusters_loaded_.fetch_add(1, std::memory_order_relaxed);
+  if (limits_.control != nullptr) limits_.control->CountLoad();
+}
+
+void UnitReader::CutToLimit(std::vector<UnitId>& units) const {
+  if (!limits_.max_bytes) return;
+  uint64_t left = BytesLeft();
+  const ClusterIndex& index = cache_.index_;
+  for (size_t i = 0; i < units.size(); ++i) {
+    if (!index.Has(units[i]) || index.unit(units[i]).nodes == 0) continue;
+    const uint64_t bytes = index.location(units[i]).length;
+    if (bytes > left) {
+      units.resize(i);
+      return;
+    }
+    left -= bytes;
+  }
+}
+
+Status UnitReader::OverLimit(UnitId unit) {
+  out_of_bytes_ = true;
+  return {StatusCode::kBudgetExceeded,
+          UnitName(cache_.source_->record(), unit) + ": to read it exceeds the query's limit of " +
+              std::to_string(*limits_.max_bytes) + " bytes; raise it, or the cache's size"};
 }
 
 // Whoever waits for exclusive use goes first.
 Status UnitReader::Enter(ClusterCache::Lock& lock) {
   while (cache_.exclusive_ || cache_.exclusive_waiting_ > 0) {
     MTDB_RETURN_IF_ERROR(Check());
-    WaitOn(cache_.room_, lock);
+    MTDB_RETURN_IF_ERROR(WaitOn(cache_.room_, lock));
   }
   cache_.Enter();
   return Status::Ok();
@@ -84,8 +116,10 @@ Status UnitReader::WaitForRoom() {
   ++cache_.exclusive_waiting_;
   Status status;
   while (status.ok() && (cache_.exclusive_ || cache_.holders_ > 0)) {
-    WaitOn(cache_.room_, lock);
-    status = CatchOutOfMemory([&] { return Check(); });
+    status = CatchOutOfMemory([&]() -> Status {
+      MTDB_RETURN_IF_ERROR(WaitOn(cache_.room_, lock));
+      return Check();
+    });
   }
   --cache_.exclusive_waiting_;
   if (status.ok()) {
@@ -94,7 +128,7 @@ Status UnitReader::WaitForRoom() {
   } else {
     cache_.room_.notify_all();
   }
-  tally_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  client_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
   return status;
 }
 
@@ -113,18 +147,18 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
         seen_[unit] = true;
         const bool there =
             (entry.state == ClusterCache::State::kReady || entry.payload != nullptr) &&
-            !tally_->read[unit];
-        if (there && cache_.index_.unit(unit).nodes > 0) ++tally_->stats.clusters_cached;
+            !client_->read[unit];
+        if (there && cache_.index_.unit(unit).nodes > 0) ++client_->stats.clusters_cached;
       }
       Status status;
       bool crowded = false;
       if (entry.state == ClusterCache::State::kReady) {
         cache_.Pin(unit);
       } else {
-        ClusterCache::Errand errand{*tally_, this, exclusive_, true};
-        status = cache_.Load(unit, errand, lock).status();
-        crowded = errand.no_room && !exclusive_;
-        tally_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+        ClusterCache::LoadRequest request{client_, this, exclusive_, true};
+        status = cache_.Load(unit, request, lock).status();
+        crowded = request.no_room && !exclusive_;
+        client_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
       }
       if (status.ok()) {
         held_.push_back(unit);
@@ -143,7 +177,7 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
 
 void UnitReader::Release() {
   if (held_.empty() && !exclusive_) return;
-  const std::lock_guard lock(cache_.mutex_);
+  const MutexLock lock(cache_.mutex_);
   for (const UnitId u : held_) cache_.Unpin(u);
   held_.clear();
   held_bytes_ = 0;
@@ -156,19 +190,22 @@ void UnitReader::Release() {
 
 void UnitReader::Prefetch(std::span<const UnitId> units) {
   if (prefetch_units_ == 0) return;
-  const std::lock_guard lock(cache_.mutex_);
+  ClusterCache::Lock lock(cache_.mutex_);
   const auto missing = [&](UnitId u) {
     return cache_.entries_[u].state == ClusterCache::State::kEmpty;
   };
   if (std::ranges::none_of(units, missing)) return;
   cache_.StartWorkers();
-  if (cache_.workers_.empty()) return;
-  try {
-    for (const UnitId u : units) {
-      if (missing(u)) cache_.jobs_.push({u, tally_});
+  // Without memory the query will load them itself.
+  static_cast<void>(TryAllocate([&] {
+    if (!cache_.at_once_) {
+      cache_.AskAhead(units, client_, lock);
+      return;
     }
-  } catch (const std::bad_alloc&) {  // the query will load them itself
-  }
+    for (const UnitId u : units) {
+      if (missing(u)) cache_.jobs_.push({u, client_});
+    }
+  }));
   cache_.work_.notify_all();
 }
 
@@ -178,7 +215,7 @@ bool UnitReader::ShouldRelease() const {
 }
 
 uint64_t UnitReader::BytesToRead(UnitId unit) const {
-  const std::lock_guard lock(cache_.mutex_);
+  const MutexLock lock(cache_.mutex_);
   uint64_t bytes = 0;
   std::vector<UnitId> open{unit};
   std::unordered_set<UnitId> visited;
@@ -197,13 +234,18 @@ uint64_t UnitReader::BytesToRead(UnitId unit) const {
 }
 
 uint64_t UnitReader::bytes_left() const {
-  const uint64_t read = stats().bytes_read;
+  const MutexLock lock(cache_.mutex_);
+  return BytesLeft();
+}
+
+uint64_t UnitReader::BytesLeft() const {
+  const uint64_t read = client_->stats.bytes_read;
   return *limits_.max_bytes > read ? *limits_.max_bytes - read : 0;
 }
 
 LoadStats UnitReader::stats() const {
-  const std::lock_guard lock(cache_.mutex_);
-  return tally_->stats;
+  const MutexLock lock(cache_.mutex_);
+  return client_->stats;
 }
 
 void UnitReader::FillStats(ExtractStats* stats) const {

@@ -65,13 +65,18 @@ class UnitReader {
   friend class ClusterCache;
   Status Enter(ClusterCache::Lock& lock);
   void NoteLoad();
-  // Waits for a change, or a little when there is something to watch.
-  void WaitOn(std::condition_variable& changed, ClusterCache::Lock& lock) const;
+  // Waits for a change, or a little when there is something to watch. kNotYet where nothing waits.
+  Status WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const;
+  // Of units to be read in this order, those that max_bytes allows. With the cache's mutex held.
+  void CutToLimit(std::vector<UnitId>& units) const;
+  // The error of what max_bytes does not allow.
+  Status OverLimit(UnitId unit);
+  uint64_t BytesLeft() const;
 
   ClusterCache& cache_;
   const ReaderLimits limits_;
   std::optional<std::chrono::steady_clock::time_point> deadline_;
-  const std::shared_ptr<ClusterCache::Tally> tally_;
+  const ClusterCache::ClientPtr client_;
   size_t prefetch_units_ = 0;
   std::vector<UnitId> held_;
   std::vector<bool> seen_;  // per unit: wanted before

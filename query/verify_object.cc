@@ -27,9 +27,6 @@ class Verifier {
         children_left_(index_.unit_count()) {}
 
   Status Full() {
-    for (UnitId u = 0; u < index_.unit_count(); ++u) {
-      children_left_[u] = static_cast<uint32_t>(index_.children(u).size());
-    }
     MTDB_RETURN_IF_ERROR(ForEachUnit([&](const LoadedUnit& unit) {
       CountRemovers(unit);
       CheckUnit(unit);
@@ -79,7 +76,9 @@ class Verifier {
     for (UnitId unit = index_.unit_count(); unit-- > 0;) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
       bool skip = false;
-      for (const UnitId p : index_.parents(unit)) skip |= failed_.Test(p);
+      if (index_.Has(unit)) {
+        for (const UnitId p : index_.parents(unit)) skip |= failed_.Test(p);
+      }
       if (skip) {
         failed_.Set(unit);
         continue;
@@ -160,7 +159,8 @@ class Verifier {
       max_degree_ = std::max(max_degree_, static_cast<uint32_t>(c.ring(i).size()));
       error_code_max_ = std::max(error_code_max_, c.error_codes[i]);
     }
-    if (children_left_[unit.id] == 0) depth = {};
+    children_left_[unit.id] = static_cast<uint32_t>(unit.children().size());
+    if (unit.children().empty()) depth = {};
     for (const UnitId p : unit.parents) {
       if (--children_left_[p] == 0) depths_[p] = {};
     }

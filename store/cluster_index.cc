@@ -38,4 +38,27 @@ void ClusterIndex::Finish(uint64_t root_vertices) {
   }
 }
 
+ClusterIndex::ClusterIndex(uint32_t clusters, uint32_t root_pieces, uint64_t root_vertices)
+    : entries_(clusters + root_pieces),
+      locations_(entries_.size()),
+      first_vertex_(entries_.size()),
+      late_(entries_.size()),
+      clusters_(clusters),
+      root_vertices_(root_vertices) {}
+
+void ClusterIndex::Put(UnitId id, const UnitEntry& entry, const PayloadLocation& location,
+                       VertexIndex first_vertex, std::span<const UnitId> children,
+                       std::span<const UnitId> parents) {
+  MTDB_CHECK(id < late_.size(), "no such unit");
+  if (Has(id)) return;
+  MTDB_CHECK((entry.nodes > 0) == (id < clusters_), "clusters have nodes");
+  LateRow& row = late_[id];
+  entries_[id] = entry;
+  locations_[id] = location;
+  first_vertex_[id] = first_vertex;
+  row.children.assign(children.begin(), children.end());
+  row.parents.assign(parents.begin(), parents.end());
+  row.there.value.store(true, std::memory_order_release);
+}
+
 }  // namespace mtdb

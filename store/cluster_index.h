@@ -1,7 +1,9 @@
-// ClusterIndex: the cluster DAG of an object, resident while the object is open. Small: some 90
-// bytes a cluster of a few thousand nodes. Layout in store/FORMAT.md.
+// ClusterIndex: the cluster DAG of an object. Small: some 90 bytes a cluster of a few thousand
+// nodes. Resident while the object is open; or its rows come as they are needed. Layout in
+// store/FORMAT.md.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -38,7 +40,7 @@ struct PayloadLocation {
   friend bool operator==(const PayloadLocation&, const PayloadLocation&) = default;
 };
 
-// Immutable once built; safe for many threads.
+// Rows that are there do not change; safe for many threads beside one that puts rows.
 class ClusterIndex {
  public:
   // Clusters are the units 0 .. cluster_count() - 1, pieces of the root those that follow.
@@ -47,12 +49,19 @@ class ClusterIndex {
   uint32_t root_piece_count() const { return unit_count() - clusters_; }
   uint64_t root_vertices() const { return root_vertices_; }
 
+  // Whether the unit's row is there; what follows is for those. True for all of a resident index.
+  bool Has(UnitId id) const { return late_.empty() || late_[id].there.load(); }
+
   const UnitEntry& unit(UnitId id) const { return entries_[id]; }
   const PayloadLocation& location(UnitId id) const { return locations_[id]; }
   // Clusters that consume out-triangles of `id`; ascending, each smaller than `id`.
-  std::span<const UnitId> children(UnitId id) const { return Range(children_, child_begin_, id); }
+  std::span<const UnitId> children(UnitId id) const {
+    return late_.empty() ? Range(children_, child_begin_, id) : late_[id].children;
+  }
   // Units whose out-triangles `id` consumes; ascending, each larger than `id`.
-  std::span<const UnitId> parents(UnitId id) const { return Range(parents_, parent_begin_, id); }
+  std::span<const UnitId> parents(UnitId id) const {
+    return late_.empty() ? Range(parents_, parent_begin_, id) : late_[id].parents;
+  }
   // VertexIndex of the unit's node 0.
   VertexIndex first_vertex(UnitId id) const { return first_vertex_[id]; }
 
@@ -62,7 +71,32 @@ class ClusterIndex {
            std::span<const UnitId> children);
   void Finish(uint64_t root_vertices);
 
+  // An index without rows, which are put in any order. The caller has checked them: children are
+  // below the unit, and so on, as Add demands.
+  ClusterIndex(uint32_t clusters, uint32_t root_pieces, uint64_t root_vertices);
+  ClusterIndex() = default;
+  void Put(UnitId id, const UnitEntry& entry, const PayloadLocation& location,
+           VertexIndex first_vertex, std::span<const UnitId> children,
+           std::span<const UnitId> parents);
+
  private:
+  // A row's arcs, of an index whose rows come late.
+  struct LateRow {
+    // A flag that is set once, after the row was written. Copies are for one thread.
+    struct Flag {
+      std::atomic<bool> value{false};
+      Flag() = default;
+      Flag(const Flag& o) : value(o.load()) {}
+      Flag& operator=(const Flag& o) {
+        value.store(o.load());
+        return *this;
+      }
+      bool load() const { return value.load(std::memory_order_acquire); }
+    };
+    std::vector<UnitId> children, parents;
+    Flag there;
+  };
+
   static std::span<const UnitId> Range(const std::vector<UnitId>& values,
                                        const std::vector<uint64_t>& begin, UnitId id) {
     return std::span(values).subspan(begin[id], begin[id + 1] - begin[id]);
@@ -73,6 +107,7 @@ class ClusterIndex {
   std::vector<UnitId> children_, parents_;
   std::vector<uint64_t> child_begin_{0}, parent_begin_;
   std::vector<VertexIndex> first_vertex_;
+  std::vector<LateRow> late_;
   uint32_t clusters_ = 0;
   uint64_t root_vertices_ = 0;
 };

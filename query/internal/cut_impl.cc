@@ -116,7 +116,9 @@ void CutImpl::AddSinkRounding(double rounding) {
 }
 
 bool CutImpl::applied(UnitId cluster, NodeIndex node) const {
-  MTDB_CHECK(cluster < index_.cluster_count() && node < index_.unit(cluster).nodes, "no such node");
+  MTDB_CHECK(cluster < index_.cluster_count() &&
+                 (!index_.Has(cluster) || node < index_.unit(cluster).nodes),
+             "no such node");
   if (everything_) return true;
   const CutUnit* const u = cut_.Find(cluster);
   return u != nullptr && u->applied.Test(node);
@@ -180,13 +182,11 @@ Status CutImpl::NumberVertices() {
                    std::to_string(root_numbers_.count()) + " vertices, the index says " +
                    std::to_string(index_.root_vertices()));
   }
+  numbered_ = true;
+  if (everything_) return Status::Ok();  // all vertices, by their own numbers
   VertexIndex next = root_numbers_.count();
-  if (everything_) outputs_.resize(index_.unit_count());
   for (UnitId u = 0; u < index_.unit_count(); ++u) {
-    if (everything_) {
-      outputs_[u].first = next;
-      next += index_.unit(u).nodes;
-    } else if (cut_.Find(u) != nullptr) {
+    if (cut_.Find(u) != nullptr) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
       const Bits& nodes = Nodes(u);
       Output& out = output(u);
@@ -196,12 +196,12 @@ Status CutImpl::NumberVertices() {
       next += nodes.Count();
     }
   }
-  numbered_ = true;
   return Status::Ok();
 }
 
 VertexIndex CutImpl::NumberOf(VertexIndex vertex, UnitId owner) const {
   if (owner == kNone32) return root_numbers_.number(vertex);
+  if (everything_) return vertex;
   const auto node = static_cast<NodeIndex>(vertex - index_.first_vertex(owner));
   return output(owner).Of(node);
 }
@@ -382,7 +382,7 @@ void CutImpl::FindCreators(const LoadedUnit& unit) {
 void CutImpl::NumberOwn(const LoadedUnit& unit) {
   const uint32_t external = unit.cluster.external_vertices();
   numbers_.assign(external + unit.nodes(), kUnset);
-  VertexIndex next = output(unit.id).first;
+  VertexIndex next = everything_ ? index_.first_vertex(unit.id) : output(unit.id).first;
   ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
 }
 

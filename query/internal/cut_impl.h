@@ -91,9 +91,9 @@ class CutImpl {
   const Bits& Nodes(UnitId unit) const {
     return clip_ ? output(unit).used : cut_.Find(unit)->applied;
   }
-  Output& output(UnitId unit) { return outputs_[everything_ ? unit : cut_.Find(unit)->place]; }
+  Output& output(UnitId unit) { return outputs_[cut_.Find(unit)->place]; }
   const Output& output(UnitId unit) const {
-    return outputs_[everything_ ? unit : cut_.Find(unit)->place];
+    return outputs_[cut_.Find(unit)->place];
   }
 
   const std::shared_ptr<const Surface> surface_;
@@ -108,7 +108,7 @@ class CutImpl {
   Search::Outcome outcome_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<Output> outputs_;       // per place in cut_.open(); when everything_ per unit
+  std::vector<Output> outputs_;       // per place in cut_.open()
   std::vector<VertexIndex> numbers_;  // scratch: per local vertex
   std::vector<NodeIndex> creators_;   // scratch: per own slot
   std::vector<uint64_t> inactive_;    // scratch: a bit per own slot

@@ -7,6 +7,7 @@
 // destructors clean up.
 #pragma once
 
+#include <cstdlib>
 #include <new>
 
 #include "store/base/status.h"
@@ -15,6 +16,8 @@ namespace mtdb {
 
 // So short that the message needs no memory.
 inline Status OutOfMemory() { return {StatusCode::kNoSpace, "out of memory"}; }
+
+#ifdef __cpp_exceptions
 
 // Calls f(), which returns a Status or a Result.
 template <typename F>
@@ -25,5 +28,35 @@ auto CatchOutOfMemory(F&& f) -> decltype(f()) {
     return OutOfMemory();
   }
 }
+
+// Calls f(); false when memory ran out.
+template <typename F>
+bool TryAllocate(F&& f) {
+  try {
+    f();
+    return true;
+  } catch (const std::bad_alloc&) {
+    return false;
+  }
+}
+
+[[noreturn]] inline void ThrowOutOfMemory() { throw std::bad_alloc(); }
+
+#else  // A program without exceptions ends where memory does.
+
+template <typename F>
+auto CatchOutOfMemory(F&& f) -> decltype(f()) {
+  return f();
+}
+
+template <typename F>
+bool TryAllocate(F&& f) {
+  f();
+  return true;
+}
+
+[[noreturn]] inline void ThrowOutOfMemory() { std::abort(); }
+
+#endif
 
 }  // namespace mtdb

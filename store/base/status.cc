@@ -19,6 +19,7 @@ const char* StatusCodeName(StatusCode code) {
     case StatusCode::kIoError: return "i/o error";
     case StatusCode::kNoSpace: return "no space";
     case StatusCode::kBusy: return "busy";
+    case StatusCode::kNotYet: return "not yet";
   }
   return "unknown";
 }

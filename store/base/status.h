@@ -26,6 +26,7 @@ enum class StatusCode : uint16_t {
   kIoError = 300,          // the operating system refused a read or write
   kNoSpace = 301,          // disk, map or memory is full
   kBusy = 302,             // another process holds what is needed
+  kNotYet = 303,           // what is needed is on its way: ask again
 };
 
 // "corrupt", "not found", ...: for messages and JSON.
@@ -54,6 +55,7 @@ inline Status NotFound(std::string m) { return {StatusCode::kNotFound, std::move
 inline Status BadInput(std::string m) { return {StatusCode::kBadInput, std::move(m)}; }
 inline Status Corrupt(std::string m) { return {StatusCode::kCorrupt, std::move(m)}; }
 inline Status IoError(std::string m) { return {StatusCode::kIoError, std::move(m)}; }
+inline Status NotYet(std::string m) { return {StatusCode::kNotYet, std::move(m)}; }
 inline Status Unsupported(std::string m) { return {StatusCode::kUnsupported, std::move(m)}; }
 
 // A value or an error; member names as in std::expected.

@@ -1,7 +1,9 @@
 #include "store/internal/object_reader.h"
 
 #include <algorithm>
+#include <optional>
 
+#include "store/base/out_of_memory.h"
 #include "store/internal/catalog.h"
 
 namespace mtdb {
@@ -114,22 +116,22 @@ Result<Bytes> ObjectReader::ReadProven(UnitId unit, Snapshot* snapshot) {
   return Status(StatusCode::kBusy, place_ + ": writers are too fast for this reader; try again");
 }
 
-Status ObjectReader::Read(std::span<const UnitId> units, const Receiver& receive) {
-  for (const UnitId unit : units) {
-    if (unit >= index_.unit_count()) {
-      return InvalidArgument(place_ + ": no unit " + std::to_string(unit) + ", it has " +
-                             std::to_string(index_.unit_count()));
-    }
-  }
+void ObjectReader::Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) {
+  std::optional<Result<Snapshot>> snapshot;  // the newest, or why there is none
+  // In the order of their places in the file.
   std::vector<UnitId> order(units.begin(), units.end());
   std::ranges::sort(order);
-  if (order.empty()) return Status::Ok();
-  MTDB_ASSIGN_OR_RETURN(Snapshot snapshot, environment_->Newest());
   for (const UnitId unit : order) {
-    MTDB_ASSIGN_OR_RETURN(Bytes payload, ReadProven(unit, &snapshot));
-    MTDB_RETURN_IF_ERROR(receive(unit, std::move(payload)));
+    receiver->Receive(unit, CatchOutOfMemory([&]() -> Result<Bytes> {
+                        if (unit >= index_.unit_count()) {
+                          return InvalidArgument(place_ + ": no unit " + std::to_string(unit) +
+                                                 ", it has " + std::to_string(index_.unit_count()));
+                        }
+                        if (!snapshot) snapshot.emplace(environment_->Newest());
+                        if (!snapshot->ok()) return snapshot->status();
+                        return ReadProven(unit, &**snapshot);
+                      }));
   }
-  return Status::Ok();
 }
 
 }  // namespace mtdb

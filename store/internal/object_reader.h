@@ -21,7 +21,8 @@ class ObjectReader final : public ClusterSource {
 
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
-  Status Read(std::span<const UnitId> units, const Receiver& receive) override;
+  void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
+  bool answers_at_once() const override { return true; }
   uint64_t bytes_read() const override { return environment_->file().bytes_read(); }
 
  private:

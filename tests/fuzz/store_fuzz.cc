@@ -95,7 +95,7 @@ Status ReadAll(const std::string& path) {
     std::vector<UnitId> ids;
     for (UnitId u = 0; u < source->index().unit_count(); ++u) ids.push_back(u);
     // A payload is the one that was written, or an error.
-    MTDB_RETURN_IF_ERROR(source->Read(ids, [](UnitId id, const mtdb::Bytes& payload) {
+    MTDB_RETURN_IF_ERROR(ReadUnits(*source, ids, [](UnitId id, const mtdb::Bytes& payload) {
       if (payload != UnitPayload(id)) __builtin_trap();
       return Status::Ok();
     }));

@@ -25,7 +25,7 @@ MtFixture Fixture() {
 
 TEST_CASE("A cluster is read with the ancestors that are missing, and once") {
   const MtFixture f = Fixture();
-  ClusterCache cache(f.source, size_t{1} << 30);
+  ClusterCache cache(f.source, {size_t{1} << 30});
   LoadStats stats;
   const LoadedUnitPtr first = cache.Get(0, &stats).value();
   REQUIRE(first->id == 0);
@@ -45,11 +45,11 @@ TEST_CASE("The least recently used unpinned units go first, pinned ones stay") {
   LoadStats stats;
   size_t all = 0;
   {
-    ClusterCache cache(f.source, size_t{1} << 30);
+    ClusterCache cache(f.source, {size_t{1} << 30});
     for (UnitId u = count; u-- > 0;) REQUIRE(cache.Get(u, &stats).ok());
     all = cache.bytes();
   }
-  ClusterCache cache(f.source, all / 2);
+  ClusterCache cache(f.source, {all / 2});
   LoadedUnitPtr pinned = cache.Get(count - 1, &stats).value();
   for (UnitId u = count; u-- > 0;) REQUIRE(cache.Get(u, &stats).ok());
   REQUIRE(cache.Get(count - 1, &stats).value() == pinned);
@@ -99,7 +99,7 @@ Status HoldAll(UnitReader& reader, const Wanted& wanted) {
 // Bytes that a cache needs so that the units can be held at the same time.
 size_t SmallestCache(const MtFixture& f, const Wanted& wanted, size_t at_least) {
   for (size_t budget = at_least;; budget += 4000) {
-    ClusterCache cache(f.source, budget);
+    ClusterCache cache(f.source, {budget});
     UnitReader reader(cache, {});
     Status status = HoldAll(reader, wanted);
     if (!status.ok() && reader.crowded()) {
@@ -125,7 +125,7 @@ TEST_CASE("Readers wait for room and none of them forever", "[threads]") {
     for (const Wanted& wanted : RandomSteps(count, t)) budget = SmallestCache(f, wanted, budget);
   }
   for (const unsigned own_threads : {1u, 3u}) {
-    ClusterCache cache(f.source, budget, own_threads);
+    ClusterCache cache(f.source, {budget, own_threads});
     std::atomic<int> failed{0};
     std::atomic<int> crowded{0};
     std::vector<std::thread> threads;
@@ -158,7 +158,7 @@ TEST_CASE("What is named ahead is loaded by other threads, once, and counted for
           "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = f.source->index().unit_count();
-  ClusterCache cache(f.source, size_t{1} << 30, 3);
+  ClusterCache cache(f.source, {size_t{1} << 30, 3});
   UnitReader reader(cache, {});
   REQUIRE(reader.prefetch_units() > 0);
   std::vector<UnitId> units;
@@ -183,7 +183,7 @@ TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = f.source->index().unit_count();
   for (int round = 0; round < 10; ++round) {
-    ClusterCache cache(f.source, size_t{1} << 30);
+    ClusterCache cache(f.source, {size_t{1} << 30});
     const uint64_t before = f.source->reads_;
     std::atomic<uint64_t> read{0};
     std::atomic<int> wrong{0};
@@ -211,7 +211,7 @@ TEST_CASE("Threads that want overlapping units share the work", "[threads]") {
 TEST_CASE("When the thread that loads fails, the others find out for themselves", "[threads]") {
   const MtFixture f = Fixture();
   const uint32_t count = f.source->index().unit_count();
-  ClusterCache cache(f.source, size_t{1} << 30);
+  ClusterCache cache(f.source, {size_t{1} << 30});
   std::atomic<int> failures_left{20};
   f.source->on_read_ = [&](uint32_t) {
     return failures_left.fetch_sub(1) > 0 ? IoError("not now") : Status::Ok();

@@ -7,6 +7,7 @@
 #include "query/internal/moving_cut.h"
 #include "query/query_control.h"
 #include "query/surface.h"
+#include "tests/query/late_source.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 
@@ -174,7 +175,8 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
   for (uint32_t i = 0; i < 12; ++i) {
     const MtFixture f = MakeMt(Varied(i));
     // Some caches are too small for what a step may hold.
-    const auto surface = *Surface::Open(f.source, {.cache_bytes = i % 4 == 3 ? 400000u : 8u << 20});
+    const auto surface =
+        *Surface::Open(AsTested(f.source), {.cache_bytes = i % 4 == 3 ? 400000u : 8u << 20});
     MovingCut cut(*f.source);
     Follower follower(f);
     Walker walker(f, i, 20);
@@ -230,7 +232,7 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
   uint64_t in_rounds = 0;
   for (uint32_t i = 0; i < 6; ++i) {
     const MtFixture f = MakeMt(Varied(i));
-    const auto surface = *Surface::Open(f.source);
+    const auto surface = *Surface::Open(AsTested(f.source));
     MovingCut cut(*f.source);
     Follower follower(f);
     Walker walker(f, i + 100, 3);
@@ -283,7 +285,7 @@ TEST_CASE("a moving cut that is stopped anywhere is at the cut of its last round
 TEST_CASE("a moving cut keeps nothing of clusters that it no longer needs") {
   for (uint32_t i = 0; i < 8; ++i) {
     const MtFixture f = MakeMt(Varied(i));
-    const auto surface = *Surface::Open(f.source);
+    const auto surface = *Surface::Open(AsTested(f.source));
     const size_t clusters = f.source->index_.cluster_count();
     const size_t root_pieces = f.source->index_.root_piece_count();
     MovingCut cut(*f.source);

@@ -503,13 +503,13 @@ std::vector<uint32_t> InMemoryMt::Mesh(const std::vector<bool>& applied) const {
   return mesh;
 }
 
-Status MemoryClusterSource::Read(std::span<const UnitId> units, const Receiver& receive) {
+void MemoryClusterSource::Read(std::span<const UnitId> units,
+                               std::shared_ptr<PayloadReceiver> receiver) {
   for (const UnitId unit : units) {
     ++reads_;
-    if (on_read_) MTDB_RETURN_IF_ERROR(on_read_(unit));
-    MTDB_RETURN_IF_ERROR(receive(unit, payloads_[unit]));
+    const Status status = on_read_ ? on_read_(unit) : Status::Ok();
+    receiver->Receive(unit, status.ok() ? Result<Bytes>(payloads_[unit]) : Result<Bytes>(status));
   }
-  return Status::Ok();
 }
 
 MtFixture MakeMt(const MtOptions& options) { return MtBuilder(options).Build(); }

@@ -64,7 +64,8 @@ class MemoryClusterSource final : public ClusterSource {
  public:
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
-  Status Read(std::span<const UnitId> units, const Receiver& receive) override;
+  void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
+  bool answers_at_once() const override { return true; }
 
   ObjectRecord record_;
   ClusterIndex index_;

@@ -8,6 +8,7 @@
 #include "query/internal/probe_geometry.h"
 #include "query/probe.h"
 #include "tests/builder/fixture.h"
+#include "tests/query/late_source.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
@@ -325,7 +326,7 @@ TEST_CASE("On a damaged object, whose errors lie, answers are still those of the
     o.resolution = 10;
     o.seed = seed;
     const MtFixture f = MakeMt(o);
-    const auto surface = Surface::Open(f.source).value();
+    const auto surface = Surface::Open(AsTested(f.source)).value();
     for (int i = 0; i < 20; ++i) {
       const Vec3d p = random.InBox(surface->record().bounds, 1);
       const double error = surface->record().grid.Error(static_cast<uint8_t>(random.Below(100)));

@@ -130,7 +130,7 @@ TEST_CASE("Payloads that are kept do not count as bytes to be read") {
 TEST_CASE("Payloads take half of the budget at most, the oldest go first") {
   const MtFixture f = Fixture(3);
   const size_t budget = PayloadBytes(f);
-  ClusterCache cache(f.source, kAmple, 1, RuntimeForm::kImplicit);
+  ClusterCache cache(f.source, {kAmple, 1, RuntimeForm::kImplicit});
   LoadStats stats;
   REQUIRE(cache.Get(0, &stats).ok());
   REQUIRE(cache.bytes() < budget);  // of the unit and its ancestors

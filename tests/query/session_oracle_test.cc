@@ -9,6 +9,7 @@
 #include "query/query_control.h"
 #include "query/session.h"
 #include "query/surface.h"
+#include "tests/query/late_source.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 
@@ -103,7 +104,7 @@ TEST_CASE("a session's cuts are those of Select and its updates lead from one to
       options.attributes = coincident;
       options.seed = ++seed;
       const MtFixture f = MakeMt(options);
-      const auto surface = *Surface::Open(f.source);
+      const auto surface = *Surface::Open(AsTested(f.source));
       const auto session = *Session::Open(surface);
       ExplicitMesh mesh(*session->Base());
       std::mt19937 random(seed);
@@ -144,7 +145,7 @@ TEST_CASE("a session's cuts are those of Select and its updates lead from one to
 
 TEST_CASE("an update that fails or is cancelled leaves the session's cut as it was") {
   const MtFixture f = MakeMt({});
-  const auto surface = *Surface::Open(f.source, {.cache_bytes = 1});
+  const auto surface = *Surface::Open(AsTested(f.source), {.cache_bytes = 1});
   const auto session = *Session::Open(surface);
   std::vector<UpdateBatch> batches;
   QueryControl control;
@@ -156,7 +157,7 @@ TEST_CASE("an update that fails or is cancelled leaves the session's cut as it w
   CHECK(batches.empty());
   CHECK(session->applied_count() == 0);
 
-  const auto roomy = *Surface::Open(f.source);
+  const auto roomy = *Surface::Open(AsTested(f.source));
   const auto other = *Session::Open(roomy);
   f.source->on_read_ = [](uint32_t unit) {
     return unit == 0 ? IoError("the disk is gone") : Status::Ok();

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "query/surface.h"
+#include "tests/query/late_source.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 #include "tests/support/mesh_check.h"
@@ -184,7 +185,7 @@ TEST_CASE("On tiny MTs the cut is the least of all valid parent-closed sets") {
     o.max_nodes = 11;
     o.seed = seed + 100;
     const MtFixture f = MakeMt(o);
-    const auto surface = Surface::Open(f.source).value();
+    const auto surface = Surface::Open(AsTested(f.source)).value();
     for (int i = 0; i < 8; ++i) {
       const Query query = RandomQuery(f, random);
       const Oracle oracle(f, query);
@@ -207,7 +208,7 @@ TEST_CASE("On small MTs the cut equals the definition, node for node") {
   for (const MtOptions& options : SmallMts()) {
     const MtFixture f = MakeMt(options);
     REQUIRE(f.source->index_.cluster_count() > 4);
-    const auto surface = Surface::Open(f.source).value();
+    const auto surface = Surface::Open(AsTested(f.source)).value();
     for (int i = 0; i < 60; ++i) {
       Query query = RandomQuery(f, random);
       query.clip = i % 3 == 0;
@@ -231,7 +232,7 @@ TEST_CASE("For every kind of region and threshold the cut equals the definition"
   for (const MtOptions& options : SmallMts()) {
     if (options.code_max == 0) continue;
     const MtFixture f = MakeMt(options);
-    const auto surface = Surface::Open(f.source).value();
+    const auto surface = Surface::Open(AsTested(f.source)).value();
     const Box3d& bounds = f.source->record_.bounds;
     for (int i = 0; i < 1 + kRegionKinds + kThresholdKinds; ++i) {
       const int region = std::min(i, kRegionKinds);
@@ -279,7 +280,7 @@ TEST_CASE("With budgets of triangles and bytes the largest errors are refined fi
       const Oracle oracle(f, query);
       QueryLimit limit{};
       const std::vector<bool> expected = oracle.GreedyCut(&limit);
-      const auto surface = Surface::Open(f.source).value();  // nothing is in the cache
+      const auto surface = Surface::Open(AsTested(f.source)).value();  // nothing is in the cache
       Result<Cut> cut = surface->Select(query);
       REQUIRE(cut.ok());
       CheckAnswer(f, query, oracle, expected, *cut);

@@ -390,20 +390,20 @@ TEST_CASE("reading a cluster reads its own bytes and few pages of the tree", "[s
   const auto read = [&](uint32_t id) {
     const uint64_t before = (*source)->bytes_read();
     const UnitId ids[] = {id};
-    REQUIRE((*source)->Read(ids, ignore).ok());
+    REQUIRE(ReadUnits(**source, ids, ignore).ok());
     return (*source)->bytes_read() - before - object.units[id].payload.size();
   };
   CHECK(read(150) <= 16 + 4 * 4096);
   CHECK(read(150) == 4 * 152);  // the meta pages, each twice
   const UnitId bad[] = {100000};
-  CHECK((*source)->Read(bad, ignore).code() == StatusCode::kInvalidArgument);
+  CHECK(ReadUnits(**source, bad, ignore).code() == StatusCode::kInvalidArgument);
   const UnitId good[] = {1, 0};
   int calls = 0;
   const auto stop = [&](UnitId, Bytes) {
     ++calls;
     return Status(StatusCode::kCancelled, "enough");
   };
-  CHECK((*source)->Read(good, stop).code() == StatusCode::kCancelled);
+  CHECK(ReadUnits(**source, good, stop).code() == StatusCode::kCancelled);
   CHECK(calls == 1);
 }
 

@@ -125,7 +125,7 @@ Status CompareObject(ClusterSource& source, const SyntheticObject& object) {
     if (!std::ranges::equal(index.children(id), u.children)) return differs("children");
   }
   size_t received = 0;
-  MTDB_RETURN_IF_ERROR(source.Read(ids, [&](UnitId id, Bytes payload) {
+  MTDB_RETURN_IF_ERROR(ReadUnits(source, ids, [&](UnitId id, Bytes payload) {
     ++received;
     return payload == object.units[id].payload ? Status::Ok() : differs("payload");
   }));

@@ -29,7 +29,7 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
   std::map<std::string, uint64_t> bytes;
   std::vector<UnitId> clusters;
   for (uint32_t i = 0; i < record.clusters; ++i) clusters.push_back(i);
-  MTDB_RETURN_IF_ERROR(source->Read(clusters, [&](UnitId, const Bytes& payload) {
+  MTDB_RETURN_IF_ERROR(ReadUnits(*source, clusters, [&](UnitId, const Bytes& payload) {
     uint64_t listed = 0;
     for (const StreamSize& s : ClusterStreamSizes(payload)) {
       bytes[s.name] += s.coded_bytes;

@@ -7,6 +7,8 @@
 #include "zstd.h"
 #include "zstd_errors.h"
 
+#include "store/base/out_of_memory.h"
+
 namespace mtdb {
 
 namespace {
@@ -24,13 +26,13 @@ struct FreeDecompressor {
 ZSTD_CCtx* ThreadCompressor() {
   thread_local std::unique_ptr<ZSTD_CCtx, FreeCompressor> context;
   if (context == nullptr) context.reset(ZSTD_createCCtx());
-  if (context == nullptr) throw std::bad_alloc();
+  if (context == nullptr) ThrowOutOfMemory();
   return context.get();
 }
 ZSTD_DCtx* ThreadDecompressor() {
   thread_local std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context;
   if (context == nullptr) context.reset(ZSTD_createDCtx());
-  if (context == nullptr) throw std::bad_alloc();
+  if (context == nullptr) ThrowOutOfMemory();
   return context.get();
 }
 
@@ -75,7 +77,7 @@ Bytes StreamWriter::Finish() const {
     ZSTD_CCtx_setParameter(context, ZSTD_c_contentSizeFlag, 0);
     ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, 0);
     const size_t size = ZSTD_compress2(context, frame.data(), frame.size(), raw.data(), raw.size());
-    if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) throw std::bad_alloc();
+    if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) ThrowOutOfMemory();
     MTDB_CHECK(!ZSTD_isError(size), "zstd refuses to compress");
     // A reader refuses a frame that expands too far, so that hostile bytes cannot take much memory.
     const bool pays = size < raw.size() && raw.size() / StreamReader::kMaxExpansion < size;

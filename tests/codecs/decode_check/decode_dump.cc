@@ -31,12 +31,13 @@ void DumpObject(const Surface& surface, ByteWriter& out) {
   for (UnitId unit = index.unit_count(); unit-- > 0;) {
     const LoadedUnitPtr loaded = surface.cache().Get(unit, &stats).value();
     const bool root = unit >= index.cluster_count();
-    const Status status = surface.source()->Read({&unit, 1}, [&](UnitId, const Bytes& payload) {
-      out.Put(root ? kRootPayload : kClusterPayload);
-      out.PutVarint(root ? surface.record().root_vertices : loaded->nodes());
-      PutBlob(out, Expand(payload));
-      return Status::Ok();
-    });
+    const Status status =
+        ReadUnits(*surface.source(), {&unit, 1}, [&](UnitId, const Bytes& payload) {
+          out.Put(root ? kRootPayload : kClusterPayload);
+          out.PutVarint(root ? surface.record().root_vertices : loaded->nodes());
+          PutBlob(out, Expand(payload));
+          return Status::Ok();
+        });
     MTDB_CHECK(status.ok(), status.message().c_str());
     if (root) continue;
     InPatch in = loaded->cluster.in;
