@@ -63,8 +63,8 @@ class ClusterCache {
   ClusterCache(const ClusterCache&) = delete;
   ClusterCache& operator=(const ClusterCache&) = delete;
 
-  // The decoded unit, pinned as long as the pointer lives; the index then has the rows of the unit,
-  // its parents and its children. For callers that hold a few units; queries have a UnitReader.
+  // The decoded unit, pinned as long as the pointer lives; the index then has the rows
+  // that ClusterSource promises with it. For callers that hold a few units; queries have a UnitReader.
   // Never waits for room. Errors: those of ClusterSource, kCorrupt of LoadUnit, kBudgetExceeded
   // when pinned units leave no room, kNoSpace without memory, kNotYet.
   Result<LoadedUnitPtr> Get(UnitId unit, LoadStats* stats);

@@ -14,6 +14,7 @@ LateSource::LateSource(std::shared_ptr<ClusterSource> whole, LateOptions options
                                 whole_->index().root_vertices())
                  : whole_->index()),
       random_(options_.seed) {
+  for (UnitId u = index_.cluster_count(); u < index_.unit_count(); ++u) PutFamily(u, 1);
   if (options_.own_thread) {
     thread_ = std::thread([this] {
       std::unique_lock lock(mutex_);
@@ -95,17 +96,22 @@ bool LateSource::AnswerOne() {
   return true;
 }
 
+// What a source promises with its answer.
 void LateSource::PutRows(UnitId unit) {
+  PutFamily(unit, 2);
+  for (const UnitId u : whole_->index().parents(unit)) PutFamily(u, 0);
+}
+
+void LateSource::PutFamily(UnitId unit, int generations) {
   if (!options_.late_rows) return;
-  const std::lock_guard lock(rows_mutex_);
   const ClusterIndex& all = whole_->index();
-  const auto put = [&](UnitId u) {
-    index_.Put(u, all.unit(u), all.location(u), all.first_vertex(u), all.children(u),
-               all.parents(u));
-  };
-  put(unit);
-  for (const UnitId u : all.parents(unit)) put(u);
-  for (const UnitId u : all.children(unit)) put(u);
+  {
+    const std::lock_guard lock(rows_mutex_);
+    index_.Put(unit, all.unit(unit), all.location(unit), all.first_vertex(unit), all.children(unit),
+               all.parents(unit));
+  }
+  if (generations == 0) return;
+  for (const UnitId u : all.children(unit)) PutFamily(u, generations - 1);
 }
 
 std::shared_ptr<ClusterSource> AsTested(std::shared_ptr<ClusterSource> source) {

@@ -54,6 +54,7 @@ class LateSource final : public ClusterSource {
   };
   bool AnswerOne();
   void PutRows(UnitId unit);
+  void PutFamily(UnitId unit, int generations);
 
   const std::shared_ptr<ClusterSource> whole_;
   const LateOptions options_;
