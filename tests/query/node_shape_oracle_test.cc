@@ -36,10 +36,13 @@ class ShapelessMt {
 
   const MtFixture& fixture() const { return f_; }
   std::unique_ptr<ClusterCache> Cache(size_t bytes) const {
-    return std::make_unique<ClusterCache>(
-        f_.source, bytes, 1u, RuntimeForm::kExplicit,
-        [this](const ObjectRecord&, const ClusterIndex&, UnitId unit, ByteSpan,
-               std::span<const LoadedUnitPtr>) -> Result<LoadedUnitPtr> { return units_[unit]; });
+    CacheOptions options;
+    options.budget_bytes = bytes;
+    options.loader = [this](const ObjectRecord&, const ClusterIndex&, UnitId unit, ByteSpan,
+                            std::span<const LoadedUnitPtr>) -> Result<LoadedUnitPtr> {
+      return units_[unit];
+    };
+    return std::make_unique<ClusterCache>(f_.source, options);
   }
 
  private:
