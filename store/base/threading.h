@@ -24,6 +24,7 @@ inline constexpr bool kThreads = MTDB_THREADS != 0;
 
 #if MTDB_THREADS
 
+#define MTDB_THREAD_LOCAL thread_local
 using Mutex = std::mutex;
 using MutexLock = std::unique_lock<std::mutex>;
 using ConditionVariable = std::condition_variable;
@@ -33,6 +34,8 @@ inline unsigned ProcessorCount() {
 }
 
 #else
+
+#define MTDB_THREAD_LOCAL static
 
 class Mutex {};
 

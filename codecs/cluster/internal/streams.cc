@@ -8,6 +8,7 @@
 #include "zstd_errors.h"
 
 #include "store/base/out_of_memory.h"
+#include "store/base/threading.h"
 
 namespace mtdb {
 
@@ -24,13 +25,13 @@ struct FreeDecompressor {
 
 // Contexts are costly to make and hold no state between calls; one per thread.
 ZSTD_CCtx* ThreadCompressor() {
-  thread_local std::unique_ptr<ZSTD_CCtx, FreeCompressor> context;
+  MTDB_THREAD_LOCAL std::unique_ptr<ZSTD_CCtx, FreeCompressor> context;
   if (context == nullptr) context.reset(ZSTD_createCCtx());
   if (context == nullptr) ThrowOutOfMemory();
   return context.get();
 }
 ZSTD_DCtx* ThreadDecompressor() {
-  thread_local std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context;
+  MTDB_THREAD_LOCAL std::unique_ptr<ZSTD_DCtx, FreeDecompressor> context;
   if (context == nullptr) context.reset(ZSTD_createDCtx());
   if (context == nullptr) ThrowOutOfMemory();
   return context.get();
