@@ -64,9 +64,9 @@ class ClusterCache {
   ClusterCache& operator=(const ClusterCache&) = delete;
 
   // The decoded unit, pinned as long as the pointer lives; the index then has the rows
-  // that ClusterSource promises with it. For callers that hold a few units; queries have a UnitReader.
-  // Never waits for room. Errors: those of ClusterSource, kCorrupt of LoadUnit, kBudgetExceeded
-  // when pinned units leave no room, kNoSpace without memory, kNotYet.
+  // that ClusterSource promises with it. For callers that hold a few units; queries have a
+  // UnitReader. Never waits for room. Errors: those of ClusterSource, kCorrupt of LoadUnit,
+  // kBudgetExceeded when pinned units leave no room, kNoSpace without memory, kNotYet.
   Result<LoadedUnitPtr> Get(UnitId unit, LoadStats* stats);
   // Nobody wants the payloads that are on their way. Queries that wait for some ask again.
   void CancelReads();

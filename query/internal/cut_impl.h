@@ -92,9 +92,7 @@ class CutImpl {
     return clip_ ? output(unit).used : cut_.Find(unit)->applied;
   }
   Output& output(UnitId unit) { return outputs_[cut_.Find(unit)->place]; }
-  const Output& output(UnitId unit) const {
-    return outputs_[cut_.Find(unit)->place];
-  }
+  const Output& output(UnitId unit) const { return outputs_[cut_.Find(unit)->place]; }
 
   const std::shared_ptr<const Surface> surface_;
   const ClusterIndex& index_;

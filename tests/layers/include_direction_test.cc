@@ -99,14 +99,15 @@ bool IsInstalled(const std::string& file) {
          (!file.starts_with("tools/") || file == "tools/client/client.h");
 }
 
-// A folder's own files and tests; benchmarks; fuzz targets and tests/memory what reads bytes; and
-// all tests what makes and measures meshes.
+// A folder's own files and tests; benchmarks; fuzz targets, tests/memory and tests/wasm what reads
+// bytes; and all tests what makes and measures meshes.
 bool MaySeeInternal(const std::string& file, const std::string& owner) {
   const std::string folder = owner.substr(0, owner.find('/'));
   return file.starts_with(owner + "/") || file.starts_with("tests/" + folder + "/") ||
          file.starts_with("bench/") ||
          (file.starts_with("tests/toy_format/") && owner == "codecs/mesh_file") ||
-         ((file.starts_with("tests/fuzz/") || file.starts_with("tests/memory/")) &&
+         ((file.starts_with("tests/fuzz/") || file.starts_with("tests/memory/") ||
+           file.starts_with("tests/wasm/")) &&
           (folder == "store" || folder == "codecs")) ||
          (file.starts_with("tests/") && (folder == "tools" || folder == "bench")) ||
          // Codes records that no honest server sends.

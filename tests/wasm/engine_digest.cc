@@ -63,9 +63,9 @@ class PageSource final : public ClusterSource {
 uint64_t DigestOf(const TriangleMesh& mesh) {
   uint64_t digest = 0;
   const auto add = [&](const auto& list) {
-    digest = Hash64(ByteSpan(reinterpret_cast<const std::byte*>(list.data()),
-                             list.size() * sizeof(list[0])),
-                    digest);
+    digest = Hash64(
+        ByteSpan(reinterpret_cast<const std::byte*>(list.data()), list.size() * sizeof(list[0])),
+        digest);
   };
   add(mesh.positions);
   for (const TriangleVertices& t : mesh.triangles) {

@@ -1,5 +1,5 @@
-// engine_dump STORE FILE: the first object of a store for engine_digest: record, index and payloads,
-// without zstd, which is not there for WebAssembly.
+// engine_dump STORE FILE: the first object of a store for engine_digest: record, index and
+// payloads, without zstd, which is not there for WebAssembly.
 #include <cstdio>
 
 #include "codecs/cluster/internal/streams.h"
