@@ -228,6 +228,8 @@ std::string MayRefuse(World& world, const Step& step, const std::string& by) {
       killed->second != WithoutInterruption(step)) {
     return "it goes on with something else";
   }
+  // More attributes than fit the memory that is allowed.
+  if (step.has("memory") && step.has("wide")) return "memory";
   // Writers and readers by another name of the file shut each other out.
   return by == "hardlink" ? "another name" : "";
 }
@@ -433,6 +435,17 @@ void Restart(World& world, const Step& step) {
   place.server.reset();
 }
 
+// Text has the shortest numbers that are a float32's, where all positions are such values.
+void RoundToFloat(const StoredObject& object, TriangleMesh* mesh) {
+  const auto rounded = [](Vec3d p) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+    return p;
+  };
+  const auto is_single = [&](Vec3d p) { return rounded(p) == p; };
+  if (!std::ranges::all_of(object.mesh.positions, is_single)) return;
+  std::ranges::transform(mesh->positions, mesh->positions.begin(), rounded);
+}
+
 void Ask(World& world, const Step& step) {
   const int64_t number = step.Int("store", 0);
   const StoreModel& model = world.Store(number).model;
@@ -460,6 +473,7 @@ void Ask(World& world, const Step& step) {
     answer.way = way.name;
     world.Note(std::string("ask ") + way.name);
     if (!way.ask(asked, &answer)) continue;
+    if (answer.mesh.header.from_text && !question.clip) RoundToFloat(*object, &answer.mesh);
     ++world.counts().answers;
     // Draco has no file without triangles, and says so.
     const bool no_file = reference && reference->triangles == 0 && step.Text("output") == "drc" &&

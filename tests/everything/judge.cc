@@ -203,8 +203,10 @@ class Judgement {
       const double distance = to.Distance(p);
       worst = std::max(worst, distance);
       if (accurate() && !question_.full) {
-        worst_excess = std::max(worst_excess,
-                                distance - (question_.permitted(p) + answer_.excess) * (1 + 1e-5));
+        double permitted = question_.permitted(p);
+        if (question_.partly_full) permitted = std::max(permitted, object_.displaced);
+        worst_excess =
+            std::max(worst_excess, distance - (permitted + answer_.excess) * (1 + 1e-5));
       }
     }
     if (worst > answer_.bound * (1 + 1e-5) + exactness_) {

@@ -220,6 +220,7 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
     AddOptions(&q->options, Arguments{"--error-at=linear," + List({c.x, c.y, c.z, error, slope})});
     q->query.threshold = LinearThreshold(c, error, slope);
     q->permitted = [=](Vec3d p) { return std::max(0.0, error + slope * Length(p - c)); };
+    q->partly_full = slope < 0;
   } else if (kind == "inside" && region) {
     q->json["threshold"] = {
         {"by_region", {{"region", region->json}, {"inside", error}, {"outside", error2}}}};

@@ -36,6 +36,7 @@ struct Question {
   std::function<double(Vec3d)> permitted;
   double permitted_everywhere = -1;  // the same when it is one number; else negative
   bool full = false;                 // the input's own triangles in the region
+  bool partly_full = false;          // and somewhere, as what is asked for is negative there
   std::optional<uint64_t> max_triangles;
   bool has_bytes = false;
   bool clip = false;
