@@ -1,5 +1,6 @@
 // The client library against servers that answer wrongly, endlessly, or a little at a time: each
 // exchange ends, with an error that says where.
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/write.hpp>
@@ -12,6 +13,7 @@
 #include "codecs/coding/rans.h"
 #include "store/base/hash.h"
 #include "tests/support/client_mesh_check.h"
+#include "tests/tools/cli_testing.h"
 #include "tests/tools/websocket_testing.h"
 #include "tools/client/client.h"
 #include "tools/client/network.h"
@@ -218,6 +220,93 @@ TEST_CASE("fetch takes no answer for a mesh that is none", "[client]") {
         std::string("HTTP/1.1 100 Continue\r\n\r\n"), "HTTP/1.1 206 Part" + whole.substr(15)}) {
     INFO(answer.substr(0, head));
     CHECK_FALSE(FetchFrom(Saying(answer), kLong).ok());
+  }
+}
+
+// What a terminal obeys, as JSON says it and as it is.
+const std::string kControl = R"(\u001b[2J\u009b31m\u007f\r\n)";
+bool HasControl(const std::string& text) {
+  return std::ranges::any_of(text,
+                             [](char c) {
+                               const auto byte = static_cast<unsigned char>(c);
+                               return (byte < ' ' && c != '\n') || byte == 0x7f;
+                             }) ||
+         text.find("\xc2\x9b") != std::string::npos;
+}
+
+std::string JsonAnswer(const std::string& status, const std::string& body) {
+  return "HTTP/1.1 " + status + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" +
+         body;
+}
+
+TEST_CASE("what a server says is printed as one line that no terminal obeys", "[client]") {
+  const Folder folder;
+  const std::string path = folder.File("path.jsonl");
+  const std::string csv = folder.File("steps.csv");
+  WriteText(path, std::string(kQuery) + "\n");
+  const auto check = [](const Arguments& arguments) {
+    const Outcome outcome = Run(arguments);
+    INFO(outcome.out << outcome.err);
+    CHECK(outcome.exit_code == 1);
+    CHECK(IsOneLine(outcome.err));
+    CHECK_FALSE(HasControl(outcome.out + outcome.err));
+  };
+  const std::string said = R"({"error": "x)" + kControl + "\"}";
+  const std::string named = R"({"objects": [{"object": "x)" + kControl + "\"}]}";
+  for (const std::string& answer :
+       {JsonAnswer("404 Not Found", said), JsonAnswer("500 No\x1b[2J", said)}) {
+    const HostileServer server(false, Saying(answer));
+    check({"fetch", server.url(), folder.File("out.ply"), "--full"});
+    check({"follow", server.url(), "--path", path});
+  }
+  {
+    const HostileServer server(false, Saying(JsonAnswer("200 OK", named)));
+    check({"fetch", server.url().substr(0, server.url().find("/objects")), folder.File("out.ply"),
+           "--full"});
+  }
+  {
+    std::string mesh = TheRecording().mesh;
+    const size_t at = mesh.find("X-Mtdb-Limit: ") + 14;
+    mesh.replace(at, mesh.find("\r\n", at) - at, "\x1b[2J");
+    const HostileServer server(false, Saying(mesh));
+    check({"fetch", server.url(), folder.File("out.ply"), "--full"});
+  }
+  const auto session = [&](const std::string& from, const std::string& to) {
+    std::string all = TheRecording().start();
+    all += Text(R"({"id":1,"done":{"triangles":0,"vertices":0,"active_triangles":0,)"
+                R"("error_bound":0,"limit":"accuracy","shortfall":null,"insertions":0,)"
+                R"("removals":0,"messages":0,"bytes":0,"milliseconds":0}})");
+    const size_t at = all.find(from);
+    REQUIRE(at != std::string::npos);
+    // Within a frame the length must stay.
+    REQUIRE(from.size() == to.size());
+    return all.replace(at, from.size(), to);
+  };
+  for (const auto& [from, to] : {std::pair<std::string, std::string>{"sculpture", R"(sc\u001bre)"},
+                                 {R"("accuracy")", R"("a\u001by")"},
+                                 {"accuracy", "a,b\"c\\\"d"}}) {
+    INFO(to);
+    const HostileServer server(true, Saying(session(from, to.substr(0, from.size()))));
+    check({"follow", server.url(), "--path", path, "--csv", csv});
+    CHECK_FALSE(HasControl(ReadText(csv)));
+  }
+  {
+    const std::string error = R"({"id":1,"error":"x)" + kControl + R"(","code":"busy"})";
+    const HostileServer server(true, Saying(TheRecording().start() + Text(error)));
+    check({"follow", server.url(), "--path", path});
+  }
+}
+
+TEST_CASE("a catalog, an error and a header nested without end are refused", "[client]") {
+  const std::string deep(8 << 20, '[');
+  for (const std::string& answer :
+       {JsonAnswer("200 OK", R"({"objects": )" + deep), JsonAnswer("404 No", deep),
+        JsonAnswer("404 No", R"({"error": )" + deep)}) {
+    const HostileServer server(false, Saying(answer));
+    const std::string origin = server.url().substr(0, server.url().find("/objects"));
+    for (const std::string& url : {origin, server.url()}) {
+      CHECK_FALSE(FetchMesh(url, kQuery, {}, [](auto) { return Status::Ok(); }).ok());
+    }
   }
 }
 

@@ -14,6 +14,7 @@
 #include "query/query_json.h"
 #include "store/object_name.h"
 #include "tools/cli/follow_path.h"
+#include "tools/cli/printable.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/request/arguments.h"
@@ -387,11 +388,8 @@ std::string ResumeCommand(int argc, char** argv, bool resumes) {
 }
 
 // One line, whatever names of files and objects are in it.
-void PrintError(std::string message) {
-  for (char& c : message) {
-    if (static_cast<unsigned char>(c) < ' ') c = '?';
-  }
-  std::fprintf(stderr, "mtdb: %s\n", message.c_str());
+void PrintError(const std::string& message) {
+  std::fprintf(stderr, "mtdb: %s\n", mtdb::Printable(message).c_str());
 }
 
 int Usage(const std::string& problem, const std::string& verb) {

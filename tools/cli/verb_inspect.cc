@@ -10,6 +10,7 @@
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/ingest_journal.h"
+#include "tools/cli/printable.h"
 #include "tools/cli/verbs.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
@@ -92,13 +93,6 @@ Json JournalsJson(const std::vector<IngestJournal>& journals) {
 }
 
 // A journal's texts come from a file that anybody may have written.
-std::string Printable(std::string text) {
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) < ' ' || c == 127) c = '?';
-  }
-  return text;
-}
-
 void PrintJournal(const IngestJournal& j) {
   const std::string object = j.object.empty() ? "an object" : Printable(j.object);
   const double megabytes = static_cast<double>(j.bytes) / 1e6;

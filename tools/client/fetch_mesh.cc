@@ -3,6 +3,7 @@
 #include "tools/client/client.h"
 #include "tools/client/http_client.h"
 #include "tools/client/internal/remote_object.h"
+#include "tools/client/json.h"
 #include "tools/client/shortfall_json.h"
 
 namespace mtdb {
@@ -27,8 +28,9 @@ bool TakeHeaders(const HttpResponse& response, FetchAnswer* answer) {
   take("x-mtdb-clusters-total", &answer->clusters_total);
   take("x-mtdb-bytes-read", &answer->bytes_read);
   answer->limit = response.header("x-mtdb-limit");
-  const auto shortfall = JsonTree::parse(response.header("x-mtdb-shortfall"), nullptr, false);
-  return ok && !answer->limit.empty() && ParseShortfall(shortfall, &answer->shortfall);
+  const std::string text = response.header("x-mtdb-shortfall");
+  const JsonTree shortfall = text == "null" ? JsonTree() : ParseJsonObject(text);
+  return ok && IsWord(answer->limit) && ParseShortfall(shortfall, &answer->shortfall);
 }
 
 }  // namespace

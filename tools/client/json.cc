@@ -1,5 +1,6 @@
 #include "tools/client/json.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <mutex>
@@ -19,6 +20,27 @@ struct Reserve {
 };
 constinit Reserve reserve;
 alignas(kAlignment) constinit std::byte kept[1 << 20] = {};
+
+constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
+
+// Deep values would take deep recursions.
+bool IsTooDeep(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (size_t i = 0; i < text.size() && depth <= kDeepest; ++i) {
+    const char c = text[i];
+    if (quoted && c == '\\') {
+      ++i;
+    } else if (c == '"') {
+      quoted = !quoted;
+    } else if (!quoted && (c == '{' || c == '[')) {
+      ++depth;
+    } else if (!quoted && (c == '}' || c == ']')) {
+      --depth;
+    }
+  }
+  return depth > kDeepest;
+}
 
 }  // namespace
 
@@ -44,6 +66,18 @@ void FreeDestructorList(void* at) noexcept {
   }
   if (--reserve.lists == 0) reserve.used = 0;
   reserve.mutex.unlock();
+}
+
+JsonTree ParseJsonObject(std::string_view text) {
+  const JsonTree none(JsonTree::value_t::discarded);
+  if (IsTooDeep(text)) return none;
+  JsonTree json = JsonTree::parse(text, nullptr, false);
+  return json.is_object() ? json : none;
+}
+
+bool IsWord(std::string_view text) {
+  return !text.empty() && text.size() <= 32 &&
+         std::ranges::all_of(text, [](char c) { return c >= 'a' && c <= 'z'; });
 }
 
 }  // namespace mtdb

@@ -13,6 +13,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <vector>
 
@@ -63,5 +64,11 @@ namespace mtdb {
 
 using Json = BasicJson<nlohmann::ordered_map>;  // its keys keep their order
 using JsonTree = BasicJson<std::map>;           // finds a key among many: for texts of others
+
+// The object that a text of somebody else is; discarded when it is none, or nested too deep.
+// (nlohmann's callbacks could watch the depth, but take quadratic time.)
+JsonTree ParseJsonObject(std::string_view text);
+// 1 to 32 small letters, such as the name of a limit.
+bool IsWord(std::string_view text);
 
 }  // namespace mtdb

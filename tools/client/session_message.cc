@@ -2,42 +2,13 @@
 
 #include <cmath>
 
+#include "store/object_name.h"
 #include "tools/client/json.h"
 #include "tools/client/shortfall_json.h"
 
 namespace mtdb {
 
 namespace {
-
-constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
-
-// Deep values would take deep recursions.
-bool IsTooDeep(std::string_view text) {
-  int depth = 0;
-  bool quoted = false;
-  for (size_t i = 0; i < text.size() && depth <= kDeepest; ++i) {
-    const char c = text[i];
-    if (quoted && c == '\\') {
-      ++i;
-    } else if (c == '"') {
-      quoted = !quoted;
-    } else if (!quoted && (c == '{' || c == '[')) {
-      ++depth;
-    } else if (!quoted && (c == '}' || c == ']')) {
-      --depth;
-    }
-  }
-  return depth > kDeepest;
-}
-
-// The object that `text` is; discarded when it is none. (nlohmann's callbacks could watch the
-// depth, but take quadratic time.)
-JsonTree ParseObject(std::string_view text) {
-  const JsonTree none(JsonTree::value_t::discarded);
-  if (IsTooDeep(text)) return none;
-  JsonTree json = JsonTree::parse(text, nullptr, false);
-  return json.is_object() ? json : none;
-}
 
 std::string Text(const JsonTree& json) {
   return json.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
@@ -106,7 +77,7 @@ Result<SessionHello> HelloOf(const JsonTree& json) {
   fields.Take("remember", &hello.remembered_vertices);
   fields.Take("max_triangles", &hello.max_triangles);
   fields.Take("max_message_bytes", &hello.max_message_bytes);
-  if (!fields.ok()) return NotReply();
+  if (!fields.ok() || !CheckObjectName(hello.object).ok()) return NotReply();
   return hello;
 }
 
@@ -118,7 +89,7 @@ Result<SessionDone> DoneOf(const JsonTree& json) {
   fields.Take("active_triangles", &done.active_triangles);
   fields.Take("error_bound", &done.error_bound);
   fields.Take("limit", &done.limit);
-  if (!fields.ok() || !json.contains("shortfall") ||
+  if (!fields.ok() || !IsWord(done.limit) || !json.contains("shortfall") ||
       !ParseShortfall(json.at("shortfall"), &done.shortfall)) {
     return NotReply();
   }
@@ -136,7 +107,7 @@ Result<SessionDone> DoneOf(const JsonTree& json) {
 Result<SessionRequest> ParseSessionRequest(std::string_view text, std::optional<uint64_t>* id) {
   constexpr const char* kForm = R"({"id": 7, "query": {...}})";
   id->reset();
-  const JsonTree json = ParseObject(text);
+  const JsonTree json = ParseJsonObject(text);
   if (json.is_discarded()) {
     return InvalidArgument(std::string("expected a JSON object such as ") + kForm);
   }
@@ -162,7 +133,7 @@ std::string SessionRequestText(const SessionRequest& request) {
 }
 
 Result<SessionReply> ParseSessionReply(std::string_view text) {
-  const JsonTree json = ParseObject(text);
+  const JsonTree json = ParseJsonObject(text);
   if (json.is_discarded()) return NotReply();
   SessionReply reply;
   reply.id = IdOf(json);

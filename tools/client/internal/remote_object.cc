@@ -1,5 +1,6 @@
 #include "tools/client/internal/remote_object.h"
 
+#include "store/object_name.h"
 #include "tools/client/json.h"
 
 namespace mtdb {
@@ -33,7 +34,7 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
         return AppendText(url.origin(), piece, &text);
       }));
   if (response.status != 200) return Refused(url.origin(), response.status, text);
-  const JsonTree json = JsonTree::parse(text, nullptr, false);
+  const JsonTree json = ParseJsonObject(text);
   const JsonTree* objects =
       json.is_object() && json.contains("objects") ? &json["objects"] : nullptr;
   if (objects == nullptr || !objects->is_array()) {
@@ -47,11 +48,15 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
   if (!object.is_object() || !object.contains("object") || !object["object"].is_string()) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
-  return std::string(kObjects) + PercentEncode(object["object"].get<std::string>());
+  const std::string name = object["object"].get<std::string>();
+  if (!CheckObjectName(name).ok()) {
+    return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
+  }
+  return std::string(kObjects) + PercentEncode(name);
 }
 
 Status Refused(const std::string& where, unsigned status, const std::string& text) {
-  const JsonTree json = JsonTree::parse(text, nullptr, false);
+  const JsonTree json = ParseJsonObject(text);
   const bool told = json.is_object() && json.contains("error") && json["error"].is_string();
   const std::string message =
       where + ": " + std::to_string(status) + ": " +
