@@ -112,7 +112,8 @@ struct JournalInfo {
 // kNotFound, kIoError.
 Result<JournalInfo> ReadJournalInfo(const std::string& path,
                                     std::span<const ObjectRecord> published = {});
-// Removes the journal when it is finished and not in use, and when the process may remove it.
+// Removes the journal when it is finished, or empty since its build was killed at
+// once, and not in use, and when the process may remove it.
 void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord> published);
 
 }  // namespace mtdb

@@ -374,7 +374,8 @@ void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord
   if (file < 0) return;
   if (flock(file, LOCK_EX | LOCK_NB) == 0) {
     const Result<JournalInfo> journal = Examine(file, path, published);
-    if (journal.ok() && journal->finished && IsAt(file, path)) unlink(path.c_str());
+    const bool useless = journal.ok() && (journal->finished || journal->bytes == 0);
+    if (useless && IsAt(file, path)) unlink(path.c_str());
   }
   close(file);
 }

@@ -473,7 +473,7 @@ void Ask(World& world, const Step& step) {
     answer.way = way.name;
     world.Note(std::string("ask ") + way.name);
     if (!way.ask(asked, &answer)) continue;
-    if (answer.mesh.header.from_text && !question.clip) RoundToFloat(*object, &answer.mesh);
+    if (answer.mesh.header.from_text) RoundToFloat(*object, &answer.mesh);
     ++world.counts().answers;
     // Draco has no file without triangles, and says so.
     const bool no_file = reference && reference->triangles == 0 && step.Text("output") == "drc" &&

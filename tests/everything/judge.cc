@@ -205,8 +205,7 @@ class Judgement {
       if (accurate() && !question_.full) {
         double permitted = question_.permitted(p);
         if (question_.partly_full) permitted = std::max(permitted, object_.displaced);
-        worst_excess =
-            std::max(worst_excess, distance - (permitted + answer_.excess) * (1 + 1e-5));
+        worst_excess = std::max(worst_excess, distance - (permitted + answer_.excess) * (1 + 1e-5));
       }
     }
     if (worst > answer_.bound * (1 + 1e-5) + exactness_) {

@@ -75,7 +75,7 @@ std::vector<IngestJournal> FindJournals(const std::string& folder, const std::st
     };
     // Of a store of the same name elsewhere.
     if (!text("store").empty() && text("store") != store) continue;
-    if (info->finished && !info->in_use) {
+    if ((info->finished || info->bytes == 0) && !info->in_use) {
       RemoveFinishedJournal(at->path().string(), published);
       continue;
     }

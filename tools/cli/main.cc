@@ -14,9 +14,9 @@
 #include "query/query_json.h"
 #include "store/object_name.h"
 #include "tools/cli/follow_path.h"
-#include "tools/cli/printable.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
+#include "tools/client/printable.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 

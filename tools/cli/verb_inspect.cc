@@ -10,8 +10,8 @@
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/ingest_journal.h"
-#include "tools/cli/printable.h"
 #include "tools/cli/verbs.h"
+#include "tools/client/printable.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "store/object_name.h"
 #include "tools/client/json.h"
+#include "tools/client/printable.h"
 #include "tools/client/shortfall_json.h"
 
 namespace mtdb {
@@ -77,7 +77,7 @@ Result<SessionHello> HelloOf(const JsonTree& json) {
   fields.Take("remember", &hello.remembered_vertices);
   fields.Take("max_triangles", &hello.max_triangles);
   fields.Take("max_message_bytes", &hello.max_message_bytes);
-  if (!fields.ok() || !CheckObjectName(hello.object).ok()) return NotReply();
+  if (!fields.ok() || Printable(hello.object) != hello.object) return NotReply();
   return hello;
 }
 

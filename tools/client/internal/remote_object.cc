@@ -1,7 +1,7 @@
 #include "tools/client/internal/remote_object.h"
 
-#include "store/object_name.h"
 #include "tools/client/json.h"
+#include "tools/client/printable.h"
 
 namespace mtdb {
 
@@ -49,7 +49,7 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
   const std::string name = object["object"].get<std::string>();
-  if (!CheckObjectName(name).ok()) {
+  if (Printable(name) != name) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
   return std::string(kObjects) + PercentEncode(name);
