@@ -10,9 +10,10 @@ namespace mtdb {
 // threads: any of them may cancel or look at the progress.
 class QueryControl {
  public:
-  // The query, probe or check returns kCancelled within some milliseconds, also when it waits for
-  // other queries, and whatever its region costs: it looks every few hundred steps of a question. A
-  // read or decode under way is finished first, and a sink is not interrupted. Cannot be undone.
+  // Makes the query, probe or check return kCancelled within some milliseconds, even when it waits
+  // for other queries, and whatever its region costs: it looks at cancelled() every few hundred
+  // steps. It first finishes a read or decode that is under way, and does not interrupt a sink.
+  // Cannot be undone.
   void Cancel() { cancelled_.store(true, std::memory_order_relaxed); }
   bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
 

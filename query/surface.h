@@ -28,12 +28,14 @@ namespace mtdb {
 class ClusterCache;
 
 struct SurfaceOptions {
-  // Of clusters, those in use included. A query beside that takes about a byte for each node of the
-  // clusters that it uses, and its output's blocks; see docs/design.md.
+  // The most memory that decoded clusters take, those in use included. Beside it, a query takes
+  // about a byte for each node of the clusters that it uses, and the blocks of its output; see
+  // docs/design.md.
   size_t cache_bytes = size_t{256} << 20;
-  // Implicit: some 4 bytes a node between queries (and attributes) instead of 120, and each query
-  // decodes anew, which takes it 6 to 20 times as long (docs/BENCHMARKS.md). Answers do not depend
-  // on it. For many open surfaces with few queries each.
+  // What the cache keeps between queries. The implicit form takes some 4 bytes a node and the
+  // attributes, instead of 120; but each query decodes clusters anew, which takes 6 to 20 times as
+  // long (docs/BENCHMARKS.md). It is for many open surfaces with few queries each. Answers do not
+  // depend on it.
   RuntimeForm form = RuntimeForm::kExplicit;
   // That read and decode for one query, its own included. 0: as many as the machine has. Answers do
   // not depend on it.

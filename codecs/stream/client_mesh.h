@@ -1,5 +1,5 @@
-// ClientMesh: the mesh that an update stream is replayed on, with what a GPU needs. No files, no
-// threads, standard C++ and store/base only, so that it runs in a browser as it is.
+// ClientMesh: the mesh that an update stream is replayed on, with arrays for a GPU. It uses no
+// files and no threads, only standard C++ and store/base, so that it runs in a browser unchanged.
 #pragma once
 
 #include <array>
@@ -22,14 +22,14 @@ namespace mtdb {
 struct ClientMeshOptions {
   Grid grid;
   AttributeLayout attributes;
-  // Removed vertices that the client keeps, so that they need not travel again.
+  // How many removed vertices the client keeps, so that they need not travel again.
   uint32_t remembered_vertices = 0;
 };
 
-// The mesh of a cut, or of what of it meets the sender's region. Triangles and vertices lie in
-// slots, which are used again; a slot without a triangle has the indices 0, 0, 0, which draw
-// nothing. Sender and client hold the same mesh slot for slot. One thread. Some 100 bytes a
-// triangle. Half-edge 4 * slot + i leaves corner i for corner i + 1.
+// The mesh of a cut, or the part of it that meets the region of a clipped client. Triangles and
+// vertices lie in slots, which are used again; a slot without a triangle has the indices 0, 0, 0,
+// which draw nothing. Sender and client hold the same mesh, slot for slot. One thread. Takes some
+// 100 bytes a triangle. Half-edge 4 * slot + i leads from corner i to corner i + 1.
 class ClientMesh {
  public:
   struct Triangle {

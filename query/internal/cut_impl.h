@@ -48,7 +48,6 @@ class CutImpl {
   void FillStats();
   // Puts what the sink has moved vertices by into the bound, in place of what was expected.
   void AddSinkRounding(double rounding);
-  // What was loaded so far.
   // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
   // one at a time, and none when `after` has it sent.
   template <typename F, typename After>

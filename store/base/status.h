@@ -1,6 +1,7 @@
-// Status and Result<T>: how every fallible call of mtdb answers. Errors are values, a lack of
-// memory too (store/base/out_of_memory.h); libraries never throw, print or exit. A message is one
-// line that names the object, the place, what was expected and found, and what to do.
+// Status and Result<T>: what every call of mtdb that can fail returns. Errors are values, also when
+// memory runs out (store/base/out_of_memory.h); functions that return a Status or a Result never
+// throw, and libraries never print or exit. A message is one line that names the object and the
+// place, and says what was expected, what was found, and what to do.
 #pragma once
 
 #include <cstdint>
