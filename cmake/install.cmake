@@ -4,12 +4,17 @@
 include(CMakePackageConfigHelpers)
 set(MTDB_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/mtdb)
 
-# Public headers keep their folders: "query/surface.h" is found below include/mtdb.
-function(mtdb_install_headers component)
-  install(DIRECTORY ${ARGN} DESTINATION ${MTDB_INSTALL_HEADERS} COMPONENT ${component}
-    FILES_MATCHING PATTERN "*.h" PATTERN internal EXCLUDE PATTERN coding EXCLUDE
-    PATTERN mtdb.h EXCLUDE)
-endfunction()
+# What a user needs, and nothing else: installed_headers.txt has a component and a header a line.
+# Headers keep their folders: "query/surface.h" is found below include/mtdb.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS cmake/installed_headers.txt)
+file(STRINGS ${PROJECT_SOURCE_DIR}/cmake/installed_headers.txt mtdb_installed_headers)
+foreach(line ${mtdb_installed_headers})
+  separate_arguments(line)
+  list(GET line 0 component)
+  list(GET line 1 header)
+  cmake_path(GET header PARENT_PATH folder)
+  install(FILES ${header} DESTINATION ${MTDB_INSTALL_HEADERS}/${folder} COMPONENT ${component})
+endforeach()
 
 # mtdbTargets-<component>.cmake, which mtdbConfig.cmake includes where it is installed.
 function(mtdb_install_targets component)
@@ -19,14 +24,10 @@ function(mtdb_install_targets component)
     COMPONENT ${component})
 endfunction()
 
-mtdb_install_headers(query store codecs query)
 mtdb_install_targets(query mtdb_base mtdb_store mtdb_coding mtdb_cluster mtdb_stream
   mtdb_mesh_file mtdb_codecs mtdb_query)
-mtdb_install_headers(builder builder)
 mtdb_install_targets(builder mtdb_builder)
-install(FILES tools/client/client.h DESTINATION ${MTDB_INSTALL_HEADERS}/tools/client COMPONENT client)
 mtdb_install_targets(client mtdb_client)
-install(FILES query/mtdb.h DESTINATION ${MTDB_INSTALL_HEADERS}/query COMPONENT c)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "codecs/cluster/cluster.h"
+#include "query/runtime_form.h"
 #include "store/base/attributes.h"
 #include "store/base/status.h"
 #include "store/cluster_index.h"
@@ -19,12 +20,6 @@ struct SlotOrigin {
   uint32_t parent = 0;   // ordinal in LoadedUnit::parents
   uint32_t slot = 0;     // of the parent
   uint32_t creator = 0;  // as LoadedUnit::creator() says
-};
-
-// How a surface keeps clusters in memory between queries.
-enum class RuntimeForm : uint8_t {
-  kExplicit,  // decoded, as LoadedUnit: holes, stars, arcs are listed
-  kImplicit,  // as in the store: a query decodes what it needs, again
 };
 
 // Immutable once loaded; safe for many threads.

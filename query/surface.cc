@@ -61,6 +61,8 @@ Surface::Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& op
 
 Surface::~Surface() = default;
 
+Surface::CacheUse Surface::cache_use() const { return {cache_->bytes(), cache_->decoded()}; }
+
 Result<std::shared_ptr<Surface>> Surface::Open(std::shared_ptr<ClusterSource> source,
                                                const SurfaceOptions& options) {
   MTDB_CHECK(source != nullptr, "a surface needs a source");

@@ -12,11 +12,12 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 
 #include "query/cut.h"
-#include "query/loaded_unit.h"
 #include "query/query.h"
+#include "query/runtime_form.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
 #include "store/base/threading.h"
@@ -59,6 +60,13 @@ class Surface : public std::enable_shared_from_this<Surface> {
   const ObjectRecord& record() const { return source_->record(); }
   const ClusterIndex& index() const { return source_->index(); }
   const std::shared_ptr<ClusterSource>& source() const { return source_; }
+  // What its clusters take in memory now, and how many were decoded so far.
+  struct CacheUse {
+    size_t bytes = 0;
+    uint64_t decoded = 0;
+  };
+  CacheUse cache_use() const;
+  // For the library itself.
   ClusterCache& cache() const { return *cache_; }
 
   // Finds the smallest cut for the query. Errors: those of reading clusters.

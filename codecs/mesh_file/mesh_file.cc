@@ -11,6 +11,9 @@
 #include "codecs/mesh_file/internal/readers.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 // "ply" of "a/b.PLY".
@@ -95,7 +98,7 @@ Result<MeshFormat> WrittenMeshFormatOf(const std::string& path) {
   return row->format;
 }
 
-std::string ExactSuffixes() {
+std::string internal::ExactSuffixes() {
   return OneOf(
       FormatsThat([](const MeshFormatRow& row) { return row.create_writer && row.format.exact; }),
       Dotted);
@@ -140,12 +143,12 @@ Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& 
   return std::unique_ptr<MeshFileWriter>(std::move(writer));
 }
 
-bool StartsWithWord(std::string_view text, std::string_view word) {
+bool internal::StartsWithWord(std::string_view text, std::string_view word) {
   return text.starts_with(word) && (text.size() == word.size() ||
                                     std::isspace(static_cast<unsigned char>(text[word.size()])));
 }
 
-std::string NonFinite(Vec3d p) {
+std::string internal::NonFinite(Vec3d p) {
   constexpr const char* kNames[3] = {"x", "y", "z"};
   for (int axis = 0; axis < 3; ++axis) {
     if (std::isfinite(p[axis])) continue;
@@ -158,7 +161,7 @@ std::string NonFinite(Vec3d p) {
   return "";
 }
 
-void AddIgnored(MeshReadReport* report, std::string what) {
+void internal::AddIgnored(MeshReadReport* report, std::string what) {
   if (std::find(report->ignored.begin(), report->ignored.end(), what) == report->ignored.end()) {
     report->ignored.push_back(std::move(what));
   }

@@ -8,6 +8,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 std::vector<ClientMesh::Range> Ranges(std::vector<uint32_t>& slots) {

@@ -47,9 +47,6 @@ class ClientMesh {
     std::vector<Range> vertices;
   };
 
-  ClientMesh() = default;
-  explicit ClientMesh(const ClientMeshOptions& options);
-
   const ClientMeshOptions& options() const { return options_; }
   uint32_t triangle_count() const { return triangle_count_; }
   uint32_t vertex_count() const { return vertex_count_; }  // without remembered ones
@@ -60,6 +57,13 @@ class ClientMesh {
   }
   bool has_vertex(uint32_t slot) const { return slot < degree_.size() && degree_[slot] > 0; }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
+  // Triangles at a vertex.
+  uint32_t degree(uint32_t vertex) const { return degree_[vertex]; }
+  // The removed vertices that are remembered, in no order that has a meaning.
+  std::span<const uint32_t> remembered() const { return remembered_; }
+  bool is_remembered(uint32_t vertex) const {
+    return vertex < place_.size() && place_[vertex] < kNowhere;
+  }
   // On the grid; Grid::Position makes model units of it.
   Vec3i position(uint32_t vertex) const {
     const Word4 p = points_[vertex];
@@ -79,17 +83,14 @@ class ClientMesh {
   // The slots that were written since the last call, as ranges that do not touch each other.
   Changes TakeChanges();
 
-  // ---- for the codec ----
+ protected:
+  // For the codec (ReplayedMesh).
+  ClientMesh() = default;
+  explicit ClientMesh(const ClientMeshOptions& options);
 
   const Word4* points() const { return points_.data(); }  // of vertex slots: x, y, z, 0
-  uint32_t degree(uint32_t vertex) const { return degree_[vertex]; }
   // A half-edge that leaves the vertex, which has triangles.
   uint32_t half_edge_of(uint32_t vertex) const { return half_edge_[vertex]; }
-  // The removed vertices that are remembered, in no order that has a meaning.
-  std::span<const uint32_t> remembered() const { return remembered_; }
-  bool is_remembered(uint32_t vertex) const {
-    return vertex < place_.size() && place_[vertex] < kNowhere;
-  }
   // Whether the slot holds a vertex, be it of the mesh, remembered, or left over by Drop.
   bool is_known(uint32_t vertex) const {
     return vertex < place_.size() && place_[vertex] != kNowhere;

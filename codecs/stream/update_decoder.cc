@@ -13,6 +13,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 class UpdateDecoder::Impl {
  public:
   explicit Impl(const Limits& limits) : limits_(limits) {}
@@ -21,7 +23,7 @@ class UpdateDecoder::Impl {
   bool started() const { return started_; }
   bool at_record() const { return started_ && buffer_.empty(); }
 
-  ClientMesh mesh_;
+  ReplayedMesh mesh_;
 
  private:
   class AttachedSide;
@@ -169,7 +171,7 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   if (reader.failed() || reader.remaining() != 0 || used != vertices) {
     return Corrupted("length of the base mesh");
   }
-  mesh_ = ClientMesh(options);
+  mesh_ = ReplayedMesh(options);
   mesh_.Start(origin, positions, JoinPlanes(planes, row_bytes), corners);
   models_ = UpdateModels(options.attributes);
   models_.reference = UpdateReference(mesh_);

@@ -17,6 +17,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 // Records end at the first batch after so many updates.
@@ -39,7 +41,7 @@ class UpdateEncoder::Impl {
   const size_t row_bytes_;
   // So many updates of a record stay well below kMaxRecordBytes.
   const uint64_t max_updates_;
-  ClientMesh mesh_;
+  ReplayedMesh mesh_;
   UpdateModels models_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
   Bytes start_;
@@ -697,7 +699,7 @@ class UpdateEncoder::Impl::AttachedSide {
 
 // The triangles of the whole cut that the client is to have and has not, neighbours by neighbours.
 std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
-  const ClientMesh& mesh = whole_->mesh();
+  const ReplayedMesh& mesh = whole_->mesh();
   std::vector<uint32_t> coming;
   std::vector<bool> seen(mesh.triangle_slots());
   const auto visit = [&](uint32_t slot) {

@@ -3,6 +3,8 @@
 // same bits.
 #pragma once
 
+#include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -33,6 +35,23 @@ inline Float4 ToFloat(Int4 v) { return __builtin_convertvector(v, Float4); }
 inline Float4 Offset4(Word4 to, Word4 from) { return ToFloat(reinterpret_cast<Int4>(to - from)); }
 // Towards zero.
 inline Int4 ToInt(Float4 v) { return __builtin_convertvector(v, Int4); }
+inline Float4 Splat4(float x) { return Float4{x, x, x, x}; }
+inline Float4 Abs4(Float4 a) {
+  return std::bit_cast<Float4>(std::bit_cast<Word4>(a) & 0x7fffffffu);
+}
+inline Float4 Sqrt4(Float4 a) {
+#ifdef __SSE2__
+  return std::bit_cast<Float4>(_mm_sqrt_ps(std::bit_cast<__m128>(a)));
+#else
+  for (int i = 0; i < 4; ++i) a[i] = std::sqrt(a[i]);
+  return a;
+#endif
+}
+// The largest integer not above each lane.
+inline Int4 Floor4(Float4 a) {
+  const Int4 i = ToInt(a);
+  return i + (a < ToFloat(i));  // a true lane is -1
+}
 #ifdef __SSE2__
 inline Float4 Min4(Float4 a, Float4 b) { return _mm_min_ps(a, b); }
 inline Float4 Max4(Float4 a, Float4 b) { return _mm_max_ps(a, b); }

@@ -17,6 +17,9 @@
 #include "tests/support/mesh_check.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 struct Case {

@@ -5,6 +5,9 @@
 #include "tests/codecs/mesh_file_testing.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 std::string Document(const std::string& path) {

@@ -50,14 +50,15 @@ class CheckingSink final : public mtdb::MeshSink {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static const int kDescriptor = ::memfd_create("mesh", 0);
   static const std::string kPath = "/proc/self/fd/" + std::to_string(kDescriptor);
-  constexpr decltype(&mtdb::ReadPly) kReaders[] = {mtdb::ReadPly, mtdb::ReadObj, mtdb::ReadOff,
-                                                   mtdb::ReadBinaryStl, mtdb::ReadAsciiStl};
+  constexpr decltype(&mtdb::internal::ReadPly) kReaders[] = {
+      mtdb::internal::ReadPly, mtdb::internal::ReadObj, mtdb::internal::ReadOff,
+      mtdb::internal::ReadBinaryStl, mtdb::internal::ReadAsciiStl};
   if (size == 0) return 0;
   const auto written = static_cast<ssize_t>(size - 1);
   if (::ftruncate(kDescriptor, 0) != 0 || ::pwrite(kDescriptor, data + 1, size - 1, 0) != written) {
     __builtin_trap();
   }
-  const auto file = mtdb::InputFile::Open(kPath);
+  const auto file = mtdb::internal::InputFile::Open(kPath);
   if (!file.ok()) __builtin_trap();
   CheckingSink sink(data[0] >= 128);
   mtdb::MeshReadReport report;

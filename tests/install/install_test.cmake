@@ -21,10 +21,18 @@ function(expect text pattern)
 endfunction()
 
 run(${CMAKE_COMMAND} --install ${MTDB_BINARY_DIR} --prefix ${work}/prefix)
-file(GLOB_RECURSE private RELATIVE ${work} ${work}/prefix/*/internal/*)
-if(private)
-  message(FATAL_ERROR "private headers were installed: ${private}")
+# The headers that cmake/installed_headers.txt lists, and no others; the consumer includes them all.
+file(STRINGS ${CMAKE_CURRENT_LIST_DIR}/../../cmake/installed_headers.txt listed)
+list(TRANSFORM listed REPLACE "^[a-z]+ " "")
+list(SORT listed)
+file(GLOB_RECURSE installed RELATIVE ${work}/prefix/include/mtdb ${work}/prefix/include/*)
+list(SORT installed)
+if(NOT installed STREQUAL listed)
+  message(FATAL_ERROR "installed headers: ${installed}\nlisted: ${listed}")
 endif()
+list(TRANSFORM listed REPLACE "(.+)" "#include \"\\1\"")
+list(JOIN listed "\n" includes)
+file(WRITE ${work}/all_headers.cc "${includes}\n")
 
 set(flags)
 if(MTDB_SANITIZE)
@@ -33,7 +41,7 @@ if(MTDB_SANITIZE)
 endif()
 run(${CMAKE_COMMAND} -S ${CMAKE_CURRENT_LIST_DIR}/consumer -B ${work}/build -G ${MTDB_GENERATOR}
   -DCMAKE_PREFIX_PATH=${work}/prefix -DCMAKE_BUILD_TYPE= -DCMAKE_C_COMPILER=${MTDB_CC}
-  -DCMAKE_CXX_COMPILER=${MTDB_CXX} ${flags})
+  -DCMAKE_CXX_COMPILER=${MTDB_CXX} -DALL_HEADERS=${work}/all_headers.cc ${flags})
 run(${CMAKE_COMMAND} --build ${work}/build)
 
 run(${work}/prefix/bin/mtdb generate sculpture ${work}/a.ply --triangles 5000)

@@ -24,6 +24,9 @@
 #include "tests/memory/allocation_peak.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr size_t kKilobyte = 1024;

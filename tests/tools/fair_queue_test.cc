@@ -10,6 +10,9 @@
 #include <vector>
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 using Job = FairQueue::Job;

@@ -22,6 +22,9 @@
 #include "tools/generate/noise.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 TriangleMesh Make(std::string_view shape, uint64_t triangles, uint64_t seed = 1) {

@@ -14,6 +14,9 @@
 #include "tools/server/internal/server_service.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 using testing::FailEachAllocation;

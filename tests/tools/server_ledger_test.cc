@@ -9,6 +9,9 @@
 #include <vector>
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 using Account = ServerLedger::Account;

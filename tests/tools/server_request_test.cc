@@ -8,6 +8,9 @@
 #include "tools/client/internal/remote_object.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 std::string QueryFrom(const std::string& target, const std::string& body = "") {

@@ -8,6 +8,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 MeshFileFit RecogniseToy(const MeshFileStart& start) {

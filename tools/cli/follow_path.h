@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "store/base/status.h"
-#include "tools/request/query_json.h"
+#include "tools/request/query_options.h"
 
 namespace mtdb {
 

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "codecs/mesh_file/mesh_file.h"
@@ -408,164 +411,231 @@ std::string EmptyValue(const CLI::App& verb) {
   return "";
 }
 
-int Run(int argc, char** argv) {
-  // A store on a full quota or a closed pipe is an error to report, not a reason to die.
-  std::signal(SIGXFSZ, SIG_IGN);
-  std::signal(SIGPIPE, SIG_IGN);
+// The verbs, what their options fill, and what each runs.
+class CommandLine {
+ public:
+  CommandLine();
+  int Run(int argc, char** argv);
 
-  CLI::App app{"mtdb: an out-of-core database of triangle meshes"};
-  app.name("mtdb");
-  app.formatter(std::make_shared<HelpFormatter>());
-  app.get_formatter()->label("SUBCOMMAND", "VERB");
-  app.get_formatter()->label("Positionals", "Arguments");
-  app.set_help_flag("-h,--help", "print this and exit");
-  app.set_version_flag("--version", std::string("mtdb ") + MTDB_VERSION, "print the version");
-  app.require_subcommand(1);
-  app.footer(
+ private:
+  // Returns the new verb. `run` may set `*ok` to false for a failure that was printed already.
+  using Verb = std::function<mtdb::Status(bool* ok)>;
+  CLI::App* AddVerb(const char* name, const char* description, const char* footer, Verb run);
+  void AddIngestVerb();
+  void AddInspectVerbs();
+  void AddExtractVerb();
+  void AddVerifyVerb();
+  void AddRenderVerb();
+  void AddServerVerbs();
+  void AddFollowVerb();
+  void AddRemoveVerb();
+  void AddGenerateVerb();
+  // Exit status where the arguments ask for nothing that is to be run.
+  std::optional<int> Parse(std::vector<std::string> arguments);
+
+  CLI::App app_{"mtdb: an out-of-core database of triangle meshes"};
+  std::vector<std::pair<const CLI::App*, Verb>> verbs_;
+  std::vector<std::string> paths_;  // of ingest
+  mtdb::IngestArguments ingest_;
+  mtdb::InspectArguments inspect_;
+  mtdb::QueryArguments query_;
+  mtdb::ProbeArguments probe_;
+  mtdb::ServerOptions serve_;
+  mtdb::FollowArguments follow_;
+  mtdb::GenerateArguments generate_;
+};
+
+CommandLine::CommandLine() {
+  app_.name("mtdb");
+  app_.formatter(std::make_shared<HelpFormatter>());
+  app_.get_formatter()->label("SUBCOMMAND", "VERB");
+  app_.get_formatter()->label("Positionals", "Arguments");
+  app_.set_help_flag("-h,--help", "print this and exit");
+  app_.set_version_flag("--version", std::string("mtdb ") + MTDB_VERSION, "print the version");
+  app_.require_subcommand(1);
+  app_.footer(
       "'mtdb help VERB' explains a verb and its options.\n"
       "Exit status: 0 success, 1 error, 2 wrong usage.");
-  const auto add_verb = [&](const char* name, const char* description, const char* footer) {
-    CLI::App* verb = app.add_subcommand(name, description);
-    verb->group("Verbs");
-    verb->footer(footer);
-    return verb;
-  };
+  AddIngestVerb();
+  AddInspectVerbs();
+  AddExtractVerb();
+  AddVerifyVerb();
+  AddRenderVerb();
+  AddProbe(AddVerb("probe", "find the closest point of a surface, or the first hit of a ray",
+                   "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5",
+                   [this](bool*) { return mtdb::Probe(probe_); }),
+           &probe_);
+  AddServerVerbs();
+  AddFollowVerb();
+  AddRemoveVerb();
+  AddGenerateVerb();
+}
 
-  mtdb::IngestArguments ingest;
-  std::vector<std::string> paths;
-  CLI::App* ingest_verb =
-      add_verb("ingest", "store a mesh at every level of detail",
-               "Example: mtdb ingest scan.ply scans.mtdb --name statue --bits 18");
-  AddIngest(ingest_verb, &paths, &ingest);
+CLI::App* CommandLine::AddVerb(const char* name, const char* description, const char* footer,
+                               Verb run) {
+  CLI::App* verb = app_.add_subcommand(name, description);
+  verb->group("Verbs");
+  verb->footer(footer);
+  verbs_.emplace_back(verb, std::move(run));
+  return verb;
+}
 
-  mtdb::InspectArguments inspect;
-  CLI::App* info_verb = add_verb("info", "tell what a store holds, in detail", "");
-  CLI::App* list_verb =
-      add_verb("list", "list the objects of a store, and ingests that were interrupted", "");
+void CommandLine::AddIngestVerb() {
+  CLI::App* verb =
+      AddVerb("ingest", "store a mesh at every level of detail",
+              "Example: mtdb ingest scan.ply scans.mtdb --name statue --bits 18", [this](bool*) {
+                ingest_.store = paths_.back();
+                ingest_.inputs.assign(paths_.begin(), paths_.end() - 1);
+                return mtdb::Ingest(ingest_);
+              });
+  AddIngest(verb, &paths_, &ingest_);
+}
 
-  mtdb::QueryArguments query;
-  CLI::App* extract_verb =
-      add_verb("extract", "write the mesh of a region at an accuracy",
-               "Examples: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip\n"
-               "          mtdb extract scans.mtdb view.ply --pixels 1 --frustum --eye 0,-900,200 "
-               "--target 0,0,100\n"
-               "More: docs/query.md");
-  extract_verb->add_option("STORE", query.store, "the store file")->required();
-  AddOutput(extract_verb, &query.output);
-  AddQueryOptions(extract_verb, &query, false);
-  AddImplicit(extract_verb, &query.implicit);
+void AddStore(CLI::App* verb, std::string* store) {
+  verb->add_option("STORE", *store, "the store file")->required();
+}
 
-  CLI::App* verify_verb = add_verb("verify", "check a store's bytes and meshes", "");
-  for (CLI::App* verb : {info_verb, list_verb, verify_verb}) {
-    verb->add_option("STORE", inspect.store, "the store file")->required();
-    if (verb != list_verb) AddName(verb, &inspect.name, "this object only");
-    AddJson(verb, &inspect.json);
-  }
-  list_verb
-      ->add_option("--tmp", inspect.tmp,
+void CommandLine::AddInspectVerbs() {
+  CLI::App* info = AddVerb("info", "tell what a store holds, in detail", "",
+                           [this](bool*) { return mtdb::Info(inspect_); });
+  AddStore(info, &inspect_.store);
+  AddName(info, &inspect_.name, "this object only");
+  AddJson(info, &inspect_.json);
+  info->add_flag("--streams", inspect_.streams,
+                 "read all clusters, and tell what their streams take, attributes among them");
+  CLI::App* list = AddVerb("list", "list the objects of a store, and ingests that were interrupted",
+                           "", [this](bool*) { return mtdb::List(inspect_); });
+  AddStore(list, &inspect_.store);
+  AddJson(list, &inspect_.json);
+  list->add_option("--tmp", inspect_.tmp,
                    "look for journals of interrupted ingests in DIR (default: the store's folder)")
       ->type_name("DIR");
-  info_verb->add_flag("--streams", inspect.streams,
-                      "read all clusters, and tell what their streams take, attributes among them");
-  verify_verb
-      ->add_option("--level", inspect.level,
+}
+
+void AddNormals(CLI::App* verb, mtdb::QueryArguments* query) {
+  verb->add_flag("--normals", query->query.normals, "add the mesh's normals to its vertices");
+}
+
+void CommandLine::AddExtractVerb() {
+  CLI::App* verb =
+      AddVerb("extract", "write the mesh of a region at an accuracy",
+              "Examples: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip\n"
+              "          mtdb extract scans.mtdb view.ply --pixels 1 --frustum --eye 0,-900,200 "
+              "--target 0,0,100\n"
+              "More: docs/query.md",
+              [this](bool*) { return mtdb::ExtractVerb(query_); });
+  AddStore(verb, &query_.store);
+  AddOutput(verb, &query_.output);
+  AddQueryOptions(verb, &query_, false);
+  AddImplicit(verb, &query_.implicit);
+  AddNormals(verb, &query_);
+}
+
+void CommandLine::AddVerifyVerb() {
+  CLI::App* verb = AddVerb("verify", "check a store's bytes and meshes", "",
+                           [this](bool* ok) { return mtdb::Verify(inspect_, ok); });
+  AddStore(verb, &inspect_.store);
+  AddName(verb, &inspect_.name, "this object only");
+  AddJson(verb, &inspect_.json);
+  verb->add_option("--level", inspect_.level,
                    "fast: pages, checksums, index, digests; full: also decodes every cluster; "
                    "global: also rebuilds the whole surface and compares it with what was ingested")
       ->type_name("LEVEL")
       ->check(CLI::IsMember({"fast", "full", "global"}))
       ->capture_default_str();
+}
 
-  CLI::App* render_verb =
-      add_verb("render", "draw what extract would write",
-               "Example: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe");
-  render_verb->add_option("STORE", query.store, "the store file")->required();
-  render_verb->add_option("OUT.png", query.output, "the picture")
+void CommandLine::AddRenderVerb() {
+  CLI::App* verb =
+      AddVerb("render", "draw what extract would write",
+              "Example: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe",
+              [this](bool*) { return mtdb::RenderVerb(query_); });
+  AddStore(verb, &query_.store);
+  verb->add_option("OUT.png", query_.output, "the picture")
       ->required()
       ->check([](const std::string& text) {
         return text.ends_with(".png") ? "" : text + ": expected a name that ends in .png";
       });
-  AddQueryOptions(render_verb, &query, true);
-  AddParsed(render_verb, "--size", "WxH", &query.size, mtdb::ParseExtent,
-            "width and height in pixels")
+  AddQueryOptions(verb, &query_, true);
+  AddParsed(verb, "--size", "WxH", &query_.size, mtdb::ParseExtent, "width and height in pixels")
       ->default_str("1200x900");
-  render_verb->add_flag("--overview", query.overview,
-                        "draw the whole object as without a camera, not what the camera sees");
-  render_verb->add_flag("--wireframe", query.wireframe, "draw the edges of the triangles");
+  verb->add_flag("--overview", query_.overview,
+                 "draw the whole object as without a camera, not what the camera sees");
+  verb->add_flag("--wireframe", query_.wireframe, "draw the edges of the triangles");
+}
 
-  mtdb::ProbeArguments probe;
-  CLI::App* probe_verb =
-      add_verb("probe", "find the closest point of a surface, or the first hit of a ray",
-               "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5");
-  AddProbe(probe_verb, &probe);
+void CommandLine::AddServerVerbs() {
+  CLI::App* serve =
+      AddVerb("serve", "give meshes and sessions to clients over HTTP",
+              "Prints the server's URL. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
+              "Examples: mtdb serve scans.mtdb --listen 127.0.0.1:8080\n"
+              "          curl http://127.0.0.1:8080/objects\n"
+              "          curl 'http://127.0.0.1:8080/objects/statue/mesh?error=0.5&format=glb' "
+              "-o statue.glb\n"
+              "More: docs/protocol.md",
+              [this](bool*) { return mtdb::Serve(serve_); });
+  AddServe(serve, &serve_);
+  CLI::App* fetch =
+      AddVerb("fetch", "extract from a server (mtdb serve)",
+              "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
+              "--sphere 0,0,180,60\n"
+              "More: docs/query.md, docs/protocol.md",
+              [this](bool*) { return mtdb::Fetch(query_); });
+  AddUrl(fetch, &query_.store);
+  AddOutput(fetch, &query_.output);
+  AddQueryOptions(fetch, &query_, false);
+  AddTimeout(fetch, &query_.timeout_seconds);
+  AddNormals(fetch, &query_);
+}
 
-  mtdb::ServerOptions serve;
-  CLI::App* serve_verb =
-      add_verb("serve", "give meshes and sessions to clients over HTTP",
-               "Prints the server's URL. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
-               "Examples: mtdb serve scans.mtdb --listen 127.0.0.1:8080\n"
-               "          curl http://127.0.0.1:8080/objects\n"
-               "          curl 'http://127.0.0.1:8080/objects/statue/mesh?error=0.5&format=glb' "
-               "-o statue.glb\n"
-               "More: docs/protocol.md");
-  AddServe(serve_verb, &serve);
+void CommandLine::AddFollowVerb() {
+  CLI::App* verb =
+      AddVerb("follow", "drive a session of a server (mtdb serve) along a path of queries",
+              "A line of FILE is a query (docs/query.md), or has short forms of one:\n"
+              "  {\"camera\": {\"eye\": [0, -9, 4], \"target\": [0, 0, 3]}, \"pixels\": 1}\n"
+              "  {\"camera\": {\"eye\": [9, 0, 4], \"target\": [0, 0, 3]}, \"pixels\": 1, "
+              "\"steps\": 30}\n"
+              "  {\"box\": {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}, \"error\": 0.01}\n"
+              "With \"steps\" so many queries lead from the line before to this one, along a "
+              "straight line.\n"
+              "Example: mtdb follow http://localhost:8080/objects/statue --path flight.jsonl "
+              "--output step-%03d.ply --csv flight.csv\n"
+              "More: docs/protocol.md",
+              [this](bool*) { return mtdb::Follow(follow_); });
+  AddFollow(verb, &follow_);
+}
 
-  CLI::App* fetch_verb =
-      add_verb("fetch", "extract from a server (mtdb serve)",
-               "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
-               "--sphere 0,0,180,60\n"
-               "More: docs/query.md, docs/protocol.md");
-  AddUrl(fetch_verb, &query.store);
-  AddOutput(fetch_verb, &query.output);
-  AddQueryOptions(fetch_verb, &query, false);
-  AddTimeout(fetch_verb, &query.timeout_seconds);
-  for (CLI::App* verb : {extract_verb, fetch_verb}) {
-    verb->add_flag("--normals", query.query.normals, "add the mesh's normals to its vertices");
-  }
+void CommandLine::AddRemoveVerb() {
+  CLI::App* verb = AddVerb("remove", "remove an object from a store", "",
+                           [this](bool*) { return mtdb::Remove(inspect_); });
+  AddStore(verb, &inspect_.store);
+  verb->add_option("NAME", inspect_.name, "the object")->required();
+}
 
-  mtdb::FollowArguments follow;
-  CLI::App* follow_verb =
-      add_verb("follow", "drive a session of a server (mtdb serve) along a path of queries",
-               "A line of FILE is a query (docs/query.md), or has short forms of one:\n"
-               "  {\"camera\": {\"eye\": [0, -9, 4], \"target\": [0, 0, 3]}, \"pixels\": 1}\n"
-               "  {\"camera\": {\"eye\": [9, 0, 4], \"target\": [0, 0, 3]}, \"pixels\": 1, "
-               "\"steps\": 30}\n"
-               "  {\"box\": {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}, \"error\": 0.01}\n"
-               "With \"steps\" so many queries lead from the line before to this one, along a "
-               "straight line.\n"
-               "Example: mtdb follow http://localhost:8080/objects/statue --path flight.jsonl "
-               "--output step-%03d.ply --csv flight.csv\n"
-               "More: docs/protocol.md");
-  AddFollow(follow_verb, &follow);
-
-  CLI::App* remove_verb = add_verb("remove", "remove an object from a store", "");
-  remove_verb->add_option("STORE", inspect.store, "the store file")->required();
-  remove_verb->add_option("NAME", inspect.name, "the object")->required();
-
-  mtdb::GenerateArguments generate;
-  CLI::App* generate_verb =
-      add_verb("generate", "make a mesh to try things on",
-               "Example: mtdb generate sculpture try.ply --triangles 1000000");
-  generate_verb
-      ->add_option("SHAPE", generate.shape,
+void CommandLine::AddGenerateVerb() {
+  CLI::App* verb = AddVerb("generate", "make a mesh to try things on",
+                           "Example: mtdb generate sculpture try.ply --triangles 1000000",
+                           [this](bool*) { return mtdb::Generate(generate_); });
+  verb->add_option("SHAPE", generate_.shape,
                    "sculpture (closed, with handles and bumps of all sizes) or terrain (a height "
                    "field)")
       ->required()
       ->check(CLI::IsMember({"sculpture", "terrain"}));
-  AddOutput(generate_verb, &generate.output);
-  generate_verb
-      ->add_option("--triangles", generate.triangles,
+  AddOutput(verb, &generate_.output);
+  verb->add_option("--triangles", generate_.triangles,
                    "about N triangles, from 100 to 8300000000 (as far as indices of 32 bits go); "
                    "required")
       ->required()
       ->type_name("N")
       ->check(CLI::Range(uint64_t{100}, uint64_t{8'300'000'000}));
-  AddParsed(generate_verb, "--seed", "S", &generate.seed, mtdb::ParseWholeNumber,
+  AddParsed(verb, "--seed", "S", &generate_.seed, mtdb::ParseWholeNumber,
             "another number, another shape")
       ->default_str("1");
+}
 
-  std::vector<std::string> arguments(argv + 1, argv + argc);
+std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
   if (arguments.empty()) {
-    std::fprintf(stderr, "%s", app.help().c_str());
+    std::fprintf(stderr, "%s", app_.help().c_str());
     return kExitUsage;
   }
   // "mtdb help VERB" is "mtdb VERB --help".
@@ -578,56 +648,34 @@ int Run(int argc, char** argv) {
   const std::string& first = arguments[0];
   const auto is_named = [&](const CLI::App* verb) { return verb->get_name() == first; };
   if (first.starts_with('-')) {
-    if (app.get_option_no_throw(first) == nullptr) return Usage("no option '" + first + "'", "");
-  } else if (app.get_subcommands(is_named).empty()) {
+    if (app_.get_option_no_throw(first) == nullptr) return Usage("no option '" + first + "'", "");
+  } else if (app_.get_subcommands(is_named).empty()) {
     return Usage("no verb '" + first + "'", "");
   }
   try {
-    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+    app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::Success& e) {
-    return app.exit(e);
+    return app_.exit(e);
   } catch (const CLI::ParseError& e) {
-    const auto verbs = app.get_subcommands();
+    const auto verbs = app_.get_subcommands();
     return Usage(e.what(), verbs.empty() ? "" : verbs[0]->get_name());
   }
-
-  if (const std::string empty = EmptyValue(*app.get_subcommands()[0]); !empty.empty()) {
-    return Usage(empty + ": expected a value, found ''", app.get_subcommands()[0]->get_name());
+  if (const std::string empty = EmptyValue(*app_.get_subcommands()[0]); !empty.empty()) {
+    return Usage(empty + ": expected a value, found ''", app_.get_subcommands()[0]->get_name());
   }
+  return std::nullopt;
+}
 
-  mtdb::Status status;
+int CommandLine::Run(int argc, char** argv) {
+  if (const auto exit_status = Parse({argv + 1, argv + argc})) return *exit_status;
+  ingest_.resume_command = ResumeCommand(argc, argv, ingest_.resume);
   bool ok = true;
-  if (ingest_verb->parsed()) {
-    ingest.store = paths.back();
-    ingest.inputs.assign(paths.begin(), paths.end() - 1);
-    ingest.resume_command = ResumeCommand(argc, argv, ingest.resume);
-    status = mtdb::Ingest(ingest);
-  } else if (info_verb->parsed()) {
-    status = mtdb::Info(inspect);
-  } else if (list_verb->parsed()) {
-    status = mtdb::List(inspect);
-  } else if (verify_verb->parsed()) {
-    status = mtdb::Verify(inspect, &ok);
-  } else if (probe_verb->parsed()) {
-    status = mtdb::Probe(probe);
-  } else if (remove_verb->parsed()) {
-    status = mtdb::Remove(inspect);
-  } else if (extract_verb->parsed()) {
-    status = mtdb::ExtractVerb(query);
-  } else if (render_verb->parsed()) {
-    status = mtdb::RenderVerb(query);
-  } else if (serve_verb->parsed()) {
-    status = mtdb::Serve(serve);
-  } else if (fetch_verb->parsed()) {
-    status = mtdb::Fetch(query);
-  } else if (follow_verb->parsed()) {
-    status = mtdb::Follow(follow);
-  } else {
-    status = mtdb::Generate(generate);
-  }
-  if (!status.ok()) {
-    PrintError(status.message());
-    return kExitError;
+  for (const auto& [verb, run] : verbs_) {
+    if (!verb->parsed()) continue;
+    if (const mtdb::Status status = run(&ok); !status.ok()) {
+      PrintError(status.message());
+      return kExitError;
+    }
   }
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     PrintError("standard output cannot be written; is the disk full?");
@@ -640,8 +688,11 @@ int Run(int argc, char** argv) {
 
 // What memory runs out in unwinds, and so leaves nothing behind.
 int main(int argc, char** argv) {
+  // A store on a full quota or a closed pipe is an error to report, not a reason to die.
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
   try {
-    return Run(argc, argv);
+    return CommandLine().Run(argc, argv);
   } catch (const std::bad_alloc&) {
     std::fputs("mtdb: out of memory\n", stderr);
     return kExitError;

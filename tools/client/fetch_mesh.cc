@@ -8,6 +8,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 // The headers of a mesh; false when one of them is missing or something else.

@@ -17,6 +17,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 constexpr uint32_t kMaxHeaderBytes = 64 << 10;

@@ -16,6 +16,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 constexpr auto kReconnectPause = std::chrono::milliseconds(100);

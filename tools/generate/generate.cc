@@ -10,6 +10,9 @@
 #include "tools/generate/internal/terrain.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr uint64_t kMinTriangles = 100;

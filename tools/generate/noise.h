@@ -7,9 +7,21 @@
 #include <bit>
 #include <cstdint>
 
-#include "tools/generate/internal/float4.h"
+#include "store/base/float4.h"
+
+// A function with this attribute is compiled twice on x86-64, and the processor's abilities choose
+// when the program starts: the baseline lacks 32-bit multiplication and selection of lanes.
+// Neither version fuses operations, so that results are the same. Clang does not take the attribute
+// on the definition of a member; ThreadSanitizer is not awake yet when the choice is made.
+#if defined(__x86_64__) && defined(__ELF__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define MTDB_SIMD_CLONES __attribute__((target_clones("sse4.1", "default")))
+#else
+#define MTDB_SIMD_CLONES
+#endif
 
 namespace mtdb {
+
+inline constexpr int kLanes = 4;
 
 // A bound of |GradientNoise3| and of the length of its gradient, over all choices of lattice
 // gradients (maximised numerically over the cell and rounded up).

@@ -6,11 +6,26 @@
 #include <string>
 #include <vector>
 
+#include "query/query_json.h"
 #include "store/base/status.h"
+#include "tools/client/json.h"
 #include "tools/request/arguments.h"
-#include "tools/request/query_json.h"
 
 namespace mtdb {
+
+// Queries as values, which options put together; query/query_json.h reads them as text.
+using QueryJson = Json;
+
+// As ParseQuery.
+inline Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
+  return ParseQuery(json.dump(), diagonal);
+}
+
+// The value of a text that is a query. Errors: those of ParseQuery.
+inline Result<QueryJson> ParseQueryText(const std::string& text) {
+  MTDB_RETURN_IF_ERROR(ParseQuery(text, 0).status());
+  return QueryJson::parse(text);
+}
 
 // Parts of a query are as docs/query.md has them.
 struct QueryOptions {

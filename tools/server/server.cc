@@ -22,6 +22,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 // How often everything is looked at: while there is something to wait for, and else.

@@ -1,15 +1,29 @@
 // The HTTP server of `mtdb serve`: connections, limits, shutdown. What it answers is ServerService.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "store/base/status.h"
 #include "tools/request/arguments.h"
-#include "tools/server/internal/server_service.h"
 
 namespace mtdb {
+
+// What is served, and what it may take.
+struct ServiceOptions {
+  std::string store;
+  std::string tmp;                             // folder of temporary files; empty: the system's
+  uint64_t cache_bytes = uint64_t{256} << 20;  // of decoded clusters, for each open object
+  bool implicit = false;                       // the cache keeps clusters as in the store
+  unsigned objects = 4;                        // kept open, the last used
+  unsigned threads = 1;                        // of one query's reading and decoding
+  uint64_t max_triangles = 20'000'000;         // of one mesh
+  uint64_t session_triangles = 1'000'000;      // of the mesh of a session's client
+  uint64_t session_memory_bytes = uint64_t{2} << 30;  // of all sessions
+  uint64_t temporary_bytes = uint64_t{4} << 30;       // of all answers under way
+};
 
 struct ServerOptions {
   ServiceOptions service;

@@ -19,7 +19,7 @@
 #include "draco/mesh/mesh.h"
 #pragma GCC diagnostic pop
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr int kNormalBits = 10;
@@ -273,4 +273,4 @@ Result<std::unique_ptr<MeshWriter>> CreateDracoWriter(const std::string& path,
   return std::unique_ptr<MeshWriter>(std::make_unique<DracoWriter>(path, options));
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

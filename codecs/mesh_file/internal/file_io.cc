@@ -8,7 +8,7 @@
 #include <system_error>
 #include <unistd.h>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // As strerror, which is not safe for threads.
@@ -94,4 +94,4 @@ uint64_t BlockReader::remaining() const {
   return file_.size_bytes() > offset() ? file_.size_bytes() - offset() : 0;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

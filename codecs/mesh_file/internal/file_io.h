@@ -12,7 +12,7 @@
 #include "store/base/bytes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // An open regular file. Not mapped: mapped pages would count as memory of the process.
 class InputFile {
@@ -69,4 +69,4 @@ class BlockReader {
   Status status_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

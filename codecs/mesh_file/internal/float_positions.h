@@ -8,7 +8,7 @@
 #include "store/base/geometry.h"
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The origin is 0 but for meshes that lie so far away, for their size, that float32 would move
 // their vertices by a millionth of their diagonal. Then it is near their middle, of float32 values
@@ -69,4 +69,4 @@ class FloatPositions {
   double rounding2_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

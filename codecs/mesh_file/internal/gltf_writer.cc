@@ -11,7 +11,7 @@
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint32_t kMagic = 0x46546c67;      // "glTF"
@@ -288,4 +288,4 @@ std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path) {
   return std::make_unique<GltfWriter>(path);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Blocks are small enough to stay in the processor's cache on their way through the sink.
 class MeshEmitter {
@@ -78,4 +78,4 @@ class MeshEmitter {
   std::vector<TriangleVertices> triangles_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,10 +1,10 @@
 #include "codecs/mesh_file/internal/mesh_format_table.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 const std::vector<MeshFormatRow>& MeshFormatTable() {
   static const std::vector<MeshFormatRow> table = OwnMeshFormats();
   return table;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,7 +11,7 @@
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/mesh_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // How a file begins, and whether its name has one of the format's suffixes.
 struct MeshFileStart {
@@ -45,4 +45,4 @@ std::vector<MeshFormatRow> OwnMeshFormats();
 // linked with another table.
 const std::vector<MeshFormatRow>& MeshFormatTable();
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

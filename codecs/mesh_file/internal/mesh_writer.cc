@@ -2,7 +2,7 @@
 
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Status MeshWriter::Begin(const MeshHeader& header) {
   MTDB_CHECK(file_ == nullptr && bytes_written_ == 0, "Begin is called once");
@@ -106,4 +106,4 @@ NormalColumns FindNormals(const AttributeLayout& layout) {
   return normals;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

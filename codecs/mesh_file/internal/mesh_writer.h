@@ -10,7 +10,7 @@
 #include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // ".ply, .obj or .off": the suffixes of formats that are written exactly.
 std::string ExactSuffixes();
@@ -99,4 +99,4 @@ std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path);
 Result<std::unique_ptr<MeshWriter>> CreateDracoWriter(const std::string& path,
                                                       const MeshWriteOptions& options);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

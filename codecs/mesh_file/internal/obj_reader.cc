@@ -9,7 +9,7 @@
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/text_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kMaxIgnored = 64;
@@ -237,4 +237,4 @@ Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   return ObjReader(file, sink, report).Read();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,7 +1,7 @@
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // "v X Y Z" (with "R G B" from 0 to 1 where the mesh has colours), then "f A B C". Other attributes
@@ -62,4 +62,4 @@ std::unique_ptr<MeshWriter> CreateObjWriter(const std::string& path) {
   return std::make_unique<ObjWriter>(path);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

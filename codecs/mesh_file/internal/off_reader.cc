@@ -9,7 +9,7 @@
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/text_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kNormalValues = 3;
@@ -279,4 +279,4 @@ Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   return OffReader(file, sink, report).Read();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // OFF, with C and N as the mesh has colours and normals. Other attributes have no place in OFF.
@@ -74,4 +74,4 @@ std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path) {
   return std::make_unique<OffWriter>(path);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,7 +1,7 @@
 #include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/internal/readers.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -44,4 +44,4 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   return rows;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 
 #include "codecs/mesh_file/internal/text_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kMaxElements = 256;
@@ -230,4 +230,4 @@ const PlyElement* PlyHeader::Find(const std::string& name) const {
 
 Result<PlyHeader> ReadPlyHeader(const InputFile& file) { return HeaderParser(file).Parse(); }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

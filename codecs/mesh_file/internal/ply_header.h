@@ -9,7 +9,7 @@
 #include "store/base/attributes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 enum class PlyEncoding { kAscii, kBinaryLittleEndian, kBinaryBigEndian };
 
@@ -44,4 +44,4 @@ struct PlyHeader {
 // Checks the header's grammar, and the counts against the bytes that follow it.
 Result<PlyHeader> ReadPlyHeader(const InputFile& file);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

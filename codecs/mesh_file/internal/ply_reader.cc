@@ -13,7 +13,7 @@
 #include "codecs/mesh_file/internal/ply_source.h"
 #include "codecs/mesh_file/internal/readers.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr int kAxes = 3;
@@ -507,4 +507,4 @@ Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   return PlyBody(file.path(), header, source, sink, report).Read();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,7 +4,7 @@
 #include <limits>
 #include <string_view>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 template <typename T>
@@ -84,4 +84,4 @@ bool PlyTextSource::Skip(ScalarType type, uint64_t count) {
   return true;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

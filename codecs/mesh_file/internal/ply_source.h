@@ -13,7 +13,7 @@
 #include "store/base/attributes.h"
 #include "store/base/bytes.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // One value in its declared type, in the machine's byte order.
 struct PlyValue {
@@ -117,4 +117,4 @@ class PlyTextSource {
   std::string problem_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

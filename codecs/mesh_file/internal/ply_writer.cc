@@ -2,7 +2,7 @@
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 const char* PlyTypeName(ScalarType type) {
@@ -91,4 +91,4 @@ std::unique_ptr<MeshWriter> CreatePlyWriter(const std::string& path) {
   return std::make_unique<PlyWriter>(path);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report);
@@ -43,4 +43,4 @@ std::string NonFinite(Vec3d p);
 // Adds a line to report->ignored unless it is there.
 void AddIgnored(MeshReadReport* report, std::string what);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

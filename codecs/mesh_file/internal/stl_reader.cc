@@ -10,7 +10,7 @@
 #include "codecs/mesh_file/internal/text_reader.h"
 #include "codecs/mesh_file/internal/vertex_joiner.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kHeaderBytes = 84;  // 80 of any text, and the count
@@ -290,4 +290,4 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
   return soup.End();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

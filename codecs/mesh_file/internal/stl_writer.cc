@@ -6,7 +6,7 @@
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // Binary STL. Keeps the positions, as float32: 12 bytes a vertex.
@@ -80,4 +80,4 @@ std::unique_ptr<MeshWriter> CreateStlWriter(const std::string& path) {
   return std::make_unique<StlWriter>(path);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 #include <string>
 #include <type_traits>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 template <typename T>
 requires std::is_arithmetic_v<T>
@@ -24,4 +24,4 @@ inline void AppendCoordinate(std::string* out, double value, bool single) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

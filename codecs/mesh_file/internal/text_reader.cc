@@ -5,7 +5,7 @@
 #include <cstring>
 #include <limits>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kFirstBufferBytes = size_t{1} << 18;
@@ -178,4 +178,4 @@ std::string Quoted(std::string_view text) {
   return out;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

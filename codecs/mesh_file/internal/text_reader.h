@@ -9,7 +9,7 @@
 #include "codecs/mesh_file/internal/file_io.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A forward cursor over text. Lines end in LF or CR LF. What a call yields is valid until the next
 // call. `file` must outlive it. Memory: a buffer that grows to the longest line (at most 16 MiB).
@@ -70,4 +70,4 @@ inline constexpr int kFloatDigits = 9;
 // `text` for a message: in quotes, one line, not long, nothing unprintable.
 std::string Quoted(std::string_view text);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -9,7 +9,7 @@
 #include "store/base/ids.h"
 #include "store/base/position_hash.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // For Vec3f or Vec3d. Indices are handed out in the order of first sight. Memory: the position of
 // each vertex, and a hash table of 4-byte slots that is at most 3/4 full.
@@ -54,4 +54,4 @@ class VertexJoiner {
   std::vector<uint32_t> slots_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

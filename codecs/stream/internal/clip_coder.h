@@ -13,7 +13,7 @@
 
 #include "codecs/stream/internal/update_coder.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // ---- dropping ----
 
@@ -30,7 +30,7 @@ struct DropScratch {
 // was dropped is used again.
 class DropWalk {
  public:
-  DropWalk(const ClientMesh& mesh, DropScratch& scratch) : mesh_(mesh), s_(scratch) {
+  DropWalk(const ReplayedMesh& mesh, DropScratch& scratch) : mesh_(mesh), s_(scratch) {
     // The mesh has grown by what records before brought.
     s_.state.resize(std::max<size_t>(s_.state.size(), mesh.triangle_slots()));
     s_.touched.resize(std::max<size_t>(s_.touched.size(), mesh.vertex_slots()));
@@ -97,7 +97,7 @@ class DropWalk {
     s_.decided.clear();
   }
 
-  const ClientMesh& mesh_;
+  const ReplayedMesh& mesh_;
   DropScratch& s_;
   std::vector<uint32_t> stack_;
   std::vector<uint32_t> dropped_;
@@ -148,7 +148,7 @@ struct BorderEnd {
 // The edge h from a to b, and the border before a and after b.
 class BorderView {
  public:
-  BorderView(const ClientMesh& mesh, uint32_t h) : mesh_(mesh) {
+  BorderView(const ReplayedMesh& mesh, uint32_t h) : mesh_(mesh) {
     const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
     const uint32_t next = Patch::Next(h);
     const uint32_t third = Patch::Next(next);
@@ -209,7 +209,7 @@ class BorderView {
     return cosine < 0.15f ? 4 : cosine < 0.4f ? 5 : cosine < 0.7f ? 6 : 7;
   }
 
-  const ClientMesh& mesh_;
+  const ReplayedMesh& mesh_;
   uint32_t a_ = 0, b_ = 0, inner_ = 0;
   Float4 edge_{}, inside_{}, normal_{};
   BorderEnd ends_[2];
@@ -219,7 +219,7 @@ class BorderView {
 // Codes where the third corner of a triangle beyond an edge is: expected in the plane of the
 // edge's triangle, opposite to its third corner.
 template <typename Coder>
-void CodeBeyond(Coder& coder, ClipModels& models, const ClientMesh& mesh, const BorderView& view,
+void CodeBeyond(Coder& coder, ClipModels& models, const ReplayedMesh& mesh, const BorderView& view,
                 Vec3i& p) {
   const Float4 normal = view.normal();
   const Float4 size = normal < 0 ? -normal : normal;
@@ -269,7 +269,7 @@ void CodeBeyond(Coder& coder, ClipModels& models, const ClientMesh& mesh, const 
 
 // Vertices that have no triangle are remembered or forgotten. `lost(vertex)` hears what goes.
 template <typename Lost>
-void ForgetLeftOver(ClientMesh& mesh, std::span<const uint32_t> left_over, Lost&& lost) {
+void ForgetLeftOver(ReplayedMesh& mesh, std::span<const uint32_t> left_over, Lost&& lost) {
   for (const uint32_t v : left_over) {
     if (mesh.degree(v) > 0 || mesh.is_remembered(v) || !mesh.is_known(v)) continue;
     if (const uint32_t gone = mesh.Forget(v, kNone32); gone != kNone32) lost(gone);
@@ -290,7 +290,7 @@ template <typename Coder, typename Side>
 class Attacher {
  public:
   // `left_over`: vertices that may have no triangle in the end.
-  Attacher(Coder& coder, UpdateModels& models, ClientMesh& mesh, Side& side,
+  Attacher(Coder& coder, UpdateModels& models, ReplayedMesh& mesh, Side& side,
            std::vector<uint32_t>* left_over)
       : coder_(coder),
         models_(models),
@@ -413,7 +413,7 @@ class Attacher {
   Coder& coder_;
   UpdateModels& models_;
   ClipModels& clips_;
-  ClientMesh& mesh_;
+  ReplayedMesh& mesh_;
   Side& side_;
   std::vector<uint32_t>* const left_over_;
   std::vector<uint32_t> edges_;  // half-edges that triangles may lie beyond
@@ -422,4 +422,4 @@ class Attacher {
   Vec3i last_{};
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 template <typename T>
 size_t CapacityBytes(const std::vector<T>& values) {
@@ -17,4 +17,4 @@ size_t MapBytes(const Map& map) {
   return map.size() * ((kNode + 15) / 16 * 16) + map.bucket_count() * sizeof(void*);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

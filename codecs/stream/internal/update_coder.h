@@ -13,10 +13,10 @@
 #include "codecs/coding/cluster_model.h"
 #include "codecs/coding/hole_frame.h"
 #include "codecs/coding/rans.h"
-#include "codecs/stream/client_mesh.h"
+#include "codecs/stream/internal/replayed_mesh.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
 inline constexpr uint8_t kUpdateVersion = 3;
@@ -102,7 +102,7 @@ uint32_t CodeNumber(Coder& coder, NumberModel& model, uint32_t value) {
 // As Patch::WalkHole: the hole of the anchor across the edges that `take(count, slot, half_edge)`
 // says. False when it is no disc, or too large.
 template <typename Take>
-bool WalkHole(const ClientMesh& mesh, uint32_t anchor, UpdateHole& out, Take&& take) {
+bool WalkHole(const ReplayedMesh& mesh, uint32_t anchor, UpdateHole& out, Take&& take) {
   Patch::Hole& hole = out.hole;
   uint32_t stack[kMaxRing + 2] = {4 * anchor + 2, 4 * anchor + 1, 4 * anchor};
   uint32_t depth = 3;
@@ -138,7 +138,7 @@ bool WalkHole(const ClientMesh& mesh, uint32_t anchor, UpdateHole& out, Take&& t
 
 // The star of a vertex and its ring, from the half-edge that the mesh names; of a boundary vertex
 // from the border on. False when the triangles at the vertex are not one fan of some that fit.
-inline bool WalkStar(const ClientMesh& mesh, uint32_t vertex, UpdateHole& out) {
+inline bool WalkStar(const ReplayedMesh& mesh, uint32_t vertex, UpdateHole& out) {
   Patch::Hole& star = out.hole;
   uint32_t h = mesh.half_edge_of(vertex);
   const auto leaves = [&](uint32_t half_edge) {
@@ -191,7 +191,7 @@ inline bool WalkStar(const ClientMesh& mesh, uint32_t vertex, UpdateHole& out) {
 
 class UpdateShapes {
  public:
-  UpdateShapes(const ClientMesh& mesh, const UpdateModels& models)
+  UpdateShapes(const ReplayedMesh& mesh, const UpdateModels& models)
       : mesh_(mesh), shortest_((models.reference >> 8) - 3) {}
 
   // LengthClass << 3 | SharpnessClass; the half-edge has an opposite.
@@ -248,7 +248,7 @@ class UpdateShapes {
     return static_cast<uint32_t>(std::clamp((248 - sum) / 16 - 5, 0, 7));
   }
 
-  const ClientMesh& mesh_;
+  const ReplayedMesh& mesh_;
   const int shortest_;
 };
 
@@ -258,7 +258,7 @@ inline void AdaptReference(UpdateModels& models, int exponent) {
 }
 
 // UpdateModels::reference for a base mesh.
-inline int32_t UpdateReference(const ClientMesh& mesh) {
+inline int32_t UpdateReference(const ReplayedMesh& mesh) {
   const UpdateModels models{{}};
   const UpdateShapes shapes(mesh, models);
   int64_t sum = 0;
@@ -272,7 +272,7 @@ inline int32_t UpdateReference(const ClientMesh& mesh) {
 
 // The candidates for the third corner of edge (i, j), of which the one that sees it under the
 // largest angle is the likeliest, as in a Delaunay triangulation.
-inline void RankApexes(const ClientMesh& mesh, std::span<const uint32_t> ring, uint32_t i,
+inline void RankApexes(const ReplayedMesh& mesh, std::span<const uint32_t> ring, uint32_t i,
                        uint32_t j, std::vector<std::pair<float, uint32_t>>& ranked) {
   ranked.clear();
   for (uint32_t m = i + 1; m < j; ++m) {
@@ -290,7 +290,7 @@ inline void RankApexes(const ClientMesh& mesh, std::span<const uint32_t> ring, u
 // The triangles of the polygon's part from corner i to corner j. `apex_of(i, j)`: the encoder's
 // third corner of the edge.
 template <typename Coder, typename ApexOf>
-void CodePolygon(Coder& coder, UpdateModels& models, const ClientMesh& mesh,
+void CodePolygon(Coder& coder, UpdateModels& models, const ReplayedMesh& mesh,
                  std::span<const uint32_t> ring, ApexOf&& apex_of,
                  std::vector<std::array<uint32_t, 3>>& places) {
   std::vector<std::pair<uint32_t, uint32_t>> open{{0, static_cast<uint32_t>(ring.size()) - 1}};
@@ -317,7 +317,7 @@ void CodePolygon(Coder& coder, UpdateModels& models, const ClientMesh& mesh,
 }
 
 // Cuts the star's polygon into the triangles that `places` names by places in the ring.
-inline void RemoveStar(ClientMesh& mesh, const UpdateHole& update, uint32_t vertex,
+inline void RemoveStar(ReplayedMesh& mesh, const UpdateHole& update, uint32_t vertex,
                        std::span<const std::array<uint32_t, 3>> places,
                        std::vector<uint32_t>* slots) {
   std::vector<std::array<uint32_t, 3>> triangles;
@@ -331,7 +331,7 @@ inline void RemoveStar(ClientMesh& mesh, const UpdateHole& update, uint32_t vert
 
 // Codes the residuals of the vertex against its hole.
 template <typename Coder>
-void CodePosition(Coder& coder, UpdateModels& models, const ClientMesh& mesh,
+void CodePosition(Coder& coder, UpdateModels& models, const ReplayedMesh& mesh,
                   const UpdateHole& update, Vec3i& p) {
   const Patch::Hole& hole = update.hole;
   HoleFrame frame;
@@ -352,15 +352,15 @@ void CodePosition(Coder& coder, UpdateModels& models, const ClientMesh& mesh,
 }
 
 // What attributes are predicted from; fills `positions`, which the result names.
-inline AttributeCoder::Star AttributeStar(const ClientMesh& mesh, const UpdateHole& update, Vec3i p,
-                                          std::vector<Vec3i>* positions) {
+inline AttributeCoder::Star AttributeStar(const ReplayedMesh& mesh, const UpdateHole& update,
+                                          Vec3i p, std::vector<Vec3i>* positions) {
   positions->clear();
   for (const uint32_t v : update.hole.ring_span()) positions->push_back(mesh.position(v));
   return {p, update.hole.ring_span(), *positions};
 }
 
 // Puts the star in the place of the hole. `slots`: those of the star's triangles, in ring order.
-inline void InsertStar(ClientMesh& mesh, UpdateModels& models, const UpdateHole& update,
+inline void InsertStar(ReplayedMesh& mesh, UpdateModels& models, const UpdateHole& update,
                        uint32_t vertex, std::vector<uint32_t>* slots) {
   const std::span<const uint32_t> ring = update.hole.ring_span();
   const size_t count = ring.size() - (update.boundary ? 1 : 0);
@@ -374,7 +374,7 @@ inline void InsertStar(ClientMesh& mesh, UpdateModels& models, const UpdateHole&
 }
 
 // The hole of a remembered vertex that comes back to the triangles that its removal left.
-inline bool WalkAgain(const ClientMesh& mesh, uint32_t anchor, uint32_t vertex,
+inline bool WalkAgain(const ReplayedMesh& mesh, uint32_t anchor, uint32_t vertex,
                       UpdateHole& update) {
   if (!WalkHole(mesh, anchor, update, [&](uint32_t, uint32_t slot, uint32_t) {
         return mesh.triangle(slot).fills == vertex;
@@ -391,4 +391,4 @@ inline bool WalkAgain(const ClientMesh& mesh, uint32_t anchor, uint32_t vertex,
   return true;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

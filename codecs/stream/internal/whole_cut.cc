@@ -5,7 +5,7 @@
 #include "codecs/stream/internal/memory_bytes.h"
 #include "store/base/check.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 void SetChange(UpdateChange& change, const UpdateBatch& batch, const UpdateBatch::Node& node) {
   std::vector<TriangleKey>& star = batch.insert ? change.created : change.removed;
@@ -163,4 +163,4 @@ size_t WholeCut::memory_bytes() const {
          chosen_.capacity() / 8 + CapacityBytes(held_);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "codecs/stream/client_mesh.h"
+#include "codecs/stream/internal/replayed_mesh.h"
 #include "codecs/stream/mesh_update.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The triangles that an update takes away and puts there.
 struct UpdateChange {
@@ -33,7 +33,7 @@ class WholeCut {
 
   WholeCut(const ClientMeshOptions& options, const BaseMesh& base);
 
-  const ClientMesh& mesh() const { return mesh_; }
+  const ReplayedMesh& mesh() const { return mesh_; }
   size_t memory_bytes() const;
   TriangleKey key(uint32_t slot) const { return triangle_keys_[slot]; }
   VertexIndex vertex_key(uint32_t vertex) const { return vertex_keys_[vertex]; }
@@ -58,7 +58,7 @@ class WholeCut {
  private:
   uint32_t SlotOf(TriangleKey key) const;
 
-  ClientMesh mesh_;  // remembers nothing
+  ReplayedMesh mesh_;  // remembers nothing
   std::unordered_map<TriangleKey, uint32_t> triangle_of_;
   std::unordered_map<VertexIndex, uint32_t> vertex_of_;
   std::vector<TriangleKey> triangle_keys_;  // of slots
@@ -68,4 +68,4 @@ class WholeCut {
   std::vector<Held> held_;  // of the client's slots
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

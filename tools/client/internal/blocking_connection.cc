@@ -1,6 +1,6 @@
 #include "tools/client/internal/blocking_connection.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Status BlockingConnection::Connect() {
   Tcp::resolver resolver(io_);
@@ -26,4 +26,4 @@ Status BlockingConnection::Failure(const std::string& what, ErrorCode error) con
   return IoError(url_.origin() + ": " + what + ": " + why);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -13,7 +13,7 @@
 #include "tools/client/http_client.h"
 #include "tools/client/network.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class BlockingConnection {
  public:
@@ -76,4 +76,4 @@ class BlockingConnection {
   beast::tcp_stream stream_{io_};
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

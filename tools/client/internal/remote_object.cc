@@ -3,7 +3,7 @@
 #include "tools/client/json.h"
 #include "tools/client/printable.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -75,4 +75,4 @@ Status AppendText(const std::string& where, std::string_view piece, std::string*
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

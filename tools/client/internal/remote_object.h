@@ -7,7 +7,7 @@
 #include "store/base/status.h"
 #include "tools/client/http_client.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // "/objects/NAME", escaped as it is in the URL; empty when neither `url` nor `name` says.
 // kInvalidArgument.
@@ -20,4 +20,4 @@ Status Refused(const std::string& where, unsigned status, const std::string& tex
 // Appends to a text that must not become long: a catalog, or an error.
 Status AppendText(const std::string& where, std::string_view piece, std::string* text);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/base/check.h"
 #include "store/base/geometry.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr int kNoEdge = -1;
@@ -137,4 +137,4 @@ const std::array<MarchingCase, 256>& MarchingCases() {
   return kCases;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include <array>
 #include <cstdint>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Corner c of a cube lies at (c & 1, c >> 1 & 1, c >> 2). Edge e runs along axis e / 4 from corner
 // kCubeEdgeStart[e]. Case: bit c is set when corner c is inside.
@@ -24,4 +24,4 @@ struct MarchingCase {
 // Made on the first call; thread-safe.
 const std::array<MarchingCase, 256>& MarchingCases();
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kMaxVertices = 0xffffffffull;
@@ -137,4 +137,4 @@ Status PlyStreamWriter::End() {
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Writes float32 positions and uint32 indices to `path` in memory of some megabytes. Vertices go to
 // a file beside it, faces to a nameless one that is appended at the end; then the header, of fixed
@@ -42,4 +42,4 @@ class PlyStreamWriter final : public MeshSink {
   std::vector<char> buffer_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,10 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "tools/generate/internal/float4.h"
 #include "tools/generate/noise.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // The coarsest octave's wavelength and amplitude, and the factor from octave to octave: a little
@@ -242,4 +241,4 @@ size_t SculptureField::Compact(size_t count, float give_up, FieldBatch* batch) {
   return kept;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -13,7 +13,7 @@
 
 #include "store/base/geometry.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Points and what is known of the function there.
 struct FieldBatch {
@@ -85,4 +85,4 @@ class SculptureField {
   std::vector<float> qx_, qy_, qz_, value_, weight_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

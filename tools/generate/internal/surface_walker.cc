@@ -7,7 +7,7 @@
 #include "store/base/check.h"
 #include "tools/generate/internal/marching.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kNoVertex = ~uint64_t{0};
@@ -299,4 +299,4 @@ Status SurfaceWalker::Flush() {
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

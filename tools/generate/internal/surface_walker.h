@@ -11,7 +11,7 @@
 #include "store/base/status.h"
 #include "tools/generate/internal/sculpture_field.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class SurfaceWalker {
  public:
@@ -103,4 +103,4 @@ class SurfaceWalker {
   std::array<std::array<uint64_t, kSamples>, 3> edge_ids_{};
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

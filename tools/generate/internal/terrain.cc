@@ -6,7 +6,7 @@
 
 #include "tools/generate/noise.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr double kExtent = 10;
@@ -122,4 +122,4 @@ Status SendTerrain(uint64_t triangles, uint64_t seed, MeshSink& sink) {
   return sink.End();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include <system_error>
 #include <unistd.h>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -74,4 +74,4 @@ size_t AnonymousFile::ReadAt(uint64_t offset, char* out, size_t size) const {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Open for reading and writing.
 class AnonymousFile {
@@ -38,4 +38,4 @@ class AnonymousFile {
   int descriptor_ = -1;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

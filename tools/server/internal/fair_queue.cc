@@ -4,7 +4,7 @@
 
 #include "store/base/check.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 bool FairQueue::LongSlotFor(const Group& group) const {
   const size_t most = std::max(1u, limits_.long_slots - 1);
@@ -124,4 +124,4 @@ void FairQueue::Leave(const Entry& entry) {
   });
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

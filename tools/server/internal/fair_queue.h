@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Where a job comes from: an address has its share, which its connections share.
 struct ServerClient {
@@ -90,4 +90,4 @@ class FairQueue {
   size_t long_running_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

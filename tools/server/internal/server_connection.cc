@@ -22,7 +22,7 @@
 #include "tools/server/internal/server_origin.h"
 #include "tools/server/internal/server_websocket.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -444,4 +444,4 @@ void ServeConnection(ServerLoop& loop, Tcp::socket socket, ServerClient client, 
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,10 +4,10 @@
 #include "tools/client/network.h"
 #include "tools/server/internal/server_loop.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Reads requests from `socket` and answers them, until either side closes it. `refused`: says to
 // the first one that there are too many.
 void ServeConnection(ServerLoop& loop, Tcp::socket socket, ServerClient client, bool refused);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 ServerLedger::Account::Account(ServerLedger& ledger, const ServerClient& client)
     : ledger_(ledger), address_(client.address) {
@@ -86,4 +86,4 @@ uint64_t ServerLedger::evictions() const {
   return evictions_;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,7 +11,7 @@
 
 #include "tools/server/internal/fair_queue.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // At the limit whoever holds the most gives way: of the address that holds the most, the account
 // that does. So who asks for little gets it as long as others hold much. Safe for many threads.
@@ -61,4 +61,4 @@ class ServerLedger {
   uint64_t evictions_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -13,7 +13,7 @@
 #include "tools/server/internal/server_service.h"
 #include "tools/server/server.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class ServerPeer;
 
@@ -87,4 +87,4 @@ class ServerPeer {
   const ServerClient client_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

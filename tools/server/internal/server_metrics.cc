@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -92,4 +92,4 @@ std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
   return text;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

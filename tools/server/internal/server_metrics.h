@@ -9,7 +9,7 @@
 
 #include "tools/server/internal/server_pool.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Safe for many threads.
 class ServerMetrics {
@@ -56,4 +56,4 @@ class ServerMetrics {
   double seconds_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

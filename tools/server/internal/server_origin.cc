@@ -6,7 +6,7 @@
 #include "tools/client/http_client.h"
 #include "tools/client/network.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace ip = boost::asio::ip;
 
@@ -37,4 +37,4 @@ std::string ClientAddress(const ip::address& address) {
   return ip::address_v6(bytes).to_string() + "/64";
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Whether `host`, as a request has it, names this server: an address, localhost, or one of
 // `allowed` ("*": any), with any port. Programs of the past send none. Under another name the page
@@ -20,4 +20,4 @@ bool MayOpenSession(const std::string& origin, const std::string& host,
 // Clients that share what an address has: an IPv6 client has 64 bits of it for itself.
 std::string ClientAddress(const boost::asio::ip::address& address);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 
 #include "tools/client/network.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -180,4 +180,4 @@ void ServerPool::OnDone(const JobPtr& job) {
   done();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -17,7 +17,7 @@
 #include "store/base/status.h"
 #include "tools/server/internal/fair_queue.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What threads ask the loop's thread to do, in order. Nothing is lost when memory is out: who holds
 // a letter can post it.
@@ -116,4 +116,4 @@ class ServerPool {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -186,4 +186,4 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
   return request;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

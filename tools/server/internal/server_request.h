@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "store/base/status.h"
-#include "tools/request/query_json.h"
+#include "tools/request/query_options.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A request's target, percent escapes decoded. "/objects/a%2Fb/mesh?clip" has the path
 // {"objects", "a/b", "mesh"} and the parameters {{"clip", ""}}. A plus sign stands for itself.
@@ -28,4 +28,4 @@ struct MeshRequest {
 // extract` without dashes. kInvalidArgument with a message that begins with the parameter.
 Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::string& body);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

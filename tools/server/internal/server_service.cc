@@ -11,13 +11,12 @@
 #include <unistd.h>
 
 #include "codecs/mesh_file/mesh_file.h"
-#include "query/cluster_cache.h"
 #include "query/query_json.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -261,8 +260,9 @@ ServerAnswer ServerService::Metrics() {
     cache.objects_open = surfaces_.size();
     cache.decoded = decoded_before_;
     for (const auto& surface : surfaces_) {
-      cache.bytes += surface->cache().bytes();
-      cache.decoded += surface->cache().decoded();
+      const Surface::CacheUse use = surface->cache_use();
+      cache.bytes += use.bytes;
+      cache.decoded += use.decoded;
     }
   }
   ServerAnswer answer;
@@ -465,7 +465,7 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   const std::lock_guard lock(mutex_);
   surfaces_.push_back(surface);
   const auto close = [&](size_t i) {
-    decoded_before_ += surfaces_[i]->cache().decoded();
+    decoded_before_ += surfaces_[i]->cache_use().decoded;
     closed.push_back(std::move(surfaces_[i]));
     surfaces_.erase(surfaces_.begin() + static_cast<ptrdiff_t>(i));
   };
@@ -484,4 +484,4 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   return surface;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -22,21 +22,9 @@
 #include "tools/server/internal/server_metrics.h"
 #include "tools/server/internal/server_request.h"
 #include "tools/server/internal/server_session.h"
+#include "tools/server/server.h"
 
-namespace mtdb {
-
-struct ServiceOptions {
-  std::string store;
-  std::string tmp;                             // folder of temporary files; empty: the system's
-  uint64_t cache_bytes = uint64_t{256} << 20;  // of decoded clusters, for each open object
-  bool implicit = false;                       // the cache keeps clusters as in the store
-  unsigned objects = 4;                        // kept open, the last used
-  unsigned threads = 1;                        // of one query's reading and decoding
-  uint64_t max_triangles = 20'000'000;         // of one mesh
-  uint64_t session_triangles = 1'000'000;      // of the mesh of a session's client
-  uint64_t session_memory_bytes = uint64_t{2} << 30;  // of all sessions
-  uint64_t temporary_bytes = uint64_t{4} << 30;       // of all answers under way
-};
+namespace mtdb::internal {
 
 struct ServerRequest {
   std::string method;  // "GET"
@@ -169,4 +157,4 @@ class ServerService {
   uint64_t decoded_before_ = 0;                     // by surfaces that were closed
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 
 #include "query/query_control.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -177,4 +177,4 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
   return End::kDone;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -14,7 +14,7 @@
 #include "store/base/status.h"
 #include "tools/client/session_message.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // One thread at a time.
 class ServerSession {
@@ -80,4 +80,4 @@ class ServerSession {
   bool clipped_ = false;  // the client holds a part of it
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 
 #include "tools/request/report_json.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -417,4 +417,4 @@ void ServerWebSocket::TryAbort() {
   EndWork();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -17,7 +17,7 @@
 #include "tools/client/network.h"
 #include "tools/server/internal/server_loop.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A query of a session on its way.
 struct SessionWork {
@@ -117,4 +117,4 @@ class ServerWebSocket final : public ServerPeer,
   bool close_sent_ = false;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal
