@@ -81,6 +81,7 @@ TEST_CASE("what a server reads and says survives a lack of memory", "[server]") 
     SessionReply reply;
     reply.kind = SessionReply::Kind::kDone;
     reply.id = 3;
+    reply.done.limit = "accuracy";
     reply.done.shortfall = {3, 0.1, {{-1, 0, 0.3}, {2, 3, 4e9}}};
     const auto read = ParseSessionReply(SessionReplyText(reply));
     return read.ok() ? SessionReplyText(*read) : "";

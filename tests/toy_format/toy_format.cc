@@ -6,9 +6,7 @@
 #include "codecs/mesh_file/internal/text_format.h"
 #include "codecs/mesh_file/internal/text_reader.h"
 
-namespace mtdb {
-
-using namespace internal;
+namespace mtdb::internal {
 
 namespace {
 
@@ -90,7 +88,7 @@ Result<std::unique_ptr<MeshWriter>> CreateToyWriter(const std::string& path,
 
 // In place of the library's.
 const std::vector<MeshFormatRow>& MeshFormatTable() {
-  static const std::vector<MeshFormatRow> table = [] {
+  static const std::vector<MeshFormatRow> kTable = [] {
     std::vector<MeshFormatRow> rows = OwnMeshFormats();
     rows.push_back({.format = {.name = "Toy",
                                .suffixes = {"toy", "toytown"},
@@ -101,7 +99,7 @@ const std::vector<MeshFormatRow>& MeshFormatTable() {
                     .create_writer = CreateToyWriter});
     return rows;
   }();
-  return table;
+  return kTable;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

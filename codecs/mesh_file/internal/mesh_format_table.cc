@@ -3,8 +3,8 @@
 namespace mtdb::internal {
 
 const std::vector<MeshFormatRow>& MeshFormatTable() {
-  static const std::vector<MeshFormatRow> table = OwnMeshFormats();
-  return table;
+  static const std::vector<MeshFormatRow> kTable = OwnMeshFormats();
+  return kTable;
 }
 
 }  // namespace mtdb::internal
