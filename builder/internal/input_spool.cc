@@ -1,6 +1,9 @@
 #include "builder/internal/input_spool.h"
 
+#include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <string_view>
 
 #include "builder/internal/soup_join.h"
 
@@ -9,6 +12,27 @@ namespace mtdb {
 namespace {
 // Vertices are numbered in 32 bits while a mesh is built: some 8.5 billion triangles.
 constexpr uint64_t kMaxVertices = 0xfffffffeull;
+
+// Whether `value`, read from text, may be how a program has written `single`: rounded to the last
+// of its digits. Their number is that of the value's, less zeros, of 15 at most.
+bool IsTextOf(double value, float single) {
+  if (!std::isfinite(single)) return false;
+  char buffer[32];
+  const auto end =
+      std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::scientific, 14);
+  const std::string_view text(buffer, static_cast<size_t>(end.ptr - buffer));
+  const size_t mark = text.find('e');
+  const std::string_view mantissa = text.substr(0, text.find_last_not_of("0.", mark - 1) + 1);
+  const auto digits = std::max<ptrdiff_t>(
+      1,
+      std::count_if(mantissa.begin(), mantissa.end(), [](char c) { return c >= '0' && c <= '9'; }));
+  int power = 0;
+  const char* const exponent = buffer + mark + 1;
+  std::from_chars(*exponent == '+' ? exponent + 1 : exponent, end.ptr, power);
+  const double unit = std::pow(10.0, static_cast<double>(power + 1 - digits));
+  return std::abs(static_cast<double>(single) - value) <= 0.5 * unit * (1 + 1e-9);
+}
+
 }  // namespace
 
 InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
@@ -42,9 +66,11 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     }
     const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
     const Vec3d single{f.x, f.y, f.z};
-    const bool meant = header_.from_text && !header_.double_positions && std::isfinite(f.x) &&
-                       std::isfinite(f.y) && std::isfinite(f.z);
-    if (lossless_ && single != p && !meant) {
+    const auto meant = [&] {
+      return header_.from_text && !header_.double_positions && IsTextOf(p.x, f.x) &&
+             IsTextOf(p.y, f.y) && IsTextOf(p.z, f.z);
+    };
+    if (lossless_ && single != p && !meant()) {
       return BadInput(where() +
                       ": a coordinate does not fit float32, so that --lossless would "
                       "lose it; use --step or --bits");

@@ -459,6 +459,34 @@ TEST_CASE("several inputs become one object", "[cli]") {
   RunFails(1, {"ingest", low, high, store, "--name", "third", "--quiet"}, {high});
 }
 
+TEST_CASE("--lossless takes text for what a float32 was written as, and no more", "[cli]") {
+  const Folder folder;
+  const std::string mesh = folder.File("mesh.obj");
+  const auto ingest = [&](double shift, const char* format, bool single) {
+    std::string text;
+    for (const Vec3d& p : {Vec3d{0.1, 0.2, 1e-7}, Vec3d{1 / 3.0, 12.3456789, -0.7},
+                           Vec3d{-4e-5, 987.654321, 2 / 3.0}}) {
+      text += "v";
+      for (int i = 0; i < 3; ++i) {
+        const double value = shift + p[i];
+        char number[64];
+        std::snprintf(number, sizeof(number), format,
+                      single ? static_cast<double>(static_cast<float>(value)) : value);
+        text += " " + std::string(number);
+      }
+      text += "\n";
+    }
+    WriteText(mesh, text + "f 1 2 3\n");
+    return Arguments{"ingest", mesh, folder.File("store.mtdb"), "--lossless", "--quiet", "--force"};
+  };
+  for (const char* format : {"%g", "%.6f", "%.9g", "%.17g"}) {
+    INFO(format);
+    for (const double shift : {0.0, 4.5e6}) RunOk(ingest(shift, format, true));
+    if (std::string(format) == "%g") continue;
+    RunFails(1, ingest(4.5e6, format, false), {mesh, "float32", "--step or --bits"});
+  }
+}
+
 TEST_CASE("--lossless keeps every bit, --bits and --step set the grid", "[cli]") {
   const Example& example = SmallExample();
   const Folder folder;
