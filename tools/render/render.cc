@@ -9,6 +9,7 @@
 #include <new>
 #include <numbers>
 #include <optional>
+#include <sys/mman.h>
 #include <system_error>
 #include <thread>
 
@@ -37,6 +38,13 @@ float Norm(Vec3f v) { return std::sqrt(Dot(v, v)); }
 Vec3f Unit(Vec3f v) {
   const float n = Norm(v);
   return n > 0 ? v * (1 / n) : Vec3f{0, 0, 1};
+}
+
+bool HasAddressSpace(size_t bytes) {
+  void* const space = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (space == MAP_FAILED) return false;
+  ::munmap(space, bytes);
+  return true;
 }
 
 float SmoothStep(float low, float high, float x) {
@@ -132,7 +140,15 @@ class Geometry {
   }
 
   Status BuildScene(const TriangleMesh& mesh) {
-    // On this thread alone: with too little memory for threads of its own Embree ends the process.
+    // Embree may end the process when it finds no memory: it is asked only when there is plenty,
+    // and works on this thread alone.
+    constexpr size_t kOfEmbree = size_t{128} << 20;
+    constexpr size_t kOfTriangle = 512;
+    if (!HasAddressSpace(kOfEmbree + kOfTriangle * mesh.triangles.size())) {
+      return Status(StatusCode::kNoSpace, "not enough memory to draw " +
+                                              std::to_string(mesh.triangles.size()) +
+                                              " triangles; ask for fewer, or give more memory");
+    }
     device_.reset(rtcNewDevice("threads=1,user_threads=1"));
     if (device_ == nullptr) return Status(StatusCode::kNoSpace, "Embree cannot start");
     scene_.reset(rtcNewScene(device_.get()));
