@@ -88,6 +88,7 @@ Status Run(ByteSpan file) {
   MTDB_ASSIGN_OR_RETURN(const auto source, PageSource::Read(file));
   SurfaceOptions options;
   options.waits = false;
+  options.threads = 1;  // with nothing to deliver, nobody else is at work
   MTDB_ASSIGN_OR_RETURN(const auto surface, Surface::Open(source, options));
   const ObjectRecord& record = source->record();
   std::vector<Query> queries(3);
