@@ -44,14 +44,16 @@ struct BoxQuery {
   double error = 0;  // model units; 0: full resolution
 };
 
-// Notes which clusters are read.
+// Notes which clusters are read; root pieces, which every query reads, are not among them.
 class NotingSource final : public ClusterSource {
  public:
   explicit NotingSource(std::shared_ptr<ClusterSource> source) : source_(std::move(source)) {}
   const ObjectRecord& record() const override { return source_->record(); }
   const ClusterIndex& index() const override { return source_->index(); }
   void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override {
-    read.insert(read.end(), units.begin(), units.end());
+    for (const UnitId unit : units) {
+      if (index().unit(unit).nodes > 0) read.push_back(unit);
+    }
     source_->Read(units, std::move(receiver));
   }
   bool answers_at_once() const override { return source_->answers_at_once(); }
