@@ -8,8 +8,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <new>
 #include <optional>
+#include <sys/socket.h>
 #include <system_error>
 #include <thread>
 #include <unistd.h>
@@ -34,6 +37,9 @@ constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr auto kLastWait = std::chrono::seconds(2);
 // Connections above the limit that are told so; those above these are just closed.
 constexpr size_t kMaxRefused = 64;
+// What the system takes of an answer before it is sent. It would take up to 4 MiB for a client that
+// does not read, beside every limit, and the answer would look as if it was on its way.
+constexpr int kMostUnsentBytes = 256 << 10;
 
 // SIGINT and SIGTERM count here and wake the loop: that takes no memory.
 class StopSignals {
@@ -196,6 +202,8 @@ void Server::OnAccept(Tcp::socket socket) {
   if (loop_.peers.size() >= loop_.options.max_connections + kMaxRefused) return;
   ErrorCode error;
   socket.set_option(Tcp::no_delay(true), error);
+  (void)setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMostUnsentBytes,
+                   sizeof(kMostUnsentBytes));
   const Tcp::endpoint from = socket.remote_endpoint(error);
   if (error) return;  // gone already
   const bool refused = loop_.peers.size() >= loop_.options.max_connections;

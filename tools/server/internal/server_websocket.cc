@@ -11,9 +11,8 @@ namespace mtdb::internal {
 
 namespace {
 
-constexpr uint64_t kMostOnWay = 1 << 20;     // bytes of the stream, before a round begins
-constexpr int kSendBufferBytes = 256 << 10;  // of the system, so that a slow client shows soon
-constexpr size_t kMostReplies = 32;          // that the client has not taken
+constexpr uint64_t kMostOnWay = 1 << 20;  // bytes of the stream, before a round begins
+constexpr size_t kMostReplies = 32;       // that the client has not taken
 // Longer messages are read by a thread, not by the loop's.
 constexpr size_t kShortMessageBytes = 4096;
 // How long an update may go on without a round when a later query waits. Doubled when that was
@@ -51,9 +50,6 @@ void ServerWebSocket::Accept(Request request) {
   socket_.set_option(websocket::stream_base::decorator(
       [](websocket::response_type& response) { response.set(http::field::server, "mtdb"); }));
   socket_.read_message_max(kMaxSessionMessageBytes);
-  ErrorCode ignored;
-  beast::get_lowest_layer(socket_).socket().set_option(
-      asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
   const auto kept = std::make_shared<Request>(std::move(request));
   socket_.async_accept(*kept, Then([kept](ServerWebSocket& self, ErrorCode error) {
     if (error) return self.Drop();
