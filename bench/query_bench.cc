@@ -43,10 +43,13 @@
 #include <vector>
 
 #include "bench/internal/workload.h"
-#include "query/cluster_cache.h"
-#include "query/unit_reader.h"
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_reader.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 uint64_t store_triangles = 2000000;

@@ -34,6 +34,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 constexpr double kLeastProgress = 0.95;  // a round that leaves more than this is the last
@@ -537,10 +539,11 @@ class Builder {
 
 }  // namespace
 
-Result<ObjectRecord> BuildObjectWith(const DecimatorFactory& make_decimator,
-                                     const MeshProducer& input, const BuildOptions& options,
-                                     ObjectWriter& writer, const ProgressCallback& progress,
-                                     BuildReport* report) {
+Result<ObjectRecord> internal::BuildObjectWith(const DecimatorFactory& make_decimator,
+                                               const MeshProducer& input,
+                                               const BuildOptions& options, ObjectWriter& writer,
+                                               const ProgressCallback& progress,
+                                               BuildReport* report) {
   return CatchOutOfMemory(
       [&] { return Builder(make_decimator, options, writer, progress, report).Run(input); });
 }

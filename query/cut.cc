@@ -7,6 +7,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 Cut::Cut(std::unique_ptr<CutImpl> impl) : impl_(std::move(impl)) {}
 Cut::Cut(Cut&&) noexcept = default;
 Cut& Cut::operator=(Cut&&) noexcept = default;

@@ -11,7 +11,9 @@
 
 namespace mtdb {
 
+namespace internal {
 class CutImpl;
+}
 
 // What ended the refinement of a query.
 enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime };
@@ -52,7 +54,7 @@ struct ExtractStats {
 // not the clusters. Movable; used by one thread at a time. Keeps the surface alive.
 class Cut {
  public:
-  explicit Cut(std::unique_ptr<CutImpl> impl);
+  explicit Cut(std::unique_ptr<internal::CutImpl> impl);
   Cut(Cut&&) noexcept;
   Cut& operator=(Cut&&) noexcept;
   ~Cut();
@@ -70,7 +72,7 @@ class Cut {
   Status Emit(MeshSink& sink);
 
  private:
-  std::unique_ptr<CutImpl> impl_;
+  std::unique_ptr<internal::CutImpl> impl_;
 };
 
 }  // namespace mtdb

@@ -11,6 +11,9 @@
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -6,6 +6,14 @@
 
 namespace mtdb {
 
+namespace internal {
+class ClusterCache;
+class CutImpl;
+class Insertion;
+class Search;
+class UnitReader;
+}  // namespace internal
+
 // Given by pointer in Query; must outlive the query and its Cut. One query at a time. Safe for many
 // threads: any of them may cancel or look at the progress.
 class QueryControl {
@@ -23,11 +31,11 @@ class QueryControl {
   uint64_t triangles_emitted() const { return triangles_emitted_.load(std::memory_order_relaxed); }
 
  private:
-  friend class ClusterCache;
-  friend class UnitReader;
-  friend class Search;
-  friend class Insertion;
-  friend class CutImpl;
+  friend class internal::ClusterCache;
+  friend class internal::UnitReader;
+  friend class internal::Search;
+  friend class internal::Insertion;
+  friend class internal::CutImpl;
   void CountLoad() { clusters_loaded_.fetch_add(1, std::memory_order_relaxed); }
 
   std::atomic<bool> cancelled_{false};

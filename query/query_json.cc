@@ -13,6 +13,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 constexpr int kDeepest = 64;             // braces and brackets within each other

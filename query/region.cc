@@ -10,6 +10,9 @@
 #include "store/base/check.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 class Whole final : public Region {

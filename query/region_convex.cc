@@ -7,6 +7,9 @@
 #include "store/base/check.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 void CheckCamera(const Camera& camera) {

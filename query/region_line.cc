@@ -9,6 +9,9 @@
 #include "store/base/check.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 using Segment = SegmentTree::Segment;

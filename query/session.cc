@@ -14,12 +14,15 @@
 #include "query/internal/promise.h"
 #include "query/internal/search.h"
 #include "query/internal/stopwatch.h"
+#include "query/internal/unit_reader.h"
 #include "query/internal/update_batches.h"
 #include "query/surface.h"
-#include "query/unit_reader.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr uint64_t kRoundNodes = 4096;  // in a round, where there are more to come

@@ -21,10 +21,13 @@
 
 namespace mtdb {
 
+class Surface;
+
+namespace internal {
 class Bits;
 class MovingCut;
-class Surface;
 class UnitReader;
+}  // namespace internal
 
 // Takes the batches of one round of an update, in order. What it returns but ok ends the update.
 using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
@@ -78,14 +81,14 @@ class Session {
   explicit Session(std::shared_ptr<const Surface> surface);
   Result<BaseMesh> ReadBase() const;
   Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
-  Status Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
-              SessionUpdate* update);
-  Status Select(UnitReader& reader, const Query& query, const TakeBatches& take,
+  Status Move(internal::UnitReader& reader, const Query& query, bool rounds,
+              const TakeBatches& take, SessionUpdate* update);
+  Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
-  const Bits& BitsOf(uint32_t cluster) const;
+  const internal::Bits& BitsOf(uint32_t cluster) const;
   const std::shared_ptr<const Surface> surface_;
-  std::unique_ptr<MovingCut> moving_;  // null after an update with a budget
-  std::vector<Bits> selected_;         // then: per cluster, empty where no node is applied
+  std::unique_ptr<internal::MovingCut> moving_;  // null after an update with a budget
+  std::vector<internal::Bits> selected_;  // then: per cluster, empty where no node is applied
   uint64_t applied_count_ = 0;
 };
 

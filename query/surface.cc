@@ -4,11 +4,14 @@
 #include <string>
 #include <utility>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/internal/cut_impl.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 // The index is trusted from here on: it must agree with the record and lead from larger ids to

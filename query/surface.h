@@ -26,7 +26,9 @@
 
 namespace mtdb {
 
+namespace internal {
 class ClusterCache;
+}
 
 struct SurfaceOptions {
   // The most memory that decoded clusters take, those in use included. Beside it, a query takes
@@ -67,7 +69,7 @@ class Surface : public std::enable_shared_from_this<Surface> {
   };
   CacheUse cache_use() const;
   // For the library itself.
-  ClusterCache& cache() const { return *cache_; }
+  internal::ClusterCache& cache() const { return *cache_; }
 
   // Finds the smallest cut for the query. Errors: those of reading clusters.
   Result<Cut> Select(const Query& query) const;
@@ -78,7 +80,7 @@ class Surface : public std::enable_shared_from_this<Surface> {
  private:
   Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& options);
   const std::shared_ptr<ClusterSource> source_;
-  const std::unique_ptr<ClusterCache> cache_;
+  const std::unique_ptr<internal::ClusterCache> cache_;
 };
 
 }  // namespace mtdb

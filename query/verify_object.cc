@@ -4,13 +4,16 @@
 #include <string>
 #include <vector>
 
-#include "query/cluster_cache.h"
 #include "query/internal/bits.h"
-#include "query/unit_reader.h"
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_reader.h"
 #include "store/base/out_of_memory.h"
 #include "store/base/surface_digest.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 class Verifier {

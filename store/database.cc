@@ -12,6 +12,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 Database::Database(std::shared_ptr<Environment> environment)
     : environment_(std::move(environment)) {}
 

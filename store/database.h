@@ -20,8 +20,11 @@
 
 namespace mtdb {
 
-class Environment;
 class ObjectWriter;
+
+namespace internal {
+class Environment;
+}
 
 struct OpenOptions {
   bool writable = false;  // false: the file must exist, and is not changed
@@ -64,8 +67,8 @@ class Database {
   Status Remove(const std::string& name);
 
  private:
-  explicit Database(std::shared_ptr<Environment> environment);
-  std::shared_ptr<Environment> environment_;
+  explicit Database(std::shared_ptr<internal::Environment> environment);
+  std::shared_ptr<internal::Environment> environment_;
 };
 
 // Publish() calls it with the whole record, when everything is written except the catalog's entry.

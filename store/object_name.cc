@@ -6,6 +6,9 @@
 #include "store/internal/keys.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 // Where `text` is not UTF-8 (RFC 3629), or a control character; none when it is fine.

@@ -8,6 +8,9 @@
 #include "store/internal/keys.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr uint16_t kRecordVersion = 1;

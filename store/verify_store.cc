@@ -13,6 +13,9 @@
 #include "store/internal/store_check.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr size_t kMaxFailures = 200;

@@ -6,7 +6,7 @@
 
 #include "store/base/attribute_grid.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -113,4 +113,4 @@ Status AttributeSink::AddVertices(std::span<const Vec3d> positions, ByteSpan row
   return sink_->AddVertices(positions, rows_);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

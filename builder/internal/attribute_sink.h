@@ -9,7 +9,7 @@
 #include "builder/build.h"
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Everything behind it sees the rounded values, and a layout that says how they were rounded.
 // Promises of the incoming layout are forgotten. Errors: kInvalidArgument (an option names what the
@@ -47,4 +47,4 @@ class AttributeSink final : public MeshSink {
   Bytes rows_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

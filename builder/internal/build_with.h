@@ -7,7 +7,7 @@
 #include "builder/build.h"
 #include "builder/internal/decimator.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Makes the decimator of a thread.
 using DecimatorFactory = std::function<std::unique_ptr<TileDecimator>()>;
@@ -19,4 +19,4 @@ Result<ObjectRecord> BuildObjectWith(const DecimatorFactory& make_decimator,
                                      ObjectWriter& writer, const ProgressCallback& progress = {},
                                      BuildReport* report = nullptr);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

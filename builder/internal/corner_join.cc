@@ -6,7 +6,7 @@
 #include "builder/internal/packed_triangle.h"
 #include "builder/internal/parallel.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -392,4 +392,4 @@ Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions&
   return Join(input, grid, options, *totals).Run(receive);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

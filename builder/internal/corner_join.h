@@ -10,7 +10,7 @@
 #include "store/base/status.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct JoinTotals {
   uint64_t vertices = 0;   // referenced by a kept triangle
@@ -47,4 +47,4 @@ using BlockReceiver = std::function<Status(TriangleBlock)>;
 Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

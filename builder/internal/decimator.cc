@@ -1,7 +1,7 @@
 #include "builder/internal/decimator.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 template class Decimator<SurfaceDistance, FreeFilling>;
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

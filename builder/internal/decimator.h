@@ -20,7 +20,7 @@
 #include "store/base/grid.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct DecimateOptions {
   uint32_t target_triangles = 0;  // stop at this many, or when no legal removal is left
@@ -240,4 +240,4 @@ void Decimator<Measure, Rule>::Remove() {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

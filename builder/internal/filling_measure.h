@@ -11,7 +11,7 @@
 #include "builder/internal/tile_mesh.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A measure is asked of one tile after the other, and for each in this order:
 //   Load        the tile as it comes, with the errors of its triangles; the mesh stays where it is
@@ -50,4 +50,4 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   { constant.errors() } -> std::same_as<const std::vector<float>&>;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 
 #include "builder/internal/hole.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Fill() chooses the triangles of a filling, none of whose diagonals is forbidden, or returns false
 // when there is no such filling. It sees the hole's ring and, when the rule says so by
@@ -19,4 +19,4 @@ concept FillingRule = requires(Rule rule, const Hole& hole, Hole::Triangles& tri
   { rule.Fill(hole, triangles) } -> std::same_as<bool>;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -122,4 +122,4 @@ bool FreeFilling::FindLeast(const Hole& hole, Hole::Triangles& triangles) const 
   return true;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 #include "builder/internal/filling_rule.h"
 #include "builder/internal/hole.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Finds the triangulation of the ring that has the least sum of costs: the squared error of each
 // diagonal, and a small one for each triangle's shape, which decides where surfaces are flat.
@@ -33,4 +33,4 @@ class FreeFilling {
 };
 static_assert(FillingRule<FreeFilling>);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

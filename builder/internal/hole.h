@@ -12,7 +12,7 @@
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Ring positions 0 .. k - 1 run counter-clockwise. The ring of a vertex on the surface's border is
 // open: filling it makes the new border edge (k - 1, 0).
@@ -100,4 +100,4 @@ struct Filling {
   double error = 0;                           // the largest of them
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 
 #include "builder/internal/soup_join.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 // Vertices are numbered in 32 bits while a mesh is built: some 8.5 billion triangles.
@@ -175,4 +175,4 @@ Vec3d InputSpool::Position(const std::byte* vertex) const {
   return {p.x, p.y, p.z};
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/base/mesh_sink.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The input's vertices and triangles as they came; degenerate triangles are dropped and counted.
 // Errors: kBadInput (no vertex or triangle, a coordinate that is not finite, or does not fit
@@ -65,4 +65,4 @@ class InputSpool final : public MeshSink {
   uint64_t largest_at_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

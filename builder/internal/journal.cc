@@ -13,7 +13,7 @@
 
 #include "store/base/hash.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -355,6 +355,10 @@ void Journal::Remove() {
   if (IsAt(file_, path_)) unlink(path_.c_str());
 }
 
+}  // namespace mtdb::internal
+
+namespace mtdb {
+
 Result<JournalInfo> ReadJournalInfo(const std::string& path,
                                     std::span<const ObjectRecord> published) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
@@ -363,7 +367,7 @@ Result<JournalInfo> ReadJournalInfo(const std::string& path,
     const std::string what = path + ": " + std::strerror(error);
     return error == ENOENT ? NotFound(what) : IoError(what);
   }
-  Result<JournalInfo> journal = Examine(file, path, published);
+  Result<JournalInfo> journal = internal::Examine(file, path, published);
   if (journal.ok()) journal->in_use = flock(file, LOCK_SH | LOCK_NB) != 0;
   close(file);
   return journal;
@@ -373,9 +377,9 @@ void RemoveFinishedJournal(const std::string& path, std::span<const ObjectRecord
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (file < 0) return;
   if (flock(file, LOCK_EX | LOCK_NB) == 0) {
-    const Result<JournalInfo> journal = Examine(file, path, published);
+    const Result<JournalInfo> journal = internal::Examine(file, path, published);
     const bool useless = journal.ok() && (journal->finished || journal->bytes == 0);
-    if (useless && IsAt(file, path)) unlink(path.c_str());
+    if (useless && internal::IsAt(file, path)) unlink(path.c_str());
   }
   close(file);
 }

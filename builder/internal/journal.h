@@ -22,7 +22,7 @@
 #include "builder/internal/tile_cluster.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // One tile's result.
 struct TileOutcome {
@@ -77,4 +77,4 @@ class Journal {
   bool reading_ = true;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -85,4 +85,4 @@ Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
                     " MiB are allowed; allow more --memory, or leave attributes out");
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

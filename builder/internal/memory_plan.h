@@ -8,7 +8,7 @@
 #include "store/base/attributes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct MemoryPlan {
   unsigned threads = 1;      // at work on tiles at a time
@@ -23,4 +23,4 @@ struct MemoryPlan {
 Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
                               const AttributeLayout& attributes);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

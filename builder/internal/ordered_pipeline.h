@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Submit and Take are called by one thread. With one worker, or where no thread can be made, the
 // work is done inside Submit; where fewer can be made than were asked for, these do it all.
@@ -107,4 +107,4 @@ class OrderedPipeline {
   std::vector<std::jthread> threads_;       // last: joined first
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

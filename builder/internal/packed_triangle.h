@@ -8,7 +8,7 @@
 
 #include "builder/internal/tile.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Two bytes of flags, then what they say is there. Positions of 20 bits a coordinate, as almost
 // all grids have them, take 8 bytes instead of 12; a triangle of the input has no history.
@@ -91,4 +91,4 @@ class PackedTriangle {
   }
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

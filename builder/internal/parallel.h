@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Calls body(worker, i) for every i < count, each once, on up to `threads` threads, fewer where no
 // more can be made; returns when all are done. `worker` < threads names the thread, for its private
@@ -48,4 +48,4 @@ void ParallelFor(size_t count, unsigned threads, Body&& body) {
   if (error) std::rethrow_exception(error);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Vertices by their errors, or guesses of them; the smallest comes first, ties by number. A vertex
 // that is pushed again has its new place alone.
@@ -58,4 +58,4 @@ class RemovalQueue {
   std::vector<uint64_t> heap_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

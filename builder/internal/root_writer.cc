@@ -6,7 +6,7 @@
 
 #include "codecs/cluster/root_codec.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 uint32_t RootWriter::Find(uint32_t v) {
   while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
@@ -95,4 +95,4 @@ RootTopology RootWriter::Finish() {
   return topology_;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "store/base/status.h"
 #include "store/database.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What does not change under vertex removals, counted on the root.
 struct RootTopology {
@@ -53,4 +53,4 @@ class RootWriter {
   void Join(uint32_t a, uint32_t b);
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

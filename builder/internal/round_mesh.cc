@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 constexpr int kMaxSteps = 256;  // of a path; longer ones are not worth their error
@@ -175,4 +175,4 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
   return -1;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -18,7 +18,7 @@
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class RoundMesh {
  public:
@@ -63,4 +63,4 @@ class RoundMesh {
   std::vector<Cone> cones_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

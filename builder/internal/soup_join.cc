@@ -9,7 +9,7 @@
 #include "store/base/ids.h"
 #include "store/base/position_hash.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -193,4 +193,4 @@ Result<uint64_t> JoinSoup(const Spool& soup, bool doubles, const SpoolSpace* spa
   return SoupJoin<Vec3f>(soup, space, memory_bytes).Run(vertices, receive);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "builder/internal/spool.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // `soup` holds corners, three a triangle, each of 3 float32, or of 3 float64 when `doubles`. Equal
 // positions (-0 equals +0) become one vertex; vertices are numbered in the order of first sight and
@@ -21,4 +21,4 @@ Result<uint64_t> JoinSoup(const Spool& soup, bool doubles, const SpoolSpace* spa
                           size_t memory_bytes, Spool* vertices,
                           const std::function<Status(const std::array<uint32_t, 3>&)>& receive);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

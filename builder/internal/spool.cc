@@ -6,7 +6,7 @@
 #include <unistd.h>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -150,4 +150,4 @@ bool SpoolReader::Refill(size_t size) {
   return status_.ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -14,7 +14,7 @@
 #include "store/base/bytes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Where spools put their files, and how much they hold now.
 struct SpoolSpace {
@@ -94,4 +94,4 @@ class SpoolReader {
   Status status_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

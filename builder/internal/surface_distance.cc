@@ -8,7 +8,7 @@
 
 #include "store/base/float4.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -337,4 +337,4 @@ uint32_t SurfaceDistance::JoinBorderChains(const Hole& hole) {
   return hole.vertex;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

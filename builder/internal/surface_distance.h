@@ -11,7 +11,7 @@
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Bounds the two-sided distance between a triangle and the part of the round's input that it stands
 // for, by the curves of its edges and by the removed vertices between these (docs/design.md,
@@ -62,4 +62,4 @@ class SurfaceDistance {
 };
 static_assert(FillingMeasure<SurfaceDistance>);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

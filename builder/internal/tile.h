@@ -10,7 +10,7 @@
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A triangle of a round's mesh. It carries everything that a later round needs, so that rounds can
 // stream: no table of the whole mesh is consulted.
@@ -62,4 +62,4 @@ struct TileResult {
   uint64_t stuck_degree = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

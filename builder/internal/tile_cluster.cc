@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -117,4 +117,4 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
   return cluster;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 #include "store/base/grid.h"
 #include "store/cluster_index.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct TileCluster {
   bool empty = true;  // nothing could be removed: no cluster
@@ -24,4 +24,4 @@ struct TileCluster {
 TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
                             const AttributeLayout& attributes);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,7 +4,7 @@
 #include <bit>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
                    std::vector<uint32_t>& opposite) {
@@ -285,4 +285,4 @@ void TileMesh::CopyTo(TileResult& result) const {
   result.stars = stars_;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

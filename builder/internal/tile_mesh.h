@@ -12,7 +12,7 @@
 #include "store/base/grid.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
 // made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
@@ -88,4 +88,4 @@ class TileMesh {
 void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
                    std::vector<uint32_t>& opposite);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

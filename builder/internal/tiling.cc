@@ -6,7 +6,7 @@
 #include "store/base/hash.h"
 #include "store/base/hilbert.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 RoundCurve::RoundCurve(const Box3d& bounds, uint32_t round) : min_(bounds.min) {
   const Vec3d size = bounds.max - bounds.min;
@@ -44,4 +44,4 @@ std::vector<uint64_t> RoundCurve::Codes(std::span<const TileTriangle> triangles,
   return codes;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -9,7 +9,7 @@
 #include "builder/internal/tile.h"
 #include "store/base/grid.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Maps points to a Hilbert curve that is shifted, reflected and turned anew in every round, so
 // that no seam of one round's tiles is a seam of the next. Integers only, after one scaling.
@@ -34,4 +34,4 @@ constexpr std::pair<uint64_t, uint64_t> TileRange(uint64_t triangles, uint64_t t
   return {triangles * tile / tiles, triangles * (tile + 1) / tiles};
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

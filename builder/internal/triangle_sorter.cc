@@ -6,7 +6,7 @@
 #include "builder/internal/packed_triangle.h"
 #include "builder/internal/parallel.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -219,4 +219,4 @@ Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) 
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

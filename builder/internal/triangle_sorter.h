@@ -7,7 +7,7 @@
 #include "builder/internal/spool.h"
 #include "builder/internal/tile.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Collects triangles with the rows of their corners, then gives them back along the curve (ties by
 // vertices), whatever the memory. Sorted runs go to spools when they do not fit.
@@ -80,4 +80,4 @@ class TriangleSorter {
   uint64_t count_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -16,6 +16,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 int32_t Sum(int32_t expected, int32_t residual) {

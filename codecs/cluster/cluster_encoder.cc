@@ -15,6 +15,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 namespace {
 
 // What is coded about a node's vertex, kept until it is known how to code n.
@@ -342,8 +344,9 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
   return EncodeCluster(updates, attributes, models, nullptr);
 }
 
-EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
-                             ClusterModels& models, ModelObserver* observer) {
+EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
+                                       const AttributeLayout& attributes, ClusterModels& models,
+                                       ModelObserver* observer) {
   const size_t node_count = updates.nodes.size();
   MTDB_CHECK(node_count > 0, "a cluster needs nodes");
   EncodedCluster result;

@@ -9,6 +9,8 @@
 
 namespace mtdb {
 
+using namespace internal;
+
 // Vertices come in the order of first use by a triangle, so that
 // triangles code well; their global numbers are coded as differences.
 Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes) {

@@ -9,7 +9,7 @@
 
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // In line: without -mpopcnt std::popcount is a call.
 constexpr uint32_t PopCount(uint64_t bits) {
@@ -149,4 +149,4 @@ class Bits {
   std::vector<uint64_t> words_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "store/base/grid.h"
 #include "store/base/mesh_sink.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What one unit emits is written without looking at the sink; FlushBlocks then sends what fills a
 // block, so that no unit is held while the sink works.
@@ -92,4 +92,4 @@ class BlockWriter {
   uint64_t triangles_sent_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

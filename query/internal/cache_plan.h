@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/internal/make_room.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What was asked for in one call. The fields are guarded by the cache's mutex.
 class ClusterCache::Batch final : public PayloadReceiver {
@@ -141,4 +141,4 @@ class ClusterCache::Plan {
   std::unordered_map<UnitId, LoadedUnitPtr> pinned_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -7,7 +7,7 @@
 #include "query/internal/work_meter.h"
 #include "store/base/check.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -207,4 +207,4 @@ std::vector<HalfSpace> BoxHalfSpaces(const Box3d& box) {
   return all;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 
 #include "query/region.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Bounded or not, flat or not. Empty ones are nowhere near anything.
 class Convex final : public Region {
@@ -50,4 +50,4 @@ class Convex final : public Region {
 // The half-spaces of a box that is not empty.
 std::vector<HalfSpace> BoxHalfSpaces(const Box3d& box);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -9,7 +9,7 @@
 #include "query/internal/stopwatch.h"
 #include "query/internal/work_meter.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr VertexIndex kUnset = ~VertexIndex{0};
@@ -446,4 +446,4 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

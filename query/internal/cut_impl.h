@@ -10,11 +10,11 @@
 #include "query/internal/cut_state.h"
 #include "query/internal/root_numbering.h"
 #include "query/internal/search.h"
+#include "query/internal/unit_reader.h"
 #include "query/query.h"
 #include "query/surface.h"
-#include "query/unit_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class CutImpl {
   // What is emitted of a unit. The output's numbers of its vertices: those of Nodes() are counted
@@ -113,4 +113,4 @@ class CutImpl {
   ExtractStats stats_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

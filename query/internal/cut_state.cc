@@ -6,7 +6,7 @@
 #include "query/internal/make_room.h"
 #include "query/internal/unit_pins.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 CutState::CutState(const ClusterSource& source, bool remembers)
     : source_(source),
@@ -209,4 +209,4 @@ Status CutState::Inconsistent(UnitId unit, const char* what) const {
   return Corrupt(UnitName(source_.record(), unit) + ": " + what + "; rebuild the object");
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

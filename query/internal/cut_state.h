@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "query/internal/bits.h"
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 #include "store/base/status.h"
 #include "store/cluster_source.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class UnitPins;
 
@@ -185,4 +185,4 @@ class CutState {
   std::vector<NodeRef> stack_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

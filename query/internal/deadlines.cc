@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -236,4 +236,4 @@ void Deadlines::SetChildWaits(MovingUnit& u, uint32_t ordinal) {
   u.deadlines.children[ordinal] = kPassed;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

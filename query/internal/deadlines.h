@@ -7,7 +7,7 @@
 
 #include "query/internal/moving_units.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // For each known node: which of its triangles are refused, and how far the threshold has to fall or
 // rise before that can be otherwise; for each child that is not open: before it can be needed. A
@@ -85,4 +85,4 @@ class Deadlines {
   uint64_t evaluated_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

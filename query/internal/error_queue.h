@@ -6,9 +6,9 @@
 #include <queue>
 #include <vector>
 
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A node to apply, or a cluster to look into.
 struct ErrorTask {
@@ -42,4 +42,4 @@ class ErrorQueue {
   uint8_t highest_ = 0;  // no code above it is there
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

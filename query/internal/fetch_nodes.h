@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <span>
 
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 enum class Fetch : uint8_t {
   kShapes,  // holes, and where their corners are
@@ -54,4 +54,4 @@ void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, Fe
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,7 +4,7 @@
 
 #include "query/internal/fetch_nodes.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kRoundShare = 4;  // a round inserts at least this part of all nodes
@@ -220,4 +220,4 @@ void Insertion::FollowInsertion(MovingUnit& u, NodeIndex node) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

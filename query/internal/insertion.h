@@ -12,7 +12,7 @@
 #include "query/internal/strength.h"
 #include "query/query_control.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Selective refinement from the cut that is there, nodes of large errors first. As in Search the
 // order does not matter for where it ends. What has a smaller error waits, so that a round can end
@@ -65,4 +65,4 @@ class Insertion {
   std::vector<bool> looks_;  // per child of the unit at hand
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

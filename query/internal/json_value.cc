@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // The byte at which braces and brackets go too deep, or npos.
@@ -120,4 +120,4 @@ std::string JsonValue::Text() const {
   return "null";
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

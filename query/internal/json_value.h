@@ -13,7 +13,7 @@
 
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // nlohmann reads the text, but its own tree asks for memory when it is destroyed, and ends the
 // process when there is none. This one does not.
@@ -58,4 +58,4 @@ class JsonValue {
   Value value_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

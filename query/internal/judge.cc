@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Judge::Judge(const ClusterSource& source, double rounding)
     : index_(source.index()),
@@ -52,4 +52,4 @@ uint8_t Judge::LargestCode(UnitId unit) const {
   return largest;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,13 +5,13 @@
 #include <cstdint>
 #include <optional>
 
+#include "query/internal/loaded_unit.h"
 #include "query/internal/promise.h"
 #include "query/internal/work_meter.h"
-#include "query/loaded_unit.h"
 #include "query/query.h"
 #include "store/cluster_source.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Which triangles of a box are active.
 enum class Activity : uint8_t { kNone, kSome, kAll };
@@ -91,4 +91,4 @@ class Judge {
   int valid_code_ = -1;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

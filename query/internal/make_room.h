@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The next push_back needs no memory.
 template <typename T>
@@ -13,4 +13,4 @@ void MakeRoomForOne(std::vector<T>& list) {
   if (list.size() == list.capacity()) list.reserve(std::max(kFirst, 2 * list.size()));
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

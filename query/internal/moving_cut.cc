@@ -6,7 +6,7 @@
 #include "query/internal/fetch_nodes.h"
 #include "store/base/out_of_memory.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint32_t kAskEvery = 16;  // moves
@@ -161,4 +161,4 @@ bool MovingCut::MayClose(MovingUnit& u, const LoadedUnit& unit) {
   return true;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,12 +11,12 @@
 #include "query/internal/removal.h"
 #include "query/internal/strength.h"
 #include "query/internal/survey.h"
+#include "query/internal/unit_reader.h"
 #include "query/query.h"
-#include "query/unit_reader.h"
 #include "store/base/status.h"
 #include "store/cluster_source.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A new query goes through four hands: Deadlines tell what it may decide otherwise, Strength tells
 // why the nodes are there, Removal takes away those that have no reason, and Insertion brings in
@@ -86,4 +86,4 @@ void MovingCut::ForEachChange(F&& f) const {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

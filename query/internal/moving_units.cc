@@ -2,7 +2,7 @@
 
 #include "query/internal/deadlines.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 MovingUnit& MovingUnits::Open(UnitId id) {
   if (MovingUnit* const u = Find(id); u != nullptr) return *u;
@@ -26,4 +26,4 @@ void MovingUnits::UndoMove() {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "query/internal/unit_pins.h"
 #include "query/internal/unit_queue.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A node of an object, in the order of units and nodes.
 using NodeKey = uint64_t;
@@ -93,4 +93,4 @@ class MovingUnits final : public CutState {
   UnitPins* pins_ = nullptr;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

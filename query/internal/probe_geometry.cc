@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 Vec3d ClosestPointOfSegment(Vec3d p, Vec3d a, Vec3d b) {
@@ -150,4 +150,4 @@ RegionPtr RayRegion(const RayCaster& ray, double begin, double end) {
   return std::make_shared<RayPart>(ray, begin, end);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 #include "query/region.h"
 #include "store/base/geometry.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The point of the triangle that is closest to `p`. Degenerate triangles are segments or points.
 Vec3d ClosestPointOfTriangle(Vec3d p, const Triangle3d& t);
@@ -44,4 +44,4 @@ class RayCaster {
 // can tell: every triangle that the ray hits there meets the region.
 RegionPtr RayRegion(const RayCaster& ray, double begin, double end);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

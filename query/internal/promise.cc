@@ -6,7 +6,7 @@
 
 #include "query/internal/rounding.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // A continuous function of what is asked for, so that a field that moves changes by little.
@@ -87,4 +87,4 @@ void AddShortfall(const Threshold& asked, const Triangle3d& t, double bound, boo
   for (const Vec3d& p : t) shortfall->bounds.Add(p);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

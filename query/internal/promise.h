@@ -7,7 +7,7 @@
 #include "store/base/grid.h"
 #include "store/base/shortfall.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The bound b(t) of a triangle by its error's code: the error plus what rounding displaced.
 inline double BoundOf(const Grid& grid, uint8_t code, double rounding) {
@@ -27,4 +27,4 @@ bool MayFallShort(const ThresholdPtr& asked, const Box3d& box, double rounding);
 void AddShortfall(const Threshold& asked, const Triangle3d& t, double bound, bool removable,
                   Shortfall* shortfall);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

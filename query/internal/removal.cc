@@ -4,7 +4,7 @@
 
 #include "query/internal/fetch_nodes.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Status Removal::Run(const std::vector<NodeKey>& changed) {
   suspended_.clear();
@@ -134,4 +134,4 @@ void Removal::Remove(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 
 #include "query/internal/moving_units.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Weak nodes that a change may concern are suspended, and with a node all weak parents, and all
 // weak nodes that refuse a triangle that it creates. Nodes that are not suspended have kept all
@@ -39,4 +39,4 @@ class Removal {
   std::vector<NodeIndex> nodes_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Takes no memory while the vertices come in ascending order without gaps, which is how the
 // builder numbers them; a table of all root vertices otherwise.
@@ -41,4 +41,4 @@ class RootNumbering {
   std::vector<uint64_t> numbers_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

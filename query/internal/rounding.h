@@ -6,7 +6,7 @@
 
 #include "store/base/geometry.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Relative to the largest number that enters a question. Boxes get more, so that what is said of a
 // box holds for the triangles inside.
@@ -38,4 +38,4 @@ inline Vec3d Corner(const Box3d& box, int i) {
           (i & 4) ? box.max.z : box.min.z};
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

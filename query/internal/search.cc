@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Why the order of work does not matter: activity and validity belong to a triangle, not to the
 // cut, and a node that removes an active invalid triangle of the current mesh is in every valid
@@ -219,4 +219,4 @@ void Search::Want(CutUnit& u, NodeIndex node, uint8_t code) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -12,12 +12,12 @@
 #include "query/internal/survey.h"
 #include "query/internal/unit_pins.h"
 #include "query/internal/unit_queue.h"
+#include "query/internal/unit_reader.h"
 #include "query/internal/work_meter.h"
 #include "query/query.h"
-#include "query/unit_reader.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Goes from cluster to cluster, coarsest first, and inside a cluster from node to node in stored
 // order. A cluster is loaded only when the index cannot prove that the triangles it removes are
@@ -75,4 +75,4 @@ class Search {
   std::vector<bool> decided_;  // per child of the unit at hand
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // The same for a segment and its reverse.
@@ -153,4 +153,4 @@ bool SegmentTree::CrossesOdd(Vec3d p) const {
   return crossings % 2 != 0;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

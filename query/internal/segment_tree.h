@@ -10,7 +10,7 @@
 #include "query/internal/work_meter.h"
 #include "store/base/geometry.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A k-d tree over segments as points of six coordinates, their middles and half their lengths, so
 // that a group lies near one place and in about one direction. Around each group there is a box,
@@ -131,4 +131,4 @@ bool SegmentTree::Walk(Enter&& enter, Visit&& visit) const {
   return false;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "query/internal/work_meter.h"
 #include "query/region.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 constexpr int kSplits = 3;  // down to eighths of the triangle's sides
 
@@ -59,4 +59,4 @@ bool HoldsForAll(const Triangle3d& t, F&& holds, int splits) {
   return true;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <span>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
@@ -143,4 +143,4 @@ void StoredOrderPass::ApplyAfterAncestors(NodeIndex target) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

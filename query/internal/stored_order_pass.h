@@ -7,7 +7,7 @@
 #include "query/internal/cut_state.h"
 #include "query/internal/judge.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // In stored order parents precede children, so that nearly every hole is complete when its node's
 // turn comes. Presence is a byte for each slot meanwhile, so that a node is a few plain loads and
@@ -47,4 +47,4 @@ class StoredOrderPass {
   uint64_t nodes_ = 0, vertices_ = 0, triangles_ = 0;  // inserted; triangles modulo 2^64
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -2,7 +2,7 @@
 
 #include "query/internal/fetch_nodes.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 void Strength::Recheck(MovingUnit& u, NodeIndex node) {
   if (u.recheck.empty()) u.recheck = Bits(u.applied.size());
@@ -63,4 +63,4 @@ bool Strength::IsStrong(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) c
   return false;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

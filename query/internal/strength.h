@@ -5,7 +5,7 @@
 
 #include "query/internal/moving_units.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A node is in the least cut for one of two reasons: it removes a refused triangle that the root or
 // a node of the cut creates, or it creates a triangle that a node of the cut removes. Errors may
@@ -34,4 +34,4 @@ class Strength {
   std::vector<NodeIndex> nodes_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
   active_.all = judge_.whole();
@@ -137,4 +137,4 @@ void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, double least) {
   });
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

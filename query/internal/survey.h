@@ -9,7 +9,7 @@
 #include "query/internal/judge.h"
 #include "query/internal/unit_pins.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Bounds as in ExtractStats: where the cluster of a triangle's remover has not been looked at, its
 // largest error stands for the triangle's.
@@ -53,4 +53,4 @@ class Survey {
   std::vector<std::pair<uint32_t, uint8_t>> star_;  // own slots and codes
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

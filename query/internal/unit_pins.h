@@ -5,10 +5,10 @@
 
 #include "query/internal/cut_state.h"
 #include "query/internal/make_room.h"
+#include "query/internal/unit_reader.h"
 #include "query/internal/work_meter.h"
-#include "query/unit_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Work on a cut goes in steps, each of which holds the units that it uses; between two steps all
 // may be let go of. One thread.
@@ -79,4 +79,4 @@ class UnitPins {
   std::vector<UnitId> pinned_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

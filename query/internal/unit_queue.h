@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "query/internal/cut_state.h"
-#include "query/unit_reader.h"
+#include "query/internal/unit_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What the work is, whoever takes a unit finds in it. One queue at a time for each cut.
 class UnitQueue {
@@ -51,4 +51,4 @@ class UnitQueue {
   std::vector<UnitId> ahead_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

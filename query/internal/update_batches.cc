@@ -7,7 +7,7 @@
 
 #include "query/internal/fetch_nodes.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 void UpdateBatches::AddUnit(UnitId unit, const Bits& from, const Bits& to) {
   Bits changes = to;
@@ -146,4 +146,4 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
   batch.rows.insert(batch.rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,10 +8,10 @@
 
 #include "codecs/stream/mesh_update.h"
 #include "query/internal/bits.h"
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What a session calls the triangle of a slot, to its client.
 constexpr TriangleKey TriangleKeyOf(UnitId unit, uint32_t slot) {
@@ -71,4 +71,4 @@ class UpdateBatches {
   std::vector<NodeIndex> creators_;  // of their holes
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

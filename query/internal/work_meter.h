@@ -7,7 +7,7 @@
 
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // A question to a region or threshold may take long: 100,000 corners, thousands of members. So
 // whoever answers counts steps here, each worth some ten to a hundred nanoseconds, and every few
@@ -66,4 +66,4 @@ inline bool SpendSteps(uint64_t steps) {
   return meter == nullptr || meter->Spend(steps);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

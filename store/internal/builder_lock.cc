@@ -6,7 +6,7 @@
 
 #include "store/base/hash.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kFirstIdByte = uint64_t{1} << 62;
@@ -38,4 +38,4 @@ Result<std::optional<BuilderLock>> BuilderLock::TryLock(const std::string& path,
                  "; the file system must support locks");
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -12,7 +12,7 @@
 #include "store/base/status.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class BuilderLock {
  public:
@@ -27,4 +27,4 @@ class BuilderLock {
   std::unique_ptr<StoreFile> file_;  // an open file description of its own; closing it unlocks
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/internal/builder_lock.h"
 #include "store/internal/test_hooks.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kMaxRecordBytes = 64 << 20;
@@ -208,4 +208,4 @@ Status RemoveDead(Environment& environment) {
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

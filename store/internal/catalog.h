@@ -13,7 +13,7 @@
 #include "store/internal/environment.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct CatalogListing {
   std::vector<ObjectRecord> objects;  // by name
@@ -47,4 +47,4 @@ Status RemoveRemains(Environment& environment, ObjectId id);
 // RemoveRemains for what dead builders and removers left. What live ones hold is skipped.
 Status RemoveDead(Environment& environment);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

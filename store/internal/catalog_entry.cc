@@ -5,7 +5,7 @@
 
 #include "store/internal/keys.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr std::string_view kMagic{"mtdb store\0\0\0\0\0\0", 16};
@@ -71,4 +71,4 @@ Result<PendingEntry> DecodePendingEntry(ByteSpan body, const std::string& where)
   return e;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

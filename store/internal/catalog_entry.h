@@ -8,7 +8,7 @@
 #include "store/base/bytes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 inline constexpr uint32_t kStoreVersion = 1;
 inline constexpr size_t kSuperblockBytes = 48;
@@ -34,4 +34,4 @@ struct PendingEntry {
 Bytes EncodePendingEntry(const PendingEntry& entry);
 Result<PendingEntry> DecodePendingEntry(ByteSpan body, const std::string& where);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/internal/store_check.h"
 #include "store/internal/test_hooks.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // ---- registry: LMDB must not open a file twice in a process -------------------------------------
 
@@ -148,4 +148,4 @@ Status Snapshot::Scan(Table table, ByteSpan first, const PageReader::Visitor& vi
                       });
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -20,7 +20,7 @@
 #include "store/internal/snapshot_state.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What the newest transaction of its time left behind. Unless it is pinned, a writer uses its pages
 // again once two later transactions are committed, so what was read counts only if
@@ -113,4 +113,4 @@ class Environment {
   static Registry& GetRegistry();
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

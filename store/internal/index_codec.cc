@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint8_t kExplicitArcs = 0x01;
@@ -220,4 +220,4 @@ Status DecodeIndexRows(ByteSpan body, uint32_t count, const std::string& where,
   return r.Finish();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -9,7 +9,7 @@
 #include "store/cluster_index.h"
 #include "store/internal/keys.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // The body of the index value that holds rows `first` .. `first + count - 1`.
 Bytes EncodeIndexRows(const ClusterIndex& index, uint32_t first, uint32_t count);
@@ -19,4 +19,4 @@ Bytes EncodeIndexRows(const ClusterIndex& index, uint32_t first, uint32_t count)
 Status DecodeIndexRows(ByteSpan body, uint32_t count, const std::string& where,
                        ClusterIndex* index);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

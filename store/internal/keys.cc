@@ -1,6 +1,6 @@
 #include "store/internal/keys.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 ByteWriter CatalogKey(CatalogKind kind) {
@@ -89,4 +89,4 @@ Result<ByteSpan> OpenValue(Table table, ByteSpan key, ByteSpan value, const std:
   return body;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,7 +11,7 @@
 #include "store/base/ids.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 enum class Table : uint8_t { kCatalog = 0, kUnits = 1, kIndex = 2 };
 inline constexpr std::array<const char*, 3> kTableNames = {"catalog", "units", "index"};
@@ -56,4 +56,4 @@ Bytes SealValue(Table table, ByteSpan key, ByteSpan body);
 // The body of a sealed value; kCorrupt when the checksum is wrong. `where` names file and value.
 Result<ByteSpan> OpenValue(Table table, ByteSpan key, ByteSpan value, const std::string& where);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -16,7 +16,7 @@
 #include "store/internal/page_walker.h"
 #include "store/internal/store_check.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 static_assert(sizeof(void*) == 8, "a store is mapped as a whole: 64-bit machines only");
@@ -533,4 +533,4 @@ Status WriteTransaction::Fail(int lmdb_error) {
   return environment_->Error(lmdb_error, "writing");
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -22,7 +22,7 @@
 struct MDB_env;
 struct MDB_txn;
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class LmdbEnvironment;
 
@@ -149,4 +149,4 @@ class LmdbEnvironment {
   int process_ = 0;  // that opened LMDB: a forked child must not use it
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint32_t kMagic = 0xbeefc0de;
@@ -178,4 +178,4 @@ Result<MetaPage> ReadMetaPageOf(const StoreFile& file, uint64_t txnid, uint32_t 
   return meta;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,7 +8,7 @@
 #include "store/internal/page.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct MetaPage {
   uint32_t page_size = 0;
@@ -44,4 +44,4 @@ bool NeverCommitted(const StoreFile& file);
 // The meta page of transaction `txnid`; kNotFound when two later transactions have overwritten it.
 Result<MetaPage> ReadMetaPageOf(const StoreFile& file, uint64_t txnid, uint32_t page_size);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "store/base/hash.h"
 #include "store/internal/meta_page.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kGateByte = uint64_t{1} << 61;
@@ -115,4 +115,4 @@ Status NameClaim::CheckLockFile() const {
           lock_path + ": deleted or replaced while the store was opened; try again"};
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

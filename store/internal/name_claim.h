@@ -10,7 +10,7 @@
 #include "store/base/status.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Held as long as LMDB has the store open. The operating system drops it when its holder dies.
 class NameClaim {
@@ -35,4 +35,4 @@ class NameClaim {
   int lock_descriptor_ = -1;  // keeps the lock file's inode number from being given to another
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

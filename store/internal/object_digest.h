@@ -8,7 +8,7 @@
 #include "store/internal/keys.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class ObjectDigest {
  public:
@@ -38,4 +38,4 @@ class ObjectDigest {
   uint64_t high_ = 0;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

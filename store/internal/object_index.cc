@@ -4,7 +4,7 @@
 
 #include "store/internal/index_codec.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // 512 rows with all their children; a row of some 80 bytes may have thousands of them.
@@ -108,4 +108,4 @@ ValueKeys::ValueKeys(ObjectId id, const ClusterIndex& index) : id_(id) {
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -13,7 +13,7 @@
 #include "store/internal/keys.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // "a.mtdb: object 3 (bunny)": how messages name an object.
 std::string ObjectPlace(const std::string& path, const ObjectRecord& record);
@@ -54,4 +54,4 @@ class ValueKeys {
   std::vector<Value> values_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 #include "store/base/out_of_memory.h"
 #include "store/internal/catalog.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr int kTries = 200;
@@ -134,4 +134,4 @@ void ObjectReader::Read(std::span<const UnitId> units, std::shared_ptr<PayloadRe
   }
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

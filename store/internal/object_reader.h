@@ -12,7 +12,7 @@
 #include "store/internal/environment.h"
 #include "store/internal/object_index.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class ObjectReader final : public ClusterSource {
  public:
@@ -54,4 +54,4 @@ class ObjectReader final : public ClusterSource {
 Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,
                           const PayloadLocation& location, uint64_t seed, const std::string& where);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,7 +11,7 @@
 #include "store/internal/value_packing.h"
 #include "store/object_name.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kBytesPerTransaction = 32 << 20;
@@ -280,4 +280,4 @@ Result<ObjectRecord> StoreObjectWriter::FlipCatalog(ObjectRecord record,
   return record;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -12,7 +12,7 @@
 #include "store/internal/environment.h"
 #include "store/internal/object_digest.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class StoreObjectWriter final : public ObjectWriter {
  public:
@@ -78,4 +78,4 @@ class StoreObjectWriter final : public ObjectWriter {
   ObjectDigest digest_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -5,7 +5,7 @@
 
 #include "store/base/check.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 template <typename T>
@@ -160,4 +160,4 @@ size_t Page::ChildFor(ByteSpan key) const {
   return static_cast<size_t>(it - nodes_.begin()) - 1;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,7 +11,7 @@
 #include "store/base/bytes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 inline constexpr size_t kPageHeaderBytes = 16;
 inline constexpr size_t kNodeHeaderBytes = 8;
@@ -104,4 +104,4 @@ class Page {
   std::vector<PageNode> nodes_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstring>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kCachedPages = 4096;
@@ -170,4 +170,4 @@ Result<Bytes> PageReader::ReadWhole(const ValueRef& value, uint64_t limit) const
   return bytes;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -17,7 +17,7 @@
 #include "store/internal/page.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Where a value lies.
 struct ValueRef {
@@ -71,4 +71,4 @@ class PageReader {
   std::unordered_map<uint64_t, std::shared_ptr<const Page>> cache_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

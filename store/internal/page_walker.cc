@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr size_t kMaxFailures = 100;
@@ -282,4 +282,4 @@ WalkReport WalkPages(PageReader& pages, const WalkOptions& options) {
   return PageWalker(pages, options).Walk();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

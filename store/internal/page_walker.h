@@ -12,7 +12,7 @@
 #include "store/internal/keys.h"
 #include "store/internal/page_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct WalkOptions {
   // Whether `key` may be a separator that its deleted key left behind. Default: always.
@@ -31,4 +31,4 @@ struct WalkReport {
 // The snapshot must be pinned. Memory: one byte per page of the file.
 WalkReport WalkPages(PageReader& pages, const WalkOptions& options);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

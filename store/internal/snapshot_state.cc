@@ -3,7 +3,7 @@
 #include <atomic>
 #include <string>
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 uint64_t NextSerial() {
@@ -43,4 +43,4 @@ Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
   return state;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

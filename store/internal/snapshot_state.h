@@ -9,7 +9,7 @@
 #include "store/internal/keys.h"
 #include "store/internal/page_reader.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Immutable but for the pages' cache; safe for many threads.
 struct SnapshotState {
@@ -24,4 +24,4 @@ struct SnapshotState {
 Result<std::shared_ptr<SnapshotState>> LoadSnapshotState(const StoreFile& file,
                                                          const MetaPage& meta);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 
 #include "store/internal/page_walker.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 constexpr int kTries = 10;
@@ -89,4 +89,4 @@ Status CheckTreePages(PageReader& pages) {
              : Corrupt(report.failures.front() + "; run verify, restore the file from a copy");
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

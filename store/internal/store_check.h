@@ -5,7 +5,7 @@
 #include "store/internal/snapshot_state.h"
 #include "store/internal/store_file.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Meta pages, the file's size (a truncated file is refused), the live superblock, and that the
 // other meta page is not the later one in disguise. Costs some ten page reads. Safe beside writers.
@@ -17,4 +17,4 @@ Status CheckTreePages(PageReader& pages);
 // kCorrupt when the superseded meta page's tree was written later than its transaction id says.
 Status CheckSuperseded(const StoreFile& file, const MetaPages& metas);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 StoreFile::StoreFile(std::string path, int descriptor)
     : path_(std::move(path)), descriptor_(descriptor) {}
@@ -68,4 +68,4 @@ Status StoreFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
   return Status::Ok();
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Safe for many threads.
 class StoreFile {
@@ -44,4 +44,4 @@ class StoreFile {
   mutable std::atomic<uint64_t> bytes_read_{0};
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,10 +1,10 @@
 #include "store/internal/test_hooks.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 std::function<void(const char* point)>& TestPointHook() {
   static std::function<void(const char*)> hook;
   return hook;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -3,7 +3,7 @@
 
 #include <functional>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Called with the point's name; empty outside of tests. Set it before any thread starts.
 std::function<void(const char* point)>& TestPointHook();
@@ -12,4 +12,4 @@ inline void ReachTestPoint(const char* point) {
   if (const auto& hook = TestPointHook()) hook(point);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,6 +1,6 @@
 #include "store/internal/value_packing.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // Those of LMDB on common machines. Constants, so that a store's values do not depend on the
@@ -38,4 +38,4 @@ size_t PayloadsOfNextValue(std::span<const uint64_t> payload_bytes, bool last) {
   return allowed > 0 ? allowed : 1;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

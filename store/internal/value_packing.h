@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-namespace mtdb {
+namespace mtdb::internal {
 
 inline constexpr uint64_t kMinValueBytes = 32 << 10;
 inline constexpr uint64_t kMaxValueBytes = 96 << 10;
@@ -14,4 +14,4 @@ inline constexpr uint64_t kMaxValueBytes = 96 << 10;
 // wait for more. `last`: no more will come.
 size_t PayloadsOfNextValue(std::span<const uint64_t> payload_bytes, bool last);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -11,6 +11,9 @@
 #include "tests/builder/input_oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 const SpoolSpace& Space() {

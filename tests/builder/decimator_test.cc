@@ -10,6 +10,9 @@
 #include "tests/support/mesh_check.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 using Edge = std::pair<VertexIndex, VertexIndex>;

@@ -18,6 +18,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 // A writable store in a file of its own, removed with the object.
 class TempStore {
  public:

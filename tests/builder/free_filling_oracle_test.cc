@@ -9,6 +9,9 @@
 #include "builder/internal/free_filling.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 // A ring around the origin, seen along z, whose diagonals have random errors.

@@ -13,6 +13,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 struct InputOracle {
   using Edge = std::pair<VertexIndex, VertexIndex>;  // smaller end first
   static Edge Between(VertexIndex a, VertexIndex b) { return {std::min(a, b), std::max(a, b)}; }

@@ -7,6 +7,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 TEST_CASE("The cheapest vertex comes first, where it was pushed last") {
   std::mt19937 random(1);
   RemovalQueue queue;

@@ -6,6 +6,9 @@
 #include "builder/internal/tile_mesh.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 struct Surface3 {

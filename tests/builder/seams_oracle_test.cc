@@ -15,6 +15,9 @@
 #include "tests/builder/terrain_seams.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;

@@ -10,6 +10,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 TEST_CASE("A soup is joined by exact position in the order of first sight, for any memory") {
   const SpoolSpace space{std::filesystem::temp_directory_path().string()};
   std::mt19937 random(7);

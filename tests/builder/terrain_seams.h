@@ -11,6 +11,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 // The largest difference in height between triangles a and b over what they have in common, seen
 // from above; negative when that has no area.
 double HeightDifference(const std::array<Vec3d, 3>& a, const std::array<Vec3d, 3>& b);

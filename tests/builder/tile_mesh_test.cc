@@ -5,6 +5,8 @@
 
 namespace mtdb::testing {
 
+using namespace internal;
+
 TEST_CASE("Half-edges are paired once, and never where an edge is used twice in one direction") {
   std::mt19937 random(5);
   for (int i = 0; i < 500; ++i) {

@@ -7,6 +7,9 @@
 #include <set>
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 const Box3d kBounds{{-3, 5, 0}, {7, 6, 0.01}};

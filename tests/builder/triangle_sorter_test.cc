@@ -11,6 +11,9 @@
 #include "builder/internal/tiling.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 const Box3d kBounds{{-3, 5, 0}, {7, 6, 0.01}};

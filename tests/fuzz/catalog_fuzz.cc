@@ -11,15 +11,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto body = mtdb::ByteSpan(reinterpret_cast<const std::byte*>(data), size).subspan(1);
   bool same = true;  // what was read is read again when written
   if (data[0] % 3 == 0) {
-    const auto superblock = mtdb::DecodeSuperblock(body, "fuzz");
+    const auto superblock = mtdb::internal::DecodeSuperblock(body, "fuzz");
     if (superblock.ok()) {
-      const auto again = mtdb::DecodeSuperblock(mtdb::EncodeSuperblock(*superblock), "fuzz");
+      const auto again =
+          mtdb::internal::DecodeSuperblock(mtdb::internal::EncodeSuperblock(*superblock), "fuzz");
       same = again.ok() && *again == *superblock;
     }
   } else if (data[0] % 3 == 1) {
-    const auto entry = mtdb::DecodePendingEntry(body, "fuzz");
+    const auto entry = mtdb::internal::DecodePendingEntry(body, "fuzz");
     if (entry.ok()) {
-      const auto again = mtdb::DecodePendingEntry(mtdb::EncodePendingEntry(*entry), "fuzz");
+      const auto again =
+          mtdb::internal::DecodePendingEntry(mtdb::internal::EncodePendingEntry(*entry), "fuzz");
       same = again.ok() && *again == *entry;
     }
   } else {

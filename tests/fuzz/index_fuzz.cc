@@ -26,12 +26,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const uint32_t rows = data[1];
   const auto body = mtdb::ByteSpan(reinterpret_cast<const std::byte*>(data), size).subspan(2);
   mtdb::ClusterIndex index = IndexBefore(before);
-  if (!mtdb::DecodeIndexRows(body, rows, "fuzz", &index).ok()) return 0;
+  if (!mtdb::internal::DecodeIndexRows(body, rows, "fuzz", &index).ok()) return 0;
   // What was read is written so that it is read again.
-  const mtdb::Bytes bytes = mtdb::EncodeIndexRows(index, before, rows);
+  const mtdb::Bytes bytes = mtdb::internal::EncodeIndexRows(index, before, rows);
   mtdb::ClusterIndex again = IndexBefore(before);
-  if (rows > 0 && (!mtdb::DecodeIndexRows(bytes, rows, "fuzz", &again).ok() ||
-                   mtdb::EncodeIndexRows(again, before, rows) != bytes)) {
+  if (rows > 0 && (!mtdb::internal::DecodeIndexRows(bytes, rows, "fuzz", &again).ok() ||
+                   mtdb::internal::EncodeIndexRows(again, before, rows) != bytes)) {
     __builtin_trap();
   }
   index.Finish(7);

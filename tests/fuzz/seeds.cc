@@ -14,6 +14,9 @@
 #include "tests/fuzz/update_fuzz_targets.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 class SeedFolder {

@@ -8,7 +8,7 @@
 //     coding <- cluster    coding <- stream    mesh_file
 //     client <- request <- server    generate <- render    all <- cli
 //
-// and against the rules on who may see which library.
+// and against the rules on who may see which library. What is private is in mtdb::internal.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -108,6 +108,8 @@ bool MaySeeInternal(const std::string& file, const std::string& owner) {
          ((file.starts_with("tests/fuzz/") || file.starts_with("tests/memory/") ||
            file.starts_with("tests/wasm/")) &&
           (folder == "store" || folder == "codecs")) ||
+         // Dumps what the engine decodes from.
+         (file == "tests/codecs/decode_check/decode_dump.cc" && folder == "query") ||
          (file.starts_with("tests/") && (folder == "tools" || folder == "bench")) ||
          // Codes records that no honest server sends.
          (file == "tests/tools/hostile_server_test.cc" && folder == "codecs");
@@ -160,6 +162,14 @@ std::string Wrong(const std::string& file, const std::string& included,
   return "";
 }
 
+// A header in an internal/ folder declares what it has in mtdb::internal.
+bool OpensInternal(const std::string& path, const std::string& text) {
+  return kOnlookers.contains(LayerOf(path)) || path.find("/internal/") == std::string::npos ||
+         !path.ends_with(".h") ||
+         (text.find("\nnamespace mtdb::internal {\n") != std::string::npos &&
+          text.find("\nnamespace mtdb {\n") == std::string::npos);
+}
+
 using Sources = std::map<std::string, std::string>;  // path from the root -> text
 
 std::vector<std::string> FindViolations(const Sources& sources,
@@ -170,6 +180,7 @@ std::vector<std::string> FindViolations(const Sources& sources,
   }
   std::vector<std::string> violations;
   for (const auto& [path, text] : sources) {
+    if (!OpensInternal(path, text)) violations.push_back(path + ": is not in mtdb::internal");
     std::istringstream lines(text);
     std::string line;
     size_t number = 0;
@@ -286,18 +297,21 @@ TEST_CASE("the checker of includes finds what is wrong", "[layers]") {
   const Sources good{
       {"store/base/ids.h", "#include <cstdint>\n"},
       {"store/database.h", "#include \"store/base/ids.h\"\n"},
-      {"store/internal/page.h", "  #  include <lmdb.h>\n#include \"store/database.h\"\n"},
+      {"store/internal/page.h",
+       "  #  include <lmdb.h>\n#include \"store/database.h\"\n\nnamespace mtdb::internal {\n"},
       {"codecs/cluster/mesh.h", "#include <zstd.h>\n#include \"store/base/ids.h\"\n"},
       {"codecs/coding/rans.h", "// #include \"query/cut.h\" is only text here\n"},
       {"codecs/stream/update.h", "#include \"store/base/ids.h\"\n"},
       {"codecs/stream/internal/update_coder.h",
-       "#include \"codecs/coding/rans.h\"\n#include \"codecs/stream/update.h\"\n"},
+       "#include \"codecs/coding/rans.h\"\n#include \"codecs/stream/update.h\"\n"
+       "\nnamespace mtdb::internal {\n"},
       {"codecs/mesh_file/mesh_file.h", "#include <draco/mesh/mesh.h>\n"},
       {"query/cut.h", "#include \"codecs/cluster/mesh.h\"\n#include \"store/database.h\"\n"},
       {"builder/build.h", "#include \"codecs/cluster/mesh.h\"\n#include \"store/database.h\"\n"},
       {"tools/client/client.h", "#include \"codecs/stream/update.h\"\n"},
       {"tools/client/message.h", "#include <boost/beast/core.hpp>\n"},
-      {"tools/server/internal/pool.h", "#include \"tools/client/message.h\"\n"},
+      {"tools/server/internal/pool.h",
+       "#include \"tools/client/message.h\"\n\nnamespace mtdb::internal {\n"},
       {"tools/server/server.h", "#include \"tools/client/message.h\"\n"},
       {"tools/server/server.cc", "#include \"tools/server/internal/pool.h\"\n"},
       {"tools/render/render.h", "#include \"query/cut.h\"\n"},
@@ -389,6 +403,16 @@ TEST_CASE("the checker of includes finds what is wrong", "[layers]") {
       CHECK(violations[0].starts_with(file + ":"));
       CHECK(violations[0].find(included) != std::string::npos);
     }
+  }
+
+  for (const char* text :
+       {"\nnamespace mtdb {\n", "\nnamespace mtdb::internal {\n}\n\nnamespace mtdb {\n",
+        "struct Pool;\n"}) {
+    Sources open = good;
+    open["tools/server/internal/pool.h"] = text;
+    REQUIRE(FindViolations(open, installed).size() == 1);
+    CHECK(FindViolations(open, installed)[0] ==
+          "tools/server/internal/pool.h: is not in mtdb::internal");
   }
 
   Sources json = good;

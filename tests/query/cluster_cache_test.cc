@@ -1,4 +1,4 @@
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 
 #include <array>
 #include <catch2/catch.hpp>
@@ -6,10 +6,13 @@
 #include <random>
 #include <thread>
 
-#include "query/unit_reader.h"
+#include "query/internal/unit_reader.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 MtFixture Fixture() {

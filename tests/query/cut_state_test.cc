@@ -14,6 +14,9 @@
 #include "tests/query/oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 MtFixture Fixture(uint32_t i) {

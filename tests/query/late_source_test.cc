@@ -7,12 +7,15 @@
 #include <chrono>
 #include <thread>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/hash.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 MtFixture Fixture() {

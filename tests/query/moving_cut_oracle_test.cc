@@ -12,6 +12,9 @@
 #include "tests/query/oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 // A viewer that moves a little, or jumps, and what it asks for.

@@ -13,6 +13,9 @@
 #include "tests/query/oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 MtFixture Fixture(uint32_t i) {

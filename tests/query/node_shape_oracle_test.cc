@@ -8,13 +8,16 @@
 #include <set>
 #include <vector>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/internal/moving_cut.h"
 #include "query/internal/search.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr uint32_t kVertices = 2;  // that a node inserts

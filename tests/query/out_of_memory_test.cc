@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/mtdb.h"
 #include "query/probe.h"
 #include "query/query_json.h"
@@ -25,6 +25,9 @@
 #include "tests/support/failing_allocation.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 using Mode = FailingAllocation::Mode;

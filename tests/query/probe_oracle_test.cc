@@ -12,6 +12,9 @@
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::infinity();

@@ -19,6 +19,9 @@
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 using Corner2 = std::array<double, 2>;

@@ -9,6 +9,9 @@
 #include "tests/query/random_regions.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr int kSteps = 24;

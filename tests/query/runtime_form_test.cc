@@ -4,14 +4,17 @@
 #include <random>
 #include <thread>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_reader.h"
 #include "query/surface.h"
-#include "query/unit_reader.h"
 #include "query/verify_object.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr size_t kAmple = size_t{256} << 20;

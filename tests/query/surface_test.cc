@@ -10,15 +10,18 @@
 #include <map>
 #include <thread>
 
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_reader.h"
 #include "query/query_control.h"
-#include "query/unit_reader.h"
 #include "query/verify_object.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 #include "tests/support/mesh_check.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 MtOptions Medium(uint32_t seed) {

@@ -11,6 +11,9 @@
 #include "tests/query/random_regions.h"
 
 namespace mtdb::testing {
+
+using namespace internal;
+
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();

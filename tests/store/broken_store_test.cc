@@ -13,6 +13,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 // A store file whose values can be changed in place.

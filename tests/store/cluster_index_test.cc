@@ -10,6 +10,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 ClusterIndex MakeIndex(const SyntheticObject& object) {

@@ -9,6 +9,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 std::string Hex(ByteSpan bytes) {

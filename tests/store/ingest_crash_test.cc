@@ -15,6 +15,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 // One transaction holds 32 MiB: this object takes two.

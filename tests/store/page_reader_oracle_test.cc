@@ -11,6 +11,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 using Model = std::map<std::string, std::string>;

@@ -12,6 +12,9 @@
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
+
+using namespace internal;
+
 namespace {
 
 namespace fs = std::filesystem;

@@ -24,7 +24,7 @@ struct AttributeKind {
   std::vector<std::pair<std::string, double>> steps;
 };
 
-namespace internal {
+namespace kinds_internal {
 
 enum AttributeParts : unsigned {
   kTypes = 1,  // one of each scalar type, floats with NaN and infinity
@@ -85,11 +85,11 @@ inline void AddAttributes(unsigned parts, TriangleMesh* mesh) {
   mesh->rows = w.Take();
 }
 
-}  // namespace internal
+}  // namespace kinds_internal
 
 // `base` has no attributes; its positions are of a size of about 1.
 inline std::vector<AttributeKind> AttributeKinds(const TriangleMesh& base) {
-  using namespace internal;
+  using namespace kinds_internal;
   const std::vector<std::pair<std::string, double>> steps{{"quality", 0.25}, {"time", 1e-3}};
   std::vector<AttributeKind> kinds;
   const auto add = [&](const std::string& name, unsigned parts) -> AttributeKind& {

@@ -13,6 +13,9 @@
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 class PageSource final : public ClusterSource {

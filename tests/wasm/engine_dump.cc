@@ -9,6 +9,9 @@
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 Bytes Expand(ByteSpan payload) {

@@ -12,7 +12,7 @@
 #include "codecs/coding/patch.h"
 #include "store/base/ids.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 inline constexpr uint8_t kFlagBoundary = 1;       // some node is a boundary node
 inline constexpr uint8_t kFlagScaledByError = 2;  // errors bound the residuals along n
@@ -42,4 +42,4 @@ inline constexpr auto kErrorInCells = [] {
   return cells;
 }();
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "store/base/out_of_memory.h"
 #include "store/base/threading.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -155,4 +155,4 @@ ByteSpan StreamReader::bytes(StreamTag tag) const {
   return {};
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -10,7 +10,7 @@
 #include "store/base/bytes.h"
 #include "store/base/status.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Tags of the streams of a payload. A reader that meets an unknown tag with the must-understand bit
 // (0x80) refuses the payload; without it, it skips the stream.
@@ -72,4 +72,4 @@ class StreamReader {
   std::vector<Size> sizes_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -2,13 +2,15 @@
 #include <cstdio>
 
 #include "codecs/cluster/internal/streams.h"
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/attribute_layout.h"
 #include "store/database.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {
+
+using namespace internal;
 
 namespace {
 

@@ -13,7 +13,7 @@
 #include "store/cluster_index.h"
 #include "store/object_record.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // What an in-triangle of a cluster is to the unit that creates it.
 struct SlotOrigin {
@@ -86,4 +86,4 @@ std::string UnitName(const ObjectRecord& record, UnitId unit);
 Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& index, UnitId unit,
                                ByteSpan payload, std::span<const LoadedUnitPtr> parents);
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

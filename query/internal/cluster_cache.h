@@ -12,13 +12,13 @@
 #include <span>
 #include <vector>
 
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 #include "query/query_control.h"
 #include "store/base/status.h"
 #include "store/base/threading.h"
 #include "store/cluster_source.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 class UnitReader;
 
@@ -221,4 +221,4 @@ class ClusterCache {
 #endif
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,4 +1,4 @@
-#include "query/unit_reader.h"
+#include "query/internal/unit_reader.h"
 
 #include <algorithm>
 #include <string>
@@ -8,7 +8,7 @@
 #include "query/internal/make_room.h"
 #include "store/base/out_of_memory.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 namespace {
 
@@ -258,4 +258,4 @@ void UnitReader::FillStats(ExtractStats* stats) const {
   stats->seconds.decode = load.decode_seconds;
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

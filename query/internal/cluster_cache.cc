@@ -1,4 +1,4 @@
-#include "query/cluster_cache.h"
+#include "query/internal/cluster_cache.h"
 
 #include <algorithm>
 #ifdef __GLIBC__
@@ -10,10 +10,10 @@
 
 #include "query/internal/cache_plan.h"
 #include "query/internal/stopwatch.h"
-#include "query/unit_reader.h"
+#include "query/internal/unit_reader.h"
 #include "store/base/out_of_memory.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 // Why nobody waits forever. A thread that has claimed a unit (kLoading) reads and decodes it
 // without waiting for anything, so waiting for a claimed unit ends. Waiting for a payload that is
@@ -512,4 +512,4 @@ size_t ClusterCache::EstimateBytes(UnitId unit) const {
          entry.external_vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + 4 + row_bytes);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -1,4 +1,4 @@
-#include "query/loaded_unit.h"
+#include "query/internal/loaded_unit.h"
 
 #include <algorithm>
 #include <cstring>
@@ -8,7 +8,7 @@
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/root_codec.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 template <typename T>
@@ -307,4 +307,4 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   return LoadedUnitPtr(std::move(loaded));
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -4,12 +4,12 @@
 #include <string>
 #include <tuple>
 
-#include "query/cluster_cache.h"
 #include "query/internal/cache_plan.h"
-#include "query/unit_reader.h"
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_reader.h"
 #include "store/base/out_of_memory.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 // What is asked for ahead and has not been decoded takes at most this share.
@@ -203,4 +203,4 @@ void ClusterCache::CancelReads() {
   TellSource(lock);
 }
 
-}  // namespace mtdb
+}  // namespace mtdb::internal

@@ -8,11 +8,11 @@
 #include <unordered_map>
 #include <vector>
 
-#include "query/cluster_cache.h"
 #include "query/cut.h"
+#include "query/internal/cluster_cache.h"
 #include "query/query_control.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
 struct ReaderLimits {
   QueryControl* control = nullptr;
@@ -89,4 +89,4 @@ class UnitReader {
   bool out_of_time_ = false;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal
