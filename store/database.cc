@@ -1,5 +1,7 @@
 #include "store/database.h"
 
+#include <algorithm>
+
 #include "store/base/out_of_memory.h"
 #include "store/internal/builder_lock.h"
 #include "store/internal/catalog.h"
@@ -7,6 +9,8 @@
 #include "store/internal/meta_page.h"
 #include "store/internal/object_reader.h"
 #include "store/internal/object_writer.h"
+#include "store/internal/open_ranges.h"
+#include "store/internal/packed_reader.h"
 #include "store/internal/test_hooks.h"
 #include "store/object_name.h"
 
@@ -17,11 +21,22 @@ using namespace internal;
 Database::Database(std::shared_ptr<Environment> environment)
     : environment_(std::move(environment)) {}
 
+Database::Database(std::shared_ptr<PackedFile> packed) : packed_(std::move(packed)) {}
+
 Database::~Database() = default;
 
 Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
                                                  const OpenOptions& options) {
   return CatchOutOfMemory([&]() -> Result<std::shared_ptr<Database>> {
+    MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
+    if (ranges != nullptr) {
+      if (options.writable) {
+        return InvalidArgument(path + ": a packed file is never changed; unpack it into a store " +
+                               "(mtdb unpack)");
+      }
+      MTDB_ASSIGN_OR_RETURN(auto packed, PackedFile::Open(std::move(ranges)));
+      return std::shared_ptr<Database>(new Database(std::move(packed)));
+    }
     MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
     return std::shared_ptr<Database>(new Database(std::move(environment)));
   });
@@ -32,12 +47,28 @@ bool Database::NothingStored(const std::string& path) {
   return file.ok() && NeverCommitted(**file);
 }
 
-const std::string& Database::path() const { return environment_->path(); }
+const std::string& Database::path() const {
+  return packed_ != nullptr ? packed_->ranges().name() : environment_->path();
+}
 
-Result<uint64_t> Database::FileBytes() const { return environment_->file().Size(); }
+Result<uint64_t> Database::FileBytes() const {
+  if (packed_ != nullptr) return packed_->ranges().size();
+  return environment_->file().Size();
+}
+
+Status Database::CheckWritable() const {
+  if (packed_ == nullptr) return Status::Ok();
+  return InvalidArgument(path() + ": a packed file is never changed");
+}
 
 Result<std::vector<ObjectRecord>> Database::List() const {
   return CatchOutOfMemory([&]() -> Result<std::vector<ObjectRecord>> {
+    if (packed_ != nullptr) {
+      std::vector<ObjectRecord> records;
+      for (const PackedObject& object : packed_->objects()) records.push_back(object.record);
+      std::ranges::sort(records, {}, &ObjectRecord::name);
+      return records;
+    }
     Status first = Status::Ok();
     MTDB_ASSIGN_OR_RETURN(CatalogListing listing,
                           ListCatalog(*environment_, [&](const Status& status) {
@@ -61,21 +92,32 @@ Result<ObjectRecord> Database::Find(const std::string& name) const {
                              "); choose one by its name (--name)");
     }
     MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+    if (packed_ != nullptr) {
+      MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, packed_->Find(name));
+      return object->record;
+    }
     MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
     if (!record) return NotFound(path() + ": no object " + name + "; see list");
     return *std::move(record);
   });
 }
 
-Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& name) const {
+Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& name,
+                                                            bool whole_index) const {
   return CatchOutOfMemory([&]() -> Result<std::shared_ptr<ClusterSource>> {
     MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, Find(name));
+    if (packed_ != nullptr) {
+      MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, packed_->Find(record.name));
+      const bool whole = whole_index || packed_->ranges().answers_at_once();
+      return PackedSource::Open(packed_, *object, whole);
+    }
     return ObjectReader::Open(environment_, record.name);
   });
 }
 
 Result<std::unique_ptr<ObjectWriter>> Database::Create(const std::string& name, bool replace) {
   return CatchOutOfMemory([&]() -> Result<std::unique_ptr<ObjectWriter>> {
+    MTDB_RETURN_IF_ERROR(CheckWritable());
     return StoreObjectWriter::Create(environment_, name, replace);
   });
 }
@@ -83,6 +125,7 @@ Result<std::unique_ptr<ObjectWriter>> Database::Create(const std::string& name, 
 Status Database::Remove(const std::string& name) {
   return CatchOutOfMemory([&]() -> Status {
     MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+    MTDB_RETURN_IF_ERROR(CheckWritable());
     if (!environment_->writable()) {
       return InvalidArgument(path() + ": opened for reading; open it writable");
     }

@@ -1,4 +1,5 @@
-// Database: one store file (LMDB, MDB_NOSUBDIR) of any number of objects. Start here.
+// Database: one store file (LMDB, MDB_NOSUBDIR) of any number of objects, or a packed file
+// (store/packed_file.h) to read from. Start here.
 //
 // A reader sees an object whole or not at all: ObjectWriter writes in bounded transactions under
 // the state "building" and Publish() flips the catalog entry in one last transaction. Object ids
@@ -24,6 +25,7 @@ class ObjectWriter;
 
 namespace internal {
 class Environment;
+class PackedFile;
 }
 
 struct OpenOptions {
@@ -37,7 +39,9 @@ struct OpenOptions {
 // needs a Database that it opened itself.
 class Database {
  public:
-  // Checks the size of the file and both meta pages. When writable, also walks the pages of the
+  // `path`: of a store or of a packed file, or the URL of a packed file (http, https, s3), where
+  // mtdb was built with libcurl. Checks the size of the file and both meta pages, or header and
+  // directory. When writable, also walks the pages of the
   // tree, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kBusy
   // (another program writes the file by another name).
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
@@ -51,12 +55,16 @@ class Database {
   // Size of the file in bytes.
   Result<uint64_t> FileBytes() const;
 
+  bool is_packed() const { return packed_ != nullptr; }
+
   // The published objects, sorted by name; each as it was at some moment during the call.
   Result<std::vector<ObjectRecord>> List() const;
   // The object of that name; with an empty name, the store's only object.
   Result<ObjectRecord> Find(const std::string& name) const;
-  // Loads the record and the cluster index.
-  Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name) const;
+  // Loads the record and the cluster index. Over a URL rows of the index come as they are needed,
+  // unless the whole index is asked for.
+  Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name,
+                                                    bool whole_index = false) const;
 
   // Begins an object in the state "building", after removing what a dead builder left of that name.
   // Fails with kAlreadyExists when `name` is published and `replace` is false, and with kBusy while
@@ -68,7 +76,10 @@ class Database {
 
  private:
   explicit Database(std::shared_ptr<internal::Environment> environment);
-  std::shared_ptr<internal::Environment> environment_;
+  explicit Database(std::shared_ptr<internal::PackedFile> packed);
+  Status CheckWritable() const;
+  std::shared_ptr<internal::Environment> environment_;  // either this
+  std::shared_ptr<internal::PackedFile> packed_;        // or this
 };
 
 // Publish() calls it with the whole record, when everything is written except the catalog's entry.

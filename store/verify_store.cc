@@ -9,8 +9,10 @@
 #include "store/internal/object_digest.h"
 #include "store/internal/object_index.h"
 #include "store/internal/object_reader.h"
+#include "store/internal/open_ranges.h"
 #include "store/internal/page_walker.h"
 #include "store/internal/store_check.h"
+#include "store/internal/verify_packed.h"
 
 namespace mtdb {
 
@@ -206,6 +208,8 @@ class StoreVerifier {
 }  // namespace
 
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report) {
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
+  if (ranges != nullptr) return VerifyPacked(std::move(ranges), object, report);
   // A file that cannot even be opened as a store is a finding; a missing one is an error.
   const auto environment = Environment::Open(path, {});
   if (!environment.ok()) {

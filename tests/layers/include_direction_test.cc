@@ -55,6 +55,7 @@ const std::set<std::string> kOnlookers{"tests", "bench"};
 // By how an #include begins, the folders whose files may have it.
 const std::map<std::string, std::set<std::string>> kLibraryUsers{
     {"lmdb", {"store/internal/", "tests/store/"}},
+    {"curl/", {"store/internal/http_"}},
     {"xxhash", {"store/base/"}},
     {"CGAL/", {"builder/", "tests/", "bench/"}},
     {"draco/", {"codecs/mesh_file/", "tests/", "bench/"}},

@@ -429,6 +429,7 @@ class CommandLine {
   void AddServerVerbs();
   void AddFollowVerb();
   void AddRemoveVerb();
+  void AddPackVerbs();
   void AddGenerateVerb();
   // Exit status where the arguments ask for nothing that is to be run.
   std::optional<int> Parse(std::vector<std::string> arguments);
@@ -438,6 +439,7 @@ class CommandLine {
   std::vector<std::string> paths_;  // of ingest
   mtdb::IngestArguments ingest_;
   mtdb::InspectArguments inspect_;
+  mtdb::PackArguments pack_;
   mtdb::QueryArguments query_;
   mtdb::ProbeArguments probe_;
   mtdb::ServerOptions serve_;
@@ -468,6 +470,7 @@ CommandLine::CommandLine() {
   AddServerVerbs();
   AddFollowVerb();
   AddRemoveVerb();
+  AddPackVerbs();
   AddGenerateVerb();
 }
 
@@ -610,6 +613,33 @@ void CommandLine::AddRemoveVerb() {
                            [this](bool*) { return mtdb::Remove(inspect_); });
   AddStore(verb, &inspect_.store);
   verb->add_option("NAME", inspect_.name, "the object")->required();
+}
+
+void CommandLine::AddPackVerbs() {
+  const auto add_names = [this](CLI::App* verb) {
+    verb->add_option("--name", pack_.names, "this object only; several: in this order")
+        ->type_name("NAME")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    AddJson(verb, &pack_.json);
+  };
+  CLI::App* pack =
+      AddVerb("pack", "write a store's objects into one file for a web server",
+              "Every verb that reads takes the file, or its URL, for a store.\n"
+              "Examples: mtdb pack scans.mtdb statue.mtdbp --name statue\n"
+              "          mtdb info https://example.org/statue.mtdbp\n"
+              "More: docs/packed.md",
+              [this](bool*) { return mtdb::Pack(pack_); });
+  AddStore(pack, &pack_.from);
+  pack->add_option("FILE", pack_.to, "the packed file; one of that name is replaced")->required();
+  add_names(pack);
+  CLI::App* unpack = AddVerb("unpack", "put a packed file's objects into a store",
+                             "Example: mtdb unpack statue.mtdbp scans.mtdb",
+                             [this](bool*) { return mtdb::Unpack(pack_); });
+  unpack->add_option("FILE", pack_.from, "the packed file, or its URL")->required();
+  unpack->add_option("STORE", pack_.to, "the store; made if it is not there")->required();
+  add_names(unpack);
+  unpack->add_flag("--force", pack_.force, "replace objects of the same names");
 }
 
 void CommandLine::AddGenerateVerb() {

@@ -46,6 +46,16 @@ Status List(const InspectArguments& arguments);
 Status Verify(const InspectArguments& arguments, bool* ok);
 Status Remove(const InspectArguments& arguments);
 
+struct PackArguments {
+  std::string from;  // pack: a store; unpack: a packed file or its URL
+  std::string to;
+  std::vector<std::string> names;  // none: all
+  bool force = false;              // unpack: replaces objects
+  bool json = false;
+};
+Status Pack(const PackArguments& arguments);
+Status Unpack(const PackArguments& arguments);
+
 struct QueryArguments {
   std::string store;  // fetch: a URL
   std::string output;

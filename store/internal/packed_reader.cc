@@ -1,0 +1,315 @@
+#include "store/internal/packed_reader.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "store/base/out_of_memory.h"
+#include "store/internal/keys.h"
+
+namespace mtdb::internal {
+
+Result<std::shared_ptr<PackedFile>> PackedFile::Open(std::shared_ptr<RangeReader> ranges) {
+  std::shared_ptr<PackedFile> file(new PackedFile(std::move(ranges)));
+  RangeReader& reader = *file->ranges_;
+  const std::string& name = reader.name();
+  const uint64_t first = std::min(reader.size(), kPackedFirstRead);
+  MTDB_ASSIGN_OR_RETURN(Bytes head, ReadRange(reader, {0, first}));
+  MTDB_ASSIGN_OR_RETURN(file->header_, DecodePackedHeader(head, reader.size(), name));
+  const ByteRange range{kPackedHeaderBytes, file->header_.directory_bytes};
+  Bytes directory;
+  if (range.offset + range.bytes <= head.size()) {
+    directory.assign(head.begin() + static_cast<ptrdiff_t>(range.offset),
+                     head.begin() + static_cast<ptrdiff_t>(range.offset + range.bytes));
+  } else {
+    MTDB_ASSIGN_OR_RETURN(directory, ReadRange(reader, range));
+  }
+  MTDB_ASSIGN_OR_RETURN(file->objects_, DecodePackedDirectory(directory, file->header_, name));
+  return file;
+}
+
+Result<const PackedObject*> PackedFile::Find(const std::string& name) const {
+  for (const PackedObject& object : objects_) {
+    if (object.record.name == name) return &object;
+  }
+  return NotFound(ranges_->name() + ": no object " + name + "; see list");
+}
+
+PackedSource::PackedSource(std::shared_ptr<PackedFile> file, const PackedObject& object, bool whole)
+    : file_(std::move(file)),
+      object_(object),
+      place_(file_->ranges().name() + ": object " + object.record.name),
+      at_once_(whole && file_->ranges().answers_at_once()),
+      index_(object.record.clusters, object.record.root_pieces, object.record.root_vertices),
+      pages_(object.pages.size()) {}
+
+Result<std::shared_ptr<ClusterSource>> PackedSource::Open(std::shared_ptr<PackedFile> file,
+                                                          const PackedObject& object, bool whole) {
+  const std::shared_ptr<PackedSource> source(new PackedSource(std::move(file), object, whole));
+  MTDB_RETURN_IF_ERROR(whole ? source->ReadWholeIndex() : source->ReadFirstRows());
+  MTDB_RETURN_IF_ERROR(source->CheckRoot());
+  return std::shared_ptr<ClusterSource>(source);
+}
+
+Status PackedSource::ReadWholeIndex() {
+  for (uint32_t p = 0; p < pages_.size(); ++p) {
+    const PackedPage& page = object_.pages[p];
+    MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
+                          ReadRange(file_->ranges(), {page.offset, page.bytes}));
+    const MutexLock lock(mutex_);
+    MTDB_RETURN_IF_ERROR(PutPage(p, bytes));
+  }
+  return Status::Ok();
+}
+
+// The first read has them, or most of them.
+Status PackedSource::ReadFirstRows() {
+  for (;;) {
+    std::vector<uint32_t> missing;
+    {
+      const MutexLock lock(mutex_);
+      for (UnitId u = index_.cluster_count(); u < index_.unit_count() && missing.empty(); ++u) {
+        missing = MissingPages(u);
+      }
+    }
+    if (missing.empty()) return Status::Ok();
+    for (const uint32_t p : missing) {
+      const PackedPage& page = object_.pages[p];
+      MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
+                            ReadRange(file_->ranges(), {page.offset, page.bytes}));
+      const MutexLock lock(mutex_);
+      MTDB_RETURN_IF_ERROR(PutPage(p, bytes));
+    }
+  }
+}
+
+Status PackedSource::CheckRoot() const {
+  uint64_t most = 0;
+  for (UnitId u = index_.cluster_count(); u < index_.unit_count(); ++u) {
+    most += index_.unit(u).external_vertices;
+  }
+  if (object_.record.root_vertices <= most) return Status::Ok();
+  return Corrupt(place_ + ": the record says " + std::to_string(object_.record.root_vertices) +
+                 " root vertices, but the root pieces have " + std::to_string(most));
+}
+
+Result<Bytes> PackedSource::CheckPayload(UnitId unit, Bytes payload) const {
+  const UnitEntry& entry = index_.unit(unit);
+  const PayloadLocation& location = index_.location(unit);
+  if (Hash64(payload, UnitSeed(unit, entry.round, entry.hilbert)) == location.checksum) {
+    return payload;
+  }
+  return Corrupt(place_ + ": " + UnitLabel(object_.record, unit) + ", offset " +
+                 std::to_string(PackedOffset(location)) +
+                 " of the file: its checksum is wrong; get the file anew");
+}
+
+// The rows that ClusterSource promises with a unit.
+std::vector<uint32_t> PackedSource::MissingPages(UnitId unit) const {
+  std::vector<uint32_t> missing;
+  const auto has = [&](UnitId u) {
+    if (index_.Has(u)) return true;
+    const uint32_t page = object_.page_of(u);
+    if (std::ranges::find(missing, page) == missing.end()) missing.push_back(page);
+    return false;
+  };
+  if (!has(unit)) return missing;
+  for (const UnitId p : index_.parents(unit)) has(p);
+  for (const UnitId c : index_.children(unit)) {
+    if (!has(c)) continue;
+    for (const UnitId g : index_.children(c)) has(g);
+  }
+  return missing;
+}
+
+void PackedSource::Advance(const QuestionPtr& question, std::vector<Part>* wanted,
+                           std::vector<Delivery>* deliveries) {
+  const UnitId unit = question->unit;
+  const std::vector<uint32_t> missing = MissingPages(unit);
+  for (const uint32_t p : missing) {
+    if (pages_[p] != PageState::kNone) continue;
+    pages_[p] = PageState::kAsked;
+    wanted->push_back({{object_.pages[p].offset, object_.pages[p].bytes}, p, nullptr});
+  }
+  if (index_.Has(unit) && !question->asked) {
+    question->asked = true;
+    const PayloadLocation& location = index_.location(unit);
+    wanted->push_back({{PackedOffset(location), location.length}, 0, question});
+  }
+  if (!missing.empty() || !question->there) return;
+  deliveries->push_back(
+      {question->receiver, unit, CheckPayload(unit, std::move(question->payload))});
+  std::erase(questions_, question);
+}
+
+Status PackedSource::PutPage(uint32_t page, ByteSpan bytes) {
+  if (pages_[page] == PageState::kThere) return Status::Ok();
+  MTDB_ASSIGN_OR_RETURN(const std::vector<PackedRow> rows,
+                        DecodePackedPage(bytes, object_, page, file_->ranges().name()));
+  VertexIndex vertex = object_.pages[page].first_vertex;
+  UnitId unit = object_.first_unit(page);
+  for (const PackedRow& row : rows) {
+    MTDB_RETURN_IF_ERROR(PutRow(unit, row, vertex));
+    vertex += row.entry.nodes;
+    ++unit;
+  }
+  pages_[page] = PageState::kThere;
+  return Status::Ok();
+}
+
+Status PackedSource::PutRow(UnitId unit, const PackedRow& row, VertexIndex first_vertex) {
+  const auto contradiction = [&](UnitId other) {
+    return Corrupt(place_ + ": index: " + UnitLabel(object_.record, unit) + " and " +
+                   UnitLabel(object_.record, other) + " do not agree that one is the other's child");
+  };
+  const auto has = [](std::span<const UnitId> units, UnitId u) {
+    return std::ranges::binary_search(units, u);
+  };
+  for (const UnitId c : row.children) {
+    if (!index_.Has(c)) continue;
+    if (!has(index_.parents(c), unit) || index_.unit(c).round >= row.entry.round) {
+      return contradiction(c);
+    }
+  }
+  for (const UnitId p : row.parents) {
+    if (!index_.Has(p)) continue;
+    if (!has(index_.children(p), unit) || index_.unit(p).round <= row.entry.round) {
+      return contradiction(p);
+    }
+  }
+  index_.Put(unit, row.entry, PackedLocation(row.offset, row.bytes, row.checksum), first_vertex,
+             row.children, row.parents);
+  return Status::Ok();
+}
+
+void PackedSource::Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) {
+  std::vector<UnitId> order(units.begin(), units.end());
+  std::ranges::sort(order, std::greater<>());  // coarse before fine
+  std::vector<Part> wanted;
+  std::vector<Delivery> deliveries;
+  {
+    const MutexLock lock(mutex_);
+    for (const UnitId unit : order) {
+      if (unit >= index_.unit_count()) {
+        deliveries.push_back({receiver, unit,
+                              InvalidArgument(place_ + ": no unit " + std::to_string(unit) +
+                                              ", it has " + std::to_string(index_.unit_count()))});
+        continue;
+      }
+      questions_.push_back(std::make_shared<Question>(Question{unit, receiver, false, false, {}}));
+      Advance(QuestionPtr(questions_.back()), &wanted, &deliveries);
+    }
+  }
+  Ask(std::move(wanted));
+  Deliver(std::move(deliveries));
+}
+
+// Parts near each other make one request. What lies first is wanted first: the file is in the order
+// of refining.
+void PackedSource::Ask(std::vector<Part> wanted) {
+  if (wanted.empty()) return;
+  std::ranges::sort(wanted, {}, [](const Part& p) { return p.range.offset; });
+  std::vector<RequestPtr> requests;
+  for (Part& part : wanted) {
+    const uint64_t end = part.range.offset + part.range.bytes;
+    if (!requests.empty()) {
+      Request& last = *requests.back();
+      const uint64_t last_end = last.range.offset + last.range.bytes;
+      if (!at_once_ && part.range.offset <= last_end + kRangeGapBytes &&
+          end - last.range.offset <= kRangeBytes) {
+        last.range.bytes = std::max(end, last_end) - last.range.offset;
+        last.parts.push_back(std::move(part));
+        continue;
+      }
+    }
+    requests.push_back(std::make_shared<Request>());
+    requests.back()->range = part.range;
+    requests.back()->parts.push_back(std::move(part));
+  }
+  {
+    const MutexLock lock(mutex_);
+    requests_.insert(requests_.end(), requests.begin(), requests.end());
+  }
+  for (const RequestPtr& request : requests) {
+    const RangeReader::Ticket ticket = file_->ranges().Read(
+        request->range, [weak = weak_from_this(), request](Result<Bytes> bytes) {
+          if (const auto self = weak.lock()) self->Arrive(request, std::move(bytes));
+        });
+    const MutexLock lock(mutex_);
+    request->ticket = ticket;
+  }
+}
+
+void PackedSource::Fail(const Status& status, const Part& part,
+                        std::vector<Delivery>* deliveries) {
+  const auto fail = [&](const QuestionPtr& q) {
+    deliveries->push_back({q->receiver, q->unit, status});
+  };
+  if (part.question != nullptr) {
+    if (std::erase(questions_, part.question) > 0) fail(part.question);
+    return;
+  }
+  pages_[part.page] = PageState::kNone;
+  std::erase_if(questions_, [&](const QuestionPtr& q) {
+    const std::vector<uint32_t> missing = MissingPages(q->unit);
+    if (std::ranges::find(missing, part.page) == missing.end()) return false;
+    fail(q);
+    return true;
+  });
+}
+
+void PackedSource::Arrive(const RequestPtr& request, Result<Bytes> bytes) {
+  std::vector<Part> wanted;
+  std::vector<Delivery> deliveries;
+  {
+    const MutexLock lock(mutex_);
+    std::erase(requests_, request);
+    bool any_page = false;
+    for (const Part& part : request->parts) {
+      Status status = bytes.status();
+      if (status.ok()) {
+        const ByteSpan piece =
+            ByteSpan(*bytes).subspan(part.range.offset - request->range.offset, part.range.bytes);
+        if (part.question == nullptr) {
+          status = PutPage(part.page, piece);
+          any_page = true;
+        } else {
+          part.question->payload.assign(piece.begin(), piece.end());
+          part.question->there = true;
+        }
+      }
+      if (!status.ok()) Fail(status, part, &deliveries);
+    }
+    // A page may be what any question waits for, a payload what its own does.
+    const std::vector<QuestionPtr> open = questions_;
+    for (const QuestionPtr& q : open) {
+      if (any_page || q->there) Advance(q, &wanted, &deliveries);
+    }
+  }
+  Ask(std::move(wanted));
+  Deliver(std::move(deliveries));
+}
+
+void PackedSource::Deliver(std::vector<Delivery> deliveries) {
+  for (Delivery& d : deliveries) d.receiver->Receive(d.unit, std::move(d.payload));
+}
+
+// Requests of which nobody wants anything any more are cancelled; pages stay wanted.
+void PackedSource::Cancel(const PayloadReceiver& receiver) {
+  std::vector<RangeReader::Ticket> tickets;
+  {
+    const MutexLock lock(mutex_);
+    std::erase_if(questions_,
+                  [&](const QuestionPtr& q) { return q->receiver.get() == &receiver; });
+    std::erase_if(requests_, [&](const RequestPtr& request) {
+      const bool idle = std::ranges::all_of(request->parts, [&](const Part& part) {
+        return part.question != nullptr &&
+               std::ranges::find(questions_, part.question) == questions_.end();
+      });
+      if (idle && request->ticket != 0) tickets.push_back(request->ticket);
+      return idle && request->ticket != 0;
+    });
+  }
+  for (const RangeReader::Ticket ticket : tickets) file_->ranges().Cancel(ticket);
+}
+
+}  // namespace mtdb::internal

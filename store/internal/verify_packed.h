@@ -1,0 +1,17 @@
+// Every check of a packed file that needs no codec.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "store/base/status.h"
+#include "store/range_reader.h"
+#include "store/verify_store.h"
+
+namespace mtdb::internal {
+
+// As VerifyStore.
+Status VerifyPacked(std::shared_ptr<RangeReader> ranges, const std::string& object,
+                    CheckReport* report);
+
+}  // namespace mtdb::internal

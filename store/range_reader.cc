@@ -1,0 +1,30 @@
+#include "store/range_reader.h"
+
+#include <optional>
+#include <utility>
+
+#include "store/base/threading.h"
+
+namespace mtdb {
+
+Result<Bytes> ReadRange(RangeReader& reader, ByteRange range) {
+  struct Waiting {
+    Mutex mutex;
+    ConditionVariable came;
+    std::optional<Result<Bytes>> bytes;
+  };
+  const auto waiting = std::make_shared<Waiting>();
+  reader.Read(range, [waiting](Result<Bytes> bytes) {
+    const MutexLock lock(waiting->mutex);
+    waiting->bytes.emplace(std::move(bytes));
+    waiting->came.notify_all();
+  });
+  MutexLock lock(waiting->mutex);
+#if MTDB_THREADS
+  waiting->came.wait(lock, [&] { return waiting->bytes.has_value(); });
+#endif
+  if (!waiting->bytes) return NotYet(reader.name() + ": has not answered");
+  return *std::move(waiting->bytes);
+}
+
+}  // namespace mtdb

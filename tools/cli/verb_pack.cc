@@ -1,0 +1,80 @@
+#include <cstdio>
+#include <set>
+
+#include "codecs/mesh_file/atomic_file.h"
+#include "store/database.h"
+#include "store/packed_file.h"
+#include "tools/cli/verbs.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+// The given ones in their order; without any, all by name.
+Result<std::vector<std::string>> NamesOf(const Database& database,
+                                         const std::vector<std::string>& given) {
+  std::vector<std::string> names = given;
+  if (names.empty()) {
+    MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database.List());
+    for (const ObjectRecord& r : records) names.push_back(r.name);
+  }
+  if (names.empty()) return NotFound(database.path() + ": the store holds no object");
+  std::set<std::string> seen;
+  for (const std::string& name : names) {
+    if (!seen.insert(name).second) return InvalidArgument("--name " + name + " is given twice");
+  }
+  return names;
+}
+
+}  // namespace
+
+Status Pack(const PackArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.from));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                        NamesOf(*database, arguments.names));
+  std::vector<std::shared_ptr<ClusterSource>> sources;
+  for (const std::string& name : names) {
+    MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<AtomicFile> file, AtomicFile::Create(arguments.to));
+  MTDB_ASSIGN_OR_RETURN(const PackReport report, PackObjects(sources, [&](ByteSpan bytes) {
+                          return file->Append(bytes);
+                        }));
+  MTDB_RETURN_IF_ERROR(file->Commit());
+  if (arguments.json) {
+    PrintJson({{"file", arguments.to},
+               {"objects", names},
+               {"file_bytes", report.file_bytes},
+               {"first_bytes", report.first_bytes},
+               {"content_hash", report.content_hash}});
+    return Status::Ok();
+  }
+  std::printf("%s: %zu objects, %llu bytes, the first %llu of them for a first picture, hash %s\n",
+              arguments.to.c_str(), names.size(),
+              static_cast<unsigned long long>(report.file_bytes),
+              static_cast<unsigned long long>(report.first_bytes), report.content_hash.c_str());
+  return Status::Ok();
+}
+
+Status Unpack(const PackArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.from));
+  if (!database->is_packed()) {
+    return InvalidArgument(arguments.from + ": expected a packed file, found a store");
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names,
+                        NamesOf(*database, arguments.names));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> store,
+                        Database::Open(arguments.to, {.writable = true}));
+  Json objects = Json::array();
+  for (const std::string& name : names) {
+    MTDB_ASSIGN_OR_RETURN(const auto source, database->OpenObject(name, true));
+    MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, CopyObject(*source, *store, arguments.force));
+    objects.push_back({{"name", name}, {"digest", record.digest_hex()}});
+    if (!arguments.json) std::printf("%s: digest %s\n", name.c_str(), record.digest_hex().c_str());
+  }
+  if (arguments.json) PrintJson({{"store", arguments.to}, {"objects", objects}});
+  return Status::Ok();
+}
+
+}  // namespace mtdb
