@@ -26,7 +26,7 @@ class ObjectWriter;
 namespace internal {
 class Environment;
 class PackedFile;
-}
+}  // namespace internal
 
 struct OpenOptions {
   bool writable = false;  // false: the file must exist, and is not changed

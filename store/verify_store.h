@@ -18,9 +18,10 @@ struct CheckReport {
 // own code trusts its pages), and makes sure that every page of the file is live, free or meta.
 // Then reads every value of `object` (of all objects when the name is empty) and checks its
 // checksum, the index, the counts and the digest. Takes a few bytes of memory per page. Appends to
-// `report`. Of a packed file, also by its URL, it reads every byte instead. The Status is an error only when nothing could be examined (no such file, i/o error).
-// Safe beside readers and writers. Where it may not write the lock file it cannot pin a snapshot,
-// and returns kBusy when writers overtake it again and again.
+// `report`. Of a packed file, also by its URL, it reads every byte instead. The Status is an error
+// only when nothing could be examined (no such file, i/o error). Safe beside readers and writers.
+// Where it may not write the lock file it cannot pin a snapshot, and returns kBusy when writers
+// overtake it again and again.
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report);
 
 }  // namespace mtdb

@@ -147,8 +147,8 @@ Status HttpAnswer::Check(ByteRange range, const FileVersion* version, FileVersio
     MTDB_RETURN_IF_ERROR(CheckVersion(*version, name));
     if (content->total != version->bytes) return Changed(name);
   }
-  const uint64_t bytes = std::min(range.bytes, content->total - std::min(content->total,
-                                                                         range.offset));
+  const uint64_t bytes =
+      std::min(range.bytes, content->total - std::min(content->total, range.offset));
   if (content->first != range.offset || content->last + 1 != range.offset + bytes || too_long_) {
     return IoError(name + ": asked for " + std::to_string(bytes) + " bytes at " +
                    std::to_string(range.offset) + ", but the server sent " + Quoted(range_));

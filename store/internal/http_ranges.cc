@@ -54,8 +54,9 @@ size_t OnHeader(char* text, size_t, size_t bytes, void* request) {
 size_t OnBody(char* text, size_t, size_t bytes, void* request) {
   auto& r = *static_cast<Request*>(request);
   bool goes_on = false;
-  r.no_memory |=
-      !TryAllocate([&] { goes_on = r.http.AddBody(AsBytes({text, bytes}), r.range.bytes); });
+  r.no_memory |= !TryAllocate([&] {
+    goes_on = r.http.AddBody(AsBytes({text, bytes}), r.range.bytes);
+  });
   return goes_on && !r.no_memory ? bytes : 0;
 }
 
@@ -73,10 +74,8 @@ bool IsTransient(CURLcode code) {
     case CURLE_SSL_CONNECT_ERROR:
     case CURLE_GOT_NOTHING:
     case CURLE_SEND_ERROR:
-    case CURLE_RECV_ERROR:
-      return true;
-    default:
-      return false;
+    case CURLE_RECV_ERROR: return true;
+    default: return false;
   }
 }
 
@@ -303,9 +302,8 @@ class Loop : public std::enable_shared_from_this<Loop> {
     RequestPtr request;
     {
       const std::lock_guard lock(mutex_);
-      const auto at = std::ranges::find(running_, which, [](const RequestPtr& r) -> void* {
-        return r.get();
-      });
+      const auto at =
+          std::ranges::find(running_, which, [](const RequestPtr& r) -> void* { return r.get(); });
       request = std::move(*at);
       running_.erase(at);
     }
@@ -345,9 +343,9 @@ class Loop : public std::enable_shared_from_this<Loop> {
     } else {
       const std::string message = place_.shown + ": " + curl_easy_strerror(code);
       // At first, what is not there is most likely a wrong URL.
-      const bool wrong = !known_ && (code == CURLE_COULDNT_RESOLVE_HOST ||
-                                     code == CURLE_COULDNT_RESOLVE_PROXY ||
-                                     code == CURLE_COULDNT_CONNECT);
+      const bool wrong =
+          !known_ && (code == CURLE_COULDNT_RESOLVE_HOST || code == CURLE_COULDNT_RESOLVE_PROXY ||
+                      code == CURLE_COULDNT_CONNECT);
       if (!IsTransient(code) || wrong) return IoError(message);
       status = NotYet(message);
     }
@@ -405,8 +403,8 @@ class HttpRanges final : public RangeReader {
   const std::string& name() const override { return loop_->place().shown; }
   uint64_t size() const override { return loop_->version().bytes; }
   Ticket Read(ByteRange range, Answer answer) override {
-    if (range.bytes > 0 && (range.offset >= head_.size() ||
-                            range.bytes > head_.size() - range.offset)) {
+    if (range.bytes > 0 &&
+        (range.offset >= head_.size() || range.bytes > head_.size() - range.offset)) {
       return loop_->Add(range, std::move(answer));
     }
     answer(CatchOutOfMemory([&]() -> Result<Bytes> {

@@ -66,7 +66,8 @@ Result<HttpPlace> PlaceInS3(const std::string& url) {
   } else if (endpoint.starts_with("http://") || endpoint.starts_with("https://")) {
     place.url = endpoint + "/" + bucket + "/" + key;
   } else {
-    return InvalidArgument(url + ": AWS_ENDPOINT_URL is '" + endpoint + "', expected http(s)://...");
+    return InvalidArgument(url + ": AWS_ENDPOINT_URL is '" + endpoint +
+                           "', expected http(s)://...");
   }
   const std::string id = Variable({"AWS_ACCESS_KEY_ID"});
   const std::string secret = Variable({"AWS_SECRET_ACCESS_KEY"});

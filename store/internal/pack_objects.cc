@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "store/base/out_of_memory.h"
 #include "store/base/hash.h"
+#include "store/base/out_of_memory.h"
 #include "store/internal/packed_format.h"
 #include "store/packed_file.h"
 
@@ -27,8 +27,7 @@ struct Item {
 // One object's part of the file.
 class Layout {
  public:
-  Layout(ClusterSource& source, uint64_t ordinal)
-      : source_(source), index_(source.index()) {
+  Layout(ClusterSource& source, uint64_t ordinal) : source_(source), index_(source.index()) {
     object_.record = source.record();
     object_.record.id = ObjectId{ordinal + 1};
     object_.rows_per_page = kLeastRowsPerPage;
@@ -146,8 +145,7 @@ class Layout {
 
   Bytes EncodePage(uint32_t page) const {
     return EncodePackedPage(
-        index_, object_, page,
-        [&](UnitId u) { return std::ranges::binary_search(gaps_, u); },
+        index_, object_, page, [&](UnitId u) { return std::ranges::binary_search(gaps_, u); },
         [&](UnitId u) { return offsets_[u]; });
   }
 

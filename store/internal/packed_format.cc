@@ -132,8 +132,7 @@ PackedRow DecodeRow(const PackedObject& object, UnitId unit, const UnitEntry& pr
   row.bytes = r->GetLength();
   row.checksum = r->GetChecksum();
   row.offset = (flags & kGivenOffset) != 0 ? r->GetOffset() : *end;
-  if (row.offset < object.start || row.offset > object.end ||
-      row.bytes > object.end - row.offset) {
+  if (row.offset < object.start || row.offset > object.end || row.bytes > object.end - row.offset) {
     r->Fail("offset of the payload", row.offset);
   }
   *end = row.offset + row.bytes;
@@ -195,8 +194,7 @@ Result<PackedHeader> DecodePackedHeader(ByteSpan bytes, uint64_t file_bytes,
     return Corrupt(where + ": expected " + std::to_string(header.file_bytes) + " bytes, found " +
                    std::to_string(file_bytes) + "; it was cut off or appended to: get it anew");
   }
-  if (header.directory_bytes == 0 ||
-      header.directory_bytes > file_bytes - kPackedHeaderBytes ||
+  if (header.directory_bytes == 0 || header.directory_bytes > file_bytes - kPackedHeaderBytes ||
       header.first_bytes < kPackedHeaderBytes + header.directory_bytes ||
       header.first_bytes > file_bytes) {
     return Corrupt(where + ": header: impossible numbers");

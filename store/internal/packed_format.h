@@ -58,9 +58,7 @@ struct PackedObject {
   uint32_t units() const { return record.clusters + record.root_pieces; }
   uint32_t page_of(UnitId unit) const { return unit / rows_per_page; }
   uint32_t first_unit(uint32_t page) const { return page * rows_per_page; }
-  uint32_t rows(uint32_t page) const {
-    return std::min(rows_per_page, units() - first_unit(page));
-  }
+  uint32_t rows(uint32_t page) const { return std::min(rows_per_page, units() - first_unit(page)); }
 };
 
 Bytes EncodePackedDirectory(const std::vector<PackedObject>& objects);

@@ -53,8 +53,7 @@ Result<std::shared_ptr<ClusterSource>> PackedSource::Open(std::shared_ptr<Packed
 Status PackedSource::ReadWholeIndex() {
   for (uint32_t p = 0; p < pages_.size(); ++p) {
     const PackedPage& page = object_.pages[p];
-    MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
-                          ReadRange(file_->ranges(), {page.offset, page.bytes}));
+    MTDB_ASSIGN_OR_RETURN(const Bytes bytes, ReadRange(file_->ranges(), {page.offset, page.bytes}));
     const MutexLock lock(mutex_);
     MTDB_RETURN_IF_ERROR(PutPage(p, bytes));
   }
@@ -159,7 +158,8 @@ Status PackedSource::PutPage(uint32_t page, ByteSpan bytes) {
 Status PackedSource::PutRow(UnitId unit, const PackedRow& row, VertexIndex first_vertex) {
   const auto contradiction = [&](UnitId other) {
     return Corrupt(place_ + ": index: " + UnitLabel(object_.record, unit) + " and " +
-                   UnitLabel(object_.record, other) + " do not agree that one is the other's child");
+                   UnitLabel(object_.record, other) +
+                   " do not agree that one is the other's child");
   };
   const auto has = [](std::span<const UnitId> units, UnitId u) {
     return std::ranges::binary_search(units, u);
@@ -239,8 +239,7 @@ void PackedSource::Ask(std::vector<Part> wanted) {
   }
 }
 
-void PackedSource::Fail(const Status& status, const Part& part,
-                        std::vector<Delivery>* deliveries) {
+void PackedSource::Fail(const Status& status, const Part& part, std::vector<Delivery>* deliveries) {
   const auto fail = [&](const QuestionPtr& q) {
     deliveries->push_back({q->receiver, q->unit, status});
   };
@@ -298,8 +297,7 @@ void PackedSource::Cancel(const PayloadReceiver& receiver) {
   std::vector<RangeReader::Ticket> tickets;
   {
     const MutexLock lock(mutex_);
-    std::erase_if(questions_,
-                  [&](const QuestionPtr& q) { return q->receiver.get() == &receiver; });
+    std::erase_if(questions_, [&](const QuestionPtr& q) { return q->receiver.get() == &receiver; });
     std::erase_if(requests_, [&](const RequestPtr& request) {
       const bool idle = std::ranges::all_of(request->parts, [&](const Part& part) {
         return part.question != nullptr &&

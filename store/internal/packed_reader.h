@@ -35,8 +35,7 @@ class PackedFile {
 };
 
 // Asks for pages as they are needed; or, when opened whole, has them all. See ClusterSource.
-class PackedSource final : public ClusterSource,
-                           public std::enable_shared_from_this<PackedSource> {
+class PackedSource final : public ClusterSource, public std::enable_shared_from_this<PackedSource> {
  public:
   // With what the root's pieces and their children need; whole: with all rows.
   static Result<std::shared_ptr<ClusterSource>> Open(std::shared_ptr<PackedFile> file,

@@ -171,8 +171,8 @@ class PackedVerifier {
     const ClusterIndex index = StoreIndexOf(packed);
     uint64_t chain = 0;
     for (UnitId first = 0; first < index.unit_count(); first += kIndexRowsPerValue) {
-      const Bytes body = EncodeIndexRows(index, first,
-                                         std::min(kIndexRowsPerValue, index.unit_count() - first));
+      const Bytes body =
+          EncodeIndexRows(index, first, std::min(kIndexRowsPerValue, index.unit_count() - first));
       chain = ChainIndexValue(chain, body);
       digest.AddIndexValue(first, body);
     }

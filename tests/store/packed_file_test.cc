@@ -1,5 +1,7 @@
 // Packed files: what is packed comes out again, the file does not depend on where it came from, and
 // every byte of it is checked.
+#include "store/packed_file.h"
+
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <condition_variable>
@@ -8,7 +10,6 @@
 #include <thread>
 
 #include "store/internal/packed_reader.h"
-#include "store/packed_file.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
@@ -145,15 +146,16 @@ Status ReadFromTop(ClusterSource& source, const SyntheticObject& object, size_t 
   for (UnitId u = 0; u < index.unit_count(); ++u) {
     if (index.first_vertex(u) != vertex) return differs("first vertex");
     vertex += index.unit(u).nodes;
-    if (!std::ranges::equal(index.children(u), object.units[u].children)) return differs("children");
+    if (!std::ranges::equal(index.children(u), object.units[u].children))
+      return differs("children");
   }
   return Status::Ok();
 }
 
 // Opens the bytes as over a network and reads all.
 Status ReadLate(const Bytes& bytes, const Packed& packed, uint64_t seed, double failing = 0) {
-  MTDB_ASSIGN_OR_RETURN(const auto file, PackedFile::Open(std::make_shared<LateRanges>(
-                                             bytes, seed, failing)));
+  MTDB_ASSIGN_OR_RETURN(const auto file,
+                        PackedFile::Open(std::make_shared<LateRanges>(bytes, seed, failing)));
   for (const auto& [name, object] :
        {std::pair{"first", &packed.first}, std::pair{"second", &packed.second}}) {
     MTDB_ASSIGN_OR_RETURN(const PackedObject* const entry, file->Find(name));
@@ -318,8 +320,7 @@ TEST_CASE("reads that fail are errors of what needs them, and may be tried again
     CHECK(status.code() == StatusCode::kIoError);
   }
   CHECK(failed > 5);
-  const auto file =
-      PackedFile::Open(std::make_shared<LateRanges>(packed.bytes, 5, 0.1));
+  const auto file = PackedFile::Open(std::make_shared<LateRanges>(packed.bytes, 5, 0.1));
   if (!file.ok()) return;
   const auto source = PackedSource::Open(*file, (*file)->objects()[0], false);
   if (!source.ok()) return;

@@ -623,13 +623,12 @@ void CommandLine::AddPackVerbs() {
         ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
     AddJson(verb, &pack_.json);
   };
-  CLI::App* pack =
-      AddVerb("pack", "write a store's objects into one file for a web server",
-              "Every verb that reads takes the file, or its URL, for a store.\n"
-              "Examples: mtdb pack scans.mtdb statue.mtdbp --name statue\n"
-              "          mtdb info https://example.org/statue.mtdbp\n"
-              "More: docs/packed.md",
-              [this](bool*) { return mtdb::Pack(pack_); });
+  CLI::App* pack = AddVerb("pack", "write a store's objects into one file for a web server",
+                           "Every verb that reads takes the file, or its URL, for a store.\n"
+                           "Examples: mtdb pack scans.mtdb statue.mtdbp --name statue\n"
+                           "          mtdb info https://example.org/statue.mtdbp\n"
+                           "More: docs/packed.md",
+                           [this](bool*) { return mtdb::Pack(pack_); });
   AddStore(pack, &pack_.from);
   pack->add_option("FILE", pack_.to, "the packed file; one of that name is replaced")->required();
   add_names(pack);

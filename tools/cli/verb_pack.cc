@@ -31,16 +31,14 @@ Result<std::vector<std::string>> NamesOf(const Database& database,
 
 Status Pack(const PackArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.from));
-  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                        NamesOf(*database, arguments.names));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names, NamesOf(*database, arguments.names));
   std::vector<std::shared_ptr<ClusterSource>> sources;
   for (const std::string& name : names) {
     MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
   }
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<AtomicFile> file, AtomicFile::Create(arguments.to));
-  MTDB_ASSIGN_OR_RETURN(const PackReport report, PackObjects(sources, [&](ByteSpan bytes) {
-                          return file->Append(bytes);
-                        }));
+  MTDB_ASSIGN_OR_RETURN(const PackReport report,
+                        PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));
   MTDB_RETURN_IF_ERROR(file->Commit());
   if (arguments.json) {
     PrintJson({{"file", arguments.to},
@@ -62,8 +60,7 @@ Status Unpack(const PackArguments& arguments) {
   if (!database->is_packed()) {
     return InvalidArgument(arguments.from + ": expected a packed file, found a store");
   }
-  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names,
-                        NamesOf(*database, arguments.names));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names, NamesOf(*database, arguments.names));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> store,
                         Database::Open(arguments.to, {.writable = true}));
   Json objects = Json::array();
