@@ -7,6 +7,7 @@
 #include <cstring>
 #include <ctime>
 #include <memory>
+#include <optional>
 #include <string>
 #include <sys/statvfs.h>
 #include <thread>
@@ -24,6 +25,7 @@
 #include "builder/internal/memory_plan.h"
 #include "builder/internal/ordered_pipeline.h"
 #include "builder/internal/root_writer.h"
+#include "builder/internal/round_level.h"
 #include "builder/internal/tile_cluster.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
@@ -177,6 +179,7 @@ class Builder {
   struct TileJob {
     TriangleBlock tile;
     uint64_t code = 0;
+    bool alone = false;  // it is the round's only tile
     TileOutcome outcome;
     bool replayed = false;        // the outcome comes from the journal
     std::vector<uint64_t> codes;  // of the outcome's triangles, on the next round's curve
@@ -263,6 +266,7 @@ class Builder {
     SurfaceDigest digest;
     Box3i bounds;
     const RoundCurve curve(record_.bounds, 1);
+    level_.emplace(input.triangles(), options_.reduction, options_.degree_limit);
     OrderedPipeline<JoinedBlock> pipeline(threads_, [&](unsigned, JoinedBlock& joined) {
       joined.codes = curve.Codes(joined.block.triangles, grid);
       for (const TileTriangle& t : joined.block.triangles) {
@@ -280,6 +284,9 @@ class Builder {
       digest.Merge(joined.digest);
       bounds.Add(joined.bounds);
       joined_hash = Mix64(joined_hash ^ joined.hash);
+      for (size_t i = 0; i < joined.codes.size(); ++i) {
+        level_->Sample(joined.block.triangles[i], joined.codes[i]);
+      }
       MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, sorter));
       const uint64_t before = std::exchange(taken, taken + joined.codes.size());
       if (before >> 20 == taken >> 20) return Status::Ok();
@@ -305,8 +312,9 @@ class Builder {
     const Grid& grid = record_.grid;
     record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
     record_.double_positions = !grid.FitsFloat(record_.bounds);
-    largest_error_ =
-        kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0);
+    level_->Begin(
+        *decimators_.front(), grid,
+        kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0));
     record_.input = input.report();
     record_.input.unreferenced_vertices = totals.unreferenced_vertices;
     record_.input.duplicate_triangles = totals.duplicate_triangles;
@@ -364,7 +372,9 @@ class Builder {
   Status CheckDisk(const InputSpool& input) const {
     const uint64_t record = sizeof(TileTriangle) + 8 + 3 * input.row_bytes();
     const uint64_t corner = 12 + 13 + input.row_bytes();
-    const uint64_t need = input.triangles() * (3 * corner + record + record / options_.reduction);
+    const auto left = static_cast<uint64_t>(static_cast<double>(record) *
+                                            RoundLevel::MostLeft(options_.reduction));
+    const uint64_t need = input.triangles() * (3 * corner + record + left);
     if (need <= memory_) return Status::Ok();
     struct statvfs fs;
     if (statvfs(space_.directory.c_str(), &fs) != 0) {
@@ -392,13 +402,8 @@ class Builder {
   }
 
   void Decimate(unsigned worker, uint32_t round, TileJob& job) {
-    DecimateOptions decimate;
-    decimate.degree_limit = options_.degree_limit;
-    decimate.largest_error = largest_error_;
-    decimate.target_triangles =
-        static_cast<uint32_t>(job.tile.triangles.size()) / options_.reduction;
-    const TileResult result =
-        decimators_[worker]->Decimate(job.tile.triangles, record_.grid, decimate);
+    const TileResult result = decimators_[worker]->Decimate(
+        job.tile.triangles, record_.grid, level_->Options(job.tile.triangles.size(), job.alone));
     TileOutcome& outcome = job.outcome;
     outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes);
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
@@ -431,6 +436,7 @@ class Builder {
       while (given < tiles && pipeline.in_flight() < ahead_) {
         const auto [begin, end] = TileRange(count, tiles, given);
         TileJob job;
+        job.alone = tiles == 1;
         if (journal_ != nullptr) {
           MTDB_ASSIGN_OR_RETURN(std::optional<TileOutcome> known, journal_->Next());
           job.replayed = known.has_value();
@@ -455,6 +461,7 @@ class Builder {
     *sorter = std::move(next);
     ReturnFreedMemory();
     report.triangles_out = (*sorter)->count();
+    level_->Next(report.triangles_out);
     record_.rounds.push_back(report);
     return Status::Ok();
   }
@@ -532,7 +539,7 @@ class Builder {
   const DecimatorFactory& make_decimator_;
   std::vector<std::unique_ptr<TileDecimator>> decimators_;  // of the threads
   ObjectRecord record_;
-  double largest_error_ = 0;  // work units
+  std::optional<RoundLevel> level_;
   double done_before_ = 0;
   double share_ = 0;
 };

@@ -24,8 +24,11 @@ namespace mtdb::internal {
 
 struct DecimateOptions {
   uint32_t target_triangles = 0;  // stop at this many, or when no legal removal is left
-  double largest_error = 0;       // work units; removals beyond it are not made
-  uint32_t degree_limit = 12;     // a removed vertex has at most this many neighbours; <= 16
+  // Stop before the first removal beyond this error when at most so many triangles are left.
+  double level_error = 0;  // work units
+  uint32_t level_triangles = 0;
+  double largest_error = 0;    // work units; removals beyond it are not made
+  uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
 
 // Removes vertices of a tile until the target is met. Topology and orientation are kept; vertices
@@ -39,6 +42,9 @@ class TileDecimator {
   // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
   virtual TileResult Decimate(std::span<const TileTriangle> tile, const Grid& grid,
                               const DecimateOptions& options) = 0;
+  // Guesses of the errors of all removals that the tile begins with.
+  virtual std::vector<double> FirstGuesses(std::span<const TileTriangle> tile,
+                                           const Grid& grid) = 0;
 };
 
 // What comes next is the queue's business, what a removal costs the measure's, which triangles fill
@@ -49,6 +55,7 @@ class Decimator final : public TileDecimator {
   ErrorMeasure measure() const override { return Measure::kMeasure; }
   TileResult Decimate(std::span<const TileTriangle> tile, const Grid& grid,
                       const DecimateOptions& options) override;
+  std::vector<double> FirstGuesses(std::span<const TileTriangle> tile, const Grid& grid) override;
 
  private:
   enum class Verdict : uint8_t { kLegal, kTopology, kDegree };
@@ -113,6 +120,9 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     const std::optional<uint32_t> v = queue_.Pop();
     if (!v) break;
     if (!IsReady(*v) || filling_.error > options.largest_error) continue;
+    if (filling_.error > options.level_error && mesh_.live_triangles() <= options.level_triangles) {
+      break;
+    }
     if (mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
       // Rare, and found out here only: plan again without the edges that exist.
       states_[*v].careful = true;
@@ -131,6 +141,18 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   result.errors = measure_.errors();
   result.removals = removals_;
   return result;
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileTriangle> tile,
+                                                           const Grid& grid) {
+  mesh_.Load(tile, grid);
+  measure_.Load(mesh_, tile);
+  std::vector<double> guesses;
+  for (uint32_t v = 0; v < mesh_.vertices(); ++v) {
+    if (!mesh_.locked(v)) guesses.push_back(measure_.FirstGuess(v));
+  }
+  return guesses;
 }
 
 // Opens the hole of `v` and fills it, when its turn has come. False when it is not legal, or went
@@ -162,6 +184,7 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
     if (!Measure::kMeasuresFolds) return;
     hole_.folded = true;
     hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole_.edge_error[i][j] = 0; });
+    rule_.Open(hole_);
     if (!rule_.Fill(hole_, filling_.triangles)) return;
     measure_.MeasureFolded(hole_, filling_);
   }
@@ -169,23 +192,28 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   Keep(v);
 }
 
-// Chooses the filling and measures its diagonals. False when there is none that can be measured.
+// Chooses the filling and measures its diagonals. Guesses say which diagonals are worth measuring,
+// until the best filling is one of measured diagonals. False when none can be measured.
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::FillSeen() {
   bool measured = false;
   if constexpr (Rule::kReadsEdgeErrors) measured = measure_.PriceEdges(hole_);
+  rule_.Open(hole_);
   if (!rule_.Fill(hole_, filling_.triangles)) return false;
   if (measured) return true;
-  measured = true;
-  for (uint32_t t = 1; t < hole_.k - 2; ++t) {
-    const auto [i, m, j] = filling_.triangles[t];
-    measure_.MeasureEdge(hole_, i, j);
-    measured &= hole_.edge_error[i][j] >= 0;
+  Hole::PerEdge<bool> known{};
+  for (;;) {
+    bool guessed = false;
+    bool measurable = true;
+    for (uint32_t t = 1; t < hole_.k - 2; ++t) {
+      const auto [i, m, j] = filling_.triangles[t];
+      if (!known[i][j]) measure_.MeasureEdge(hole_, i, j);
+      guessed |= !std::exchange(known[i][j], true);
+      measurable &= hole_.edge_error[i][j] >= 0;
+    }
+    if (!guessed || !Rule::kReadsEdgeErrors) return measurable;
+    if (!rule_.Fill(hole_, filling_.triangles)) return false;
   }
-  if (measured || !Rule::kReadsEdgeErrors) return measured;
-  // One of the guesses was for a diagonal that cannot be: choose knowing them all.
-  hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { measure_.MeasureEdge(hole_, i, j); });
-  return rule_.Fill(hole_, filling_.triangles);
 }
 
 template <FillingMeasure Measure, FillingRule Rule>

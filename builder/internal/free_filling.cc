@@ -19,13 +19,12 @@ double Shape(Vec3d a, Vec3d b, Vec3d c, Vec3d cross) {
 }
 }  // namespace
 
-bool FreeFilling::Fill(const Hole& hole, Hole::Triangles& triangles) {
+void FreeFilling::Open(const Hole& hole) {
   if (hole.folded) {
     SetFoldedCosts(hole);
   } else {
     SetSeenCosts(hole);
   }
-  return FindLeast(hole, triangles);
 }
 
 template <typename Cost>
@@ -80,7 +79,7 @@ void FreeFilling::SetFoldedCosts(const Hole& hole) {
 }
 
 // Dynamic programming over all triangulations.
-bool FreeFilling::FindLeast(const Hole& hole, Hole::Triangles& triangles) const {
+bool FreeFilling::Fill(const Hole& hole, Hole::Triangles& triangles) const {
   const uint32_t k = hole.k;
   const double* cost = costs_.data();
   Hole::PerEdge<double> best;

@@ -18,7 +18,8 @@ class FreeFilling {
  public:
   static constexpr bool kReadsEdgeErrors = true;
 
-  bool Fill(const Hole& hole, Hole::Triangles& triangles);
+  void Open(const Hole& hole);
+  bool Fill(const Hole& hole, Hole::Triangles& triangles) const;
 
  private:
   void SetSeenCosts(const Hole& hole);
@@ -26,7 +27,6 @@ class FreeFilling {
   // By cost(i, m, j).
   template <typename Cost>
   void SetCosts(uint32_t k, const Cost& cost);
-  bool FindLeast(const Hole& hole, Hole::Triangles& triangles) const;
 
   // Of the triangles (i, m, j), by j - i, i and m.
   std::array<double, Hole::kMaxRing*(Hole::kMaxRing - 1) * (Hole::kMaxRing - 2) / 6> costs_;

@@ -87,6 +87,7 @@ TEST_CASE("The free filling has the least errors of all triangulations of the ri
     std::vector<Hole::Triangle> all;
     ForEachFilling({{0, k - 1}}, all, [&] { least = std::min(least, Cost(hole, all)); });
     Hole::Triangles found;
+    rule.Open(hole);
     const bool fills = rule.Fill(hole, found);
     REQUIRE(fills == (least < 1e9));
     ++(fills ? filled : refused);
@@ -105,6 +106,7 @@ TEST_CASE("A filling's triangles hang on each other and cover the ring") {
     const uint32_t k = 3 + random() % (Hole::kMaxRing - 2);
     const Hole hole = RandomHole(k, random() % 4 == 0, random() % 2 == 0, random);
     Hole::Triangles found;
+    rule.Open(hole);
     if (!rule.Fill(hole, found)) continue;
     ++filled;
     std::set<std::pair<uint8_t, uint8_t>> open = {{0, static_cast<uint8_t>(k - 1)}};

@@ -50,6 +50,7 @@ static_assert(FillingMeasure<VerticalMeasure>);
 class DelaunayFilling {
  public:
   static constexpr bool kReadsEdgeErrors = false;
+  void Open(const Hole&) {}
   bool Fill(const Hole& hole, Hole::Triangles& triangles) const;
 };
 static_assert(FillingRule<DelaunayFilling>);
