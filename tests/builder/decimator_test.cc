@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "builder/internal/tiling.h"
+#include "store/base/hash.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 #include "tests/builder/nasty_meshes.h"
@@ -317,6 +318,109 @@ TEST_CASE("Decimation stops at its target and at its largest error") {
   REQUIRE(careful.removals.size() > 100);
   for (const Removal& removal : careful.removals) REQUIRE(removal.error <= 3);
   REQUIRE(decimator.Decimate(tile, tiles.grid, To(n)).removals.empty());
+}
+
+TEST_CASE("Decimation stops at its level, once few enough triangles are left") {
+  const Tiles tiles = MakeTiles(MakeSculpture(8000), 2);
+  const std::vector<TileTriangle>& tile = tiles.tiles[0];
+  SurfaceDecimator decimator;
+  const auto n = static_cast<uint32_t>(tile.size());
+  const TileResult all = decimator.Decimate(tile, tiles.grid, To(n / 4));
+  const auto run = [&](double level, uint32_t level_triangles) {
+    DecimateOptions options = To(n / 4);
+    options.level_error = level;
+    options.level_triangles = level_triangles;
+    const TileResult r = decimator.Decimate(tile, tiles.grid, options);
+    // The same removals, but fewer.
+    REQUIRE(r.removals.size() <= all.removals.size());
+    for (size_t i = 0; i < r.removals.size(); ++i) {
+      REQUIRE(r.removals[i].vertex == all.removals[i].vertex);
+    }
+    return r;
+  };
+  const double level = all.removals[all.removals.size() * 2 / 3].error;
+  const TileResult stopped = run(level, n);
+  REQUIRE(stopped.removals.size() < all.removals.size());
+  REQUIRE(stopped.removals.size() > 100);
+  for (const Removal& removal : stopped.removals) REQUIRE(removal.error <= level);
+  REQUIRE(all.removals[stopped.removals.size()].error > level);
+  // A level of nothing waits until few enough are left; a large one never stops.
+  const TileResult half = run(0, n / 2);
+  const size_t left = Current(half, n, half.removals.size()).size();
+  REQUIRE(left <= n / 2);
+  REQUIRE(left + 2 >= n / 2);
+  REQUIRE(run(1e9, n).removals.size() == all.removals.size());
+}
+
+// Guesses nothing of diagonals, whose errors are as good as random; finds out whether a filling is
+// the best of all, whose errors are these.
+class HiddenErrors {
+ public:
+  static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
+  static constexpr bool kMeasuresFolds = false;
+
+  void Load(const TileMesh& mesh, std::span<const TileTriangle>) {
+    errors_.assign(mesh.triangles(), 0);
+  }
+  double FirstGuess(uint32_t) const { return 0; }
+  void Open(Hole& hole) const {
+    Vec3d normal{};
+    for (uint32_t i = 0; i < hole.k; ++i) {
+      normal += Cross(hole.positions[i] - hole.apex, hole.positions[(i + 1) % hole.k] - hole.apex);
+    }
+    hole.LookAlong(normal * (1 / Length(normal)), Length(normal));
+  }
+  bool Sees(const Hole& hole) const { return !hole.boundary; }
+  bool PriceEdges(Hole& hole) {
+    hole.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole.edge_error[i][j] = 0; });
+    chosen_ = true;
+    return false;
+  }
+  void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
+    const uint64_t random = Mix64(Mix64(hole.ring[i] ^ hole.ring[j]) + hole.vertex);
+    hole.edge_error[i][j] = random % 10 == 0 ? -1 : 100.0 * static_cast<double>(random % 1000);
+  }
+  void Measure(const Hole& hole, Filling& filling) {
+    filling.error = 1;
+    filling.errors.fill(1);
+    if (!std::exchange(chosen_, false)) return;  // an old filling, recalled
+    Hole known = hole;
+    known.ForEachDiagonal([&](uint32_t i, uint32_t j) { MeasureEdge(known, i, j); });
+    FreeFilling rule;
+    Hole::Triangles best;
+    rule.Open(known);
+    REQUIRE(rule.Fill(known, best));
+    const auto cost = [&](const Hole::Triangles& triangles) {
+      double sum = 0;
+      for (uint32_t t = 1; t < hole.k - 2; ++t) {
+        const double e = known.edge_error[triangles[t][0]][triangles[t][2]];
+        REQUIRE(e >= 0);
+        sum += e * e;
+      }
+      return sum;
+    };
+    REQUIRE(cost(filling.triangles) == Approx(cost(best)));
+    ++measured;
+  }
+  void MeasureFolded(const Hole&, Filling&) const {}
+  void HandOn(const Hole& hole, const Filling&, uint32_t first) {
+    errors_.resize(first + hole.k - 2, 1);
+  }
+  const std::vector<float>& errors() const { return errors_; }
+
+  static inline int measured = 0;
+
+ private:
+  bool chosen_ = false;
+  std::vector<float> errors_;
+};
+
+TEST_CASE("The best filling is found though errors of diagonals are only found when asked for") {
+  const Tiles tiles = MakeTiles(MakeSculpture(1500), 1);
+  Decimator<HiddenErrors, FreeFilling> decimator;
+  decimator.Decimate(tiles.tiles[0], tiles.grid,
+                     To(static_cast<uint32_t>(tiles.tiles[0].size() / 2)));
+  REQUIRE(HiddenErrors::measured > 200);
 }
 
 TEST_CASE("A decimator that was used before gives what a new one gives") {
