@@ -266,7 +266,6 @@ class Builder {
     SurfaceDigest digest;
     Box3i bounds;
     const RoundCurve curve(record_.bounds, 1);
-    level_.emplace(input.triangles(), options_.reduction, options_.degree_limit);
     OrderedPipeline<JoinedBlock> pipeline(threads_, [&](unsigned, JoinedBlock& joined) {
       joined.codes = curve.Codes(joined.block.triangles, grid);
       for (const TileTriangle& t : joined.block.triangles) {
@@ -297,6 +296,10 @@ class Builder {
     // The sorter's half is free until the first triangle is received.
     const JoinOptions join{&space_, memory_ / 4, memory_ / 2, threads_};
     const auto receive = [&](TriangleBlock block) {
+      if (!level_) {
+        level_.emplace(input.triangles() - totals.duplicate_triangles, options_.reduction,
+                       options_.degree_limit);
+      }
       if (pipeline.in_flight() == blocks_ahead()) MTDB_RETURN_IF_ERROR(take());
       pipeline.Submit({std::move(block), {}, {}, {}, 0});
       return Status::Ok();

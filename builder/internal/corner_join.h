@@ -42,7 +42,8 @@ struct JoinOptions {
 // Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
 //
 // Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
-// border_edges, fixed_corners are set.
+// border_edges, fixed_corners are set. All totals but the number of kept triangles are there before
+// the first block.
 using BlockReceiver = std::function<Status(TriangleBlock)>;
 Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);
