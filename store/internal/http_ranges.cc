@@ -27,6 +27,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kPollMilliseconds = 1000;
+constexpr uint64_t kMaxHeaderBytes = 256 << 10;
 
 Clock::duration Seconds(double seconds) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
@@ -41,14 +42,16 @@ struct Request {
   CURL* handle = nullptr;
   curl_slist* headers = nullptr;
   HttpAnswer http;
+  uint64_t header_bytes = 0;
   bool no_memory = false;
 };
 using RequestPtr = std::unique_ptr<Request>;
 
 size_t OnHeader(char* text, size_t, size_t bytes, void* request) {
   auto& r = *static_cast<Request*>(request);
+  r.header_bytes += bytes;
   r.no_memory |= !TryAllocate([&] { r.http.AddHeader({text, bytes}); });
-  return r.no_memory ? 0 : bytes;
+  return r.no_memory || r.header_bytes > kMaxHeaderBytes ? 0 : bytes;
 }
 
 size_t OnBody(char* text, size_t, size_t bytes, void* request) {
@@ -224,6 +227,7 @@ class Loop : public std::enable_shared_from_this<Loop> {
     ++r.tries;
     ++requests_;
     r.http = {};
+    r.header_bytes = 0;
     r.no_memory = false;
     if (idle_.empty()) {
       r.handle = curl_easy_init();
