@@ -42,6 +42,8 @@ Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
   });
 }
 
+bool Database::IsUrl(const std::string& path) { return internal::IsUrl(path); }
+
 bool Database::NothingStored(const std::string& path) {
   const auto file = StoreFile::Open(path, StoreFile::Access::kRead);
   return file.ok() && NeverCommitted(**file);

@@ -47,6 +47,8 @@ class Database {
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
                                                 const OpenOptions& options = {});
   ~Database();
+  // "http://...", "https://..." or "s3://...": no path.
+  static bool IsUrl(const std::string& path);
   // Whether a file is there in which nothing was ever stored, as a process leaves it that dies
   // while it makes a store: no store yet, but Open() with `create` makes it one.
   static bool NothingStored(const std::string& path);

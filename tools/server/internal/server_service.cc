@@ -141,7 +141,9 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   std::error_code error;
   // A whole path, so that Failure finds it in messages, and nothing that only looks like it.
   const std::filesystem::path store = std::filesystem::absolute(options.store, error);
-  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(error ? options.store : store.string()));
+  const bool as_given = error || Database::IsUrl(options.store);
+  MTDB_ASSIGN_OR_RETURN(service->database_,
+                        Database::Open(as_given ? options.store : store.string()));
   service->folder_ =
       options.tmp.empty() ? std::filesystem::temp_directory_path(error).string() : options.tmp;
   AnonymousFile::Sweep(service->folder_);

@@ -1,0 +1,155 @@
+// Packed files and their URLs where the command line and the C interface take a store.
+#include "query/mtdb.h"
+#include "tests/support/client_mesh_check.h"
+#include "tests/support/file_server.h"
+#include "tests/tools/http_testing.h"
+
+namespace mtdb::test {
+
+using mtdb::testing::FileServer;
+
+namespace {
+
+// The example's store, packed once.
+const std::string& PackedExample() {
+  static const Folder kFolder;
+  static const std::string kFile = [] {
+    const std::string file = kFolder.File("sculpture.mtdbp");
+    const Json report = RunJson({"pack", TheExample().store, file});
+    CHECK(report.at("file_bytes") == std::filesystem::file_size(file));
+    CHECK(report.at("first_bytes") <= (64 << 10));
+    return file;
+  }();
+  return kFile;
+}
+
+// Paths and URLs of the same object.
+std::vector<std::string> Places(const FileServer& server) {
+  std::vector<std::string> places{TheExample().store, PackedExample()};
+  if (MTDB_TEST_HTTP) places.push_back(server.url());
+  return places;
+}
+
+Json WithoutPlace(Json json) {
+  for (const char* key : {"store", "file_bytes", "seconds", "bytes_read"}) json.erase(key);
+  if (json.contains("objects")) {
+    for (Json& object : json.at("objects")) {
+      for (const char* key : {"id", "stored_bytes", "file_bytes", "bits_per_vertex"}) {
+        object.erase(key);
+      }
+    }
+  }
+  return json;
+}
+
+}  // namespace
+
+TEST_CASE("every verb that reads takes a packed file, or its URL, for a store") {
+  const FileServer server(ReadText(PackedExample()));
+  const Folder folder;
+  const std::vector<Arguments> regions{
+      {"--error-rel", "0.01"}, {"--full"}, {"--sphere", "0,0,0,0.7", "--clip"}};
+  std::vector<std::string> meshes(regions.size());
+  std::string picture;
+  Json info, probe;
+  for (const std::string& place : Places(server)) {
+    INFO(place);
+    for (size_t i = 0; i < regions.size(); ++i) {
+      Arguments arguments{"extract", place, folder.File("a.ply")};
+      arguments.insert(arguments.end(), regions[i].begin(), regions[i].end());
+      RunOk(arguments);
+      const std::string mesh = ReadText(folder.File("a.ply"));
+      if (meshes[i].empty()) meshes[i] = mesh;
+      CHECK(mesh == meshes[i]);
+    }
+    RunOk({"render", place, folder.File("a.png"), "--size", "80x60", "--error-rel", "0.01"});
+    if (picture.empty()) picture = ReadText(folder.File("a.png"));
+    CHECK(ReadText(folder.File("a.png")) == picture);
+    const Json here = WithoutPlace(RunJson({"info", place}));
+    if (info.empty()) info = here;
+    CHECK(here == info);
+    const Json hit = WithoutPlace(RunJson({"probe", place, "--point", "3,2,1"}));
+    if (probe.empty()) probe = hit;
+    CHECK(hit.at("point") == probe.at("point"));
+    CHECK_THAT(RunOk({"list", place}), Catch::Contains("sculpture"));
+    CHECK_THAT(RunOk({"verify", place, "--level", "global"}), Catch::Contains(": ok"));
+    RunJson({"info", place, "--streams"});
+  }
+}
+
+TEST_CASE("what is unpacked has the digest of what was packed") {
+  const FileServer server(ReadText(PackedExample()));
+  const Folder folder;
+  const std::string digest = TheExample().info.at("digest");
+  for (const std::string& place : Places(server)) {
+    const std::string store = folder.File("copy.mtdb");
+    if (place == TheExample().store) {
+      RunFails(1, {"unpack", place, store}, {"expected a packed file"});
+      CHECK(!Exists(store));
+      continue;
+    }
+    CHECK_THAT(RunOk({"unpack", place, store, "--force"}), Catch::Contains(digest));
+    RunOk({"verify", store, "--level", "global"});
+    RunFails(1, {"unpack", place, store}, {"sculpture", "is there"});
+    const std::string again = folder.File("again.mtdbp");
+    RunOk({"pack", place, again});
+    CHECK(ReadText(again) == ReadText(PackedExample()));
+  }
+  RunFails(1, {"pack", TheExample().store, folder.File("x.mtdbp"), "--name", "nobody"}, {"nobody"});
+  CHECK(!Exists(folder.File("x.mtdbp")));
+  RunFails(1, {"ingest", TheExample().mesh, PackedExample(), "--name", "x", "--quiet"},
+           {"never changed"});
+  RunFails(1, {"remove", PackedExample(), "sculpture"}, {"never changed"});
+}
+
+TEST_CASE("a server stands before a packed file and before its URL") {
+  const FileServer files(ReadText(PackedExample()));
+  std::string mesh;
+  for (const std::string& place : Places(files)) {
+    INFO(place);
+    const ServerProcess server(place);
+    const HttpAnswer answer = server.Get("/objects/sculpture/mesh?error-rel=0.01&format=ply");
+    REQUIRE(answer.status == 200);
+    if (mesh.empty()) mesh = answer.body;
+    CHECK(answer.body == mesh);
+    CHECK(server.Get("/objects").status == 200);
+  }
+}
+
+#if MTDB_TEST_HTTP
+
+TEST_CASE("a packed file that goes away or changes under a server is an error of its requests") {
+  std::atomic<int> state{0};
+  const FileServer files(ReadText(PackedExample()),
+                         [&](const mtdb::testing::FileRequest&, mtdb::testing::FileReply* reply) {
+                           if (state == 1) reply->status = "404 Not Found";
+                           if (state == 2) reply->headers["ETag"] = "\"two\"";
+                         });
+  const ServerProcess server(files.url());
+  const std::string target = "/objects/sculpture/mesh?format=ply";
+  for (const int s : {1, 2}) {
+    state = s;
+    const HttpAnswer answer = server.Get(target);
+    CHECK(answer.status >= 400);
+    CHECK(answer.body.find(files.url()) == std::string::npos);
+  }
+  state = 0;
+  CHECK(server.Get(target).status == 200);
+}
+
+TEST_CASE("the C interface opens URLs") {
+  const FileServer files(ReadText(PackedExample()));
+  mtdb_database* database = nullptr;
+  mtdb_object* object = nullptr;
+  mtdb_error error{};
+  REQUIRE(mtdb_open(files.url().c_str(), &database, &error) == MTDB_OK);
+  REQUIRE(mtdb_open_object(database, nullptr, 0, &object, &error) == MTDB_OK);
+  mtdb_free_object(object);
+  mtdb_free_database(database);
+  database = nullptr;
+  CHECK(mtdb_open(files.url("/x y").c_str(), &database, &error) == MTDB_INVALID_ARGUMENT);
+}
+
+#endif
+
+}  // namespace mtdb::test
