@@ -1,6 +1,7 @@
 // Draco's own decoder is the oracle of the .drc writer.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <memory>
 
@@ -145,6 +146,31 @@ TEST_CASE("Draco options out of range and meshes that it cannot encode are refus
   REQUIRE(degenerate.code() == StatusCode::kInvalidArgument);
   REQUIRE(degenerate.message().find("Draco cannot encode the mesh") != std::string::npos);
   REQUIRE(folder.file_count() == 0);
+}
+
+TEST_CASE("what the Draco writer does not refuse, Draco reads, however many attributes there are") {
+  const ScratchFolder folder;
+  constexpr size_t kMost = 128;  // besides positions; colours count as one
+  for (const size_t count : {size_t{1}, kMost - 1, kMost, kMost + 1, size_t{200}, size_t{300}}) {
+    TriangleMesh mesh = Sheet(4);
+    mesh.rows.clear();
+    for (size_t i = 1; i < count; ++i) {
+      mesh.header.attributes.attributes.push_back({"a" + std::to_string(i), ScalarType::kUint8});
+    }
+    for (size_t i = 0; i < mesh.positions.size() * mesh.header.attributes.row_bytes(); ++i) {
+      mesh.rows.push_back(static_cast<std::byte>(i));
+    }
+    const std::string path = folder.Path(std::to_string(count) + ".drc");
+    const Status written = WriteMesh(mesh, path);
+    INFO(count << " " << written.message());
+    REQUIRE(written.ok() == (count <= kMost));
+    if (written.ok()) {
+      REQUIRE(Decode(path)->num_attributes() == static_cast<int>(count) + 1);
+    } else {
+      REQUIRE(written.message().find("Draco holds at most 128 attributes") != std::string::npos);
+      REQUIRE(!std::filesystem::exists(path));
+    }
+  }
 }
 
 TEST_CASE("Draco takes non-manifold meshes, and normals that are not finite") {

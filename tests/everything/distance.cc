@@ -13,6 +13,49 @@ constexpr uint32_t kLeaf = 4;
 
 Vec3d Middle(const Triangle3d& t) { return (t[0] + t[1] + t[2]) * (1.0 / 3); }
 
+// In long double, since double is not exact enough for what is compared here: the distance of a
+// point of a needle to that needle may come out as 1e-9 of its length.
+struct Long {
+  long double x, y, z;
+};
+Long Between(Vec3d from, Vec3d to) {
+  return {static_cast<long double>(to.x) - from.x, static_cast<long double>(to.y) - from.y,
+          static_cast<long double>(to.z) - from.z};
+}
+long double DotOf(Long a, Long b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Long CrossOf(Long a, Long b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+long double SquaredToSegment(Vec3d p, Vec3d a, Vec3d b) {
+  const Long ab = Between(a, b);
+  const Long ap = Between(a, p);
+  const long double length2 = DotOf(ab, ab);
+  const long double t = length2 > 0
+                            ? std::clamp(DotOf(ap, ab) / length2, static_cast<long double>(0),
+                                         static_cast<long double>(1))
+                            : 0;
+  const Long off{ap.x - t * ab.x, ap.y - t * ab.y, ap.z - t * ab.z};
+  return DotOf(off, off);
+}
+
+// Above the triangle its plane is nearest, else one of its edges.
+double SquaredToTriangle(Vec3d p, const Triangle3d& t) {
+  const Long normal = CrossOf(Between(t[0], t[1]), Between(t[0], t[2]));
+  const long double size2 = DotOf(normal, normal);
+  bool above = size2 > 0;
+  for (size_t e = 0; e < 3 && above; ++e) {
+    above = DotOf(CrossOf(Between(t[e], t[(e + 1) % 3]), Between(t[e], p)), normal) >= 0;
+  }
+  if (above) {
+    const long double height = DotOf(Between(t[0], p), normal);
+    return static_cast<double>(height * height / size2);
+  }
+  return static_cast<double>(
+      std::min({SquaredToSegment(p, t[0], t[1]), SquaredToSegment(p, t[1], t[2]),
+                SquaredToSegment(p, t[2], t[0])}));
+}
+
 }  // namespace
 
 DistanceTree::DistanceTree(const TriangleMesh& mesh) {
@@ -57,8 +100,7 @@ double DistanceTree::Distance(Vec3d p) const {
     if (SquaredDistancePointBox(p, node.box) >= best) continue;
     if (node.child == 0) {
       for (uint32_t i = node.begin; i < node.end; ++i) {
-        const Triangle3d& t = triangles_[i];
-        best = std::min(best, SquaredDistancePointTriangle(p, t[0], t[1], t[2]));
+        best = std::min(best, SquaredToTriangle(p, triangles_[i]));
       }
       continue;
     }

@@ -83,7 +83,17 @@ TEST_CASE("distances are those of brute force") {
           std::min(best, SquaredDistancePointTriangle(p, mesh.positions[t[0]], mesh.positions[t[1]],
                                                       mesh.positions[t[2]]));
     }
-    CHECK(tree.Distance(p) == std::sqrt(best));
+    CHECK(tree.Distance(p) == Approx(std::sqrt(best)).margin(1e-12));
+  }
+}
+
+TEST_CASE("points of a needle have no distance from it") {
+  for (const double thin : {1e-2, 1e-3, 1e-4, 1e-6, 1e-9}) {
+    TriangleMesh mesh;
+    mesh.positions = {{0.1, 0.2, 0.3}, {1.3, 0.9, -0.4}, {0.9, 0.7, -0.17 + thin}};
+    mesh.triangles = {{0, 1, 2}};
+    const DistanceTree tree(mesh);
+    for (const Vec3d p : SamplePoints(mesh, 1000, 1)) CHECK(tree.Distance(p) < 1e-15);
   }
 }
 

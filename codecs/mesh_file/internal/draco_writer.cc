@@ -23,6 +23,9 @@ namespace mtdb::internal {
 namespace {
 
 constexpr int kNormalBits = 10;
+// Besides the positions: Draco's files number attributes in 8 bits with a sign, and its encoder
+// does not look.
+constexpr size_t kMaxAttributes = 128;
 
 draco::DataType DracoType(ScalarType type) {
   switch (type) {
@@ -108,6 +111,11 @@ class DracoWriter final : public MeshWriter {
                              " vertices; write PLY or ask for another part of it");
     }
     columns_ = PlanColumns(header().attributes);
+    if (columns_.size() > kMaxAttributes) {
+      return InvalidArgument(path() + ": Draco holds at most " + std::to_string(kMaxAttributes) +
+                             " attributes, but the mesh has " + std::to_string(columns_.size()) +
+                             "; write PLY");
+    }
     // Draco reports a lack of memory by an exception.
     try {
       TakeMemory();
