@@ -148,6 +148,55 @@ TEST_CASE("Draco options out of range and meshes that it cannot encode are refus
   REQUIRE(folder.file_count() == 0);
 }
 
+TEST_CASE("positions move by no more than Draco's writer says, before the mesh and after it") {
+  const ScratchFolder folder;
+  int file = 0;
+  for (const double scale : {1e-6, 1.0, 3e7}) {
+    for (const double away : {0.0, 3.0, 4e4, 1e6}) {
+      for (const int bits : {1, 8, 16, 24, 30}) {
+        for (const bool doubles : {false, true}) {
+          TriangleMesh mesh = Sheet(6);
+          for (Vec3d& p : mesh.positions) {
+            p = {scale * (p.x + away), scale * (p.y / 3 - 2 * away), scale * (p.z + away)};
+            if (!doubles) {
+              for (int i = 0; i < 3; ++i) p[i] = static_cast<double>(static_cast<float>(p[i]));
+            }
+            mesh.header.bounds.Add(p);
+          }
+          mesh.header.double_positions = doubles;
+          const std::string path = folder.Path(std::to_string(file++) + ".drc");
+          MeshWriteOptions options;
+          options.draco_position_bits = bits;
+          const auto writer = CreateMeshFileWriter(path, options).value();
+          const double most = writer->LargestRounding(mesh.header);
+          REQUIRE(SendMesh(mesh, *writer).ok());
+          INFO(scale << " " << away << " " << bits << " " << doubles);
+          CHECK(writer->rounding() <= most);
+          const auto read = Decode(path);
+          std::vector<double> told(3);
+          if (read->GetMetadata() != nullptr) {
+            read->GetMetadata()->GetEntryDoubleArray("origin", &told);
+          }
+          const draco::PointAttribute& at =
+              *read->GetNamedAttribute(draco::GeometryAttribute::POSITION);
+          double worst = 0;
+          for (draco::PointIndex v(0); v < read->num_points(); ++v) {
+            double xyz[3];
+            at.ConvertValue<double>(at.mapped_index(v), 3, xyz);
+            double nearest = 1e300;
+            for (const Vec3d& p : mesh.positions) {
+              nearest = std::min(
+                  nearest, Length(p - Vec3d{told[0] + xyz[0], told[1] + xyz[1], told[2] + xyz[2]}));
+            }
+            worst = std::max(worst, nearest);
+          }
+          CHECK(worst <= writer->rounding() * (1 + 1e-9));
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("what the Draco writer does not refuse, Draco reads, however many attributes there are") {
   const ScratchFolder folder;
   constexpr size_t kMost = 128;  // besides positions; colours count as one

@@ -10,6 +10,7 @@
 
 #include "store/base/hash.h"
 #include "tests/everything/input_files.h"
+#include "tests/support/mesh_changes.h"
 
 namespace mtdb::everything {
 
@@ -288,6 +289,29 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
   return truth;
 }
 
+namespace {
+
+// Whether the text of a coordinate, the shortest that there is, is that of the nearest float32,
+// rounded to as many digits: then --lossless takes it for that float32.
+bool IsTextOfFloat(double value) {
+  const std::string text = NumberText(value);
+  const std::string mantissa = text.substr(0, text.find('e'));
+  int digits = 0, zeros = 0;
+  for (const char c : mantissa) {
+    if (c < '0' || c > '9') continue;
+    if (c == '0' && digits == 0) continue;
+    ++digits;
+    zeros = c == '0' ? zeros + 1 : 0;
+  }
+  if (digits == 0) return true;
+  const int power = static_cast<int>(std::floor(std::log10(std::abs(value))));
+  const double unit = std::pow(10.0, power + 1 - (digits - zeros));
+  return std::abs(static_cast<double>(static_cast<float>(value)) - value) <=
+         0.5 * unit * (1 + 1e-9);
+}
+
+}  // namespace
+
 Input MakeInput(const Step& step, const std::string& folder) {
   const int64_t size = std::clamp<int64_t>(step.Int("size", 100), 1, 4'000'000);
   TriangleMesh mesh =
@@ -305,6 +329,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
   Input input;
   std::vector<TriangleMesh> parts;
   std::vector<bool> soup;
+  bool text = false, says_double = false;
   for (size_t i = 0; i < files; ++i) {
     const size_t n = mesh.triangles.size();
     parts.push_back(files == 1 ? mesh : Part(mesh, n * i / files, n * (i + 1) / files));
@@ -318,6 +343,8 @@ Input MakeInput(const Step& step, const std::string& folder) {
                           format.extension);
     WriteInputFile(format, input.paths.back(), &parts.back());
     soup.push_back(format.soup);
+    text |= format.is_text;
+    says_double |= format.typed && !format.floats_only && step.Flag("double");
   }
   if (step.Flag("order")) {
     std::ranges::reverse(parts);
@@ -325,6 +352,15 @@ Input MakeInput(const Step& step, const std::string& folder) {
     std::reverse(soup.begin(), soup.end());
   }
   input.truth = MakeTruth(parts, soup);
+  // Text does not say whether its numbers are float32; what may be is taken for it.
+  const auto meant = [](Vec3d p) {
+    return IsTextOfFloat(p.x) && IsTextOfFloat(p.y) && IsTextOfFloat(p.z);
+  };
+  if (step.Flag("lossless") && !input.truth.fits_float && text && !says_double &&
+      std::ranges::all_of(input.truth.mesh.positions, meant)) {
+    for (TriangleMesh& part : parts) mtdb::testing::RoundToFloat32(&part);
+    input.truth = MakeTruth(parts, soup);
+  }
   return input;
 }
 

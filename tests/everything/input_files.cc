@@ -178,15 +178,15 @@ void CarryColours(AttributeLayout* layout) {
 
 const std::vector<FileFormat>& FileFormats() {
   static const std::vector<FileFormat> kFormats = {
-      {"ply", ".ply", false, false, CarryAll,
+      {"ply", ".ply", false, false, false, true, CarryAll,
        [](const TriangleMesh& mesh) { return PlyBinary(mesh, false); }},
-      {"ply-big", ".ply", false, false, CarryAll,
+      {"ply-big", ".ply", false, false, false, true, CarryAll,
        [](const TriangleMesh& mesh) { return PlyBinary(mesh, true); }},
-      {"ply-text", ".ply", false, false, CarryAll, PlyText},
-      {"obj", ".obj", false, false, CarryColours, ObjText},
-      {"off", ".off", false, false, CarryNothing, OffText},
-      {"stl", ".stl", true, true, CarryNothing, StlBinary},
-      {"stl-text", ".stl", true, false, CarryNothing, StlText},
+      {"ply-text", ".ply", false, false, true, true, CarryAll, PlyText},
+      {"obj", ".obj", false, false, true, false, CarryColours, ObjText},
+      {"off", ".off", false, false, true, false, CarryNothing, OffText},
+      {"stl", ".stl", true, true, false, true, CarryNothing, StlBinary},
+      {"stl-text", ".stl", true, false, true, false, CarryNothing, StlText},
   };
   return kFormats;
 }

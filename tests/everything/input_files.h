@@ -14,6 +14,8 @@ struct FileFormat {
   const char* extension;  // with its dot
   bool soup;              // triangles have no shared vertices
   bool floats_only;       // whatever the mesh has
+  bool is_text;
+  bool typed;  // says whether positions are doubles
   // Leaves in `layout` what the format carries.
   void (*carry)(AttributeLayout* layout);
   std::string (*text)(const TriangleMesh& mesh);

@@ -162,7 +162,9 @@ class Judgement {
     if (answer_.limit != reference_->limit) {
       Fault("another limit", answer_.limit + ", not " + reference_->limit);
     }
-    if (!answer_.any_bound && answer_.bound < reference_->bound * (1 - 1e-5)) {
+    // With a little less error permitted, more triangles may be split, the largest errors too.
+    const bool finer = answer_.lossy && answer_.triangles != reference_->mesh.triangles.size();
+    if (!answer_.any_bound && !finer && answer_.bound < reference_->bound * (1 - 1e-5)) {
       Fault("another error bound",
             NumberText(answer_.bound) + ", not " + NumberText(reference_->bound));
     }

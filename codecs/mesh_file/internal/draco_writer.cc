@@ -81,7 +81,8 @@ class DracoWriter final : public MeshWriter {
   DracoWriter(const std::string& path, const MeshWriteOptions& options)
       : MeshWriter(path), options_(options) {}
 
-  // The quantum's half, and what Draco's float32 arithmetic adds.
+  // The quantum's half, and what Draco's float32 arithmetic adds: some roundings of offsets within
+  // the bounds, and one of the sum of the smallest corner and such an offset.
   double LargestRounding(const MeshHeader& header) const override {
     const FloatPositions positions(header);
     double quantised = 0;
@@ -93,7 +94,7 @@ class DracoWriter final : public MeshWriter {
       double most = range;
       for (int i = 0; i < 3; ++i) most = std::max({most, std::abs(low[i]), std::abs(high[i])});
       const double quantum = range / (std::ldexp(1.0, options_.draco_position_bits) - 1);
-      quantised = std::sqrt(3.0) * (quantum / 2 + 8 * most * 0x1p-24);
+      quantised = std::sqrt(3.0) * (quantum / 2 + (8 * range + most) * 0x1p-24) * (1 + 1e-6);
     }
     return positions.LargestRounding(header) + quantised;
   }
