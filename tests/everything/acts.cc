@@ -128,7 +128,7 @@ void TakeOver(World& world, int64_t number, const std::string& name, StoredObjec
     return world.Stop();
   }
   const std::string fault = Settle(*record, &object);
-  place.sessions.erase(name);
+  place.Close(name);
   if (!fault.empty()) {
     // What it is instead nobody knows, so nothing can be asked of it.
     world.ErrorFault("ingest: another mesh", fault);
@@ -409,7 +409,7 @@ void Remove(World& world, const Step& step) {
     world.ErrorFault(there ? "remove: refused" : "remove: nothing was there", ran.err);
   }
   if (ran.ok()) place.model.objects.erase(name);
-  if (ran.ok()) place.sessions.erase(name);
+  if (ran.ok()) place.Close(name);
   CheckLeftovers(world);
   CheckStore(world, step.Int("store", 0), "full");
 }
@@ -445,6 +445,7 @@ void Verify(World& world, const Step& step) {
 void Restart(World& world, const Step& step) {
   StorePlace& place = world.Store(step.Int("store", 0));
   place.sessions.clear();
+  place.streams.clear();
   place.server.reset();
 }
 
@@ -514,13 +515,23 @@ void Ask(World& world, const Step& step) {
   }
 }
 
+void ProbeAct(World& world, const Step& step) {
+  const int64_t number = step.Int("store", 0);
+  const StoreModel& model = world.Store(number).model;
+  if (model.objects.empty()) return;
+  auto at = model.objects.begin();
+  std::advance(at, static_cast<size_t>(step.Int("of", 0)) % model.objects.size());
+  ++world.counts().questions;
+  JudgeProbe(world, step, number, at->first, *at->second);
+}
+
 struct NamedAct {
   const char* name;
   Act act;
 };
 constexpr NamedAct kActs[] = {{"ingest", Ingest}, {"pair", Pair},     {"remove", Remove},
                               {"copy", Copy},     {"verify", Verify}, {"restart", Restart},
-                              {"ask", Ask}};
+                              {"ask", Ask},       {"probe", ProbeAct}};
 
 }  // namespace
 

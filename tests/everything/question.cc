@@ -4,11 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "query/camera.h"
+
 namespace mtdb::everything {
 
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFovDegrees = 40;
 
 // A region in each language. `depth` is positive inside, where it is at most the distance to all
 // that is outside, and negative outside, where it is at least minus the distance.
@@ -128,6 +131,113 @@ RegionText MakeTube(Vec3d c, double r) {
           }};
 }
 
+// A camera that looks at c from afar, aslant.
+Camera CameraAt(Vec3d c, double r) {
+  Camera camera;
+  camera.direction = {0.3, 1, -0.6};
+  camera.eye = c - camera.direction * (2 * r);
+  camera.vertical_fov_rad = kFovDegrees * (std::acos(-1.0) / 180);
+  camera.width_px = 800;
+  camera.height_px = 600;
+  return camera;
+}
+Json CameraJson(const Camera& camera) {
+  return {{"eye", Point(camera.eye)},
+          {"direction", Point(camera.direction)},
+          {"fov", kFovDegrees},
+          {"viewport", {camera.width_px, camera.height_px}}};
+}
+
+RegionText MakeFrustum(Vec3d c, double r) {
+  const Camera camera = CameraAt(c, r);
+  const Vec3d target = camera.eye + camera.direction;
+  const Vec3d forward = camera.direction * (1 / Length(camera.direction));
+  const Vec3d side = Cross(forward, Vec3d{0, 0, 1});
+  const Vec3d right = side * (1 / Length(side));
+  const Vec3d up = Cross(right, forward);
+  const double ty = std::tan(camera.vertical_fov_rad / 2), tx = ty * 800 / 600;
+  Arguments option{"--frustum", "--eye=" + List({camera.eye.x, camera.eye.y, camera.eye.z}),
+                   "--target=" + List({target.x, target.y, target.z}),
+                   "--fov=" + NumberText(kFovDegrees), "--viewport=800x600"};
+  // The target as the difference that the command line's reader takes.
+  Camera seen = camera;
+  seen.direction = target - camera.eye;
+  Json json = CameraJson(camera);
+  json.erase("direction");
+  json["target"] = Point(target);
+  return {
+      {{"frustum", json}}, option, FrustumRegion(seen), [=, eye = camera.eye](Vec3d p) {
+        const double z = Dot(p - eye, forward);
+        const double x = std::abs(Dot(p - eye, right)), y = std::abs(Dot(p - eye, up));
+        return std::min({z, (tx * z - x) / std::hypot(1, tx), (ty * z - y) / std::hypot(1, ty)});
+      }};
+}
+
+// What lies above and below a camera's frustum: a convex polygon.
+RegionText MakeShadow(Vec3d c, double r) {
+  Camera camera = CameraAt(c, r);
+  camera.near = r;
+  camera.far = 3 * r;
+  const Camera::Axes axes = camera.axes();
+  std::vector<Vec3d> corners;
+  for (const double z : {camera.near, camera.far}) {
+    for (const double x : {-1.0, 1.0}) {
+      for (const double y : {-1.0, 1.0}) {
+        corners.push_back(camera.eye + axes.forward * z +
+                          axes.right * (x * z * camera.tangent_x()) +
+                          axes.up * (y * z * camera.tangent_y()));
+      }
+    }
+  }
+  Json json = CameraJson(camera);
+  json["near"] = camera.near;
+  json["far"] = camera.far;
+  // Of each line through two corners with all others on one side, the side.
+  struct Line {
+    double x, y, nx, ny;
+  };
+  std::vector<Line> lines;
+  for (const Vec3d& a : corners) {
+    for (const Vec3d& b : corners) {
+      const double length = std::hypot(b.x - a.x, b.y - a.y);
+      if (!(length > 1e-9 * r)) continue;
+      const Line line{a.x, a.y, (b.y - a.y) / length, (a.x - b.x) / length};
+      const bool all_left = std::ranges::all_of(corners, [&](Vec3d p) {
+        return (p.x - line.x) * line.nx + (p.y - line.y) * line.ny <= 1e-9 * r;
+      });
+      if (all_left) lines.push_back(line);
+    }
+  }
+  return {{{"frustum_shadow", json}}, std::nullopt, FrustumShadowRegion(camera), [=](Vec3d p) {
+            double depth = kInfinity;
+            for (const Line& l : lines) {
+              depth = std::min(depth, -((p.x - l.x) * l.nx + (p.y - l.y) * l.ny));
+            }
+            return depth;
+          }};
+}
+
+RegionText MakeWedge(Vec3d c, double r) {
+  constexpr double kDegrees = 50;
+  const double half = kDegrees / 2 * (std::acos(-1.0) / 180);
+  const Wedge wedge{c.x - r, c.y, 1, 0.25, 2 * half, 0, 2 * r};
+  const double length = std::hypot(wedge.direction_x, wedge.direction_y);
+  const double dx = wedge.direction_x / length, dy = wedge.direction_y / length;
+  return {{{"wedge",
+            {{"apex", {wedge.apex_x, wedge.apex_y}},
+             {"direction", {wedge.direction_x, wedge.direction_y}},
+             {"angle", kDegrees},
+             {"far", wedge.far}}}},
+          Arguments{"--wedge=" + List({wedge.apex_x, wedge.apex_y, wedge.direction_x,
+                                       wedge.direction_y, kDegrees, wedge.far})},
+          WedgeRegion(wedge),
+          [=](Vec3d p) {
+            const double x = p.x - wedge.apex_x, y = p.y - wedge.apex_y;
+            const double along = x * dx + y * dy, aside = std::abs(x * dy - y * dx);
+            return std::min(wedge.far - along, along * std::sin(half) - aside * std::cos(half));
+          }};
+}
+
 struct RegionKind {
   const char* name;
   RegionText (*make)(Vec3d middle, double size);
@@ -135,7 +245,8 @@ struct RegionKind {
 constexpr RegionKind kRegions[] = {
     {"box", MakeBox},     {"sphere", MakeSphere},         {"half-space", MakeHalfSpace},
     {"prism", MakePrism}, {"point", MakePoint},           {"segment", MakeSegment},
-    {"tube", MakeTube},   {"polyhedron", MakePolyhedron},
+    {"tube", MakeTube},   {"polyhedron", MakePolyhedron}, {"frustum", MakeFrustum},
+    {"wedge", MakeWedge}, {"shadow", MakeShadow},
 };
 
 RegionText MakeRegion(const std::string& name, const std::string& at, double r,
@@ -156,9 +267,11 @@ RegionText MakeRegion(const std::string& name, const std::string& at, double r,
 RegionText Combined(const Step& step, const Truth& truth) {
   RegionText one = MakeRegion(step.Text("region"), step.Text("at"), step.Number("r", 0.2), truth);
   if (step.has("region2")) {
-    const RegionText two =
+    RegionText two =
         MakeRegion(step.Text("region2"), step.Text("at2"), step.Number("r2", 0.1), truth);
     const bool all = step.Text("combine") == "intersection";
+    // The command line has one camera.
+    if (step.Text("region") == "frustum" && step.Text("region2") == "frustum") two.option.reset();
     RegionText both;
     both.json = {{all ? "intersection" : "union", Json::array({one.json, two.json})}};
     if (one.option && two.option) {
@@ -194,6 +307,70 @@ void SetConstant(Question* q, double error) {
   q->query.threshold = ConstantThreshold(error);
 }
 
+// Functions of the distance from the middle.
+void SetCurve(const Step& step, const Truth& truth, const std::string& kind, double error,
+              Question* q) {
+  const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+  const double d = std::max(truth.diagonal(), 1e-300);
+  const double slope = step.Number("slope", 0.05);
+  std::function<double(double)> of;
+  std::string name = kind;
+  double factor = 0;
+  if (kind == "quadratic") {
+    factor = slope / d;
+    of = [=](double r) { return error + factor * r * r; };
+    q->query.threshold = QuadraticThreshold(c, error, factor);
+  } else if (kind == "sqrt") {
+    factor = slope * std::sqrt(d);
+    of = [=](double r) { return error + factor * std::sqrt(r); };
+    q->query.threshold = SquareRootThreshold(c, error, factor);
+    name = "square_root";
+  } else {
+    factor = 20 * slope / d;
+    of = [=](double r) { return error * std::exp(factor * r); };
+    q->query.threshold = ExponentialThreshold(c, error, factor);
+    name = "exponential";
+  }
+  q->json["threshold"] = {
+      {name, {{"point", Point(c)}, {"base", error}, {kind == "exp" ? "rate" : "factor", factor}}}};
+  AddOptions(&q->options,
+             Arguments{"--error-at=" + kind + "," + List({c.x, c.y, c.z, error, factor})});
+  q->permitted = [=](Vec3d p) { return std::max(0.0, of(Length(p - c))); };
+  q->partly_full = kind != "exp" && slope < 0;
+}
+
+// Two by two by one cells, over half of the object and to infinity.
+void SetGrid(const Truth& truth, double error, double error2, Question* q) {
+  GridField field;
+  const Vec3d size = truth.bounds.max - truth.bounds.min;
+  const double least = std::max(1e-3 * truth.diagonal(), 1e-290);
+  field.origin = truth.bounds.min + size * 0.25;
+  for (int i = 0; i < 3; ++i) field.cell_size[i] = std::max(size[i] * 0.25, least);
+  field.counts = {2, 2, 1};
+  field.errors = {error, error2, std::max(error, error2), std::min(error, error2) / 2};
+  q->json["threshold"] = {{"grid",
+                           {{"origin", Point(field.origin)},
+                            {"cell", Point(field.cell_size)},
+                            {"counts", {2, 2, 1}},
+                            {"errors", field.errors}}}};
+  AddOptions(&q->options, std::nullopt);
+  q->query.threshold = GridThreshold(field);
+  // On a face, which rounding may put on either side, the larger one will do.
+  const double border = 1e-9 * (truth.diagonal() + Length(truth.bounds.max));
+  q->permitted = [=](Vec3d p) {
+    double most = 0;
+    for (size_t y = 0; y < 2; ++y) {
+      for (size_t x = 0; x < 2; ++x) {
+        const double fx = p.x - (field.origin.x + field.cell_size.x);
+        const double fy = p.y - (field.origin.y + field.cell_size.y);
+        if ((x == 0 ? fx : -fx) > border || (y == 0 ? fy : -fy) > border) continue;
+        most = std::max(most, field.errors[2 * y + x]);
+      }
+    }
+    return most;
+  };
+}
+
 void SetThreshold(const Step& step, const Truth& truth, double diagonal,
                   const std::optional<RegionText>& region, Question* q) {
   const std::string kind = step.Text("threshold", "full");
@@ -221,6 +398,45 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
     q->query.threshold = LinearThreshold(c, error, slope);
     q->permitted = [=](Vec3d p) { return std::max(0.0, error + slope * Length(p - c)); };
     q->partly_full = slope < 0;
+  } else if (kind == "quadratic" || kind == "sqrt" || kind == "exp") {
+    SetCurve(step, truth, kind, error, q);
+  } else if (kind == "screen") {
+    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const Camera camera = CameraAt(c, 0.4 * truth.diagonal());
+    const double pixels = std::max(1e-6, 800 * step.Number("error", 0.01));
+    q->json["threshold"] = {{"screen", {{"camera", CameraJson(camera)}, {"pixels", pixels}}}};
+    AddOptions(&q->options, std::nullopt);
+    q->query.threshold = ScreenThreshold(camera, pixels);
+    // Where the eye is all the picture is one point; there and behind it any error is permitted.
+    const double corner = std::hypot(camera.tangent_x(), camera.tangent_y());
+    q->permitted = [=, axes = camera.axes()](Vec3d p) {
+      const double z = Dot(p - camera.eye, axes.forward);
+      if (z < 0) return kInfinity;
+      const double aside = std::sqrt(SquaredLength(p - camera.eye - axes.forward * z));
+      const double r = std::hypot(z, std::min(aside, corner * z));
+      return r > 0 ? pixels * camera.pixel() * z * z / r : 0.0;
+    };
+  } else if (kind == "grid") {
+    SetGrid(truth, error, error2, q);
+  } else if (kind == "smallest" || kind == "largest") {
+    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const double slope = std::abs(step.Number("slope", 0.05));
+    const bool smallest = kind == "smallest";
+    q->json["threshold"] = {
+        {kind, Json::array({{{"linear", {{"point", Point(c)}, {"base", error}, {"slope", slope}}}},
+                            error2})}};
+    const std::vector<ThresholdPtr> both{LinearThreshold(c, error, slope),
+                                         ConstantThreshold(error2)};
+    q->query.threshold = smallest ? MinThreshold(both) : MaxThreshold(both);
+    q->permitted = [=](Vec3d p) {
+      const double linear = error + slope * Length(p - c);
+      return smallest ? std::min(linear, error2) : std::max(linear, error2);
+    };
+    AddOptions(&q->options, smallest
+                                ? std::optional(Arguments{
+                                      "--error=" + NumberText(error2),
+                                      "--error-at=linear," + List({c.x, c.y, c.z, error, slope})})
+                                : std::nullopt);
   } else if (kind == "inside" && region) {
     q->json["threshold"] = {
         {"by_region", {{"region", region->json}, {"inside", error}, {"outside", error2}}}};
@@ -239,7 +455,7 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
     if (step.has("threshold")) {
       q->json["threshold"] = "full";
       // The command line takes a budget for the opposite.
-      const bool budget = step.has("triangles") || step.has("bytes");
+      const bool budget = step.has("triangles") || step.has("bytes") || step.has("ms");
       AddOptions(&q->options, budget ? Arguments{} : Arguments{"--full"});
     }
     q->query.threshold = FullResolution();
@@ -281,6 +497,13 @@ Question MakeQuestion(const Step& step, const Truth& truth, double diagonal) {
     AddOptions(&q.options, Arguments{"--max-bytes", std::to_string(bytes)});
     q.query.max_bytes = bytes;
   }
+  if (step.has("ms")) {
+    const double ms = std::max(0.0, step.Number("ms", 0));
+    q.has_time = true;
+    q.json["max_milliseconds"] = ms;
+    AddOptions(&q.options, Arguments{"--max-ms", NumberText(ms)});
+    q.query.max_milliseconds = ms;
+  }
   q.clip = step.Flag("clip") && !q.everywhere;
   if (q.clip) {
     q.json["clip"] = true;
@@ -306,7 +529,8 @@ std::vector<std::string> RegionNames() {
 }
 
 std::vector<std::string> ThresholdNames() {
-  return {"full", "constant", "relative", "coarsest", "linear", "inside"};
+  return {"full",      "constant", "relative", "coarsest", "linear",   "inside", "screen",
+          "quadratic", "sqrt",     "exp",      "grid",     "smallest", "largest"};
 }
 
 }  // namespace mtdb::everything

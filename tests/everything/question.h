@@ -6,9 +6,8 @@
 //   of
 //              the object's box; r: its size, of the diagonal. region2, at2, r2: a second one;
 //              combine: union (without) or intersection; outside: what lies outside of all that
-//   threshold  full (without), constant, relative, coarsest, linear, inside; error, slope,
-//              error2: of the diagonal
-//   triangles  a budget, of the object's triangles; bytes: another
+//   threshold  full (without), or see ThresholdNames(); error, slope, error2: of the diagonal
+//   triangles  a budget, of the object's triangles; bytes, ms: others
 //   clip, normals, implicit
 #pragma once
 
@@ -39,6 +38,7 @@ struct Question {
   bool partly_full = false;          // and somewhere, as what is asked for is negative there
   std::optional<uint64_t> max_triangles;
   bool has_bytes = false;
+  bool has_time = false;
   bool clip = false;
   bool normals = false;
 

@@ -25,6 +25,7 @@ class Maker {
     const int64_t rounds = Between(1, 4);
     for (int64_t i = 0; i < rounds; ++i) {
       for (int64_t k = Between(0, 2); k > 0; --k) Ask();
+      if (Chance(0.4)) Probe();
       Act();
     }
     Ask();
@@ -199,6 +200,8 @@ class Maker {
       default: Attributes(&next); break;
     }
     for (const char* key : {"wide", "memory"}) next.with.erase(key);
+    if (Chance(0.3)) next.Set("threads", Between(1, 8));
+    if (Chance(0.3)) next.Set("memory", Between(256, 600));
     walk_.steps.push_back(killed);
     if (Chance(0.2)) Ask();
     walk_.steps.push_back(next);
@@ -246,11 +249,31 @@ class Maker {
     if (Chance(0.3)) step.Set("error2", Short(Scaled(1e-4, 0.3)));
     if (Chance(0.3)) step.Set("slope", Short(Uniform(-0.1, 0.3)));
     if (Chance(0.2)) step.Set("triangles", Short(Uniform(0, 1)));
+    if (Chance(0.05)) step.Set("ms", OneOf(std::initializer_list<const char*>{"0", "0.05", "1e5"}));
+    if (Chance(0.3)) step.Set("remember", Between(0, 40));
+    if (Chance(0.3)) step.Set("detour", 1);
     if (Chance(0.07)) step.Set("bytes", static_cast<int64_t>(Scaled(100, 100000)));
     if (Chance(0.2)) step.Set("normals", 1);
     if (Chance(0.2)) step.Set("implicit", 1);
     if (Chance(0.6)) step.Set("output", OneOf(kOutputFormats).extension);
     if (Chance(0.1)) step.Set("by", OneOf(kAliases));
+  }
+
+  void Probe() {
+    Step& step = Add("probe");
+    step.Set("of", Between(0, 3));
+    const auto place = [&] {
+      std::string text;
+      for (int i = 0; i < 3; ++i) text += (i == 0 ? "" : ",") + Short(Uniform(-1, 2));
+      return text;
+    };
+    step.Set("at", Chance(0.5) ? place() : PlaceInBox());
+    if (Chance(0.5)) {
+      step.Set("ray", 1);
+      step.Set("to", PlaceInBox());
+    }
+    if (Chance(0.5)) step.Set("error", Short(Scaled(1e-5, 0.3)));
+    if (Chance(0.3)) step.Set("limit", Short(Scaled(0.01, 3)));
   }
 
   std::mt19937_64 random_;

@@ -10,7 +10,9 @@
 #include "store/database.h"
 #include "tests/everything/output_files.h"
 #include "tests/everything/world.h"
-#include "tests/support/raw_connection.h"
+#include "tests/query/late_source.h"
+#include "tests/support/client_mesh_check.h"
+#include "tests/support/raw_session.h"
 
 namespace mtdb::everything {
 
@@ -24,6 +26,34 @@ std::string NewFile(const Asked& asked, const std::string& extension) {
 std::string Format(const Asked& asked) { return asked.step->Text("output", "ply"); }
 
 // ---- in this process ----
+
+void Take(const ExtractStats& stats, Answer* answer) {
+  answer->has_rows = true;
+  answer->exact = true;
+  answer->triangles = stats.triangles;
+  answer->active = stats.active_triangles;
+  answer->bound = stats.error_bound;
+  answer->excess = stats.shortfall.excess;
+  constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
+  answer->limit = kLimits[static_cast<size_t>(stats.limit)];
+}
+
+// What a client of an update stream holds.
+void TakeClientMesh(const ClientMesh& client, Answer* answer) {
+  const std::string fault = mtdb::testing::ClientMeshFault(client);
+  if (!fault.empty()) answer->refused = "the client's mesh: " + fault;
+  TriangleMesh& mesh = answer->mesh;
+  mesh = mtdb::testing::Compacted(client);
+  mesh.header.attributes = client.options().attributes;
+  for (uint32_t v = 0; v < client.vertex_slots(); ++v) {
+    if (!client.has_vertex(v)) continue;
+    const ByteSpan row = client.row(v);
+    mesh.rows.insert(mesh.rows.end(), row.begin(), row.end());
+  }
+  answer->has_rows = true;
+  answer->exact = true;
+  answer->any_bound = true;
+}
 
 void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
   const auto fail = [&](const Status& status) { answer->refused = status.message(); };
@@ -40,14 +70,7 @@ void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
   TriangleMeshSink sink(&answer->mesh);
   const Result<ExtractStats> stats = (*surface)->Extract(*query, sink);
   if (!stats.ok()) return fail(stats.status());
-  answer->has_rows = true;
-  answer->exact = true;
-  answer->triangles = stats->triangles;
-  answer->active = stats->active_triangles;
-  answer->bound = stats->error_bound;
-  answer->excess = stats->shortfall.excess;
-  constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
-  answer->limit = kLimits[static_cast<size_t>(stats->limit)];
+  Take(*stats, answer);
 }
 
 bool AskCpp(const Asked& asked, Answer* answer) {
@@ -57,6 +80,97 @@ bool AskCpp(const Asked& asked, Answer* answer) {
 
 bool AskJson(const Asked& asked, Answer* answer) {
   FromCpp(asked, ParseQuery(asked.question->text(), asked.object->diagonal), answer);
+  return true;
+}
+
+// ---- sources and streams in this process ----
+
+// From a source that answers late and in any order, and whose index grows.
+bool AskLate(const Asked& asked, Answer* answer) {
+  const auto fail = [&](const Status& status) {
+    answer->refused = status.message();
+    return true;
+  };
+  const auto database = Database::Open(asked.world->Store(asked.store).path);
+  if (!database.ok()) return fail(database.status());
+  auto source = (*database)->OpenObject(asked.name);
+  if (!source.ok()) return fail(source.status());
+  SurfaceOptions options;
+  options.threads = 2;
+  if (asked.question->implicit) options.form = RuntimeForm::kImplicit;
+  const auto surface = Surface::Open(
+      std::make_shared<mtdb::testing::LateSource>(
+          std::move(*source), mtdb::testing::LateOptions{.seed = asked.question->text().size()}),
+      options);
+  if (!surface.ok()) return fail(surface.status());
+  TriangleMeshSink sink(&answer->mesh);
+  const Result<ExtractStats> stats = (*surface)->Extract(asked.question->query, sink);
+  if (!stats.ok()) return fail(stats.status());
+  Take(*stats, answer);
+  return true;
+}
+
+// A field that is the same everywhere, of which nothing is known: all decisions are made again.
+Query Unknown(double error) {
+  Query query;
+  query.threshold = FunctionThreshold([=](const Box3d&) { return error; });
+  return query;
+}
+
+MeetsRegion MeetsOf(const Query& query) {
+  if (!query.clip || query.region == nullptr) return {};
+  return [region = query.region](const Triangle3d& t) { return region->Within(t, 0); };
+}
+
+// An update stream, from question to question: sender and client, without a server.
+bool AskStream(const Asked& asked, Answer* answer) {
+  const auto fail = [&](const Status& status) {
+    answer->refused = status.message();
+    asked.world->Store(asked.store).streams.erase(asked.name);
+    return true;
+  };
+  if (asked.question->normals) return false;
+  auto& stream = asked.world->Store(asked.store).streams[asked.name];
+  if (stream == nullptr) {
+    const auto database = Database::Open(asked.world->Store(asked.store).path);
+    if (!database.ok()) return fail(database.status());
+    const auto source = (*database)->OpenObject(asked.name);
+    if (!source.ok()) return fail(source.status());
+    const auto surface = Surface::Open(*source, {.threads = 2});
+    if (!surface.ok()) return fail(surface.status());
+    auto session = Session::Open(*surface);
+    if (!session.ok()) return fail(session.status());
+    const auto base = (*session)->Base();
+    if (!base.ok()) return fail(base.status());
+    const ObjectRecord& record = (*surface)->record();
+    const auto remember = static_cast<uint32_t>(asked.step->Int("remember", 1000));
+    const ClientMeshOptions agreed{record.grid, record.attributes, remember};
+    stream = std::make_unique<ProcessStream>(std::move(*session), agreed, *base);
+    const Status started = stream->decoder.Feed(stream->encoder.start());
+    if (!started.ok()) return fail(started);
+  }
+  // By way of others: what a session knows of the last question must not show in the next answer.
+  std::vector<Query> queries{asked.question->query};
+  if (asked.step->Flag("detour")) {
+    queries.insert(queries.begin(),
+                   Unknown(asked.step->Number("error", 0.1) * 0.2 * asked.object->diagonal));
+  }
+  for (const Query& query : queries) {
+    std::vector<UpdateBatch> batches;
+    const auto update = stream->session->Update(query, &batches);
+    if (!update.ok()) return fail(update.status());
+    const Bytes bytes = stream->encoder.Encode(batches, MeetsOf(query));
+    const size_t portion = asked.step->Flag("detour") ? 7 : bytes.size();
+    for (size_t at = 0; at < bytes.size(); at += portion) {
+      const Status fed =
+          stream->decoder.Feed(ByteSpan(bytes).subspan(at, std::min(portion, bytes.size() - at)));
+      if (!fed.ok()) return fail(fed);
+    }
+    if (!stream->decoder.at_record()) return fail(Corrupt("half a record is left"));
+    Take(update->stats, answer);
+  }
+  TakeClientMesh(stream->decoder.mesh(), answer);
+  answer->triangles = answer->mesh.triangles.size();
   return true;
 }
 
@@ -260,6 +374,14 @@ void FromHttp(const Asked& asked, const std::string& method, const std::string& 
 }
 
 bool AskPost(const Asked& asked, Answer* answer) {
+  // A query in the body and another one in the parameters is a mistake that has to be told.
+  test::RawConnection wrong(Serving(asked)->port());
+  wrong.Send(test::RequestText("POST", ObjectPath(asked) + "/mesh?format=ply&error=1",
+                               asked.question->text()));
+  const int status = wrong.ReceiveAnswer().status;
+  if (status != 400) {
+    asked.world->Fault("post: parameters beside a body are not refused", std::to_string(status));
+  }
   FromHttp(asked, "POST", ObjectPath(asked) + "/mesh?format=" + Format(asked),
            asked.question->text(), answer);
   return true;
@@ -348,6 +470,69 @@ bool AskSession(const Asked& asked, Answer* answer) {
   return true;
 }
 
+// A session by frames of our own: messages in parts, pings between them, bytes in portions.
+bool AskFrames(const Asked& asked, Answer* answer) {
+  if (asked.question->normals) return false;
+  const auto fail = [&](const std::string& why) {
+    answer->refused = why;
+    return true;
+  };
+  const std::string remember = asked.step->Text("remember", "1000");
+  test::RawSession session(Serving(asked)->port(),
+                           ObjectPath(asked) + "/session?remember=" + remember);
+  if (session.status() != 101) return fail("status " + std::to_string(session.status()));
+  const std::vector<std::string> queries{R"({"threshold": {"relative": 0.02}})",
+                                         asked.question->text()};
+  UpdateDecoder decoder;
+  for (size_t id = 0; id < queries.size(); ++id) {
+    const std::string message = test::QueryMessage(id + 1, queries[id]);
+    const size_t part = 1 + message.size() / (2 + id);
+    for (size_t at = 0; at < message.size(); at += part) {
+      const bool last = at + part >= message.size();
+      session.Send(test::FrameText((last ? 0x80 : 0) | (at == 0 ? test::kText : 0),
+                                   message.substr(at, part)));
+      if (!last) session.Send(test::FrameText(0x80 | test::kPing, "are you there?"));
+    }
+    nlohmann::json done;
+    size_t pongs = 0;
+    while (!done.is_object()) {
+      const std::optional<test::Frame> frame = session.ReceiveFrame();
+      if (!frame) return fail("the server closes the connection");
+      if (frame->opcode == test::kCloseFrame) {
+        return fail("the server closes: " + std::to_string(frame->close_code()) + " " +
+                    frame->payload.substr(std::min<size_t>(2, frame->payload.size())));
+      }
+      if (frame->opcode == test::kPong) ++pongs;
+      if (frame->opcode == test::kBinary) {
+        const ByteSpan bytes = AsBytes(frame->payload);
+        if (bytes.empty()) return fail("an empty binary message");
+        for (size_t at = 0; at < bytes.size(); at += 1000) {
+          const Status fed =
+              decoder.Feed(bytes.subspan(at, std::min<size_t>(1000, bytes.size() - at)));
+          if (!fed.ok()) return fail(fed.message());
+        }
+        if (!decoder.at_record()) return fail("a message with a part of a record");
+      }
+      if (frame->opcode != test::kText) continue;
+      const auto json = nlohmann::json::parse(frame->payload, nullptr, false);
+      if (json.contains("hello")) continue;
+      if (!json.contains("done") || json.value("id", size_t{0}) != id + 1) {
+        return fail("no answer: " + frame->payload);
+      }
+      done = json.at("done");
+    }
+    if (pongs == 0) return fail("no pong before the answer");
+    ReadAnswerJson(done.dump(), answer);
+  }
+  answer->bound *= 1 + 1e-6;
+  TakeClientMesh(decoder.mesh(), answer);
+  if (asked.question->clip) answer->triangles = answer->mesh.triangles.size();
+  session.Send(test::FrameText(0x80 | test::kCloseFrame, std::string("\x03\xe8", 2)));
+  const int code = session.ReceiveClose();
+  if (code != 1000) return fail("closes with " + std::to_string(code) + ", not 1000");
+  return true;
+}
+
 // By the program, in a session of its own that comes from another query.
 bool AskFollow(const Asked& asked, Answer* answer) {
   if (asked.question->normals) return false;
@@ -382,7 +567,10 @@ const std::vector<NamedWay>& Ways() {
       {"post", AskPost},
       {"fetch", AskFetch},
       {"fetch-library", AskFetchLibrary},
+      {"late", AskLate},
+      {"stream", AskStream},
       {"session", AskSession},
+      {"frames", AskFrames},
       {"follow", AskFollow},
   };
   return kWays;

@@ -6,6 +6,8 @@
 #include <set>
 #include <string>
 
+#include "codecs/stream/update_stream.h"
+#include "query/session.h"
 #include "tests/everything/model.h"
 #include "tests/everything/process.h"
 #include "tests/everything/question.h"
@@ -32,11 +34,28 @@ class Server {
   std::string url_;
 };
 
+// An update stream without a server: who sends, and who follows.
+struct ProcessStream {
+  ProcessStream(std::unique_ptr<Session> from, const ClientMeshOptions& options,
+                const BaseMesh& base)
+      : session(std::move(from)), encoder(options, base) {}
+  std::unique_ptr<Session> session;
+  UpdateEncoder encoder;
+  UpdateDecoder decoder;
+};
+
 struct StorePlace {
   std::string path;
   StoreModel model;
   std::unique_ptr<Server> server;
   std::map<std::string, std::unique_ptr<RemoteSession>> sessions;  // by object
+  std::map<std::string, std::unique_ptr<ProcessStream>> streams;   // by object
+
+  // What has the object open, which is gone or another one.
+  void Close(const std::string& name) {
+    sessions.erase(name);
+    streams.erase(name);
+  }
 };
 
 // What was done and seen.
@@ -130,6 +149,9 @@ const std::vector<NamedWay>& Ways();
 // faults are not told again. Returns what was wrong.
 std::set<std::string> Judge(const Asked& asked, const Answer& answer, const Answer* reference,
                             const std::set<std::string>& told = {});
+// probe.cc: asks for the closest point, or casts a ray, in every way, and judges what comes.
+void JudgeProbe(World& world, const Step& step, int64_t store, const std::string& name,
+                const StoredObject& object);
 // The record of an object in a store, as the library reads it.
 Result<ObjectRecord> ReadRecord(const std::string& store, const std::string& name);
 

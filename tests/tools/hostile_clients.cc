@@ -7,7 +7,8 @@
 #include <thread>
 #include <vector>
 
-#include "tests/tools/websocket_testing.h"
+#include "tests/support/raw_session.h"
+#include "tests/tools/http_testing.h"
 
 namespace mtdb::test {
 namespace {

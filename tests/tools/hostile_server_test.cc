@@ -13,8 +13,9 @@
 #include "codecs/coding/rans.h"
 #include "store/base/hash.h"
 #include "tests/support/client_mesh_check.h"
+#include "tests/support/raw_session.h"
 #include "tests/tools/cli_testing.h"
-#include "tests/tools/websocket_testing.h"
+#include "tests/tools/http_testing.h"
 #include "tools/client/client.h"
 #include "tools/client/network.h"
 

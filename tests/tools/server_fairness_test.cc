@@ -2,8 +2,9 @@
 // is, counted in decisions: fair_queue_test.cc.
 #include <catch2/catch.hpp>
 
+#include "tests/support/raw_session.h"
 #include "tests/tools/hostile_clients.h"
-#include "tests/tools/websocket_testing.h"
+#include "tests/tools/http_testing.h"
 #include "tools/client/client.h"
 
 namespace mtdb::test {

@@ -2,8 +2,9 @@
 #include <catch2/catch.hpp>
 #include <sys/resource.h>
 
+#include "tests/support/raw_session.h"
 #include "tests/tools/hostile_clients.h"
-#include "tests/tools/websocket_testing.h"
+#include "tests/tools/http_testing.h"
 
 namespace mtdb::test {
 namespace {

@@ -11,7 +11,8 @@
 #include "store/database.h"
 #include "tests/support/attribute_kinds.h"
 #include "tests/support/client_mesh_check.h"
-#include "tests/tools/websocket_testing.h"
+#include "tests/support/raw_session.h"
+#include "tests/tools/http_testing.h"
 #include "tools/client/client.h"
 
 namespace mtdb::test {

@@ -6,8 +6,9 @@
 #include <cstdlib>
 #include <random>
 
+#include "tests/support/raw_session.h"
 #include "tests/tools/hostile_clients.h"
-#include "tests/tools/websocket_testing.h"
+#include "tests/tools/http_testing.h"
 
 namespace mtdb::test {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "tests/tools/http_testing.h"
+#include "tests/support/raw_connection.h"
 
 namespace mtdb::test {
 
