@@ -351,8 +351,8 @@ mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i, mtdb_attr
   });
 }
 
-mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names** failures,
-                      mtdb_error* error) {
+mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, const mtdb_control* control,
+                      mtdb_names** failures, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {failures, "failures"}}));
     const int number = level;
@@ -360,14 +360,15 @@ mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names**
       return mtdb::InvalidArgument("level: " + std::to_string(number) + " is none");
     }
     const mtdb::Surface& surface = *object->surface;
+    mtdb::QueryControl* const watch = control == nullptr ? nullptr : control->control.get();
     mtdb::CheckReport report;
-    MTDB_RETURN_IF_ERROR(
-        mtdb::VerifyStore(object->database->path(), surface.record().name, &report));
+    MTDB_RETURN_IF_ERROR(mtdb::VerifyStore(object->database->path(), surface.record().name, &report,
+                                           [=] { return watch != nullptr && watch->cancelled(); }));
     if (level >= MTDB_VERIFY_FULL && report.ok()) {
-      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kFull, &report));
+      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kFull, &report, watch));
     }
     if (level >= MTDB_VERIFY_GLOBAL && report.ok()) {
-      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kGlobal, &report));
+      MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kGlobal, &report, watch));
     }
     *failures = new mtdb_names{std::move(report.failures)};
     return Status::Ok();

@@ -152,8 +152,9 @@ typedef enum mtdb_verify_level {
 /* Looks for damage. `failures` has a line for each thing that is wrong; free it by mtdb_free_names.
  * When mtdb_names_count of it is 0, nothing is wrong. Damage is no error of this call; when an
  * object is so damaged that it cannot be opened, mtdb_open_object has said so. Reads the whole
- * file; safe beside queries. */
-MTDB_API mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, mtdb_names** failures,
+ * file; safe beside queries. `control` (NULL: none) stops it: MTDB_CANCELLED. */
+MTDB_API mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level,
+                               const mtdb_control* control, mtdb_names** failures,
                                mtdb_error* error);
 
 /* Queries. A new one asks for everything at full resolution. */
@@ -203,15 +204,15 @@ MTDB_API mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* 
 /* Not 0: each vertex has the mesh's unit normal, three floats nx ny nz, at the end of its row. */
 MTDB_API mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* error);
 
-/* Controls. One serves one query and its cut. */
+/* Controls. One serves one query and its cut, or one mtdb_verify. */
 
 MTDB_API mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error);
 MTDB_API void mtdb_free_control(mtdb_control* control);
 /* NULL: none. */
 MTDB_API mtdb_code mtdb_query_set_control(mtdb_query* query, const mtdb_control* control,
                                           mtdb_error* error);
-/* From any thread. mtdb_select, mtdb_cut_copy and mtdb_cut_emit with this control return
- * MTDB_CANCELLED within some milliseconds, and so do all later calls. A callback is not
+/* From any thread. mtdb_select, mtdb_cut_copy, mtdb_cut_emit and mtdb_verify with this control
+ * return MTDB_CANCELLED within some milliseconds, and so do all later calls. A callback is not
  * interrupted. */
 MTDB_API void mtdb_cancel(mtdb_control* control);
 

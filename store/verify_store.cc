@@ -25,8 +25,11 @@ constexpr int kTries = 5;
 
 class StoreVerifier {
  public:
-  StoreVerifier(const Snapshot& snapshot, CheckReport* report)
-      : snapshot_(snapshot), path_(snapshot.pages().file().path()), report_(report) {}
+  StoreVerifier(const Snapshot& snapshot, CheckReport* report, std::function<bool()> stopped)
+      : snapshot_(snapshot),
+        path_(snapshot.pages().file().path()),
+        report_(report),
+        stopped_(std::move(stopped)) {}
 
   void Run(const std::string& object) {
     CheckCatalog();
@@ -34,6 +37,7 @@ class StoreVerifier {
     CheckOwners();
     size_t checked = 0;
     for (const ObjectRecord& record : listing_.objects) {
+      if (Stopped()) return;
       if (!object.empty() && record.name != object) continue;
       ++checked;
       CheckObject(record);
@@ -42,6 +46,7 @@ class StoreVerifier {
   }
 
  private:
+  bool Stopped() const { return stopped_ && stopped_(); }
   void Fail(std::string message) {
     if (report_->failures.size() < kMaxFailures) report_->failures.push_back(std::move(message));
   }
@@ -71,6 +76,7 @@ class StoreVerifier {
 
   void CheckPages() {
     WalkOptions options;
+    options.stopped = stopped_;
     options.may_be_stale = [&](Table table, ByteSpan key) {
       if (table == Table::kCatalog) return true;
       ByteReader r(key);
@@ -91,6 +97,7 @@ class StoreVerifier {
       std::set<ObjectId> strangers;
       const Status status =
           snapshot_.Scan(table, {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
+            if (Stopped()) return false;
             ByteReader r(key);
             const ObjectId id{r.GetBigEndian<uint64_t>()};
             ++values_[{table, id}];
@@ -113,7 +120,10 @@ class StoreVerifier {
     uint64_t index_values = 0;
     const auto index = LoadIndex(
         path_, record,
-        [&](const Bytes& key, const std::string& at) { return ReadIndexValue(snapshot_, key, at); },
+        [&](const Bytes& key, const std::string& at) -> Result<Bytes> {
+          if (Stopped()) return Status{StatusCode::kCancelled, place};
+          return ReadIndexValue(snapshot_, key, at);
+        },
         [&](uint32_t first, ByteSpan body) {
           ++index_values;
           digest.AddIndexValue(first, body);
@@ -130,6 +140,7 @@ class StoreVerifier {
     uint64_t payload_bytes = 0;
     bool whole = true;
     for (UnitId unit = 0; unit < index->unit_count(); ++unit) {
+      if (Stopped()) return;
       const UnitEntry& entry = index->unit(unit);
       const PayloadLocation& location = index->location(unit);
       const bool ends_value =
@@ -199,6 +210,7 @@ class StoreVerifier {
   const Snapshot& snapshot_;
   const std::string path_;
   CheckReport* report_;
+  const std::function<bool()> stopped_;
   CatalogListing listing_;
   std::set<ObjectId> owners_;     // every object of the catalog
   std::set<ObjectId> published_;  // those that readers see
@@ -207,9 +219,10 @@ class StoreVerifier {
 
 }  // namespace
 
-Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report) {
+Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report,
+                   const std::function<bool()>& stopped) {
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
-  if (ranges != nullptr) return VerifyPacked(std::move(ranges), object, report);
+  if (ranges != nullptr) return VerifyPacked(std::move(ranges), object, report, stopped);
   // A file that cannot even be opened as a store is a finding; a missing one is an error.
   const auto environment = Environment::Open(path, {});
   if (!environment.ok()) {
@@ -234,7 +247,11 @@ Status VerifyStore(const std::string& path, const std::string& object, CheckRepo
       return Status::Ok();
     }
     CheckReport found = *report;
-    StoreVerifier(*snapshot, &found).Run(object);
+    // Once it has stopped, all that comes after stops too.
+    bool cancelled = false;
+    const auto ask = [&] { return cancelled = cancelled || (stopped && stopped()); };
+    StoreVerifier(*snapshot, &found, ask).Run(object);
+    if (cancelled) return {StatusCode::kCancelled, path + ": the check was cancelled"};
     const auto held = (*environment)->Holds(*snapshot);
     if (held.ok() && !*held) continue;
     *report = std::move(found);

@@ -1,6 +1,7 @@
 // VerifyStore: everything that can be checked without understanding a payload.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,10 @@ struct CheckReport {
 // `report`. Of a packed file, also by its URL, it reads every byte instead. The Status is an error
 // only when nothing could be examined (no such file, i/o error). Safe beside readers and writers.
 // Where it may not write the lock file it cannot pin a snapshot, and returns kBusy when writers
-// overtake it again and again.
-Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report);
+// overtake it again and again. `stopped`, when there is one, is asked before every page and value
+// is read, of a packed file before some of its units: when it answers true, kCancelled, and the
+// report is as it was.
+Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report,
+                   const std::function<bool()>& stopped = {});
 
 }  // namespace mtdb

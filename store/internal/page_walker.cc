@@ -39,7 +39,7 @@ class PageWalker {
     Cover(meta.txnid % 2 * meta.page_size, kPageHeaderBytes + kMetaBytes);
     WalkTree(meta.free_tree, kFreeTree);
     WalkTree(meta.main_tree, kMainTree);
-    CheckPartition();
+    if (!Stopped()) CheckPartition();
     return std::move(report_);
   }
 
@@ -56,6 +56,8 @@ class PageWalker {
   void Fail(std::string message) {
     if (report_.failures.size() < kMaxFailures) report_.failures.push_back(std::move(message));
   }
+
+  bool Stopped() const { return options_.stopped && options_.stopped(); }
 
   void Cover(uint64_t offset, uint64_t bytes) {
     if (options_.covered) options_.covered(offset, bytes);
@@ -98,6 +100,7 @@ class PageWalker {
   std::optional<KeyBounds> WalkBelow(const TreeInfo& tree, int name, uint64_t number, int level,
                                      const KeyBounds& bounds, Counts* counts) {
     const KeyOrder order = name == kFreeTree ? KeyOrder::kInteger : KeyOrder::kBytes;
+    if (Stopped()) return std::nullopt;
     const auto loaded = pages_.LoadAt(tree, number, level, order);
     if (!loaded.ok()) {
       Fail(loaded.status().message() + " (" + TreeName(name) + ")");
@@ -166,6 +169,7 @@ class PageWalker {
     ++counts->leaf_pages;
     const uint64_t base = page->number() * pages_.meta().page_size;
     for (size_t i = 0; i < page->node_count(); ++i) {
+      if (Stopped()) return std::nullopt;
       const PageNode& node = page->node(i);
       const std::string place = path_ + ": page " + std::to_string(page->number()) + ": node " +
                                 std::to_string(i) + " of the " + TreeName(name) + ": ";

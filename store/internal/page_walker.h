@@ -17,6 +17,8 @@ namespace mtdb::internal {
 struct WalkOptions {
   // Whether `key` may be a separator that its deleted key left behind. Default: always.
   std::function<bool(Table table, ByteSpan key)> may_be_stale;
+  // Asked at every page of a tree and every value: when it answers true, the walk ends there.
+  std::function<bool()> stopped;
   // Receives the ranges of the file whose every change this walk, or the check of values, reports.
   std::function<void(uint64_t offset, uint64_t bytes)> covered;
 };

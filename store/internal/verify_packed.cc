@@ -46,8 +46,9 @@ ClusterIndex StoreIndexOf(const ClusterIndex& packed) {
 
 class PackedVerifier {
  public:
-  PackedVerifier(std::shared_ptr<PackedFile> file, CheckReport* report)
-      : file_(std::move(file)), name_(file_->ranges().name()), report_(report) {}
+  PackedVerifier(std::shared_ptr<PackedFile> file, CheckReport* report,
+                 const std::function<bool()>& stopped)
+      : file_(std::move(file)), name_(file_->ranges().name()), report_(report), stopped_(stopped) {}
 
   Status Run(const std::string& only) {
     report_->checks.push_back("header, directory, size of the file");
@@ -151,6 +152,9 @@ class PackedVerifier {
       return Status::Ok();
     };
     for (size_t i = 0; i < order.size(); i += kUnitsAtOnce) {
+      if (stopped_ && stopped_()) {
+        return Status(StatusCode::kCancelled, name_ + ": the check was cancelled");
+      }
       const auto batch = std::span(order).subspan(i, std::min(kUnitsAtOnce, order.size() - i));
       if (read(batch).ok()) continue;
       for (const UnitId& u : batch) {  // which of them?
@@ -189,12 +193,13 @@ class PackedVerifier {
   const std::shared_ptr<PackedFile> file_;
   const std::string& name_;
   CheckReport* report_;
+  const std::function<bool()>& stopped_;
 };
 
 }  // namespace
 
 Status VerifyPacked(std::shared_ptr<RangeReader> ranges, const std::string& object,
-                    CheckReport* report) {
+                    CheckReport* report, const std::function<bool()>& stopped) {
   auto file = PackedFile::Open(std::move(ranges));
   if (!file.ok()) {
     const StatusCode code = file.status().code();
@@ -202,7 +207,10 @@ Status VerifyPacked(std::shared_ptr<RangeReader> ranges, const std::string& obje
     report->failures.push_back(file.status().message());
     return Status::Ok();
   }
-  return PackedVerifier(*std::move(file), report).Run(object);
+  CheckReport found = *report;
+  MTDB_RETURN_IF_ERROR(PackedVerifier(*std::move(file), &found, stopped).Run(object));
+  *report = std::move(found);
+  return Status::Ok();
 }
 
 }  // namespace mtdb::internal

@@ -12,6 +12,6 @@ namespace mtdb::internal {
 
 // As VerifyStore.
 Status VerifyPacked(std::shared_ptr<RangeReader> ranges, const std::string& object,
-                    CheckReport* report);
+                    CheckReport* report, const std::function<bool()>& stopped = {});
 
 }  // namespace mtdb::internal

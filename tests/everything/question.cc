@@ -311,7 +311,7 @@ void SetConstant(Question* q, double error) {
 void SetCurve(const Step& step, const Truth& truth, const std::string& kind, double error,
               Question* q) {
   const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
-  const double d = std::max(truth.diagonal(), 1e-300);
+  const double d = std::max(truth.diagonal(), 1e-25);  // queries have no larger factors
   const double slope = step.Number("slope", 0.05);
   std::function<double(double)> of;
   std::string name = kind;

@@ -44,14 +44,14 @@ static void check_object(void) {
   OK(mtdb_object_attribute(object, 0, &attribute, &error));
   CHECK(attribute.offset == 0);
   for (level = MTDB_VERIFY_FAST; level <= MTDB_VERIFY_GLOBAL; ++level) {
-    OK(mtdb_verify(object, (mtdb_verify_level)level, &failures, &error));
+    OK(mtdb_verify(object, (mtdb_verify_level)level, NULL, &failures, &error));
     CHECK(mtdb_names_count(failures) == 0);
     mtdb_free_names(failures);
   }
   FAILS(MTDB_INVALID_ARGUMENT, "level",
-        mtdb_verify(object, (mtdb_verify_level)3, &failures, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "failures", mtdb_verify(object, MTDB_VERIFY_FAST, NULL, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "object", mtdb_verify(NULL, MTDB_VERIFY_FAST, &failures, &error));
+        mtdb_verify(object, (mtdb_verify_level)3, NULL, &failures, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "failures", mtdb_verify(object, MTDB_VERIFY_FAST, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "object", mtdb_verify(NULL, MTDB_VERIFY_FAST, NULL, &failures, &error));
 
   OK(mtdb_open_object_with(database, NULL, NULL, &other, &error));
   mtdb_free_object(other);
@@ -300,8 +300,10 @@ static void check_controls(void) {
   mtdb_sink sink;
   struct selection selection;
   pthread_t thread;
+  mtdb_names* failures = NULL;
   uint64_t triangles = 0;
   long polls;
+  int level;
   FAILS(MTDB_INVALID_ARGUMENT, "control", mtdb_create_control(NULL, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "control", mtdb_control_progress(NULL, &progress, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "query", mtdb_query_set_control(NULL, NULL, &error));
@@ -362,6 +364,16 @@ static void check_controls(void) {
   CHECK(selection.code == MTDB_CANCELLED);
   mtdb_free_control(control);
   mtdb_free_query(query);
+
+  OK(mtdb_create_control(&control, &error));
+  OK(mtdb_verify(object, MTDB_VERIFY_GLOBAL, control, &failures, &error));
+  mtdb_free_names(failures);
+  mtdb_cancel(control);
+  for (level = MTDB_VERIFY_FAST; level <= MTDB_VERIFY_GLOBAL; ++level) {
+    FAILS(MTDB_CANCELLED, "cancelled",
+          mtdb_verify(object, (mtdb_verify_level)level, control, &failures, &error));
+  }
+  mtdb_free_control(control);
 }
 
 static void check_probes(void) {

@@ -480,7 +480,7 @@ TEST_CASE("No exception leaves the C interface, which works again with memory") 
       return mtdb_cut_emit(cut, &sink, &error);
     });
     then([&] { return mtdb_closest_point(object, point, -1, 1e9, &hit, &error); });
-    then([&] { return mtdb_verify(object, MTDB_VERIFY_FULL, &names, &error); });
+    then([&] { return mtdb_verify(object, MTDB_VERIFY_FULL, nullptr, &names, &error); });
     mtdb_free_names(names);
     mtdb_free_cut(cut);
     mtdb_free_query(query);

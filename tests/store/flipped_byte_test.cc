@@ -198,6 +198,31 @@ TEST_CASE("a writer refuses a store whose pages are damaged", "[store]") {
   CHECK(refused > 75);
 }
 
+TEST_CASE("a check that is told to stop reads nothing more", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("a.mtdb");
+  const SmallStore store = MakeSmallStore(path);
+  // What is asked before each read: how often in all, and when it says stop at the n-th time.
+  const auto asks = [&](uint64_t nth, CheckReport* report, Status* status) {
+    uint64_t asked = 0;
+    *status = VerifyStore(path, "", report, [&] { return ++asked == nth; });
+    return asked;
+  };
+  CheckReport whole;
+  Status status;
+  const uint64_t all = asks(0, &whole, &status);
+  REQUIRE(status.message() == "");
+  CHECK(whole.failures == std::vector<std::string>());
+  CHECK(all > 730);  // the payload of each cluster, and what leads there
+  for (uint64_t nth = 1; nth <= all; nth += nth < 40 ? 1 : 31) {
+    CheckReport report;
+    INFO(nth << " of " << all);
+    CHECK(asks(nth, &report, &status) == nth);
+    CHECK(status.code() == StatusCode::kCancelled);
+    CHECK(report.failures.empty());
+  }
+}
+
 TEST_CASE("every truncation is refused at open or changes nothing", "[store]") {
   const TempDir dir;
   const SmallStore store = MakeSmallStore(dir.File("good.mtdb"));

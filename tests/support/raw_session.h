@@ -61,9 +61,9 @@ class RawSession : public RawConnection {
   }
   int status() const { return status_; }
 
-  // Empty when the server closes the connection.
+  // The next message, or what stands between the parts of one: a ping, a pong, a close. Empty when
+  // the server closes the connection.
   std::optional<Frame> ReceiveFrame() {
-    Frame frame;
     while (true) {
       const std::string head = Take(2);
       if (head.size() < 2) return std::nullopt;
@@ -74,9 +74,10 @@ class RawSession : public RawConnection {
         for (const char c : length) size = 256 * size + static_cast<unsigned char>(c);
       }
       const int opcode = static_cast<unsigned char>(head[0]) & 15;
-      if (opcode != 0) frame.opcode = opcode;
-      frame.payload += Take(size);
-      if ((static_cast<unsigned char>(head[0]) & 0x80) != 0) return frame;
+      if (opcode >= kCloseFrame) return Frame{opcode, Take(size)};
+      if (opcode != 0) message_ = {opcode, ""};
+      message_.payload += Take(size);
+      if ((static_cast<unsigned char>(head[0]) & 0x80) != 0) return std::exchange(message_, {});
     }
   }
   // The next text message, as JSON; null when there is none.
@@ -97,6 +98,7 @@ class RawSession : public RawConnection {
 
  private:
   int status_ = 0;
+  Frame message_;  // as far as it has come
 };
 
 }  // namespace mtdb::test
