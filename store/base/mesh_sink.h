@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -48,6 +49,8 @@ class MeshSink {
   // shared vertices then set header.soup, and send three vertices for each triangle, in its order,
   // and the triangles (0, 1, 2), (3, 4, 5), ... When it is false, they join the vertices in memory.
   virtual bool joins_soup() const { return false; }
+  // How much memory such a reader may take for that, in bytes.
+  virtual uint64_t soup_bytes() const { return std::numeric_limits<uint64_t>::max(); }
   // For sinks that round positions, as writers of float32 do: the farthest that the sink will move
   // a vertex of a mesh with this header, in model units. Asked before Begin; the header's counts
   // are not set yet.

@@ -37,7 +37,7 @@ struct Options {
   unsigned jobs = 1;
   std::string findings;  // where shrunk walks go; empty: only printed
   std::string tmp = fs::temp_directory_path().string();
-  double timeout_seconds = 300;  // of a walk
+  double timeout_seconds = 1200;  // of a walk
   int shrink = 150;
   std::string replay;
   bool keep = false;

@@ -92,6 +92,43 @@ constexpr bool kSanitized = true;
 constexpr bool kSanitized = false;
 #endif
 
+// Triangles that share no vertex, after each other.
+void WriteStl(const std::string& path, uint32_t triangles) {
+  std::string bytes(80, ' ');
+  bytes.append(reinterpret_cast<const char*>(&triangles), sizeof(triangles));
+  for (uint32_t i = 0; i < triangles; ++i) {
+    float numbers[12] = {};
+    for (size_t c = 0; c < 3; ++c) {
+      numbers[3 + 3 * c] = static_cast<float>(i % 4096) + (c == 1 ? 0.5F : 0);
+      numbers[4 + 3 * c] = static_cast<float>(i / 4096) + (c == 2 ? 0.5F : 0);
+    }
+    bytes.append(reinterpret_cast<const char*>(numbers), sizeof(numbers));
+    bytes.append(2, '\0');
+  }
+  WriteText(path, bytes);
+}
+
+TEST_CASE("ingest keeps below --memory with STL beside other formats, or says what it needs",
+          "[cli]") {
+  if (kSanitized) {
+    WARN("skipped: a sanitizer takes memory of its own");
+    return;
+  }
+  const Folder folder;
+  const std::string stl = folder.File("soup.stl");
+  RunOk({"generate", "terrain", folder.File("small.ply"), "--triangles", "100"});
+  WriteStl(stl, 2'200'000);
+  constexpr uint64_t kCap = uint64_t{256} << 20;
+  const Measured run = RunMeasured({"ingest", folder.File("small.ply"), stl,
+                                    folder.File("store.mtdb"), "--quiet", "--memory", "256M"});
+  INFO(run.outcome.err << "peak " << (run.peak_bytes >> 20) << " MiB");
+  CHECK(run.peak_bytes <= kCap);
+  CHECK(run.outcome.exit_code == 1);
+  CHECK(run.outcome.err.find(stl + ": to join the corners of more than 6291456 vertices takes") !=
+        std::string::npos);
+  CHECK(!std::filesystem::exists(folder.File("store.mtdb")));
+}
+
 TEST_CASE("ingest keeps below --memory whatever the attributes, or says what it needs", "[cli]") {
   if (kSanitized) {
     WARN("skipped: a sanitizer takes memory of its own");

@@ -28,8 +28,12 @@ class HeaderSink final : public MeshSink {
 // Appends a file to the common mesh: vertices numbered on, rows cut to the common attributes.
 class PartSink final : public MeshSink {
  public:
-  PartSink(MeshSink& sink, const MeshHeader& common, VertexIndex first)
-      : sink_(sink), common_(common.attributes), soup_(common.soup), first_(first) {}
+  PartSink(MeshSink& sink, const MeshHeader& common, VertexIndex first, uint64_t soup_bytes)
+      : sink_(sink),
+        common_(common.attributes),
+        soup_(common.soup),
+        soup_bytes_(soup_bytes),
+        first_(first) {}
 
   Status Begin(const MeshHeader& header) override {
     from_row_ = header.attributes.row_bytes();
@@ -63,12 +67,14 @@ class PartSink final : public MeshSink {
   }
   Status End() override { return Status::Ok(); }
   bool joins_soup() const override { return soup_; }
+  uint64_t soup_bytes() const override { return soup_bytes_; }
   uint64_t count() const { return count_; }
 
  private:
   MeshSink& sink_;
   const AttributeLayout& common_;
   bool soup_;
+  uint64_t soup_bytes_;
   VertexIndex first_;
   uint64_t count_ = 0;
   size_t from_row_ = 0;
@@ -101,7 +107,7 @@ void Note(const std::string& path, const MeshReadReport& report, std::vector<std
 }  // namespace
 
 Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
-                  std::vector<std::string>* notes) {
+                  std::vector<std::string>* notes, uint64_t soup_bytes) {
   if (paths.size() == 1) {
     MeshReadReport report;
     MTDB_RETURN_IF_ERROR(ReadMeshFile(paths[0], sink, &report));
@@ -132,7 +138,7 @@ Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
   MTDB_RETURN_IF_ERROR(sink.Begin(common));
   VertexIndex first = 0;
   for (const std::string& path : paths) {
-    PartSink part(sink, common, first);
+    PartSink part(sink, common, first, soup_bytes);
     MeshReadReport report;
     MTDB_RETURN_IF_ERROR(ReadMeshFile(path, part, &report));
     Note(path, report, notes);

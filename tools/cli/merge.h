@@ -1,6 +1,8 @@
 // Several input files, one mesh.
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -12,10 +14,12 @@ namespace mtdb {
 
 // Reads all `paths` into `sink` as one mesh, one after the other. Vertices of different files are
 // joined when all are STL, which has none of its own; beside other formats, an STL file's own
-// vertices are joined in memory. An attribute
-// is kept when every file has it under that name and type; the others, and what the readers
-// ignored, are added to `notes`. Streams: a first look at each file's header, then the data.
+// vertices are joined in memory, of which it may take `soup_bytes` (else kBudgetExceeded). An
+// attribute is kept when every file has it under that name and type; the others, and what the
+// readers ignored, are added to `notes`. Streams: a first look at each file's header, then the
+// data.
 Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
-                  std::vector<std::string>* notes);
+                  std::vector<std::string>* notes,
+                  uint64_t soup_bytes = std::numeric_limits<uint64_t>::max());
 
 }  // namespace mtdb

@@ -163,7 +163,10 @@ Status Ingest(const IngestArguments& arguments) {
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
   std::vector<std::string> notes;
-  const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
+  // While files are read, the build's spools take less than the other half.
+  const auto read = [&](MeshSink& sink) {
+    return ReadMeshes(arguments.inputs, sink, &notes, options.memory_bytes / 2);
+  };
   BuildReport report;
   StageRate rate;
   const auto on_progress = [&](const BuildProgress& p) {

@@ -23,7 +23,7 @@ template <typename Position>
 class SoupEmitter {
  public:
   explicit SoupEmitter(MeshSink& sink, Vec3d origin = {})
-      : emitter_(sink), raw_(sink.joins_soup()), origin_(origin) {}
+      : emitter_(sink), raw_(sink.joins_soup()), most_bytes_(sink.soup_bytes()), origin_(origin) {}
 
   Status Begin(MeshHeader header) {
     header.soup = raw_;
@@ -40,6 +40,16 @@ class SoupEmitter {
     for (size_t i = 0; i < 3; ++i) {
       if (joiner_.size() == VertexJoiner<Position>::kMaxVertices) {
         return Unsupported(path + ": STL of more than 4294967295 vertices; convert it to PLY");
+      }
+      if (const uint64_t bytes = joiner_.next_bytes(); bytes > most_bytes_) {
+        return Status(StatusCode::kBudgetExceeded,
+                      path + ": to join the corners of more than " +
+                          std::to_string(joiner_.size()) + " vertices takes " +
+                          std::to_string((bytes >> 20) + 1) + " MiB, " +
+                          std::to_string(most_bytes_ >> 20) +
+                          " MiB are allowed; allow more --memory, convert it to PLY, or ingest it "
+                          "without files of "
+                          "other formats");
       }
       bool added = false;
       const uint32_t index = joiner_.Add(corners[i], &added);
@@ -58,6 +68,7 @@ class SoupEmitter {
   }
   MeshEmitter emitter_;
   const bool raw_;
+  const uint64_t most_bytes_;
   const Vec3d origin_;
   VertexIndex next_ = 0;
   bool empty_ = true;
