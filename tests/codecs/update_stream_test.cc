@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "codecs/stream/internal/update_coder.h"
 #include "tests/codecs/update_fixture.h"
 #include "tests/support/client_mesh_check.h"
 #include "tests/support/mesh_check.h"
@@ -326,6 +327,29 @@ TEST_CASE("a record is refused when it is shorter than what it does may be") {
   Bytes dirty(body.begin(), body.end());
   dirty.back() = std::byte{1};
   CHECK(feed(dirty).code() == StatusCode::kCorrupt);
+}
+
+TEST_CASE("a record longer than 2^28 bytes is refused by its length, before it has come") {
+  for (const uint64_t length : {uint64_t{0}, (uint64_t{1} << 28) + 1, uint64_t{1} << 40}) {
+    ByteWriter w;
+    for (const char c : internal::kUpdateMagic) w.Put(c);
+    w.Put<uint8_t>(internal::kUpdateVersion);
+    w.PutVarint(length);
+    w.Put<uint64_t>(0);
+    UpdateDecoder decoder;
+    const Status status = decoder.Feed(w.bytes());
+    CHECK(status.code() == StatusCode::kCorrupt);
+    CHECK(status.message().find("a record of " + std::to_string(length) + " bytes") !=
+          std::string::npos);
+  }
+  // What a sender may start with is counted before it is made.
+  BaseMesh base;
+  ClientMeshOptions options;
+  base.positions.resize(1000);
+  base.rows.resize(UpdateEncoder::kMaxStartBytes / 8);
+  CHECK(UpdateEncoder::StartBytes(options, base) < UpdateEncoder::kMaxStartBytes);
+  base.triangles.resize(UpdateEncoder::kMaxStartBytes / 16);
+  CHECK(UpdateEncoder::StartBytes(options, base) > UpdateEncoder::kMaxStartBytes);
 }
 
 TEST_CASE("a client refuses what exceeds its limits, and other versions") {

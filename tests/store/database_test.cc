@@ -247,6 +247,31 @@ TEST_CASE("entries that break the rules are refused with their reason", "[store]
   CHECK(code(coarser, {}) == StatusCode::kInvalidArgument);
 }
 
+TEST_CASE("an object of more root vertices than its root pieces name is refused", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("a.mtdb");
+  const auto database = OpenWritable(path);
+  SyntheticObject object = MakeObject({.seed = 9, .clusters = 40});
+  uint64_t most = 0;
+  for (size_t i = object.record.clusters; i < object.units.size(); ++i) {
+    most += object.units[i].entry.external_vertices;
+  }
+  for (const uint64_t vertices : {most, most + 1, uint64_t{1} << 32, uint64_t{1} << 50}) {
+    object.record.root_vertices = vertices;
+    object.record.vertices = vertices + object.record.nodes;
+    const std::string name = std::to_string(vertices);
+    INFO(name << " of " << most);
+    REQUIRE(WriteObject(*database, name, object).status().message() == "");
+    const auto source = database->OpenObject(name);
+    CHECK(source.ok() == (vertices <= most));
+    if (vertices <= most) continue;
+    CHECK(source.status().code() == StatusCode::kCorrupt);
+    CHECK(source.status().message().find(name + " root vertices, but the root pieces have " +
+                                         std::to_string(most)) != std::string::npos);
+    CHECK(VerifyFailures(path, name).find("root vertices") != std::string::npos);
+  }
+}
+
 TEST_CASE("handles of a file share one environment, also when one of them writes", "[store]") {
   const TempDir dir;
   const std::string path = dir.File("a.mtdb");
