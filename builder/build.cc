@@ -497,17 +497,21 @@ class Builder {
 
   Status WriteRoot(TriangleSorter& sorter) {
     MTDB_RETURN_IF_ERROR(Report("root", 0, 0, sorter.count(), 0.98));
-    constexpr uint64_t kRootMemory = 64;  // bytes a triangle, see RootWriter
-    if (sorter.count() * kRootMemory > memory_) {
+    // The sorter has the other half. No tile is at work any more.
+    const uint64_t allowed = memory_ / 2 + (uint64_t{16} << 20);
+    const auto check = [&](uint64_t needed) {
+      if (needed <= allowed) return Status::Ok();
       return Status(
           StatusCode::kBudgetExceeded,
           "the mesh cannot be simplified below " + std::to_string(sorter.count()) +
-              " triangles (non-manifold places, or many small components); its root needs " +
-              std::to_string((sorter.count() * kRootMemory) >> 20) +
-              " MiB beside 200 MiB; allow more --memory");
-    }
+              " triangles (non-manifold places, or many small components); its root needs more "
+              "than " +
+              std::to_string(needed >> 20) + " MiB, of which " + std::to_string(allowed >> 20) +
+              " are left for it; allow more --memory");
+    };
+    MTDB_RETURN_IF_ERROR(check(sorter.count() * RootWriter::kTriangleBytes));
     MTDB_RETURN_IF_ERROR(sorter.Finish());
-    RootWriter root(record_.attributes, writer_);
+    RootWriter root(record_.attributes, sorter.count(), writer_);
     const uint64_t most = RootWriter::PieceTriangles(record_.attributes.row_bytes());
     for (uint64_t done = 0; done < sorter.count();) {
       const uint64_t count = std::min(most, sorter.count() - done);
@@ -515,6 +519,7 @@ class Builder {
       uint64_t code = 0;
       MTDB_RETURN_IF_ERROR(sorter.Next(count, &piece, &code));
       MTDB_RETURN_IF_ERROR(root.AddPiece(piece.triangles, piece.rows));
+      MTDB_RETURN_IF_ERROR(check(root.memory_bytes()));
       done += count;
     }
     const RootTopology topology = root.Finish();

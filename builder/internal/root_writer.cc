@@ -5,8 +5,39 @@
 #include <numeric>
 
 #include "codecs/cluster/root_codec.h"
+#include "store/base/hash.h"
 
 namespace mtdb::internal {
+
+RootNumbers::Slot& RootNumbers::Find(uint32_t vertex) {
+  size_t at = Mix64(vertex) & (slots_.size() - 1);
+  while (slots_[at].number != kNone32 && slots_[at].vertex != vertex) {
+    at = (at + 1) & (slots_.size() - 1);
+  }
+  return slots_[at];
+}
+
+uint32_t RootNumbers::Add(uint32_t vertex) {
+  if (size_ >= Room()) {
+    constexpr size_t kFirst = 1024;
+    std::vector<Slot> old(std::max(kFirst, 2 * slots_.size()), Slot{kNone32, kNone32});
+    old.swap(slots_);
+    for (const Slot& slot : old) {
+      if (slot.number != kNone32) Find(slot.vertex) = slot;
+    }
+  }
+  Slot& slot = Find(vertex);
+  if (slot.number == kNone32) slot = {vertex, size_++};
+  return slot.number;
+}
+
+uint64_t RootWriter::memory_bytes() const {
+  const uint64_t more = 3 * PieceTriangles(attributes_.row_bytes());
+  const uint64_t parents = parent_.capacity() * sizeof(parent_[0]);
+  return numbers_.bytes_with(more) + edges_.capacity() * sizeof(edges_[0]) +
+         on_border_.capacity() / 8 +
+         (parent_.size() + more > parent_.capacity() ? 3 * parents : parents);
+}
 
 uint32_t RootWriter::Find(uint32_t v) {
   while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
@@ -36,8 +67,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     auto& corners = piece.in.triangles.emplace_back();
     std::array<uint32_t, 3> root;
     for (size_t c = 0; c < 3; ++c) {
-      const auto next = static_cast<uint32_t>(root_vertex_.size());
-      root[c] = root_vertex_.try_emplace(t.vertices[c], next).first->second;
+      root[c] = numbers_.Add(t.vertices[c]);
       if (root[c] == parent_.size()) parent_.push_back(root[c]);
       const auto [it, inserted] =
           local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.in.positions.size()));
@@ -54,7 +84,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
       const uint32_t a = root[c];
       const uint32_t b = root[(c + 1) % 3];
       edges_.emplace_back(std::min(a, b), std::max(a, b));
-      if (t.border_edges >> c & 1) border_.emplace_back(a, b);
+      on_border_.push_back(t.border_edges >> c & 1);
       Join(a, b);
     }
     uint32_t remover = kDrain;
@@ -80,18 +110,20 @@ RootTopology RootWriter::Finish() {
   const auto vertices = static_cast<uint32_t>(parent_.size());
   topology_.vertices = vertices;
   for (uint32_t v = 0; v < vertices; ++v) topology_.components += Find(v) == v;
+  // The border's pieces: its edges' ends, joined.
+  std::iota(parent_.begin(), parent_.end(), 0);
+  std::vector<bool> at_border(vertices, false);
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    if (!on_border_[e]) continue;
+    const auto [a, b] = edges_[e];
+    Join(a, b);
+    at_border[a] = at_border[b] = true;
+  }
+  for (uint32_t v = 0; v < vertices; ++v) topology_.border_loops += at_border[v] && Find(v) == v;
   std::sort(edges_.begin(), edges_.end());
   const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
   topology_.euler_characteristic =
       static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(topology_.triangles);
-  // The border's pieces: its edges' ends, joined.
-  std::iota(parent_.begin(), parent_.end(), 0);
-  std::vector<bool> on_border(vertices, false);
-  for (const auto& [a, b] : border_) {
-    Join(a, b);
-    on_border[a] = on_border[b] = true;
-  }
-  for (uint32_t v = 0; v < vertices; ++v) topology_.border_loops += on_border[v] && Find(v) == v;
   return topology_;
 }
 

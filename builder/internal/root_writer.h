@@ -2,7 +2,8 @@
 #pragma once
 
 #include <algorithm>
-#include <unordered_map>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "builder/internal/tile.h"
@@ -22,9 +23,32 @@ struct RootTopology {
   uint32_t pieces = 0;
 };
 
-// Takes triangles in spatial order, a piece at a time. Keeps some 40 bytes a root triangle.
+// A number for each of the input's vertices, in the order of first sight. 11 to 22 bytes a vertex.
+class RootNumbers {
+ public:
+  uint32_t Add(uint32_t vertex);
+  uint32_t size() const { return size_; }
+  // What so many more vertices make it take, at most and for a moment.
+  uint64_t bytes_with(uint64_t more) const {
+    return slots_.size() * sizeof(Slot) * (size_ + more > Room() ? 3 : 1);
+  }
+
+ private:
+  struct Slot {
+    uint32_t vertex, number;  // kNone32: no vertex
+  };
+  size_t Room() const { return slots_.size() / 4 * 3; }
+  Slot& Find(uint32_t vertex);
+  std::vector<Slot> slots_;  // linear probing; a power of two, or none
+  uint32_t size_ = 0;
+};
+
+// Takes triangles in spatial order, a piece at a time. Keeps 25 bytes a root triangle, and some 15
+// to 45 for each of its vertices, of which a surface has half as many, and loose triangles three
+// times as many.
 class RootWriter {
  public:
+  static constexpr uint64_t kTriangleBytes = 25;  // less those of its vertices
   // Of a piece at most: keeps its payload below 1 MiB, also when rows of `row_bytes` do not become
   // shorter by coding.
   static constexpr size_t PieceTriangles(size_t row_bytes) {
@@ -34,19 +58,25 @@ class RootWriter {
                                                : std::max<size_t>(kRowsBytes / (3 * row_bytes), 1);
   }
 
-  RootWriter(const AttributeLayout& attributes, ObjectWriter& writer)
-      : attributes_(attributes), writer_(writer) {}
+  // Of so many triangles.
+  RootWriter(const AttributeLayout& attributes, uint64_t triangles, ObjectWriter& writer)
+      : attributes_(attributes), writer_(writer) {
+    edges_.reserve(3 * triangles);
+    on_border_.reserve(3 * triangles);
+  }
   // At most PieceTriangles(); `rows` of their corners.
   Status AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows);
   RootTopology Finish();
+  // What it keeps, and takes for the next piece.
+  uint64_t memory_bytes() const;
 
  private:
   const AttributeLayout& attributes_;
   ObjectWriter& writer_;
-  std::unordered_map<uint32_t, uint32_t> root_vertex_;  // the input's number -> the root's
-  std::vector<std::pair<uint32_t, uint32_t>> edges_;    // of root vertices, smaller first
-  std::vector<std::pair<uint32_t, uint32_t>> border_;
-  std::vector<uint32_t> parent_;  // of root vertices: union-find
+  RootNumbers numbers_;
+  std::vector<std::pair<uint32_t, uint32_t>> edges_;  // of root vertices, smaller first
+  std::vector<bool> on_border_;                       // of each edge
+  std::vector<uint32_t> parent_;                      // of root vertices: union-find
   RootTopology topology_;
 
   uint32_t Find(uint32_t v);

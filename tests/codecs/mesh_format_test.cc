@@ -65,13 +65,13 @@ TEST_CASE("The documents list the formats that there are") {
   CHECK(Contains(readme, "Input: " + NamesOf(ReadMeshFormats()) + ";"));
   CHECK(Contains(readme, "Output: " + NamesOf(WrittenMeshFormats()) + "."));
 
-  // "`format` is `ply` (without it), `obj` or `stl`."
+  // "`format` is `ply` (the default), `obj` or `stl`."
   std::string list;
   const std::vector<MeshFormat> written = WrittenMeshFormats();
   for (size_t i = 0; i < written.size(); ++i) {
     if (i > 0) list += i + 1 < written.size() ? ", " : " or ";
     list += "`" + std::string(written[i].suffixes[0]) + "`";
-    if (i == 0) list += " (without it)";
+    if (i == 0) list += " (the default)";
   }
   CHECK(Contains(Document("docs/protocol.md"), "`format` is " + list + "."));
 

@@ -129,6 +129,28 @@ TEST_CASE("ingest keeps below --memory with STL beside other formats, or says wh
   CHECK(!std::filesystem::exists(folder.File("store.mtdb")));
 }
 
+TEST_CASE("ingest keeps below --memory with what cannot be simplified, or says what it needs",
+          "[cli]") {
+  if (kSanitized) {
+    WARN("skipped: a sanitizer takes memory of its own");
+    return;
+  }
+  const Folder folder;
+  const std::string stl = folder.File("soup.stl");
+  WriteStl(stl, 1'500'000);
+  constexpr uint64_t kMiB = uint64_t{1} << 20;
+  for (const uint64_t cap : {256 * kMiB, 640 * kMiB}) {
+    const Measured run = RunMeasured({"ingest", stl, folder.File("store.mtdb"), "--quiet",
+                                      "--memory", std::to_string(cap), "--threads", "2"});
+    INFO(run.outcome.err << "peak " << (run.peak_bytes >> 20) << " of " << (cap >> 20) << " MiB");
+    CHECK(run.peak_bytes <= cap);
+    CHECK(run.outcome.exit_code == (cap == 256 * kMiB ? 1 : 0));
+    if (cap == 256 * kMiB) {
+      CHECK(run.outcome.err.find("cannot be simplified below 1500000") != std::string::npos);
+    }
+  }
+}
+
 TEST_CASE("ingest keeps below --memory whatever the attributes, or says what it needs", "[cli]") {
   if (kSanitized) {
     WARN("skipped: a sanitizer takes memory of its own");

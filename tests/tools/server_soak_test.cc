@@ -69,6 +69,8 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
         [&, i] { AskHonestly(server, i, right, over, answers, refused, wrong, slowest_ms); });
   }
   Maxima halves[2];
+  Maxima part;  // since the last line was printed
+  double next_line = 0;
   const auto begin = std::chrono::steady_clock::now();
   const std::string descriptors = "/proc/" + std::to_string(server.process()) + "/fd";
   for (double passed = 0; passed < seconds;) {
@@ -84,6 +86,15 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
     m.temporary_bytes = std::max(m.temporary_bytes, server.Metric("mtdb_temporary_bytes"));
     m.session_bytes = std::max(m.session_bytes, server.Metric("mtdb_session_memory_bytes"));
     CHECK(server.temporary_files() == 0);
+    part.resident_bytes = std::max(part.resident_bytes, server.resident_bytes());
+    part.session_bytes = std::max(part.session_bytes, server.Metric("mtdb_session_memory_bytes"));
+    if (passed < next_line) continue;
+    std::printf("%6.0f s: resident up to %.0f MB, sessions %.0f MB, cache %.0f MB\n", passed,
+                static_cast<double>(part.resident_bytes) / 1e6, part.session_bytes / 1e6,
+                server.Metric("mtdb_cache_bytes") / 1e6);
+    std::fflush(stdout);
+    part = {};
+    next_line += seconds / 20.0;
   }
   CHECK(hostile->running());
   over = true;
