@@ -50,8 +50,10 @@ static void check_object(void) {
   }
   FAILS(MTDB_INVALID_ARGUMENT, "level",
         mtdb_verify(object, (mtdb_verify_level)3, NULL, &failures, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "failures", mtdb_verify(object, MTDB_VERIFY_FAST, NULL, NULL, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "object", mtdb_verify(NULL, MTDB_VERIFY_FAST, NULL, &failures, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "failures",
+        mtdb_verify(object, MTDB_VERIFY_FAST, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "object",
+        mtdb_verify(NULL, MTDB_VERIFY_FAST, NULL, &failures, &error));
 
   OK(mtdb_open_object_with(database, NULL, NULL, &other, &error));
   mtdb_free_object(other);
