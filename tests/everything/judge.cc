@@ -213,7 +213,8 @@ class Judgement {
       worst = std::max(worst, distance);
       if (accurate() && !question_.full) {
         double permitted = question_.permitted(p);
-        if (question_.partly_full) permitted = std::max(permitted, object_.displaced);
+        // Where less is asked for than can be had, full resolution is right, rounded as it is.
+        if (question_.partly_full) permitted = std::max(permitted, object_.displaced + rounded_);
         worst_excess = std::max(worst_excess, distance - (permitted + answer_.excess) * (1 + 1e-5));
       }
     }
@@ -227,9 +228,23 @@ class Judgement {
     }
   }
 
+  // How far the format has moved vertices.
+  double Rounded() const {
+    TriangleMesh points = object_.mesh;
+    points.triangles.clear();
+    for (const TriangleVertices& t : object_.mesh.triangles) {
+      for (const VertexIndex v : t) points.triangles.push_back({v, v, v});
+    }
+    const DistanceTree tree(points);
+    double most = 0;
+    for (const Vec3d p : answer_.mesh.positions) most = std::max(most, tree.Distance(p));
+    return most;
+  }
+
   void Distances() {
     if (answer_.mesh.triangles.empty()) return;
     const DistanceTree tree(answer_.mesh);
+    if (question_.partly_full && answer_.lossy) rounded_ = Rounded();
     // All of a clipped answer meets the region.
     Side("the answer is", answer_.mesh, *object_.truth.tree, question_.clip ? -kInfinity : border_);
     Side("the input is", object_.truth.mesh, tree,
@@ -246,6 +261,7 @@ class Judgement {
   const size_t row_bytes_;
   double exactness_ = 0;
   double border_ = 0;
+  double rounded_ = 0;
 };
 
 }  // namespace
