@@ -100,7 +100,12 @@ double DistanceTree::Distance(Vec3d p) const {
     if (SquaredDistancePointBox(p, node.box) >= best) continue;
     if (node.child == 0) {
       for (uint32_t i = node.begin; i < node.end; ++i) {
-        best = std::min(best, SquaredToTriangle(p, triangles_[i]));
+        const Triangle3d& t = triangles_[i];
+        // Of most triangles double is enough to tell that they are farther.
+        const double about = SquaredDistancePointTriangle(p, t[0], t[1], t[2]);
+        const double noise = 1e-16 * (SquaredLength(t[1] - t[0]) + SquaredLength(t[2] - t[0]));
+        if (about > 2 * best + noise) continue;
+        best = std::min(best, SquaredToTriangle(p, t));
       }
       continue;
     }

@@ -406,7 +406,7 @@ bool AskFetch(const Asked& asked, Answer* answer) {
   WriteText(file, asked.question->text());
   FromCommand(asked,
               {"fetch", Serving(asked)->url() + ObjectPath(asked), output, "--query", file,
-               "--json", "--timeout", "60"},
+               "--json", "--timeout", "900"},
               output, true, answer);
   return true;
 }
@@ -417,7 +417,7 @@ bool AskFetchLibrary(const Asked& asked, Answer* answer) {
   FetchOptions options;
   options.name = asked.name;
   options.format = Format(asked);
-  options.timeout_seconds = 60;
+  options.timeout_seconds = 900;
   const auto got = FetchMesh(Serving(asked)->url(), asked.question->text(), options,
                              [&](std::string_view piece) {
                                bytes += piece;
@@ -442,7 +442,7 @@ bool AskSession(const Asked& asked, Answer* answer) {
   auto& session = asked.world->Store(asked.store).sessions[asked.name];
   if (session == nullptr || !session->connected()) {
     RemoteSessionOptions options;
-    options.timeout_seconds = 60;
+    options.timeout_seconds = 900;
     options.remembered_vertices = static_cast<uint32_t>(asked.step->Int("remember", 1000));
     auto opened = RemoteSession::Open(Serving(asked)->url() + ObjectPath(asked), options);
     if (!opened.ok()) {
@@ -540,7 +540,7 @@ bool AskFollow(const Asked& asked, Answer* answer) {
   const std::string output = NewFile(asked, "%d.ply");
   WriteText(path, "{\"threshold\": {\"relative\": 0.02}}\n" + asked.question->text() + "\n");
   const Ran ran = asked.world->Mtdb({"follow", Serving(asked)->url() + ObjectPath(asked), "--path",
-                                     path, "--output", output, "--timeout", "60", "--json"});
+                                     path, "--output", output, "--timeout", "900", "--json"});
   const auto json = nlohmann::json::parse(ran.out, nullptr, false);
   if (!ran.ok() || !json.is_object() || json.value("steps", Json::array()).size() != 2) {
     answer->refused = ran.err.empty() ? "no JSON: " + ran.out : ran.err;

@@ -43,7 +43,8 @@ std::string Skeleton(const std::string& message) {
 }  // namespace
 
 Server::Server(const WorldOptions& options, const std::string& store)
-    : child_({options.mtdb, "serve", store, "--listen", "127.0.0.1:0", "--threads", "2", "--tmp",
+    : child_({options.mtdb, "serve", store, "--listen", "127.0.0.1:0", "--threads", "2", "--idle",
+              "3600", "--session-idle", "3600", "--timeout", "3600", "--tmp",
               options.folder + "/servertmp"},
              options.folder + "/scratch", {.timeout_seconds = 1e9}) {
   for (int i = 0; i < 20000 && url_.empty(); ++i) {
