@@ -31,7 +31,10 @@ class ClusterCache;
 }
 
 struct SurfaceOptions {
-  // The most memory that decoded clusters take, those in use included. Beside it, a query takes
+  // The most memory that decoded clusters take, those in use included. Whether it is enough for a
+  // query depends on the query and the object alone: not on what is cached or who else queries. A
+  // step of a query needs room for the clusters that it uses at a time, and beside them for what
+  // one of them is decoded from; kBudgetExceeded says how much. Beside it, a query takes
   // about a byte for each node of the clusters that it uses, and the blocks of its output; see
   // docs/design.md.
   size_t cache_bytes = size_t{256} << 20;

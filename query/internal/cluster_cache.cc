@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <unordered_map>
 
 #include "query/internal/cache_plan.h"
 #include "query/internal/stopwatch.h"
@@ -132,7 +133,8 @@ Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
 }
 
 // What is in the cache by chance may take the room of what a plan needs first: who has the cache
-// for itself starts again without.
+// for itself starts again without, and without what others have asked for. So it finds room for
+// LoadBytes() at least.
 Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, LoadRequest& request, Lock& lock) {
   const auto load = [&] { return TryLoad(unit, request, lock); };
   Result<LoadedUnitPtr> loaded = CatchOutOfMemory(load);
@@ -140,10 +142,12 @@ Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, LoadRequest& request, Lock
   request.no_room = false;
   std::vector<LoadedUnitPtr> dropped;
   MakeRoom(options_.budget_bytes, dropped);
+  while (!batches_.empty()) Withdraw(*std::shared_ptr<Batch>(batches_.back()));
   return CatchOutOfMemory(load);
 }
 
-// Takes what another thread is at later, and goes on with what nobody has begun.
+// Takes what another thread is at later, and goes on with what nobody has begun. Who has the cache
+// for itself keeps the order that LoadBytes() counts on.
 Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, LoadRequest& request, Lock& lock) {
   Plan plan(*this, unit);
   plan.Make();
@@ -151,6 +155,7 @@ Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, LoadRequest& request, L
   while (!plan.todo().empty()) {
     const auto next = std::ranges::find_if(plan.todo(), [&](UnitId u) {
       const State state = entries_[u].state;
+      if (request.exclusive && u != plan.todo().front()) return false;
       return state == State::kReady ||
              (state == State::kEmpty && HasPayload(u, request) && plan.HasParents(u));
     });
@@ -195,6 +200,10 @@ Status ClusterCache::LoadOne(UnitId unit, LoadRequest& request, Lock& lock) {
                                     : request.client->stats.clusters_read);
     request.client->read[unit] = true;
   }
+  if (loaded.ok()) {
+    entry.decoded_bytes = (*loaded)->memory_bytes();
+    if (entry.overhead == 0) entry.overhead = LoadBytes(unit) - entry.decoded_bytes;
+  }
   // The guess gives way to what it is.
   bytes_ -= entry.bytes;
   entry.bytes = loaded.ok() ? (*loaded)->memory_bytes() : 0;
@@ -221,6 +230,27 @@ Status ClusterCache::NoRoom(UnitId unit, size_t bytes) const {
               " that are in use, but the cache is limited to " +
               std::to_string(options_.budget_bytes) +
               "; open the surface with a cache of at least " + std::to_string(bytes_ + bytes)};
+}
+
+size_t ClusterCache::LoadBytes(UnitId unit) const {
+  std::vector<UnitId> order{unit};
+  std::unordered_map<UnitId, uint32_t> users;  // units of `order` that a unit is a parent of
+  for (size_t i = 0; i < order.size(); ++i) {
+    for (const UnitId p : index_.parents(order[i])) {
+      if (users[p]++ == 0) order.push_back(p);
+    }
+  }
+  std::ranges::sort(order, std::greater<>());
+  size_t held = 0, most = 0;
+  for (const UnitId u : order) {
+    const size_t bytes = entries_[u].decoded_bytes;
+    most = std::max(most, held + PayloadBytes(u) + std::max(bytes, EstimateBytes(u)));
+    held += bytes;
+    for (const UnitId p : index_.parents(u)) {
+      if (--users[p] == 0) held -= entries_[p].decoded_bytes;
+    }
+  }
+  return most;
 }
 
 // Claims the unit, and entry.bytes for it, or a guess when that is 0.
@@ -492,6 +522,11 @@ void ClusterCache::DropPayload(UnitId unit) {
   payload_bytes_ -= payload->size();
   bytes_ -= payload->size();
   payload.reset();
+}
+
+size_t ClusterCache::PayloadBytes(UnitId unit) const {
+  const bool counted = !at_once_ || options_.form == RuntimeForm::kImplicit;
+  return counted ? index_.location(unit).length : 0;
 }
 
 // Some 120 bytes a node are usual.

@@ -94,6 +94,9 @@ class ClusterCache {
     const Batch* asked = nullptr;  // the payload is on its way
     size_t asked_bytes = 0;        // counted for that
     size_t bytes = 0;              // an estimate when kLoading
+    // Of a unit that was decoded once; they stay.
+    size_t decoded_bytes = 0;
+    size_t overhead = 0;  // what a load into an empty cache takes at most beside that
     uint32_t pins = 0;
     uint32_t plans = 0;        // that will decode it: its payload stays
     uint32_t newer = kNone32;  // neighbours in the list of ready units by last use
@@ -143,6 +146,9 @@ class ClusterCache {
                                       Payload& payload);
   Status Wait(UnitId unit, LoadRequest& request, Lock& lock);
   Status NoRoom(UnitId unit, size_t bytes) const;
+  // What a load into an empty cache takes at most, when the unit and all that it comes from have
+  // been decoded once: a unit at a time, coarsest first, each kept until its last child is decoded.
+  size_t LoadBytes(UnitId unit) const;
   bool RunJob(Lock& lock);
   void StartWorkers();
   void PushChildren(UnitId unit, const ClientPtr& client);
@@ -185,6 +191,8 @@ class ClusterCache {
   // Drops units until `bytes` more fit; false when pinned units do not let it. Like Drop and all
   // that goes with a reader it does not fail for lack of memory.
   bool MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped);
+  // Of the payload, where it is counted while it is decoded.
+  size_t PayloadBytes(UnitId unit) const;
   // Bytes of the unit when decoded, guessed from the index.
   size_t EstimateBytes(UnitId unit) const;
   size_t TypicalBytes() const;

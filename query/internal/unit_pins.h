@@ -32,15 +32,20 @@ class UnitPins {
     pinned_.push_back(u.id);
     return u.pin = unit;
   }
-  // Runs a step, which can be run again when pinning fails: it then runs with nothing else held.
+  // Runs a step, which can be run again when pinning fails: it then goes on with nothing else held,
+  // as long as it inserts nodes. So the largest node decides whether there is room, and not what
+  // happened to be held.
   template <typename Step>
   Status Run(Step&& step) {
     MTDB_RETURN_IF_ERROR(reader_.Check());
     Status status = step();
-    if (!status.ok() && reader_.crowded()) {
+    bool goes_on = true;
+    while (!status.ok() && reader_.crowded() && goes_on) {
+      const uint64_t before = cut_.counts().applied;
       Release();
       MTDB_RETURN_IF_ERROR(reader_.WaitForRoom());
       status = step();
+      goes_on = cut_.counts().applied != before;
     }
     if (reader_.ShouldRelease()) Release();
     return status.ok() ? meter_.status() : status;

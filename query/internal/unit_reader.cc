@@ -157,17 +157,18 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
       } else {
         ClusterCache::LoadRequest request{client_, this, exclusive_, true};
         status = cache_.Load(unit, request, lock).status();
-        crowded = request.no_room && !exclusive_;
+        crowded = request.no_room;
         client_->stats.seconds += std::chrono::duration<double>(Clock::now() - start).count();
       }
       if (status.ok()) {
-        held_.push_back(unit);
-        held_bytes_ += entry.bytes;
-        return entry.value.get();
+        status = Admit(unit);
+        if (status.ok()) return entry.value.get();
+        cache_.Unpin(unit);
+        crowded = !held_.empty();
       }
       if (!inside) cache_.Leave();
       if (!crowded || inside) {
-        crowded_ = crowded;
+        crowded_ = crowded && (!exclusive_ || !held_.empty());
         return status;
       }
     }
@@ -175,12 +176,32 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
   }
 }
 
+// A unit that is there by chance may be gone the next time. What may be held together must not
+// depend on that: each of them finds room to be loaded anew beside the others.
+Status UnitReader::Admit(UnitId unit) {
+  const ClusterCache::Entry& entry = cache_.entries_[unit];
+  const size_t overhead = std::max(held_overhead_, entry.overhead);
+  const size_t budget = cache_.budget_bytes();
+  const size_t needed = held_bytes_ + entry.bytes + overhead;
+  if (needed > budget) {
+    return {StatusCode::kBudgetExceeded,
+            UnitName(cache_.source_->record(), unit) + ": needs " + std::to_string(needed) +
+                " bytes, with what it is decoded from and what is used with it, but the cache is "
+                "limited to " +
+                std::to_string(budget) + "; open the surface with a larger cache"};
+  }
+  held_.push_back(unit);
+  held_bytes_ += entry.bytes;
+  held_overhead_ = overhead;
+  return Status::Ok();
+}
+
 void UnitReader::Release() {
   if (held_.empty() && !exclusive_) return;
   const MutexLock lock(cache_.mutex_);
   for (const UnitId u : held_) cache_.Unpin(u);
   held_.clear();
-  held_bytes_ = 0;
+  held_bytes_ = held_overhead_ = 0;
   if (exclusive_) {
     cache_.exclusive_ = exclusive_ = false;
     cache_.room_.notify_all();

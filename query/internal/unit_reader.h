@@ -30,7 +30,10 @@ class UnitReader {
   UnitReader& operator=(const UnitReader&) = delete;
 
   // The decoded unit, until Release. When it holds other units and there is no room, fails and says
-  // crowded(): Release, WaitForRoom, and take the step again. Errors: those of ClusterCache::Get,
+  // crowded(): Release, WaitForRoom, and take the step again. Room is what the units that it holds
+  // take, and the most that loading one of them into an empty cache takes beside; so which units a
+  // reader may hold, with the cache for itself, is told from the units alone. Errors: those of
+  // ClusterCache::Get,
   // kCancelled, kBudgetExceeded when the unit and what is held do not fit the cache, when max_bytes
   // would be exceeded (out_of_bytes) and when the deadline is over (out_of_time).
   Result<const LoadedUnit*> Get(UnitId unit);
@@ -64,6 +67,8 @@ class UnitReader {
  private:
   friend class ClusterCache;
   Status Enter(ClusterCache::Lock& lock);
+  // Holds a unit that is pinned; kBudgetExceeded when the cache could not hold it at all times.
+  Status Admit(UnitId unit);
   void NoteLoad();
   // Waits for a change, or a little when there is something to watch. kNotYet where nothing waits.
   Status WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const;
@@ -83,6 +88,7 @@ class UnitReader {
   // With max_bytes: what was read, so that nothing is read twice.
   std::unordered_map<UnitId, ClusterCache::Payload> payloads_;
   size_t held_bytes_ = 0;
+  size_t held_overhead_ = 0;  // the largest of what is held
   bool exclusive_ = false;
   bool crowded_ = false;
   bool out_of_bytes_ = false;
