@@ -59,6 +59,7 @@ static_assert(static_cast<int>(StatusCode::kCancelled) == MTDB_CANCELLED);
 static_assert(static_cast<int>(StatusCode::kBudgetExceeded) == MTDB_BUDGET_EXCEEDED);
 static_assert(static_cast<int>(StatusCode::kCorrupt) == MTDB_CORRUPT);
 static_assert(static_cast<int>(StatusCode::kBusy) == MTDB_BUSY);
+static_assert(static_cast<int>(StatusCode::kNotYet) == MTDB_NOT_YET);
 static_assert(static_cast<int>(ScalarType::kFloat64) == MTDB_FLOAT64);
 static_assert(static_cast<int>(QueryLimit::kThreshold) == MTDB_LIMIT_THRESHOLD);
 static_assert(static_cast<int>(QueryLimit::kTriangles) == MTDB_LIMIT_TRIANGLES);

@@ -53,7 +53,8 @@ typedef enum mtdb_code {
   MTDB_CORRUPT = 201,
   MTDB_IO_ERROR = 300,
   MTDB_NO_SPACE = 301, /* disk or memory */
-  MTDB_BUSY = 302
+  MTDB_BUSY = 302,
+  MTDB_NOT_YET = 303 /* what is needed is on its way: ask again. Stores answer at once. */
 } mtdb_code;
 
 /* One line: what is wrong, where, and what to do. A longer message is cut off. */

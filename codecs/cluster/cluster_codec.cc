@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
 #include "codecs/coding/bit_stream.h"
@@ -264,19 +265,7 @@ Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
   }
   if (!arcs.Done()) return Corrupted("arcs: do not end where they should");
   cluster_.removers = patch_->TakeRemovers();
-  ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint64_t slot = 0;
-  while (explicit_arcs.remaining() != 0) {
-    slot += explicit_arcs.GetVarint();
-    const uint64_t child_slot = explicit_arcs.GetVarint();
-    const auto rotation = explicit_arcs.Get<uint8_t>();
-    if (explicit_arcs.failed() || slot >= cluster_.slots() || child_slot >= kNone32 ||
-        rotation > 2 || !RemovedByChild(cluster_.removers[slot])) {
-      return Corrupted("explicit arc out of range");
-    }
-    cluster_.explicit_arcs.push_back(
-        {static_cast<uint32_t>(slot), static_cast<uint32_t>(child_slot), rotation});
-  }
+  if (!DecodeExplicitArcs(streams, &cluster_)) return Corrupted("explicit arc out of range");
   return Status::Ok();
 }
 

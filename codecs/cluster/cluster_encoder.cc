@@ -6,6 +6,7 @@
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
 #include "codecs/coding/cluster_model.h"
@@ -272,7 +273,7 @@ void Replay::NumberVertex(uint32_t vertex) {
 // Where the out-triangles go.
 struct OutArcs {
   std::vector<uint32_t> ordinals;  // per slot, among the children; their count for the drain
-  Bytes explicit_arcs;             // the stream of these
+  std::vector<ExplicitArc> explicit_arcs;
 };
 
 // Sets what `result` says of children and out-triangles.
@@ -296,8 +297,6 @@ OutArcs FindArcs(const ClusterUpdates& updates, const Owners& owners, const Repl
 
   OutArcs arcs;
   arcs.ordinals.resize(replay.patch.slots(), static_cast<uint32_t>(children.size()));
-  ByteWriter explicit_arcs;
-  uint32_t last_explicit = 0;
   for (const uint32_t slot : out) {
     const ClusterUpdates::Consumer& consumer = consumer_of(slot);
     if (consumer.child == kNone32) continue;
@@ -309,12 +308,8 @@ OutArcs FindArcs(const ClusterUpdates& updates, const Owners& owners, const Repl
     const auto& t = updates.triangles[triangle];
     const uint32_t vertex = updates.nodes[owners.creators[triangle]].vertex;
     const auto apex = std::find(t.begin(), t.end(), vertex) - t.begin();
-    explicit_arcs.PutVarint(slot - last_explicit);
-    explicit_arcs.PutVarint(consumer.child_slot);
-    explicit_arcs.Put<uint8_t>(static_cast<uint8_t>((3 - apex) % 3));
-    last_explicit = slot;
+    arcs.explicit_arcs.push_back({slot, consumer.child_slot, static_cast<uint8_t>((3 - apex) % 3)});
   }
-  arcs.explicit_arcs = explicit_arcs.Take();
   return arcs;
 }
 
@@ -372,7 +367,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   EncodeVertices(replay, scaled_by_error, models, vertices, bits);
 
   StreamWriter streams;
-  streams.stream(StreamTag::kExplicitArcs).PutBytes(arcs.explicit_arcs);
+  EncodeExplicitArcs(arcs.explicit_arcs, streams);
   ByteWriter& head = streams.stream(StreamTag::kHead);
   head.Put<uint8_t>(static_cast<uint8_t>((replay.any_boundary ? kFlagBoundary : 0) |
                                          (scaled_by_error ? kFlagScaledByError : 0)));

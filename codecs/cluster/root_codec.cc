@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
 
@@ -51,102 +53,127 @@ Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes) {
     arcs.PutVarint(remover == kDrain ? 0 : ChildOrdinal(remover) + 1ull);
   }
   MTDB_CHECK(seen == piece.in.positions.size(), "a root vertex without a triangle");
-  ByteWriter& explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint32_t last_slot = 0;
-  for (const ExplicitArc& arc : piece.explicit_arcs) {
-    explicit_arcs.PutVarint(arc.slot - last_slot);
-    explicit_arcs.PutVarint(arc.child_slot);
-    explicit_arcs.Put<uint8_t>(arc.rotation);
-    last_slot = arc.slot;
-  }
+  EncodeExplicitArcs(piece.explicit_arcs, streams);
   const size_t row = attributes.row_bytes();
   if (row != 0) streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(piece.in.rows, row));
   return streams.Finish();
 }
 
-Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
-                                uint64_t root_vertices, const std::string& where) {
-  const auto corrupt = [&](const std::string& what) { return Corrupt(where + ": " + what); };
-  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where));
-  ByteReader head = streams.stream(StreamTag::kHead);
-  const uint64_t vertex_count = head.GetVarint();
-  const uint64_t triangle_count = head.GetVarint();
-  const uint64_t child_count = head.GetVarint();
-  ByteReader vertices = streams.stream(StreamTag::kRootVertices);
-  ByteReader triangles = streams.stream(StreamTag::kRootTriangles);
-  ByteReader arcs = streams.stream(StreamTag::kArcs);
-  if (head.failed() || child_count > head.remaining() || vertex_count > vertices.remaining() / 4 ||
-      triangle_count > triangles.remaining() / 3 || triangle_count > arcs.remaining()) {
-    return corrupt("head: counts beyond the payload");
+namespace {
+
+// Reads one piece. The counts have been compared with the bytes that they are read from.
+class RootPieceDecoder {
+ public:
+  RootPieceDecoder(const StreamReader& streams, const std::string& where)
+      : streams_(streams), where_(where) {}
+
+  Result<Cluster> Decode(const AttributeLayout& attributes, uint64_t root_vertices) {
+    MTDB_RETURN_IF_ERROR(DecodeHead());
+    MTDB_RETURN_IF_ERROR(DecodeVertices(root_vertices));
+    MTDB_RETURN_IF_ERROR(DecodeTriangles());
+    if (!DecodeExplicitArcs(streams_, &piece_)) return Corrupted("explicit arc out of range");
+    const size_t row = attributes.row_bytes();
+    ByteReader rows = streams_.stream(StreamTag::kAttributes);
+    if (rows.remaining() != vertex_count_ * row) return Corrupted("attributes: wrong length");
+    piece_.in.rows = JoinPlanes(rows.GetBytes(vertex_count_ * row), row);
+    return std::move(piece_);
   }
-  Cluster piece;
+
+ private:
+  Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
+  Status DecodeHead();
+  Status DecodeVertices(uint64_t root_vertices);
+  Status DecodeTriangles();
+
+  const StreamReader& streams_;
+  const std::string& where_;
+  uint64_t vertex_count_ = 0;
+  uint64_t triangle_count_ = 0;
+  Cluster piece_;
+};
+
+Status RootPieceDecoder::DecodeHead() {
+  ByteReader head = streams_.stream(StreamTag::kHead);
+  vertex_count_ = head.GetVarint();
+  triangle_count_ = head.GetVarint();
+  const uint64_t child_count = head.GetVarint();
+  if (head.failed() || child_count > head.remaining() ||
+      vertex_count_ > streams_.bytes(StreamTag::kRootVertices).size() / 4 ||
+      triangle_count_ > streams_.bytes(StreamTag::kRootTriangles).size() / 3 ||
+      triangle_count_ > streams_.bytes(StreamTag::kArcs).size()) {
+    return Corrupted("head: counts beyond the payload");
+  }
   uint64_t child = 0;
   for (uint64_t i = 0; i < child_count; ++i) {
     const uint64_t delta = head.GetVarint();
     child += delta;
-    if ((i > 0 && delta == 0) || child >= kChildFlag) return corrupt("head: children");
-    piece.children.push_back(static_cast<UnitId>(child));
+    if ((i > 0 && delta == 0) || child >= kChildFlag) return Corrupted("head: children");
+    piece_.children.push_back(static_cast<UnitId>(child));
   }
-  if (head.failed() || head.remaining() != 0) return corrupt("head: wrong length");
+  if (head.failed() || head.remaining() != 0) return Corrupted("head: wrong length");
+  return Status::Ok();
+}
+
+Status RootPieceDecoder::DecodeVertices(uint64_t root_vertices) {
+  ByteReader vertices = streams_.stream(StreamTag::kRootVertices);
   Vec3i last{};
   int64_t last_vertex = -1;
-  for (uint64_t i = 0; i < vertex_count; ++i) {
+  for (uint64_t i = 0; i < vertex_count_; ++i) {
     const auto delta = static_cast<uint64_t>(vertices.GetSignedVarint());
     last_vertex = static_cast<int64_t>(static_cast<uint64_t>(last_vertex) + 1 + delta);
     if (last_vertex < 0 || static_cast<uint64_t>(last_vertex) >= root_vertices) {
-      return corrupt("vertex beyond the root's");
+      return Corrupted("vertex beyond the root's");
     }
     for (int c = 0; c < 3; ++c) {
       last[c] = static_cast<int32_t>(static_cast<uint32_t>(last[c]) +
                                      UnZigZag(static_cast<uint32_t>(vertices.GetVarint())));
     }
-    piece.in.vertices.push_back(static_cast<VertexIndex>(last_vertex));
-    piece.in.positions.push_back(last);
+    piece_.in.vertices.push_back(static_cast<VertexIndex>(last_vertex));
+    piece_.in.positions.push_back(last);
   }
-  if (vertices.failed() || vertices.remaining() != 0) return corrupt("vertices: wrong length");
-  std::vector<VertexIndex> sorted = piece.in.vertices;
+  if (vertices.failed() || vertices.remaining() != 0) return Corrupted("vertices: wrong length");
+  std::vector<VertexIndex> sorted = piece_.in.vertices;
   std::sort(sorted.begin(), sorted.end());
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
-    return corrupt("a vertex occurs twice");
+    return Corrupted("a vertex occurs twice");
   }
+  return Status::Ok();
+}
+
+Status RootPieceDecoder::DecodeTriangles() {
+  ByteReader triangles = streams_.stream(StreamTag::kRootTriangles);
+  ByteReader arcs = streams_.stream(StreamTag::kArcs);
   uint64_t seen = 0;
-  for (uint64_t t = 0; t < triangle_count; ++t) {
-    auto& corners = piece.in.triangles.emplace_back();
+  for (uint64_t t = 0; t < triangle_count_; ++t) {
+    auto& corners = piece_.in.triangles.emplace_back();
     for (uint32_t& v : corners) {
       const uint64_t back = triangles.GetVarint();
-      if (back > seen || (back == 0 && seen == vertex_count)) return corrupt("corner out of range");
+      if (back > seen || (back == 0 && seen == vertex_count_)) {
+        return Corrupted("corner out of range");
+      }
       v = static_cast<uint32_t>(seen - back);
       if (back == 0) ++seen;
     }
     if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) {
-      return corrupt("triangle " + std::to_string(t) + " has a corner twice");
+      return Corrupted("triangle " + std::to_string(t) + " has a corner twice");
     }
     const uint64_t arc = arcs.GetVarint();
-    if (arc > child_count) return corrupt("arc to a child that is not listed");
-    piece.removers.push_back(arc == 0 ? kDrain : kChildFlag | static_cast<uint32_t>(arc - 1));
+    if (arc > piece_.children.size()) return Corrupted("arc to a child that is not listed");
+    piece_.removers.push_back(arc == 0 ? kDrain : kChildFlag | static_cast<uint32_t>(arc - 1));
   }
   if (triangles.failed() || triangles.remaining() != 0 || arcs.failed() || arcs.remaining() != 0 ||
-      seen != vertex_count) {
-    return corrupt("triangles: wrong length");
+      seen != vertex_count_) {
+    return Corrupted("triangles: wrong length");
   }
-  ByteReader explicit_arcs = streams.stream(StreamTag::kExplicitArcs);
-  uint64_t slot = 0;
-  while (explicit_arcs.remaining() != 0) {
-    slot += explicit_arcs.GetVarint();
-    const uint64_t child_slot = explicit_arcs.GetVarint();
-    const auto rotation = explicit_arcs.Get<uint8_t>();
-    if (explicit_arcs.failed() || slot >= triangle_count || child_slot >= kNone32 || rotation > 2 ||
-        !RemovedByChild(piece.removers[slot])) {
-      return corrupt("explicit arc out of range");
-    }
-    piece.explicit_arcs.push_back(
-        {static_cast<uint32_t>(slot), static_cast<uint32_t>(child_slot), rotation});
-  }
-  const size_t row = attributes.row_bytes();
-  ByteReader rows = streams.stream(StreamTag::kAttributes);
-  if (rows.remaining() != vertex_count * row) return corrupt("attributes: wrong length");
-  piece.in.rows = JoinPlanes(rows.GetBytes(vertex_count * row), row);
-  return piece;
+  return Status::Ok();
+}
+
+}  // namespace
+
+Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
+                                uint64_t root_vertices, const std::string& where) {
+  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where));
+  return RootPieceDecoder(streams, where).Decode(attributes, root_vertices);
 }
 
 }  // namespace mtdb

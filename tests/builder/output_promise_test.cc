@@ -10,6 +10,8 @@
 #include "codecs/mesh_file/mesh_file.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/nasty_meshes.h"
+#include "tests/support/mesh_distance.h"
+#include "tests/support/read_mesh.h"
 #include "tests/support/temporary_folder.h"
 
 #pragma GCC diagnostic push
@@ -105,21 +107,7 @@ TriangleMesh ReadDraco(const std::string& path) {
 TriangleMesh ReadBack(const std::string& path) {
   if (path.ends_with(".glb")) return ReadGltf(path);
   if (path.ends_with(".drc")) return ReadDraco(path);
-  TriangleMesh mesh;
-  TriangleMeshSink sink(&mesh);
-  const Status status = ReadMeshFile(path, sink, nullptr);
-  INFO(status.message());
-  REQUIRE(status.ok());
-  return mesh;
-}
-
-double DistanceTo(const TriangleMesh& mesh, Vec3d p) {
-  double best = std::numeric_limits<double>::infinity();
-  for (const TriangleVertices& t : mesh.triangles) {
-    best = std::min(best, SquaredDistancePointTriangle(p, mesh.positions[t[0]],
-                                                       mesh.positions[t[1]], mesh.positions[t[2]]));
-  }
-  return std::sqrt(best);
+  return ReadMesh(path);
 }
 
 }  // namespace

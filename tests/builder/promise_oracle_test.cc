@@ -7,6 +7,7 @@
 #include "query/session.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/nasty_meshes.h"
+#include "tests/support/mesh_distance.h"
 
 namespace mtdb::testing {
 namespace {
@@ -32,15 +33,6 @@ TriangleMesh InputAt(const Place& place, int shape, uint32_t seed) {
   for (Vec3d& p : mesh.positions) p = place.at + (p - box.min) * scale;
   mesh.header.double_positions = true;
   return mesh;
-}
-
-double DistanceTo(const TriangleMesh& mesh, Vec3d p) {
-  double best = std::numeric_limits<double>::infinity();
-  for (const TriangleVertices& t : mesh.triangles) {
-    best = std::min(best, SquaredDistancePointTriangle(p, mesh.positions[t[0]],
-                                                       mesh.positions[t[1]], mesh.positions[t[2]]));
-  }
-  return std::sqrt(best);
 }
 
 double FieldAt(const Threshold& threshold, Vec3d p) { return threshold.Min({p, p, p}, 0); }

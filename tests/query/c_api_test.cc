@@ -9,6 +9,8 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <regex>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -103,6 +105,33 @@ void CheckSame(const Arrays& arrays, const TriangleMesh& mesh) {
 }
 
 }  // namespace
+
+// "kNotYet = 303" and "MTDB_NOT_YET = 303" as "NOT_YET 303".
+std::set<std::string> CodesIn(const std::string& file, const std::regex& code) {
+  std::ifstream in(std::string(MTDB_SOURCE_DIR) + "/" + file);
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  std::set<std::string> codes;
+  for (std::sregex_iterator at(text.begin(), text.end(), code), end; at != end; ++at) {
+    std::string name;
+    for (const char c : (*at)[1].str()) {
+      const bool starts_word = c >= 'A' && c <= 'Z' && !name.empty() && file != "query/mtdb.h";
+      if (starts_word) name += '_';
+      name += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    }
+    codes.insert(name + " " + (*at)[2].str());
+  }
+  return codes;
+}
+
+TEST_CASE("C has the codes of C++, by the same names") {
+  const auto in_c = CodesIn("query/mtdb.h", std::regex("MTDB_([A-Z_]+) = (0|[1-9][0-9]{2})\\b"));
+  const auto in_cc = CodesIn("store/base/status.h", std::regex("\\bk([A-Za-z]+) = ([0-9]+)"));
+  REQUIRE(in_cc.contains("NOT_YET 303"));
+  for (const std::string& code : in_cc) {
+    INFO(code);
+    CHECK(in_c.contains(code));
+  }
+}
 
 TEST_CASE("C sees the objects of a store and what they are") {
   Opened& o = TheObject();

@@ -17,12 +17,14 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "store/base/mesh_sink.h"
+#include "tests/support/read_mesh.h"
 #include "tests/support/temporary_folder.h"
 
 namespace mtdb::test {
 
 using Json = nlohmann::json;
 using Arguments = std::vector<std::string>;
+using testing::ReadMesh;
 
 // Files of one test case; removed with it.
 class Folder {
@@ -45,15 +47,6 @@ inline void WriteText(const std::string& path, const std::string& text) {
 }
 
 inline bool Exists(const std::string& path) { return std::filesystem::exists(path); }
-
-inline TriangleMesh ReadMesh(const std::string& path) {
-  TriangleMesh mesh;
-  TriangleMeshSink sink(&mesh);
-  const Status status = ReadMeshFile(path, sink, nullptr);
-  INFO(status.message());
-  REQUIRE(status.ok());
-  return mesh;
-}
 
 struct Outcome {
   int exit_code = -1;  // -1: a signal ended it

@@ -2,10 +2,10 @@
 // payloads, without zstd, which is not there for WebAssembly.
 #include <cstdio>
 
-#include "codecs/cluster/internal/streams.h"
 #include "store/cluster_source.h"
 #include "store/database.h"
 #include "store/internal/index_codec.h"
+#include "tests/codecs/decode_check/expand_payload.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {
@@ -13,16 +13,6 @@ namespace mtdb {
 using namespace internal;
 
 namespace {
-
-Bytes Expand(ByteSpan payload) {
-  const StreamReader streams = StreamReader::Open(payload, "payload").value();
-  StreamWriter expanded;
-  for (const StreamReader::Size& s : streams.sizes()) {
-    const ByteSpan bytes = streams.bytes(s.tag);
-    expanded.AddCoded(s.tag, Bytes(bytes.begin(), bytes.end()));
-  }
-  return expanded.Finish();
-}
 
 Status Dump(const char* store, const char* file) {
   MTDB_ASSIGN_OR_RETURN(const auto database, Database::Open(store));
@@ -33,7 +23,7 @@ Status Dump(const char* store, const char* file) {
   ByteWriter payloads;
   for (UnitId unit = 0; unit < index.unit_count(); ++unit) {
     MTDB_RETURN_IF_ERROR(ReadUnits(*source, {&unit, 1}, [&](UnitId, const Bytes& payload) {
-      const Bytes plain = Expand(payload);
+      const Bytes plain = ExpandPayload(payload);
       expanded.Add(index.unit(unit), {unit, 0, static_cast<uint32_t>(plain.size()), 0},
                    index.children(unit));
       PutBlob(payloads, plain);

@@ -1,11 +1,11 @@
 // decode_dump STORE FILE: the payloads of all objects, for decode_digest. See payload_file.h.
 #include <cstdio>
 
-#include "codecs/cluster/internal/streams.h"
 #include "query/internal/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/attribute_layout.h"
 #include "store/database.h"
+#include "tests/codecs/decode_check/expand_payload.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {
@@ -13,17 +13,6 @@ namespace mtdb {
 using namespace internal;
 
 namespace {
-
-// The same payload without zstd.
-Bytes Expand(ByteSpan payload) {
-  const StreamReader streams = StreamReader::Open(payload, "payload").value();
-  StreamWriter expanded;
-  for (const StreamReader::Size& s : streams.sizes()) {
-    const ByteSpan bytes = streams.bytes(s.tag);
-    expanded.AddCoded(s.tag, Bytes(bytes.begin(), bytes.end()));
-  }
-  return expanded.Finish();
-}
 
 void DumpObject(const Surface& surface, ByteWriter& out) {
   const ClusterIndex& index = surface.index();
@@ -37,7 +26,7 @@ void DumpObject(const Surface& surface, ByteWriter& out) {
         ReadUnits(*surface.source(), {&unit, 1}, [&](UnitId, const Bytes& payload) {
           out.Put(root ? kRootPayload : kClusterPayload);
           out.PutVarint(root ? surface.record().root_vertices : loaded->nodes());
-          PutBlob(out, Expand(payload));
+          PutBlob(out, ExpandPayload(payload));
           return Status::Ok();
         });
     MTDB_CHECK(status.ok(), status.message().c_str());
