@@ -33,6 +33,14 @@ endif()
 list(TRANSFORM listed REPLACE "(.+)" "#include \"\\1\"")
 list(JOIN listed "\n" includes)
 file(WRITE ${work}/all_headers.cc "${includes}\n")
+# Not by the compiler alone that mtdb is built with.
+find_program(CLANGXX NAMES clang++ clang++-16 clang++-14)
+if(CLANGXX)
+  run(${CLANGXX} -std=c++20 -fsyntax-only -Wall -Wextra -Wshadow -Werror
+    -I ${work}/prefix/include/mtdb ${work}/all_headers.cc)
+else()
+  message("no clang++: the installed headers are compiled by one compiler only")
+endif()
 
 set(flags)
 if(MTDB_SANITIZE)

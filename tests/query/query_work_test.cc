@@ -499,9 +499,6 @@ TEST_CASE("A question that lasts is ended by a cancellation", "[hostile]") {
 
 TEST_CASE("After a cancellation at any read no more than one is done", "[hostile]") {
   const MtFixture f = MakeMt({.shape = Shape::kTorus, .resolution = 24, .rounds = 4, .tiles = 8});
-  // So small a cache that each pass over the clusters reads them again.
-  size_t cache = 1 << 14;
-  while (!Extracted(Open(f, cache), Query{}).ok()) cache += cache / 8;
   std::vector<Way> ways = WaysToAsk();
   const Vec3d centre = (f.source->record_.bounds.min + f.source->record_.bounds.max) * 0.5;
   ways.push_back({"probe", [&](const auto& surface, const Query& query) {
@@ -527,6 +524,18 @@ TEST_CASE("After a cancellation at any read no more than one is done", "[hostile
                     query.threshold = nullptr;
                     return Extracted(surface, query);
                   }});
+  Query half;
+  half.region = Half(f);
+  half.threshold = ConstantThreshold(0.01);
+  // So small a cache that each pass over the clusters reads them again.
+  size_t cache = 1 << 14;
+  const auto suffices = [&](const Way& way) {
+    QueryControl control;
+    Query query = half;
+    query.control = &control;
+    return way.ask(Open(f, cache), query).ok();
+  };
+  while (!std::ranges::all_of(ways, suffices)) cache += cache / 8;
   for (const Way& way : ways) {
     const char* const name = way.name;
     const Ask& ask = way.ask;
@@ -537,9 +546,7 @@ TEST_CASE("After a cancellation at any read no more than one is done", "[hostile
         if (++reads == nth) control.Cancel();
         return Status::Ok();
       };
-      Query query;
-      query.region = Half(f);
-      query.threshold = ConstantThreshold(0.01);
+      Query query = half;
       query.control = &control;
       *status = ask(Open(f, cache), query);
       f.source->on_read_ = nullptr;
