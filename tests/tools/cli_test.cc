@@ -13,8 +13,8 @@
 namespace mtdb::test {
 namespace {
 
-constexpr const char* kVerbs[] = {"ingest", "info",  "list",  "extract", "verify",  "render",
-                                  "probe",  "serve", "fetch", "remove",  "generate"};
+constexpr const char* kVerbs[] = {"ingest", "info",  "list", "extract", "verify", "render",
+                                  "probe",  "serve", "view", "fetch",   "remove", "generate"};
 
 // Half the diagonal of a grid cell: what rounding adds to an error.
 double CellError(const Example& example) { return example.step() * std::numbers::sqrt3 / 2; }

@@ -126,6 +126,7 @@ TEST_CASE("wrong names of outputs, and empty arguments, are usage errors", "[cli
                                                       {"remove", "", "a"},
                                                       {"probe", "", "--point", "0,0,0"},
                                                       {"serve", ""},
+                                                      {"view", ""},
                                                       {"ingest", "", none},
                                                       {"ingest", "a.ply", ""},
                                                       {"fetch", "", "a.ply"},
@@ -175,6 +176,7 @@ TEST_CASE("wrong values of all other options are usage errors", "[cli]") {
        {"--grace", kNoSeconds},
        {"--allow-origin", kNoName},
        {"--tmp", kNoName}});
+  RequireUsage({"view", none}, {{"--port", {"", "x", "0", "65536", "-1", "1.5"}}});
   RequireUsage({"follow", "http://127.0.0.1:1", "--path", none},
                {{"--remember", {"", "x", "-1", "1.5", "16777217", "nan"}},
                 {"--timeout", kNoSeconds},

@@ -112,7 +112,7 @@ TEST_CASE("requests that cannot be served get a status and a reason", "[server]"
   refused(404, "no_such_object", "no object 'nothing'", "GET", "/objects/nothing");
   refused(404, "no_such_object", "no object 'nothing'", "GET", "/objects/nothing/mesh");
   refused(404, "no_such_object", "no object '../../etc'", "GET", "/objects/..%2F..%2Fetc/mesh");
-  for (const char* path : {"/", "/etc/passwd", "/objects/", "/objects/sculpture/mesh/x",
+  for (const char* path : {"//", "/etc/passwd", "/objects/", "/objects/sculpture/mesh/x",
                            "/objects/sculpture/ply", "/../../etc/passwd", "/healthz/x"}) {
     refused(404, "no_such_path", "/objects/NAME/mesh", "GET", path);
   }

@@ -443,6 +443,7 @@ class CommandLine {
   mtdb::QueryArguments query_;
   mtdb::ProbeArguments probe_;
   mtdb::ServerOptions serve_;
+  mtdb::ViewArguments view_;
   mtdb::FollowArguments follow_;
   mtdb::GenerateArguments generate_;
 };
@@ -578,6 +579,18 @@ void CommandLine::AddServerVerbs() {
               "More: docs/protocol.md",
               [this](bool*) { return mtdb::Serve(serve_); });
   AddServe(serve, &serve_);
+  CLI::App* view = AddVerb("view", "look at a store's objects in the browser",
+                           "Serves STORE on this machine alone, prints the URL, and opens it by "
+                           "xdg-open. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
+                           "Example: mtdb view scans.mtdb\n"
+                           "To choose limits, or to let others look: mtdb serve, whose URL shows "
+                           "the same page",
+                           [this](bool*) { return mtdb::View(view_); });
+  AddStore(view, &view_.store);
+  view->add_option("--port", view_.port, "listen on this port (default: any free one)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 65535));
+  view->add_flag("!--no-browser", view_.browser, "only print the URL");
   CLI::App* fetch =
       AddVerb("fetch", "extract from a server (mtdb serve)",
               "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "

@@ -10,26 +10,11 @@ namespace mtdb {
 
 namespace {
 
-Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
-
 void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
                  const ProbeAnswer& answer, double seconds) {
   const char* const measure = arguments.ray ? "parameter" : "distance";
   if (arguments.json) {
-    Json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
-    if (answer.hit) {
-      json["point"] = PointJson(answer.hit->point);
-      json[measure] = answer.hit->distance;
-      json["front"] = answer.hit->front;
-      json["triangle"] = Json::array();
-      for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(PointJson(p));
-      json["error_bound"] = answer.error_bound;
-      json["excess"] = answer.excess;
-    }
-    json["queries"] = answer.queries;
-    json["clusters_read"] = answer.clusters_read;
-    json["clusters_total"] = record.clusters;
-    json["bytes_read"] = answer.bytes_read;
+    Json json = ProbeJson(record, answer, arguments.ray.has_value());
     json["seconds"] = seconds;
     PrintJson(json);
     return;

@@ -6,17 +6,23 @@
 
 namespace mtdb {
 
-Status Serve(const ServerOptions& options) {
+Status ServeAndTell(const ServerOptions& options,
+                    const std::function<void(const std::string& url)>& listening) {
   // A connection takes up to two descriptors.
   rlimit files{};
   if (::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
     files.rlim_cur = files.rlim_max;
     (void)::setrlimit(RLIMIT_NOFILE, &files);
   }
-  return RunServer(options, [](const std::string& url) {
+  return RunServer(options, [&](const std::string& url) {
     std::printf("%s\n", url.c_str());
     std::fflush(stdout);
+    listening(url);
   });
+}
+
+Status Serve(const ServerOptions& options) {
+  return ServeAndTell(options, [](const std::string&) {});
 }
 
 }  // namespace mtdb

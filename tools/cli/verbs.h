@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -88,6 +89,17 @@ Status Follow(const FollowArguments& arguments);
 
 // Prints the URL once it can be asked; returns when a signal ends it.
 Status Serve(const ServerOptions& options);
+// Likewise, and then calls `listening` with it.
+Status ServeAndTell(const ServerOptions& options,
+                    const std::function<void(const std::string& url)>& listening);
+
+struct ViewArguments {
+  std::string store;
+  uint16_t port = 0;  // 0: any free one
+  bool browser = true;
+};
+// Serves the store on this machine, and has the desktop's browser show it.
+Status View(const ViewArguments& arguments);
 
 struct ProbeArguments {
   std::string store;

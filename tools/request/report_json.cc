@@ -95,6 +95,24 @@ Json CatalogJson(const std::vector<ObjectRecord>& records) {
   return {{"objects", objects}};
 }
 
+Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray) {
+  Json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
+  if (answer.hit) {
+    json["point"] = Point(answer.hit->point);
+    json[ray ? "parameter" : "distance"] = answer.hit->distance;
+    json["front"] = answer.hit->front;
+    json["triangle"] = Json::array();
+    for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(Point(p));
+    json["error_bound"] = answer.error_bound;
+    json["excess"] = answer.excess;
+  }
+  json["queries"] = answer.queries;
+  json["clusters_read"] = answer.clusters_read;
+  json["clusters_total"] = record.clusters;
+  json["bytes_read"] = answer.bytes_read;
+  return json;
+}
+
 const char* LimitName(QueryLimit limit) {
   switch (limit) {
     case QueryLimit::kThreshold: return "accuracy";

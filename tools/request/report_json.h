@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "query/cut.h"
+#include "query/probe.h"
 #include "store/object_record.h"
 #include "store/verify_store.h"
 #include "tools/client/json.h"
@@ -16,6 +17,8 @@ Json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
 // All objects, as `list` has them.
 Json CatalogJson(const std::vector<ObjectRecord>& records);
 Json ChecksJson(const CheckReport& report);
+// What a probe of an object found. A ray's hit has a "parameter", a point's a "distance".
+Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray);
 // "accuracy", "triangles", ...
 const char* LimitName(QueryLimit limit);
 // To standard output. Bytes that are not UTF-8, which names of files may have, become U+FFFD.

@@ -52,4 +52,7 @@ struct ServerOptions {
 Status RunServer(const ServerOptions& options,
                  const std::function<void(const std::string& url)>& listening);
 
+// Whether this server has a page to show at / (tools/viewer). kUnsupported says why not.
+Status CheckViewer();
+
 }  // namespace mtdb

@@ -186,4 +186,29 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
   return request;
 }
 
+Result<ProbeRequest> ParseProbeRequest(const RequestTarget& target) {
+  ProbeRequest request;
+  std::set<std::string> seen;
+  for (const auto& [name, text] : target.parameters) {
+    if (!seen.insert(name).second) return InvalidArgument(name + ": given twice");
+    Status status;
+    if (name == "point") {
+      status = Set(&request.point, ParsePoint, text);
+    } else if (name == "ray") {
+      status = Set(&request.ray, ParseRay, text);
+    } else if (name == "error") {
+      status = Set(&request.options.error_model, ParseNonNegative, text);
+    } else if (name == "limit") {
+      status = Set(&request.options.limit, ParseNonNegative, text);
+    } else {
+      status = InvalidArgument("no such parameter; known are point, ray, error and limit");
+    }
+    if (!status.ok()) return InvalidArgument(name + ": " + status.message());
+  }
+  if (request.point.has_value() == request.ray.has_value()) {
+    return InvalidArgument("expected a point or a ray: point=X,Y,Z or ray=X,Y,Z,DX,DY,DZ");
+  }
+  return request;
+}
+
 }  // namespace mtdb::internal

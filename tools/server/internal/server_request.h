@@ -2,11 +2,14 @@
 // body as a query. Safe on any input.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "query/probe.h"
 #include "store/base/status.h"
+#include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
 namespace mtdb::internal {
@@ -27,5 +30,13 @@ struct MeshRequest {
 // The query is the body when there is one, else the parameters, which are the options of `mtdb
 // extract` without dashes. kInvalidArgument with a message that begins with the parameter.
 Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::string& body);
+
+struct ProbeRequest {
+  std::optional<Vec3d> point;  // either this
+  std::optional<Ray> ray;      // or this
+  ProbeOptions options;
+};
+// The parameters are the options of `mtdb probe` without dashes; errors as above.
+Result<ProbeRequest> ParseProbeRequest(const RequestTarget& target);
 
 }  // namespace mtdb::internal

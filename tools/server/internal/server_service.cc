@@ -15,6 +15,7 @@
 #include "tools/client/shortfall_json.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
+#include "tools/server/internal/server_page.h"
 
 namespace mtdb::internal {
 
@@ -118,8 +119,8 @@ ServerError NoMemory() { return {503, "no_space", "the server is out of memory; 
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
       404, "no_such_path",
-      "there are /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/session, /healthz and "
-      "/metrics");
+      "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/probe, "
+      "/objects/NAME/session, /healthz and /metrics");
 }
 
 }  // namespace
@@ -183,8 +184,10 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
     return answer;
   }
   const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
+  const bool probe = objects && path.size() == 3 && path[2] == "probe";
   const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
-  if (!alone && !mesh && !(objects && path.size() < 3)) return NoSuchPath();
+  const bool page = path.size() == 1 && IsPagePath(path[0]);
+  if (!alone && !page && !mesh && !probe && !(objects && path.size() < 3)) return NoSuchPath();
   const bool reads = request.method == "GET" || request.method == "HEAD";
   if (!reads && !(mesh && request.method == "POST")) {
     ServerAnswer answer = ErrorAnswer(405, "method_not_allowed",
@@ -192,6 +195,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
     answer.headers.emplace_back("Allow", mesh ? "GET, HEAD, POST" : "GET, HEAD");
     return answer;
   }
+  if (page) return PageAnswer(path[0]);
   if (alone && path[0] == "metrics") return Metrics();
   if (alone) {
     ServerAnswer answer;
@@ -200,6 +204,13 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   }
   const std::string name = path.size() > 1 ? path[1] : "";
   if (path.size() > 1 && name.empty()) return NoSuchPath();
+  if (probe) {
+    const Result<ProbeRequest> parsed = ParseProbeRequest(*target);
+    if (!parsed.ok()) return ErrorAnswer(400, "bad_query", parsed.status().message());
+    Result<ServerAnswer> answer = Probe(name, *parsed, call);
+    return answer.ok() ? *std::move(answer)
+                       : ErrorAnswer(Failure(answer.status(), name, call, false));
+  }
   if (!mesh) {
     Result<ServerAnswer> answer = path.size() == 1 ? Catalog() : Info(name);
     return answer.ok() ? *std::move(answer)
@@ -252,6 +263,23 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   answer.content_type = format.content_type;
   answer.triangles = stats.triangles;
   AddStats(stats, &answer);
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Probe(const std::string& name, const ProbeRequest& request,
+                                          ServerCall& call) {
+  if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
+  ProbeOptions options = request.options;
+  options.control = &call.control;
+  ++metrics_.queries;
+  MTDB_ASSIGN_OR_RETURN(
+      const ProbeAnswer found,
+      request.ray ? CastRay(*surface, request.ray->origin, request.ray->direction, options)
+                  : FindClosestPoint(*surface, *request.point, options));
+  metrics_.read_bytes += found.bytes_read;
+  ServerAnswer answer;
+  answer.body = Dump(ProbeJson(surface->record(), found, request.ray.has_value()));
   return answer;
 }
 

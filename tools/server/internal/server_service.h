@@ -134,6 +134,8 @@ class ServerService {
   Result<ServerAnswer> Catalog();
   Result<ServerAnswer> Info(const std::string& name);
   Result<ServerAnswer> Mesh(const std::string& name, const MeshRequest& request, ServerCall& call);
+  Result<ServerAnswer> Probe(const std::string& name, const ProbeRequest& request,
+                             ServerCall& call);
   ServerAnswer Metrics();
   ServerError Failure(const Status& status, const std::string& name, const ServerCall& call,
                       bool opened);

@@ -1,0 +1,444 @@
+// The page of the viewer in a real browser, against what the command line says. Waits for states,
+// never for times. node viewer_test.mjs [WORD]: the tests whose names have the word.
+import {readFileSync, writeFileSync} from 'node:fs';
+import {check, close, decode, exact, extracted, file, launch, near, open, run, runJson, same, serve, trianglesOfPly, trianglesOnScreen, until} from './testing.mjs';
+
+const tests = [];
+const test = (name, f) => tests.push([name, f]);
+const kName = 'sculpture', kOdd = 'Hügel <img src=x onerror=alert(1)> &amp; sehr langer Name '.repeat(3).trim();
+
+const store = file('s.mtdb');
+let info, server;
+const status = page => page.textContent('#exactness');
+const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+const camera = page => page.evaluate(() => ({eye: viewer.navigation.eye(), target: viewer.navigation.target()}));
+const region = page => page.evaluate(() => viewer.scene.focus?.region);
+const box = '&region=box:-0.3,-1.3,0.1,0.4,-0.2,0.8';
+
+test('the page draws an object, in less than 250 kB', async () => {
+  const page = await open(`${server.url}/#o=${kName}`);
+  await exact(page);
+  check((await status(page)).startsWith('exact to 1 px = '), await status(page));
+  const bytes = Object.entries(page.bytes).filter(([path]) => !path.startsWith('/objects'));
+  check(bytes.some(([path]) => path === '/decoder.wasm'), 'the decoder was not loaded');
+  check(bytes.reduce((sum, [, n]) => sum + n, 0) < 250000, `the page has ${JSON.stringify(bytes)} bytes`);
+  const picture = await decode(await page.locator('#canvas').screenshot());
+  const levels = new Set();
+  for (let i = 0; i < picture.data.length; i += 4) levels.add(picture.data[i]);
+  check(levels.size > 60, `the picture has ${levels.size} levels of red`);
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('what is on the screen is what mtdb extract gives', async () => {
+  for (const more of ['', '&px=3', `${box}&outside=view&px=4`, `${box}&outside=coarse`, `${box}&outside=clip`, '&region=sphere:0,-0.8,0.4,0.5&outside=coarse&inside=0.003',
+    '&region=half_space:0,0,0,1,0,0&outside=clip&inside=view', '&triangles=20000']) {
+    const page = await open(`${server.url}/#o=${kName}${more}`);
+    await exact(page);
+    const onScreen = await trianglesOnScreen(page, kName, info);
+    same(onScreen, await extracted(page, store, kName, info), more);
+    check(page.wrong.length === 0, page.wrong.join('; '));
+    await close(page);
+  }
+});
+
+test('a budget that does not suffice raises the error everywhere, and the page says to what', async () => {
+  const page = await open(`${server.url}/#o=${kName}&triangles=3000`);
+  await exact(page);
+  check(/^exact to [0-9.]+ px = .*budget of 3,000 triangles/.test(await status(page)), await status(page));
+  const figures = await page.evaluate(() => [viewer.scene.exactness().pixels, viewer.scene.total(o => o.mesh.triangles)]);
+  check(figures[0] > 1 && figures[1] <= 3000 && figures[1] > 800, figures.join(' '));
+  await close(page);
+});
+
+test('dragging the box changes the mesh where the box is', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=view&px=4`);
+  await exact(page);
+  const before = await trianglesOnScreen(page, kName, info), first = (await region(page)).box;
+  const places = await page.evaluate(() => viewer.handles.places());
+  const [x, y] = places.maxx;
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  const answers = () => page.evaluate(() => viewer.scene.changes);
+  const atGrip = await answers();
+  for (let i = 1; i <= 10; ++i) await page.mouse.move(x + 8 * i, y + i);
+  await until(async () => (await answers()) > atGrip + 5, 'the mesh follows while the box is dragged');
+  await page.mouse.up();
+  await exact(page);
+  const last = (await region(page)).box;
+  check(last.max[0] > first.max[0] + 0.1, 'the face was dragged');
+  for (const [a, b] of [[first.min, last.min], [[0, ...first.max.slice(1)], [0, ...last.max.slice(1)]]]) near(distance(a, b), 0, 1e-9, 'the other faces stay');
+  const after = await trianglesOnScreen(page, kName, info);
+  same(after, await extracted(page, store, kName, info), 'after dragging');
+  // What has changed lies near the box: where it was, where it is, and where the mesh grows coarse.
+  const old = new Set(before);
+  const changed = after.filter(t => !old.has(t));
+  check(changed.length > 500, `${changed.length} triangles have changed`);
+  const reach = 0.12 * info.diagonal;
+  for (const text of changed) {
+    const p = text.split(',')[0].split(' ').map((n, k) => info.bounds.min[k] + info.step * Number(n));
+    check(p.every((c, k) => c > Math.min(first.min[k], last.min[k]) - reach && c < Math.max(first.max[k], last.max[k]) + reach), `a triangle at ${p} has changed`);
+  }
+  const middle = (await page.evaluate(() => viewer.handles.places())).centre;
+  await page.mouse.move(...middle);
+  await page.mouse.down();
+  await page.mouse.move(middle[0] + 30, middle[1] + 40, {steps: 4});
+  await page.mouse.up();
+  const moved = (await region(page)).box;
+  near(distance(moved.min, moved.max), distance(last.min, last.max), 1e-6, 'the whole box moves');
+  check(distance(moved.min, last.min) > 0.05, 'the box was moved');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('orbit, pan, zoom to the cursor, double click, views and keys move the camera', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=4`);
+  await exact(page);
+  const drag = async (button, dx, dy) => {
+    await page.mouse.move(420, 300);
+    await page.mouse.down({button});
+    await page.mouse.move(420 + dx, 300 + dy, {steps: 6});
+    await page.mouse.up({button});
+    await exact(page);
+  };
+  const start = await camera(page);
+  await drag('left', 120, 30);
+  const turned = await camera(page);
+  near(distance(turned.eye, turned.target), distance(start.eye, start.target), 1e-3, 'the distance');
+  near(distance(turned.target, start.target), 0, 1e-3, 'what the camera turns around');
+  check(distance(turned.eye, start.eye) > 0.5, 'the camera turned');
+  await drag('right', 60, 0);
+  const moved = await camera(page);
+  near(distance(moved.eye, turned.eye), distance(moved.target, turned.target), 1e-3, 'panning moves both');
+  check(distance(moved.eye, turned.eye) > 0.05, 'the camera was moved');
+  // The point under the cursor stays there.
+  const at = [470, 250];
+  const hit = await page.evaluate(([x, y]) => viewer.probe(x, y), at);
+  check(hit, 'there is surface under the cursor');
+  const onScreen = p => page.evaluate(q => { const s = viewer.navigation.toScene(q).project(viewer.navigation.camera); return [(s.x + 1) * 400, (1 - s.y) * 300]; }, p);
+  await page.mouse.move(...at);
+  for (let i = 0; i < 4; ++i) await page.mouse.wheel(0, -120);
+  await until(async () => { const c = await camera(page); return distance(c.eye, hit.point) < 0.9 * distance(moved.eye, hit.point); }, 'the wheel zooms');
+  await exact(page);
+  const stays = await onScreen(hit.point);
+  near(Math.hypot(stays[0] - at[0], stays[1] - at[1]), 0, 12, 'the point under the cursor');
+  // A double click goes to the exact hit.
+  const target = await page.evaluate(() => viewer.probe(400, 300));
+  if (target) {
+    await page.mouse.dblclick(400, 300);
+    await until(async () => distance((await camera(page)).target, target.point) < 1e-6, 'the double click goes there');
+    const ray = await page.evaluate(() => viewer.navigation.ray(400, 300));
+    void ray;
+  }
+  await page.keyboard.press('1');
+  await until(async () => { const c = await camera(page); return c.eye[2] - c.target[2] > 0.99 * distance(c.eye, c.target); }, '1 looks from above');
+  await page.keyboard.press('h');
+  await until(async () => { const c = await camera(page); return Math.abs(c.eye[0] - start.eye[0]) < 1e-3; }, 'H shows all');
+  await page.keyboard.press('f');
+  await page.keyboard.down('w');
+  await until(async () => { const c = await camera(page); return distance(c.eye, start.eye) > 0.2; }, 'W flies');
+  await page.keyboard.up('w');
+  const flown = await camera(page);
+  const straight = distance(flown.eye, start.eye) - (distance(start.eye, start.target) - distance(flown.eye, start.target));
+  near(straight, 0, 1e-3, 'flying goes where the camera looks');
+  await page.mouse.move(300, 200);
+  await page.mouse.down();
+  await page.mouse.move(360, 200, {steps: 4});
+  await page.mouse.up();
+  const looked = await camera(page);
+  near(distance(looked.eye, flown.eye), 0, 1e-6, 'looking around stays at the place');
+  check(distance(looked.target, flown.target) > 0.05, 'dragging looks around');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('two fingers zoom, one turns', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=4`, {hasTouch: true, isMobile: true, viewport: {width: 390, height: 844}});
+  await exact(page);
+  const touch = async (type, points) => (await page.context().newCDPSession(page)).send('Input.dispatchTouchEvent', {type, touchPoints: points.map(([x, y], id) => ({x, y, id}))});
+  const start = await camera(page);
+  await touch('touchStart', [[150, 300]]);
+  for (let i = 1; i <= 6; ++i) await touch('touchMove', [[150 + 15 * i, 300]]);
+  await touch('touchEnd', []);
+  await until(async () => distance((await camera(page)).eye, start.eye) > 0.3, 'one finger turns');
+  await exact(page);
+  const turned = await camera(page);
+  await touch('touchStart', [[150, 400], [240, 400]]);
+  for (let i = 1; i <= 6; ++i) await touch('touchMove', [[150 - 10 * i, 400], [240 + 10 * i, 400]]);
+  await touch('touchEnd', []);
+  await until(async () => { const c = await camera(page); return distance(c.eye, c.target) < 0.8 * distance(turned.eye, turned.target); }, 'two fingers zoom');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('measured points are those of mtdb probe', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=4&unit=mm`);
+  await exact(page);
+  await page.keyboard.press('m');
+  const places = [[430, 250], [455, 420], [380, 480]];
+  for (const [i, [x, y]] of places.entries()) {
+    await page.mouse.click(x, y);
+    await until(() => page.evaluate(n => viewer.measuring.lines.reduce((sum, l) => sum + l.points.length, 0) === n, i + 1), 'the point is there');
+  }
+  const points = await page.evaluate(() => viewer.measuring.lines[0].points);
+  for (const [i, [x, y]] of places.entries()) {
+    const {origin, direction} = await page.evaluate(([a, b]) => viewer.navigation.ray(a, b), [x, y]);
+    const probed = runJson('probe', store, '--name', kName, `--ray=${[...origin, ...direction].join(',')}`);
+    check(probed.hit, 'mtdb probe hits');
+    near(distance(probed.point, points[i].point), 0, 1e-12, 'the point');
+    check(points[i].error_bound === probed.error_bound, 'its bound');
+  }
+  const length = distance(points[0].point, points[1].point) + distance(points[1].point, points[2].point);
+  check((await page.textContent('#measured')).includes(`${Number(length.toPrecision(4))} mm over 3 points`), await page.textContent('#measured'));
+  check(await page.locator('.label').count() === 2, 'a label for each segment');
+  const take = async button => {
+    const [download] = await Promise.all([page.waitForEvent('download'), page.click(button)]);
+    return readFileSync(await download.path(), 'utf8');
+  };
+  const rows = (await take('#csv')).trim().split('\n').map(row => row.split(','));
+  check(rows.length === 4 && rows[3].slice(2, 5).every((text, k) => Number(text) === points[2].point[k]), 'the CSV file');
+  near(Number(rows[3][7]), length, 1e-12, 'the length in it');
+  const json = JSON.parse(await take('#geojson'));
+  check(json.features[0].geometry.coordinates.length === 3, 'the GeoJSON file');
+  near(json.features[0].properties.height_difference, points[2].point[2] - points[0].point[2], 1e-12, 'the height difference');
+  await page.keyboard.press('Backspace');
+  check(await page.evaluate(() => viewer.measuring.lines[0].points.length) === 2, 'Backspace takes the last point back');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('a link brings back camera, region, style and lines', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=coarse&inside=0.004&px=2&wireframe=true&shading=flat&colour=height&map=cividis&unit=m&line=0,0,0,1,1,1`);
+  await exact(page);
+  await page.mouse.move(400, 100);
+  await page.mouse.down();
+  await page.mouse.move(470, 130, {steps: 5});
+  await page.mouse.up();
+  await exact(page);
+  const read = p => p.evaluate(() => JSON.stringify({...viewer.view(), eye: 0, target: 0}));
+  await until(async () => decodeURIComponent(page.url()).includes((await camera(page)).eye.join(',')), 'the address has the camera');
+  const other = await open(page.url());
+  await exact(other);
+  check(await read(page) === await read(other), `${await read(page)} and ${await read(other)}`);
+  const a = await camera(page), b = await camera(other);
+  near(distance(a.eye, b.eye) + distance(a.target, b.target), 0, 1e-9 * info.diagonal, 'the camera');
+  same(await trianglesOnScreen(other, kName, info), await trianglesOnScreen(page, kName, info), 'the mesh');
+  check(await other.evaluate(() => document.getElementById('wireframe').checked && document.getElementById('shading').value === 'flat'), 'the panel shows the style');
+  check(!(await other.locator('#legend').isHidden()), 'the legend is there');
+  await close(other);
+  await close(page);
+  // Whatever is in a link, the page opens.
+  const odd = await open(`${server.url}/#o=${kName}&eye=NaN,1&look=x&px=-3&triangles=1e99&region=box:3,2,1,0,0,0&colour=a:none&map=<b>&line=a,b,c&unit=furlong`);
+  await exact(odd);
+  check(odd.wrong.length === 0, odd.wrong.join('; '));
+  await close(odd);
+});
+
+test('the mesh that is taken away is that of mtdb extract', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=view&px=4`);
+  await exact(page);
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  for (const format of ['ply', 'obj', 'glb', 'drc']) {
+    await page.selectOption('#format', format);
+    await page.fill('#take-error', '0.002');
+    const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
+    check(download.suggestedFilename() === `${kName}.${format}`, download.suggestedFilename());
+    run('extract', store, file(`box.${format}`), '--name', kName, '--error', '0.002', '--box=-0.3,-1.3,0.1,0.4,-0.2,0.8', '--clip');
+    check(readFileSync(await download.path()).equals(readFileSync(file(`box.${format}`))), `the ${format} file`);
+  }
+  check(/triangles, off by at most/.test(await page.textContent('#take-said')), await page.textContent('#take-said'));
+  await page.selectOption('#picture-size', '1920x1080');
+  const [download] = await Promise.all([page.waitForEvent('download'), page.click('#picture')]);
+  const picture = await decode(readFileSync(await download.path()));
+  check(picture.width === 1920 && picture.height === 1080, `${picture.width} x ${picture.height}`);
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('the picture covers what mtdb render draws', async () => {
+  const eye = [1.9, -3.2, 1.4], target = [0, 0, 0.2];
+  const page = await open(`${server.url}/#o=${kName}&eye=${eye}&look=${target}`);
+  await exact(page);
+  // The page's labels and panels are not of the scene.
+  await page.evaluate(() => [...document.body.children].forEach(e => e.id !== 'stage' && (e.style.display = 'none')));
+  const ours = await decode(await page.screenshot());
+  run('render', store, file('r.png'), '--name', kName, '--pixels', '1', '--frustum', '--eye=' + eye, '--target=' + target, '--fov', '45', '--viewport', '800x600', '--size', '800x600');
+  const theirs = await decode(readFileSync(file('r.png')));
+  check(theirs.width === ours.width && theirs.height === ours.height, 'the sizes');
+  const covered = picture => {
+    const corner = [0, 1, 2].map(k => picture.data[k]);
+    return Array.from({length: picture.width * picture.height}, (_, i) => [0, 1, 2].some(k => Math.abs(picture.data[4 * i + k] - corner[k]) > 8));
+  };
+  const a = covered(ours), b = covered(theirs);
+  let both = 0, one = 0;
+  a.forEach((x, i) => (x && b[i] ? ++both : x !== b[i] && ++one));
+  check(both > 20000, `${both} pixels are covered in both`);
+  check(one < 0.02 * both, `${one} pixels are covered in one picture only, ${both} in both`);
+  await close(page);
+});
+
+test('names and attributes are never markup; objects go on and off', async () => {
+  const page = await open(server.url + '/');
+  await page.waitForSelector('#start-list button');
+  check((await page.locator('#start-list button').allTextContents()).some(text => text.startsWith(kOdd)), 'the list has the odd name');
+  await page.locator('#start-list button').filter({hasText: 'Hügel'}).click();
+  await exact(page);
+  check(await page.textContent('#title') === kOdd, 'the title has the odd name');
+  check(await page.locator('img').count() === 0, 'no markup came of it');
+  await page.locator('#objects label').filter({hasText: kName}).locator('input').check();
+  await exact(page);
+  const shown = await page.evaluate(() => [...viewer.scene.objects].map(([, o]) => o.mesh.triangles));
+  check(shown.length === 2 && shown.every(n => n > 100), `${shown}`);
+  await page.selectOption('#colour', 'a:quality');
+  await exact(page);
+  await until(async () => await page.isVisible('#legend') && (await page.textContent('#legend-name')) === 'quality', 'the legend of the attribute');
+  await page.selectOption('#colour', 'vertex');
+  await exact(page);
+  await page.locator('#objects label').filter({hasText: kName}).locator('input').uncheck();
+  await until(() => page.evaluate(() => viewer.scene.objects.size === 1), 'the object is off');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('coordinates of UTM keep their digits', async () => {
+  const utm = JSON.parse(run('info', store, '--name', 'utm', '--json'));
+  const object = utm.objects ? utm.objects[0] : utm;
+  const page = await open(`${server.url}/#o=utm`);
+  await exact(page);
+  same(await trianglesOnScreen(page, 'utm', object), await extracted(page, store, 'utm', object), 'utm');
+  // Where float32 takes a point of the mesh on the screen, and where it belongs.
+  const off = await page.evaluate(() => {
+    const {mesh} = viewer.scene.objects.get('utm'), camera = viewer.navigation.camera;
+    mesh.group.updateMatrixWorld(true);
+    const t = mesh.readTriangles();
+    const view = mesh.group.matrixWorld.clone().premultiply(camera.matrixWorldInverse);
+    const single = Float32Array.from(view.elements), projection = Float32Array.from(camera.projectionMatrix.elements), f = Math.fround;
+    let worst = 0;
+    for (let i = 0; i < Math.min(t.length, 30000); i += 3) {
+      const p = [0, 1, 2].map(k => f(t[i + k] - mesh.origin[k]));
+      const v = [0, 1, 2].map(r => f(f(f(single[r] * p[0]) + f(single[4 + r] * p[1])) + f(f(single[8 + r] * p[2]) + single[12 + r])));
+      const x = f(projection[0] * v[0]) / -v[2], y = f(projection[5] * v[1]) / -v[2];
+      const s = viewer.navigation.toScene([t[i], t[i + 1], t[i + 2]]).project(camera);
+      worst = Math.max(worst, Math.abs(x - s.x) * 400, Math.abs(y - s.y) * 300);
+    }
+    return worst;
+  });
+  check(off < 0.05, `${off} pixels off`);
+  await page.mouse.move(400, 300);
+  await until(async () => /^5[0-9]{5}\.\d+ {2}54[0-9]{5}\.\d+ {2}/.test(await page.textContent('#where')), 'the coordinates under the cursor have their digits');
+  await close(page);
+});
+
+test('a lost server is said, and found again with the same view', async () => {
+  let own = await serve(store);
+  const page = await open(`${own.url}/#o=${kName}&px=3`);
+  await exact(page);
+  const before = await trianglesOnScreen(page, kName, info), view = await camera(page);
+  await own.stop('SIGKILL');
+  await until(async () => await page.isVisible('#banner') && /lost|reached/.test(await page.textContent('#banner')), 'the page says that the server is lost');
+  check(await page.evaluate(() => viewer.scene.total(o => o.mesh.triangles)) === before.length, 'the mesh is still there');
+  own = await serve(store, own.port);
+  await until(async () => !(await page.isVisible('#banner')), 'the server is found again');
+  await exact(page);
+  same(await trianglesOnScreen(page, kName, info), before, 'the mesh of the same view');
+  near(distance((await camera(page)).eye, view.eye), 0, 1e-9, 'the camera');
+  await close(page);
+  await own.stop('SIGTERM');
+});
+
+test('what cannot be shown is a sentence', async () => {
+  const said = async (url, words, options) => {
+    const page = await open(url, options);
+    await until(async () => (await page.textContent('body')).includes(words) && (await page.getByText(words).first().isVisible()), `the page says "${words}"`);
+    await close(page);
+  };
+  await said(`${server.url}/#o=nothing`, 'There is no object “nothing” in this store.');
+  await said(server.url + '/', 'This browser has no WebGL 2', {init: () => {
+    const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind === 'webgl2' ? null : get.call(this, kind, ...more); };
+  }});
+  // An object that is removed while one looks at it, and a store without any.
+  const other = file('other.mtdb');
+  run('ingest', file('small.ply'), other, '--quiet', '--name', 'brief');
+  const own = await serve(other);
+  const page = await open(own.url + '/');
+  await exact(page);
+  run('remove', other, 'brief');
+  await page.evaluate(() => viewer.navigation.view('top', false));
+  await page.evaluate(() => (viewer.scene.pixels = 0.5));
+  await until(async () => /not in the store any more|gone|removed/.test(await page.textContent('#banner')) || (await page.evaluate(() => viewer.scene.exactness().kind === 'exact')), 'the removed object is said, or its session goes on');
+  await close(page);
+  await said(own.url + '/', 'This store has no objects yet.');
+  await own.stop('SIGTERM');
+});
+
+test('a flight leaves no errors, and takes no more memory the second time', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=2`);
+  await exact(page);
+  const cdp = await page.context().newCDPSession(page);
+  const flight = async () => {
+    await page.evaluate(async rounds => {
+      const centre = viewer.navigation.target(), size = viewer.navigation.radius();
+      for (let i = 0; i <= 90 * rounds; ++i) {
+        const a = (i / 90) * 2 * Math.PI, r = size * (1.6 + Math.cos(3 * a));
+        viewer.navigation.set([centre[0] + r * Math.sin(a), centre[1] - r * Math.cos(a), centre[2] + 0.4 * r], centre, false);
+        await new Promise(done => requestAnimationFrame(done));
+      }
+    }, Number(process.env.MTDB_VIEWER_ROUNDS ?? 1));
+    await exact(page);
+    await cdp.send('HeapProfiler.collectGarbage');
+    return {heap: (await cdp.send('Runtime.getHeapUsage')).usedSize, ...(await page.evaluate(() => ({...viewer.renderer.info.memory, programs: viewer.renderer.info.programs.length})))};
+  };
+  await flight();
+  const first = await flight(), second = await flight();
+  check(second.heap < 1.2 * first.heap + 2e6, `heap ${first.heap}, then ${second.heap}`);
+  check(second.geometries === first.geometries && second.textures === first.textures && second.programs === first.programs, JSON.stringify([first, second]));
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+// ---- stores, and the run ----
+
+function writeUtm(path) {
+  const n = 80, lines = ['ply', 'format ascii 1.0', `element vertex ${n * n}`, 'property double x', 'property double y', 'property double z',
+    'property uchar red', 'property uchar green', 'property uchar blue', 'property float quality', `element face ${2 * (n - 1) ** 2}`, 'property list uchar int vertex_indices', 'end_header'];
+  for (let i = 0; i < n * n; ++i) {
+    const x = i % n, y = Math.floor(i / n), z = 4 * Math.sin(x / 7) * Math.cos(y / 9) + 0.7 * Math.sin(x * 1.7 + y);
+    lines.push(`${500000 + x * 0.75} ${5400000 + y * 0.75} ${(300 + z).toFixed(4)} ${3 * x} ${3 * y} 120 ${(x + y / 2).toFixed(2)}`);
+  }
+  for (let y = 0; y + 1 < n; ++y) for (let x = 0; x + 1 < n; ++x) {
+    const a = y * n + x;
+    lines.push(`3 ${a} ${a + 1} ${a + n}`, `3 ${a + 1} ${a + n + 1} ${a + n}`);
+  }
+  writeFileSync(path, lines.join('\n') + '\n');
+}
+
+run('generate', 'sculpture', file('sculpture.ply'), '--triangles', '60000');
+run('generate', 'terrain', file('small.ply'), '--triangles', '3000');
+writeUtm(file('utm.ply'));
+run('ingest', file('sculpture.ply'), store, '--quiet', '--name', kName);
+run('ingest', file('utm.ply'), store, '--quiet', '--name', kOdd, '--step', '0.01');
+run('ingest', file('utm.ply'), store, '--quiet', '--name', 'utm', '--step', '0.01');
+const described = JSON.parse(run('info', store, '--name', kName, '--json'));
+info = described.objects ? described.objects[0] : described;
+void trianglesOfPly;
+server = await serve(store);
+const browser = await launch();
+if ((await fetch(server.url + '/')).status !== 200) {
+  console.log('skipped: this mtdb was built without the viewer');
+  process.exit(77);
+}
+let failed = 0;
+for (const [name, f] of tests.filter(([n]) => n.includes(process.argv[2] ?? ''))) {
+  const begin = Date.now();
+  try {
+    await f();
+    console.log(`ok      ${((Date.now() - begin) / 1000).toFixed(1)} s  ${name}`);
+  } catch (error) {
+    ++failed;
+    console.log(`FAILED  ${name}\n        ${error.message.split('\n').slice(0, 4).join('\n        ')}\n${error.stack.split('\n').filter(l => l.includes('viewer_test')).slice(0, 2).join('\n')}`);
+  }
+}
+await browser.close();
+await server.stop('SIGTERM');
+process.exit(failed > 0 ? 1 : 0);

@@ -1,0 +1,227 @@
+// How the camera moves: around a point, or flying; home, side views, going there.
+import CameraControls from 'camera-controls';
+import * as three from 'three';
+import {add, cross, dot, length, scale, sub, unit, type Camera, type Point} from './query';
+
+CameraControls.install({THREE: {Vector2: three.Vector2, Vector3: three.Vector3, Vector4: three.Vector4, Quaternion: three.Quaternion,
+  Matrix4: three.Matrix4, Spherical: three.Spherical, Box3: three.Box3, Sphere: three.Sphere, Raycaster: three.Raycaster}});
+
+export interface Bounds {
+  min: Point;
+  max: Point;
+}
+
+export const views: Record<string, Point> = {
+  home: [0.55, -1, 0.5], front: [0, -1, 0], back: [0, 1, 0], left: [-1, 0, 0], right: [1, 0, 0], top: [0, -1e-4, 1], bottom: [0, -1e-4, -1],
+};
+
+const kFlyKeys: Record<string, Point> = { // right, up, forward
+  KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0],
+};
+const kTurnKeys: Record<string, [number, number]> = {ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
+
+export class Navigation {
+  readonly camera = new three.PerspectiveCamera(45, 1, 0.1, 1000);
+  readonly controls: CameraControls;
+  flying = false;
+  speed = 1; // of flying, as a factor
+  private frame: Point = [0, 0, 0];
+  private bounds: Bounds = {min: [-1, -1, -1], max: [1, 1, 1]};
+  private readonly pressed = new Set<string>();
+  private readonly smooth = !matchMedia('(prefers-reduced-motion: reduce)').matches;
+  private look: {id: number; x: number; y: number} | null = null;
+
+  // `surfaceAt` finds the surface under a place of the picture; moving goes by it.
+  constructor(private readonly element: HTMLElement, private readonly surfaceAt: (x: number, y: number) => Promise<Point | null>) {
+    this.camera.up.set(0, 0, 1);
+    this.controls = new CameraControls(this.camera, element);
+    this.controls.dollyToCursor = true;
+    this.controls.smoothTime = this.smooth ? 0.12 : 0.001;
+    this.controls.draggingSmoothTime = 0.05;
+    this.controls.mouseButtons.middle = CameraControls.ACTION.TRUCK;
+    this.controls.touches.two = CameraControls.ACTION.TOUCH_DOLLY_TRUCK;
+    this.controls.touches.three = CameraControls.ACTION.TOUCH_TRUCK;
+    this.controls.minPolarAngle = 0.0005;
+    this.controls.maxPolarAngle = Math.PI - 0.0005;
+    this.listen();
+  }
+
+  // The scene's origin and what is in it.
+  place(frame: Point, bounds: Bounds) {
+    this.frame = frame;
+    this.bounds = bounds;
+    const size = this.radius();
+    this.controls.minDistance = size * 1e-5;
+    this.controls.maxDistance = size * 50;
+  }
+
+  radius() {
+    return Math.max(length(sub(this.bounds.max, this.bounds.min)) / 2, 1e-9);
+  }
+
+  toScene(p: Point) {
+    return new three.Vector3(...sub(p, this.frame));
+  }
+
+  eye(): Point {
+    return add(this.frame, this.camera.position.toArray() as Point);
+  }
+
+  target(): Point {
+    return add(this.frame, this.controls.getTarget(new three.Vector3(), false).toArray() as Point);
+  }
+
+  // The distance at which errors and the scale bar are told.
+  depth() {
+    return Math.max(length(sub(this.target(), this.eye())), 1e-12);
+  }
+
+  query(viewport: [number, number]): Camera {
+    const eye = this.eye();
+    const forward = this.camera.getWorldDirection(new three.Vector3()).toArray() as Point;
+    return {eye, target: add(eye, scale(forward, this.depth())), fov: this.camera.fov, viewport};
+  }
+
+  // The ray through a place of the element, in CSS pixels. Its direction has the length that leads
+  // to a depth of 1.
+  ray(x: number, y: number): {origin: Point; direction: Point} {
+    const forward = this.camera.getWorldDirection(new three.Vector3()).toArray() as Point;
+    const right = unit(cross(forward, [0, 0, 1]));
+    const up = cross(right, forward);
+    const tan = Math.tan((this.camera.fov * Math.PI) / 360);
+    const w = this.element.clientWidth, h = this.element.clientHeight;
+    const px = ((2 * x) / w - 1) * tan * (w / h), py = (1 - (2 * y) / h) * tan;
+    return {origin: this.eye(), direction: add(forward, add(scale(right, px), scale(up, py)))};
+  }
+
+  set(eye: Point, target: Point, moves = true) {
+    const e = this.toScene(eye), t = this.toScene(target);
+    void this.controls.setLookAt(e.x, e.y, e.z, t.x, t.y, t.z, moves && this.smooth);
+  }
+
+  view(name: string, moves = true) {
+    const direction = unit(views[name] ?? views.home!);
+    const centre = scale(add(this.bounds.min, this.bounds.max), 0.5);
+    const right = unit(cross([-direction[0], -direction[1], -direction[2]], [0, 0, 1])), up = cross(right, scale(direction, -1));
+    const tan = Math.tan((this.camera.fov * Math.PI) / 360);
+    // So far that each corner of the bounds is in the picture.
+    let distance = this.radius() * 0.01;
+    for (let i = 0; i < 8; ++i) {
+      const corner = sub([0, 1, 2].map(k => ((i >> k) & 1 ? this.bounds.max : this.bounds.min)[k]!) as Point, centre);
+      const beside = Math.max(Math.abs(dot(corner, right)) / (tan * this.camera.aspect), Math.abs(dot(corner, up)) / tan);
+      distance = Math.max(distance, dot(corner, direction) + 1.06 * beside);
+    }
+    this.set(add(centre, scale(direction, distance)), centre, moves);
+  }
+
+  // Towards a point of the surface, until it is a third as far.
+  goTo(point: Point) {
+    const way = sub(this.eye(), point);
+    this.set(add(point, scale(way, 0.35)), point);
+  }
+
+  // The point that the camera turns around and moves by comes to the depth of `point`: nothing is
+  // seen to move.
+  adoptDepth(point: Point) {
+    const forward = this.camera.getWorldDirection(new three.Vector3()).toArray() as Point;
+    const eye = this.eye();
+    const depth = dot(sub(point, eye), forward);
+    if (depth > 0 && Number.isFinite(depth)) this.set(eye, add(eye, scale(forward, depth)), false);
+  }
+
+  fly(on: boolean) {
+    this.flying = on;
+    this.pressed.clear();
+    const {ROTATE, NONE, TRUCK} = CameraControls.ACTION;
+    this.controls.mouseButtons.left = on ? NONE : ROTATE;
+    this.controls.mouseButtons.right = on ? NONE : TRUCK;
+    this.controls.touches.one = on ? NONE : CameraControls.ACTION.TOUCH_ROTATE;
+  }
+
+  // Whether it moves still.
+  update(seconds: number): boolean {
+    this.flyOn(seconds);
+    const moves = this.controls.update(seconds);
+    this.setPlanes();
+    return moves || this.pressed.size > 0;
+  }
+
+  // Near and far, as tight as what is in the scene allows: depth has few bits.
+  private setPlanes() {
+    const centre = scale(add(this.bounds.min, this.bounds.max), 0.5);
+    const distance = length(sub(this.eye(), centre)), radius = this.radius() * 1.01;
+    const far = distance + radius;
+    this.camera.near = Math.max(distance - radius, Math.min(this.depth() * 0.02, far * 0.01), far * 1e-6);
+    this.camera.far = Math.max(far, this.camera.near * 2);
+    this.camera.updateProjectionMatrix();
+  }
+
+  private flyOn(seconds: number) {
+    if (this.pressed.size === 0) return;
+    let move: Point = [0, 0, 0], turn: [number, number] = [0, 0];
+    for (const key of this.pressed) {
+      if (this.flying && kFlyKeys[key]) move = add(move, kFlyKeys[key]!);
+      const way = kTurnKeys[key];
+      if (way) turn = [turn[0] + way[0], turn[1] + way[1]];
+    }
+    if (turn[0] || turn[1]) {
+      if (this.flying) this.turn(turn[0] * seconds * 1.2, turn[1] * seconds * 1.2);
+      else if (this.pressed.has('Shift')) void this.controls.truck(-turn[0] * seconds * this.depth() * 0.8, -turn[1] * seconds * this.depth() * 0.8, false);
+      else void this.controls.rotate(turn[0] * seconds * 1.6, -turn[1] * seconds * 1.6, false);
+    }
+    if (!this.flying) return;
+    const step = seconds * this.speed * Math.max(this.depth(), this.radius() * 0.002) * (this.pressed.has('Shift') ? 3 : 0.8);
+    const forward = this.camera.getWorldDirection(new three.Vector3()).toArray() as Point;
+    const right = unit(cross(forward, [0, 0, 1]));
+    const way = add(add(scale(right, move[0] * step), scale([0, 0, 1], move[1] * step)), scale(forward, move[2] * step));
+    if (length(way) > 0) this.set(add(this.eye(), way), add(this.target(), way), false);
+  }
+
+  // Looks elsewhere from where the camera is; radians, to the left and up.
+  private turn(left: number, up: number) {
+    const eye = this.eye(), forward = unit(sub(this.target(), eye));
+    const azimuth = Math.atan2(forward[1], forward[0]) + left;
+    const height = Math.max(-1.55, Math.min(1.55, Math.asin(Math.max(-1, Math.min(1, forward[2]))) + up));
+    const to: Point = [Math.cos(azimuth) * Math.cos(height), Math.sin(azimuth) * Math.cos(height), Math.sin(height)];
+    this.set(eye, add(eye, scale(to, this.depth())), false);
+  }
+
+  private listen() {
+    this.element.addEventListener('pointerdown', event => {
+      if (this.flying && this.controls.enabled) this.look = {id: event.pointerId, x: event.clientX, y: event.clientY};
+    });
+    this.element.addEventListener('pointermove', event => {
+      if (!this.look || event.pointerId !== this.look.id) return;
+      const radians = (this.camera.fov * Math.PI) / 180 / this.element.clientHeight;
+      this.turn((event.clientX - this.look.x) * radians, (event.clientY - this.look.y) * radians);
+      this.look = {id: event.pointerId, x: event.clientX, y: event.clientY};
+    });
+    for (const name of ['pointerup', 'pointercancel'] as const) addEventListener(name, () => (this.look = null));
+    // Zooming goes by the depth of what is under the cursor.
+    let last = 0;
+    this.element.addEventListener('wheel', event => {
+      const begins = event.timeStamp - last > 400;
+      last = event.timeStamp;
+      if (!begins) return;
+      const box = this.element.getBoundingClientRect();
+      void this.surfaceAt(event.clientX - box.left, event.clientY - box.top).then(p => p && this.adoptDepth(p));
+    }, {passive: true});
+    const onPage = (event: KeyboardEvent) => !(event.target as HTMLElement).closest?.('input, select, textarea, button, summary');
+    addEventListener('keydown', event => {
+      if (!onPage(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (kTurnKeys[event.code] || (this.flying && kFlyKeys[event.code])) {
+        this.pressed.add(event.code);
+        event.preventDefault();
+      } else if (event.key === 'Shift') {
+        this.pressed.add('Shift');
+      } else if (event.key === '+' || event.key === '-') {
+        void this.controls.dolly(this.depth() * (event.key === '+' ? 0.2 : -0.25), this.smooth);
+      }
+    });
+    addEventListener('keyup', event => {
+      this.pressed.delete(event.code);
+      if (event.key === 'Shift') this.pressed.delete('Shift');
+    });
+    addEventListener('blur', () => this.pressed.clear());
+  }
+}

@@ -1,0 +1,189 @@
+// One object's mesh on the graphics card: arrays of slots, of which only what changes is sent there.
+import * as three from 'three';
+import {sub, type Point} from './query';
+import {edgeMaterial, surfaceMaterial, type Uniforms} from './shaders';
+import type {MeshUpdate, Slots} from './source';
+
+const kSpare = 1.4; // how much larger arrays are made than they must be
+
+type Data = Uint32Array | Float32Array | Int16Array | Uint8Array;
+
+function write(attribute: three.BufferAttribute, slots: Slots<Data>, count: number) {
+  const {ranges, data} = slots;
+  const array = attribute.array as Data;
+  for (let i = 0, at = 0; i < ranges.length; i += 2) {
+    const begin = ranges[i]! * count, size = (ranges[i + 1]! - ranges[i]!) * count;
+    array.set(data.subarray(at, at + size) as never, begin);
+    attribute.addUpdateRange(begin, size);
+    at += size;
+  }
+  if (ranges.length > 0) attribute.needsUpdate = true;
+}
+
+export class ObjectMesh {
+  readonly group = new three.Group();
+  triangles = 0;
+  vertices = 0;
+  triangleSlots = 0;
+  origin: Point = [0, 0, 0];
+  valueRange: [number, number] | null = null;
+  private vertexSlots = 0;
+  private triangleRoom = 0;
+  private vertexRoom = 0;
+  private index = new three.BufferAttribute(new Uint32Array(0), 3);
+  private attributes: Record<string, three.BufferAttribute> = {};
+  private geometry = new three.BufferGeometry();
+  private edgeIndex: three.BufferAttribute | null = null;
+  private edgeGeometry: three.BufferGeometry | null = null;
+  private readonly place = {place: {value: new three.Vector3()}};
+  private readonly surface: three.Mesh;
+  private readonly edges: three.LineSegments;
+
+  // `frame`: the point of the model that is the scene's origin. Positions on the card are relative
+  // to points nearby, so that float32 suffices however large the coordinates are.
+  constructor(shared: Uniforms, private readonly frame: Point) {
+    this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.place));
+    this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.place));
+    this.surface.frustumCulled = this.edges.frustumCulled = false;
+    this.edges.visible = false;
+    this.edges.renderOrder = 1;
+    this.group.add(this.surface, this.edges);
+  }
+
+  apply(update: MeshUpdate) {
+    if (update.fresh) this.triangleRoom = this.vertexRoom = 0;
+    this.makeRoom(update);
+    this.triangles = update.triangles;
+    this.vertices = update.vertices;
+    this.triangleSlots = update.triangleSlots;
+    this.vertexSlots = update.vertexSlots;
+    this.origin = update.origin;
+    this.valueRange = update.valueRange;
+    this.group.position.set(...sub(update.origin, this.frame));
+    this.place.place.value.copy(this.group.position);
+    write(this.index, update.indices, 3);
+    write(this.attributes.position!, update.positions, 3);
+    write(this.attributes.normal!, update.normals, 4);
+    if (update.values) {
+      const colours = update.values.data instanceof Uint8Array;
+      write(this.valueAttribute(colours ? 'colour' : 'scalar'), update.values, colours ? 4 : 1);
+    }
+    this.geometry.setDrawRange(0, 3 * update.triangleSlots);
+    if (this.edgeIndex) this.writeEdges(update.indices.ranges);
+  }
+
+  set wireframe(on: boolean) {
+    if (on === this.edges.visible) return;
+    this.edges.visible = on;
+    if (on) {
+      this.makeEdges();
+    } else {
+      this.dropEdges();
+    }
+  }
+
+  // Corner by corner, in model units; test programs compare them with those of `mtdb extract`.
+  readTriangles(): Float64Array {
+    const out = new Float64Array(9 * this.triangles);
+    const index = this.index.array, p = this.attributes.position?.array;
+    let at = 0;
+    for (let i = 0; i < 3 * this.triangleSlots; i += 3) {
+      if (index[i] === index[i + 1]) continue;
+      for (let c = 0; c < 3; ++c) {
+        for (let k = 0; k < 3; ++k) out[at++] = this.origin[k]! + p![3 * index[i + c]! + k]!;
+      }
+    }
+    return out;
+  }
+
+  dispose() {
+    this.dropEdges();
+    this.geometry.dispose();
+    (this.surface.material as three.Material).dispose();
+    (this.edges.material as three.Material).dispose();
+  }
+
+  private makeRoom(update: MeshUpdate) {
+    const moreTriangles = update.triangleSlots > this.triangleRoom, moreVertices = update.vertexSlots > this.vertexRoom;
+    if (!moreTriangles && !moreVertices) return;
+    const before = this.geometry;
+    const grown = (old: three.BufferAttribute | undefined, Kind: new (n: number) => Data, slots: number, count: number, used: number, normalized = false) => {
+      const array = new Kind(slots * count);
+      if (old) array.set((old.array as Data).subarray(0, used * count) as never);
+      const attribute = new three.BufferAttribute(array, count, normalized);
+      attribute.setUsage(three.DynamicDrawUsage);
+      return attribute;
+    };
+    const keep = !update.fresh;
+    if (moreTriangles) {
+      this.triangleRoom = Math.ceil(update.triangleSlots * kSpare) + 1024;
+      const used = keep ? this.triangleSlots : 0;
+      const index = grown(keep ? this.index : undefined, Uint32Array, this.triangleRoom, 3, used);
+      // Three takes an index for a list of single numbers.
+      this.index = new three.BufferAttribute(index.array, 1);
+      this.index.setUsage(three.DynamicDrawUsage);
+    }
+    if (moreVertices) {
+      this.vertexRoom = Math.ceil(update.vertexSlots * kSpare) + 1024;
+      const used = keep ? this.vertexSlots : 0;
+      const old = keep ? this.attributes : {};
+      const room = this.vertexRoom;
+      this.attributes = {
+        position: grown(old.position, Float32Array, room, 3, used),
+        normal: grown(old.normal, Int16Array, room, 4, used, true),
+        ...(old.colour ? {colour: grown(old.colour, Uint8Array, room, 4, used, true)} : {}),
+        ...(old.scalar ? {scalar: grown(old.scalar, Float32Array, room, 1, used)} : {}),
+      };
+    }
+    this.geometry = new three.BufferGeometry();
+    this.geometry.setIndex(this.index);
+    for (const [name, attribute] of Object.entries(this.attributes)) this.geometry.setAttribute(name, attribute);
+    this.surface.geometry = this.geometry;
+    before.dispose();
+    if (this.edges.visible) {
+      this.triangleSlots = keep ? this.triangleSlots : 0;
+      this.makeEdges();
+    }
+  }
+
+  private valueAttribute(name: 'colour' | 'scalar'): three.BufferAttribute {
+    let attribute = this.attributes[name];
+    if (!attribute) {
+      attribute = name === 'colour' ? new three.BufferAttribute(new Uint8Array(4 * this.vertexRoom), 4, true) : new three.BufferAttribute(new Float32Array(this.vertexRoom), 1);
+      attribute.setUsage(three.DynamicDrawUsage);
+      this.attributes[name] = attribute;
+      this.geometry.setAttribute(name, attribute);
+    }
+    return attribute;
+  }
+
+  private dropEdges() {
+    this.edgeGeometry?.dispose();
+    this.edgeGeometry = this.edgeIndex = null;
+  }
+
+  private makeEdges() {
+    this.dropEdges();
+    if (this.triangleRoom === 0) return;
+    this.edgeIndex = new three.BufferAttribute(new Uint32Array(6 * this.triangleRoom), 1);
+    this.edgeIndex.setUsage(three.DynamicDrawUsage);
+    this.edgeGeometry = new three.BufferGeometry();
+    this.edgeGeometry.setIndex(this.edgeIndex);
+    this.edgeGeometry.setAttribute('position', this.attributes.position!);
+    this.edges.geometry = this.edgeGeometry;
+    this.writeEdges(new Uint32Array([0, this.triangleSlots]));
+  }
+
+  private writeEdges(ranges: Uint32Array) {
+    const to = this.edgeIndex!.array as Uint32Array, from = this.index.array;
+    for (let r = 0; r < ranges.length; r += 2) {
+      for (let t = ranges[r]!; t < ranges[r + 1]!; ++t) {
+        const a = from[3 * t]!, b = from[3 * t + 1]!, c = from[3 * t + 2]!;
+        to.set([a, b, b, c, c, a], 6 * t);
+      }
+      this.edgeIndex!.addUpdateRange(6 * ranges[r]!, 6 * (ranges[r + 1]! - ranges[r]!));
+    }
+    this.edgeIndex!.needsUpdate = true;
+    this.edgeGeometry!.setDrawRange(0, 6 * this.triangleSlots);
+  }
+}

@@ -1,0 +1,109 @@
+// Where meshes come from. The page draws, measures and takes away by these interfaces alone; a
+// server's sessions are one way to fill them (server_store.ts).
+import type {Point, Query} from './query';
+
+export interface ObjectEntry {
+  object: string;
+  triangles: number;
+  vertices: number;
+}
+
+export interface ObjectInfo extends ObjectEntry {
+  bounds: {min: Point; max: Point};
+  diagonal: number;
+  rounding_error: number;
+  attributes: {name: string; type: string}[];
+}
+
+// Elements of some slots: `data` has them one range after the other; range i is
+// [ranges[2 i], ranges[2 i + 1]).
+export interface Slots<Data> {
+  ranges: Uint32Array;
+  data: Data;
+}
+
+// What changed in a mesh that is kept in slots. A triangle slot without a triangle has the indices
+// 0, 0, 0.
+export interface MeshUpdate {
+  fresh: boolean; // the first of a new mesh: all that was there before is gone
+  triangles: number;
+  vertices: number;
+  triangleSlots: number;
+  vertexSlots: number;
+  origin: Point; // positions are relative to it
+  indices: Slots<Uint32Array>; // three a triangle
+  positions: Slots<Float32Array>; // three a vertex
+  normals: Slots<Int16Array>; // four a vertex: x, y, z in steps of 1/32767, and 0
+  values: Slots<Float32Array | Uint8Array> | null; // see ValueChoice
+  valueRange: [number, number] | null; // of a scalar, so far
+}
+
+// Which attributes come with the vertices.
+export type ValueChoice =
+  | {kind: 'none'}
+  | {kind: 'colour'; attributes: [number, number, number]} // four bytes a vertex
+  | {kind: 'scalar'; attribute: number}; // a float a vertex
+
+// What a query came to; see docs/protocol.md.
+export interface Done {
+  triangles: number;
+  vertices: number;
+  error_bound: number;
+  shortfall: {triangles: number; excess: number} | null;
+  limit: 'accuracy' | 'triangles' | 'bytes' | 'time';
+  messages: number;
+  bytes: number;
+  milliseconds: number;
+}
+
+export interface MeshListener {
+  // The mesh has changed.
+  changed(update: MeshUpdate): void;
+  // The mesh is the answer of a query; `query` is the object that was given to ask(). The update with its last change came before.
+  answered(query: Query, done: Done): void;
+  // A query has failed, and the mesh stays as it is.
+  failed(query: Query, sentence: string): void;
+  // lost: it is being tried again, and the last query will be asked again. gone: for good.
+  state(state: 'opening' | 'open' | 'lost' | 'gone', sentence: string): void;
+}
+
+export interface Traffic {
+  bytes: number; // received so far
+  applyMilliseconds: number; // of the last update
+}
+
+export interface MeshSource {
+  // Makes the mesh the answer to this query. The latest counts.
+  ask(query: Query): void;
+  choose(values: ValueChoice): void;
+  readonly maxTriangles: number; // that a query may ask for
+  readonly traffic: Traffic;
+  close(): void;
+}
+
+export interface Hit {
+  point: Point;
+  error_bound: number;
+}
+
+export interface TakenMesh {
+  blob: Blob;
+  triangles: number;
+  errorBound: number;
+}
+
+// Errors are StoreErrors, whose message is a sentence for the user.
+export class StoreError extends Error {
+  constructor(message: string, readonly code: string) {
+    super(message);
+  }
+}
+
+export interface Store {
+  objects(): Promise<ObjectEntry[]>;
+  info(name: string): Promise<ObjectInfo>;
+  open(name: string, listener: MeshListener): MeshSource;
+  // Where a ray first meets the surface, at full resolution; null when it does not.
+  probe(name: string, origin: Point, direction: Point, signal?: AbortSignal): Promise<Hit | null>;
+  mesh(name: string, query: Query, format: string): Promise<TakenMesh>;
+}

@@ -1,0 +1,78 @@
+// What a link carries to a colleague: objects, camera, region, style, measured lines.
+import {kindOf, numbersOf, regionOf} from './focus_handles';
+import type {Focus, Point} from './query';
+
+export interface Style {
+  shading: 'smooth' | 'flat';
+  wireframe: boolean;
+  colour: string; // plain, vertex, height, steepness, or a:NAME
+  map: string;
+  light: 'camera' | 'northwest';
+  back: boolean;
+}
+
+export interface ViewState {
+  objects: string[];
+  eye: Point | null;
+  target: Point | null;
+  pixels: number;
+  triangles: number;
+  style: Style;
+  focus: Focus | null;
+  unit: string;
+  lines: Point[][]; // measured
+}
+
+export const plainStyle: Style = {shading: 'smooth', wireframe: false, colour: 'plain', map: 'viridis', light: 'camera', back: true};
+
+const point = (text: string | null): Point | null => {
+  const n = (text ?? '').split(',').map(Number);
+  return text && n.length === 3 && n.every(x => Number.isFinite(x)) ? (n as Point) : null;
+};
+
+export function writeView(view: ViewState, defaults: ViewState): string {
+  const p = new URLSearchParams();
+  for (const name of view.objects) p.append('o', name);
+  if (view.eye && view.target) {
+    p.set('eye', view.eye.join(','));
+    p.set('look', view.target.join(','));
+  }
+  if (view.pixels !== defaults.pixels) p.set('px', String(view.pixels));
+  if (view.triangles !== defaults.triangles) p.set('triangles', String(view.triangles));
+  for (const key of Object.keys(plainStyle) as (keyof Style)[]) {
+    if (view.style[key] !== defaults.style[key]) p.set(key, String(view.style[key]));
+  }
+  if (view.focus) {
+    p.set('region', kindOf(view.focus.region) + ':' + numbersOf(view.focus.region).join(','));
+    p.set('inside', String(view.focus.inside));
+    p.set('outside', view.focus.outside);
+  }
+  if (view.unit) p.set('unit', view.unit);
+  for (const line of view.lines) if (line.length > 0) p.append('line', line.flat().join(','));
+  return '#' + p.toString();
+}
+
+// Anything may be in a link: what is no value is left out.
+export function readView(hash: string, defaults: ViewState): ViewState {
+  const p = new URLSearchParams(hash.replace(/^#/, ''));
+  const oneOf = <T extends string>(key: string, values: readonly T[], otherwise: T): T => (values.includes(p.get(key) as T) ? (p.get(key) as T) : otherwise);
+  const number = (key: string, otherwise: number) => (p.has(key) && Number(p.get(key)) > 0 && Number.isFinite(Number(p.get(key))) ? Number(p.get(key)) : otherwise);
+  const [kind, numbers] = (p.get('region') ?? '').split(':');
+  const region = kind && numbers ? regionOf(kind, numbers.split(',').map(Number)) : null;
+  const inside = p.get('inside') ?? 'full';
+  const error = Number(inside);
+  const flag = (key: 'wireframe' | 'back') => (p.has(key) ? p.get(key) === 'true' : defaults.style[key]);
+  const lines = p.getAll('line').map(text => {
+    const n = text.split(',').map(Number);
+    const points: Point[] = [];
+    for (let i = 0; i + 2 < n.length; i += 3) points.push([n[i]!, n[i + 1]!, n[i + 2]!]);
+    return points.every(q => q.every(x => Number.isFinite(x))) ? points : [];
+  }).filter(line => line.length > 0);
+  return {
+    objects: p.getAll('o'), eye: point(p.get('eye')), target: point(p.get('look')), pixels: number('px', defaults.pixels), triangles: number('triangles', defaults.triangles),
+    style: {shading: oneOf('shading', ['smooth', 'flat'], defaults.style.shading), wireframe: flag('wireframe'), colour: p.get('colour') ?? defaults.style.colour,
+      map: p.get('map') ?? defaults.style.map, light: oneOf('light', ['camera', 'northwest'], defaults.style.light), back: flag('back')},
+    focus: region ? {region, inside: inside === 'full' || inside === 'view' ? inside : error > 0 && Number.isFinite(error) ? error : 'full', outside: oneOf('outside', ['view', 'coarse', 'clip'], 'view')} : null,
+    unit: oneOf('unit', ['', 'mm', 'cm', 'm', 'km'], ''), lines,
+  };
+}

@@ -1,0 +1,169 @@
+// The client of an update stream for the page (src/decoder.ts): one session's mesh, with vertex
+// normals, and what changed in it since the page asked last. Compiled to WebAssembly with
+// codecs/client_sources.txt. One instance for each session; nothing here outlives it.
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "codecs/stream/update_stream.h"
+
+#define MTDB_EXPORT(name) __attribute__((export_name(name)))
+
+namespace mtdb {
+namespace {
+
+// Ranges of slots closer than this travel to the page as one: each has its price there.
+constexpr uint32_t kGap = 256;
+
+using Normal = std::array<int16_t, 4>;  // x, y, z in steps of 1/32767, and 0
+
+struct State {
+  explicit State(const UpdateDecoder::Limits& limits) : decoder(limits) {}
+  UpdateDecoder decoder;
+  Bytes input;
+  std::string error;
+  std::vector<Normal> normals;  // a vertex slot
+  std::vector<float> sums;      // of the normals of triangles, by area
+  std::array<uint32_t, 5> counts{};
+  std::array<double, 3> origin{};
+  // How many ranges of triangles, vertices and normals there are, then their bounds.
+  std::vector<uint32_t> changes;
+};
+std::unique_ptr<State> state;
+
+void SumNormals(const ClientMesh& mesh, std::vector<float>* sums) {
+  sums->assign(3 * size_t{mesh.vertex_slots()}, 0.0F);
+  const float* const p = mesh.positions().data();
+  const std::span<const uint32_t> indices = mesh.indices();
+  for (size_t i = 0; i + 2 < indices.size(); i += 3) {
+    const uint32_t a = indices[i], b = indices[i + 1], c = indices[i + 2];
+    if (a == b) continue;  // an empty slot
+    float u[3], v[3];
+    for (int k = 0; k < 3; ++k) {
+      u[k] = p[3 * size_t{b} + k] - p[3 * size_t{a} + k];
+      v[k] = p[3 * size_t{c} + k] - p[3 * size_t{a} + k];
+    }
+    const float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                        u[0] * v[1] - u[1] * v[0]};
+    for (const uint32_t corner : {a, b, c}) {
+      for (int k = 0; k < 3; ++k) (*sums)[3 * size_t{corner} + k] += n[k];
+    }
+  }
+}
+
+Normal Rounded(const float* n) {
+  const double length = std::sqrt(double{n[0]} * n[0] + double{n[1]} * n[1] + double{n[2]} * n[2]);
+  if (!(length > 0) || !std::isfinite(length)) return {};
+  const double scale = 32767 / length;
+  Normal rounded{};
+  for (size_t k = 0; k < 3; ++k) rounded[k] = static_cast<int16_t>(std::lround(n[k] * scale));
+  return rounded;
+}
+
+// Appends a slot to ranges in ascending order, the last of which begins at `first` or later.
+void AddSlot(uint32_t slot, size_t first, std::vector<uint32_t>* ranges) {
+  if (ranges->size() > first && slot < ranges->back() + kGap) {
+    ranges->back() = slot + 1;
+  } else {
+    ranges->push_back(slot);
+    ranges->push_back(slot + 1);
+  }
+}
+
+uint32_t AddRanges(std::span<const ClientMesh::Range> ranges, std::vector<uint32_t>* changes) {
+  const size_t first = changes->size();
+  for (const ClientMesh::Range& range : ranges) {
+    AddSlot(range.begin, first, changes);
+    changes->back() = range.end;
+  }
+  return static_cast<uint32_t>((changes->size() - first) / 2);
+}
+
+uint32_t UpdateNormals(const ClientMesh& mesh, std::vector<uint32_t>* changes) {
+  SumNormals(mesh, &state->sums);
+  const size_t first = changes->size();
+  state->normals.resize(mesh.vertex_slots());
+  for (uint32_t v = 0; v < mesh.vertex_slots(); ++v) {
+    const Normal normal = Rounded(&state->sums[3 * size_t{v}]);
+    if (normal == state->normals[v]) continue;
+    state->normals[v] = normal;
+    AddSlot(v, first, changes);
+  }
+  return static_cast<uint32_t>((changes->size() - first) / 2);
+}
+
+}  // namespace
+
+// A new mesh, of at most so many triangles and vertices.
+MTDB_EXPORT("open") extern "C" void Open(uint32_t triangles, uint32_t vertices) {
+  state = std::make_unique<State>(UpdateDecoder::Limits{triangles, vertices});
+}
+
+// Where the next `size` bytes of the stream go.
+MTDB_EXPORT("input") extern "C" std::byte* Input(uint32_t size) {
+  state->input.resize(size);
+  return state->input.data();
+}
+
+// Applies what is in the input. 0, or 1 after an error, which error() tells.
+MTDB_EXPORT("feed") extern "C" uint32_t Feed() {
+  const Status status = state->decoder.Feed(state->input);
+  if (!status.ok()) state->error = status.message();
+  return status.ok() ? 0 : 1;
+}
+
+MTDB_EXPORT("error") extern "C" const char* Error() { return state->error.c_str(); }
+MTDB_EXPORT("error_size") extern "C" uint32_t ErrorSize() {
+  return static_cast<uint32_t>(state->error.size());
+}
+
+// Whether there is a mesh yet.
+MTDB_EXPORT("started") extern "C" uint32_t Started() { return state->decoder.started() ? 1 : 0; }
+
+// Triangles, vertices, slots of triangles, slots of vertices, bytes of a vertex's attributes.
+MTDB_EXPORT("counts") extern "C" const uint32_t* Counts() {
+  const ClientMesh& mesh = state->decoder.mesh();
+  state->counts = {mesh.triangle_count(), mesh.vertex_count(), mesh.triangle_slots(),
+                   mesh.vertex_slots(),
+                   static_cast<uint32_t>(mesh.options().attributes.row_bytes())};
+  return state->counts.data();
+}
+
+MTDB_EXPORT("origin") extern "C" const double* Origin() {
+  const Vec3d origin = state->decoder.mesh().origin();
+  state->origin = {origin.x, origin.y, origin.z};
+  return state->origin.data();
+}
+
+MTDB_EXPORT("indices") extern "C" const uint32_t* Indices() {
+  return state->decoder.mesh().indices().data();
+}
+MTDB_EXPORT("positions") extern "C" const float* Positions() {
+  return state->decoder.mesh().positions().data();
+}
+MTDB_EXPORT("normals") extern "C" const int16_t* Normals() {
+  return reinterpret_cast<const int16_t*>(state->normals.data());
+}
+MTDB_EXPORT("rows") extern "C" const std::byte* Rows() {
+  return state->decoder.mesh().rows().data();
+}
+
+// Brings the normals up to date; see State::changes.
+MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
+  const ClientMesh::Changes changes = state->decoder.TakeChanges();
+  std::vector<uint32_t>& list = state->changes;
+  list.assign(3, 0);
+  const uint32_t triangles = AddRanges(changes.triangles, &list);
+  const uint32_t vertices = AddRanges(changes.vertices, &list);
+  const uint32_t normals = UpdateNormals(state->decoder.mesh(), &list);
+  list[0] = triangles;
+  list[1] = vertices;
+  list[2] = normals;
+  return list.data();
+}
+
+}  // namespace mtdb
