@@ -255,6 +255,34 @@ test('the mesh that is taken away is that of mtdb extract', async () => {
   await close(page);
 });
 
+test('pictures after changes are those of a page that was opened so', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=8`);
+  await exact(page);
+  const set = (id, value) => page.evaluate(([i, v]) => {
+    const element = document.getElementById(i);
+    if (element.type === 'checkbox') element.checked = v;
+    else element.value = v;
+    element.dispatchEvent(new Event(element.type === 'range' ? 'input' : 'change'));
+  }, [id, value]);
+  for (const [id, value] of [['wireframe', true], ['pixels', '0'], ['wireframe', false], ['pixels', '2'], ['colour', 'height'], ['pixels', '1'], ['wireframe', true], ['shading', 'flat'], ['pixels', '0']]) {
+    await set(id, value);
+    await exact(page);
+  }
+  const fresh = await open(page.url());
+  await exact(fresh);
+  await until(() => fresh.evaluate(() => viewer.scene.wireframe), 'the fresh page has the style');
+  const pictures = [];
+  for (const p of [page, fresh]) {
+    await p.evaluate(() => [...document.body.children].forEach(e => e.id !== 'stage' && (e.style.display = 'none')));
+    pictures.push(await decode(await p.screenshot()));
+  }
+  // Slots differ, and with them which of two triangles is drawn where both have the same depth.
+  let other = 0;
+  for (let i = 0; i < pictures[0].data.length; i += 4) if (Math.abs(pictures[0].data[i] - pictures[1].data[i]) > 24) ++other;
+  check(other < 400, `${other} pixels differ`);
+  for (const p of [page, fresh]) await close(p);
+});
+
 test('the picture covers what mtdb render draws', async () => {
   const eye = [1.9, -3.2, 1.4], target = [0, 0, 0.2];
   const page = await open(`${server.url}/#o=${kName}&eye=${eye}&look=${target}`);

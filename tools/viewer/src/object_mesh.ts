@@ -20,6 +20,15 @@ function write(attribute: three.BufferAttribute, slots: Slots<Data>, count: numb
   if (ranges.length > 0) attribute.needsUpdate = true;
 }
 
+// Frees what it has on the card, but not the attributes that other geometries have too: three would
+// not notice that these have to bind them anew.
+function release(geometry: three.BufferGeometry, kept: Iterable<three.BufferAttribute>) {
+  const others = new Set<unknown>(kept);
+  for (const [name, attribute] of Object.entries(geometry.attributes)) if (others.has(attribute)) geometry.deleteAttribute(name);
+  if (others.has(geometry.index)) geometry.setIndex(null);
+  geometry.dispose();
+}
+
 export class ObjectMesh {
   readonly group = new three.Group();
   triangles = 0;
@@ -139,7 +148,7 @@ export class ObjectMesh {
     this.geometry.setIndex(this.index);
     for (const [name, attribute] of Object.entries(this.attributes)) this.geometry.setAttribute(name, attribute);
     this.surface.geometry = this.geometry;
-    before.dispose();
+    release(before, [this.index, ...Object.values(this.attributes)]);
     if (this.edges.visible) {
       this.triangleSlots = keep ? this.triangleSlots : 0;
       this.makeEdges();
@@ -158,7 +167,7 @@ export class ObjectMesh {
   }
 
   private dropEdges() {
-    this.edgeGeometry?.dispose();
+    if (this.edgeGeometry) release(this.edgeGeometry, Object.values(this.attributes));
     this.edgeGeometry = this.edgeIndex = null;
   }
 
