@@ -28,7 +28,7 @@ export function near(a, b, tolerance, what) {
   check(Math.abs(a - b) <= tolerance, `${what}: ${a} and ${b} differ by more than ${tolerance}`);
 }
 
-export async function until(f, what, seconds = 120) {
+export async function until(f, what, seconds = 240) {
   const end = Date.now() + 1000 * seconds;
   for (;;) {
     const value = await f();
@@ -60,7 +60,7 @@ export async function launch() {
   if (!existsSync(chromiumPath)) skip('chromium is not installed');
   const {chromium} = require('playwright-core');
   browser = await chromium.launch({executablePath: chromiumPath, timeout: 120000, args: ['--headless', '--no-sandbox', '--use-angle=swiftshader', '--use-gl=angle',
-    '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync']});
+    '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--disable-gpu-watchdog', '--disable-gpu-process-crash-limit', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync']});
   return browser;
 }
 
@@ -68,7 +68,7 @@ export async function launch() {
 export async function open(url, options = {}) {
   const context = await browser.newContext({viewport: {width: 800, height: 600}, acceptDownloads: true, reducedMotion: 'reduce', ...options});
   const page = await context.newPage();
-  page.setDefaultTimeout(120000);
+  page.setDefaultTimeout(240000);
   page.wrong = [];
   page.bytes = {};
   page.on('console', m => ['error', 'warning'].includes(m.type()) && !/GPU stall|GL Driver|swiftshader/i.test(m.text()) && page.wrong.push(m.text()));
