@@ -250,30 +250,35 @@ class Bench {
     row["decode_mtriangles_per_core_second"] = 1e-6 * triangles / decode_seconds;
     row["load_mtriangles_per_core_second"] = 1e-6 * triangles / load_seconds;
     row["decode_ns_per_node"] = 1e9 * decode_seconds / static_cast<double>(record.nodes);
+    if (!arguments_.no_peers) AddPeers(mesh, record, file_bytes, &row);
+    if (arguments_.json.empty()) std::cout << row.dump(2) << std::endl;
+    rows_.push_back(std::move(row));
+    return good;
+  }
+
+  void AddPeers(const TriangleMesh& mesh, const ObjectRecord& record, double file_bytes,
+                Json* row) const {
+    const auto vertices = static_cast<double>(record.vertices);
+    const auto triangles = static_cast<double>(record.triangles);
+    const auto per_vertex = [&](double bytes) { return 8 * bytes / vertices; };
     for (const int level : {10, 7}) {
-      if (arguments_.no_peers) break;
       const DracoResult draco = MeasureDraco(mesh, arguments_.bits, level);
       const auto bytes = static_cast<double>(draco.bytes);
-      row["draco_level_" + std::to_string(level)] = {
+      (*row)["draco_level_" + std::to_string(level)] = {
           {"bits_per_vertex", per_vertex(bytes)},
           {"payload_to_it", static_cast<double>(record.payload_bytes) / bytes},
           {"file_to_it", file_bytes / bytes},
           {"decode_mtriangles_per_core_second", 1e-6 * triangles / draco.decode_seconds}};
     }
-    if (!arguments_.no_peers) {
-      const ZstdPeer zstd = MeasureZstd(mesh, {3, 19});
-      row["ply_bits_per_vertex"] = per_vertex(static_cast<double>(zstd.file_bytes));
-      for (const ZstdResult& result : zstd.results) {
-        row["zstd_level_" + std::to_string(result.level)] = {
-            {"bits_per_vertex", per_vertex(static_cast<double>(result.bytes))},
-            {"file_to_it", file_bytes / static_cast<double>(result.bytes)},
-            {"encode_mtriangles_per_core_second", 1e-6 * triangles / result.encode_seconds},
-            {"decode_mtriangles_per_core_second", 1e-6 * triangles / result.decode_seconds}};
-      }
+    const ZstdPeer zstd = MeasureZstd(mesh, {3, 19});
+    (*row)["ply_bits_per_vertex"] = per_vertex(static_cast<double>(zstd.file_bytes));
+    for (const ZstdResult& result : zstd.results) {
+      (*row)["zstd_level_" + std::to_string(result.level)] = {
+          {"bits_per_vertex", per_vertex(static_cast<double>(result.bytes))},
+          {"file_to_it", file_bytes / static_cast<double>(result.bytes)},
+          {"encode_mtriangles_per_core_second", 1e-6 * triangles / result.encode_seconds},
+          {"decode_mtriangles_per_core_second", 1e-6 * triangles / result.decode_seconds}};
     }
-    if (arguments_.json.empty()) std::cout << row.dump(2) << std::endl;
-    rows_.push_back(std::move(row));
-    return good;
   }
 
   static bool HasNormals(const TriangleMesh& mesh) {

@@ -281,6 +281,33 @@ std::vector<Order> Orders(const ClusterIndex& index) {
   return orders;
 }
 
+// All queries on one store.
+struct LayoutTotals {
+  Cost sum;
+  double needed_kilobytes = 0;
+  std::vector<Layout::Touched> touched;  // by order
+};
+LayoutTotals AskAll(const std::shared_ptr<ClusterSource>& source,
+                    const std::vector<BoxQuery>& queries, const std::vector<Order>& orders) {
+  LayoutTotals totals;
+  totals.touched.resize(orders.size());
+  for (const BoxQuery& q : queries) {
+    const Answer answer = Ask(source, q);
+    totals.sum.clusters += answer.cost.clusters;
+    totals.sum.kilobytes += answer.cost.kilobytes;
+    totals.sum.triangles += answer.cost.triangles;
+    totals.sum.milliseconds += answer.cost.milliseconds;
+    totals.needed_kilobytes += 1e-3 * answer.needed_bytes;
+    for (size_t o = 0; o < orders.size(); ++o) {
+      const Layout::Touched t = orders[o].layout.Touch(answer.clusters);
+      totals.touched[o].values += t.values;
+      totals.touched[o].pages += t.pages;
+      totals.touched[o].runs += t.runs;
+    }
+  }
+  return totals;
+}
+
 int CompareLayouts(const Arguments& arguments) {
   constexpr std::array kSides{0.01, 0.03, 0.1, 0.3};
   constexpr std::array kErrors{0.0, 1e-4, 3e-4, 1e-3};
@@ -309,23 +336,7 @@ int CompareLayouts(const Arguments& arguments) {
     const std::shared_ptr<ClusterSource> source = OpenFirst(*database);
     if (queries.empty()) queries = RandomBoxes(source, arguments.queries, kSides, kErrors);
     const std::vector<Order> orders = Orders(source->index());
-    std::vector<Layout::Touched> touched(orders.size());
-    Cost sum;
-    double needed_kilobytes = 0;
-    for (const BoxQuery& q : queries) {
-      const Answer answer = Ask(source, q);
-      sum.clusters += answer.cost.clusters;
-      sum.kilobytes += answer.cost.kilobytes;
-      sum.triangles += answer.cost.triangles;
-      sum.milliseconds += answer.cost.milliseconds;
-      needed_kilobytes += 1e-3 * answer.needed_bytes;
-      for (size_t o = 0; o < orders.size(); ++o) {
-        const Layout::Touched t = orders[o].layout.Touch(answer.clusters);
-        touched[o].values += t.values;
-        touched[o].pages += t.pages;
-        touched[o].runs += t.runs;
-      }
-    }
+    const auto [sum, needed_kilobytes, touched] = AskAll(source, queries, orders);
     const auto n = static_cast<double>(queries.size());
     const double bits = 8.0 * static_cast<double>(database->FileBytes().value()) /
                         static_cast<double>(record.vertices);

@@ -34,6 +34,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -326,25 +327,21 @@ uint32_t CountMeeting(const Surface& surface, const Query& query, const MeetsReg
       }));
 }
 
+MeetsRegion MeetsBox(Vec3d centre, double side) {
+  return [region = BoxQuery(centre, side).region](const Triangle3d& t) {
+    return region->Within(t, 0);
+  };
+}
+
 void Window(const std::shared_ptr<Surface>& surface, const TriangleMesh& mesh, int frames,
             bool uniform) {
   const ObjectRecord& record = surface->record();
   const std::vector<Vec3d> path = Path(mesh, record.bounds, frames);
   const double side = 0.1 * record.diagonal();
-  const auto region_at = [&](Vec3d centre) -> MeetsRegion {
-    return [region = BoxQuery(centre, side).region](const Triangle3d& t) {
-      return region->Within(t, 0);
-    };
-  };
-  const auto query_at = [&](Vec3d centre) {
-    Query query;
-    if (uniform) {
-      query.threshold = ConstantThreshold(0.0002 * record.diagonal());
-    } else {
-      query = BoxQuery(centre, side);
-    }
-    return query;
-  };
+  const auto region_at = [&](Vec3d centre) { return MeetsBox(centre, side); };
+  Query everywhere;
+  everywhere.threshold = ConstantThreshold(0.0002 * record.diagonal());
+  const auto query_at = [&](Vec3d centre) { return uniform ? everywhere : BoxQuery(centre, side); };
   Connection connection(surface, region_at(path[0]));
   const Connection::Frame first = connection.Move(query_at(path[0]), region_at(path[0]));
   const uint32_t first_triangles = connection.mesh().triangle_count();
@@ -442,45 +439,60 @@ Camera CameraAt(const ObjectRecord& record, double angle_rad, double distance) {
   return camera;
 }
 
-void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const char* path,
-                  int frames) {
-  const ObjectRecord& record = surface->record();
+Query CameraQuery(const ObjectRecord& record, bool in_pixels, const std::string& path, int frame,
+                  double factor) {
   constexpr double kStep = 0.01;
   constexpr double kDistance = 0.9;
-  const auto query_at = [&](int frame, double factor) {
-    const double moved = kStep * frame;
-    const std::string way = path;
-    const Camera camera = way == "around"    ? CameraAt(record, moved / kDistance, kDistance)
-                          : way == "towards" ? CameraAt(record, 0, kDistance - moved)
-                                             : CameraAt(record, 0, kDistance + moved);
-    Query query;
-    query.threshold =
-        in_pixels ? ScreenThreshold(camera, 1000 * factor) : LinearThreshold(camera.eye, 0, factor);
-    return query;
-  };
-  const double factor =
-      FactorFor(*surface, record.triangles / 20, [&](double value) { return query_at(0, value); });
+  const double moved = kStep * frame;
+  const Camera camera = path == "around"    ? CameraAt(record, moved / kDistance, kDistance)
+                        : path == "towards" ? CameraAt(record, 0, kDistance - moved)
+                                            : CameraAt(record, 0, kDistance + moved);
+  Query query;
+  query.threshold =
+      in_pixels ? ScreenThreshold(camera, 1000 * factor) : LinearThreshold(camera.eye, 0, factor);
+  return query;
+}
+
+// Every frame as a query of its own; seconds of all but the first.
+struct FromScratch {
   double select = 0;
   double emit = 0;
-  std::vector<uint64_t> nodes;
+  std::vector<uint64_t> nodes;  // of each frame
+};
+FromScratch SelectEach(const Surface& surface, int frames,
+                       const std::function<Query(int)>& query_at) {
+  FromScratch sum;
   for (int f = 0; f <= frames; ++f) {
     const double begin = ProcessCpuSeconds();
-    Cut cut = surface->Select(query_at(f, factor)).value();
+    Cut cut = surface.Select(query_at(f)).value();
     const double selected = ProcessCpuSeconds();
     NullSink sink;
     Expect(cut.Emit(sink).ok(), "emission");
-    nodes.push_back(cut.applied_count());
+    sum.nodes.push_back(cut.applied_count());
     if (f == 0) continue;
-    select += selected - begin;
-    emit += ProcessCpuSeconds() - selected;
+    sum.select += selected - begin;
+    sum.emit += ProcessCpuSeconds() - selected;
   }
+  return sum;
+}
+
+void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const char* path,
+                  int frames) {
+  const ObjectRecord& record = surface->record();
+  const double factor = FactorFor(*surface, record.triangles / 20, [&](double value) {
+    return CameraQuery(record, in_pixels, path, 0, value);
+  });
+  const auto query_at = [&](int frame) {
+    return CameraQuery(record, in_pixels, path, frame, factor);
+  };
+  const auto [select, emit, nodes] = SelectEach(*surface, frames, query_at);
   Connection connection(surface);
   Totals totals;
   uint64_t changed = 0;
   uint64_t draco = 0;
   for (int f = 0; f <= frames; ++f) {
     const uint64_t born = NewestBorn(connection.mesh());
-    const Connection::Frame frame = connection.Move(query_at(f, factor));
+    const Connection::Frame frame = connection.Move(query_at(f));
     Expect(connection.session().applied_count() == nodes[static_cast<size_t>(f)],
            "nodes of the session");
     if (f == 0) continue;
@@ -523,6 +535,39 @@ void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const
           {"draco_bytes_per_new_triangle", of_changed(draco)}});
 }
 
+struct Round {
+  double update = 0, total = 0;  // seconds so far
+  uint64_t bytes = 0;            // so far
+  TriangleMesh mesh;
+};
+
+// One update in rounds, each of which is sent and shown.
+std::vector<Round> UpdateInRounds(const std::shared_ptr<Surface>& surface, const Query& query) {
+  const ObjectRecord& record = surface->record();
+  const auto session = Session::Open(surface).value();
+  UpdateEncoder encoder({record.grid, record.attributes, kRemembered}, session->Base().value());
+  UpdateDecoder decoder;
+  Expect(decoder.Feed(encoder.start()).ok(), "the first message");
+  std::vector<Round> rounds;
+  Round sum;
+  sum.bytes = encoder.start().size();
+  double begin = ProcessCpuSeconds();
+  const auto take = [&](std::span<const UpdateBatch> round) {
+    const double updated = ProcessCpuSeconds();
+    const Bytes bytes = encoder.Encode(round);
+    MTDB_RETURN_IF_ERROR(decoder.Feed(bytes));
+    sum.update += updated - begin;
+    sum.total += ProcessCpuSeconds() - begin;
+    sum.bytes += bytes.size();
+    rounds.push_back(sum);
+    rounds.back().mesh = NewTriangles(decoder.mesh(), 0);
+    begin = ProcessCpuSeconds();
+    return Status::Ok();
+  };
+  Expect(session->Update(query, BatchSink(take)).ok() && !rounds.empty(), "the rounds");
+  return rounds;
+}
+
 void Rounds(const std::shared_ptr<Surface>& surface) {
   const ObjectRecord& record = surface->record();
   const auto query_with = [&](double factor) {
@@ -537,37 +582,9 @@ void Rounds(const std::shared_ptr<Surface>& surface) {
       Session::Open(surface).value()->Update(query, &batches).value().stats.triangles;
   const double once = ProcessCpuSeconds() - begin_once;
 
-  const auto session = Session::Open(surface).value();
-  UpdateEncoder encoder({record.grid, record.attributes, kRemembered}, session->Base().value());
-  UpdateDecoder decoder;
-  Expect(decoder.Feed(encoder.start()).ok(), "the first message");
-  struct Round {
-    double update = 0, total = 0;  // seconds so far
-    uint64_t bytes = 0;            // so far
-    TriangleMesh mesh;
-  };
-  std::vector<Round> rounds;
-  Round sum;
-  sum.bytes = encoder.start().size();
-  double begin = ProcessCpuSeconds();
-  const Status status = session
-                            ->Update(query,
-                                     [&](std::span<const UpdateBatch> round) {
-                                       const double updated = ProcessCpuSeconds();
-                                       const Bytes bytes = encoder.Encode(round);
-                                       MTDB_RETURN_IF_ERROR(decoder.Feed(bytes));
-                                       sum.update += updated - begin;
-                                       sum.total += ProcessCpuSeconds() - begin;
-                                       sum.bytes += bytes.size();
-                                       rounds.push_back(sum);
-                                       rounds.back().mesh = NewTriangles(decoder.mesh(), 0);
-                                       begin = ProcessCpuSeconds();
-                                       return Status::Ok();
-                                     })
-                            .status();
-  Expect(status.ok() && !rounds.empty(), "the rounds");
-  Expect(decoder.mesh().triangle_count() == triangles, "triangles after the last round");
+  const std::vector<Round> rounds = UpdateInRounds(surface, query);
   const TriangleMesh& last = rounds.back().mesh;
+  Expect(last.triangles.size() == triangles, "triangles after the last round");
   const DracoResult draco = MeasureDraco(last, kDracoBits, 10);
   std::printf(
       "rounds: %llu triangles; all at once %.1f ms, in %zu rounds %.1f ms; Draco %llu bytes\n",

@@ -22,15 +22,17 @@ const char* TypeName(ScalarType type) {
 
 Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
-}  // namespace
-
-Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
+Json AttributesJson(const ObjectRecord& r) {
   Json attributes = Json::array();
   for (const VertexAttribute& a : r.attributes.attributes) {
     attributes.push_back({{"name", a.name}, {"type", TypeName(a.type)}});
     if (a.step > 0) attributes.back()["step"] = a.step;
     if (a.normal_bits > 0) attributes.back()["normal_bits"] = a.normal_bits;
   }
+  return attributes;
+}
+
+Json RoundsJson(const ObjectRecord& r) {
   Json rounds = Json::array();
   for (const RoundReport& round : r.rounds) {
     rounds.push_back({{"triangles_in", round.triangles_in},
@@ -43,8 +45,14 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
                       {"stuck_degree", round.stuck_degree},
                       {"error_max", r.grid.Error(round.error_code_max)}});
   }
+  return rounds;
+}
+
+}  // namespace
+
+Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
   const bool lossless = r.grid.mode == PositionMode::kLossless;
-  Json json = {
+  return {
       {"object", r.name},
       {"vertices", r.vertices},
       {"triangles", r.triangles},
@@ -60,7 +68,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
         {"duplicate_triangles", r.input.duplicate_triangles},
         {"nonmanifold_edges", r.input.nonmanifold_edges},
         {"nonmanifold_vertices", r.input.nonmanifold_vertices}}},
-      {"attributes", attributes},
+      {"attributes", AttributesJson(r)},
       {"digest", r.digest_hex()},
       {"bounds", {{"min", Point(r.bounds.min)}, {"max", Point(r.bounds.max)}}},
       {"diagonal", r.diagonal()},
@@ -68,7 +76,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"bits", r.bits},
       {"step", lossless ? 0.0 : r.grid.step},
       {"rounding_error", r.rounding_error},
-      {"rounds", rounds},
+      {"rounds", RoundsJson(r)},
       {"clusters", r.clusters},
       {"nodes", r.nodes},
       {"root_pieces", r.root_pieces},
@@ -84,7 +92,6 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
                                                 static_cast<double>(r.vertices)},
       {"error_max", r.grid.Error(r.error_code_max)},
   };
-  return json;
 }
 
 Json CatalogJson(const std::vector<ObjectRecord>& records) {

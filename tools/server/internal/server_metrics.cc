@@ -23,15 +23,20 @@ void ServerMetrics::Finish(unsigned code, double seconds) {
   seconds_ += seconds;
 }
 
+namespace {
+
+void AddHead(std::string* text, const std::string& name, const char* type, const char* help) {
+  *text += "# HELP " + name + " " + help + "\n# TYPE " + name + " " + type + "\n";
+}
+
+}  // namespace
+
 std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
                                 const Shared& sessions_memory) const {
   std::string text;
-  const auto head = [&](const std::string& name, const char* type, const char* help) {
-    text += "# HELP " + name + " " + help + "\n# TYPE " + name + " " + type + "\n";
-  };
   const auto add = [&](const std::string& name, const char* type, const char* help,
                        uint64_t value) {
-    head(name, type, help);
+    AddHead(&text, name, type, help);
     text += name + " " + std::to_string(value) + "\n";
   };
   const char* counter = "counter";
@@ -72,15 +77,21 @@ std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
   add("mtdb_session_memory_limit_bytes", gauge, "The most that it may be.", sessions_memory.limit);
   add("mtdb_session_memory_evictions_total", counter,
       "Sessions that were closed so that others found room.", sessions_memory.evictions);
+  return text + RequestsText();
+}
 
+std::string ServerMetrics::RequestsText() const {
+  std::string text;
   const std::lock_guard lock(mutex_);
-  head("mtdb_requests_total", counter, "Requests by status; 499: the client went away.");
+  AddHead(&text, "mtdb_requests_total", "counter",
+          "Requests by status; 499: the client went away.");
   for (size_t code = 0; code < requests_.size(); ++code) {
     if (requests_[code] == 0) continue;
     text += "mtdb_requests_total{code=\"" + std::to_string(code) + "\"} " +
             std::to_string(requests_[code]) + "\n";
   }
-  head("mtdb_request_seconds", "histogram", "From a request's last byte to its answer's last.");
+  AddHead(&text, "mtdb_request_seconds", "histogram",
+          "From a request's last byte to its answer's last.");
   uint64_t sum = 0;
   for (size_t i = 0; i < slots_.size(); ++i) {
     sum += slots_[i];

@@ -48,6 +48,8 @@ class ServerMetrics {
                    const Shared& sessions_memory) const;
 
  private:
+  std::string RequestsText() const;
+
   static constexpr std::array<double, 10> kBounds{0.001, 0.005, 0.01, 0.05, 0.1,
                                                   0.5,   1,     5,    10,   60};  // seconds
   mutable std::mutex mutex_;
