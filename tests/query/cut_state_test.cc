@@ -41,14 +41,7 @@ struct Holder {
     }
   }
   const LoadedUnit& Loaded(UnitId id) { return *pins.Pin(cut.Open(id)).value(); }
-  std::vector<bool> Applied() const {
-    std::vector<bool> applied;
-    for (const InMemoryMt::Node& node : f.mt.nodes) {
-      const CutUnit* const u = cut.Find(node.cluster);
-      applied.push_back(u != nullptr && u->applied.Test(node.index));
-    }
-    return applied;
-  }
+  std::vector<bool> Applied() const { return AppliedIn(f, cut); }
   // The counts are those of the DAG's mesh; a unit that has not been looked at counts as its
   // largest.
   void RequireRight(const std::vector<bool>& applied) {

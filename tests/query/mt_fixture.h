@@ -91,4 +91,15 @@ struct MtFixture {
 
 MtFixture MakeMt(const MtOptions& options);
 
+// Per node: whether a CutState has it.
+template <typename Cut>
+std::vector<bool> AppliedIn(const MtFixture& f, const Cut& cut) {
+  std::vector<bool> applied;
+  for (const InMemoryMt::Node& node : f.mt.nodes) {
+    const auto* const u = cut.Find(node.cluster);
+    applied.push_back(u != nullptr && u->applied.Test(node.index));
+  }
+  return applied;
+}
+
 }  // namespace mtdb::testing

@@ -265,15 +265,6 @@ class ShapelessMt {
   std::vector<LoadedUnitPtr> units_;
 };
 
-std::vector<bool> AppliedIn(const MtFixture& f, const CutState& cut) {
-  std::vector<bool> applied;
-  for (const InMemoryMt::Node& node : f.mt.nodes) {
-    const CutUnit* const u = cut.Find(node.cluster);
-    applied.push_back(u != nullptr && u->applied.Test(node.index));
-  }
-  return applied;
-}
-
 uint64_t Count(const std::vector<bool>& flags) {
   return static_cast<uint64_t>(std::count(flags.begin(), flags.end(), true));
 }

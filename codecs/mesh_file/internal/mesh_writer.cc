@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "codecs/mesh_file/internal/text_format.h"
+
 namespace mtdb::internal {
 
 Status MeshWriter::Begin(const MeshHeader& header) {
@@ -56,6 +58,16 @@ Status MeshWriter::AddTriangles(std::span<const TriangleVertices> triangles) {
   }
   triangles_seen_ += triangles.size();
   return WriteTriangles(triangles);
+}
+
+bool MeshWriter::AppendPosition(std::string* text, Vec3d p) {
+  const bool single = !header_.double_positions;
+  if (Vec3f f; single && !positions_.Round(p, &f)) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axis > 0) *text += ' ';
+    AppendCoordinate(text, p[axis], single);
+  }
+  return true;
 }
 
 Status MeshWriter::End() {

@@ -52,6 +52,8 @@ class MeshWriter : public MeshFileWriter {
   // For formats of float32 positions.
   FloatPositions& float_positions() { return positions_; }
   const FloatPositions& float_positions() const { return positions_; }
+  // "X Y Z", for formats of text; false when a float32 is wanted and p is too large for one.
+  [[nodiscard]] bool AppendPosition(std::string* text, Vec3d p);
   Status TooLarge() const {
     return InvalidArgument(path_ + ": a position is too large for float32; write " +
                            ExactSuffixes());

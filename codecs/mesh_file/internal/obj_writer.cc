@@ -21,14 +21,8 @@ class ObjWriter final : public MeshWriter {
     const size_t row_bytes = header().attributes.row_bytes();
     text_.clear();
     for (size_t i = 0; i < positions.size(); ++i) {
-      if (Vec3f f; !header().double_positions && !float_positions().Round(positions[i], &f)) {
-        return TooLarge();
-      }
-      text_ += 'v';
-      for (int axis = 0; axis < 3; ++axis) {
-        text_ += ' ';
-        AppendCoordinate(&text_, positions[i][axis], !header().double_positions);
-      }
+      text_ += "v ";
+      if (!AppendPosition(&text_, positions[i])) return TooLarge();
       for (int c = 0; c < 3 && colours_.count > 0; ++c) {
         text_ += ' ';
         AppendNumber(&text_,

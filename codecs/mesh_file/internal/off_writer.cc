@@ -27,13 +27,7 @@ class OffWriter final : public MeshWriter {
     text_.clear();
     for (size_t i = 0; i < positions.size(); ++i) {
       const ByteSpan row = rows.subspan(i * row_bytes, row_bytes);
-      if (Vec3f f; !header().double_positions && !float_positions().Round(positions[i], &f)) {
-        return TooLarge();
-      }
-      for (int axis = 0; axis < 3; ++axis) {
-        if (axis > 0) text_ += ' ';
-        AppendCoordinate(&text_, positions[i][axis], !header().double_positions);
-      }
+      if (!AppendPosition(&text_, positions[i])) return TooLarge();
       for (int axis = 0; axis < 3 && normals_.found; ++axis) {
         float value = 0;
         std::memcpy(&value, row.data() + normals_.offsets[axis], sizeof(value));
