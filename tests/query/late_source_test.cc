@@ -180,7 +180,7 @@ TEST_CASE("queries that cross, fail and are cancelled all end within the budget"
   const std::array queries{Query{}, BallOf(f, 0.2), BallOf(f, 0.5)};
   std::vector<TriangleMesh> expected;
   for (const Query& query : queries) expected.push_back(Expected(f, query));
-  for (const size_t budget : {2 * all, all / 2, 9 * all / 20}) {
+  for (const size_t budget : {2 * all, 3 * all / 5, all / 2}) {
     for (const RuntimeForm form : {RuntimeForm::kExplicit, RuntimeForm::kImplicit}) {
       for (const double failing : {0.0, 0.02}) {
         std::atomic<uint64_t> random{1};
