@@ -18,8 +18,10 @@
 
 #include "builder/internal/attribute_sink.h"
 #include "builder/internal/build_with.h"
+#include "builder/internal/check_options.h"
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
+#include "builder/internal/grid_choice.h"
 #include "builder/internal/input_spool.h"
 #include "builder/internal/journal.h"
 #include "builder/internal/memory_plan.h"
@@ -42,8 +44,6 @@ namespace {
 
 constexpr double kLeastProgress = 0.95;  // a round that leaves more than this is the last
 constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
-constexpr int kMaxGridBits = 24;
-constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
 // A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
 // not resemble the object any more, and the bound is loose there.
 constexpr double kLargestError = 1.0 / 16;
@@ -56,68 +56,6 @@ void ReturnFreedMemory() {
 #ifdef __GLIBC__
   malloc_trim(0);
 #endif
-}
-
-Status CheckOptions(const BuildOptions& options) {
-  if (!options.step && (options.bits < 1 || options.bits > kMaxGridBits)) {
-    return InvalidArgument("bits " + std::to_string(options.bits) + ": must be 1 to 24");
-  }
-  if (options.step && !(*options.step > 0 && std::isfinite(*options.step))) {
-    return InvalidArgument("step: must be a positive number of model units");
-  }
-  if (options.degree_limit < 4 || options.degree_limit > 16) {
-    return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
-                           ": must be 4 to 16");
-  }
-  if (options.tile_triangles < 64 || options.tile_triangles > 65536 || options.reduction < 2) {
-    return InvalidArgument("tiles: 64 to 65536 triangles, reduced at least twofold");
-  }
-  if (options.normal_bits &&
-      (*options.normal_bits < kMinNormalBits || *options.normal_bits > kMaxNormalBits)) {
-    return InvalidArgument("normals of " + std::to_string(*options.normal_bits) +
-                           " bits: must be 4 to 16");
-  }
-  for (const AttributeStep& step : options.attribute_steps) {
-    if (!(step.step > 0 && std::isfinite(step.step))) {
-      return InvalidArgument("step of attribute " + step.name + ": must be a positive number");
-    }
-  }
-  if (options.memory_bytes < kLeastMemory) {
-    return InvalidArgument("memory: at least 256 MiB are needed, " +
-                           std::to_string(options.memory_bytes >> 20) + " MiB are allowed");
-  }
-  return Status::Ok();
-}
-
-// The grid that holds `bounds`; sets `*bits`.
-Result<Grid> MakeGrid(const Box3d& bounds, const BuildOptions& options, uint8_t* bits) {
-  Grid grid;
-  grid.mode = options.mode;
-  const Vec3d size = bounds.max - bounds.min;
-  const double longest = std::max({size.x, size.y, size.z});
-  if (options.mode == PositionMode::kLossless) {
-    grid.error_unit = std::max(Diagonal(bounds), 1e-30) * std::ldexp(1.0, -29);
-    *bits = 32;
-    return grid;
-  }
-  if (options.step) {
-    grid.step = *options.step;
-    // Multiples of the step, so that a grid given in model units keeps its lattice.
-    for (int i = 0; i < 3; ++i) grid.origin[i] = std::floor(bounds.min[i] / grid.step) * grid.step;
-  } else {
-    grid.step = longest > 0 ? longest / static_cast<double>((1u << options.bits) - 1) : 1.0;
-    grid.origin = bounds.min;
-  }
-  const double cells = longest / grid.step;
-  if (!(cells < (1 << kMaxGridBits))) {
-    return InvalidArgument(
-        "--step: the mesh is more than 2^24 steps long; choose a larger step, or "
-        "store it --lossless");
-  }
-  *bits = options.step ? static_cast<uint8_t>(std::max(1.0, std::ceil(std::log2(cells + 1))))
-                       : static_cast<uint8_t>(options.bits);
-  grid.error_unit = grid.step / 16;
-  return grid;
 }
 
 class Builder {
@@ -149,7 +87,7 @@ class Builder {
 
  private:
   Result<ObjectRecord> Build(const MeshProducer& input) {
-    MTDB_RETURN_IF_ERROR(CheckOptions(options_));
+    MTDB_RETURN_IF_ERROR(CheckBuildOptions(options_));
     std::unique_ptr<TriangleSorter> sorter;
     MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
     const double total = static_cast<double>(record_.triangles);
@@ -243,10 +181,15 @@ class Builder {
     });
     MTDB_RETURN_IF_ERROR(produce(attributes));
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
-    MTDB_RETURN_IF_ERROR(CheckDisk(input));
-    uint8_t bits = 0;
-    MTDB_ASSIGN_OR_RETURN(record_.grid, MakeGrid(input.bounds(), options_, &bits));
-    record_.bits = bits;
+    MeshSurvey survey = SurveyOf(input);
+    survey.temporary_bytes = TemporaryBytes(options_, input.triangles(), input.row_bytes(), memory_);
+    MTDB_RETURN_IF_ERROR(CheckDisk(survey.temporary_bytes));
+    MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
+    ReturnFreedMemory();
+    survey.store_bytes = EstimateStoreBytes(survey);
+    record_.grid = survey.grid;
+    record_.bits = survey.bits;
+    if (report_ != nullptr) report_->survey = std::move(survey);
     record_.attributes = input.header().attributes;
     record_.degree_limit = options_.degree_limit;
     record_.tile_triangles = options_.tile_triangles;
@@ -337,8 +280,9 @@ class Builder {
     ByteWriter o;
     o.Put(static_cast<uint8_t>(options_.mode));
     if (options_.mode == PositionMode::kGrid) {
-      o.Put<uint8_t>(options_.step.has_value());
-      o.Put(options_.step ? *options_.step : static_cast<double>(options_.bits));
+      // A grid that was chosen is in the other hash, with all grids.
+      o.Put<uint8_t>(options_.step ? 1 : options_.bits ? 0 : 2);
+      o.Put(options_.step ? *options_.step : static_cast<double>(options_.bits.value_or(0)));
     }
     o.Put(options_.normal_bits.value_or(0));
     std::vector<AttributeStep> steps = options_.attribute_steps;
@@ -372,13 +316,8 @@ class Builder {
   }
 
   // What the temporary files will take at most, against what the file system has.
-  Status CheckDisk(const InputSpool& input) const {
-    const uint64_t record = sizeof(TileTriangle) + 8 + 3 * input.row_bytes();
-    const uint64_t corner = 12 + 13 + input.row_bytes();
-    const auto left = static_cast<uint64_t>(static_cast<double>(record) *
-                                            RoundLevel::MostLeft(options_.reduction));
-    const uint64_t need = input.triangles() * (3 * corner + record + left);
-    if (need <= memory_) return Status::Ok();
+  Status CheckDisk(uint64_t need) const {
+    if (need == 0) return Status::Ok();
     struct statvfs fs;
     if (statvfs(space_.directory.c_str(), &fs) != 0) {
       return IoError(space_.directory + ": " + std::strerror(errno) +

@@ -23,8 +23,12 @@ struct AttributeStep {
 
 struct BuildOptions {
   PositionMode mode = PositionMode::kGrid;
-  int bits = 16;               // grid: cells along the longest side are 2^bits - 1; 1..24
+  // Grid: cells along the longest side are 2^bits - 1; 1..24. Without bits and step, the grid is
+  // chosen from the data (GridReason).
+  std::optional<int> bits;
   std::optional<double> step;  // grid: model units, instead of bits
+  // Refuses a grid of these options on which more than this part of the triangles lose their area.
+  double max_collapsed = 0.5;
   // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
   // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
   // nor attribute_steps names are lossless.
@@ -66,6 +70,47 @@ struct BuildProgress {
 // Called now and then, on the calling thread. An error cancels the build and is returned.
 using ProgressCallback = std::function<Status(const BuildProgress&)>;
 
+// What decided on the grid's step.
+enum class GridReason : uint8_t {
+  kGiven,      // bits, step or mode of the options
+  kLeastBits,  // 16 bits are enough
+  kEdges,      // the step is at most a quarter of the edges' first percentile
+  kSlivers,    // a coarser step would take the area of thin triangles
+  kDecimals,   // the coordinates are multiples of the step: they are kept as they are written
+};
+
+// The lengths of a mesh's edges, in model units; percentiles are up to 4 % too small.
+struct EdgeLengths {
+  double shortest = 0;
+  double percentile1 = 0;
+  double median = 0;
+  double longest = 0;
+};
+
+// What a mesh is like before it is built, and what its grid does to it.
+struct MeshSurvey {
+  MeshHeader header;             // attributes as they are stored
+  uint64_t vertices = 0;         // as read; of a soup, after equal positions were joined
+  uint64_t triangles = 0;        // as read
+  uint64_t kept_triangles = 0;   // less those with two equal vertices
+  uint64_t flat_triangles = 0;   // of the kept ones: too thin for any grid
+  Box3d bounds;                  // of the vertices that triangles use
+  EdgeLengths edges;             // without edges of length 0
+  std::optional<uint64_t> components;  // SurveyMesh() only
+  Grid grid;
+  uint8_t bits = 0;
+  GridReason reason = GridReason::kGiven;
+  // Triangles that are not flat, and whose corners the grid rounds to points of one line. Lossless:
+  // 0, as are the edges and flat_triangles of BuildObject.
+  uint64_t collapsed_triangles = 0;
+  uint64_t collapsed_at_16_bits = 0;  // likewise, if the grid were one of 16 bits
+  // The grid that would be chosen, when it is not `grid`, for advice: bits and step.
+  uint8_t advised_bits = 0;
+  double advised_step = 0;
+  uint64_t store_bytes = 0;      // about what the object will take
+  uint64_t temporary_bytes = 0;  // at most what the temporary files will take; 0: memory suffices
+};
+
 // What a stage took. This is not in the record, which does not depend on the machine's speed.
 struct StageCost {
   std::string stage;       // "read", "join", "round 1", ..., "root", "publish"
@@ -75,6 +120,7 @@ struct StageCost {
 };
 struct BuildReport {
   std::vector<StageCost> stages;
+  MeshSurvey survey;
   bool journal_left = false;  // the build failed, and the same one with `resume` goes on from there
 };
 
@@ -88,8 +134,8 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 //
 // Errors: kBadInput (no triangles; coordinates that are not finite, or do not fit float32 when
 // lossless; indices out of range; attributes that do not fit their step), kInvalidArgument (wrong
-// options, or such as name an attribute that the input does not have; the journal of another
-// build), kNoSpace and kIoError (temporary files; kNoSpace also when memory runs out),
+// options, or such as name an attribute that the input does not have, or a grid on which most
+// triangles have no area; the journal of another build), kNoSpace and kIoError (temporary files; kNoSpace also when memory runs out),
 // kBudgetExceeded (memory_bytes is too little for the attributes, the vertices or the root; the
 // message says how much is needed), and those of `input` and `writer`.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,

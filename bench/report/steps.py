@@ -74,7 +74,7 @@ class Data:
                 return path, None
         except Failed:
             pass
-        return path, self.runner.mtdb("ingest", mesh, path, "--resume", *options)[1]
+        return path, self.runner.mtdb("ingest", mesh, path, "--bits", 16, "--resume", *options)[1]
 
     def scans(self):
         """Paths of the scans of this run that are on this machine."""
@@ -108,7 +108,7 @@ def data_sets(runner, data):
     store = data.folder / "scans.mtdb"
     require_space(data.folder, RUN_BYTES_PER_TRIANGLE * data.sizes["dense"], "the run")
     for path in data.scans():
-        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--force")[0]
+        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--force")[0]
         source = "package libcgal-demo" if path.parent == data.folder else "shared/data"
         rows.append({"name": path.name, "triangles": info["input"]["triangles"],
                      "vertices": info["input"]["vertices"], "source": source,
@@ -119,7 +119,7 @@ def data_sets(runner, data):
                                                                 sizes["sculpture"]})]
                              + [("terrain", n) for n in sizes["terrain"]]):
         path = data.generated(shape, triangles)
-        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--force")[0]
+        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--force")[0]
         rows.append({"name": path.name, "triangles": info["input"]["triangles"],
                      "vertices": info["input"]["vertices"], "source": f"mtdb generate {shape}",
                      "boundary_edges": info["boundary_edges"],
@@ -163,7 +163,8 @@ def ingest(runner, data):
         mesh = data.generated("sculpture", triangles)
         require_space(data.folder, INGEST_BYTES_PER_TRIANGLE * triangles, "ingest")
         out.unlink(missing_ok=True)
-        info, used = runner.mtdb("ingest", mesh, out, "--threads", threads, "--memory", memory)
+        info, used = runner.mtdb("ingest", mesh, out, "--bits", 16, "--threads", threads, "--memory",
+                                 memory)
         rows.append(ingest_row(info, used, threads, memory))
     out.unlink()
     return rows

@@ -118,7 +118,9 @@ Status InputSpool::FindBounds() {
   for (uint64_t v = 0; v < report_.vertices; ++v) {
     const std::byte* bytes = vertex_reader.Next(vertex_bytes());
     if (bytes == nullptr) return vertex_reader.status();
-    if (referenced[v]) bounds_.Add(Position(bytes));
+    if (!referenced[v]) continue;
+    bounds_.Add(Position(bytes));
+    if (!lossless_) decimals_.Add(Position(bytes), is_single());
   }
   return Status::Ok();
 }

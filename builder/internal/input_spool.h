@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "builder/internal/decimals.h"
 #include "builder/internal/spool.h"
 #include "store/base/grid.h"
 #include "store/base/mesh_sink.h"
@@ -32,7 +33,11 @@ class InputSpool final : public MeshSink {
   // Model units: the farthest that a vertex was moved to be float32.
   double rounding() const override { return rounding_; }
   const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
+  // Of the same vertices; unless lossless.
+  const Decimals& decimals() const { return decimals_; }
+  bool is_single() const { return !doubles_; }  // positions are float32
   size_t row_bytes() const { return row_bytes_; }
+  size_t position_bytes() const { return position_bytes_; }
   // A vertex: position (3 float32 or 3 float64), then its row.
   size_t vertex_bytes() const { return position_bytes_ + row_bytes_; }
   const Spool& vertex_spool() const { return vertex_spool_; }
@@ -55,6 +60,7 @@ class InputSpool final : public MeshSink {
   Status FindBounds();
 
   Box3d bounds_;
+  Decimals decimals_;
   bool lossless_;
   bool begun_ = false;
   bool doubles_ = false;  // positions are kept as float64

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <string>
 
+#include "builder/internal/round_level.h"
+#include "builder/internal/tile.h"
+
 namespace mtdb::internal {
 
 namespace {
@@ -83,6 +86,16 @@ Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
                     std::to_string((need(1, 1) + kMiB - 1) / kMiB) + " MiB, " +
                     std::to_string(options.memory_bytes / kMiB) +
                     " MiB are allowed; allow more --memory, or leave attributes out");
+}
+
+uint64_t TemporaryBytes(const BuildOptions& options, uint64_t triangles, size_t row_bytes,
+                        uint64_t spool_bytes) {
+  const uint64_t record = sizeof(TileTriangle) + 8 + 3 * row_bytes;
+  const uint64_t corner = 12 + 13 + row_bytes;
+  const auto left = static_cast<uint64_t>(static_cast<double>(record) *
+                                          RoundLevel::MostLeft(options.reduction));
+  const uint64_t need = triangles * (3 * corner + record + left);
+  return need <= spool_bytes ? 0 : need;
 }
 
 }  // namespace mtdb::internal

@@ -23,4 +23,9 @@ struct MemoryPlan {
 Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
                               const AttributeLayout& attributes);
 
+// The most that the temporary files of a build will take, for a mesh of so many triangles; 0 when
+// all of it fits in `spool_bytes`.
+uint64_t TemporaryBytes(const BuildOptions& options, uint64_t triangles, size_t row_bytes,
+                        uint64_t spool_bytes);
+
 }  // namespace mtdb::internal

@@ -104,35 +104,55 @@ std::string internal::ExactSuffixes() {
       Dotted);
 }
 
+namespace {
+
+// The format that fits the file best, and how the file begins.
+struct FoundFormat {
+  const MeshFormatRow* row = nullptr;  // null: none
+  MeshFileStart start;
+  std::array<std::byte, 512> bytes;
+};
+
+Status FindFormat(const InputFile& file, FoundFormat* found) {
+  MTDB_ASSIGN_OR_RETURN(const size_t size, file.ReadAt(0, found->bytes));
+  if (size == 0) return BadInput(file.path() + ": the file is empty, expected a mesh");
+  found->start.bytes = AsString(ByteSpan(found->bytes).first(size));
+  found->start.file_bytes = file.size_bytes();
+  const std::string suffix = LowerSuffix(file.path());
+  MeshFileFit best_fit = MeshFileFit::kNone;
+  for (const MeshFormatRow& row : MeshFormatTable()) {
+    if (row.read == nullptr) continue;
+    found->start.named = HasSuffix(row.format, suffix);
+    const MeshFileFit fit = row.recognise(found->start);
+    if (fit <= best_fit) continue;
+    found->row = &row;
+    best_fit = fit;
+  }
+  found->start.named = found->row != nullptr && HasSuffix(found->row->format, suffix);
+  return Status::Ok();
+}
+
+}  // namespace
+
+bool IsMeshFile(const std::string& path) {
+  const Result<std::unique_ptr<InputFile>> file = InputFile::Open(path);
+  FoundFormat found;
+  return file.ok() && FindFormat(**file, &found).ok() && found.row != nullptr;
+}
+
 Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report) {
   MeshReadReport unused;
   if (report == nullptr) report = &unused;
   *report = {};
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<InputFile> file, InputFile::Open(path));
-  std::array<std::byte, 512> bytes;
-  MTDB_ASSIGN_OR_RETURN(const size_t size, file->ReadAt(0, bytes));
-  if (size == 0) return BadInput(path + ": the file is empty, expected a mesh");
-  MeshFileStart start;
-  start.bytes = AsString(ByteSpan(bytes).first(size));
-  start.file_bytes = file->size_bytes();
-  const std::string suffix = LowerSuffix(path);
-  const MeshFormatRow* best = nullptr;
-  MeshFileFit best_fit = MeshFileFit::kNone;
-  for (const MeshFormatRow& row : MeshFormatTable()) {
-    if (row.read == nullptr) continue;
-    start.named = HasSuffix(row.format, suffix);
-    const MeshFileFit fit = row.recognise(start);
-    if (fit <= best_fit) continue;
-    best = &row;
-    best_fit = fit;
-  }
-  if (best == nullptr) {
+  FoundFormat found;
+  MTDB_RETURN_IF_ERROR(FindFormat(*file, &found));
+  if (found.row == nullptr) {
     return BadInput(
         path + ": not a mesh file that mtdb reads, expected " +
         OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
   }
-  start.named = HasSuffix(best->format, suffix);
-  return best->read(*file, start, sink, report);
+  return found.row->read(*file, found.start, sink, report);
 }
 
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,

@@ -53,6 +53,10 @@ struct MeshReadReport {
 // count that the file is too short for, no vertices.
 Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report);
 
+// Whether ReadMeshFile would read the file: it begins as the files of some format do, or is named
+// like one. False for a file that cannot be opened.
+bool IsMeshFile(const std::string& path);
+
 struct MeshWriteOptions {
   int draco_position_bits = 20;  // .drc
   int draco_level = 7;           // .drc: 0 fast .. 10 small

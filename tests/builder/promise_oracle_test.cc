@@ -54,7 +54,7 @@ TEST_CASE("What comes back is within the bound of the unrounded input, and the b
       const BuiltObject built = Build(input, options);
       const ObjectRecord& record = built.record;
       const double h = record.rounding_error;
-      INFO(place.name << ", " << options.bits << " bits");
+      INFO(place.name << ", " << *options.bits << " bits");
       REQUIRE(h > 0);
       const auto session = Session::Open(built.surface).value();
       // Of the measuring itself, in double.

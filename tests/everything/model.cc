@@ -59,6 +59,31 @@ std::string RoundRow(const AttributeLayout& layout, std::byte* row) {
   return "";
 }
 
+double StepOf(const Truth& truth, int bits) {
+  return truth.longest() / static_cast<double>((int64_t{1} << bits) - 1);
+}
+
+// The part of the triangles that have an area, and that rounding to `step` leaves without one, or
+// nearly.
+double FlatShare(const Truth& truth, double step) {
+  const auto height = [](Vec3d a, Vec3d b, Vec3d c) {
+    const double longest = std::max({Length(b - a), Length(c - b), Length(a - c)});
+    return longest > 0 ? Length(Cross(b - a, c - a)) / longest : 0.0;
+  };
+  uint64_t solid = 0, flat = 0;
+  for (const TriangleVertices& t : truth.mesh.triangles) {
+    std::array<Vec3d, 3> p, rounded;
+    for (size_t c = 0; c < 3; ++c) {
+      p[c] = truth.mesh.positions[t[c]];
+      for (int i = 0; i < 3; ++i) rounded[c][i] = std::nearbyint(p[c][i] / step);
+    }
+    if (height(p[0], p[1], p[2]) < 1e-6 * truth.longest()) continue;
+    ++solid;
+    flat += height(rounded[0], rounded[1], rounded[2]) < 0.5;
+  }
+  return solid == 0 ? 0 : static_cast<double>(flat) / static_cast<double>(solid);
+}
+
 }  // namespace
 
 std::vector<std::string> StoredObject::Options() const {
@@ -66,7 +91,7 @@ std::vector<std::string> StoredObject::Options() const {
   if (lossless) options.emplace_back("--lossless");
   if (step > 0) {
     options.push_back("--step=" + NumberText(step));
-  } else if (!lossless && bits != 16) {
+  } else if (!lossless && bits > 0) {
     options.push_back("--bits=" + std::to_string(bits));
   }
   if (normal_bits > 0) options.push_back("--normals=" + std::to_string(normal_bits));
@@ -89,9 +114,15 @@ StoredObject Planned(const Step& step, const Truth& truth) {
   StoredObject object;
   object.truth = truth;
   object.lossless = step.Flag("lossless");
-  object.bits = static_cast<int>(std::clamp<int64_t>(step.Int("bits", 16), 1, 24));
+  object.bits = static_cast<int>(std::clamp<int64_t>(step.Int("bits", 16), 0, 24));
   if (step.has("step") && !object.lossless && truth.longest() > 0) {
     object.step = step.Number("step", 0.001) * truth.longest();
+  }
+  // Half of the triangles without area would be refused.
+  while (object.step > 0 && FlatShare(truth, object.step) > 0.3) object.step /= 2;
+  while (object.step == 0 && object.bits > 0 && object.bits < 16 && !object.lossless &&
+         FlatShare(truth, StepOf(truth, object.bits)) > 0.3) {
+    ++object.bits;
   }
   if (HasNormals(truth.mesh.header.attributes)) {
     object.normal_bits = step.has("normals")
@@ -117,8 +148,8 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
   if ((grid.mode == PositionMode::kLossless) != object->lossless) return "another grid";
   if (!object->lossless) {
     const double wanted =
-        object->step > 0 ? object->step : truth.longest() / ((int64_t{1} << object->bits) - 1);
-    if (truth.longest() > 0 && std::abs(grid.step - wanted) > 1e-12 * wanted) {
+        object->step > 0 ? object->step : StepOf(truth, std::max(1, object->bits));
+    if ((object->step > 0 || object->bits > 0) && truth.longest() > 0 && std::abs(grid.step - wanted) > 1e-12 * wanted) {
       return "the grid's step is " + NumberText(grid.step) + ", not " + NumberText(wanted);
     }
   }

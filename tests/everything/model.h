@@ -14,12 +14,12 @@ namespace mtdb::everything {
 
 // An object that was ingested: its input, rounded as its options say.
 //
-// Parameters of a step: bits (16), step: of the longest side instead, lossless; normals: bits;
+// Parameters of a step: bits (16; 0: none are given), step: of the longest side instead, lossless; normals: bits;
 // round: of float attributes, a step.
 struct StoredObject {
   Truth truth;
   bool lossless = false;
-  int bits = 16;
+  int bits = 16;    // 0: chosen by ingest
   double step = 0;  // above 0: model units, instead of bits
   int normal_bits = 0;
   double round = 0;

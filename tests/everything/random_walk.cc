@@ -139,7 +139,7 @@ class Maker {
       case 0: step->Set("lossless", 1); break;
       case 1: step->Set("step", Short(Scaled(1e-5, 0.05))); break;
       case 2:
-      case 3: step->Set("bits", Between(3, 24)); break;
+      case 3: step->Set("bits", Chance(0.3) ? 0 : Between(3, 24)); break;
       default: break;
     }
     if (Chance(0.02)) step->Set("step", std::string("1e-9"));

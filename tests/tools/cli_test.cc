@@ -641,7 +641,7 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
   const std::map<std::string, Arguments> options{
       {"ingest",
        {"INPUT... STORE", "--name", "--bits", "--step", "--lossless", "--threads", "--memory",
-        "--tmp", "--resume", "--force", "--quiet", "--json"}},
+        "--tmp", "--resume", "--force", "--dry-run", "--quiet", "--json"}},
       {"info", {"STORE", "--name", "--json"}},
       {"list", {"STORE", "--json"}},
       {"extract",

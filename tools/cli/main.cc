@@ -352,10 +352,10 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
       ->check([](const std::string& text) { return mtdb::CheckObjectName(text).message(); });
   auto* bits = verb->add_option("--bits", a->bits,
                                 "round positions to a grid of 2^N cells along the longest side, "
-                                "N from 1 to 24")
+                                "N from 1 to 24 (default: a grid that suits the mesh, of 16 bits "
+                                "or more; --dry-run says which)")
                    ->type_name("N")
-                   ->check(CLI::Range(1, 24))
-                   ->capture_default_str();
+                   ->check(CLI::Range(1, 24));
   auto* step = AddParsed(verb, "--step", "S", &a->step, mtdb::ParsePositive,
                          "round positions to multiples of S model units instead");
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
@@ -379,6 +379,10 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
       ->type_name("DIR");
   verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
   verb->add_flag("--force", a->force, "replace an object of that name");
+  verb->add_flag("--dry-run", a->dry_run,
+                 "store nothing; tell what the mesh is like, which accuracy suits it, and what it "
+                 "takes")
+      ->excludes("--resume");
   verb->add_flag("--quiet", a->quiet, "print nothing but errors");
   AddJson(verb, &a->json);
 }
@@ -500,9 +504,9 @@ void AddStore(CLI::App* verb, std::string* store) {
 }
 
 void CommandLine::AddInspectVerbs() {
-  CLI::App* info = AddVerb("info", "tell what a store holds, in detail", "",
+  CLI::App* info = AddVerb("info", "tell what a store holds, or what a mesh file is like", "",
                            [this](bool*) { return mtdb::Info(inspect_); });
-  AddStore(info, &inspect_.store);
+  info->add_option("STORE", inspect_.store, "the store file, or a mesh file")->required();
   AddName(info, &inspect_.name, "this object only");
   AddJson(info, &inspect_.json);
   info->add_flag("--streams", inspect_.streams,

@@ -7,9 +7,11 @@
 #include <unistd.h>
 
 #include "builder/build.h"
+#include "builder/mesh_survey.h"
 #include "tools/cli/ingest_journal.h"
 #include "tools/cli/late_writer.h"
 #include "tools/cli/merge.h"
+#include "tools/cli/mesh_report.h"
 #include "tools/cli/progress.h"
 #include "tools/cli/verbs.h"
 #include "tools/generate/generate.h"
@@ -134,9 +136,8 @@ bool Finished(const BuildOptions& options, const std::string& store, const std::
   return true;
 }
 
-}  // namespace
-
-Status Ingest(const IngestArguments& arguments) {
+// The options that concern the mesh and the machine, not what becomes of it.
+BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& store) {
   BuildOptions options;
   options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
   options.bits = arguments.bits;
@@ -146,8 +147,49 @@ Status Ingest(const IngestArguments& arguments) {
   options.threads = arguments.threads;
   options.memory_bytes =
       arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
-  const std::string store = RealStorePath(arguments.store);
   options.tmp_directory = arguments.tmp.empty() ? FolderOf(store) : arguments.tmp;
+  return options;
+}
+
+// What the readers say begins with the file; what the builder finds does not.
+Status WithFile(const IngestArguments& arguments, const Status& status) {
+  const std::string& message = status.message();
+  const bool names_file =
+      std::any_of(arguments.inputs.begin(), arguments.inputs.end(),
+                  [&](const std::string& path) { return message.starts_with(path + ":"); });
+  if (status.code() != StatusCode::kBadInput || names_file) return status;
+  const size_t others = arguments.inputs.size() - 1;
+  return BadInput(arguments.inputs[0] +
+                  (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " + message);
+}
+
+void PrintNotes(const std::vector<std::string>& notes) {
+  for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
+}
+
+}  // namespace
+
+Status Survey(const IngestArguments& arguments) {
+  const BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
+  std::vector<std::string> notes;
+  const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
+  const Result<MeshSurvey> survey = SurveyMesh(read, options);
+  if (!survey.ok()) return WithFile(arguments, survey.status());
+  if (arguments.json) {
+    Json json = SurveyJson(*survey);
+    json["inputs"] = arguments.inputs;
+    json["notes"] = notes;
+    PrintJson(json);
+    return Status::Ok();
+  }
+  PrintSurvey(arguments.inputs[0], *survey);
+  PrintNotes(notes);
+  return Status::Ok();
+}
+
+Status Ingest(const IngestArguments& arguments) {
+  const std::string store = RealStorePath(arguments.store);
+  BuildOptions options = OptionsOf(arguments, store);
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
 
   options.journal_path = JournalPath(options.tmp_directory, store, name);
@@ -160,6 +202,7 @@ Status Ingest(const IngestArguments& arguments) {
   const bool finished = Finished(options, store, name);
   LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
   MTDB_RETURN_IF_ERROR(writer.Check());
+  if (arguments.dry_run) return Survey(arguments);
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
   std::vector<std::string> notes;
@@ -183,20 +226,13 @@ Status Ingest(const IngestArguments& arguments) {
                               (code == StatusCode::kAlreadyExists ? " --force" : "") +
                               " goes on where it stopped");
     }
-    // What the readers say begins with the file; what the builder finds does not.
-    const std::string& message = record.status().message();
-    const bool names_file =
-        std::any_of(arguments.inputs.begin(), arguments.inputs.end(),
-                    [&](const std::string& path) { return message.starts_with(path + ":"); });
-    if (record.status().code() != StatusCode::kBadInput || names_file) return record.status();
-    const size_t others = arguments.inputs.size() - 1;
-    return BadInput(arguments.inputs[0] +
-                    (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " +
-                    record.status().message());
+    return WithFile(arguments, record.status());
   }
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
   if (arguments.json) {
     Json json = RecordJson(*record, file_bytes);
+    json["accuracy"] = AccuracyJson(report.survey);
+    json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},
@@ -207,8 +243,12 @@ Status Ingest(const IngestArguments& arguments) {
     PrintJson(json);
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
+    std::printf("  %s\n", AccuracyLine(report.survey).c_str());
     PrintStages(report, *record);
-    for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
+    for (const std::string& warning : AccuracyWarnings(report.survey)) {
+      std::printf("  warning: %s\n", warning.c_str());
+    }
+    PrintNotes(notes);
   }
   return Status::Ok();
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "codecs/cluster/cluster_codec.h"
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
 #include "store/database.h"
@@ -113,6 +114,13 @@ void PrintJournal(const IngestJournal& j) {
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
+  if (IsMeshFile(arguments.store) && !Database::Open(arguments.store).ok()) {
+    IngestArguments mesh;
+    mesh.inputs = {arguments.store};
+    mesh.tmp = std::filesystem::temp_directory_path().string();
+    mesh.json = arguments.json;
+    return Survey(mesh);
+  }
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
   std::vector<ObjectRecord> records;

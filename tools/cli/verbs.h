@@ -19,7 +19,7 @@ struct IngestArguments {
   std::vector<std::string> inputs;
   std::string store;
   std::string name;
-  int bits = 16;
+  std::optional<int> bits;
   std::optional<double> step;
   bool lossless = false;
   std::optional<int> normal_bits;
@@ -29,8 +29,11 @@ struct IngestArguments {
   std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
   bool resume = false;
   std::string resume_command;  // the command line that goes on with this ingest
+  bool dry_run = false;
   bool force = false, quiet = false, json = false;
 };
+// Prints what the inputs are like, and what an ingest would make of them; stores nothing.
+Status Survey(const IngestArguments& arguments);
 Status Ingest(const IngestArguments& arguments);
 
 struct InspectArguments {

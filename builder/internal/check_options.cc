@@ -1,0 +1,48 @@
+#include "builder/internal/check_options.h"
+
+#include <cmath>
+#include <string>
+
+#include "store/base/attribute_grid.h"
+
+namespace mtdb::internal {
+
+namespace {
+
+constexpr int kMaxGridBits = 24;
+constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
+
+}  // namespace
+
+Status CheckBuildOptions(const BuildOptions& options) {
+  if (options.bits && (*options.bits < 1 || *options.bits > kMaxGridBits)) {
+    return InvalidArgument("bits " + std::to_string(*options.bits) + ": must be 1 to 24");
+  }
+  if (options.step && !(*options.step > 0 && std::isfinite(*options.step))) {
+    return InvalidArgument("step: must be a positive number of model units");
+  }
+  if (options.degree_limit < 4 || options.degree_limit > 16) {
+    return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
+                           ": must be 4 to 16");
+  }
+  if (options.tile_triangles < 64 || options.tile_triangles > 65536 || options.reduction < 2) {
+    return InvalidArgument("tiles: 64 to 65536 triangles, reduced at least twofold");
+  }
+  if (options.normal_bits &&
+      (*options.normal_bits < kMinNormalBits || *options.normal_bits > kMaxNormalBits)) {
+    return InvalidArgument("normals of " + std::to_string(*options.normal_bits) +
+                           " bits: must be 4 to 16");
+  }
+  for (const AttributeStep& step : options.attribute_steps) {
+    if (!(step.step > 0 && std::isfinite(step.step))) {
+      return InvalidArgument("step of attribute " + step.name + ": must be a positive number");
+    }
+  }
+  if (options.memory_bytes < kLeastMemory) {
+    return InvalidArgument("memory: at least 256 MiB are needed, " +
+                           std::to_string(options.memory_bytes >> 20) + " MiB are allowed");
+  }
+  return Status::Ok();
+}
+
+}  // namespace mtdb::internal

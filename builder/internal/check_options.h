@@ -1,0 +1,12 @@
+// CheckBuildOptions: what no build accepts, whatever its input.
+#pragma once
+
+#include "builder/build.h"
+#include "store/base/status.h"
+
+namespace mtdb::internal {
+
+// kInvalidArgument, saying which option, and what it must be.
+Status CheckBuildOptions(const BuildOptions& options);
+
+}  // namespace mtdb::internal

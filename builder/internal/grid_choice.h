@@ -1,0 +1,33 @@
+// GridChoice: chooses the grid of an object from its input, and counts what the grid does to it.
+#pragma once
+
+#include <cstdint>
+
+#include "builder/build.h"
+#include "builder/internal/input_spool.h"
+
+namespace mtdb::internal {
+
+// What a survey says of the input as it came.
+MeshSurvey SurveyOf(const InputSpool& input);
+
+// Sets of `*survey` all that concerns edges and grids, from a pass over the input's triangles. The
+// options' grid is taken when they name one; otherwise:
+//
+// 1. The step is at most a quarter of the edges' first percentile, at 16 to 24 bits.
+// 2. Up to four more bits are spent so that no triangle loses its area, and more so that no more
+//    than one in 100,000 does. Triangles that are too thin for any grid do not count.
+// 3. Where coordinates are decimals, the step is their unit, or a half, a quarter ... of it if not
+//    all axes have them, so that they are kept as they are written: when that takes at most four
+//    bits more than 1 and 2, or fewer.
+//
+// Deterministic: the triangles' order and the memory do not matter. Errors: kInvalidArgument (more
+// than 2^24 steps; a grid of the options on which most triangles have no area), kBadInput (bounds
+// that are too large for double), and those of GatherCorners().
+Status ChooseGrid(const InputSpool& input, const BuildOptions& options, const SpoolSpace* space,
+                  size_t memory_bytes, MeshSurvey* survey);
+
+// About what an object takes in a store, from its survey.
+uint64_t EstimateStoreBytes(const MeshSurvey& survey);
+
+}  // namespace mtdb::internal

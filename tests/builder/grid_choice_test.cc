@@ -1,0 +1,225 @@
+// The grid that is chosen from the data, against counts by definition.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "builder/internal/corner_gather.h"
+#include "builder/mesh_survey.h"
+#include "tests/builder/fixture.h"
+
+namespace mtdb::testing {
+
+using namespace internal;
+
+namespace {
+
+MeshSurvey SurveyOfMesh(const TriangleMesh& mesh, const BuildOptions& options = {}) {
+  const Result<MeshSurvey> survey =
+      SurveyMesh([&](MeshSink& sink) { return SendMesh(mesh, sink); }, options);
+  INFO(survey.status().message());
+  REQUIRE(survey.ok());
+  return *survey;
+}
+
+bool OnALine(Vec3i a, Vec3i b, Vec3i c) {
+  const auto wide = [](Vec3i p) { return Vec3<int64_t>{p.x, p.y, p.z}; };
+  return Cross(wide(b) - wide(a), wide(c) - wide(a)) == Vec3<int64_t>{};
+}
+
+uint64_t Collapsed(const TriangleMesh& mesh, const Grid& grid) {
+  uint64_t count = 0;
+  for (const TriangleVertices& t : mesh.triangles) {
+    count += OnALine(grid.Quantize(mesh.positions[t[0]]), grid.Quantize(mesh.positions[t[1]]),
+                     grid.Quantize(mesh.positions[t[2]]));
+  }
+  return count;
+}
+
+// A grid of unit squares, of which `thin` have a sliver of that height on their diagonal.
+TriangleMesh WithSlivers(int side, int thin, double height) {
+  TriangleMesh mesh;
+  mesh.header.double_positions = true;
+  const auto add = [&](Vec3d a, Vec3d b, Vec3d c) {
+    const VertexIndex first = mesh.positions.size();
+    for (const Vec3d p : {a, b, c}) mesh.positions.push_back(p);
+    mesh.triangles.push_back({first, first + 1, first + 2});
+  };
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> jitter(0, 0.2);
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const Vec3d a{x + jitter(random), y + jitter(random), jitter(random)};
+      add(a, a + Vec3d{0.7, 0.1, 0.3}, a + Vec3d{0.1, 0.7, 0.2});
+      if (thin-- > 0) add(a, a + Vec3d{0.7, 0.1, 0.3}, a + Vec3d{0.35, 0.05, 0.15 + height});
+    }
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("A survey counts what a grid collapses as the definition does") {
+  const TriangleMesh mesh = WithSlivers(30, 400, 1e-3);
+  for (const int bits : {6, 8, 10, 12, 14, 16, 20}) {
+    BuildOptions options;
+    options.bits = bits;
+    options.max_collapsed = 1;
+    const MeshSurvey survey = SurveyOfMesh(mesh, options);
+    INFO(bits << " bits");
+    CHECK(survey.collapsed_triangles == Collapsed(mesh, survey.grid));
+    CHECK(survey.bits == bits);
+    CHECK(survey.reason == GridReason::kGiven);
+    CHECK(survey.flat_triangles == 0);
+  }
+  BuildOptions coarse;
+  coarse.bits = 10;
+  coarse.max_collapsed = 1;
+  CHECK(SurveyOfMesh(mesh, coarse).collapsed_triangles > 100);
+}
+
+TEST_CASE("The chosen grid leaves thin triangles their area, and is no finer than that needs") {
+  for (const double height : {1e-2, 1e-3, 3e-4, 1e-4}) {
+    const TriangleMesh mesh = WithSlivers(30, 400, height);
+    const MeshSurvey survey = SurveyOfMesh(mesh);
+    INFO("height " << height << ": " << int{survey.bits} << " bits");
+    CHECK(Collapsed(mesh, survey.grid) == 0);
+    CHECK(survey.collapsed_triangles == 0);
+    if (survey.bits == 16) {
+      CHECK(survey.reason == GridReason::kLeastBits);
+      continue;
+    }
+    CHECK(survey.reason == GridReason::kSlivers);
+    CHECK(survey.collapsed_at_16_bits > 0);
+    BuildOptions coarser;
+    coarser.bits = survey.bits - 1;
+    CHECK(SurveyOfMesh(mesh, coarser).collapsed_triangles > 0);
+  }
+}
+
+TEST_CASE("Triangles without area ask for nothing") {
+  TriangleMesh mesh = WithSlivers(20, 0, 0);
+  const int bits = SurveyOfMesh(mesh).bits;
+  const VertexIndex v = mesh.positions.size();
+  for (const double t : {0.0, 0.37, 1.0}) mesh.positions.push_back(t * Vec3d{3.1, 1.7, 0.9});
+  mesh.triangles.push_back({v, v + 1, v + 2});
+  const MeshSurvey survey = SurveyOfMesh(mesh);
+  CHECK(survey.flat_triangles == 1);
+  CHECK(survey.bits == bits);
+}
+
+TEST_CASE("Short edges make the grid finer") {
+  // Squares of one hundredth, at the ends of a field of 10,000.
+  TriangleMesh mesh = WithSlivers(20, 0, 0);
+  for (Vec3d& p : mesh.positions) p = p * 0.01;
+  mesh.positions.push_back({7777.7777777, 1.2345678, 0.1});
+  mesh.triangles.push_back({0, 1, mesh.positions.size() - 1});
+  const MeshSurvey survey = SurveyOfMesh(mesh);
+  CHECK(survey.bits > 16);
+  CHECK(survey.grid.step <= survey.edges.percentile1 / 4);
+  CHECK(survey.edges.longest == Approx(7777.7).epsilon(0.01));
+}
+
+TEST_CASE("Coordinates that are decimals are kept as they are written") {
+  // Whole metres over 220 km, as heights have them: 16 bits would be steps of 3.4 m.
+  for (const bool single : {false, true}) {
+    TriangleMesh mesh;
+    mesh.header.double_positions = !single;
+    std::mt19937 random(3);
+    for (int y = 0; y < 40; ++y) {
+      for (int x = 0; x < 40; ++x) {
+        mesh.positions.push_back({5500.0 * x, 5501.0 * y, static_cast<double>(random() % 3000)});
+      }
+    }
+    for (VertexIndex y = 0; y < 39; ++y) {
+      for (VertexIndex x = 0; x < 39; ++x) {
+        const VertexIndex v = 40 * y + x;
+        mesh.triangles.push_back({v, v + 1, v + 41});
+        mesh.triangles.push_back({v, v + 41, v + 40});
+      }
+    }
+    const MeshSurvey survey = SurveyOfMesh(mesh);
+    CHECK(survey.reason == GridReason::kDecimals);
+    CHECK(survey.grid.step == 1);
+    const BuiltObject built = Build(mesh);
+    CHECK(built.record.rounding_error == 0);
+    CHECK(built.record.bits == 18);
+    // Heights alone: the step is a part of their unit.
+    for (Vec3d& p : mesh.positions) p.x *= 0.70710678118654752;
+    if (single) {
+      for (Vec3d& p : mesh.positions) p.x = static_cast<float>(p.x);
+    }
+    const MeshSurvey mixed = SurveyOfMesh(mesh);
+    CHECK(mixed.reason == GridReason::kDecimals);
+    CHECK(1 / mixed.grid.step == std::floor(1 / mixed.grid.step));
+    // Centimetres as float32 values, near enough to 0 that they are some.
+    for (Vec3d& p : mesh.positions) {
+      for (int i = 0; i < 3; ++i) p[i] = std::round(p[i] / 10) / 100;
+      if (single) {
+        for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+      }
+    }
+    CHECK(SurveyOfMesh(mesh).grid.step == Approx(0.01).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("A grid on which most triangles have no area is refused, with what to do") {
+  const TriangleMesh mesh = MakeSculpture(2000);
+  for (const double step : {1.0, 1e30}) {
+    BuildOptions options;
+    options.step = step;
+    TempStore store;
+    const Result<ObjectRecord> record = BuildInto(store.database(), "object", mesh, options);
+    REQUIRE(record.status().code() == StatusCode::kInvalidArgument);
+    for (const char* words : {"leaves no area", "half of its edges", "16 bits"}) {
+      CHECK_THAT(record.status().message(), Catch::Contains(words));
+    }
+  }
+}
+
+TEST_CASE("Components are counted") {
+  TriangleMesh mesh = WithSlivers(5, 0, 0);
+  CHECK(SurveyOfMesh(mesh).components == 25);
+  CHECK(SurveyOfMesh(MakeSculpture(2000)).components == 1);
+}
+
+TEST_CASE("Corners are looked up the same in memory and out of core") {
+  std::mt19937 random(11);
+  const SpoolSpace space{"."};
+  for (const uint64_t rows : {1u, 1000u, 300'000u, 1'000'000u}) {
+    constexpr size_t kStride = 17;
+    constexpr size_t kBytes = 12;
+    Spool table_spool(&space, 1 << 16), triangles(&space, 1 << 16);
+    std::vector<std::array<std::byte, kStride>> table(rows);
+    for (auto& row : table) {
+      for (std::byte& b : row) b = static_cast<std::byte>(random());
+      REQUIRE(table_spool.Append(row.data(), kStride).ok());
+    }
+    std::vector<std::array<uint32_t, 3>> corners(200'000);
+    for (auto& t : corners) {
+      for (uint32_t& v : t) v = static_cast<uint32_t>(random() % rows);
+      REQUIRE(triangles.Append(t.data(), sizeof(t)).ok());
+    }
+    REQUIRE(table_spool.Finish().ok());
+    REQUIRE(triangles.Finish().ok());
+    const CornerTable lookup{&table_spool, rows, kStride, kBytes};
+    for (const size_t memory : {size_t{1} << 30, size_t{1} << 20}) {
+      size_t at = 0;
+      bool same = true;
+      const Status status = GatherCorners(
+          triangles, lookup, &space, memory,
+          [&](const std::array<uint32_t, 3>& t, const std::array<const std::byte*, 3>& found) {
+            same = same && t == corners[at++];
+            for (size_t c = 0; c < 3; ++c) {
+              same = same && std::memcmp(found[c], table[t[c]].data(), kBytes) == 0;
+            }
+            return Status::Ok();
+          });
+      REQUIRE(status.ok());
+      CHECK(at == corners.size());
+      CHECK(same);
+    }
+  }
+  CHECK(space.file_bytes == 0);
+}
+
+}  // namespace mtdb::testing

@@ -1,0 +1,155 @@
+#include "tools/cli/mesh_report.h"
+
+#include <cstdarg>
+#include <cstdio>
+
+#include "tools/client/printable.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+unsigned long long U(uint64_t v) { return v; }
+
+__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
+  char text[400];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof(text), format, arguments);
+  va_end(arguments);
+  return text;
+}
+
+const char* ReasonText(GridReason reason) {
+  switch (reason) {
+    case GridReason::kGiven: return "as the options say";
+    case GridReason::kLeastBits: return "fine enough for the mesh's edges";
+    case GridReason::kEdges: return "a quarter of the mesh's short edges";
+    case GridReason::kSlivers: return "so that thin triangles keep their area";
+    case GridReason::kDecimals: return "so that coordinates stay as they are written";
+  }
+  return "";
+}
+
+const char* ReasonName(GridReason reason) {
+  switch (reason) {
+    case GridReason::kGiven: return "given";
+    case GridReason::kLeastBits: return "least_bits";
+    case GridReason::kEdges: return "edges";
+    case GridReason::kSlivers: return "slivers";
+    case GridReason::kDecimals: return "decimals";
+  }
+  return "";
+}
+
+double Megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
+
+Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+
+}  // namespace
+
+std::string AccuracyLine(const MeshSurvey& s) {
+  if (s.grid.mode == PositionMode::kLossless) return "positions: float32, lossless";
+  std::string line =
+      Text("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s.reason));
+  constexpr int kUsualBits = 16;
+  if (s.reason != GridReason::kGiven && s.bits > kUsualBits) {
+    // Measured on scans: 2 to 3 bits a vertex for each bit, some 7 % of a store.
+    line += Text("; the store is some %d %% larger than at %d bits", 7 * (s.bits - kUsualBits),
+                 kUsualBits);
+  }
+  return line;
+}
+
+std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
+  std::vector<std::string> warnings;
+  if (s.collapsed_triangles != 0) {
+    warnings.push_back(Text("%llu of %llu triangles are too thin for steps of %.3g and lose their "
+                            "area; ",
+                            U(s.collapsed_triangles), U(s.kept_triangles), s.grid.step) +
+                       (s.advised_bits > s.bits
+                            ? Text("%d bits (steps of %.3g) suit the mesh", s.advised_bits,
+                                   s.advised_step)
+                            : std::string("--lossless keeps them")));
+  }
+  return warnings;
+}
+
+void PrintSurvey(const std::string& name, const MeshSurvey& s) {
+  std::printf("%s\n", Printable(name).c_str());
+  std::printf("  mesh         %llu triangles, %llu vertices", U(s.triangles), U(s.vertices));
+  if (s.components) {
+    std::printf(", %llu components\n", U(*s.components));
+  } else {
+    std::printf("; its components were not counted: allow more --memory\n");
+  }
+  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", s.bounds.min.x,
+              s.bounds.min.y, s.bounds.min.z, s.bounds.max.x, s.bounds.max.y, s.bounds.max.z,
+              Diagonal(s.bounds));
+  if (s.edges.longest > 0) {
+    std::printf("  edges        %.3g to %.3g long, half of them below %.3g, 1 %% below %.3g\n",
+                s.edges.shortest, s.edges.longest, s.edges.median, s.edges.percentile1);
+  }
+  if (s.triangles != s.kept_triangles) {
+    std::printf("  dropped      %llu triangles with two equal vertices\n",
+                U(s.triangles - s.kept_triangles));
+  }
+  if (s.flat_triangles != 0) {
+    std::printf("  flat         %llu triangles without area\n", U(s.flat_triangles));
+  }
+  for (const VertexAttribute& a : s.header.attributes.attributes) {
+    std::printf("  attribute    %s\n", Printable(a.name).c_str());
+  }
+  std::printf("  %s\n", AccuracyLine(s).c_str());
+  if (s.collapsed_at_16_bits != 0) {
+    std::printf("  at 16 bits %llu triangles would lose their area\n", U(s.collapsed_at_16_bits));
+  }
+  std::printf("  about %.3g MB in a store\n", Megabytes(s.store_bytes));
+  if (s.temporary_bytes == 0) {
+    std::printf("  no temporary files but the journal, of some %.3g MB\n",
+                Megabytes(25 * s.kept_triangles));
+  } else {
+    std::printf("  up to %.3g MB of temporary files, and a journal of some %.3g MB\n",
+                Megabytes(s.temporary_bytes), Megabytes(25 * s.kept_triangles));
+  }
+  for (const std::string& warning : AccuracyWarnings(s)) {
+    std::printf("  warning: %s\n", warning.c_str());
+  }
+}
+
+Json AccuracyJson(const MeshSurvey& s) {
+  return {{"reason", ReasonName(s.reason)},
+          {"collapsed_triangles", s.collapsed_triangles},
+          {"collapsed_at_16_bits", s.collapsed_at_16_bits},
+          {"flat_triangles", s.flat_triangles},
+          {"advised_bits", s.advised_bits},
+          {"advised_step", s.advised_step}};
+}
+
+Json SurveyJson(const MeshSurvey& s) {
+  Json attributes = Json::array();
+  for (const VertexAttribute& a : s.header.attributes.attributes) attributes.push_back(a.name);
+  Json json{{"triangles", s.triangles},
+            {"vertices", s.vertices},
+            {"degenerate_triangles", s.triangles - s.kept_triangles},
+            {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}},
+            {"diagonal", Diagonal(s.bounds)},
+            {"edges",
+             {{"shortest", s.edges.shortest},
+              {"percentile_1", s.edges.percentile1},
+              {"median", s.edges.median},
+              {"longest", s.edges.longest}}},
+            {"attributes", attributes},
+            {"bits", s.bits},
+            {"step", s.grid.mode == PositionMode::kLossless ? 0.0 : s.grid.step},
+            {"accuracy", AccuracyJson(s)},
+            {"store_bytes", s.store_bytes},
+            {"temporary_bytes", s.temporary_bytes},
+            {"journal_bytes", 25 * s.kept_triangles},
+            {"warnings", AccuracyWarnings(s)}};
+  if (s.components) json["components"] = *s.components;
+  return json;
+}
+
+}  // namespace mtdb

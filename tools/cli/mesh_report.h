@@ -1,0 +1,23 @@
+// What is said of a mesh's survey: the accuracy that an ingest takes, what it costs, and what it
+// loses.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "builder/build.h"
+#include "tools/client/json.h"
+
+namespace mtdb {
+
+// "positions: 18 bits, steps of 1e-06; as the coordinates are written".
+std::string AccuracyLine(const MeshSurvey& survey);
+// What a person should know before the mesh's file is put away; mostly nothing.
+std::vector<std::string> AccuracyWarnings(const MeshSurvey& survey);
+// Prints a survey: of a mesh file before it is ingested.
+void PrintSurvey(const std::string& name, const MeshSurvey& survey);
+Json SurveyJson(const MeshSurvey& survey);
+// The part of it that an ingest reports.
+Json AccuracyJson(const MeshSurvey& survey);
+
+}  // namespace mtdb
