@@ -182,7 +182,8 @@ class Builder {
     MTDB_RETURN_IF_ERROR(produce(attributes));
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
     MeshSurvey survey = SurveyOf(input);
-    survey.temporary_bytes = TemporaryBytes(options_, input.triangles(), input.row_bytes(), memory_);
+    survey.temporary_bytes =
+        TemporaryBytes(options_, input.triangles(), input.row_bytes(), memory_);
     MTDB_RETURN_IF_ERROR(CheckDisk(survey.temporary_bytes));
     MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
     ReturnFreedMemory();

@@ -89,13 +89,13 @@ struct EdgeLengths {
 
 // What a mesh is like before it is built, and what its grid does to it.
 struct MeshSurvey {
-  MeshHeader header;             // attributes as they are stored
-  uint64_t vertices = 0;         // as read; of a soup, after equal positions were joined
-  uint64_t triangles = 0;        // as read
-  uint64_t kept_triangles = 0;   // less those with two equal vertices
-  uint64_t flat_triangles = 0;   // of the kept ones: too thin for any grid
-  Box3d bounds;                  // of the vertices that triangles use
-  EdgeLengths edges;             // without edges of length 0
+  MeshHeader header;                   // attributes as they are stored
+  uint64_t vertices = 0;               // as read; of a soup, after equal positions were joined
+  uint64_t triangles = 0;              // as read
+  uint64_t kept_triangles = 0;         // less those with two equal vertices
+  uint64_t flat_triangles = 0;         // of the kept ones: too thin for any grid
+  Box3d bounds;                        // of the vertices that triangles use
+  EdgeLengths edges;                   // without edges of length 0
   std::optional<uint64_t> components;  // SurveyMesh() only
   Grid grid;
   uint8_t bits = 0;
@@ -135,9 +135,10 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // Errors: kBadInput (no triangles; coordinates that are not finite, or do not fit float32 when
 // lossless; indices out of range; attributes that do not fit their step), kInvalidArgument (wrong
 // options, or such as name an attribute that the input does not have, or a grid on which most
-// triangles have no area; the journal of another build), kNoSpace and kIoError (temporary files; kNoSpace also when memory runs out),
-// kBudgetExceeded (memory_bytes is too little for the attributes, the vertices or the root; the
-// message says how much is needed), and those of `input` and `writer`.
+// triangles have no area; the journal of another build), kNoSpace and kIoError (temporary files;
+// kNoSpace also when memory runs out), kBudgetExceeded (memory_bytes is too little for the
+// attributes, the vertices or the root; the message says how much is needed), and those of `input`
+// and `writer`.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},
                                  BuildReport* report = nullptr);

@@ -124,8 +124,8 @@ class Gather {
         if (row == nullptr) return from.status();
         std::memcpy(rows.data() + c * table_.bytes, row, table_.bytes);
       }
-      MTDB_RETURN_IF_ERROR(receive(
-          t, {rows.data(), rows.data() + table_.bytes, rows.data() + 2 * table_.bytes}));
+      MTDB_RETURN_IF_ERROR(
+          receive(t, {rows.data(), rows.data() + table_.bytes, rows.data() + 2 * table_.bytes}));
     }
     return Status::Ok();
   }

@@ -16,7 +16,8 @@ class Decimals {
   static constexpr int kMost = 9;
 
   void Add(Vec3d p, bool is_single) {
-    for (int axis = 0; axis < 3; ++axis) AddTo(&axes_[static_cast<size_t>(axis)], p[axis], is_single);
+    for (int axis = 0; axis < 3; ++axis)
+      AddTo(&axes_[static_cast<size_t>(axis)], p[axis], is_single);
   }
   // 10^-decimals of the axis; none when kMost do not suffice.
   std::optional<double> unit(int axis) const {
@@ -40,8 +41,7 @@ class Decimals {
     const double whole = std::nearbyint(x * power);
     if (!(std::abs(whole) < 0x1p53)) return false;
     const double nearest = whole / power;
-    return nearest == x ||
-           (is_single && static_cast<float>(nearest) == static_cast<float>(x));
+    return nearest == x || (is_single && static_cast<float>(nearest) == static_cast<float>(x));
   }
 
   std::array<Axis, 3> axes_;

@@ -182,13 +182,13 @@ class GridChoice {
     }
     const CornerTable table{&input_.vertex_spool(), input_.vertices(), input_.vertex_bytes(),
                             input_.position_bytes()};
-    return GatherCorners(input_.triangle_spool(), table, space, memory_bytes,
-                         [&](const std::array<uint32_t, 3>&,
-                             const std::array<const std::byte*, 3>& corners) {
-                           AddTriangle({input_.Position(corners[0]), input_.Position(corners[1]),
-                                        input_.Position(corners[2])});
-                           return Status::Ok();
-                         });
+    return GatherCorners(
+        input_.triangle_spool(), table, space, memory_bytes,
+        [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
+          AddTriangle({input_.Position(corners[0]), input_.Position(corners[1]),
+                       input_.Position(corners[2])});
+          return Status::Ok();
+        });
   }
 
   void AddTriangle(const Triangle3d& t) {
@@ -208,8 +208,7 @@ class GridChoice {
     if (height > kSafeSteps * largest_step_) return;
     for (Candidate& c : candidates_) {
       if (c.is_exact || height > kSafeSteps * c.grid.step) continue;
-      c.collapsed +=
-          OnOneLine(c.grid.Quantize(t[0]), c.grid.Quantize(t[1]), c.grid.Quantize(t[2]));
+      c.collapsed += OnOneLine(c.grid.Quantize(t[0]), c.grid.Quantize(t[1]), c.grid.Quantize(t[2]));
     }
   }
 

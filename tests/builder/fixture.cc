@@ -90,7 +90,9 @@ BuiltObject Built(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& 
 
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
   auto store = std::make_unique<TempStore>();
-  const Result<ObjectRecord> record = BuildInto(store->database(), "object", mesh, options);
+  BuildOptions any = options;  // on any grid, however coarse
+  any.max_collapsed = 1;
+  const Result<ObjectRecord> record = BuildInto(store->database(), "object", mesh, any);
   return Built(std::move(store), record);
 }
 

@@ -149,7 +149,8 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
   if (!object->lossless) {
     const double wanted =
         object->step > 0 ? object->step : StepOf(truth, std::max(1, object->bits));
-    if ((object->step > 0 || object->bits > 0) && truth.longest() > 0 && std::abs(grid.step - wanted) > 1e-12 * wanted) {
+    if ((object->step > 0 || object->bits > 0) && truth.longest() > 0 &&
+        std::abs(grid.step - wanted) > 1e-12 * wanted) {
       return "the grid's step is " + NumberText(grid.step) + ", not " + NumberText(wanted);
     }
   }

@@ -14,8 +14,8 @@ namespace mtdb::everything {
 
 // An object that was ingested: its input, rounded as its options say.
 //
-// Parameters of a step: bits (16; 0: none are given), step: of the longest side instead, lossless; normals: bits;
-// round: of float attributes, a step.
+// Parameters of a step: bits (16; 0: none are given), step: of the longest side instead, lossless;
+// normals: bits; round: of float attributes, a step.
 struct StoredObject {
   Truth truth;
   bool lossless = false;

@@ -68,10 +68,9 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
     warnings.push_back(Text("%llu of %llu triangles are too thin for steps of %.3g and lose their "
                             "area; ",
                             U(s.collapsed_triangles), U(s.kept_triangles), s.grid.step) +
-                       (s.advised_bits > s.bits
-                            ? Text("%d bits (steps of %.3g) suit the mesh", s.advised_bits,
-                                   s.advised_step)
-                            : std::string("--lossless keeps them")));
+                       (s.advised_bits > s.bits ? Text("%d bits (steps of %.3g) suit the mesh",
+                                                       s.advised_bits, s.advised_step)
+                                                : std::string("--lossless keeps them")));
   }
   return warnings;
 }
