@@ -168,6 +168,7 @@ class Builder {
   Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
     MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
     InputSpool input(&space_, 0, options_.mode == PositionMode::kLossless);
+    if (options_.weld) input.Weld(*options_.weld);
     AttributeSink attributes(&options_, &input, [&](const MeshHeader& header) {
       MTDB_ASSIGN_OR_RETURN(const MemoryPlan plan,
                             PlanMemory(options_, threads_, header.attributes));

@@ -29,6 +29,11 @@ struct BuildOptions {
   std::optional<double> step;  // grid: model units, instead of bits
   // Refuses a grid of these options on which more than this part of the triangles lose their area.
   double max_collapsed = 0.5;
+  // When set, >= 0: vertices that are at most so far apart, in model units, become one, the first
+  // of them with its attributes; 0: those of equal positions. A chain of near vertices becomes one
+  // too. Where more than two triangles then meet in an edge, or two that run along it in the same
+  // direction, the edge is non-manifold, as in any input: kept, never simplified.
+  std::optional<double> weld;
   // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
   // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
   // nor attribute_steps names are lossless.
@@ -89,13 +94,14 @@ struct EdgeLengths {
 
 // What a mesh is like before it is built, and what its grid does to it.
 struct MeshSurvey {
-  MeshHeader header;                   // attributes as they are stored
-  uint64_t vertices = 0;               // as read; of a soup, after equal positions were joined
-  uint64_t triangles = 0;              // as read
-  uint64_t kept_triangles = 0;         // less those with two equal vertices
-  uint64_t flat_triangles = 0;         // of the kept ones: too thin for any grid
-  Box3d bounds;                        // of the vertices that triangles use
-  EdgeLengths edges;                   // without edges of length 0
+  MeshHeader header;             // attributes as they are stored
+  uint64_t vertices = 0;         // of a soup after equal positions were joined; less welded ones
+  uint64_t welded_vertices = 0;  // that became others
+  uint64_t triangles = 0;        // as read
+  uint64_t kept_triangles = 0;   // less those with two equal vertices, welded ones too
+  uint64_t flat_triangles = 0;   // of the kept ones: too thin for any grid
+  Box3d bounds;                  // of the vertices that triangles use
+  EdgeLengths edges;             // without edges of length 0
   std::optional<uint64_t> components;  // SurveyMesh() only
   Grid grid;
   uint8_t bits = 0;

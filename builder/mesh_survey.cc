@@ -53,6 +53,7 @@ Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& optio
   SpoolSpace space;
   space.directory = options.tmp_directory;
   InputSpool input(&space, 0, options.mode == PositionMode::kLossless);
+  if (options.weld) input.Weld(*options.weld);
   MemoryPlan plan;
   AttributeSink attributes(&options, &input, [&](const MeshHeader& header) {
     const unsigned threads =

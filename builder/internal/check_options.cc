@@ -21,6 +21,9 @@ Status CheckBuildOptions(const BuildOptions& options) {
   if (options.step && !(*options.step > 0 && std::isfinite(*options.step))) {
     return InvalidArgument("step: must be a positive number of model units");
   }
+  if (options.weld && !(*options.weld >= 0 && std::isfinite(*options.weld))) {
+    return InvalidArgument("weld: must be a number of model units, 0 or more");
+  }
   if (options.degree_limit < 4 || options.degree_limit > 16) {
     return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
                            ": must be 4 to 16");

@@ -283,6 +283,7 @@ MeshSurvey SurveyOf(const InputSpool& input) {
   MeshSurvey survey;
   survey.header = input.header();
   survey.vertices = input.vertices();
+  survey.welded_vertices = input.welded_vertices();
   survey.triangles = input.report().triangles;
   survey.kept_triangles = input.triangles();
   survey.bounds = input.bounds();

@@ -4,7 +4,10 @@
 #include <charconv>
 #include <cmath>
 #include <string_view>
+#include <utility>
 
+#include "builder/internal/corner_gather.h"
+#include "builder/internal/near_join.h"
 #include "builder/internal/soup_join.h"
 
 namespace mtdb::internal {
@@ -105,7 +108,7 @@ Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
 
 // A stray vertex must not make the grid coarser.
 Status InputSpool::FindBounds() {
-  std::vector<bool> referenced(report_.vertices, false);
+  std::vector<bool> referenced(vertices_, false);
   SpoolReader triangle_reader(&triangle_spool_);
   for (uint64_t left = triangles(); left > 0; --left) {
     const std::byte* bytes = triangle_reader.Next(kTriangleBytes);
@@ -115,7 +118,7 @@ Status InputSpool::FindBounds() {
     for (const uint32_t v : t) referenced[v] = true;
   }
   SpoolReader vertex_reader(&vertex_spool_);
-  for (uint64_t v = 0; v < report_.vertices; ++v) {
+  for (uint64_t v = 0; v < vertices_; ++v) {
     const std::byte* bytes = vertex_reader.Next(vertex_bytes());
     if (bytes == nullptr) return vertex_reader.status();
     if (!referenced[v]) continue;
@@ -156,14 +159,58 @@ Status InputSpool::End() {
                  [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t); }));
     soup_spool_ = Spool(space_, 0);
   }
+  vertices_ = report_.vertices;
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  if (weld_ && vertices_ != 0) {
+    if (!header_.soup) MTDB_RETURN_IF_ERROR(WeldEqual());
+    if (*weld_ > 0) MTDB_RETURN_IF_ERROR(WeldNear());
+  }
   if (triangles() == 0) {
     return BadInput("no triangle to keep: " + std::to_string(report_.triangles) + " read, " +
                     std::to_string(report_.degenerate_triangles) +
                     " of them with two equal vertices; mtdb stores surfaces");
   }
-  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
-  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
   return FindBounds();
+}
+
+Status InputSpool::WeldEqual() {
+  Spool left(space_, memory_bytes_ / 4), numbers(space_, memory_bytes_ / 8);
+  MTDB_ASSIGN_OR_RETURN(
+      vertices_,
+      JoinEqualPositions(vertex_spool_, doubles_, row_bytes_, space_, memory_bytes_ / 4, &left,
+                         [&](uint32_t number) { return numbers.Append(&number, sizeof(number)); }));
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  return Renumber(numbers);
+}
+
+Status InputSpool::WeldNear() {
+  Spool left(space_, memory_bytes_ / 4), numbers(space_, memory_bytes_ / 8);
+  const NearJoinInput input{&vertex_spool_, vertex_bytes(),
+                            [&](const std::byte* vertex) { return Position(vertex); }, *weld_};
+  MTDB_ASSIGN_OR_RETURN(const NearJoinTotals totals,
+                        JoinNear(input, space_, memory_bytes_ / 2, &left, &numbers));
+  vertices_ = totals.vertices;
+  rounding_ += totals.displacement;
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  return Renumber(numbers);
+}
+
+Status InputSpool::Renumber(Spool& numbers) {
+  MTDB_RETURN_IF_ERROR(numbers.Finish());
+  const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
+  const CornerTable table{&numbers, numbers.size() / sizeof(uint32_t), sizeof(uint32_t),
+                          sizeof(uint32_t)};
+  MTDB_RETURN_IF_ERROR(GatherCorners(
+      old, table, space_, memory_bytes_ / 4,
+      [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
+        std::array<uint32_t, 3> t;
+        for (size_t c = 0; c < 3; ++c) std::memcpy(&t[c], corners[c], sizeof(uint32_t));
+        return AppendTriangle(t);
+      }));
+  return triangle_spool_.Finish();
 }
 
 Vec3d InputSpool::Position(const std::byte* vertex) const {

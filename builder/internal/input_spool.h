@@ -1,6 +1,7 @@
 // InputSpool: takes a mesh in, block after block, and keeps it on disk for the passes to come.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "builder/internal/decimals.h"
@@ -19,6 +20,9 @@ class InputSpool final : public MeshSink {
   InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless);
   // Before Begin(): other than the constructor said.
   void SetMemory(size_t memory_bytes) { memory_bytes_ = memory_bytes; }
+  // Before End(): vertices that are at most so far apart become one, the first of them; 0: those of
+  // equal positions. Triangles of which two corners become one are dropped as degenerate.
+  void Weld(double tolerance) { weld_ = tolerance; }
 
   Status Begin(const MeshHeader& header) override;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
@@ -27,10 +31,11 @@ class InputSpool final : public MeshSink {
   bool joins_soup() const override { return true; }
 
   const MeshHeader& header() const { return header_; }
-  uint64_t vertices() const { return report_.vertices; }
+  uint64_t vertices() const { return vertices_; }  // less those that were welded
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
   const InputReport& report() const { return report_; }
-  // Model units: the farthest that a vertex was moved to be float32.
+  uint64_t welded_vertices() const { return report_.vertices - vertices_; }
+  // Model units: the farthest that a vertex was moved to be float32, or by welding.
   double rounding() const override { return rounding_; }
   const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
   // Of the same vertices; unless lossless.
@@ -49,6 +54,10 @@ class InputSpool final : public MeshSink {
 
  private:
   Status AppendTriangle(const std::array<uint32_t, 3>& t);
+  Status WeldEqual();
+  Status WeldNear();
+  // Gives the triangles' corners these numbers.
+  Status Renumber(Spool& numbers);
 
   MeshHeader header_;
   const SpoolSpace* space_;
@@ -61,6 +70,8 @@ class InputSpool final : public MeshSink {
 
   Box3d bounds_;
   Decimals decimals_;
+  uint64_t vertices_ = 0;
+  std::optional<double> weld_;
   bool lossless_;
   bool begun_ = false;
   bool doubles_ = false;  // positions are kept as float64

@@ -23,32 +23,29 @@ class SoupJoin {
   static constexpr size_t kPartMemory = kCornerBytes + 2 * sizeof(uint32_t);
 
  public:
-  SoupJoin(const Spool& soup, const SpoolSpace* space, size_t memory_bytes)
-      : soup_(soup), space_(space) {
-    const uint64_t corners = soup.size() / kCornerBytes;
+  SoupJoin(const Spool& soup, size_t row_bytes, const SpoolSpace* space, size_t memory_bytes)
+      : soup_(soup), row_bytes_(row_bytes), space_(space) {
+    const uint64_t corners = soup.size() / stride();
     parts_ = std::min(kMaxParts, corners * kPartMemory / std::max<size_t>(memory_bytes / 2, 1) + 1);
     part_memory_ = memory_bytes / 2 / parts_ / 4;
   }
 
-  Result<uint64_t> Run(Spool* vertices,
-                       const std::function<Status(const std::array<uint32_t, 3>&)>& receive) {
+  Result<uint64_t> Run(Spool* vertices, const std::function<Status(uint32_t)>& receive) {
     MTDB_RETURN_IF_ERROR(Spread());
     MTDB_RETURN_IF_ERROR(Group());
     MTDB_ASSIGN_OR_RETURN(const uint64_t count, Number(vertices));
     MTDB_RETURN_IF_ERROR(Translate());
     SpoolReader reader(&soup_);
     std::vector<SpoolReader> numbers = Readers(numbers_);
-    for (uint64_t left = soup_.size() / kCornerBytes / 3; left > 0; --left) {
-      std::array<uint32_t, 3> t;
-      for (uint32_t& v : t) {
-        const std::byte* corner = reader.Next(kCornerBytes);
-        if (corner == nullptr) return reader.status();
-        SpoolReader& from = numbers[Part(Normalized(corner))];
-        const std::byte* number = from.Next(sizeof(v));
-        if (number == nullptr) return from.status();
-        std::memcpy(&v, number, sizeof(v));
-      }
-      MTDB_RETURN_IF_ERROR(receive(t));
+    while (reader.remaining() != 0) {
+      const std::byte* corner = reader.Next(stride());
+      if (corner == nullptr) return reader.status();
+      SpoolReader& from = numbers[Part(Normalized(corner))];
+      const std::byte* bytes = from.Next(sizeof(uint32_t));
+      if (bytes == nullptr) return from.status();
+      uint32_t number = 0;
+      std::memcpy(&number, bytes, sizeof(number));
+      MTDB_RETURN_IF_ERROR(receive(number));
     }
     return count;
   }
@@ -82,7 +79,7 @@ class SoupJoin {
     positions_ = Spools();
     SpoolReader reader(&soup_);
     while (reader.remaining() != 0) {
-      const std::byte* corner = reader.Next(kCornerBytes);
+      const std::byte* corner = reader.Next(stride());
       if (corner == nullptr) return reader.status();
       const Position p = Normalized(corner);
       MTDB_RETURN_IF_ERROR(positions_[Part(p)].Append(&p, kCornerBytes));
@@ -133,7 +130,7 @@ class SoupJoin {
     SpoolReader reader(&soup_);
     uint64_t count = 0;
     while (reader.remaining() != 0) {
-      const std::byte* corner = reader.Next(kCornerBytes);
+      const std::byte* corner = reader.Next(stride());
       if (corner == nullptr) return reader.status();
       const Position p = Normalized(corner);
       const uint64_t r = Part(p);
@@ -150,6 +147,7 @@ class SoupJoin {
       }
       const auto number = static_cast<uint32_t>(count++);
       MTDB_RETURN_IF_ERROR(vertices->Append(&p, kCornerBytes));
+      MTDB_RETURN_IF_ERROR(vertices->Append(corner + kCornerBytes, row_bytes_));
       MTDB_RETURN_IF_ERROR(first_numbers_[r].Append(&number, sizeof(number)));
     }
     MTDB_RETURN_IF_ERROR(FinishAll(first_numbers_));
@@ -177,7 +175,10 @@ class SoupJoin {
     return FinishAll(numbers_);
   }
 
+  size_t stride() const { return kCornerBytes + row_bytes_; }
+
   const Spool& soup_;
+  const size_t row_bytes_;
   const SpoolSpace* space_;
   uint64_t parts_ = 1;
   size_t part_memory_ = 0;
@@ -186,11 +187,25 @@ class SoupJoin {
 
 }  // namespace
 
+Result<uint64_t> JoinEqualPositions(const Spool& points, bool doubles, size_t row_bytes,
+                                    const SpoolSpace* space, size_t memory_bytes, Spool* vertices,
+                                    const std::function<Status(uint32_t)>& receive) {
+  if (doubles) {
+    return SoupJoin<Vec3d>(points, row_bytes, space, memory_bytes).Run(vertices, receive);
+  }
+  return SoupJoin<Vec3f>(points, row_bytes, space, memory_bytes).Run(vertices, receive);
+}
+
 Result<uint64_t> JoinSoup(const Spool& soup, bool doubles, const SpoolSpace* space,
                           size_t memory_bytes, Spool* vertices,
                           const std::function<Status(const std::array<uint32_t, 3>&)>& receive) {
-  if (doubles) return SoupJoin<Vec3d>(soup, space, memory_bytes).Run(vertices, receive);
-  return SoupJoin<Vec3f>(soup, space, memory_bytes).Run(vertices, receive);
+  std::array<uint32_t, 3> triangle{};
+  size_t corner = 0;
+  return JoinEqualPositions(soup, doubles, 0, space, memory_bytes, vertices, [&](uint32_t number) {
+    triangle[corner] = number;
+    corner = (corner + 1) % 3;
+    return corner == 0 ? receive(triangle) : Status::Ok();
+  });
 }
 
 }  // namespace mtdb::internal

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "codecs/mesh_file/internal/mesh_format_table.h"
+#include "codecs/mesh_file/internal/open_input.h"
 #include "codecs/mesh_file/internal/readers.h"
 
 namespace mtdb {
@@ -16,9 +17,11 @@ using namespace internal;
 
 namespace {
 
-// "ply" of "a/b.PLY".
+// "ply" of "a/b.PLY" and of "a/b.ply.gz".
 std::string LowerSuffix(const std::string& path) {
-  std::string suffix = std::filesystem::path(path).extension().string();
+  std::filesystem::path name(path);
+  if (name.extension() == ".gz") name.replace_extension();
+  std::string suffix = name.extension().string();
   if (!suffix.empty()) suffix.erase(0, 1);
   for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return suffix;
@@ -83,14 +86,28 @@ std::string SuffixesOf(const std::vector<MeshFormat>& formats) {
   return list;
 }
 
+namespace {
+
+Status NoFormat(const std::vector<MeshFormat>& formats, std::string_view suffix) {
+  return Unsupported(
+      "expected " + OneOf(formats, [](const MeshFormat& f) { return std::string(f.suffixes[0]); }) +
+      ", found '" + std::string(suffix) + "'");
+}
+
+}  // namespace
+
+Result<MeshFormat> FindReadMeshFormat(std::string_view suffix) {
+  for (const MeshFormat& format : ReadMeshFormats()) {
+    if (HasSuffix(format, suffix)) return format;
+  }
+  return NoFormat(ReadMeshFormats(), suffix);
+}
+
 Result<MeshFormat> FindWrittenMeshFormat(std::string_view suffix) {
   for (const MeshFormat& format : WrittenMeshFormats()) {
     if (format.suffixes[0] == suffix) return format;
   }
-  return Unsupported(
-      "expected " +
-      OneOf(WrittenMeshFormats(), [](const MeshFormat& f) { return std::string(f.suffixes[0]); }) +
-      ", found '" + std::string(suffix) + "'");
+  return NoFormat(WrittenMeshFormats(), suffix);
 }
 
 Result<MeshFormat> WrittenMeshFormatOf(const std::string& path) {
@@ -113,12 +130,11 @@ struct FoundFormat {
   std::array<std::byte, 512> bytes;
 };
 
-Status FindFormat(const InputFile& file, FoundFormat* found) {
+Status FindFormat(const InputFile& file, const std::string& suffix, FoundFormat* found) {
   MTDB_ASSIGN_OR_RETURN(const size_t size, file.ReadAt(0, found->bytes));
   if (size == 0) return BadInput(file.path() + ": the file is empty, expected a mesh");
   found->start.bytes = AsString(ByteSpan(found->bytes).first(size));
   found->start.file_bytes = file.size_bytes();
-  const std::string suffix = LowerSuffix(file.path());
   MeshFileFit best_fit = MeshFileFit::kNone;
   for (const MeshFormatRow& row : MeshFormatTable()) {
     if (row.read == nullptr) continue;
@@ -137,22 +153,46 @@ Status FindFormat(const InputFile& file, FoundFormat* found) {
 bool IsMeshFile(const std::string& path) {
   const Result<std::unique_ptr<InputFile>> file = InputFile::Open(path);
   FoundFormat found;
-  return file.ok() && FindFormat(**file, &found).ok() && found.row != nullptr;
+  if (!file.ok() || !FindFormat(**file, LowerSuffix(path), &found).ok()) return false;
+  return found.row != nullptr || IsGzip(found.start.bytes);
 }
 
-Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report) {
+struct MeshInput::Impl {
+  std::unique_ptr<InputFile> file;
+  std::string suffix;
+};
+
+MeshInput::MeshInput(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+MeshInput::MeshInput(MeshInput&&) noexcept = default;
+MeshInput& MeshInput::operator=(MeshInput&&) noexcept = default;
+MeshInput::~MeshInput() = default;
+
+Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions& options) {
+  auto impl = std::make_unique<Impl>();
+  MTDB_ASSIGN_OR_RETURN(impl->file, OpenInputFile(path, options.descriptor, options.tmp_directory));
+  impl->suffix = options.suffix.empty() ? LowerSuffix(path) : options.suffix;
+  return MeshInput(std::move(impl));
+}
+
+const std::string& MeshInput::path() const { return impl_->file->path(); }
+
+Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
   MeshReadReport unused;
   if (report == nullptr) report = &unused;
   *report = {};
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<InputFile> file, InputFile::Open(path));
   FoundFormat found;
-  MTDB_RETURN_IF_ERROR(FindFormat(*file, &found));
+  MTDB_RETURN_IF_ERROR(FindFormat(*impl_->file, impl_->suffix, &found));
   if (found.row == nullptr) {
     return BadInput(
-        path + ": not a mesh file that mtdb reads, expected " +
+        path() + ": not a mesh file that mtdb reads, expected " +
         OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
   }
-  return found.row->read(*file, found.start, sink, report);
+  return found.row->read(*impl_->file, found.start, sink, report);
+}
+
+Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report) {
+  MTDB_ASSIGN_OR_RETURN(const MeshInput input, MeshInput::Open(path));
+  return input.Read(sink, report);
 }
 
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,

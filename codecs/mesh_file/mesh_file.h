@@ -29,6 +29,9 @@ std::vector<MeshFormat> ReadMeshFormats();
 std::vector<MeshFormat> WrittenMeshFormats();
 // The suffixes of `formats`, for help: ".ply .obj .stl".
 std::string SuffixesOf(const std::vector<MeshFormat>& formats);
+// The format that is read whose files have this suffix: "ply", "stl". kUnsupported when there is
+// none.
+Result<MeshFormat> FindReadMeshFormat(std::string_view suffix);
 // The written format that programs ask for by `suffix`: "ply", "glb". kUnsupported when there is
 // none: "expected ply, obj or stl, found 'x'".
 Result<MeshFormat> FindWrittenMeshFormat(std::string_view suffix);
@@ -45,16 +48,48 @@ struct MeshReadReport {
   std::vector<std::string> ignored;  // elements and properties that mtdb does not carry
 };
 
-// Reads the file at `path` and pushes its mesh into `sink` in blocks. The content tells the format
-// where it begins with a magic word, else the suffix does. Memory does not grow with the file,
-// except for STL, whose vertices are joined by exact position, and for the vertex table of OBJ
-// faces. Errors: kNotFound, kIoError, and kBadInput with file, element number or line, what was
-// expected and what was found; among them: non-finite coordinates, vertex indices out of range, a
-// count that the file is too short for, no vertices.
+struct MeshReadOptions {
+  // The descriptor of an open file, or of a pipe, that is read from where it stands; the path then
+  // only names it in messages. It stays open.
+  int descriptor = -1;
+  // The format's suffix ("stl"), where neither the file's name nor its content tells it; empty:
+  // that of the name.
+  std::string suffix;
+  // The folder of the nameless temporary file that a pipe, or a file compressed by gzip, is copied
+  // to, since readers go back and forth; empty: the system's.
+  std::string tmp_directory;
+};
+
+// A mesh file that is open, and may be read any number of times. Files compressed by gzip are
+// decompressed when they are opened; ".gz" is no part of their suffix.
+class MeshInput {
+ public:
+  // kNotFound, kIoError, kNoSpace (temporary files), kBadInput (damaged gzip).
+  static Result<MeshInput> Open(const std::string& path, const MeshReadOptions& options = {});
+  MeshInput(MeshInput&&) noexcept;
+  MeshInput& operator=(MeshInput&&) noexcept;
+  ~MeshInput();
+
+  // Pushes the mesh into `sink` in blocks. The content tells the format where it begins with a
+  // magic word, else the suffix does. Memory does not grow with the file, except for STL, whose
+  // vertices are joined by exact position, for the vertex table of OBJ faces, and for what
+  // codecs/mesh_file/README.md says of compressed formats. Errors: kIoError, and kBadInput with
+  // file, element number or line, what was expected and what was found; among them: non-finite
+  // coordinates, vertex indices out of range, a count that the file is too short for, no vertices.
+  Status Read(MeshSink& sink, MeshReadReport* report) const;
+  const std::string& path() const;
+
+ private:
+  struct Impl;
+  explicit MeshInput(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// Reads the file at `path` once: MeshInput::Open() and Read().
 Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* report);
 
 // Whether ReadMeshFile would read the file: it begins as the files of some format do, or is named
-// like one. False for a file that cannot be opened.
+// like one; or it is compressed by gzip. False for a file that cannot be opened.
 bool IsMeshFile(const std::string& path);
 
 struct MeshWriteOptions {

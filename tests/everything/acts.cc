@@ -604,7 +604,9 @@ int LibraryIngestMain(int count, char** arguments) {
     MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,
                           database->Create(name, force));
     std::vector<std::string> notes;
-    return BuildObject([&](MeshSink& sink) { return ReadMeshes(paths, sink, &notes); }, options,
+    MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
+                          OpenMeshes(paths, "", options.tmp_directory));
+    return BuildObject([&](MeshSink& sink) { return ReadMeshes(inputs, sink, &notes); }, options,
                        *writer,
                        [&](const BuildProgress&) {
                          if (--reports_left == 0) ::raise(SIGKILL);

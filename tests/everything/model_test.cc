@@ -28,7 +28,7 @@ TEST_CASE("what a file says is what the product's reader reads") {
       TriangleMesh read;
       TriangleMeshSink sink(&read);
       std::vector<std::string> notes;
-      REQUIRE(ReadMeshes(input.paths, sink, &notes).ok());
+      REQUIRE(ReadMeshes(OpenMeshes(input.paths, "", "").value(), sink, &notes).ok());
       const Truth truth = MakeTruth({read}, {false});
       CHECK(truth.mesh.header.attributes == input.truth.mesh.header.attributes);
       const size_t row = truth.mesh.header.attributes.row_bytes();

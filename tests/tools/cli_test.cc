@@ -640,9 +640,9 @@ TEST_CASE("progress on a terminal is one line, rewritten", "[cli]") {
 TEST_CASE("every verb explains itself and all its options", "[cli]") {
   const std::map<std::string, Arguments> options{
       {"ingest",
-       {"INPUT... STORE", "--name", "--bits", "--step", "--lossless", "--threads", "--memory",
-        "--tmp", "--resume", "--force", "--dry-run", "--quiet", "--json"}},
-      {"info", {"STORE", "--name", "--json"}},
+       {"INPUT... STORE", "--name", "--format", "--bits", "--step", "--lossless", "--weld",
+        "--threads", "--memory", "--tmp", "--resume", "--force", "--dry-run", "--quiet", "--json"}},
+      {"info", {"STORE", "--name", "--format", "--json"}},
       {"list", {"STORE", "--json"}},
       {"extract",
        {"STORE OUTPUT",

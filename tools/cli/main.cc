@@ -182,10 +182,10 @@ void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
   AddAccuracyOptions(verb, &a->query);
   AddRegionOptions(verb, &a->query);
   AddCameraOptions(verb, &a->query);
-  verb->add_option(
-          "--query", a->query.file,
-          "region and threshold from a JSON file (docs/query.md): all that the options below "
-          "say, and more")
+  verb->add_option("--query", a->query.file,
+                   "region and threshold from a JSON file (docs/query.md), or - for standard "
+                   "input: all that "
+                   "the options below say, and more")
       ->type_name("FILE");
   verb->add_flag("--print-query", a->print_query,
                  "print the query as JSON, for --query, and do nothing else");
@@ -339,13 +339,25 @@ void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
   });
 }
 
+// Of what is read.
+void AddFormat(CLI::App* verb, std::string* format) {
+  verb->add_option("--format", *format,
+                   "the format of standard input, where its content does not tell it: " +
+                       mtdb::SuffixesOf(mtdb::ReadMeshFormats()) + ", without the dot")
+      ->type_name("FORMAT")
+      ->check([](const std::string& text) {
+        return mtdb::FindReadMeshFormat(text).status().message();
+      });
+}
+
 void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArguments* a) {
   verb->add_option("INPUT... STORE", *paths,
                    "mesh files (" + mtdb::SuffixesOf(mtdb::ReadMeshFormats()) +
-                       "; several become one object), then the store, which is made when it is "
-                       "not there")
+                       ", also compressed by gzip, or - for standard input; several become one "
+                       "object), then the store, which is made when it is not there")
       ->required()
       ->expected(2, 1 << 20);
+  AddFormat(verb, &a->format);
   verb->add_option("--name", a->name,
                    "the object's name (default: INPUT without folders and extension)")
       ->type_name("NAME")
@@ -361,6 +373,21 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);
+  // A word that is no tolerance is mostly the next argument.
+  verb->add_option_function<std::string>(
+          "--weld",
+          [a](const std::string& text) {
+            const auto tolerance = mtdb::ParseNonNegative(text.empty() ? "0" : text);
+            if (!tolerance.ok()) {
+              throw CLI::ValidationError("--weld", tolerance.status().message() +
+                                                       "; write --weld=0 before other arguments");
+            }
+            a->weld = *tolerance;
+          },
+          "join vertices of equal positions, or of positions within TOLERANCE model units, into "
+          "one: several files, or tiles that adjoin, become one surface")
+      ->type_name("[TOLERANCE]")
+      ->expected(0, 1);
   verb->add_option("--normals", a->normal_bits,
                    "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
                    "4 to 16, e.g. 10 (default: lossless)")
@@ -497,6 +524,19 @@ void CommandLine::AddIngestVerb() {
                 return mtdb::Ingest(ingest_);
               });
   AddIngest(verb, &paths_, &ingest_);
+  verb->callback([this] {
+    const auto count = std::count(paths_.begin(), paths_.end() - 1, "-");
+    if (count > 1) throw CLI::ValidationError("-", "standard input can be read once");
+    if (paths_.front() == "-" && ingest_.name.empty() && !ingest_.dry_run) {
+      throw CLI::ValidationError("-", "standard input has no name: give the object one by --name");
+    }
+    if (count == 0 && !ingest_.format.empty()) {
+      throw CLI::ValidationError("--format", "goes with - only; files are known by their names");
+    }
+    if (count == 1 && ingest_.resume) {
+      throw CLI::ValidationError("--resume", "cannot read standard input again; copy it to a file");
+    }
+  });
 }
 
 void AddStore(CLI::App* verb, std::string* store) {
@@ -506,7 +546,10 @@ void AddStore(CLI::App* verb, std::string* store) {
 void CommandLine::AddInspectVerbs() {
   CLI::App* info = AddVerb("info", "tell what a store holds, or what a mesh file is like", "",
                            [this](bool*) { return mtdb::Info(inspect_); });
-  info->add_option("STORE", inspect_.store, "the store file, or a mesh file")->required();
+  info->add_option("STORE", inspect_.store,
+                   "the store file, or a mesh file; - is a mesh on standard input")
+      ->required();
+  AddFormat(info, &inspect_.format);
   AddName(info, &inspect_.name, "this object only");
   AddJson(info, &inspect_.json);
   info->add_flag("--streams", inspect_.streams,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <unistd.h>
 
 namespace mtdb {
 
@@ -95,9 +96,9 @@ void DropMissing(AttributeLayout& layout, const AttributeLayout& other, const st
 }
 
 void Note(const std::string& path, const MeshReadReport& report, std::vector<std::string>* notes) {
-  for (const std::string& what : report.ignored) {
-    notes->push_back(path + ": not carried: " + what);
-  }
+  std::string list;
+  for (const std::string& what : report.ignored) list += (list.empty() ? "" : ", ") + what;
+  if (!list.empty()) notes->push_back(path + ": not carried: " + list);
   if (report.short_faces != 0) {
     notes->push_back(path + ": " + std::to_string(report.short_faces) +
                      " faces of fewer than three corners dropped");
@@ -106,19 +107,37 @@ void Note(const std::string& path, const MeshReadReport& report, std::vector<std
 
 }  // namespace
 
-Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
+Result<std::vector<MeshInput>> OpenMeshes(const std::vector<std::string>& paths,
+                                          const std::string& format, const std::string& tmp) {
+  std::vector<MeshInput> inputs;
+  for (const std::string& path : paths) {
+    MeshReadOptions options;
+    options.tmp_directory = tmp;
+    const bool is_standard_input = path == "-";
+    if (is_standard_input) {
+      options.descriptor = STDIN_FILENO;
+      options.suffix = format;
+    }
+    MTDB_ASSIGN_OR_RETURN(MeshInput input,
+                          MeshInput::Open(is_standard_input ? "standard input" : path, options));
+    inputs.push_back(std::move(input));
+  }
+  return inputs;
+}
+
+Status ReadMeshes(const std::vector<MeshInput>& inputs, MeshSink& sink,
                   std::vector<std::string>* notes, uint64_t soup_bytes) {
-  if (paths.size() == 1) {
+  if (inputs.size() == 1) {
     MeshReadReport report;
-    MTDB_RETURN_IF_ERROR(ReadMeshFile(paths[0], sink, &report));
-    Note(paths[0], report, notes);
+    MTDB_RETURN_IF_ERROR(inputs[0].Read(sink, &report));
+    Note(inputs[0].path(), report, notes);
     return Status::Ok();
   }
   MeshHeader common;
-  for (size_t i = 0; i < paths.size(); ++i) {
+  for (size_t i = 0; i < inputs.size(); ++i) {
     HeaderSink header;
     MeshReadReport report;
-    const Status status = ReadMeshFile(paths[i], header, &report);
+    const Status status = inputs[i].Read(header, &report);
     if (!status.ok() && status.code() != StatusCode::kCancelled) return status;
     const MeshHeader& h = header.header();
     if (i == 0) {
@@ -128,20 +147,20 @@ Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
       common.soup = h.soup && sink.joins_soup();
       continue;
     }
-    DropMissing(common.attributes, h.attributes, paths[i], notes);
+    DropMissing(common.attributes, h.attributes, inputs[i].path(), notes);
     AttributeLayout theirs = h.attributes;
-    DropMissing(theirs, common.attributes, paths[0], notes);
+    DropMissing(theirs, common.attributes, inputs[0].path(), notes);
     common.double_positions |= h.double_positions;
     common.from_text |= h.from_text;
     common.soup &= h.soup;
   }
   MTDB_RETURN_IF_ERROR(sink.Begin(common));
   VertexIndex first = 0;
-  for (const std::string& path : paths) {
+  for (const MeshInput& input : inputs) {
     PartSink part(sink, common, first, soup_bytes);
     MeshReadReport report;
-    MTDB_RETURN_IF_ERROR(ReadMeshFile(path, part, &report));
-    Note(path, report, notes);
+    MTDB_RETURN_IF_ERROR(input.Read(part, &report));
+    Note(input.path(), report, notes);
     first += part.count();
   }
   return sink.End();

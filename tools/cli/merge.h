@@ -12,14 +12,19 @@
 
 namespace mtdb {
 
-// Reads all `paths` into `sink` as one mesh, one after the other. Vertices of different files are
+// Reads all `inputs` into `sink` as one mesh, one after the other. Vertices of different files are
 // joined when all are STL, which has none of its own; beside other formats, an STL file's own
 // vertices are joined in memory, of which it may take `soup_bytes` (else kBudgetExceeded). An
 // attribute is kept when every file has it under that name and type; the others, and what the
 // readers ignored, are added to `notes`. Streams: a first look at each file's header, then the
 // data.
-Status ReadMeshes(const std::vector<std::string>& paths, MeshSink& sink,
+Status ReadMeshes(const std::vector<MeshInput>& inputs, MeshSink& sink,
                   std::vector<std::string>* notes,
                   uint64_t soup_bytes = std::numeric_limits<uint64_t>::max());
+
+// Opens the files at `paths`; "-" is standard input, of this format. `tmp` is the folder for copies
+// of what cannot be read twice.
+Result<std::vector<MeshInput>> OpenMeshes(const std::vector<std::string>& paths,
+                                          const std::string& format, const std::string& tmp);
 
 }  // namespace mtdb

@@ -100,6 +100,9 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   for (const VertexAttribute& a : s.header.attributes.attributes) {
     std::printf("  attribute    %s\n", Printable(a.name).c_str());
   }
+  if (s.welded_vertices != 0) {
+    std::printf("  welded       %llu vertices became others\n", U(s.welded_vertices));
+  }
   std::printf("  %s\n", AccuracyLine(s).c_str());
   if (s.collapsed_at_16_bits != 0) {
     std::printf("  at 16 bits %llu triangles would lose their area\n", U(s.collapsed_at_16_bits));
@@ -132,6 +135,7 @@ Json SurveyJson(const MeshSurvey& s) {
   Json json{{"triangles", s.triangles},
             {"vertices", s.vertices},
             {"degenerate_triangles", s.triangles - s.kept_triangles},
+            {"welded_vertices", s.welded_vertices},
             {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}},
             {"diagonal", Diagonal(s.bounds)},
             {"edges",

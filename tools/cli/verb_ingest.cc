@@ -142,6 +142,7 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
   options.bits = arguments.bits;
   options.step = arguments.step;
+  options.weld = arguments.weld;
   options.normal_bits = arguments.normal_bits;
   options.attribute_steps = arguments.attribute_steps;
   options.threads = arguments.threads;
@@ -151,16 +152,27 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   return options;
 }
 
+std::string ShownName(const std::string& input) { return input == "-" ? "standard input" : input; }
+
 // What the readers say begins with the file; what the builder finds does not.
 Status WithFile(const IngestArguments& arguments, const Status& status) {
   const std::string& message = status.message();
-  const bool names_file =
-      std::any_of(arguments.inputs.begin(), arguments.inputs.end(),
-                  [&](const std::string& path) { return message.starts_with(path + ":"); });
+  const bool names_file = std::any_of(
+      arguments.inputs.begin(), arguments.inputs.end(),
+      [&](const std::string& path) { return message.starts_with(ShownName(path) + ":"); });
   if (status.code() != StatusCode::kBadInput || names_file) return status;
   const size_t others = arguments.inputs.size() - 1;
-  return BadInput(arguments.inputs[0] +
+  return BadInput(ShownName(arguments.inputs[0]) +
                   (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " + message);
+}
+
+// Reads the inputs, which must outlive it. While files are read, the build's spools take less than
+// the other half of the memory.
+MeshProducer Reading(const std::vector<MeshInput>& inputs, const BuildOptions& options,
+                     std::vector<std::string>* notes) {
+  return [&inputs, soup_bytes = options.memory_bytes / 2, notes](MeshSink& sink) {
+    return ReadMeshes(inputs, sink, notes, soup_bytes);
+  };
 }
 
 void PrintNotes(const std::vector<std::string>& notes) {
@@ -172,7 +184,9 @@ void PrintNotes(const std::vector<std::string>& notes) {
 Status Survey(const IngestArguments& arguments) {
   const BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
-  const auto read = [&](MeshSink& sink) { return ReadMeshes(arguments.inputs, sink, &notes); };
+  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
+                        OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
+  const auto read = Reading(inputs, options, &notes);
   const Result<MeshSurvey> survey = SurveyMesh(read, options);
   if (!survey.ok()) return WithFile(arguments, survey.status());
   if (arguments.json) {
@@ -182,7 +196,7 @@ Status Survey(const IngestArguments& arguments) {
     PrintJson(json);
     return Status::Ok();
   }
-  PrintSurvey(arguments.inputs[0], *survey);
+  PrintSurvey(ShownName(arguments.inputs[0]), *survey);
   PrintNotes(notes);
   return Status::Ok();
 }
@@ -206,10 +220,9 @@ Status Ingest(const IngestArguments& arguments) {
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
   std::vector<std::string> notes;
-  // While files are read, the build's spools take less than the other half.
-  const auto read = [&](MeshSink& sink) {
-    return ReadMeshes(arguments.inputs, sink, &notes, options.memory_bytes / 2);
-  };
+  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
+                        OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
+  const auto read = Reading(inputs, options, &notes);
   BuildReport report;
   StageRate rate;
   const auto on_progress = [&](const BuildProgress& p) {
@@ -232,6 +245,7 @@ Status Ingest(const IngestArguments& arguments) {
   if (arguments.json) {
     Json json = RecordJson(*record, file_bytes);
     json["accuracy"] = AccuracyJson(report.survey);
+    json["welded_vertices"] = report.survey.welded_vertices;
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     for (const StageCost& stage : report.stages) {
@@ -244,6 +258,10 @@ Status Ingest(const IngestArguments& arguments) {
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
     std::printf("  %s\n", AccuracyLine(report.survey).c_str());
+    if (arguments.weld) {
+      std::printf("  %llu vertices welded to others\n",
+                  static_cast<unsigned long long>(report.survey.welded_vertices));
+    }
     PrintStages(report, *record);
     for (const std::string& warning : AccuracyWarnings(report.survey)) {
       std::printf("  warning: %s\n", warning.c_str());

@@ -114,9 +114,11 @@ void PrintJournal(const IngestJournal& j) {
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
-  if (IsMeshFile(arguments.store) && !Database::Open(arguments.store).ok()) {
+  if (arguments.store == "-" ||
+      (IsMeshFile(arguments.store) && !Database::Open(arguments.store).ok())) {
     IngestArguments mesh;
     mesh.inputs = {arguments.store};
+    mesh.format = arguments.format;
     mesh.tmp = std::filesystem::temp_directory_path().string();
     mesh.json = arguments.json;
     return Survey(mesh);

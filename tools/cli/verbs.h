@@ -16,12 +16,14 @@
 namespace mtdb {
 
 struct IngestArguments {
-  std::vector<std::string> inputs;
+  std::vector<std::string> inputs;  // "-": standard input
+  std::string format;               // of standard input; empty: its content tells it
   std::string store;
   std::string name;
   std::optional<int> bits;
   std::optional<double> step;
   bool lossless = false;
+  std::optional<double> weld;
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;
@@ -41,6 +43,7 @@ struct InspectArguments {
   std::string name;
   std::string level = "fast";  // verify
   bool streams = false;        // info: read all payloads, and tell what their streams take
+  std::string format;          // info: of a mesh on standard input
   std::string tmp;             // list: where journals lie; empty: the store's folder
   bool json = false;
 };

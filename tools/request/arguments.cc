@@ -171,7 +171,11 @@ Result<AttributeStep> ParseAttributeStep(const std::string& text) {
   return AttributeStep{text.substr(0, at), *step};
 }
 
-std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+std::string Stem(const std::string& path) {
+  std::filesystem::path name(path);
+  if (name.extension() == ".gz") name.replace_extension();
+  return name.stem().string();
+}
 
 std::string QuoteForShell(const std::string& word) {
   const auto plain = [](unsigned char c) {

@@ -57,7 +57,7 @@ Result<Ray> ParseRay(const std::string& text);
 Result<Endpoint> ParseEndpoint(const std::string& text);
 // "NAME=STEP"; the last "=" counts.
 Result<AttributeStep> ParseAttributeStep(const std::string& text);
-// The file's name without folders and extension: an object's name by default.
+// The file's name without folders, extension and ".gz": an object's name by default.
 std::string Stem(const std::string& path);
 // As a shell reads it back as one word.
 std::string QuoteForShell(const std::string& word);

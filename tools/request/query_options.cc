@@ -34,7 +34,8 @@ QueryJson Together(const char* key, QueryJson::array_t parts) {
 }
 
 Result<std::string> ReadFile(const std::string& path) {
-  std::FILE* file = std::fopen(path.c_str(), "rb");
+  const bool is_standard_input = path == "-";
+  std::FILE* file = is_standard_input ? stdin : std::fopen(path.c_str(), "rb");
   if (file == nullptr) {
     if (errno == ENOENT) return NotFound(path + ": no such file");
     return IoError(path + ": cannot be opened: " + std::strerror(errno));
@@ -46,7 +47,7 @@ Result<std::string> ReadFile(const std::string& path) {
   }
   const bool failed = std::ferror(file) != 0;
   const int error = errno;
-  std::fclose(file);
+  if (!is_standard_input) std::fclose(file);
   if (failed) return IoError(path + ": cannot be read: " + std::strerror(error));
   return text;
 }

@@ -25,6 +25,10 @@ Result<std::unique_ptr<InputFile>> InputFile::Open(const std::string& path) {
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": no such file");
     return IoError(path + ": cannot be opened: " + ErrorText(error));
   }
+  return Take(descriptor, path);
+}
+
+Result<std::unique_ptr<InputFile>> InputFile::Take(int descriptor, const std::string& path) {
   struct stat info {};
   if (::fstat(descriptor, &info) != 0) {
     const int error = errno;
@@ -33,8 +37,10 @@ Result<std::unique_ptr<InputFile>> InputFile::Open(const std::string& path) {
   }
   if (!S_ISREG(info.st_mode)) {
     ::close(descriptor);
-    return IoError(path + (S_ISDIR(info.st_mode) ? ": is a directory, expected a mesh file"
-                                                 : ": is not a regular file; copy it to one"));
+    return IoError(path + (S_ISDIR(info.st_mode)
+                               ? ": is a directory, expected a mesh file"
+                               : ": is not a regular file; copy it to one, or pipe it "
+                                 "to standard input"));
   }
   (void)::posix_fadvise(descriptor, 0, 0, POSIX_FADV_SEQUENTIAL);
   return std::unique_ptr<InputFile>(

@@ -19,6 +19,8 @@ class InputFile {
  public:
   // kNotFound, kIoError (a directory, a pipe, no permission).
   static Result<std::unique_ptr<InputFile>> Open(const std::string& path);
+  // An open regular file; takes the descriptor. `path` is for messages.
+  static Result<std::unique_ptr<InputFile>> Take(int descriptor, const std::string& path);
   ~InputFile();
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;

@@ -1,0 +1,227 @@
+#include "codecs/mesh_file/internal/open_input.h"
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <sys/stat.h>
+#include <system_error>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+#include <zlib.h>
+
+#include "store/base/bytes.h"
+
+namespace mtdb::internal {
+
+namespace {
+
+constexpr size_t kBlock = size_t{1} << 18;
+
+// A descriptor that is closed unless it is released.
+class Descriptor {
+ public:
+  explicit Descriptor(int descriptor) : descriptor_(descriptor) {}
+  ~Descriptor() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return descriptor_; }
+  int release() { return std::exchange(descriptor_, -1); }
+
+ private:
+  int descriptor_;
+};
+
+Status TemporaryFileError(const std::string& folder, int error) {
+  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
+  return {full ? StatusCode::kNoSpace : StatusCode::kIoError,
+          folder + ": temporary file: " + std::generic_category().message(error) +
+              (full ? "; free some space, or name another folder for temporary files"
+                    : "; name another folder for temporary files")};
+}
+
+// Has no name, so that nothing is left of a process that dies.
+Result<int> NamelessFile(const std::string& folder) {
+#ifdef O_TMPFILE
+  const int nameless = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (nameless >= 0) return nameless;
+#endif
+  std::string name = folder + "/mtdb-input-XXXXXX";
+  const int named = ::mkstemp(name.data());
+  if (named < 0) return TemporaryFileError(folder, errno);
+  ::unlink(name.c_str());
+  return named;
+}
+
+// Reads on from where a descriptor stands.
+class Source {
+ public:
+  Source(int descriptor, const std::string& path) : descriptor_(descriptor), path_(path) {}
+  // Makes the next bytes the current ones; none at the end.
+  Status Next() {
+    for (;;) {
+      const ssize_t n = ::read(descriptor_, buffer_.data(), buffer_.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) {
+        return IoError(path_ + ": cannot be read: " + std::generic_category().message(errno));
+      }
+      bytes_ = ByteSpan(buffer_).first(static_cast<size_t>(n));
+      return Status::Ok();
+    }
+  }
+  ByteSpan bytes() const { return bytes_; }
+  // Until there are `size` bytes, or the end.
+  Status Begin(size_t size) {
+    Bytes start;
+    do {
+      MTDB_RETURN_IF_ERROR(Next());
+      start.insert(start.end(), bytes_.begin(), bytes_.end());
+    } while (!bytes_.empty() && start.size() < size);
+    std::copy(start.begin(), start.end(), buffer_.begin());
+    bytes_ = ByteSpan(buffer_).first(start.size());
+    return Status::Ok();
+  }
+
+ private:
+  int descriptor_;
+  const std::string& path_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(2 * kBlock);
+  ByteSpan bytes_;
+};
+
+// Writes into a nameless file.
+class Target {
+ public:
+  Target(int descriptor, const std::string& folder) : descriptor_(descriptor), folder_(folder) {}
+  Status Write(ByteSpan bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return TemporaryFileError(folder_, errno);
+      bytes = bytes.subspan(static_cast<size_t>(n));
+    }
+    return Status::Ok();
+  }
+
+ private:
+  int descriptor_;
+  const std::string& folder_;
+};
+
+Status Copy(Source& source, const Target& target) {
+  while (!source.bytes().empty()) {
+    MTDB_RETURN_IF_ERROR(target.Write(source.bytes()));
+    MTDB_RETURN_IF_ERROR(source.Next());
+  }
+  return Status::Ok();
+}
+
+// One member of a gzip file after the other.
+class Inflater {
+ public:
+  explicit Inflater(const std::string& path) : path_(path) {
+    // 15: windows of any size; 16: gzip, with its checksum.
+    ok_ = ::inflateInit2(&stream_, 15 + 16) == Z_OK;
+  }
+  ~Inflater() {
+    if (ok_) ::inflateEnd(&stream_);
+  }
+  Inflater(const Inflater&) = delete;
+  Inflater& operator=(const Inflater&) = delete;
+
+  Status Copy(Source& source, const Target& target) {
+    if (!ok_) return {StatusCode::kNoSpace, path_ + ": no memory to decompress it"};
+    while (!source.bytes().empty()) {
+      MTDB_RETURN_IF_ERROR(Inflate(source.bytes(), target));
+      MTDB_RETURN_IF_ERROR(source.Next());
+    }
+    if (ended_) return Status::Ok();
+    return BadInput(path_ + ": gzip: cut short after " + std::to_string(read_) +
+                    " bytes; get the file again");
+  }
+
+ private:
+  Status Inflate(ByteSpan bytes, const Target& target) {
+    stream_.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(bytes.data()));
+    stream_.avail_in = static_cast<uInt>(bytes.size());
+    do {
+      if (ended_ && ::inflateReset(&stream_) != Z_OK) return Damaged(bytes);
+      ended_ = false;
+      stream_.next_out = reinterpret_cast<Bytef*>(out_.data());
+      stream_.avail_out = static_cast<uInt>(out_.size());
+      const int code = ::inflate(&stream_, Z_NO_FLUSH);
+      if (code == Z_MEM_ERROR) {
+        return {StatusCode::kNoSpace, path_ + ": no memory to decompress it"};
+      }
+      if (code != Z_OK && code != Z_STREAM_END && code != Z_BUF_ERROR) return Damaged(bytes);
+      MTDB_RETURN_IF_ERROR(target.Write(ByteSpan(out_).first(out_.size() - stream_.avail_out)));
+      ended_ = code == Z_STREAM_END;
+      // Padding of zeros after the last member is usual on tapes.
+      while (ended_ && stream_.avail_in > 0 && *stream_.next_in == 0) {
+        ++stream_.next_in;
+        --stream_.avail_in;
+      }
+    } while (stream_.avail_in > 0 || stream_.avail_out == 0);
+    read_ += bytes.size();
+    return Status::Ok();
+  }
+  Status Damaged(ByteSpan bytes) const {
+    return BadInput(path_ + ": gzip: damaged near byte " +
+                    std::to_string(read_ + bytes.size() - stream_.avail_in) +
+                    (stream_.msg != nullptr ? std::string(" (") + stream_.msg + ")" : "") +
+                    "; get the file again");
+  }
+
+  const std::string& path_;
+  z_stream stream_{};
+  bool ok_ = false;
+  bool ended_ = false;  // a member has ended
+  uint64_t read_ = 0;   // compressed bytes of earlier blocks
+  std::vector<std::byte> out_ = std::vector<std::byte>(kBlock);
+};
+
+// What `descriptor` has from where it stands.
+Result<std::unique_ptr<InputFile>> CopyOf(int descriptor, const std::string& path,
+                                          const std::string& tmp_directory) {
+  std::error_code error;
+  const std::string folder =
+      tmp_directory.empty() ? std::filesystem::temp_directory_path(error).string() : tmp_directory;
+  MTDB_ASSIGN_OR_RETURN(const int file, NamelessFile(folder.empty() ? "/tmp" : folder));
+  Descriptor copy(file);
+  Source source(descriptor, path);
+  const Target target(copy.get(), folder);
+  MTDB_RETURN_IF_ERROR(source.Begin(2));
+  MTDB_RETURN_IF_ERROR(IsGzip(AsString(source.bytes())) ? Inflater(path).Copy(source, target)
+                                                        : Copy(source, target));
+  return InputFile::Take(copy.release(), path);
+}
+
+}  // namespace
+
+bool IsGzip(std::string_view start) { return start.starts_with("\x1f\x8b"); }
+
+Result<std::unique_ptr<InputFile>> OpenInputFile(const std::string& path, int descriptor,
+                                                 const std::string& tmp_directory) {
+  if (descriptor >= 0) {
+    struct stat info {};
+    if (::fstat(descriptor, &info) == 0 && S_ISDIR(info.st_mode)) {
+      return IoError(path + ": is a directory, expected a mesh file");
+    }
+    return CopyOf(descriptor, path, tmp_directory);
+  }
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<InputFile> file, InputFile::Open(path));
+  std::array<std::byte, 2> start;
+  MTDB_ASSIGN_OR_RETURN(const size_t size, file->ReadAt(0, start));
+  if (!IsGzip(AsString(ByteSpan(start).first(size)))) return file;
+  const Descriptor compressed(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (compressed.get() < 0) {
+    return IoError(path + ": cannot be opened: " + std::generic_category().message(errno));
+  }
+  return CopyOf(compressed.get(), path, tmp_directory);
+}
+
+}  // namespace mtdb::internal

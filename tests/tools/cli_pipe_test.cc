@@ -1,0 +1,94 @@
+// Standard input as a mesh and as a query.
+#include "tests/tools/cli_testing.h"
+
+namespace mtdb::test {
+namespace {
+
+// mtdb with standard input from a shell's pipe or file.
+Outcome RunWith(const std::string& before, const Arguments& arguments) {
+  const Folder folder;
+  std::string command = before + " '" MTDB_BINARY "'";
+  for (const std::string& a : arguments) command += " '" + a + "'";
+  command += " >'" + folder.File("out") + "' 2>'" + folder.File("err") + "'";
+  const int status = std::system(command.c_str());
+  Outcome outcome;
+  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
+  outcome.out = ReadText(folder.File("out"));
+  outcome.err = ReadText(folder.File("err"));
+  return outcome;
+}
+
+}  // namespace
+
+TEST_CASE("ingest reads standard input, a pipe, compressed or of a format without a magic word",
+          "[cli]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  const std::string obj = folder.File("full.obj");
+  RunOk({"extract", example.store, obj});
+  const auto digest = [&](const std::string& before, const std::string& format) {
+    const std::string store = folder.File("s.mtdb");
+    Arguments ingest{"ingest", "-", store, "--name", "sculpture", "--force", "--json"};
+    if (!format.empty()) ingest.insert(ingest.end(), {"--format", format});
+    const Outcome outcome = RunWith(before, ingest);
+    INFO(before << "\n" << outcome.err);
+    REQUIRE(outcome.exit_code == 0);
+    return Json::parse(outcome.out).at("digest");
+  };
+  const Json expected = example.info.at("digest");
+  CHECK(digest("cat '" + example.mesh + "' |", "") == expected);
+  CHECK(digest("cat '" + example.mesh + "' |", "ply") == expected);
+  CHECK(digest("gzip -c '" + example.mesh + "' |", "") == expected);
+  CHECK(digest("<'" + example.mesh + "'", "") == expected);
+  const Json of_obj = RunJson({"ingest", obj, folder.File("o.mtdb"), "--name", "sculpture"});
+  CHECK(digest("cat '" + obj + "' |", "obj") == of_obj.at("digest"));
+
+  const Outcome info = RunWith("cat '" + obj + "' |", {"info", "-", "--format", "obj", "--json"});
+  CHECK(info.exit_code == 0);
+  CHECK(Json::parse(info.out).at("triangles") == example.info.at("triangles"));
+  const Outcome unknown = RunWith("cat '" + obj + "' |", {"info", "-"});
+  CHECK(unknown.exit_code == 1);
+  CHECK_THAT(unknown.err, Catch::Contains("standard input: not a mesh file"));
+  const Outcome empty = RunWith("</dev/null", {"info", "-"});
+  CHECK(empty.exit_code == 1);
+  CHECK_THAT(empty.err, Catch::Contains("standard input: the file is empty"));
+}
+
+TEST_CASE("what standard input cannot be is wrong usage", "[cli]") {
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb");
+  RunFails(2, {"ingest", "-", store}, {"--name"});
+  RunFails(2, {"ingest", "-", "-", store, "--name", "a"}, {"once"});
+  RunFails(2, {"ingest", "-", store, "--name", "a", "--format", "png"}, {"--format", "png"});
+  RunFails(2, {"ingest", "-", store, "--name", "a", "--resume"}, {"--resume"});
+  RunFails(2, {"ingest", SmallExample().mesh, store, "--format", "ply"}, {"--format"});
+}
+
+TEST_CASE("a query comes from standard input", "[cli]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  const Outcome outcome =
+      RunWith(R"(echo '{"threshold": 0.05}' |)",
+              {"extract", example.store, folder.File("a.ply"), "--query", "-", "--json"});
+  INFO(outcome.err);
+  REQUIRE(outcome.exit_code == 0);
+  const Json expected =
+      RunJson({"extract", example.store, folder.File("b.ply"), "--error", "0.05"});
+  CHECK(Json::parse(outcome.out).at("triangles") == expected.at("triangles"));
+}
+
+TEST_CASE("ingest reads a file compressed by gzip under the name without .gz", "[cli]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  const std::string path = folder.File("sculpture.ply.gz");
+  REQUIRE(std::system(("gzip -c '" + example.mesh + "' >'" + path + "'").c_str()) == 0);
+  const Json json = RunJson({"ingest", path, folder.File("s.mtdb")});
+  CHECK(json.at("object") == "sculpture");
+  CHECK(json.at("digest") == example.info.at("digest"));
+  const std::string bytes = ReadText(path);
+  WriteText(path, bytes.substr(0, bytes.size() / 2));
+  RunFails(1, {"ingest", path, folder.File("t.mtdb"), "--quiet"}, {path, "cut short"});
+  CHECK(!Exists(folder.File("t.mtdb")));
+}
+
+}  // namespace mtdb::test
