@@ -434,7 +434,7 @@ int Usage(const std::string& problem, const std::string& verb) {
 // The option or argument that was given as '', which is no value of any.
 std::string EmptyValue(const CLI::App& verb) {
   for (const CLI::Option* option : verb.get_options()) {
-    if (option->get_type_size() == 0) continue;  // flags
+    if (option->get_type_size() == 0 || option->get_expected_min() == 0) continue;  // flags
     for (const std::string& text : option->results()) {
       if (text.empty()) return option->get_name();
     }

@@ -64,7 +64,7 @@ class Source {
   // Makes the next bytes the current ones; none at the end.
   Status Next() {
     for (;;) {
-      const ssize_t n = ::read(descriptor_, buffer_.data(), buffer_.size());
+      const ssize_t n = ::read(descriptor_, buffer_.data(), kBlock);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) {
         return IoError(path_ + ": cannot be read: " + std::generic_category().message(errno));
@@ -74,7 +74,7 @@ class Source {
     }
   }
   ByteSpan bytes() const { return bytes_; }
-  // Until there are `size` bytes, or the end.
+  // Until there are `size` bytes, which is little, or the end.
   Status Begin(size_t size) {
     Bytes start;
     do {
@@ -89,7 +89,7 @@ class Source {
  private:
   int descriptor_;
   const std::string& path_;
-  std::vector<std::byte> buffer_ = std::vector<std::byte>(2 * kBlock);
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(2 * kBlock);  // see Begin()
   ByteSpan bytes_;
 };
 
