@@ -92,8 +92,8 @@ uint64_t TemporaryBytes(const BuildOptions& options, uint64_t triangles, size_t 
                         uint64_t spool_bytes) {
   const uint64_t record = sizeof(TileTriangle) + 8 + 3 * row_bytes;
   const uint64_t corner = 12 + 13 + row_bytes;
-  const auto left = static_cast<uint64_t>(static_cast<double>(record) *
-                                          RoundLevel::MostLeft(options.reduction));
+  const auto left =
+      static_cast<uint64_t>(static_cast<double>(record) * RoundLevel::MostLeft(options.reduction));
   const uint64_t need = triangles * (3 * corner + record + left);
   return need <= spool_bytes ? 0 : need;
 }
