@@ -30,7 +30,7 @@ std::string Gzip(const std::string& text) {
 std::string ObjText(int vertices) {
   std::string text;
   for (int i = 0; i < vertices; ++i) {
-    text += "v " + std::to_string(i) + " " + std::to_string(i * i % 101) + " 0\n";
+    text += "v " + std::to_string(i) + " " + std::to_string((i % 101) * (i % 101)) + " 0\n";
   }
   for (int i = 3; i <= vertices; ++i) {
     text +=
