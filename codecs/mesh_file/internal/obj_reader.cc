@@ -14,6 +14,17 @@ namespace {
 
 constexpr size_t kMaxIgnored = 64;
 
+// Statements that mtdb does not carry, and what they are.
+constexpr std::array<std::array<std::string_view, 2>, 9> kDropped{{{"vt", "texture coordinates"},
+                                                                  {"vn", "normals"},
+                                                                  {"usemtl", "uses of materials"},
+                                                                  {"mtllib", "material files"},
+                                                                  {"g", "groups"},
+                                                                  {"o", "object names"},
+                                                                  {"s", "smoothing groups"},
+                                                                  {"l", "lines"},
+                                                                  {"p", "points"}}};
+
 // Lines with a backslash at their end joined to the next.
 class ObjLines {
  public:
@@ -153,12 +164,33 @@ class ObjReader {
         MTDB_RETURN_IF_ERROR(EmitVertex(lines, tokens));
       } else if (word == "f") {
         MTDB_RETURN_IF_ERROR(EmitFace(lines, tokens));
-      } else if (report_->ignored.size() < kMaxIgnored) {
-        const std::string quoted = Quoted(word);
-        AddIgnored(report_, "OBJ statement " + quoted.substr(1, quoted.size() - 2));
+      } else {
+        CountDropped(word);
       }
     }
+    for (const auto& [what, count] : dropped_) {
+      AddIgnored(report_, std::to_string(count) + " " + what);
+    }
     return lines.status();
+  }
+
+  void CountDropped(std::string_view word) {
+    const auto known = std::find_if(kDropped.begin(), kDropped.end(),
+                                    [&](const auto& statement) { return statement[0] == word; });
+    std::string what;
+    if (known != kDropped.end()) {
+      what = (*known)[1];
+    } else {
+      const std::string quoted = Quoted(word);
+      what = "OBJ statements " + quoted.substr(1, quoted.size() - 2);
+    }
+    const auto at = std::find_if(dropped_.begin(), dropped_.end(),
+                                 [&](const auto& entry) { return entry.first == what; });
+    if (at != dropped_.end()) {
+      ++at->second;
+    } else if (dropped_.size() < kMaxIgnored) {
+      dropped_.emplace_back(what, 1);
+    }
   }
 
   Status EmitVertex(const ObjLines& lines, LineTokens tokens) {
@@ -221,6 +253,7 @@ class ObjReader {
   const InputFile& file_;
   MeshEmitter emitter_;
   MeshReadReport* report_;
+  std::vector<std::pair<std::string, uint64_t>> dropped_;  // in the order of first sight
   uint64_t vertex_count_ = 0;
   uint64_t vertices_seen_ = 0;
   bool double_positions_ = false;

@@ -1,11 +1,14 @@
+#include <cmath>
+#include <cstring>
+
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
 namespace mtdb::internal {
 namespace {
 
-// "v X Y Z" (with "R G B" from 0 to 1 where the mesh has colours), then "f A B C". Other attributes
-// have no place in OBJ.
+// "v X Y Z" (with "R G B" from 0 to 1 where the mesh has colours), and "vn X Y Z" where it has
+// normals, then "f A B C", or "f A//A B//B C//C". Other attributes have no place in OBJ.
 class ObjWriter final : public MeshWriter {
  public:
   using MeshWriter::MeshWriter;
@@ -14,6 +17,7 @@ class ObjWriter final : public MeshWriter {
  private:
   Status WriteHeader() override {
     colours_ = FindColours(header().attributes);
+    normals_ = FindNormals(header().attributes);
     return Status::Ok();
   }
 
@@ -29,8 +33,20 @@ class ObjWriter final : public MeshWriter {
                      std::to_integer<int>(rows[i * row_bytes + colours_.offsets[c]]) / 255.0f);
       }
       text_ += '\n';
+      if (normals_.found) AppendNormal(rows.data() + i * row_bytes);
     }
     return file().Append(text_);
+  }
+
+  void AppendNormal(const std::byte* row) {
+    text_ += "vn";
+    for (const size_t offset : normals_.offsets) {
+      float value = 0;
+      std::memcpy(&value, row + offset, sizeof(value));
+      text_ += ' ';
+      AppendNumber(&text_, std::isfinite(value) ? value : 0.0f);
+    }
+    text_ += '\n';
   }
 
   Status WriteTriangles(std::span<const TriangleVertices> triangles) override {
@@ -40,6 +56,9 @@ class ObjWriter final : public MeshWriter {
       for (const VertexIndex v : t) {
         text_ += ' ';
         AppendNumber(&text_, v + 1);
+        if (!normals_.found) continue;
+        text_ += "//";
+        AppendNumber(&text_, v + 1);
       }
       text_ += '\n';
     }
@@ -47,6 +66,7 @@ class ObjWriter final : public MeshWriter {
   }
 
   ColourColumns colours_;
+  NormalColumns normals_;
   std::string text_;
 };
 

@@ -38,9 +38,18 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
                   .create_writer = Create<CreateOffWriter>});
   rows.push_back(
       {.format = {.name = "glTF", .suffixes = {"glb"}, .content_type = "model/gltf-binary"},
+       .recognise = RecogniseGltf,
+       .read = Read<ReadGltf>,
        .create_writer = Create<CreateGltfWriter>});
   rows.push_back({.format = {.name = "Draco", .suffixes = {"drc"}, .keeps_mesh = true},
+                  .recognise = RecogniseDraco,
+                  .read = Read<ReadDraco>,
                   .create_writer = CreateDracoWriter});
+  rows.push_back({.format = {.name = "glTF JSON",
+                             .suffixes = {"gltf"},
+                             .content_type = "model/gltf+json"},
+                  .recognise = RecogniseGltfJson,
+                  .read = Read<ReadGltf>});
   return rows;
 }
 

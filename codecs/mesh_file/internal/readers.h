@@ -15,6 +15,9 @@ namespace mtdb::internal {
 Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report);
+Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report);
+// Binary or JSON.
+Status ReadGltf(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 // Binary or ASCII.
 Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
                MeshReadReport* report);
@@ -33,6 +36,12 @@ MeshFileFit RecogniseOff(const MeshFileStart& start);
 // "solid" and white space; or the size that the header promises, as binary files may begin with
 // "solid" too.
 MeshFileFit RecogniseStl(const MeshFileStart& start);
+// "DRACO".
+MeshFileFit RecogniseDraco(const MeshFileStart& start);
+// "glTF".
+MeshFileFit RecogniseGltf(const MeshFileStart& start);
+// An object of JSON whose name says so.
+MeshFileFit RecogniseGltfJson(const MeshFileStart& start);
 // True when `text` begins with the word, and white space or nothing behind it.
 bool StartsWithWord(std::string_view text, std::string_view word);
 
