@@ -8,6 +8,13 @@
 #include "tests/everything/step.h"
 #include "tests/support/mesh_changes.h"
 
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#include "draco/compression/encode.h"
+#include "draco/mesh/mesh.h"
+#pragma GCC diagnostic pop
+
 namespace mtdb::everything {
 
 namespace {
@@ -165,6 +172,111 @@ std::string StlText(const TriangleMesh& mesh) {
   return text + "endsolid mesh\n";
 }
 
+// The description of a mesh whose vertices (positions, and colours of four bytes) are followed by
+// its corners, in a buffer that `uri` names, and the buffer.
+std::string GltfJson(const TriangleMesh& mesh, const std::string& uri) {
+  const bool coloured = !mesh.header.attributes.empty();
+  const size_t stride = coloured ? 16 : 12;
+  const size_t vertices = mesh.positions.size();
+  const std::string count = std::to_string(vertices);
+  const std::string corners = std::to_string(3 * mesh.triangles.size());
+  const std::string vertex_bytes = std::to_string(vertices * stride);
+  return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],)"
+         R"("meshes":[{"primitives":[{"attributes":{"POSITION":0)" +
+         std::string(coloured ? R"(,"COLOR_0":2)" : "") + R"(},"indices":1}]}],"accessors":[)" +
+         R"({"bufferView":0,"componentType":5126,"type":"VEC3","count":)" + count + "}," +
+         R"({"bufferView":1,"componentType":5125,"type":"SCALAR","count":)" + corners + "}," +
+         R"({"bufferView":0,"byteOffset":12,"componentType":5121,"normalized":true,)" +
+         R"("type":"VEC3","count":)" + (coloured ? count : "0") + "}]," +
+         R"("bufferViews":[{"buffer":0,"byteStride":)" + std::to_string(stride) +
+         ",\"byteLength\":" + vertex_bytes + R"(},{"buffer":0,"byteOffset":)" + vertex_bytes +
+         ",\"byteLength\":" + std::to_string(12 * mesh.triangles.size()) +
+         R"(}],"buffers":[{"byteLength":)" +
+         std::to_string(vertices * stride + 12 * mesh.triangles.size()) + uri + "}]}";
+}
+
+std::string GltfBuffer(const TriangleMesh& mesh) {
+  std::string bytes;
+  const bool coloured = !mesh.header.attributes.empty();
+  for (size_t v = 0; v < mesh.positions.size(); ++v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto value = static_cast<float>(mesh.positions[v][axis]);
+      AppendBytes(&bytes, &value, sizeof(value), false);
+    }
+    for (size_t c = 0; coloured && c < 3; ++c) {
+      bytes += static_cast<char>(ValueAt<uint8_t>(mesh, v, c));
+    }
+    if (coloured) bytes += '\xff';
+  }
+  for (const TriangleVertices& t : mesh.triangles) {
+    for (const VertexIndex v : t) {
+      const auto index = static_cast<uint32_t>(v);
+      AppendBytes(&bytes, &index, sizeof(index), false);
+    }
+  }
+  return bytes;
+}
+
+std::string GltfBinary(const TriangleMesh& mesh) {
+  std::string json = GltfJson(mesh, "");
+  while (json.size() % 4 != 0) json += ' ';
+  const std::string buffer = GltfBuffer(mesh);
+  std::string file = "glTF";
+  for (const size_t word : {size_t{2}, 28 + json.size() + buffer.size(), json.size()}) {
+    const auto value = static_cast<uint32_t>(word);
+    AppendBytes(&file, &value, sizeof(value), false);
+  }
+  file += "JSON" + json;
+  const auto size = static_cast<uint32_t>(buffer.size());
+  AppendBytes(&file, &size, sizeof(size), false);
+  return file + std::string("BIN\0", 4) + buffer;
+}
+
+std::string GltfText(const TriangleMesh& mesh) {
+  const std::string bytes = GltfBuffer(mesh);
+  const char* const digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (size_t i = 0; i < bytes.size(); i += 3) {
+    uint32_t bits = 0;
+    for (size_t b = 0; b < 3; ++b) {
+      bits = bits << 8 | (i + b < bytes.size() ? static_cast<uint8_t>(bytes[i + b]) : 0u);
+    }
+    for (size_t d = 0; d < 4; ++d) {
+      text += i + d <= bytes.size() ? digits[bits >> (18 - 6 * d) & 63] : '=';
+    }
+  }
+  return GltfJson(mesh, R"(,"uri":"data:application/octet-stream;base64,)" + text + "\"");
+}
+
+// By Draco itself, without quantisation and in the mesh's order.
+std::string DracoFile(const TriangleMesh& mesh) {
+  if (mesh.triangles.empty()) return "DRACO";
+  draco::Mesh out;
+  out.set_num_points(static_cast<uint32_t>(mesh.positions.size()));
+  out.SetNumFaces(mesh.triangles.size());
+  draco::GeometryAttribute attribute;
+  attribute.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false,
+                 3 * sizeof(float), 0);
+  const int id = out.AddAttribute(attribute, true, static_cast<uint32_t>(mesh.positions.size()));
+  for (uint32_t v = 0; v < mesh.positions.size(); ++v) {
+    const Vec3d p = mesh.positions[v];
+    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    out.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(v), &f);
+  }
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    draco::Mesh::Face face;
+    for (size_t c = 0; c < 3; ++c) {
+      face[c] = draco::PointIndex(static_cast<uint32_t>(mesh.triangles[t][c]));
+    }
+    out.SetFace(draco::FaceIndex(t), face);
+  }
+  draco::Encoder encoder;
+  encoder.SetEncodingMethod(draco::MESH_SEQUENTIAL_ENCODING);
+  draco::EncoderBuffer buffer;
+  if (!encoder.EncodeMeshToBuffer(out, &buffer).ok()) return "DRACO";
+  return {buffer.data(), buffer.size()};
+}
+
 void CarryAll(AttributeLayout*) {}
 void CarryNothing(AttributeLayout* layout) { layout->attributes.clear(); }
 void CarryColours(AttributeLayout* layout) {
@@ -187,6 +299,9 @@ const std::vector<FileFormat>& FileFormats() {
       {"off", ".off", false, false, true, false, CarryNothing, OffText},
       {"stl", ".stl", true, true, false, true, CarryNothing, StlBinary},
       {"stl-text", ".stl", true, false, true, false, CarryNothing, StlText},
+      {"glb", ".glb", false, true, false, true, CarryColours, GltfBinary},
+      {"gltf", ".gltf", false, true, false, true, CarryColours, GltfText},
+      {"drc", ".drc", false, true, false, true, CarryNothing, DracoFile},
   };
   return kFormats;
 }

@@ -153,8 +153,9 @@ class Decoded final : public DracoMesh {
     std::vector<DracoAttribute> list;
     for (int i = 0; i < mesh_->num_attributes(); ++i) {
       const draco::PointAttribute& a = *mesh_->attribute(i);
-      DracoAttribute attribute{i, a.unique_id(), KindOf(a.attribute_type()), TypeOf(a.data_type()),
-                               a.num_components(), ""};
+      DracoAttribute attribute{
+          i, a.unique_id(), KindOf(a.attribute_type()), TypeOf(a.data_type()), a.num_components(),
+          ""};
       const draco::AttributeMetadata* metadata = mesh_->GetAttributeMetadataByAttributeId(i);
       if (metadata != nullptr) metadata->GetEntryString("name", &attribute.name);
       list.push_back(std::move(attribute));

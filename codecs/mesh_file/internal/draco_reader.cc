@@ -57,9 +57,9 @@ Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) 
       columns.push_back({a.index, 1});
       header.attributes.attributes.push_back({a.name, a.type});
     } else {
-      AddIgnored(report, std::to_string(mesh->points()) +
-                             (a.kind == DracoKind::kTexture ? " texture coordinates"
-                                                            : " values of a Draco attribute"));
+      AddIgnored(report, std::to_string(mesh->points()) + (a.kind == DracoKind::kTexture
+                                                               ? " texture coordinates"
+                                                               : " values of a Draco attribute"));
     }
   }
   if (positions < 0) return BadInput(file.path() + ": Draco: the mesh has no positions");

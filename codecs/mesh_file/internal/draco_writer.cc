@@ -1,5 +1,4 @@
-// Draco: the whole mesh in memory, encoded at End() by its edgebreaker. The only file that includes
-// Draco's headers.
+// Draco: the whole mesh in memory, encoded at End() by its edgebreaker.
 #include <algorithm>
 #include <array>
 #include <cmath>

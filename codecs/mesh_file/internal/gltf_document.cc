@@ -75,7 +75,7 @@ std::string Unescaped(const std::string& uri) {
   for (size_t i = 0; i < uri.size(); ++i) {
     const auto digit = [&](size_t at) {
       const char c = at < uri.size() ? uri[at] : ' ';
-      return c >= '0' && c <= '9' ? c - '0'
+      return c >= '0' && c <= '9'   ? c - '0'
              : c >= 'a' && c <= 'f' ? c - 'a' + 10
              : c >= 'A' && c <= 'F' ? c - 'A' + 10
                                     : -1;
@@ -251,10 +251,9 @@ Result<GltfBytes> GltfDocument::Buffer(uint64_t index) const {
   if (text.starts_with("data:")) return DataUri(text);
   const std::filesystem::path name(Unescaped(text));
   // A file that came from elsewhere must not make others of this machine part of a mesh.
-  const bool inside = name.is_relative() && text.find(':') == std::string::npos &&
-                      std::none_of(name.begin(), name.end(), [](const auto& part) {
-                        return part == "..";
-                      });
+  const bool inside =
+      name.is_relative() && text.find(':') == std::string::npos &&
+      std::none_of(name.begin(), name.end(), [](const auto& part) { return part == ".."; });
   if (!inside) {
     return Error("buffer " + std::to_string(index) +
                  " is in a file outside of this one's folder; copy it there, or convert to .glb");
@@ -398,9 +397,9 @@ Result<GltfAccessor> GltfDocument::Accessor(uint64_t index) const {
   GltfBytes& bytes = accessor.bytes;
   if (bytes.stride == 0) bytes.stride = value_bytes;
   const uint64_t room = offset > bytes.size ? 0 : bytes.size - offset;
-  const bool fits = accessor.count == 0 ||
-                    (bytes.stride >= value_bytes && room >= value_bytes &&
-                     (room - value_bytes) / bytes.stride + 1 >= accessor.count);
+  const bool fits =
+      accessor.count == 0 || (bytes.stride >= value_bytes && room >= value_bytes &&
+                              (room - value_bytes) / bytes.stride + 1 >= accessor.count);
   if (!fits) {
     return Error(name + ": " + std::to_string(accessor.count) + " values of " +
                  std::to_string(value_bytes) + " bytes, but its bufferView has " +
@@ -441,8 +440,8 @@ Status GltfValues::Next(std::array<double, 4>* value) {
       at += sizeof(number);
       if constexpr (!std::numeric_limits<T>::is_integer) return static_cast<double>(number);
       if (!accessor_.normalized) return static_cast<double>(number);
-      return std::max(-1.0, static_cast<double>(number) /
-                                static_cast<double>(std::numeric_limits<T>::max()));
+      return std::max(
+          -1.0, static_cast<double>(number) / static_cast<double>(std::numeric_limits<T>::max()));
     };
     double& out = (*value)[static_cast<size_t>(c)];
     switch (accessor_.type) {

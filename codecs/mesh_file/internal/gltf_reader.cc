@@ -99,8 +99,8 @@ class GltfReader {
     std::array<double, 16> m{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
     MTDB_RETURN_IF_ERROR(Numbers(node, "matrix", m));
     if (GltfMember(node, "matrix") != nullptr) {
-      *placement = {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]},
-                    {m[12], m[13], m[14]}};
+      *placement = {
+          {m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
       return Status::Ok();
     }
     std::array<double, 3> t{0, 0, 0}, s{1, 1, 1};
@@ -188,8 +188,8 @@ class GltfReader {
         continue;
       }
       morphs_ += GltfSize(primitive, "targets") != 0;
-      primitives_.push_back({primitive, placement, "mesh " + std::to_string(mesh) +
-                                                       ", primitive " + std::to_string(p)});
+      primitives_.push_back({primitive, placement,
+                             "mesh " + std::to_string(mesh) + ", primitive " + std::to_string(p)});
     }
     return Status::Ok();
   }
@@ -345,8 +345,8 @@ class GltfReader {
                           const char* name) const {
     Source source;
     uint64_t id = kNone;
-    if (draco != nullptr && !GltfNumber(GltfMember(DracoOf(primitive), "attributes"), name, kNone,
-                                        &id)) {
+    if (draco != nullptr &&
+        !GltfNumber(GltfMember(DracoOf(primitive), "attributes"), name, kNone, &id)) {
       return Error(primitive.where + ": Draco's " + name + " is no number");
     }
     if (id == kNone) {

@@ -16,14 +16,14 @@ constexpr size_t kMaxIgnored = 64;
 
 // Statements that mtdb does not carry, and what they are.
 constexpr std::array<std::array<std::string_view, 2>, 9> kDropped{{{"vt", "texture coordinates"},
-                                                                  {"vn", "normals"},
-                                                                  {"usemtl", "uses of materials"},
-                                                                  {"mtllib", "material files"},
-                                                                  {"g", "groups"},
-                                                                  {"o", "object names"},
-                                                                  {"s", "smoothing groups"},
-                                                                  {"l", "lines"},
-                                                                  {"p", "points"}}};
+                                                                   {"vn", "normals"},
+                                                                   {"usemtl", "uses of materials"},
+                                                                   {"mtllib", "material files"},
+                                                                   {"g", "groups"},
+                                                                   {"o", "object names"},
+                                                                   {"s", "smoothing groups"},
+                                                                   {"l", "lines"},
+                                                                   {"p", "points"}}};
 
 // Lines with a backslash at their end joined to the next.
 class ObjLines {

@@ -45,11 +45,10 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
                   .recognise = RecogniseDraco,
                   .read = Read<ReadDraco>,
                   .create_writer = CreateDracoWriter});
-  rows.push_back({.format = {.name = "glTF JSON",
-                             .suffixes = {"gltf"},
-                             .content_type = "model/gltf+json"},
-                  .recognise = RecogniseGltfJson,
-                  .read = Read<ReadGltf>});
+  rows.push_back(
+      {.format = {.name = "glTF JSON", .suffixes = {"gltf"}, .content_type = "model/gltf+json"},
+       .recognise = RecogniseGltfJson,
+       .read = Read<ReadGltf>});
   return rows;
 }
 
