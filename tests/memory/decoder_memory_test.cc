@@ -46,6 +46,10 @@ constexpr Bound kRecord{"object record", 16 * kKilobyte, 64};
 constexpr Bound kEntry{"catalog entry", 16 * kKilobyte, 16};
 constexpr Bound kIndex{"index rows", 64 * kKilobyte, 32};
 constexpr Bound kMeshFile{"mesh file", 4 * 1024 * kKilobyte, 64};
+// A value of JSON, and what its list grows by.
+constexpr Bound kGltfFile{"glTF file", 4 * 1024 * kKilobyte, 192};
+// DracoMesh::kMostPerByte triangles and vertices of a byte.
+constexpr Bound kDracoFile{"Draco file", 4 * 1024 * kKilobyte, 64 * kKilobyte};
 
 using Decode = std::function<void(ByteSpan)>;
 
@@ -394,8 +398,8 @@ Bytes Text(const std::string& text) {
 TEST_CASE("mesh files take memory by their bytes", "[memory]") {
   const int descriptor = ::memfd_create("mesh", 0);
   const std::string path = "/proc/self/fd/" + std::to_string(descriptor);
-  const auto meter_of = [&](auto read, bool joins) {
-    return Meter(kMeshFile, [&path, descriptor, read, joins](ByteSpan bytes) {
+  const auto meter_of = [&](auto read, bool joins, const Bound& bound = kMeshFile) {
+    return Meter(bound, [&path, descriptor, read, joins](ByteSpan bytes) {
       REQUIRE(::ftruncate(descriptor, 0) == 0);
       REQUIRE(::pwrite(descriptor, bytes.data(), bytes.size(), 0) ==
               static_cast<ssize_t>(bytes.size()));
@@ -431,6 +435,37 @@ TEST_CASE("mesh files take memory by their bytes", "[memory]") {
         meter.Try(Text(head + elements));
       }
       meter.Try(Text("ply\nformat ascii 1.0\ncomment " + std::string(1 << 20, 'c')));
+    }
+    {
+      Meter meter = meter_of(ReadGltf, joins, kGltfFile);
+      const std::string square =
+          R"({"asset":{"version":"2.0"},"buffers":[{"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAA)"
+          R"(AAAAAAAAAAAAAAAAgD8AAAAA"}],"bufferViews":[{"buffer":0,"byteLength":36}],)"
+          R"("accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],)"
+          R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}]})";
+      meter.TryAll(Text(square), 40);
+      for (const std::string part : {"[", "[],", "0,", "{},", "\"\",", "[0],", R"({"a":0},)"}) {
+        std::string many = R"({"nodes":[)";
+        while (many.size() < 200'000) many += part;
+        meter.Try(Text(many));
+        meter.Try(Text(many + "0]}"));
+      }
+      std::string keys = "{";
+      for (int i = 0; i < 20'000; ++i) keys += "\"" + std::to_string(i) + "\":0,";
+      meter.Try(Text(keys + "\"\":0}"));
+      std::string bytes = square;
+      bytes.replace(bytes.find("AAAA"), 4, std::string(400'000, 'A'));
+      meter.Try(Text(bytes));
+    }
+    {
+      Meter meter = meter_of(ReadDraco, joins, kDracoFile);
+      for (const char method : {'\0', '\1'}) {
+        for (const std::string count : {"\x05", "\xff\x1f", "\xff\xff\xff\xff\x07"}) {
+          std::string file = std::string("DRACO\2\2\1", 8) + method + std::string(2, '\0');
+          if (method == '\1') file += '\0';
+          meter.TryAll(Text(file + count + count + std::string(200, '\1')), 40);
+        }
+      }
     }
     {
       Meter meter = meter_of(ReadObj, joins);
