@@ -53,6 +53,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   constexpr decltype(&mtdb::internal::ReadPly) kReaders[] = {
       mtdb::internal::ReadPly, mtdb::internal::ReadObj, mtdb::internal::ReadOff,
       mtdb::internal::ReadBinaryStl, mtdb::internal::ReadAsciiStl};
+  constexpr uint8_t kGltf = 120;  // of the first byte's lower bits
   if (size == 0) return 0;
   const auto written = static_cast<ssize_t>(size - 1);
   if (::ftruncate(kDescriptor, 0) != 0 || ::pwrite(kDescriptor, data + 1, size - 1, 0) != written) {
@@ -62,7 +63,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (!file.ok()) __builtin_trap();
   CheckingSink sink(data[0] >= 128);
   mtdb::MeshReadReport report;
-  const Status status = kReaders[data[0] % std::size(kReaders)](**file, sink, &report);
+  const bool is_gltf = (data[0] & 0x7f) >= kGltf;
+  const Status status = is_gltf ? mtdb::internal::ReadGltf(**file, sink, &report)
+                                : kReaders[data[0] % std::size(kReaders)](**file, sink, &report);
   if (status.ok() && !sink.in_range()) __builtin_trap();
   if (!status.ok() && status.message().empty()) __builtin_trap();
   return 0;

@@ -135,7 +135,7 @@ void AddStoreValues(const SeedFolder& folder) {
 }
 
 void AddMeshes(const SeedFolder& folder) {
-  enum Reader { kPly, kObj, kOff, kBinaryStl, kAsciiStl };
+  enum Reader { kPly, kObj, kOff, kBinaryStl, kAsciiStl, kGltf = 120 };
   const std::string properties =
       "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
       "property uchar red\nelement face 2\nproperty list uchar int vertex_indices\n";
@@ -180,6 +180,15 @@ void AddMeshes(const SeedFolder& folder) {
   folder.Add("mesh", "ascii.stl", kAsciiStl,
              "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1e0 0\n"
              "endloop\nendfacet\nendsolid s\n");
+  folder.Add("mesh", "square.gltf", kGltf,
+             R"({"asset":{"version":"2.0"},"buffers":[{"uri":"data:;base64,)"
+             "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAACAPwAAgD8AAAAAAAABAAIAAwA="
+             R"("}],"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,)"
+             R"("byteLength":8}],"accessors":[{"bufferView":0,"componentType":5126,"count":4,)"
+             R"("type":"VEC3"},{"bufferView":1,"componentType":5123,"count":4,"type":"SCALAR"}],)"
+             R"("meshes":[{"primitives":[{"attributes":{"POSITION":0,"COLOR_0":0,"NORMAL":0,)"
+             R"("_A":1},"indices":1,"mode":5}]}],"nodes":[{"mesh":0,"scale":[1,2,-1],)"
+             R"("children":[1]},{"mesh":0,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,5,5,5,1]}]})");
 }
 
 void AddSessionMessages(const SeedFolder& folder) {
