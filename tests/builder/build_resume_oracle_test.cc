@@ -150,6 +150,8 @@ const Change kChanges[] = {
      [](Work& w) { w.mesh.header.attributes.attributes[0].type = ScalarType::kInt32; }},
     {"bits", true, [](Work& w) { w.options.bits = 15; }},
     {"step for bits", true, [](Work& w) { w.options.step = 1e-3; }},
+    {"bits for a chosen grid", true, [](Work& w) { w.options.bits = 16; }},
+    {"welding", true, [](Work& w) { w.options.weld = w.random() % 2 == 0 ? 0 : 1e-3; }},
     {"tile size", true, [](Work& w) { w.options.tile_triangles = 400; }},
     {"reduction", true, [](Work& w) { w.options.reduction = 3; }},
     {"degree limit", true, [](Work& w) { w.options.degree_limit = 8; }},
