@@ -81,7 +81,7 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   if (s.components) {
     std::printf(", %llu components\n", U(*s.components));
   } else {
-    std::printf("; its components were not counted: allow more --memory\n");
+    std::printf("; its components were not counted, which takes 4 bytes a vertex\n");
   }
   std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", s.bounds.min.x,
               s.bounds.min.y, s.bounds.min.z, s.bounds.max.x, s.bounds.max.y, s.bounds.max.z,
