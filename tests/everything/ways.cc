@@ -12,6 +12,7 @@
 #include "tests/everything/world.h"
 #include "tests/query/late_source.h"
 #include "tests/support/client_mesh_check.h"
+#include "tests/support/file_server.h"
 #include "tests/support/raw_session.h"
 
 namespace mtdb::everything {
@@ -329,6 +330,43 @@ bool AskCommandJson(const Asked& asked, Answer* answer) {
   return true;
 }
 
+// ---- a packed file ----
+
+// The object alone, packed; empty when that fails, and `answer` says why.
+std::string Packed(const Asked& asked, Answer* answer) {
+  const std::string file = NewFile(asked, "mtdbp");
+  const Ran ran =
+      asked.world->Mtdb({"pack", asked.world->Store(asked.store).path, file, "--name", asked.name});
+  if (ran.ok()) return file;
+  answer->refused = "cannot be packed: " + ran.err;
+  return "";
+}
+
+void FromPlace(const Asked& asked, const std::string& place, Answer* answer) {
+  const std::string output = NewFile(asked, Format(asked));
+  const std::string query = NewFile(asked, "json");
+  WriteText(query, asked.question->text());
+  FromCommand(asked, {"extract", place, output, "--query", query, "--json"}, output, true, answer);
+}
+
+bool AskPacked(const Asked& asked, Answer* answer) {
+  const std::string file = Packed(asked, answer);
+  if (file.empty()) return true;
+  FromPlace(asked, file, answer);
+  std::filesystem::remove(file);
+  return true;
+}
+
+// By its URL.
+bool AskUrl(const Asked& asked, Answer* answer) {
+  const std::string file = Packed(asked, answer);
+  if (file.empty()) return true;
+  const mtdb::testing::FileServer server(ReadText(file));
+  std::filesystem::remove(file);
+  FromPlace(asked, server.url(), answer);
+  return answer->refused.find("without libcurl") == std::string::npos;
+}
+
 // ---- the server ----
 
 Server* Serving(const Asked& asked) {
@@ -563,6 +601,8 @@ const std::vector<NamedWay>& Ways() {
       {"c", AskC},
       {"command", AskCommand},
       {"command-json", AskCommandJson},
+      {"packed", AskPacked},
+      {"url", AskUrl},
       {"get", AskGet},
       {"post", AskPost},
       {"fetch", AskFetch},

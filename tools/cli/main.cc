@@ -209,7 +209,8 @@ void AddImplicit(CLI::App* verb, bool* implicit) {
 }
 
 void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
-  verb->add_option("STORE", o->service.store, "the store file")->required();
+  verb->add_option("STORE", o->service.store, "the store file, or a packed file or its URL")
+      ->required();
   const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
                           const char* description) {
     return verb->add_option(name, *value, description)
@@ -540,7 +541,7 @@ void CommandLine::AddIngestVerb() {
 }
 
 void AddStore(CLI::App* verb, std::string* store) {
-  verb->add_option("STORE", *store, "the store file")->required();
+  verb->add_option("STORE", *store, "the store file, or a packed file or its URL")->required();
 }
 
 void CommandLine::AddInspectVerbs() {
