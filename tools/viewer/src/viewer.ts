@@ -136,9 +136,14 @@ class Viewer {
       return;
     }
     this.infos.set(name, info);
+    if (this.scene.objects.size === 0) this.frame = null;
     this.frame ??= scale(add(info.bounds.min, info.bounds.max), 0.5);
     this.scene.show(info, this.frame, this.choiceFor(info));
     this.placeAll();
+    // They are where they were, in a scene that may have another origin.
+    this.measuring.rebuild();
+    this.handles.set(this.scene.focus?.region ?? null);
+    this.applyClip();
   }
 
   hide(name: string) {
