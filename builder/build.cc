@@ -29,6 +29,7 @@
 #include "builder/internal/root_writer.h"
 #include "builder/internal/round_level.h"
 #include "builder/internal/tile_cluster.h"
+#include "builder/internal/tile_surface.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
 #include "store/base/attribute_grid.h"
@@ -47,6 +48,8 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 // A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
 // not resemble the object any more, and the bound is loose there.
 constexpr double kLargestError = 1.0 / 16;
+// Triangles of the surface beneath a tile, for each of its own, beyond which it begins afresh.
+constexpr size_t kMostSurface = 8;
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
 constexpr double kJoinShare = 0.12;
@@ -119,6 +122,7 @@ class Builder {
     uint64_t code = 0;
     bool alone = false;  // it is the round's only tile
     TileOutcome outcome;
+    Status status;
     bool replayed = false;        // the outcome comes from the journal
     std::vector<uint64_t> codes;  // of the outcome's triangles, on the next round's curve
   };
@@ -345,9 +349,19 @@ class Builder {
     return Status::Ok();
   }
 
-  void Decimate(unsigned worker, uint32_t round, TileJob& job) {
-    const TileResult result = decimators_[worker]->Decimate(
-        job.tile.triangles, record_.grid, level_->Options(job.tile.triangles.size(), job.alone));
+  Status Decimate(unsigned worker, uint32_t round, TileJob& job) {
+    DecimateOptions options = level_->Options(job.tile.triangles.size(), job.alone);
+    options.goes_on = beneath_ == nullptr;
+    TileSurface surface;
+    if (beneath_ != nullptr) {
+      MTDB_ASSIGN_OR_RETURN(surface, beneath_->Gather(job.tile.triangles));
+      // Any tile may begin afresh.
+      if (surface.triangles.size() <= kMostSurface * job.tile.triangles.size()) {
+        options.surface = &surface;
+      }
+    }
+    const TileResult result =
+        decimators_[worker]->Decimate(job.tile.triangles, record_.grid, options);
     TileOutcome& outcome = job.outcome;
     outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes);
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
@@ -356,6 +370,7 @@ class Builder {
     outcome.stuck_topology = result.stuck_topology;
     outcome.stuck_degree = result.stuck_degree;
     job.tile = TriangleBlock{};
+    return Status::Ok();
   }
 
   // Takes the triangles of `*sorter`, leaves the next round's there.
@@ -369,10 +384,11 @@ class Builder {
     report.triangles_in = count;
     report.tiles = tiles;
     // While this round's runs are merged, the next round's records gather in the other half.
-    std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 2);
+    std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
+    left_ = beneath_ == nullptr ? std::make_unique<SurfaceSpool>(&space_, memory_ / 8) : nullptr;
     const RoundCurve curve(record_.bounds, round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
-      if (!job.replayed) Decimate(worker, round, job);
+      if (!job.replayed) job.status = Decimate(worker, round, job);
       job.codes = curve.Codes(job.outcome.cluster.left.triangles, record_.grid);
     });
     uint64_t given = 0;
@@ -391,6 +407,7 @@ class Builder {
         ++given;
       }
       TileJob job = pipeline.Take();
+      MTDB_RETURN_IF_ERROR(job.status);
       if (journal_ != nullptr && !job.replayed) {
         MTDB_RETURN_IF_ERROR(journal_->Append(job.outcome));
       }
@@ -403,6 +420,8 @@ class Builder {
       }
     }
     *sorter = std::move(next);
+    beneath_ = std::move(left_);
+    if (beneath_ != nullptr) MTDB_RETURN_IF_ERROR(beneath_->Finish());
     ReturnFreedMemory();
     report.triangles_out = (*sorter)->count();
     level_->Next(report.triangles_out);
@@ -421,6 +440,9 @@ class Builder {
       MTDB_ASSIGN_OR_RETURN(const UnitId id, writer_.Add(cluster.entry, cluster.encoded.children,
                                                          cluster.encoded.payload));
       own = id;
+      if (left_ != nullptr && !cluster.surface.empty()) {
+        MTDB_RETURN_IF_ERROR(left_->Add(id, cluster.surface));
+      }
       ++report.clusters;
       report.nodes += cluster.entry.nodes;
       report.error_code_max = std::max(report.error_code_max, cluster.entry.error_code_max);
@@ -489,6 +511,8 @@ class Builder {
   std::vector<std::unique_ptr<TileDecimator>> decimators_;  // of the threads
   ObjectRecord record_;
   std::optional<RoundLevel> level_;
+  // Of a round that goes on: what the one before left. Of others: what it leaves for the next one.
+  std::unique_ptr<SurfaceSpool> beneath_, left_;
   double done_before_ = 0;
   double share_ = 0;
 };

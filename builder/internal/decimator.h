@@ -17,6 +17,7 @@
 #include "builder/internal/surface_distance.h"
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
+#include "builder/internal/tile_surface.h"
 #include "store/base/grid.h"
 #include "store/object_record.h"
 
@@ -28,6 +29,9 @@ struct DecimateOptions {
   double level_error = 0;  // work units
   uint32_t level_triangles = 0;
   double largest_error = 0;    // work units; removals beyond it are not made
+  // The surface that errors are measured against; null: the tile itself. Of measures that go on.
+  const TileSurface* surface = nullptr;
+  bool goes_on = false;  // the next round will be measured against this tile, see TileSurface
   uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
 
@@ -101,7 +105,11 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
                                               const DecimateOptions& options) {
   degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
   mesh_.Load(tile, grid);
-  measure_.Load(mesh_, tile);
+  if constexpr (Measure::kGoesOn) {
+    measure_.Load(mesh_, tile, options.surface, grid);
+  } else {
+    measure_.Load(mesh_, tile);
+  }
   const uint32_t vertices = mesh_.vertices();
   states_.assign(vertices, Vertex{});
   kept_.resize(vertices);
@@ -140,6 +148,9 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   mesh_.CopyTo(result);
   result.errors = measure_.errors();
   result.removals = removals_;
+  if constexpr (Measure::kGoesOn) {
+    if (options.goes_on) measure_.Hold(result);
+  }
   return result;
 }
 
@@ -147,7 +158,11 @@ template <FillingMeasure Measure, FillingRule Rule>
 std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileTriangle> tile,
                                                            const Grid& grid) {
   mesh_.Load(tile, grid);
-  measure_.Load(mesh_, tile);
+  if constexpr (Measure::kGoesOn) {
+    measure_.Load(mesh_, tile, nullptr, grid);
+  } else {
+    measure_.Load(mesh_, tile);
+  }
   std::vector<double> guesses;
   for (uint32_t v = 0; v < mesh_.vertices(); ++v) {
     if (!mesh_.locked(v)) guesses.push_back(measure_.FirstGuess(v));

@@ -20,7 +20,7 @@ namespace {
 // The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
 // note. The magic's number changes with the records, and with what the builder or the codecs make
 // of a tile.
-constexpr char kMagic[16] = "mtdb journal 04";
+constexpr char kMagic[16] = "mtdb journal 05";
 // The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
 constexpr size_t kMarkBytes = 32;
 constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;
@@ -79,6 +79,8 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   w.PutBytes(std::as_bytes(std::span(c.left.triangles)));
   w.PutVarint(c.left.rows.size());
   w.PutBytes(c.left.rows);
+  w.PutVarint(c.surface.size());
+  w.PutBytes(c.surface);
 }
 
 // False when the bytes are not an outcome.
@@ -114,6 +116,8 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   std::memcpy(c.left.triangles.data(), raw.data(), raw.size());
   const ByteSpan rows = r.GetBytes(r.GetVarint());
   c.left.rows.assign(rows.begin(), rows.end());
+  const ByteSpan surface = r.GetBytes(r.GetVarint());
+  c.surface.assign(surface.begin(), surface.end());
   return !r.failed() && r.remaining() == 0;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 #include <utility>
 
 #include "store/base/float4.h"
@@ -58,28 +59,127 @@ double DistanceToStar(const Hole& hole, const Hole::Triangles& triangles) {
 
 }  // namespace
 
-void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile) {
+void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                           const TileSurface* surface, const Grid& grid) {
   mesh_ = &mesh;
   const size_t n = tile.size();
   errors_.resize(n);
   for (size_t t = 0; t < n; ++t) errors_[t] = tile[t].error;
-  const std::span<const uint32_t> opposites = mesh.opposites();
-  round_.Build(mesh.corners(), opposites, mesh.positions(), errors_);
+  positions_.assign(mesh.positions().begin(), mesh.positions().end());
+  chain_head_.assign(3 * n, kNone32);
+  sample_head_.assign(n, kNone32);
   curve_error_.resize(3 * n);
-  for (size_t h = 0; h < 3 * n; ++h) {
-    curve_error_[h] = errors_[h / 3];
-    if (const uint32_t o = opposites[h]; o != kNone32) {
-      curve_error_[h] = std::max<double>(curve_error_[h], errors_[o / 3]);
+  if (surface != nullptr && !surface->empty()) {
+    LoadSurface(*surface, grid);
+    MeasureHeights();
+  } else {
+    for (size_t h = 0; h < 3 * n; ++h) curve_error_[h] = errors_[h / 3];
+    own_.assign(n, 1);
+    conservative_.assign(n, 0);
+    heights_.clear();
+    next_sample_.assign(positions_.size(), kNone32);
+    round_.Build(mesh.corners(), mesh.opposites(), positions_, errors_);
+  }
+  // A curve bounds both of its triangles' parts.
+  const std::span<const uint32_t> opposites = mesh.opposites();
+  for (uint32_t h = 0; h < 3 * n; ++h) {
+    if (const uint32_t o = opposites[h]; o != kNone32 && o > h) {
+      curve_error_[h] = curve_error_[o] = std::max(curve_error_[h], curve_error_[o]);
     }
   }
-  chain_head_.assign(3 * n, kNone32);
-  conservative_.assign(n, 0);
-  sample_head_.assign(n, kNone32);
-  next_sample_.assign(mesh.vertices(), kNone32);
+}
+
+// The surface's triangles are the tile's own ones and those of `surface`, in the mesh's numbering
+// of vertices, which others follow.
+void SurfaceDistance::LoadSurface(const TileSurface& surface, const Grid& grid) {
+  own_ = surface.own;
+  conservative_ = surface.conservative;
+  for (size_t h = 0; h < curve_error_.size(); ++h) {
+    curve_error_[h] = surface.curve_errors[h / 3][h % 3];
+  }
+  std::unordered_map<uint32_t, uint32_t> in_mesh;
+  for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.emplace(mesh_->vertex(v), v);
+  std::vector<uint32_t> number(surface.vertices.size());
+  for (size_t v = 0; v < number.size(); ++v) {
+    if (const auto at = in_mesh.find(surface.vertices[v]); at != in_mesh.end()) {
+      number[v] = at->second;
+      continue;
+    }
+    number[v] = static_cast<uint32_t>(positions_.size());
+    positions_.push_back(grid.mode == PositionMode::kGrid ? ToDouble(surface.positions[v])
+                                                          : grid.Position(surface.positions[v]));
+  }
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<float> errors;
+  for (uint32_t t = 0; t < own_.size(); ++t) {
+    if (!own_[t]) continue;
+    triangles.push_back(mesh_->corners()[t]);
+    errors.push_back(errors_[t]);
+  }
+  for (size_t t = 0; t < surface.triangles.size(); ++t) {
+    const auto [a, b, c] = surface.triangles[t];
+    triangles.push_back({number[a], number[b], number[c]});
+    errors.push_back(surface.errors[t]);
+  }
+  std::vector<uint32_t> opposites;
+  PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), opposites);
+  round_.Build(triangles, opposites, positions_, errors);
+  next_sample_.assign(positions_.size(), kNone32);
+  for (const HeldVertex& held : surface.held) {
+    uint32_t& head = held.edge == 3 ? sample_head_[held.triangle]
+                                    : chain_head_[3 * held.triangle + held.edge];
+    next_sample_[number[held.vertex]] = head;
+    head = number[held.vertex];
+  }
+}
+
+// How far the mesh's vertices stand off the mean of their neighbours, along the mean normal.
+void SurfaceDistance::MeasureHeights() {
+  const uint32_t vertices = mesh_->vertices();
+  std::vector<Vec3d> sums(vertices);
+  std::vector<Vec3d> normals(vertices);
+  std::vector<uint32_t> counts(vertices, 0);
+  for (const auto& t : mesh_->corners()) {
+    const Vec3d a = positions_[t[0]];
+    const Vec3d b = positions_[t[1]];
+    const Vec3d c = positions_[t[2]];
+    const Vec3d normal = Cross(b - a, c - a);
+    for (const uint32_t v : t) {
+      sums[v] += a + b + c - positions_[v] * 3;
+      normals[v] += normal;
+      counts[v] += 2;
+    }
+  }
+  heights_.assign(vertices, 0);
+  for (uint32_t v = 0; v < vertices; ++v) {
+    const double length = Length(normals[v]);
+    if (length > 0) heights_[v] = std::abs(Dot(sums[v], normals[v])) / (length * counts[v]);
+  }
+}
+
+void SurfaceDistance::Hold(TileResult& result) const {
+  result.conservative = conservative_;
+  result.curve_errors.resize(curve_error_.size());
+  for (size_t h = 0; h < curve_error_.size(); ++h) {
+    result.curve_errors[h] = std::nextafter(static_cast<float>(curve_error_[h]),
+                                            std::numeric_limits<float>::infinity());
+  }
+  for (uint32_t t = 0; t < sample_head_.size(); ++t) {
+    if (!result.alive[t]) continue;
+    for (uint32_t w = sample_head_[t]; w != kNone32; w = next_sample_[w]) {
+      result.held.push_back({w, t, 3});
+    }
+    for (uint32_t c = 0; c < 3; ++c) {
+      for (uint32_t w = chain_head_[3 * t + c]; w != kNone32; w = next_sample_[w]) {
+        result.held.push_back({w, t, c});
+      }
+    }
+  }
 }
 
 double SurfaceDistance::FirstGuess(uint32_t v) const {
-  return kFirstGuess * round_.Height(v) + round_.vertex_error(v);
+  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) +
+         round_.vertex_error(v);
 }
 
 void SurfaceDistance::Open(Hole& hole) {
@@ -96,7 +196,7 @@ void SurfaceDistance::Open(Hole& hole) {
   const double length = Length(normal);
   hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
   points_.clear();
-  for (const uint32_t w : samples_) points_.push_back(hole.InFrame(mesh_->position(w)));
+  for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
 }
 
 // The curve of the new border edge is the chain of border vertices removed between its ends; the
@@ -106,7 +206,7 @@ double SurfaceDistance::BorderCurveError(const Hole& hole) const {
   const Vec3d b = hole.positions[0];
   double error = 0;
   const auto add = [&](uint32_t w) {
-    error = std::max(error, std::sqrt(SquaredDistancePointSegment(mesh_->position(w), a, b)) +
+    error = std::max(error, std::sqrt(SquaredDistancePointSegment(positions_[w], a, b)) +
                                 round_.vertex_error(w));
   };
   add(hole.vertex);
@@ -130,7 +230,7 @@ bool SurfaceDistance::Sees(const Hole& hole) const {
 bool SurfaceDistance::IsFresh(const Hole& hole) const {
   return !hole.boundary && samples_.size() == 1 &&
          std::all_of(hole.star.begin(), hole.star.end(),
-                     [&](uint32_t t) { return t < round_.triangle_count(); });
+                     [&](uint32_t t) { return t < own_.size() && own_[t]; });
 }
 
 // Curves are dear, so that those of diagonals that no filling uses are found only where they are
@@ -289,7 +389,7 @@ void SurfaceDistance::MeasureFolded(const Hole& hole, Filling& filling) {
   sample_triangle_.resize(samples_.size());
   for (size_t s = 0; s < samples_.size(); ++s) {
     sample_triangle_[s] =
-        static_cast<uint8_t>(Nearest(hole, filling.triangles, mesh_->position(samples_[s])).first);
+        static_cast<uint8_t>(Nearest(hole, filling.triangles, positions_[samples_[s]]).first);
   }
 }
 

@@ -10,6 +10,7 @@
 #include "builder/internal/round_mesh.h"
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
+#include "builder/internal/tile_surface.h"
 
 namespace mtdb::internal {
 
@@ -22,8 +23,13 @@ class SurfaceDistance {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
   static constexpr bool kMeasuresFolds = true;
+  static constexpr bool kGoesOn = true;
 
-  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
+  // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
+  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile, const TileSurface* surface,
+            const Grid& grid);
+  // Sets what the next round has to know to go on.
+  void Hold(TileResult& result) const;
   double FirstGuess(uint32_t v) const;
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const;
@@ -35,6 +41,8 @@ class SurfaceDistance {
   const std::vector<float>& errors() const { return errors_; }
 
  private:
+  void LoadSurface(const TileSurface& surface, const Grid& grid);
+  void MeasureHeights();
   double BorderCurveError(const Hole& hole) const;
   // True when the star is the round's input, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
@@ -47,13 +55,16 @@ class SurfaceDistance {
 
   // Triangles, current and past.
   std::vector<float> errors_;
+  std::vector<uint8_t> own_;           // of the tile's: it is one of the surface's
   std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
   std::vector<uint32_t> sample_head_;  // removed vertices that the triangle stands for
   // Half-edges.
   std::vector<double> curve_error_;
   std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
-  // Vertices.
+  // Vertices: the mesh's, then others of the surface.
+  std::vector<Vec3d> positions_;
   std::vector<uint32_t> next_sample_;  // list of removed ones
+  std::vector<double> heights_;        // of the mesh's, when the surface is not the tile
 
   // Of the open hole.
   std::vector<uint32_t> samples_;         // removed vertices of its star, and the one that goes

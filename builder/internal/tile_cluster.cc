@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "builder/internal/tile_surface.h"
+
 namespace mtdb::internal {
 
 namespace {
@@ -80,6 +82,36 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
   }
 }
 
+// What the tile was, where the cluster removes it, and what of it the in-triangles stand for.
+TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
+                        const EncodedCluster& encoded) {
+  TileSurface surface;
+  surface.vertices = result.vertices;
+  surface.positions = result.positions;
+  for (uint32_t t = 0; t < input.triangles.size(); ++t) {
+    if (result.alive[t]) continue;
+    surface.triangles.push_back(result.triangles[t]);
+    surface.errors.push_back(input.triangles[t].error);
+  }
+  std::vector<uint32_t> slots(result.triangles.size(), kNone32);
+  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
+    const uint32_t t = encoded.in_triangles[slot];
+    slots[t] = slot;
+    surface.own.push_back(0);
+    surface.conservative.push_back(result.conservative[t]);
+    auto& errors = surface.curve_errors.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) {
+      errors[c] = result.curve_errors[3 * t + (c + encoded.in_rotations[slot]) % 3];
+    }
+  }
+  for (const auto& [vertex, triangle, edge] : result.held) {
+    const uint32_t slot = slots[triangle];
+    const uint32_t turned = edge == 3 ? 3 : (edge + 3 - encoded.in_rotations[slot]) % 3;
+    surface.held.push_back({vertex, slot, turned});
+  }
+  return surface;
+}
+
 }  // namespace
 
 TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
@@ -102,6 +134,9 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     entry.out_triangles = cluster.encoded.out_triangles;
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
+    if (!result.curve_errors.empty()) {
+      cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded));
+    }
   }
   const auto kept = static_cast<size_t>(
       std::count(result.alive.begin(), result.alive.begin() + tile.size(), uint8_t{1}));

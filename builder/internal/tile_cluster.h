@@ -16,6 +16,7 @@ struct TileCluster {
   // The simplified tile. Those that this cluster's nodes remove have child == kOwnCluster, to be
   // replaced once the cluster has its id.
   TriangleBlock left;
+  Bytes surface;        // for a round that goes on from this one: see EncodeTileSurface
   uint32_t height = 0;  // longest path of nodes from one of its nodes to the drain
   uint32_t max_degree = 0;
   static constexpr uint32_t kOwnCluster = 0xfffffffe;

@@ -358,6 +358,7 @@ class HiddenErrors {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
   static constexpr bool kMeasuresFolds = false;
+  static constexpr bool kGoesOn = false;
 
   void Load(const TileMesh& mesh, std::span<const TileTriangle>) {
     errors_.assign(mesh.triangles(), 0);

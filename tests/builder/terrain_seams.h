@@ -23,6 +23,7 @@ class VerticalMeasure {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kVertical;
   static constexpr bool kMeasuresFolds = false;
+  static constexpr bool kGoesOn = false;
 
   void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
   double FirstGuess(uint32_t) const { return 0; }

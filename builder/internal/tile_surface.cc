@@ -1,0 +1,158 @@
+#include "builder/internal/tile_surface.h"
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+#include <unordered_map>
+
+namespace mtdb::internal {
+
+namespace {
+
+template <typename T>
+void PutAll(const std::vector<T>& values, ByteWriter& w) {
+  w.PutVarint(values.size());
+  w.PutBytes(std::as_bytes(std::span(values)));
+}
+
+template <typename T>
+void GetAll(ByteReader& r, std::vector<T>& values) {
+  const uint64_t count = r.GetVarint();
+  const ByteSpan bytes = r.GetBytes(count * sizeof(T));
+  values.resize(bytes.size() / sizeof(T));
+  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+}
+
+// Puts the surfaces of several clusters together, as far as they lie beneath a tile.
+class Gathering {
+ public:
+  explicit Gathering(std::span<const TileTriangle> tile) {
+    const size_t n = tile.size();
+    all_.own.assign(n, 1);
+    all_.conservative.assign(n, 0);
+    all_.curve_errors.resize(n);
+    for (size_t t = 0; t < n; ++t) {
+      all_.curve_errors[t].fill(tile[t].error);
+      for (const uint32_t v : tile[t].vertices) in_tile_.push_back(v);
+    }
+    std::sort(in_tile_.begin(), in_tile_.end());
+    in_tile_.erase(std::unique(in_tile_.begin(), in_tile_.end()), in_tile_.end());
+  }
+
+  // `triangles` of the tile are in-triangles of this surface's cluster.
+  void Add(const TileSurface& surface, std::span<const TileTriangle> tile,
+           std::span<const uint32_t> triangles) {
+    std::vector<uint32_t> in_tile(surface.own.size(), kNone32);  // of in-triangles
+    for (const uint32_t t : triangles) {
+      const uint32_t slot = tile[t].child_slot;
+      in_tile[slot] = t;
+      all_.own[t] = 0;
+      all_.conservative[t] = surface.conservative[slot];
+      all_.curve_errors[t] = surface.curve_errors[slot];
+    }
+    // What lies around the vertices that the tile has or holds.
+    const size_t count = surface.vertices.size();
+    std::vector<uint8_t> wanted(count);
+    for (size_t v = 0; v < count; ++v) {
+      wanted[v] = std::binary_search(in_tile_.begin(), in_tile_.end(), surface.vertices[v]);
+    }
+    for (const HeldVertex& held : surface.held) {
+      if (in_tile[held.triangle] != kNone32) wanted[held.vertex] = 1;
+    }
+    std::vector<uint32_t> number(count, kNone32);
+    const auto number_of = [&](uint32_t v) {
+      if (number[v] == kNone32) number[v] = Number(surface.vertices[v], surface.positions[v]);
+      return number[v];
+    };
+    for (const HeldVertex& held : surface.held) {
+      if (in_tile[held.triangle] == kNone32) continue;
+      all_.held.push_back({number_of(held.vertex), in_tile[held.triangle], held.edge});
+    }
+    for (size_t t = 0; t < surface.triangles.size(); ++t) {
+      const auto [a, b, c] = surface.triangles[t];
+      if (!wanted[a] && !wanted[b] && !wanted[c]) continue;
+      all_.triangles.push_back({number_of(a), number_of(b), number_of(c)});
+      all_.errors.push_back(surface.errors[t]);
+    }
+  }
+
+  TileSurface Take() { return std::move(all_); }
+
+ private:
+  uint32_t Number(uint32_t vertex, Vec3i position) {
+    const auto [at, fresh] =
+        numbers_.try_emplace(vertex, static_cast<uint32_t>(all_.vertices.size()));
+    if (fresh) {
+      all_.vertices.push_back(vertex);
+      all_.positions.push_back(position);
+    }
+    return at->second;
+  }
+
+  std::vector<uint32_t> in_tile_;  // the tile's vertices, sorted
+  std::unordered_map<uint32_t, uint32_t> numbers_;
+  TileSurface all_;
+};
+
+}  // namespace
+
+Bytes EncodeTileSurface(const TileSurface& surface) {
+  ByteWriter w;
+  PutAll(surface.vertices, w);
+  PutAll(surface.positions, w);
+  PutAll(surface.triangles, w);
+  PutAll(surface.errors, w);
+  PutAll(surface.held, w);
+  PutAll(surface.own, w);
+  PutAll(surface.conservative, w);
+  PutAll(surface.curve_errors, w);
+  return w.Take();
+}
+
+TileSurface DecodeTileSurface(ByteSpan bytes) {
+  TileSurface surface;
+  ByteReader r(bytes);
+  GetAll(r, surface.vertices);
+  GetAll(r, surface.positions);
+  GetAll(r, surface.triangles);
+  GetAll(r, surface.errors);
+  GetAll(r, surface.held);
+  GetAll(r, surface.own);
+  GetAll(r, surface.conservative);
+  GetAll(r, surface.curve_errors);
+  return surface;
+}
+
+Status SurfaceSpool::Add(UnitId cluster, ByteSpan surface) {
+  if (begin_.size() == 1) first_ = cluster;
+  begin_.push_back(begin_.back() + surface.size());
+  return spool_.Append(surface.data(), surface.size());
+}
+
+Result<TileSurface> SurfaceSpool::Read(UnitId cluster) const {
+  const size_t i = cluster - first_;
+  Bytes bytes(begin_[i + 1] - begin_[i]);
+  MTDB_RETURN_IF_ERROR(spool_.Read(begin_[i], bytes.data(), bytes.size()));
+  return DecodeTileSurface(bytes);
+}
+
+Result<TileSurface> SurfaceSpool::Gather(std::span<const TileTriangle> tile) const {
+  std::vector<uint32_t> order(tile.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return tile[a].child < tile[b].child; });
+  Gathering gathering(tile);
+  for (size_t begin = 0; begin < order.size();) {
+    const UnitId child = tile[order[begin]].child;
+    size_t end = begin;
+    while (end < order.size() && tile[order[end]].child == child) ++end;
+    if (Has(child)) {
+      MTDB_ASSIGN_OR_RETURN(const TileSurface surface, Read(child));
+      gathering.Add(surface, tile, std::span(order).subspan(begin, end - begin));
+    }
+    begin = end;
+  }
+  return gathering.Take();
+}
+
+}  // namespace mtdb::internal
