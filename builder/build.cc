@@ -351,7 +351,7 @@ class Builder {
 
   Status Decimate(unsigned worker, uint32_t round, TileJob& job) {
     DecimateOptions options = level_->Options(job.tile.triangles.size(), job.alone);
-    options.goes_on = beneath_ == nullptr;
+    options.goes_on = left_ != nullptr;
     TileSurface surface;
     if (beneath_ != nullptr) {
       MTDB_ASSIGN_OR_RETURN(surface, beneath_->Gather(job.tile.triangles));
@@ -385,7 +385,8 @@ class Builder {
     report.tiles = tiles;
     // While this round's runs are merged, the next round's records gather in the other half.
     std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
-    left_ = beneath_ == nullptr ? std::make_unique<SurfaceSpool>(&space_, memory_ / 8) : nullptr;
+    // Later rounds would gain at the end of two what they lose after it.
+    if (round == 1) left_ = std::make_unique<SurfaceSpool>(&space_, memory_ / 8);
     const RoundCurve curve(record_.bounds, round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
       if (!job.replayed) job.status = Decimate(worker, round, job);
@@ -511,7 +512,7 @@ class Builder {
   std::vector<std::unique_ptr<TileDecimator>> decimators_;  // of the threads
   ObjectRecord record_;
   std::optional<RoundLevel> level_;
-  // Of a round that goes on: what the one before left. Of others: what it leaves for the next one.
+  // What the round before left, when this one goes on from it; what this one leaves for the next.
   std::unique_ptr<SurfaceSpool> beneath_, left_;
   double done_before_ = 0;
   double share_ = 0;

@@ -42,14 +42,14 @@ struct BuildOptions {
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
   // The most memory that the build may take, at least 256 MiB; the rest goes to temporary files. A
-  // thread takes some 16 MiB, and more with attributes (internal/memory_plan.h); when the memory
+  // thread takes some 24 MiB, and more with attributes (internal/memory_plan.h); when the memory
   // does not suffice for all threads, fewer work. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
   // The folder of temporary files. They have no names, so that the system deletes them with the
   // process.
   std::string tmp_directory = ".";
   // The file to which the build writes the results of finished tiles, so that it can go on after an
-  // interruption; empty: none. It takes some 25 bytes a triangle. The build removes it when the
+  // interruption; empty: none. It takes some 60 bytes a triangle. The build removes it when the
   // object is published, and when it fails because of its input or options. A build that is killed
   // in between leaves it: see RemoveFinishedJournal(). After a power failure it lacks at most the
   // last 64 MiB of results.

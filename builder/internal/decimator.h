@@ -28,10 +28,10 @@ struct DecimateOptions {
   // Stop before the first removal beyond this error when at most so many triangles are left.
   double level_error = 0;  // work units
   uint32_t level_triangles = 0;
-  double largest_error = 0;    // work units; removals beyond it are not made
+  double largest_error = 0;  // work units; removals beyond it are not made
   // The surface that errors are measured against; null: the tile itself. Of measures that go on.
   const TileSurface* surface = nullptr;
-  bool goes_on = false;  // the next round will be measured against this tile, see TileSurface
+  bool goes_on = false;        // the next round will be measured against this tile, see TileSurface
   uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
 

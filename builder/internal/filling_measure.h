@@ -26,9 +26,9 @@ namespace mtdb::internal {
 //   MeasureFolded  likewise when Sees was false, or no filling could be measured; only of measures
 //               with kMeasuresFolds, with the others such vertices stay
 //   HandOn      the filling has been put in the mesh, its triangles numbered from `first`
-// A measure with kGoesOn can be given another surface than the tile with Load, and says by Hold what
-// the next round has to know to go on (TileSurface).
-// errors() are then the bounds of all local triangles, current and past.
+// A measure with kGoesOn can be given another surface than the tile with Load, and says by Hold
+// what the next round has to know to go on (TileSurface). errors() are then the bounds of all local
+// triangles, current and past.
 //
 // What a measure promises: the error of a filling is a bound on the distance, in the sense of
 // kMeasure, between each of its triangles and the part of the tile that the triangle stands for,

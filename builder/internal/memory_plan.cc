@@ -13,9 +13,9 @@ namespace {
 constexpr uint64_t kMiB = uint64_t{1} << 20;
 // The program, a reader's buffers, what the writer queues (32 MiB) and LMDB copies of it.
 constexpr uint64_t kFixedBytes = 128 * kMiB;
-// A thread's decimator and encoder on a tile of 8192 triangles, and its share of tiles on their
-// way, without attributes.
-constexpr uint64_t kThreadBytes = 16 * kMiB;
+// A thread's decimator and encoder on a tile of 8192 triangles, the surface beneath that, and its
+// share of tiles on their way, without attributes.
+constexpr uint64_t kThreadBytes = 24 * kMiB;
 constexpr uint64_t kThreadTriangles = 8192;
 constexpr uint64_t kLeastSpoolBytes = 64 * kMiB;
 // A cluster's payload is at most 1 GiB, a root piece's 1 MiB (store/FORMAT.md).
@@ -94,7 +94,8 @@ uint64_t TemporaryBytes(const BuildOptions& options, uint64_t triangles, size_t 
   const uint64_t corner = 12 + 13 + row_bytes;
   const auto left =
       static_cast<uint64_t>(static_cast<double>(record) * RoundLevel::MostLeft(options.reduction));
-  const uint64_t need = triangles * (3 * corner + record + left);
+  constexpr uint64_t kSurface = 40;  // what a triangle leaves in a SurfaceSpool
+  const uint64_t need = triangles * (3 * corner + record + left + kSurface);
   return need <= spool_bytes ? 0 : need;
 }
 

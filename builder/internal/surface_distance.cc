@@ -126,8 +126,8 @@ void SurfaceDistance::LoadSurface(const TileSurface& surface, const Grid& grid) 
   round_.Build(triangles, opposites, positions_, errors);
   next_sample_.assign(positions_.size(), kNone32);
   for (const HeldVertex& held : surface.held) {
-    uint32_t& head = held.edge == 3 ? sample_head_[held.triangle]
-                                    : chain_head_[3 * held.triangle + held.edge];
+    uint32_t& head =
+        held.edge == 3 ? sample_head_[held.triangle] : chain_head_[3 * held.triangle + held.edge];
     next_sample_[number[held.vertex]] = head;
     head = number[held.vertex];
   }
@@ -161,8 +161,8 @@ void SurfaceDistance::Hold(TileResult& result) const {
   result.conservative = conservative_;
   result.curve_errors.resize(curve_error_.size());
   for (size_t h = 0; h < curve_error_.size(); ++h) {
-    result.curve_errors[h] = std::nextafter(static_cast<float>(curve_error_[h]),
-                                            std::numeric_limits<float>::infinity());
+    result.curve_errors[h] =
+        std::nextafter(static_cast<float>(curve_error_[h]), std::numeric_limits<float>::infinity());
   }
   for (uint32_t t = 0; t < sample_head_.size(); ++t) {
     if (!result.alive[t]) continue;
@@ -178,8 +178,7 @@ void SurfaceDistance::Hold(TileResult& result) const {
 }
 
 double SurfaceDistance::FirstGuess(uint32_t v) const {
-  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) +
-         round_.vertex_error(v);
+  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + round_.vertex_error(v);
 }
 
 void SurfaceDistance::Open(Hole& hole) {

@@ -23,8 +23,8 @@ struct HeldVertex {
   uint32_t edge = 3;      // ... or on the curve of this border edge of it; 3: inside
 };
 
-// Two consecutive rounds are a window: both are measured against the mesh that the first of them
-// began with (docs/design.md, section 3). A tile of the second one is given such a surface.
+// The second round is measured against the mesh that the first began with, the input
+// (docs/design.md, section 3). A tile of it is given such a surface.
 struct TileSurface {
   // The surface's triangles that are not triangles of the tile.
   std::vector<uint32_t> vertices;  // the input's numbering
@@ -34,8 +34,8 @@ struct TileSurface {
   // On a border edge's curve in the order in which they were removed from it.
   std::vector<HeldVertex> held;
   // Of the tile's triangles.
-  std::vector<uint8_t> own;                         // it is one of the surface's itself
-  std::vector<uint8_t> conservative;                // it has no curves
+  std::vector<uint8_t> own;                        // it is one of the surface's itself
+  std::vector<uint8_t> conservative;               // it has no curves
   std::vector<std::array<float, 3>> curve_errors;  // work units; of the curves of its edges
 
   bool empty() const { return triangles.empty(); }
