@@ -1,6 +1,7 @@
 #include "store/database.h"
 
 #include <algorithm>
+#include <sys/stat.h>
 
 #include "store/base/out_of_memory.h"
 #include "store/internal/builder_lock.h"
@@ -117,10 +118,86 @@ Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& n
   });
 }
 
+Result<std::vector<std::shared_ptr<ClusterSource>>> Database::OpenAll() const {
+  using Sources = std::vector<std::shared_ptr<ClusterSource>>;
+  return CatchOutOfMemory([&]() -> Result<Sources> {
+    if (packed_ != nullptr) {
+      Sources sources;
+      for (const PackedObject& object : packed_->objects()) {
+        MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), OpenObject(object.record.name, true));
+      }
+      std::ranges::sort(sources, {}, [](const auto& s) { return s->record().name; });
+      return sources;
+    }
+    MTDB_ASSIGN_OR_RETURN(const Snapshot snapshot, environment_->NewestPinned());
+    Sources sources;
+    if (!snapshot.pinned()) {
+      MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, List());
+      for (const ObjectRecord& r : records) {
+        MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), ObjectReader::Open(environment_, r.name));
+      }
+      return sources;
+    }
+    Status first = Status::Ok();
+    CatalogListing listing;
+    MTDB_RETURN_IF_ERROR(ListCatalog(snapshot, &listing, [&](const Status& status) {
+      if (first.ok()) first = status;
+    }));
+    MTDB_RETURN_IF_ERROR(first);
+    for (ObjectRecord& r : listing.objects) {
+      MTDB_ASSIGN_OR_RETURN(sources.emplace_back(),
+                            ObjectReader::OpenPinned(environment_, std::move(r), snapshot));
+    }
+    return sources;
+  });
+}
+
+Result<uint64_t> Database::FreeBytes() const {
+  return CatchOutOfMemory([&]() -> Result<uint64_t> {
+    if (packed_ != nullptr) return uint64_t{0};
+    return environment_->Read([](const Snapshot& snapshot) { return snapshot.CountFreeBytes(); });
+  });
+}
+
+bool Database::IsOutdated() const {
+  if (packed_ != nullptr) return false;
+  struct stat info {};
+  const StoreFile& file = environment_->file();
+  return ::stat(path().c_str(), &info) != 0 || info.st_dev != file.device() ||
+         info.st_ino != file.inode();
+}
+
 Result<std::unique_ptr<ObjectWriter>> Database::Create(const std::string& name, bool replace) {
   return CatchOutOfMemory([&]() -> Result<std::unique_ptr<ObjectWriter>> {
     MTDB_RETURN_IF_ERROR(CheckWritable());
     return StoreObjectWriter::Create(environment_, name, replace);
+  });
+}
+
+Status Database::Rename(const std::string& name, const std::string& new_name) {
+  return CatchOutOfMemory([&]() -> Status {
+    MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+    MTDB_RETURN_IF_ERROR(CheckObjectName(new_name));
+    MTDB_RETURN_IF_ERROR(CheckWritable());
+    if (!environment_->writable()) {
+      return InvalidArgument(path() + ": opened for reading; open it writable");
+    }
+    return environment_->Write([&](WriteTransaction& write) -> Status {
+      MTDB_ASSIGN_OR_RETURN(auto record, FindObject(write, path(), name));
+      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      if (name == new_name) return Status::Ok();
+      MTDB_ASSIGN_OR_RETURN(const auto other, FindObject(write, path(), new_name));
+      if (other) {
+        return {StatusCode::kAlreadyExists,
+                path() + ": object " + new_name + " is there; choose another name, or remove it"};
+      }
+      record->name = new_name;
+      MTDB_RETURN_IF_ERROR(write.Delete(Table::kCatalog, ObjectKey(name)));
+      MTDB_RETURN_IF_ERROR(
+          write.PutSealed(Table::kCatalog, ObjectKey(new_name), EncodeObjectRecord(*record)));
+      ReachTestPoint("catalog put");
+      return Status::Ok();
+    });
   });
 }
 

@@ -68,10 +68,26 @@ class Database {
   Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name,
                                                     bool whole_index = false) const;
 
+  // All objects as they are at one moment, sorted by name. Where the process may write the store's
+  // lock file, the moment is pinned: as long as one of the sources lives, all can be read, whatever
+  // is removed or replaced, and writers do not use the pages of that moment again. The thread must
+  // not write to the same store meanwhile. Elsewhere an object that was removed since cannot be
+  // read to its end (kNotFound).
+  Result<std::vector<std::shared_ptr<ClusterSource>>> OpenAll() const;
+  // Bytes of the file that no object uses, which the next objects will fill.
+  Result<uint64_t> FreeBytes() const;
+  // Whether the path leads to another file by now, or to none, as after CompactStore(). What was
+  // opened goes on reading the old file; to write, and to see what is new, open the path anew.
+  bool IsOutdated() const;
+
   // Begins an object in the state "building", after removing what a dead builder left of that name.
   // Fails with kAlreadyExists when `name` is published and `replace` is false, and with kBusy while
   // a live process builds that name. Writable databases only.
   Result<std::unique_ptr<ObjectWriter>> Create(const std::string& name, bool replace);
+
+  // Gives a published object another name, in one transaction. Who has it open reads on. Errors:
+  // kNotFound, kAlreadyExists.
+  Status Rename(const std::string& name, const std::string& new_name);
 
   // Takes the object out of the catalog, then frees its pages in bounded transactions.
   Status Remove(const std::string& name);

@@ -33,9 +33,4 @@ using AppendBytes = std::function<Status(ByteSpan)>;
 Result<PackReport> PackObjects(std::span<const std::shared_ptr<ClusterSource>> sources,
                                const AppendBytes& append);
 
-// Puts an object into another store, under its name, and compares the digests: of an object that
-// has another one nothing is published (kCorrupt). All rows of its index are there. Other errors:
-// those of the source, of Database::Create and of ObjectWriter.
-Result<ObjectRecord> CopyObject(ClusterSource& source, Database& store, bool replace);
-
 }  // namespace mtdb

@@ -2,6 +2,7 @@
 
 #include <condition_variable>
 #include <map>
+#include <sys/stat.h>
 #include <tuple>
 #include <unistd.h>
 
@@ -31,7 +32,21 @@ Result<std::shared_ptr<Environment>> Environment::Open(const std::string& path,
   if (options.writable) {
     access = options.create ? StoreFile::Access::kCreate : StoreFile::Access::kReadWrite;
   }
-  MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
+  for (int i = 0;; ++i) {
+    MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, access));
+    const uint64_t device = file->device(), inode = file->inode();
+    auto environment = TryOpen(std::move(file), options);
+    if (environment.ok() || i == kTries) return environment;
+    // The store may have been compacted just now, and the file be another.
+    struct stat now {};
+    if (::stat(path.c_str(), &now) == 0 && now.st_dev == device && now.st_ino == inode) {
+      return environment;
+    }
+  }
+}
+
+Result<std::shared_ptr<Environment>> Environment::TryOpen(std::unique_ptr<StoreFile> file,
+                                                          const OpenOptions& options) {
   const Registry::Key key{::getpid(), file->device(), file->inode()};
 
   // Made before the lock is taken and destroyed after it is given back, also when memory runs out:
@@ -138,6 +153,26 @@ Status Environment::Busy() const {
 
 Result<std::optional<ValueRef>> Snapshot::Find(Table table, ByteSpan key) const {
   return pages().Find(pages().meta().main_tree, TreeKey(table, key));
+}
+
+Result<uint64_t> Snapshot::CountFreeBytes() const {
+  const MetaPage& meta = pages().meta();
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, pages().file().Size());
+  const uint64_t file_pages = file_bytes / meta.page_size;
+  uint64_t free_pages = 0;
+  MTDB_RETURN_IF_ERROR(pages().Scan(
+      meta.free_tree, {},
+      [&](ByteSpan, const ValueRef& value) -> Result<bool> {
+        MTDB_ASSIGN_OR_RETURN(const Bytes bytes, pages().ReadWhole(value, file_bytes));
+        ByteReader r(bytes);
+        const auto count = r.Get<uint64_t>();
+        for (uint64_t i = 0; i < count && !r.failed(); ++i) {
+          if (r.Get<uint64_t>() < file_pages) ++free_pages;
+        }
+        return true;
+      },
+      KeyOrder::kInteger));
+  return free_pages * meta.page_size;
 }
 
 Status Snapshot::Scan(Table table, ByteSpan first, const PageReader::Visitor& visit) const {

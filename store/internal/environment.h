@@ -33,6 +33,8 @@ class Snapshot {
   Result<std::optional<ValueRef>> Find(Table table, ByteSpan key) const;
   // Calls `visit` with the keys of the table from `first` on, ascending, until it answers false.
   Status Scan(Table table, ByteSpan first, const PageReader::Visitor& visit) const;
+  // What the free database lists, of the pages within the file.
+  Result<uint64_t> CountFreeBytes() const;
   const Superblock& superblock() const { return state_->superblock; }
   bool pinned() const { return pin_ != nullptr; }
 
@@ -81,6 +83,8 @@ class Environment {
 
  private:
   explicit Environment(std::unique_ptr<StoreFile> file);
+  static Result<std::shared_ptr<Environment>> TryOpen(std::unique_ptr<StoreFile> file,
+                                                      const OpenOptions& options);
   // Whether the first of those who asked for it succeeded; waits for that one.
   bool opened() const;
   Status OpenFirst(const OpenOptions& options);

@@ -15,6 +15,7 @@
 #include "store/base/out_of_memory.h"
 #include "store/internal/page_walker.h"
 #include "store/internal/store_check.h"
+#include "store/internal/sync_folder.h"
 
 namespace mtdb::internal {
 namespace {
@@ -54,20 +55,6 @@ class Transaction {
  private:
   MDB_txn* txn_;
 };
-
-// So that a store that was just made is there after a power failure, once something was committed
-// to it.
-Status SyncFolder(const std::string& path) {
-  const std::string folder = path.substr(0, path.rfind('/') + 1);
-  const int descriptor =
-      TEMP_FAILURE_RETRY(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (descriptor < 0) return Status::Ok();  // a folder that may be used, but not listed
-  const int result = ::fsync(descriptor);
-  const int error = errno;
-  ::close(descriptor);
-  if (result == 0 || error == EINVAL) return Status::Ok();  // EINVAL: a file system without it
-  return IoError(folder + ": cannot be written to the disk: " + std::strerror(error));
-}
 
 ByteSpan FromVal(const MDB_val& v) { return {static_cast<const std::byte*>(v.mv_data), v.mv_size}; }
 
@@ -129,6 +116,8 @@ Status LmdbEnvironment::TryOpenLmdb(bool writable, uint64_t map_at_least, bool c
     name_claim_.reset();
     MTDB_ASSIGN_OR_RETURN(name_claim_, NameClaim::Acquire(real_path_, writable));
     name_claim_writable_ = writable;
+    // The claim may have waited until the store was compacted.
+    MTDB_RETURN_IF_ERROR(CheckSameFile());
   }
   int rc = 0;
   for (uint64_t size = std::max(kMapReserve, smallest); size >= smallest; size /= 2) {

@@ -31,7 +31,7 @@ struct flock Range(short type, uint64_t first, uint64_t end) {
   return lock;
 }
 
-// Waits: the gate is held for a few system calls only.
+// Waits: the gate is held for a few system calls, or as long as the store is compacted.
 Status Lock(const StoreFile& file, short type, uint64_t byte) {
   struct flock lock = Range(type, byte, byte + 1);
   while (::fcntl(file.descriptor(), F_OFD_SETLKW, &lock) != 0) {
@@ -101,7 +101,28 @@ Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, b
   return claim;
 }
 
-NameClaim::~NameClaim() { ::close(lock_descriptor_); }
+Result<std::unique_ptr<NameClaim>> NameClaim::AcquireAlone(const std::string& path) {
+  MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, StoreFile::Access::kReadWrite));
+  std::unique_ptr<NameClaim> claim(new NameClaim(std::move(file), -1));
+  const StoreFile& locked = *claim->file_;
+  MTDB_RETURN_IF_ERROR(Lock(locked, F_WRLCK, kGateByte));
+  struct stat now {};
+  if (::stat(path.c_str(), &now) != 0 || now.st_dev != locked.device() ||
+      now.st_ino != locked.inode()) {
+    return Status(StatusCode::kBusy, path + ": the file was replaced just now; try again");
+  }
+  struct flock lock = Range(F_WRLCK, kFirstClaimByte, kEndOfClaims);
+  if (::fcntl(locked.descriptor(), F_OFD_SETLK, &lock) == 0) return claim;
+  if (errno != EAGAIN && errno != EACCES) return LockError(locked);
+  return Status(StatusCode::kBusy,
+                path +
+                    ": another program is writing to the store, copying it or verifying it; "
+                    "wait for that program, or stop it");
+}
+
+NameClaim::~NameClaim() {
+  if (lock_descriptor_ >= 0) ::close(lock_descriptor_);
+}
 
 Status NameClaim::CheckLockFile() const {
   struct stat claimed {};

@@ -19,6 +19,9 @@ class NameClaim {
   // when it is not there. `writable`: the store file can be opened for writing. Errors: kBusy when
   // somebody has the store open by another lock file, kIoError.
   static Result<std::unique_ptr<NameClaim>> Acquire(const std::string& path, bool writable);
+  // That nobody else has the store open with LMDB, nor opens it as long as this lives: who comes
+  // meanwhile waits. kBusy when somebody has it open.
+  static Result<std::unique_ptr<NameClaim>> AcquireAlone(const std::string& path);
   ~NameClaim();
   NameClaim(const NameClaim&) = delete;
   NameClaim& operator=(const NameClaim&) = delete;
@@ -26,6 +29,7 @@ class NameClaim {
   // kBusy when the lock file at the path is no longer the one that was claimed, as when somebody
   // deleted it just before LMDB opened it.
   Status CheckLockFile() const;
+  const StoreFile& file() const { return *file_; }
 
  private:
   NameClaim(std::unique_ptr<StoreFile> file, int lock_descriptor)

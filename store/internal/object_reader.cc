@@ -56,6 +56,19 @@ Result<std::shared_ptr<ClusterSource>> ObjectReader::Open(std::shared_ptr<Enviro
                 path + ": object " + name + " is replaced again and again; try again");
 }
 
+Result<std::shared_ptr<ClusterSource>> ObjectReader::OpenPinned(
+    std::shared_ptr<Environment> environment, ObjectRecord record, const Snapshot& snapshot) {
+  MTDB_ASSIGN_OR_RETURN(
+      ClusterIndex index,
+      LoadIndex(environment->path(), record, [&](const Bytes& key, const std::string& place) {
+        return ReadIndexValue(snapshot, key, place);
+      }));
+  std::shared_ptr<ObjectReader> reader(
+      new ObjectReader(std::move(environment), std::move(record), std::move(index)));
+  reader->pinned_ = snapshot;
+  return std::shared_ptr<ClusterSource>(std::move(reader));
+}
+
 ObjectReader::ObjectReader(std::shared_ptr<Environment> environment, ObjectRecord record,
                            ClusterIndex index)
     : environment_(std::move(environment)),
@@ -127,6 +140,7 @@ void ObjectReader::Read(std::span<const UnitId> units, std::shared_ptr<PayloadRe
                           return InvalidArgument(place_ + ": no unit " + std::to_string(unit) +
                                                  ", it has " + std::to_string(index_.unit_count()));
                         }
+                        if (pinned_) return ReadOne(*pinned_, unit);
                         if (!snapshot) snapshot.emplace(environment_->Newest());
                         if (!snapshot->ok()) return snapshot->status();
                         return ReadProven(unit, &**snapshot);

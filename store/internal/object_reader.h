@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -18,6 +19,11 @@ class ObjectReader final : public ClusterSource {
  public:
   static Result<std::shared_ptr<ClusterSource>> Open(std::shared_ptr<Environment> environment,
                                                      const std::string& name);
+
+  // Of a pinned snapshot, whose object `record` is: reads that snapshot and no other.
+  static Result<std::shared_ptr<ClusterSource>> OpenPinned(std::shared_ptr<Environment> environment,
+                                                           ObjectRecord record,
+                                                           const Snapshot& snapshot);
 
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
@@ -48,6 +54,7 @@ class ObjectReader final : public ClusterSource {
   const std::string place_;
   std::mutex mutex_;  // guards the one below
   Resolved resolved_;
+  std::optional<Snapshot> pinned_;
 };
 
 // The payload at `location` of `value`, after its checksum has been verified.

@@ -9,6 +9,7 @@
 #include <random>
 #include <thread>
 
+#include "store/copy.h"
 #include "store/internal/packed_reader.h"
 #include "tests/store/store_fixture.h"
 
@@ -201,10 +202,11 @@ TEST_CASE("what is packed is read and unpacked as it was", "[packed]") {
       CHECK(records[i].digest_hex() == packed.records[i].digest_hex());
       const auto source = database->OpenObject(records[i].name);
       REQUIRE(source.ok());
-      const auto copy = CopyObject(**source, *store, false);
+      const auto copy = CopyObject(**source, *store, (*source)->record().name, false);
       REQUIRE(copy.status().message() == "");
       CHECK(copy->digest_hex() == packed.records[i].digest_hex());
-      CHECK(CopyObject(**source, *store, false).status().code() == StatusCode::kAlreadyExists);
+      CHECK(CopyObject(**source, *store, (*source)->record().name, false).status().code() ==
+            StatusCode::kAlreadyExists);
     }
     CHECK(VerifyFailures(here.File("unpacked.mtdb")) == "");
     // The same file, whichever way the objects went.

@@ -2,6 +2,7 @@
 #include <set>
 
 #include "codecs/mesh_file/atomic_file.h"
+#include "store/copy.h"
 #include "store/database.h"
 #include "store/packed_file.h"
 #include "tools/cli/verbs.h"
@@ -66,7 +67,8 @@ Status Unpack(const PackArguments& arguments) {
   Json objects = Json::array();
   for (const std::string& name : names) {
     MTDB_ASSIGN_OR_RETURN(const auto source, database->OpenObject(name, true));
-    MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, CopyObject(*source, *store, arguments.force));
+    MTDB_ASSIGN_OR_RETURN(const ObjectRecord record,
+                          CopyObject(*source, *store, source->record().name, arguments.force));
     objects.push_back({{"name", name}, {"digest", record.digest_hex()}});
     if (!arguments.json) std::printf("%s: digest %s\n", name.c_str(), record.digest_hex().c_str());
   }

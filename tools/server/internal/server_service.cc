@@ -155,6 +155,16 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   return service;
 }
 
+std::shared_ptr<Database> ServerService::CurrentDatabase() {
+  const std::lock_guard lock(database_mutex_);
+  if (database_->IsOutdated()) {
+    // Where there is no store now, what was open is served on.
+    auto opened = Database::Open(database_->path());
+    if (opened.ok()) database_ = *std::move(opened);
+  }
+  return database_;
+}
+
 ServerService::Effort ServerService::EffortOf(const std::string& text) {
   const Result<RequestTarget> target = ParseTarget(text);
   if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
@@ -226,15 +236,16 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
 }
 
 Result<ServerAnswer> ServerService::Catalog() {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database_->List());
+  MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, CurrentDatabase()->List());
   ServerAnswer answer;
   answer.body = Dump(CatalogJson(records));
   return answer;
 }
 
 Result<ServerAnswer> ServerService::Info(const std::string& name) {
-  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
-  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database_->FileBytes());
+  const std::shared_ptr<Database> database = CurrentDatabase();
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database->Find(name));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
   ServerAnswer answer;
   answer.body = Dump(RecordJson(record, file_bytes));
   return answer;
@@ -307,7 +318,8 @@ ServerAnswer ServerService::Metrics() {
 ServerError ServerService::Failure(const Status& status, const std::string& name,
                                    const ServerCall& call, bool opened) {
   std::string text = Replaced(status.message(), folder_ + ": ", "");
-  text = Replaced(Replaced(text, database_->path() + ": ", ""), database_->path(), "the store");
+  const std::string store = CurrentDatabase()->path();
+  text = Replaced(Replaced(text, store + ": ", ""), store, "the store");
   switch (status.code()) {
     case StatusCode::kInvalidArgument:
     case StatusCode::kUnsupported: return ServerError{400, "bad_query", text};
@@ -480,11 +492,12 @@ std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
 }
 
 Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& name) {
-  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database_->Find(name));
+  const std::shared_ptr<Database> database = CurrentDatabase();
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database->Find(name));
   if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
   const std::lock_guard opening(opening_);
   if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
-  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database_->OpenObject(name));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
   SurfaceOptions surface_options;
   surface_options.cache_bytes = options_.cache_bytes;
   surface_options.threads = options_.threads;

@@ -146,8 +146,11 @@ class ServerService {
   void Unpin(const Surface* surface);
 
   const ServiceOptions options_;
-  std::shared_ptr<Database> database_;
-  std::string folder_;  // of temporary files
+  // Of the file that the path leads to by now: the store may be compacted, or replaced by another.
+  std::shared_ptr<Database> CurrentDatabase();
+  std::mutex database_mutex_;
+  std::shared_ptr<Database> database_;  // guarded by database_mutex_
+  std::string folder_;                  // of temporary files
   ServerLedger temporary_;
   ServerLedger session_memory_;
   ServerMetrics metrics_;

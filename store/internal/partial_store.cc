@@ -1,0 +1,96 @@
+#include "store/internal/partial_store.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "store/internal/sync_folder.h"
+
+namespace mtdb::internal {
+namespace {
+
+constexpr uint64_t kPartialByte = uint64_t{1} << 60;
+constexpr int kTries = 100;
+
+Status Failure(const std::string& path, const char* doing) {
+  const int error = errno;
+  std::string message = path + ": " + doing + ": " + std::strerror(error);
+  if (error == ENOSPC || error == EDQUOT) return {StatusCode::kNoSpace, std::move(message)};
+  return IoError(std::move(message));
+}
+
+void RemoveLockFile(const std::string& store) { (void)::unlink((store + "-lock").c_str()); }
+
+}  // namespace
+
+Result<std::unique_ptr<PartialStore>> PartialStore::Create(const std::string& path) {
+  const std::string partial = path + ".partial";
+  for (int i = 0; i < kTries; ++i) {
+    MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(partial, StoreFile::Access::kCreate));
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = static_cast<off_t>(kPartialByte);
+    lock.l_len = 1;
+    if (::fcntl(file->descriptor(), F_OFD_SETLK, &lock) != 0) {
+      if (errno != EAGAIN && errno != EACCES) return Failure(partial, "cannot be locked");
+      return Status(StatusCode::kBusy,
+                    partial + ": another program is just writing it; wait for that, or stop it");
+    }
+    // Whoever had the lock before may have given the file its name.
+    struct stat now {};
+    if (::stat(partial.c_str(), &now) != 0 || now.st_dev != file->device() ||
+        now.st_ino != file->inode()) {
+      continue;
+    }
+    RemoveLockFile(partial);
+    if (::ftruncate(file->descriptor(), 0) != 0) return Failure(partial, "cannot be emptied");
+    return std::unique_ptr<PartialStore>(new PartialStore(path, partial, std::move(file)));
+  }
+  return Status(StatusCode::kBusy, partial + ": other programs write it again and again");
+}
+
+PartialStore::~PartialStore() {
+  if (committed_) return;
+  RemoveLockFile(partial_);
+  (void)::unlink(partial_.c_str());
+}
+
+Status PartialStore::AdoptPermissions(const StoreFile& other) {
+  struct stat info {};
+  if (::fstat(other.descriptor(), &info) != 0) return Failure(other.path(), "cannot stat");
+  // Only root may give files away; to whom the group cannot be given, the owner's is left.
+  (void)!::fchown(file_->descriptor(), info.st_uid, info.st_gid);
+  if (::fchmod(file_->descriptor(), info.st_mode & 07777) != 0) {
+    return Failure(partial_, "cannot get the permissions of the store");
+  }
+  return Status::Ok();
+}
+
+Status PartialStore::Commit(bool replace) {
+  if (::fsync(file_->descriptor()) != 0) return Failure(partial_, "cannot be written to the disk");
+  RemoveLockFile(partial_);
+  int result = 0;
+  if (replace) {
+    result = std::rename(partial_.c_str(), path_.c_str());
+  } else {
+    result = ::renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE);
+    if (result != 0 && (errno == EINVAL || errno == ENOSYS)) {  // a file system without it
+      result = ::link(partial_.c_str(), path_.c_str());
+      if (result == 0) (void)::unlink(partial_.c_str());
+    }
+  }
+  if (result != 0) {
+    if (errno == EEXIST) {
+      return {StatusCode::kAlreadyExists, path_ + ": was made by somebody else meanwhile"};
+    }
+    return Failure(path_, "cannot be given its name");
+  }
+  committed_ = true;
+  return SyncFolder(path_);
+}
+
+}  // namespace mtdb::internal
