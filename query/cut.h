@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "store/base/ids.h"
 #include "store/base/mesh_sink.h"
@@ -30,6 +31,10 @@ struct ExtractStats {
   // triangle that no node removes. In the region, no point of the mesh is farther than this from
   // the input as it was before rounding, and no point of the input farther from the mesh.
   double error_bound = 0;
+  // How far the rest of the mesh and the input are apart at most, outside of the region; nothing
+  // when there is no such rest: without a region, and when the query clips. An upper bound by the
+  // clusters that the mesh could still be refined with. Not of sessions.
+  std::optional<double> error_bound_outside;
   Shortfall shortfall;  // of the active triangles
   QueryLimit limit = QueryLimit::kThreshold;
   uint64_t nodes_visited = 0;  // of all clusters that the search looked into

@@ -21,6 +21,8 @@ std::string ErrorText(int error) { return std::generic_category().message(error)
 
 Status WriteError(const std::string& path, int error) {
   std::string message = path + ": cannot be written: " + ErrorText(error);
+  // Whoever reads the pipe has had enough.
+  if (error == EPIPE) return {StatusCode::kCancelled, message};
   if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
     return {StatusCode::kNoSpace, message + "; make room or choose another place"};
   }
@@ -71,10 +73,41 @@ void SweepDead(const std::string& path) {
   ::closedir(files);
 }
 
+// What a symbolic link at `path` leads to, which need not exist; `path` itself when it is none.
+std::string BehindLinks(std::string path) {
+  constexpr int kMostLinks = 40;  // as the system's
+  for (int i = 0; i < kMostLinks; ++i) {
+    char target[4096];
+    const ssize_t n = ::readlink(path.c_str(), target, sizeof(target));
+    if (n <= 0 || n == sizeof(target)) return path;
+    const std::string to(target, static_cast<size_t>(n));
+    path = to[0] == '/' ? to : FolderOf(path) + (path.find('/') == path.npos ? "/" : "") + to;
+  }
+  return path;
+}
+
+// Permissions of the file that is replaced, and its owner and group where that is permitted.
+void HandOn(const struct stat& from, int descriptor) {
+  (void)!::fchown(descriptor, from.st_uid, from.st_gid);
+  (void)::fchmod(descriptor, from.st_mode & 07777);
+}
+
 }  // namespace
 
-Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& path) {
+Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& name) {
+  const std::string path = BehindLinks(name);
   struct stat info {};
+  const bool there = ::stat(path.c_str(), &info) == 0;
+  const bool replaces = there && S_ISREG(info.st_mode);
+  const struct stat replaced = info;
+  if (there && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode)) {
+    const int stream = TEMP_FAILURE_RETRY(::open(path.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC));
+    if (stream < 0) return WriteError(path, errno);
+    std::unique_ptr<AtomicFile> file(new AtomicFile(path, "", stream));
+    file->is_named_ = false;
+    file->seekable_ = ::lseek(stream, 0, SEEK_CUR) >= 0;
+    return file;
+  }
   if (::stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) {
     return IoError(path + ": is a directory, expected the name of a file");
   }
@@ -85,6 +118,7 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& path) 
         TEMP_FAILURE_RETRY(::open(FolderOf(path).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666));
     if (nameless >= 0) {
       (void)::flock(nameless, LOCK_EX | LOCK_NB);
+      if (replaces) HandOn(replaced, nameless);
       return std::unique_ptr<AtomicFile>(new AtomicFile(path, "", nameless));
     }
   }
@@ -103,6 +137,7 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& path) 
       ::close(descriptor);
       continue;
     }
+    if (replaces) HandOn(replaced, descriptor);
     return std::unique_ptr<AtomicFile>(new AtomicFile(path, std::move(temporary), descriptor));
   }
 }
@@ -112,6 +147,7 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Into(int descriptor, const std::
   if (own < 0) return WriteError(path, errno);
   std::unique_ptr<AtomicFile> file(new AtomicFile(path, "", own));
   file->is_named_ = false;
+  file->seekable_ = ::lseek(own, 0, SEEK_CUR) >= 0;
   return file;
 }
 
@@ -145,6 +181,16 @@ Status AtomicFile::Flush() {
 
 Status AtomicFile::Overwrite(uint64_t offset, ByteSpan bytes) {
   MTDB_CHECK(offset + bytes.size() <= bytes_written_, "only what was appended is overwritten");
+  if (!seekable_) {
+    // Nothing was sent as long as all of it fits the buffer.
+    if (bytes_written_ > buffered_) {
+      return Unsupported(path_ +
+                         ": this format goes back to its beginning, which a pipe cannot; "
+                         "write it to a file");
+    }
+    std::memcpy(buffer_.data() + offset, bytes.data(), bytes.size());
+    return Status::Ok();
+  }
   MTDB_RETURN_IF_ERROR(Flush());
   return WriteAll(bytes, offset);
 }

@@ -19,6 +19,11 @@ namespace mtdb {
 // the file has a temporary name beside `path`, "PATH.PID-N.tmp". It is locked while its process
 // lives; Create() removes the temporary files of `path` that nobody has locked.
 //
+// Where `path` is a symbolic link, the file that it leads to is written, and the link stays. A file
+// that is replaced hands on its permissions. Into a pipe or a device the bytes are written as they
+// come; nothing of what is below holds there, and Overwrite() cannot be used once more than a
+// buffer of 1 MiB was appended (kUnsupported).
+//
 // After a power failure there is a whole file of that name, or none. A file that was just committed
 // may be missing, since the folder is not synced: meshes can be made again.
 class AtomicFile {
@@ -50,6 +55,7 @@ class AtomicFile {
   std::string path_;
   std::string temporary_;  // empty: no name
   bool is_named_ = true;   // Commit() gives it its name
+  bool seekable_ = true;
   int descriptor_;
   std::vector<std::byte> buffer_;
   size_t buffered_ = 0;

@@ -46,6 +46,7 @@ class CutImpl {
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
   void FillStats();
+  uint8_t LargestCodeLeft() const;
   // Puts what the sink has moved vertices by into the bound, in place of what was expected.
   void AddSinkRounding(double rounding);
   // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds

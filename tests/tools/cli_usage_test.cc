@@ -11,8 +11,24 @@ const Arguments kNoNumber{"",      "x",   "nan", "-nan", "inf", "-1",
                           "1e400", "1,5", "1m",  "0x1",  " 1",  "1e31"};
 const Arguments kNoPositive{"", "x", "nan", "inf", "0", "-0", "-1", "1e400", "1e31", "1px"};
 const Arguments kNoSeconds{"", "x", "nan", "inf", "-1", "1e10", "1e99", "1s"};
-const Arguments kNoCount{"", "x", "0", "-1", "1.5", "1e3", "nan", "1K", "99999999999999999999"};
-const Arguments kNoSize{"", "x", "0", "-1", "1.5G", "nan", "inf", "K", "99999999999T", "1KB", "1P"};
+const Arguments kNoCount{"",
+                         "x",
+                         "0",
+                         "-1",
+                         "1.5",
+                         "1e3",
+                         "nan",
+                         "k",
+                         "0.5",
+                         "1.2345.6k",
+                         "1P",
+                         "1KB",
+                         ".5k",
+                         "0.0001k",
+                         "99999999999999999999",
+                         "99999999999T"};
+const Arguments kNoSize{"",     "x",  "0",   "-1",  "1.5",  "nan", "inf", "K",    "99999999999T",
+                        "1 KB", "1P", "1.G", ".5G", "1e3M", "MB",  "1iB", "1MBB", "-1M"};
 const Arguments kNoMesh{"", "a", "a.", "a.png", ".ply/", "a.ply2", "ply"};
 const Arguments kNoName{""};
 

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <functional>
@@ -10,13 +11,15 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "codecs/mesh_file/mesh_file.h"
-#include "query/query_json.h"
 #include "store/object_name.h"
+#include "tools/cli/did_you_mean.h"
 #include "tools/cli/follow_path.h"
+#include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/printable.h"
@@ -24,6 +27,13 @@
 #include "tools/request/query_options.h"
 
 namespace {
+
+using mtdb::AddJson;
+using mtdb::AddName;
+using mtdb::AddParsed;
+using mtdb::AddParsedList;
+using mtdb::AddQueryOptions;
+using mtdb::AddVerbose;
 
 constexpr int kExitError = 1;
 constexpr int kExitUsage = 2;
@@ -65,147 +75,16 @@ class HelpFormatter : public CLI::Formatter {
   }
 };
 
-// An option whose text `parse` turns into a value; a text that it refuses is a usage error.
-template <typename Value, typename Parse>
-CLI::Option* AddParsed(CLI::App* verb, const std::string& name, const std::string& form,
-                       Value* value, Parse parse, const std::string& description) {
-  return verb
-      ->add_option_function<std::string>(
-          name,
-          [=](const std::string& text) {
-            auto result = parse(text);
-            if (!result.ok()) throw CLI::ValidationError(name, result.status().message());
-            *value = *std::move(result);
-          },
-          description)
-      ->type_name(form);
-}
-
-void AddName(CLI::App* verb, std::string* name, const char* description) {
-  verb->add_option("--name", *name, description)->type_name("NAME");
-}
-
-void AddJson(CLI::App* verb, bool* json) {
-  verb->add_flag("--json", *json, "print the result as JSON");
-}
-
-// An option that may be given several times.
-template <typename List, typename Parse>
-CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::string& form,
-                           List* values, Parse parse, const std::string& description) {
-  return verb
-      ->add_option_function<std::vector<std::string>>(
-          name,
-          [=](const std::vector<std::string>& texts) {
-            for (const std::string& text : texts) {
-              auto result = parse(text);
-              if (!result.ok()) throw CLI::ValidationError(name, result.status().message());
-              values->push_back(*std::move(result));
-            }
-          },
-          description)
-      ->type_name(form)
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-}
-
-void AddAccuracyOptions(CLI::App* verb, mtdb::QueryOptions* q) {
-  const char* group = "How accurate (several: all must hold)";
-  auto* full =
-      verb->add_flag("--full", q->full, "full resolution: the input's triangles (default)");
-  auto* error = AddParsed(verb, "--error", "E", &q->error, mtdb::ParseNonNegative,
-                          "coarser: within E of the surface, in model units");
-  auto* relative = AddParsed(verb, "--error-rel", "F", &q->error_relative, mtdb::ParseNonNegative,
-                             "the same as a fraction of the bounding box's diagonal");
-  auto* pixels = AddParsed(verb, "--pixels", "P", &q->pixels, mtdb::ParsePositive,
-                           "what the camera sees is off by at most P pixels");
-  auto* at = AddParsedList(
-      verb, "--error-at", "LAW,X,Y,Z,BASE,F", &q->errors_at, mtdb::ErrorAtOption,
-      "by the distance r from a point; LAW is linear (BASE + F r), quadratic (BASE + F r^2), sqrt "
-      "(BASE + F sqrt r) or exp (BASE exp(F r))");
-  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, mtdb::ParseNonNegative,
-                            "within E outside of the region too, not as coarse as possible");
-  auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, mtdb::ParseCount,
-                              "at most N triangles, as accurate as they allow");
-  auto* bytes = AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, mtdb::ParseSize,
-                          "read at most SIZE of the store's clusters, as accurate as they allow");
-  auto* time = AddParsed(verb, "--max-ms", "MS", &q->max_ms, mtdb::ParseNonNegative,
-                         "stop refining after MS milliseconds");
-  for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
-  error->excludes(relative);
-  for (auto* option : {full, error, relative, pixels, at, outside, triangles, bytes, time}) {
-    option->group(group);
-  }
-}
-
-void AddRegionOptions(CLI::App* verb, mtdb::QueryOptions* q) {
-  const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
-  const auto add = [&](const char* name, const char* form, auto parse, const char* description) {
-    AddParsedList(verb, name, form, &q->regions, parse, description)->group(group);
-  };
-  add("--box", "X0,Y0,Z0,X1,Y1,Z1", mtdb::BoxOption, "a box, by two corners");
-  add("--sphere", "X,Y,Z,R", mtdb::SphereOption, "a ball, by centre and radius");
-  add("--half-space", "X,Y,Z,NX,NY,NZ", mtdb::HalfSpaceOption,
-      "what is behind the plane through X,Y,Z that faces NX,NY,NZ");
-  add("--prism", "X0,Y0,X1,Y1,...", mtdb::PrismOption, "above and below a polygon");
-  add("--wedge", "X,Y,DX,DY,ANGLE[,FAR]", mtdb::WedgeOption,
-      "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide");
-  add("--point", "X,Y,Z", mtdb::PointRegionOption, "a point");
-  add("--segment", "X0,Y0,Z0,X1,Y1,Z1", mtdb::SegmentOption, "a segment: a line of sight");
-  add("--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", mtdb::TubeOption,
-      "what is within R of a line through points");
-  verb->add_flag("--frustum", q->frustum, "what the camera sees")->group(group);
-  verb->add_flag("--intersect", q->intersect, "what lies in all of the regions, not in any")
-      ->group(group);
-  verb->add_flag("--outside", q->outside, "what lies outside of all that")->group(group);
-  verb->add_flag("--clip", q->clip, "leave out the triangles that do not meet the region")
-      ->group(group);
-}
-
-void AddCameraOptions(CLI::App* verb, mtdb::QueryOptions* q) {
-  const char* group = "The camera";
-  const auto add = [&](const char* name, const char* form, auto* value, auto parse,
-                       const char* description) {
-    AddParsed(verb, name, form, value, parse, description)->group(group);
-  };
-  add("--eye", "X,Y,Z", &q->eye, mtdb::PointOption, "where it is");
-  add("--target", "X,Y,Z", &q->target, mtdb::PointOption, "what it looks at");
-  add("--up", "X,Y,Z", &q->up, mtdb::PointOption, "what is up in its picture (default: 0,0,1)");
-  add("--fov", "DEGREES", &q->fov, mtdb::ParsePositive,
-      "the angle from the bottom to the top of its picture (default: 45)");
-  add("--viewport", "WxH", &q->viewport, mtdb::ParseExtent,
-      "its picture's size in pixels (default: 1200x900; render: --size)");
-}
-
-void AddQueryOptions(CLI::App* verb, mtdb::QueryArguments* a, bool draws) {
-  AddName(verb, &a->name, "which object; needed when the store has several");
-  AddAccuracyOptions(verb, &a->query);
-  AddRegionOptions(verb, &a->query);
-  AddCameraOptions(verb, &a->query);
-  verb->add_option("--query", a->query.file,
-                   "region and threshold from a JSON file (docs/query.md), or - for standard "
-                   "input: all that "
-                   "the options below say, and more")
-      ->type_name("FILE");
-  verb->add_flag("--print-query", a->print_query,
-                 "print the query as JSON, for --query, and do nothing else");
-  AddJson(verb, &a->json);
-  // Called when the verb's arguments are complete.
-  verb->callback([a, draws] {
-    mtdb::Status status = mtdb::CheckOptions(a->query, draws);
-    // A query of options alone depends on nothing else; of the object's size only by a factor.
-    if (status.ok() && a->query.file.empty()) {
-      const auto json = mtdb::QueryOf(a->query, a->size);
-      status = json.ok() ? mtdb::ParseQuery(json->dump(), 1).status() : json.status();
-    }
-    if (!status.ok()) throw CLI::ValidationError(status.message());
-  });
-}
-
 void AddImplicit(CLI::App* verb, bool* implicit) {
   verb->add_flag("--implicit", *implicit,
                  "keep clusters in memory as in the store, some 30 times smaller than decoded, and "
                  "decode what a query needs each time anew; the answers are the same");
+}
+
+void AddCache(CLI::App* verb, mtdb::QueryArguments* arguments) {
+  AddParsed(verb, "--cache", "SIZE", &arguments->cache_bytes, mtdb::ParseSize,
+            "let decoded clusters take at most so much memory, e.g. 1.5G (default: a quarter of "
+            "the machine's)");
 }
 
 void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
@@ -270,12 +149,24 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
       ->type_name("DIR");
 }
 
-void AddOutput(CLI::App* verb, std::string* output) {
+void AddOutput(CLI::App* verb, std::string* output, bool may_be_standard) {
   verb->add_option("OUTPUT", *output,
-                   "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()))
+                   "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()) +
+                       (may_be_standard ? ", or - for standard output (see --format)" : ""))
       ->required()
-      ->check([](const std::string& text) {
+      ->check([may_be_standard](const std::string& text) {
+        if (may_be_standard && text == "-") return std::string();
         return mtdb::WrittenMeshFormatOf(text).status().message();
+      });
+}
+
+// Of what is written to standard output.
+void AddOutputFormat(CLI::App* verb, mtdb::QueryArguments* a) {
+  verb->add_option("--format", a->output_format,
+                   "the format of standard output: ply, obj, stl, off or drc")
+      ->type_name("FORMAT")
+      ->check([](const std::string& text) {
+        return mtdb::FindWrittenMeshFormat(text).status().message();
       });
 }
 
@@ -432,6 +323,16 @@ int Usage(const std::string& problem, const std::string& verb) {
   return kExitUsage;
 }
 
+// `text` is no option of the verb.
+std::string NoOption(const CLI::App& verb, const std::string& text) {
+  const std::string name = text.substr(0, text.find('='));
+  std::vector<std::string> known;
+  for (const CLI::Option* option : verb.get_options()) {
+    for (const std::string& known_name : option->get_lnames()) known.push_back("--" + known_name);
+  }
+  return "no option '" + name + "'" + mtdb::DidYouMean(name, known);
+}
+
 // The option or argument that was given as '', which is no value of any.
 std::string EmptyValue(const CLI::App& verb) {
   for (const CLI::Option* option : verb.get_options()) {
@@ -460,8 +361,8 @@ class CommandLine {
   void AddRenderVerb();
   void AddServerVerbs();
   void AddFollowVerb();
-  void AddRemoveVerb();
   void AddPackVerbs();
+  void AddSpaceVerbs();
   void AddGenerateVerb();
   // Exit status where the arguments ask for nothing that is to be run.
   std::optional<int> Parse(std::vector<std::string> arguments);
@@ -472,6 +373,7 @@ class CommandLine {
   mtdb::IngestArguments ingest_;
   mtdb::InspectArguments inspect_;
   mtdb::PackArguments pack_;
+  mtdb::SpaceArguments space_;
   mtdb::QueryArguments query_;
   mtdb::ProbeArguments probe_;
   mtdb::ServerOptions serve_;
@@ -502,8 +404,8 @@ CommandLine::CommandLine() {
            &probe_);
   AddServerVerbs();
   AddFollowVerb();
-  AddRemoveVerb();
   AddPackVerbs();
+  AddSpaceVerbs();
   AddGenerateVerb();
 }
 
@@ -525,6 +427,7 @@ void CommandLine::AddIngestVerb() {
                 return mtdb::Ingest(ingest_);
               });
   AddIngest(verb, &paths_, &ingest_);
+  AddVerbose(verb, &ingest_.verbose);
   verb->callback([this] {
     const auto count = std::count(paths_.begin(), paths_.end() - 1, "-");
     if (count > 1) throw CLI::ValidationError("-", "standard input can be read once");
@@ -577,8 +480,10 @@ void CommandLine::AddExtractVerb() {
               "More: docs/query.md",
               [this](bool*) { return mtdb::ExtractVerb(query_); });
   AddStore(verb, &query_.store);
-  AddOutput(verb, &query_.output);
+  AddOutput(verb, &query_.output, true);
+  AddOutputFormat(verb, &query_);
   AddQueryOptions(verb, &query_, false);
+  AddCache(verb, &query_);
   AddImplicit(verb, &query_.implicit);
   AddNormals(verb, &query_);
 }
@@ -609,6 +514,7 @@ void CommandLine::AddRenderVerb() {
         return text.ends_with(".png") ? "" : text + ": expected a name that ends in .png";
       });
   AddQueryOptions(verb, &query_, true);
+  AddCache(verb, &query_);
   AddParsed(verb, "--size", "WxH", &query_.size, mtdb::ParseExtent, "width and height in pixels")
       ->default_str("1200x900");
   verb->add_flag("--overview", query_.overview,
@@ -646,7 +552,7 @@ void CommandLine::AddServerVerbs() {
               "More: docs/query.md, docs/protocol.md",
               [this](bool*) { return mtdb::Fetch(query_); });
   AddUrl(fetch, &query_.store);
-  AddOutput(fetch, &query_.output);
+  AddOutput(fetch, &query_.output, false);
   AddQueryOptions(fetch, &query_, false);
   AddTimeout(fetch, &query_.timeout_seconds);
   AddNormals(fetch, &query_);
@@ -669,11 +575,45 @@ void CommandLine::AddFollowVerb() {
   AddFollow(verb, &follow_);
 }
 
-void CommandLine::AddRemoveVerb() {
-  CLI::App* verb = AddVerb("remove", "remove an object from a store", "",
-                           [this](bool*) { return mtdb::Remove(inspect_); });
-  AddStore(verb, &inspect_.store);
-  verb->add_option("NAME", inspect_.name, "the object")->required();
+void CommandLine::AddSpaceVerbs() {
+  CLI::App* remove = AddVerb(
+      "remove", "remove objects from a store",
+      "The file keeps its size: the next objects fill the room, or 'mtdb compact' gives it back.\n"
+      "Example: mtdb remove scans.mtdb statue vase",
+      [this](bool*) { return mtdb::Remove(space_); });
+  AddStore(remove, &space_.store);
+  remove->add_option("NAME", space_.names, "the objects")->required()->expected(1, 1 << 20);
+  AddJson(remove, &space_.json);
+  CLI::App* rename = AddVerb("rename", "give an object another name",
+                             "Example: mtdb rename scans.mtdb scan statue",
+                             [this](bool*) { return mtdb::Rename(space_); });
+  AddStore(rename, &space_.store);
+  rename->add_option("OLD NEW", space_.names, "the object's name, and its new name")
+      ->required()
+      ->expected(2)
+      ->type_size(1);
+  AddJson(rename, &space_.json);
+  CLI::App* copy = AddVerb(
+      "copy", "copy objects into another store, or make a backup",
+      "A TARGET that is not there appears when the copy is complete, with what STORE had at one "
+      "moment.\nInto one that is there go the objects that it has not; an object that differs "
+      "under\nthe same name is an error, or replaced with --force.\n"
+      "Examples: mtdb copy scans.mtdb backup.mtdb\n"
+      "          mtdb copy scans.mtdb museum.mtdb statue vase",
+      [this](bool*) { return mtdb::Copy(space_); });
+  AddStore(copy, &space_.store);
+  copy->add_option("TARGET", space_.target, "the other store")->required();
+  copy->add_option("NAME", space_.names, "the objects (default: all)")->expected(0, 1 << 20);
+  copy->add_flag("--force", space_.force, "replace objects of TARGET that differ");
+  AddJson(copy, &space_.json);
+  CLI::App* compact = AddVerb(
+      "compact", "make a store's file as small as its objects",
+      "Writes a new file beside the old one and puts it in its place in one step; the disk must "
+      "have\nroom for both. Nobody may write to the store meanwhile.\n"
+      "Example: mtdb compact scans.mtdb",
+      [this](bool*) { return mtdb::Compact(space_); });
+  AddStore(compact, &space_.store);
+  AddJson(compact, &space_.json);
 }
 
 void CommandLine::AddPackVerbs() {
@@ -711,13 +651,17 @@ void CommandLine::AddGenerateVerb() {
                    "field)")
       ->required()
       ->check(CLI::IsMember({"sculpture", "terrain"}));
-  AddOutput(verb, &generate_.output);
-  verb->add_option("--triangles", generate_.triangles,
-                   "about N triangles, from 100 to 8300000000 (as far as indices of 32 bits go); "
-                   "required")
-      ->required()
-      ->type_name("N")
-      ->check(CLI::Range(uint64_t{100}, uint64_t{8'300'000'000}));
+  AddOutput(verb, &generate_.output, false);
+  const auto parse = [](const std::string& text) -> mtdb::Result<uint64_t> {
+    auto count = mtdb::ParseCount(text);
+    if (!count.ok() || (*count >= 100 && *count <= 8'300'000'000)) return count;
+    return mtdb::Unexpected(text, "a number from 100 to 8300000000");
+  };
+  AddParsed(verb, "--triangles", "N", &generate_.triangles, parse,
+            "about N triangles, from 100 to 8300M (as far as indices of 32 bits go), e.g. 100k; "
+            "required")
+      ->required();
+  AddJson(verb, &generate_.json);
   AddParsed(verb, "--seed", "S", &generate_.seed, mtdb::ParseWholeNumber,
             "another number, another shape")
       ->default_str("1");
@@ -738,9 +682,11 @@ std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
   const std::string& first = arguments[0];
   const auto is_named = [&](const CLI::App* verb) { return verb->get_name() == first; };
   if (first.starts_with('-')) {
-    if (app_.get_option_no_throw(first) == nullptr) return Usage("no option '" + first + "'", "");
+    if (app_.get_option_no_throw(first) == nullptr) return Usage(NoOption(app_, first), "");
   } else if (app_.get_subcommands(is_named).empty()) {
-    return Usage("no verb '" + first + "'", "");
+    std::vector<std::string> known{"help"};
+    for (const auto& [verb, run] : verbs_) known.push_back(verb->get_name());
+    return Usage("no verb '" + first + "'" + mtdb::DidYouMean(first, known), "");
   }
   try {
     app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
@@ -748,6 +694,10 @@ std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
     return app_.exit(e);
   } catch (const CLI::ParseError& e) {
     const auto verbs = app_.get_subcommands();
+    for (const std::string& text :
+         verbs.empty() ? std::vector<std::string>() : verbs[0]->remaining()) {
+      if (text.starts_with("-")) return Usage(NoOption(*verbs[0], text), verbs[0]->get_name());
+    }
     return Usage(e.what(), verbs.empty() ? "" : verbs[0]->get_name());
   }
   if (const std::string empty = EmptyValue(*app_.get_subcommands()[0]); !empty.empty()) {
@@ -763,11 +713,17 @@ int CommandLine::Run(int argc, char** argv) {
   for (const auto& [verb, run] : verbs_) {
     if (!verb->parsed()) continue;
     if (const mtdb::Status status = run(&ok); !status.ok()) {
+      // Whoever reads our pipe has had enough, as `head` has.
+      if (status.code() == mtdb::StatusCode::kCancelled &&
+          status.message().ends_with(std::generic_category().message(EPIPE)))
+        return 0;
       PrintError(status.message());
       return kExitError;
     }
   }
+  errno = 0;
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    if (errno == EPIPE) return ok ? 0 : kExitError;
     PrintError("standard output cannot be written; is the disk full?");
     return kExitError;
   }

@@ -14,7 +14,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double seconds) {
+void PrintAnswer(const QueryArguments& arguments, const QueryJson& query, const FetchAnswer& a,
+                 double seconds) {
+  const bool missed = query.contains("region") && a.active_triangles == 0;
+  Json unmet;
+  if (query.contains("max_triangles") && a.triangles > query["max_triangles"].get<uint64_t>()) {
+    unmet = {{"max_triangles", query["max_triangles"]},
+             {"least", a.triangles},
+             {"reason", "no coarser mesh is stored"}};
+  }
   if (arguments.json) {
     PrintJson({{"url", arguments.store},
                {"path", a.path},
@@ -24,6 +32,8 @@ void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double s
                {"active_triangles", a.active_triangles},
                {"error_bound", a.error_bound},
                {"shortfall", ShortfallJson(a.shortfall)},
+               {"region_missed", missed},
+               {"unmet_limit", unmet},
                {"limit", a.limit},
                {"clusters_read", a.clusters_read},
                {"clusters_cached", a.clusters_cached},
@@ -37,13 +47,24 @@ void PrintAnswer(const QueryArguments& arguments, const FetchAnswer& a, double s
   std::printf("%s: %llu triangles, %llu vertices, error at most %.6g\n", arguments.output.c_str(),
               Count{a.triangles}, Count{a.vertices}, a.error_bound);
   std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
-  std::printf("  %llu triangles within reach of the region; refined until the limit of %s\n",
-              Count{a.active_triangles}, a.limit.c_str());
-  std::printf("  the server read %llu of %llu clusters, %.1f KB; %llu were in its cache\n",
-              Count{a.clusters_read}, Count{a.clusters_total},
-              static_cast<double>(a.bytes_read) / 1e3, Count{a.clusters_cached});
-  std::printf("  received %.1f KB in %.1f ms\n", static_cast<double>(a.bytes_received) / 1e3,
-              1e3 * seconds);
+  if (missed) {
+    std::printf("  WARNING: nothing of the surface is in the region, so %s\n",
+                a.triangles == 0 ? "the mesh is empty" : "the mesh is as coarse as it goes");
+  }
+  if (!unmet.is_null()) {
+    std::printf(
+        "  WARNING: the limit of %llu triangles cannot be kept: no coarser mesh is stored\n",
+        Count{unmet["max_triangles"].get<uint64_t>()});
+  }
+  std::printf("  received %s in %.3g s\n", SizeText(a.bytes_received).c_str(), seconds);
+  if (!arguments.verbose) return;
+  std::printf(
+      "  %llu triangles are in the region or within their error of it; what ended the "
+      "refinement: %s\n",
+      Count{a.active_triangles}, a.limit.c_str());
+  std::printf("  the server read %llu of %llu clusters (%s); %llu were in its memory\n",
+              Count{a.clusters_read}, Count{a.clusters_total}, SizeText(a.bytes_read).c_str(),
+              Count{a.clusters_cached});
 }
 
 }  // namespace
@@ -71,7 +92,8 @@ Status Fetch(const QueryArguments& arguments) {
                         FetchMesh(arguments.store, query.dump(), options, receive));
   MTDB_RETURN_IF_ERROR(receive(""));
   MTDB_RETURN_IF_ERROR(output->Commit());
-  PrintAnswer(arguments, answer, std::chrono::duration<double>(Clock::now() - begin).count());
+  PrintAnswer(arguments, query, answer,
+              std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
 }
 

@@ -10,6 +10,7 @@
 #include "builder/mesh_survey.h"
 #include "tools/cli/ingest_journal.h"
 #include "tools/cli/late_writer.h"
+#include "tools/cli/machine.h"
 #include "tools/cli/merge.h"
 #include "tools/cli/mesh_report.h"
 #include "tools/cli/progress.h"
@@ -21,11 +22,6 @@
 namespace mtdb {
 
 namespace {
-
-uint64_t MachineMemory() {
-  return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) *
-         static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
-}
 
 // Resident memory now, in bytes; 0 where the system does not tell.
 uint64_t ResidentBytes() {
@@ -74,6 +70,24 @@ class StageRate {
 };
 
 void PrintStages(const BuildReport& report, const ObjectRecord& r) {
+  for (size_t i = 0; i < r.rounds.size(); ++i) {
+    const RoundReport& round = r.rounds[i];
+    std::printf(
+        "  round %zu: %llu triangles become %llu, in %llu tiles and %llu clusters, with an error "
+        "of at "
+        "most %.3g; vertices that had to stay: %llu by topology, %llu by degree, %llu on seams of "
+        "tiles\n",
+        i + 1, static_cast<unsigned long long>(round.triangles_in),
+        static_cast<unsigned long long>(round.triangles_out),
+        static_cast<unsigned long long>(round.tiles),
+        static_cast<unsigned long long>(round.clusters), r.grid.Error(round.error_code_max),
+        static_cast<unsigned long long>(round.stuck_topology),
+        static_cast<unsigned long long>(round.stuck_degree),
+        static_cast<unsigned long long>(round.locked_vertices));
+  }
+  std::printf("  %u clusters of %llu vertices to insert; the coarsest mesh has %llu triangles\n",
+              r.clusters, static_cast<unsigned long long>(r.nodes),
+              static_cast<unsigned long long>(r.root_triangles));
   double cpu = 0;
   for (const StageCost& s : report.stages) {
     std::printf("  %-9s %8.2f s, %8.2f s of processors, %llu MiB temporary\n", s.stage.c_str(),
@@ -101,24 +115,9 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.unreferenced_vertices, "vertices without a triangle dropped");
   note(in.nonmanifold_edges, "non-manifold edges kept, never simplified");
   note(in.nonmanifold_vertices, "non-manifold vertices kept, never simplified");
-  for (size_t i = 0; i < r.rounds.size(); ++i) {
-    const RoundReport& round = r.rounds[i];
-    std::printf(
-        "  round %zu: %llu -> %llu triangles, %llu tiles, %llu clusters, error up to %.3g; stuck: "
-        "%llu by topology, %llu by degree, %llu on seams\n",
-        i + 1, static_cast<unsigned long long>(round.triangles_in),
-        static_cast<unsigned long long>(round.triangles_out),
-        static_cast<unsigned long long>(round.tiles),
-        static_cast<unsigned long long>(round.clusters), r.grid.Error(round.error_code_max),
-        static_cast<unsigned long long>(round.stuck_topology),
-        static_cast<unsigned long long>(round.stuck_degree),
-        static_cast<unsigned long long>(round.locked_vertices));
-  }
-  std::printf("  %u clusters, %llu nodes, root of %llu triangles, depth %u, %.1f bits per vertex\n",
-              r.clusters, static_cast<unsigned long long>(r.nodes),
-              static_cast<unsigned long long>(r.root_triangles), r.depth,
-              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
-  std::printf("  store: %.1f MB\n", static_cast<double>(file_bytes) / 1e6);
+  std::printf("  %.1f bits per vertex; the store has %s\n",
+              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices),
+              SizeText(file_bytes).c_str());
 }
 
 // Whether an ingest of this journal published its object and was killed before it removed the
@@ -134,6 +133,17 @@ bool Finished(const BuildOptions& options, const std::string& store, const std::
   if (!journal.ok() || !journal->finished) return false;
   if (!options.resume) RemoveFinishedJournal(options.journal_path, one);
   return true;
+}
+
+// An ingest of this name was interrupted, and this one begins anew.
+void SayResumable(const BuildOptions& options, const std::string& name) {
+  if (options.resume) return;
+  const Result<JournalInfo> journal = ReadJournalInfo(options.journal_path, {});
+  if (!journal.ok() || journal->finished || journal->in_use || journal->bytes == 0) return;
+  std::fprintf(stderr,
+               "mtdb: an ingest of %s was interrupted after %s of work, which this one begins "
+               "anew; with --resume it would go on\n",
+               name.c_str(), SizeText(journal->bytes).c_str());
 }
 
 // The options that concern the mesh and the machine, not what becomes of it.
@@ -214,6 +224,7 @@ Status Ingest(const IngestArguments& arguments) {
 
   // To go on with what was published before it was killed is to publish the same again.
   const bool finished = Finished(options, store, name);
+  if (!arguments.quiet && !arguments.json) SayResumable(options, name);
   LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
   MTDB_RETURN_IF_ERROR(writer.Check());
   if (arguments.dry_run) return Survey(arguments);
@@ -262,7 +273,7 @@ Status Ingest(const IngestArguments& arguments) {
       std::printf("  %llu vertices welded to others\n",
                   static_cast<unsigned long long>(report.survey.welded_vertices));
     }
-    PrintStages(report, *record);
+    if (arguments.verbose) PrintStages(report, *record);
     for (const std::string& warning : AccuracyWarnings(report.survey)) {
       std::printf("  warning: %s\n", warning.c_str());
     }
@@ -272,8 +283,20 @@ Status Ingest(const IngestArguments& arguments) {
 }
 
 Status Generate(const GenerateArguments& arguments) {
-  return GenerateFile(arguments.shape, {.triangles = arguments.triangles, .seed = arguments.seed},
-                      arguments.output);
+  GenerateReport report;
+  MTDB_RETURN_IF_ERROR(GenerateFile(arguments.shape,
+                                    {.triangles = arguments.triangles, .seed = arguments.seed},
+                                    arguments.output, &report));
+  if (arguments.json) {
+    PrintJson({{"output", arguments.output},
+               {"vertices", report.vertices},
+               {"triangles", report.triangles}});
+  } else {
+    std::printf("%s: %llu triangles, %llu vertices\n", arguments.output.c_str(),
+                static_cast<unsigned long long>(report.triangles),
+                static_cast<unsigned long long>(report.vertices));
+  }
+  return Status::Ok();
 }
 
 }  // namespace mtdb

@@ -20,6 +20,8 @@ namespace mtdb {
 
 namespace {
 
+constexpr uint64_t kMuchFreeSpace = uint64_t{1} << 20;
+
 unsigned long long U(uint64_t v) { return v; }
 
 using BitsPerVertex = std::map<std::string, double>;
@@ -157,9 +159,12 @@ Status Info(const InspectArguments& arguments) {
 
 Status List(const InspectArguments& arguments) {
   const std::string store = RealStorePath(arguments.store);
+  uint64_t file_bytes = 0, free_bytes = 0;
   const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
                           Database::Open(arguments.store));
+    MTDB_ASSIGN_OR_RETURN(file_bytes, database->FileBytes());
+    MTDB_ASSIGN_OR_RETURN(free_bytes, database->FreeBytes());
     return database->List();
   };
   Result<std::vector<ObjectRecord>> records = list();
@@ -173,12 +178,22 @@ Status List(const InspectArguments& arguments) {
   if (none) records = std::vector<ObjectRecord>();
   if (arguments.json) {
     Json json = CatalogJson(*records);
+    json["store"] = arguments.store;
+    json["file_bytes"] = file_bytes;
+    json["free_bytes"] = free_bytes;
     if (!journals.empty()) json["journals"] = JournalsJson(journals);
     PrintJson(json);
     return Status::Ok();
   }
   for (const ObjectRecord& r : *records) {
     std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
+  }
+  if (!none) {
+    std::printf("%s: %zu objects, %s", arguments.store.c_str(), records->size(),
+                SizeText(file_bytes).c_str());
+    const bool much = free_bytes > file_bytes / 10 && free_bytes > kMuchFreeSpace;
+    if (free_bytes > 0) std::printf(", of which %s are free", SizeText(free_bytes).c_str());
+    std::printf("%s\n", much ? " ('mtdb compact' makes the file smaller)" : "");
   }
   for (const IngestJournal& j : journals) PrintJournal(j);
   return Status::Ok();
@@ -224,16 +239,6 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
   std::printf("%s: %s\n", arguments.store.c_str(),
               report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
   return Status::Ok();
-}
-
-Status Remove(const InspectArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.store, {.writable = true, .create = false}));
-  // The journal of what is removed would pass for an ingest that was interrupted.
-  const std::string store = RealStorePath(arguments.store);
-  const Result<ObjectRecord> record = database->Find(arguments.name);
-  if (record.ok()) (void)FindJournals(FolderOf(store), store, {&*record, 1});
-  return database->Remove(arguments.name);
 }
 
 }  // namespace mtdb

@@ -32,7 +32,7 @@ struct IngestArguments {
   bool resume = false;
   std::string resume_command;  // the command line that goes on with this ingest
   bool dry_run = false;
-  bool force = false, quiet = false, json = false;
+  bool force = false, quiet = false, json = false, verbose = false;
 };
 // Prints what the inputs are like, and what an ingest would make of them; stores nothing.
 Status Survey(const IngestArguments& arguments);
@@ -51,7 +51,19 @@ Status Info(const InspectArguments& arguments);
 Status List(const InspectArguments& arguments);
 // `*ok` is false when a check failed; the Status is an error when nothing could be examined.
 Status Verify(const InspectArguments& arguments, bool* ok);
-Status Remove(const InspectArguments& arguments);
+
+// Verbs that change which objects a store has, and how much room they take.
+struct SpaceArguments {
+  std::string store;
+  std::string target;              // copy: another store
+  std::vector<std::string> names;  // remove, copy: the objects (copy: none are all); rename: both
+  bool force = false;              // copy: replace objects of the same names
+  bool json = false;
+};
+Status Remove(const SpaceArguments& arguments);
+Status Rename(const SpaceArguments& arguments);
+Status Copy(const SpaceArguments& arguments);
+Status Compact(const SpaceArguments& arguments);
 
 struct PackArguments {
   std::string from;  // pack: a store; unpack: a packed file or its URL
@@ -64,13 +76,16 @@ Status Pack(const PackArguments& arguments);
 Status Unpack(const PackArguments& arguments);
 
 struct QueryArguments {
-  std::string store;  // fetch: a URL
-  std::string output;
+  std::string store;          // fetch: a URL
+  std::string output;         // "-": standard output
+  std::string output_format;  // of standard output
   std::string name;
   QueryOptions query;
   bool print_query = false;
-  bool implicit = false;  // the cache keeps clusters as in the store; not fetch
+  bool implicit = false;                // the cache keeps clusters as in the store; not fetch
+  std::optional<uint64_t> cache_bytes;  // none: a quarter of the machine's; not fetch
   bool json = false;
+  bool verbose = false;
   Extent size{1200, 900};        // render
   bool wireframe = false;        // render
   bool overview = false;         // render: not what the camera sees
@@ -123,6 +138,7 @@ struct GenerateArguments {
   std::string output;
   uint64_t triangles = 0;
   uint64_t seed = 1;
+  bool json = false;
 };
 Status Generate(const GenerateArguments& arguments);
 

@@ -36,6 +36,26 @@ Status CheckCount(const GenerateOptions& options) {
                          " triangles; ask for 100 to 20000000000");
 }
 
+// Counts what passes.
+class CountingSink final : public MeshSink {
+ public:
+  CountingSink(MeshSink& sink, GenerateReport* report) : sink_(sink), report_(report) {}
+  Status Begin(const MeshHeader& header) override { return sink_.Begin(header); }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    report_->vertices += positions.size();
+    return sink_.AddVertices(positions, rows);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    report_->triangles += triangles.size();
+    return sink_.AddTriangles(triangles);
+  }
+  Status End() override { return sink_.End(); }
+
+ private:
+  MeshSink& sink_;
+  GenerateReport* report_;
+};
+
 // Drops the low half of the mantissa, which may depend on the machine's mathematical library.
 double Round(double x) {
   int exponent = 0;
@@ -81,7 +101,8 @@ Status GenerateTerrain(const GenerateOptions& options, MeshSink& sink) {
 }
 
 Status GenerateFile(std::string_view shape, const GenerateOptions& options,
-                    const std::string& output_path) {
+                    const std::string& output_path, GenerateReport* report) {
+  GenerateReport unused;
   const bool sculpture = shape == "sculpture";
   if (!sculpture && shape != "terrain") {
     return InvalidArgument("no shape \"" + std::string(shape) + "\"; choose sculpture or terrain");
@@ -94,7 +115,8 @@ Status GenerateFile(std::string_view shape, const GenerateOptions& options,
                            std::to_string(options.triangles));
   }
   const auto generate = [&](MeshSink& sink) {
-    return sculpture ? GenerateSculpture(options, sink) : GenerateTerrain(options, sink);
+    CountingSink counting(sink, report == nullptr ? &unused : report);
+    return sculpture ? GenerateSculpture(options, counting) : GenerateTerrain(options, counting);
   };
   MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(output_path));
   if (format.name == "PLY") {

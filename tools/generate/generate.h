@@ -29,12 +29,16 @@ Status GenerateSculpture(const GenerateOptions& options, MeshSink& sink);
 // at Begin. Otherwise as GenerateSculpture.
 Status GenerateTerrain(const GenerateOptions& options, MeshSink& sink);
 
+struct GenerateReport {
+  uint64_t vertices = 0, triangles = 0;  // that were written
+};
+
 // Writes "sculpture" or "terrain" to `output_path`, as its extension says: as binary little-endian
 // PLY (float32 positions, uint32 indices), or as another of codecs/mesh_file/mesh_file.h, for which
 // the whole mesh is held in memory. The file appears under its name when it is complete. PLY takes,
 // while it is written, the space of the faces twice. Errors: kInvalidArgument (another shape; a
 // count out of range, which for the sculpture ends where 32-bit indices do), kNoSpace, kIoError.
 Status GenerateFile(std::string_view shape, const GenerateOptions& options,
-                    const std::string& output_path);
+                    const std::string& output_path, GenerateReport* report = nullptr);
 
 }  // namespace mtdb

@@ -5,8 +5,11 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <limits>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -24,6 +27,38 @@ template <typename T>
 bool ParseWhole(std::string_view text, T* value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
   return error == std::errc() && end == text.data() + text.size() && !text.empty();
+}
+
+// "5000", "100k" or "1.5M" of units of `thousand`, with `ending` behind. Nothing when it is 0, or
+// too large for 64 bits, or no such number.
+std::optional<uint64_t> ParseScaled(std::string_view text, double thousand,
+                                    std::string_view ending) {
+  constexpr std::string_view kSuffixes = "KMGT";
+  text.remove_suffix(ending.size());
+  double unit = 1;
+  if (!text.empty()) {
+    const auto last = static_cast<char>(std::toupper(static_cast<unsigned char>(text.back())));
+    const auto at = kSuffixes.find(last);
+    if (at != std::string_view::npos) {
+      for (size_t i = 0; i <= at; ++i) unit *= thousand;
+      text.remove_suffix(1);
+    }
+  }
+  if (ending.size() == 2 && unit == 1) return std::nullopt;  // "3iB"
+  uint64_t whole = 0;
+  if (ParseWhole(text, &whole)) {
+    const auto factor = static_cast<uint64_t>(unit);
+    if (whole == 0 || whole > std::numeric_limits<uint64_t>::max() / factor) return std::nullopt;
+    return whole * factor;
+  }
+  // A part of a unit: digits with one point between them.
+  double value = 0;
+  if (unit == 1 || text.empty() || text.front() == '.' || text.back() == '.' ||
+      text.find_first_not_of("0123456789.") != std::string_view::npos ||
+      !ParseWhole(text, &value) || !(value * unit >= 1 && value * unit < 0x1p63)) {
+    return std::nullopt;
+  }
+  return static_cast<uint64_t>(value * unit + 0.5);
 }
 
 }  // namespace
@@ -90,28 +125,23 @@ Result<uint64_t> ParseWholeNumber(const std::string& text) {
 }
 
 Result<uint64_t> ParseCount(const std::string& text) {
-  uint64_t value = 0;
-  if (!ParseWhole(text, &value) || value == 0) return Unexpected(text, "a whole number above 0");
-  return value;
+  const auto count = ParseScaled(text, 1000, "");
+  if (!count) return Unexpected(text, "a whole number above 0, such as 5000, 100k or 1.5M");
+  return *count;
 }
 
 Result<uint64_t> ParseSize(const std::string& text) {
-  constexpr std::string_view kSuffixes = "KMGT";
-  std::string_view digits = text;
-  int shift = 0;
-  if (!digits.empty()) {
-    const int last = std::toupper(static_cast<unsigned char>(digits.back()));
-    const auto at = kSuffixes.find(static_cast<char>(last));
-    if (at != std::string_view::npos) {
-      shift = 10 * (static_cast<int>(at) + 1);
-      digits.remove_suffix(1);
+  // "512MB" and "512MiB" are what people write for "512M".
+  std::string_view ending;
+  for (const std::string_view known : {"iB", "ib", "B", "b"}) {
+    if (text.ends_with(known)) {
+      ending = known;
+      break;
     }
   }
-  uint64_t value = 0;
-  if (!ParseWhole(digits, &value) || value == 0 || value > (~uint64_t{0} >> shift)) {
-    return Unexpected(text, "a size such as 512M or 4G");
-  }
-  return value << shift;
+  const auto size = ParseScaled(text, 1024, ending);
+  if (!size) return Unexpected(text, "a size such as 512M, 1.5G or 512MB");
+  return *size;
 }
 
 Result<uint64_t> ParseMemory(const std::string& text) {
@@ -175,6 +205,16 @@ std::string Stem(const std::string& path) {
   std::filesystem::path name(path);
   if (name.extension() == ".gz") name.replace_extension();
   return name.stem().string();
+}
+
+std::string SizeText(uint64_t bytes) {
+  constexpr const char* kUnits[] = {"bytes", "KB", "MB", "GB", "TB"};
+  auto value = static_cast<double>(bytes);
+  size_t unit = 0;
+  for (; value >= 999.95 && unit + 1 < std::size(kUnits); ++unit) value /= 1000;
+  char text[32];
+  std::snprintf(text, sizeof(text), unit == 0 ? "%.0f %s" : "%.1f %s", value, kUnits[unit]);
+  return text;
 }
 
 std::string QuoteForShell(const std::string& word) {

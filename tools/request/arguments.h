@@ -36,14 +36,15 @@ Result<double> ParseSeconds(const std::string& text);
 Result<double> ParsePositiveSeconds(const std::string& text);
 // A whole number.
 Result<uint64_t> ParseWholeNumber(const std::string& text);
-// A whole number above 0.
+// A whole number above 0, also as "100k" or "1.5M": k, M, G and T are thousands, millions, ...
 Result<uint64_t> ParseCount(const std::string& text);
 // Any number of numbers between commas, each from -1e30 to 1e30; `form` describes them.
 Result<std::vector<double>> ParseList(const std::string& text, const std::string& form);
 // "1,2,3" as exactly `count` such numbers, which `form` describes.
 Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
                                          const std::string& form);
-// "512M", "1G", "4096": bytes; the suffixes K, M, G, T are powers of 1024. Not 0.
+// "512M", "1.5G", "512MB", "4096": bytes; K, M, G, T are powers of 1024, also before B or iB. Not
+// 0.
 Result<uint64_t> ParseSize(const std::string& text);
 // Likewise, what an ingest may use: at least 256M.
 Result<uint64_t> ParseMemory(const std::string& text);
@@ -59,6 +60,8 @@ Result<Endpoint> ParseEndpoint(const std::string& text);
 Result<AttributeStep> ParseAttributeStep(const std::string& text);
 // The file's name without folders, extension and ".gz": an object's name by default.
 std::string Stem(const std::string& path);
+// "12.3 MB", in decimal units.
+std::string SizeText(uint64_t bytes);
 // As a shell reads it back as one word.
 std::string QuoteForShell(const std::string& word);
 

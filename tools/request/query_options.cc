@@ -1,5 +1,6 @@
 #include "tools/request/query_options.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdio>
@@ -68,7 +69,13 @@ Result<QueryJson> PointOption(const std::string& text) {
 
 Result<QueryJson> BoxOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
-  return CheckedRegion(text, {{"box", {{"min", PointAt(n, 0)}, {"max", PointAt(n, 3)}}}});
+  // Any two opposite corners.
+  Numbers least(3), most(3);
+  for (size_t i = 0; i < 3; ++i) {
+    least[i] = std::min(n[i], n[i + 3]);
+    most[i] = std::max(n[i], n[i + 3]);
+  }
+  return CheckedRegion(text, {{"box", {{"min", PointAt(least, 0)}, {"max", PointAt(most, 0)}}}});
 }
 
 Result<QueryJson> SphereOption(const std::string& text) {

@@ -130,13 +130,23 @@ const char* LimitName(QueryLimit limit) {
   return "unknown";
 }
 
+const char* LimitText(QueryLimit limit) {
+  switch (limit) {
+    case QueryLimit::kThreshold: return "the accuracy that was asked for was reached";
+    case QueryLimit::kTriangles: return "the limit of triangles ended the refinement";
+    case QueryLimit::kBytes: return "the limit of bytes to be read ended the refinement";
+    case QueryLimit::kTime: return "the limit of time ended the refinement";
+  }
+  return "unknown";
+}
+
 Json ChecksJson(const CheckReport& report) {
   return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
 }
 
-void PrintJson(const Json& json) {
+void PrintJson(const Json& json, std::FILE* to) {
   const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
-  std::printf("%s\n", text.c_str());
+  std::fprintf(to, "%s\n", text.c_str());
 }
 
 }  // namespace mtdb

@@ -1,6 +1,7 @@
 // What the verbs print with --json.
 #pragma once
 
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,9 @@ Json ChecksJson(const CheckReport& report);
 Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray);
 // "accuracy", "triangles", ...
 const char* LimitName(QueryLimit limit);
+// What it means, for people: "the accuracy that was asked for was reached".
+const char* LimitText(QueryLimit limit);
 // To standard output. Bytes that are not UTF-8, which names of files may have, become U+FFFD.
-void PrintJson(const Json& json);
+void PrintJson(const Json& json, std::FILE* to = stdout);
 
 }  // namespace mtdb

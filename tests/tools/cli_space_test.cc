@@ -1,0 +1,158 @@
+// Objects that are removed, renamed and copied, and stores that are compacted, by the command line.
+#include <catch2/catch.hpp>
+#include <csignal>
+#include <sys/stat.h>
+
+#include "tests/tools/cli_testing.h"
+#include "tests/tools/http_testing.h"
+
+namespace mtdb::test {
+namespace {
+
+// A store with "a", "b" and "c", of which "b" is the largest.
+struct Store {
+  Folder folder;
+  std::string path = folder.File("s.mtdb");
+  Store() {
+    for (const auto& [name, triangles] :
+         {std::pair("a", "1000"), std::pair("b", "20k"), std::pair("c", "1.5k")}) {
+      const std::string mesh = folder.File(std::string(name) + ".ply");
+      RunOk({"generate", "sculpture", mesh, "--triangles", triangles});
+      RunOk({"ingest", mesh, path, "--quiet"});
+    }
+  }
+};
+
+std::vector<std::string> Names(const std::string& store) {
+  std::vector<std::string> names;
+  const Json list = RunJson({"list", store});
+  for (const Json& o : list.at("objects")) names.push_back(o.at("object"));
+  return names;
+}
+
+using List = std::vector<std::string>;
+
+}  // namespace
+
+TEST_CASE("removing says what became free, and compacting gives it back", "[cli]") {
+  const Store s;
+  const Json before = RunJson({"list", s.path});
+  const std::string said = RunOk({"remove", s.path, "b", "c", "b"});
+  CHECK_THAT(said, Catch::StartsWith("removed b\nremoved c\n"));
+  CHECK_THAT(said, Catch::Contains(" were freed; of the file's ") && Catch::Contains("compact"));
+  const Json after = RunJson({"list", s.path});
+  CHECK(Names(s.path) == List{"a"});
+  CHECK(after.at("file_bytes") >= before.at("file_bytes"));
+  CHECK(after.at("free_bytes").get<uint64_t>() > 50000);
+  CHECK(after.at("free_bytes") > before.at("free_bytes"));
+  CHECK_THAT(RunOk({"list", s.path}), Catch::Contains(" are free"));
+  const Json compacted = RunJson({"compact", s.path});
+  CHECK(compacted.at("file_bytes") == std::filesystem::file_size(s.path));
+  CHECK(compacted.at("bytes_before") == after.at("file_bytes"));
+  CHECK(compacted.at("freed_bytes").get<uint64_t>() > 50000);
+  RunOk({"verify", s.path, "--level", "global"});
+  CHECK_THAT(RunOk({"compact", s.path}), Catch::Contains("cannot be made smaller"));
+  CHECK(Names(s.path) == List{"a"});
+  RunFails(1, {"remove", s.path, "a", "x"}, {"no object x"});
+  CHECK(Names(s.path) == List{"a"});  // none of them
+  const Json removed = RunJson({"remove", s.path, "a"});
+  CHECK(removed.at("removed") == Json({"a"}));
+  RunFails(1, {"compact", s.folder.File("a.ply")}, {"a.ply"});
+  RunFails(1, {"compact", s.folder.File("none.mtdb")}, {"none.mtdb: no such file"});
+  CHECK_FALSE(Exists(s.folder.File("a.ply.partial")));
+}
+
+TEST_CASE("an object is renamed, and not onto another", "[cli]") {
+  const Store s;
+  CHECK_THAT(RunOk({"rename", s.path, "b", "statue"}), Catch::Contains("b is now statue"));
+  CHECK(Names(s.path) == List{"a", "c", "statue"});
+  RunFails(1, {"rename", s.path, "a", "c"}, {"c is there"});
+  RunFails(1, {"rename", s.path, "b", "d"}, {"no object b"});
+  RunFails(2, {"rename", s.path, "a"}, {});
+  RunFails(2, {"rename", s.path, "a", ""}, {});
+  RunOk({"verify", s.path});
+}
+
+TEST_CASE("a copy has all objects or those that are named, and a second one what is new", "[cli]") {
+  const Store s;
+  const std::string backup = s.folder.File("backup.mtdb");
+  CHECK_THAT(RunOk({"copy", s.path, backup}), Catch::Contains("copied a\ncopied b\ncopied c\n"));
+  CHECK(Names(backup) == List{"a", "b", "c"});
+  RunOk({"verify", backup, "--level", "full"});
+  for (const char* const name : {"a", "b", "c"}) {
+    const auto digest = [&](const std::string& store) {
+      return RunJson({"info", store, "--name", name}).at("objects").at(0).at("digest");
+    };
+    CHECK(digest(backup) == digest(s.path));
+  }
+  const std::string part = s.folder.File("part.mtdb");
+  RunOk({"copy", s.path, part, "c", "a"});
+  CHECK(Names(part) == List{"a", "c"});
+  // Again: what is there stays, what differs is refused and then replaced.
+  RunOk({"ingest", s.folder.File("c.ply"), s.path, "--name", "a", "--force", "--quiet"});
+  RunOk({"rename", s.path, "b", "d"});
+  const std::string before = ReadText(backup);
+  RunFails(1, {"copy", s.path, backup}, {"another object a", "--force", "nothing was copied"});
+  CHECK(ReadText(backup) == before);
+  const Json again = RunJson({"copy", s.path, backup, "--force"});
+  CHECK(again.at("copied") == Json({"d"}));
+  CHECK(again.at("replaced") == Json({"a"}));
+  CHECK(again.at("unchanged") == Json({"c"}));
+  CHECK(Names(backup) == List{"a", "b", "c", "d"});
+  RunOk({"verify", backup, "--level", "full"});
+  RunFails(1, {"copy", s.path, s.path}, {"the same store"});
+  RunFails(1, {"copy", s.path, part, "x"}, {"no object x"});
+  RunFails(1, {"copy", s.path, s.folder.File("a.ply")}, {"a.ply"});
+}
+
+TEST_CASE("a server goes on with a store that is compacted", "[cli][server]") {
+  const Store s;
+  const ServerProcess server(s.path);
+  CHECK(server.Get("/objects/a/mesh").status == 200);
+  RunOk({"remove", s.path, "b"});
+  RunOk({"compact", s.path});
+  RunOk({"ingest", s.folder.File("b.ply"), s.path, "--name", "new", "--quiet"});
+  CHECK_THAT(server.Get("/objects").body, Catch::Contains("\"new\""));
+  CHECK(server.Get("/objects/a/mesh").status == 200);
+  CHECK(server.Get("/objects/new/mesh").status == 200);
+}
+
+TEST_CASE("words and numbers as people write them", "[cli]") {
+  const Example& e = SmallExample();
+  const Folder folder;
+  const std::string out = folder.File("a.ply");
+  RunFails(2, {"extrat", e.store, out}, {"no verb 'extrat'", "did you mean 'extract'"});
+  RunFails(2, {"lsit", e.store}, {"did you mean 'list'"});
+  RunFails(2, {"frobnicate", e.store}, {"no verb 'frobnicate'"});
+  RunFails(2, {"extract", e.store, out, "--eror", "1"}, {"--eror", "did you mean '--error'"});
+  RunFails(2, {"extract", e.store, out, "--spher=0,0,0,1"}, {"did you mean '--sphere'"});
+  RunFails(2, {"--versoin"}, {"did you mean '--version'"});
+  for (const char* const size : {"512MB", "512M", "0.5G", "512MiB", "524288K", "536870912"}) {
+    const Json query =
+        Json::parse(RunOk({"extract", e.store, out, "--max-bytes", size, "--print-query"}));
+    INFO(size);
+    CHECK(query.at("max_bytes") == 512u << 20);
+  }
+  for (const char* const count : {"1500", "1.5k", "1.5K", "0.0015M"}) {
+    const Json query =
+        Json::parse(RunOk({"extract", e.store, out, "--triangles", count, "--print-query"}));
+    INFO(count);
+    CHECK(query.at("max_triangles") == 1500);
+  }
+  const auto box = [&](const std::string& text) {
+    return RunOk({"extract", e.store, out, "--box=" + text, "--print-query"});
+  };
+  CHECK(box("1,2,-3,-4,5,6") == box("-4,2,-3,1,5,6"));
+}
+
+TEST_CASE("the cache of a query can be given, and answers do not depend on it", "[cli]") {
+  const Example& e = TheExample();
+  const Folder folder;
+  RunOk({"extract", e.store, folder.File("a.ply"), "--error-rel", "0.001"});
+  RunOk({"extract", e.store, folder.File("b.ply"), "--error-rel", "0.001", "--cache", "16MB"});
+  CHECK(ReadText(folder.File("a.ply")) == ReadText(folder.File("b.ply")));
+  RunOk({"render", e.store, folder.File("a.png"), "--size", "40x30", "--cache", "64M"});
+  RunFails(2, {"extract", e.store, folder.File("a.ply"), "--cache", "0"}, {"--cache", "0"});
+}
+
+}  // namespace mtdb::test

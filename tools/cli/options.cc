@@ -1,0 +1,123 @@
+#include "tools/cli/options.h"
+
+#include "query/query_json.h"
+#include "tools/request/arguments.h"
+#include "tools/request/query_options.h"
+
+namespace mtdb {
+
+void AddName(CLI::App* verb, std::string* name, const char* description) {
+  verb->add_option("--name", *name, description)->type_name("NAME");
+}
+
+void AddJson(CLI::App* verb, bool* json) {
+  verb->add_flag("--json", *json, "print the result as JSON");
+}
+
+void AddVerbose(CLI::App* verb, bool* verbose) {
+  verb->add_flag("--verbose", *verbose, "tell all that is known of the work that was done");
+}
+
+namespace {
+
+void AddAccuracyOptions(CLI::App* verb, QueryOptions* q) {
+  const char* group = "How accurate (several: all must hold)";
+  auto* full =
+      verb->add_flag("--full", q->full, "full resolution: the input's triangles (default)");
+  auto* error = AddParsed(verb, "--error", "E", &q->error, ParseNonNegative,
+                          "coarser: within E of the surface, in model units");
+  auto* relative = AddParsed(verb, "--error-rel", "F", &q->error_relative, ParseNonNegative,
+                             "the same as a fraction of the bounding box's diagonal");
+  auto* pixels = AddParsed(verb, "--pixels", "P", &q->pixels, ParsePositive,
+                           "what the camera sees is off by at most P pixels");
+  auto* at = AddParsedList(
+      verb, "--error-at", "LAW,X,Y,Z,BASE,F", &q->errors_at, ErrorAtOption,
+      "by the distance r from a point; LAW is linear (BASE + F r), quadratic (BASE + F r^2), sqrt "
+      "(BASE + F sqrt r) or exp (BASE exp(F r))");
+  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, ParseNonNegative,
+                            "within E outside of the region too, not as coarse as possible");
+  auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, ParseCount,
+                              "at most N triangles, as accurate as they allow");
+  auto* bytes = AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, ParseSize,
+                          "read at most SIZE of the store's clusters, as accurate as they allow");
+  auto* time = AddParsed(verb, "--max-ms", "MS", &q->max_ms, ParseNonNegative,
+                         "stop refining after MS milliseconds");
+  for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
+  error->excludes(relative);
+  for (auto* option : {full, error, relative, pixels, at, outside, triangles, bytes, time}) {
+    option->group(group);
+  }
+}
+
+void AddRegionOptions(CLI::App* verb, QueryOptions* q) {
+  const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
+  const auto add = [&](const char* name, const char* form, auto parse, const char* description) {
+    AddParsedList(verb, name, form, &q->regions, parse, description)->group(group);
+  };
+  add("--box", "X0,Y0,Z0,X1,Y1,Z1", BoxOption, "a box, by two corners");
+  add("--sphere", "X,Y,Z,R", SphereOption, "a ball, by centre and radius");
+  add("--half-space", "X,Y,Z,NX,NY,NZ", HalfSpaceOption,
+      "what is behind the plane through X,Y,Z that faces NX,NY,NZ");
+  add("--prism", "X0,Y0,X1,Y1,...", PrismOption, "above and below a polygon");
+  add("--wedge", "X,Y,DX,DY,ANGLE[,FAR]", WedgeOption,
+      "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide");
+  add("--point", "X,Y,Z", PointRegionOption, "a point");
+  add("--segment", "X0,Y0,Z0,X1,Y1,Z1", SegmentOption, "a segment: a line of sight");
+  add("--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", TubeOption, "what is within R of a line through points");
+  verb->add_flag("--frustum", q->frustum, "what the camera sees")->group(group);
+  verb->add_flag("--intersect", q->intersect, "what lies in all of the regions, not in any")
+      ->group(group);
+  verb->add_flag("--outside", q->outside, "what lies outside of all that")->group(group);
+  verb->add_flag("--clip", q->clip, "leave out the triangles that do not meet the region")
+      ->group(group);
+}
+
+void AddCameraOptions(CLI::App* verb, QueryOptions* q) {
+  const char* group = "The camera";
+  const auto add = [&](const char* name, const char* form, auto* value, auto parse,
+                       const char* description) {
+    AddParsed(verb, name, form, value, parse, description)->group(group);
+  };
+  add("--eye", "X,Y,Z", &q->eye, PointOption, "where it is");
+  add("--target", "X,Y,Z", &q->target, PointOption, "what it looks at");
+  add("--up", "X,Y,Z", &q->up, PointOption, "what is up in its picture (default: 0,0,1)");
+  add("--fov", "DEGREES", &q->fov, ParsePositive,
+      "the angle from the bottom to the top of its picture (default: 45)");
+  add("--viewport", "WxH", &q->viewport, ParseExtent,
+      "its picture's size in pixels (default: 1200x900; render: --size)");
+}
+
+}  // namespace
+
+void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  AddAccuracyOptions(verb, &a->query);
+  AddRegionOptions(verb, &a->query);
+  AddCameraOptions(verb, &a->query);
+  verb->add_option("--query", a->query.file,
+                   "region and threshold from a JSON file (docs/query.md), or - for standard "
+                   "input: all that the options below say, and more")
+      ->type_name("FILE");
+  verb->add_flag("--print-query", a->print_query,
+                 "print the query as JSON, for --query, and do nothing else");
+  AddJson(verb, &a->json);
+  AddVerbose(verb, &a->verbose);
+  // Called when the verb's arguments are complete.
+  verb->callback([a, draws] {
+    Status status = CheckOptions(a->query, draws);
+    // A query of options alone depends on nothing else; of the object's size only by a factor.
+    if (status.ok() && a->query.file.empty()) {
+      const auto json = QueryOf(a->query, a->size);
+      status = json.ok() ? ParseQuery(json->dump(), 1).status() : json.status();
+    }
+    if (status.ok() && a->output == "-" && a->output_format.empty()) {
+      status = InvalidArgument("-: standard output has no suffix: give --format, such as ply");
+    }
+    if (status.ok() && a->output != "-" && !a->output_format.empty()) {
+      status = InvalidArgument("--format: is of standard output (-): a file's suffix says it");
+    }
+    if (!status.ok()) throw CLI::ValidationError(status.message());
+  });
+}
+
+}  // namespace mtdb

@@ -1,0 +1,56 @@
+// How options are added to a verb.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tools/cli/verbs.h"
+
+namespace mtdb {
+
+// An option whose text `parse` turns into a value; a text that it refuses is a usage error.
+template <typename Value, typename Parse>
+CLI::Option* AddParsed(CLI::App* verb, const std::string& name, const std::string& form,
+                       Value* value, Parse parse, const std::string& description) {
+  return verb
+      ->add_option_function<std::string>(
+          name,
+          [=](const std::string& text) {
+            auto result = parse(text);
+            if (!result.ok()) throw CLI::ValidationError(name, result.status().message());
+            *value = *std::move(result);
+          },
+          description)
+      ->type_name(form);
+}
+
+// An option that may be given several times.
+template <typename List, typename Parse>
+CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::string& form,
+                           List* values, Parse parse, const std::string& description) {
+  return verb
+      ->add_option_function<std::vector<std::string>>(
+          name,
+          [=](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+              auto result = parse(text);
+              if (!result.ok()) throw CLI::ValidationError(name, result.status().message());
+              values->push_back(*std::move(result));
+            }
+          },
+          description)
+      ->type_name(form)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void AddName(CLI::App* verb, std::string* name, const char* description);
+void AddJson(CLI::App* verb, bool* json);
+void AddVerbose(CLI::App* verb, bool* verbose);
+// Which region, how accurate, which camera: what extract, render and fetch share. `draws`: the
+// camera alone is of use.
+void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);
+
+}  // namespace mtdb
