@@ -189,8 +189,8 @@ Status List(const InspectArguments& arguments) {
     std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
   }
   if (!none) {
-    std::printf("%s: %zu objects, %s", arguments.store.c_str(), records->size(),
-                SizeText(file_bytes).c_str());
+    std::printf("%s: %zu object%s, %s", arguments.store.c_str(), records->size(),
+                records->size() == 1 ? "" : "s", SizeText(file_bytes).c_str());
     const bool much = free_bytes > file_bytes / 10 && free_bytes > kMuchFreeSpace;
     if (free_bytes > 0) std::printf(", of which %s are free", SizeText(free_bytes).c_str());
     std::printf("%s\n", much ? " ('mtdb compact' makes the file smaller)" : "");
