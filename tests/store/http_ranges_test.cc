@@ -228,6 +228,32 @@ TEST_CASE("redirects are followed, but not for ever and not anywhere", "[http]")
   Fails(redirect_to("file:///etc/passwd"), StatusCode::kIoError, "");
 }
 
+TEST_CASE("requests to an object store are signed when there are keys", "[http]") {
+  std::map<std::string, std::string> headers;
+  std::string target;
+  const FileServer server(ThePacked().file, [&](const FileRequest& request, FileReply*) {
+    headers = request.headers;
+    target = request.target;
+  });
+  const std::string endpoint = "http://127.0.0.1:" + std::to_string(server.port());
+  ::setenv("AWS_ENDPOINT_URL", endpoint.c_str(), 1);
+  CHECK(ReadAll("s3://bucket/a/file.mtdbp").message() == "");
+  CHECK(target == "/bucket/a/file.mtdbp");
+  CHECK(!headers.contains("authorization"));
+  ::setenv("AWS_ACCESS_KEY_ID", "me", 1);
+  ::setenv("AWS_SECRET_ACCESS_KEY", "hidden", 1);
+  ::setenv("AWS_SESSION_TOKEN", "token", 1);
+  CHECK(ReadAll("s3://bucket/a/file.mtdbp").message() == "");
+  CHECK_THAT(headers["authorization"], Catch::Contains("AWS4-HMAC-SHA256 Credential=me/") &&
+                                           Catch::Contains("/us-east-1/s3/aws4_request"));
+  CHECK(headers["x-amz-content-sha256"].size() == 64);
+  CHECK(headers["x-amz-security-token"] == "token");
+  for (const char* name :
+       {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_ENDPOINT_URL"}) {
+    ::unsetenv(name);
+  }
+}
+
 TEST_CASE("where nobody listens there is an error", "[http]") {
   std::string url;
   { url = FileServer("x").url(); }
