@@ -688,6 +688,7 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
       {"serve",
        {"STORE", "--listen", "127.0.0.1:8080", "--threads", "--cache SIZE", "--max-objects",
         "--max-sessions", "--max-triangles", "--idle", "--timeout", "--grace", "--tmp", "curl"}},
+      {"view", {"STORE", "--port N", "--no-browser  ", "xdg-open", "mtdb serve"}},
       {"fetch",
        {"URL OUTPUT", "--name", "--error E", "--box", "--clip", "--query FILE", "--normals",
         "--timeout", "--json", "http://localhost:8080/objects/statue"}},

@@ -544,7 +544,8 @@ void CommandLine::AddServerVerbs() {
   view->add_option("--port", view_.port, "listen on this port (default: any free one)")
       ->type_name("N")
       ->check(CLI::Range(1, 65535));
-  view->add_flag("!--no-browser", view_.browser, "only print the URL");
+  view->add_flag_callback(
+      "--no-browser", [this] { view_.browser = false; }, "only print the URL");
   CLI::App* fetch =
       AddVerb("fetch", "extract from a server (mtdb serve)",
               "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
