@@ -17,29 +17,24 @@ struct Column {
   int components = 0;
 };
 
-}  // namespace
-
-MeshFileFit RecogniseDraco(const MeshFileStart& start) {
-  return start.bytes.starts_with("DRACO") ? MeshFileFit::kContent : MeshFileFit::kNone;
-}
-
-Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
-  report->format = "Draco";
-  Bytes bytes(file.size_bytes());
-  MTDB_ASSIGN_OR_RETURN(const size_t size, file.ReadAt(0, bytes));
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<DracoMesh> mesh,
-                        DracoMesh::Decode(ByteSpan(bytes).first(size), file.path()));
-  bytes = Bytes();
-  int positions = -1;
+// What is read of a mesh.
+struct Contents {
+  int positions = -1;  // their attribute; -1: there is none
   MeshHeader header;
   std::vector<Column> columns;
-  for (const DracoAttribute& a : mesh->attributes()) {
+};
+Contents ContentsOf(const DracoMesh& mesh, MeshReadReport* report) {
+  Contents contents;
+  int& positions = contents.positions;
+  MeshHeader& header = contents.header;
+  std::vector<Column>& columns = contents.columns;
+  for (const DracoAttribute& a : mesh.attributes()) {
     const auto add = [&](std::initializer_list<const char*> names, ScalarType type) {
       columns.push_back({a.index, static_cast<int>(names.size())});
       for (const char* name : names) header.attributes.attributes.push_back({name, type});
     };
     const bool first = std::none_of(columns.begin(), columns.end(), [&](const Column& c) {
-      return mesh->attributes()[static_cast<size_t>(c.attribute)].kind == a.kind;
+      return mesh.attributes()[static_cast<size_t>(c.attribute)].kind == a.kind;
     });
     if (a.kind == DracoKind::kPosition && a.components == 3 && positions < 0) {
       positions = a.index;
@@ -57,11 +52,30 @@ Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) 
       columns.push_back({a.index, 1});
       header.attributes.attributes.push_back({a.name, a.type});
     } else {
-      AddIgnored(report, std::to_string(mesh->points()) + (a.kind == DracoKind::kTexture
-                                                               ? " texture coordinates"
-                                                               : " values of a Draco attribute"));
+      AddIgnored(report, std::to_string(mesh.points()) + (a.kind == DracoKind::kTexture
+                                                              ? " texture coordinates"
+                                                              : " values of a Draco attribute"));
     }
   }
+  return contents;
+}
+
+}  // namespace
+
+MeshFileFit RecogniseDraco(const MeshFileStart& start) {
+  return start.bytes.starts_with("DRACO") ? MeshFileFit::kContent : MeshFileFit::kNone;
+}
+
+Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+  report->format = "Draco";
+  Bytes bytes(file.size_bytes());
+  MTDB_ASSIGN_OR_RETURN(const size_t size, file.ReadAt(0, bytes));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<DracoMesh> mesh,
+                        DracoMesh::Decode(ByteSpan(bytes).first(size), file.path()));
+  bytes = Bytes();
+  Contents contents = ContentsOf(*mesh, report);
+  const int positions = contents.positions;
+  MeshHeader& header = contents.header;
   if (positions < 0) return BadInput(file.path() + ": Draco: the mesh has no positions");
   const Vec3d origin = mesh->origin();
   header.double_positions |= origin != Vec3d{};
@@ -78,7 +92,7 @@ Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) 
     }
     std::byte* at = row.data();
     size_t attribute = 0;
-    for (const Column& c : columns) {
+    for (const Column& c : contents.columns) {
       const std::array<double, 4> value = mesh->Value(c.attribute, v);
       for (int i = 0; i < c.components; ++i) {
         at = PutScalar(value[static_cast<size_t>(i)],
