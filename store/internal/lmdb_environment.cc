@@ -75,7 +75,7 @@ bool LmdbEnvironment::writable() const {
 // LMDB reads and writes a file through its path and a map, which is deadly when the file gets
 // shorter, and in vain when the path leads elsewhere. This is looked at before each transaction and
 // before each commit.
-Status LmdbEnvironment::CheckSameFile() {
+Status LmdbEnvironment::CheckPath(uint64_t* bytes) const {
   struct stat info {};
   if (::stat(real_path_.c_str(), &info) != 0 || info.st_dev != file_->device() ||
       info.st_ino != file_->inode()) {
@@ -84,7 +84,13 @@ Status LmdbEnvironment::CheckSameFile() {
                 ": the file was replaced or deleted while it was open, and what is "
                 "written now would be lost; close it first"};
   }
-  const auto bytes = static_cast<uint64_t>(info.st_size);
+  *bytes = static_cast<uint64_t>(info.st_size);
+  return Status::Ok();
+}
+
+Status LmdbEnvironment::CheckSameFile() {
+  uint64_t bytes = 0;
+  MTDB_RETURN_IF_ERROR(CheckPath(&bytes));
   uint64_t largest = largest_bytes_;
   while (largest < bytes && !largest_bytes_.compare_exchange_weak(largest, bytes)) {
   }
@@ -117,7 +123,8 @@ Status LmdbEnvironment::TryOpenLmdb(bool writable, uint64_t map_at_least, bool c
     MTDB_ASSIGN_OR_RETURN(name_claim_, NameClaim::Acquire(real_path_, writable));
     name_claim_writable_ = writable;
     // The claim may have waited until the store was compacted.
-    MTDB_RETURN_IF_ERROR(CheckSameFile());
+    uint64_t now = 0;
+    MTDB_RETURN_IF_ERROR(CheckPath(&now));
   }
   int rc = 0;
   for (uint64_t size = std::max(kMapReserve, smallest); size >= smallest; size /= 2) {

@@ -131,6 +131,9 @@ class LmdbEnvironment {
   void RestoreMetaPage(const OldMetaPage& old);
   Status Fill(WriteTransaction& write, bool first,
               const std::function<Status(WriteTransaction&)>& body);
+  // That the path leads to the file still; its size.
+  Status CheckPath(uint64_t* bytes) const;
+  // And that the file did not get shorter.
   Status CheckSameFile();
   // An error of LMDB as a Status; `doing` says what failed.
   Status Error(int lmdb_error, const std::string& doing) const;

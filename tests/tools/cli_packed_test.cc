@@ -119,8 +119,13 @@ TEST_CASE("a server stands before a packed file and before its URL") {
 #if MTDB_TEST_HTTP
 
 TEST_CASE("a packed file that goes away or changes under a server is an error of its requests") {
+  // So large that the server's first read is not the whole of it.
+  const Example large(100000);
+  const std::string packed = large.folder.File("sculpture.mtdbp");
+  RunOk({"pack", large.store, packed});
+  REQUIRE(std::filesystem::file_size(packed) > 256 << 10);
   std::atomic<int> state{0};
-  const FileServer files(ReadText(PackedExample()),
+  const FileServer files(ReadText(packed),
                          [&](const mtdb::testing::FileRequest&, mtdb::testing::FileReply* reply) {
                            if (state == 1) reply->status = "404 Not Found";
                            if (state == 2) reply->headers["ETag"] = "\"two\"";

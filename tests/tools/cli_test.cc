@@ -575,7 +575,8 @@ TEST_CASE("generate is deterministic by seed", "[cli]") {
     std::vector<std::string> bytes;
     for (const std::string& seed : seeds) {
       const std::string path = folder.File("a.ply");
-      CHECK(RunOk({"generate", shape, path, "--triangles", "1000", "--seed", seed}).empty());
+      CHECK_THAT(RunOk({"generate", shape, path, "--triangles", "1000", "--seed", seed}),
+                 Catch::StartsWith(path + ": ") && Catch::Contains(" triangles, "));
       bytes.push_back(ReadText(path));
     }
     CHECK(bytes[0] == bytes[1]);
@@ -751,7 +752,7 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
     RunFails(2, with(extract, {std::string("--triangles=") + value}), {"--triangles"});
   }
   for (const char* value : {"1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "1,2,3,4,5,nan", "1,,3,4,5,6",
-                            "1,2,3,4,5,6,", "5,0,0,4,1,1", "", "1 2 3 4 5 6"}) {
+                            "1,2,3,4,5,6,", "", "1 2 3 4 5 6"}) {
     RunFails(2, with(extract, {std::string("--box=") + value}), {"--box", value});
   }
   for (const char* value : {"1,2,3", "1,2,3,-4", "1,2,3,inf", "a,b,c,d"}) {
@@ -763,7 +764,7 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
     RunFails(2, with(render, {std::string("--size=") + value}), {"--size", value});
   }
   const Arguments ingest{"ingest", example.mesh, folder.File("s.mtdb")};
-  for (const char* value : {"0", "4X", "G", "-1G", "1.5G", "99999999999999999999", "16777216T"}) {
+  for (const char* value : {"0", "4X", "G", "-1G", "99999999999999999999", "16777216T"}) {
     RunFails(2, with(ingest, {std::string("--memory=") + value}), {"--memory", value});
   }
   for (const char* value : {"0", "25", "-1", "x"}) {

@@ -48,13 +48,13 @@ TEST_CASE("a format of one row is read and written by every verb") {
 TEST_CASE("a format of one row is named in help and in messages") {
   const Folder folder;
   CHECK_THAT(RunOk({"help", "extract"}), Catch::Contains(".glb .drc .toy .toytown"));
-  CHECK_THAT(RunOk({"help", "ingest"}), Catch::Contains(".off .toy .toytown"));
+  CHECK_THAT(RunOk({"help", "ingest"}), Catch::Contains(".gltf .toy .toytown"));
   WriteText(folder.File("a.toy"), kTetrahedron);
   const std::string store = folder.File("s.mtdb");
   RunOk({"ingest", folder.File("a.toy"), store, "--quiet"});
   RunFails(2, {"extract", store, folder.File("a.png")}, {".glb, .drc or .toy"});
   WriteText(folder.File("bad"), "nothing");
-  RunFails(1, {"ingest", folder.File("bad"), store, "--quiet"}, {"PLY, OBJ, STL, OFF or Toy"});
+  RunFails(1, {"ingest", folder.File("bad"), store, "--quiet"}, {"glTF JSON or Toy"});
   WriteText(folder.File("bad.toy"), "toy 3 1 0 0 0 x");
   RunFails(1, {"ingest", folder.File("bad.toy"), store, "--quiet"}, {"bad.toy: line 1"});
   const ServerProcess server(store);
