@@ -764,7 +764,7 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
     RunFails(2, with(render, {std::string("--size=") + value}), {"--size", value});
   }
   const Arguments ingest{"ingest", example.mesh, folder.File("s.mtdb")};
-  for (const char* value : {"0", "4X", "G", "-1G", "99999999999999999999", "16777216T"}) {
+  for (const char* value : {"0", "4X", "G", "-1G", "1.5", "99999999999999999999", "16777216T"}) {
     RunFails(2, with(ingest, {std::string("--memory=") + value}), {"--memory", value});
   }
   for (const char* value : {"0", "25", "-1", "x"}) {
