@@ -77,11 +77,12 @@ using ProgressCallback = std::function<Status(const BuildProgress&)>;
 
 // What decided on the grid's step.
 enum class GridReason : uint8_t {
-  kGiven,      // bits, step or mode of the options
-  kLeastBits,  // 16 bits are enough
-  kEdges,      // the step is at most a quarter of the edges' first percentile
-  kSlivers,    // a coarser step would take the area of thin triangles
-  kDecimals,   // the coordinates are multiples of the step: they are kept as they are written
+  kGiven,         // bits, step or mode of the options
+  kLeastBits,     // 16 bits are enough
+  kEdges,         // the step is at most a quarter of the edges' first percentile
+  kSlivers,       // a coarser step would take the area of thin triangles
+  kDecimals,      // the coordinates are multiples of the step: they are kept as they are written
+  kSomeDecimals,  // those of some axes are, such as heights
 };
 
 // The lengths of a mesh's edges, in model units; percentiles are up to 4 % too small.

@@ -148,24 +148,31 @@ class GridChoice {
     return Status::Ok();
   }
 
+  // Of the axes' units the finest comes first.
   void ListDecimals() {
-    std::optional<double> unit;
+    std::vector<double> units;
     bool all = true;
     for (int axis = 0; axis < 3; ++axis) {
-      const std::optional<double> of_axis = input_.decimals().unit(axis);
+      const std::optional<double> unit = input_.decimals().unit(axis);
       // Below the finest grid: digits of a number that is no decimal.
-      const bool counts = of_axis && LongestSide(bounds_) / *of_axis < (1 << kMostBits);
+      const bool counts = unit && LongestSide(bounds_) / *unit < (1 << kMostBits);
       all = all && counts;
-      if (counts) unit = std::min(unit.value_or(*of_axis), *of_axis);
+      if (counts) units.push_back(*unit);
     }
-    if (!unit) return;
-    for (double step = *unit;; step /= 2) {
+    std::sort(units.begin(), units.end());
+    units.erase(std::unique(units.begin(), units.end()), units.end());
+    for (size_t i = 0; i < units.size(); ++i) AddDecimals(units[i], all && i == 0);
+  }
+
+  // `is_exact`: all coordinates are multiples of the unit.
+  void AddDecimals(double unit, bool is_exact) {
+    for (double step = unit;; step /= 2) {
       Result<Candidate> c = OfStep(bounds_, step);
       if (!c.ok() || c->bits > kMostBits) return;
-      c->reason = GridReason::kDecimals;
-      c->is_exact = all;
-      if (all || c->bits >= kLeastBits) candidates_.push_back(*c);
-      if (all) return;
+      c->reason = is_exact ? GridReason::kDecimals : GridReason::kSomeDecimals;
+      c->is_exact = is_exact;
+      if (is_exact || c->bits >= kLeastBits) candidates_.push_back(*c);
+      if (is_exact) return;
     }
   }
 
@@ -215,7 +222,7 @@ class GridChoice {
   const Candidate& Best() {
     const Candidate& plain = BestOfBits();
     for (const Candidate& c : candidates_) {
-      if (c.reason != GridReason::kDecimals) continue;
+      if (c.reason != GridReason::kDecimals && c.reason != GridReason::kSomeDecimals) continue;
       const bool fine = c.is_exact || c.bits >= plain.bits;
       if (fine && c.collapsed <= plain.collapsed && c.bits <= plain.bits + kBitsForDecimals) {
         return c;

@@ -17,9 +17,10 @@ MeshSurvey SurveyOf(const InputSpool& input);
 // 1. The step is at most a quarter of the edges' first percentile, at 16 to 24 bits.
 // 2. Up to four more bits are spent so that no triangle loses its area, and more so that no more
 //    than one in 100,000 does. Triangles that are too thin for any grid do not count.
-// 3. Where coordinates are decimals, the step is their unit, or a half, a quarter ... of it if not
-//    all axes have them, so that they are kept as they are written: when that takes at most four
-//    bits more than 1 and 2, or fewer.
+// 3. Where coordinates are decimals, the step is their unit, so that they are kept as they are
+//    written: that of the axis with the finest one, or, where it asks for too much, that of
+//    another axis, such as the heights of a terrain; a half, a quarter ... of it, where other
+//    axes need that. It may take four bits more than 1 and 2, or fewer bits.
 //
 // Deterministic: the triangles' order and the memory do not matter. Errors: kInvalidArgument (more
 // than 2^24 steps; a grid of the options on which most triangles have no area), kBadInput (bounds

@@ -143,13 +143,21 @@ TEST_CASE("Coordinates that are decimals are kept as they are written") {
     const BuiltObject built = Build(mesh);
     CHECK(built.record.rounding_error == 0);
     CHECK(built.record.bits == 18);
+    // Finer on the plane than four bits more can tell: the heights stay as they are written.
+    if (!single) {
+      TriangleMesh fine = mesh;
+      for (Vec3d& p : fine.positions) p.x = std::round((p.x + 0.1) * 10) / 10;
+      const MeshSurvey heights = SurveyOfMesh(fine);
+      CHECK(heights.reason == GridReason::kSomeDecimals);
+      CHECK(heights.grid.step == 1);
+    }
     // Heights alone: the step is a part of their unit.
     for (Vec3d& p : mesh.positions) p.x *= 0.70710678118654752;
     if (single) {
       for (Vec3d& p : mesh.positions) p.x = static_cast<float>(p.x);
     }
     const MeshSurvey mixed = SurveyOfMesh(mesh);
-    CHECK(mixed.reason == GridReason::kDecimals);
+    CHECK(mixed.reason == GridReason::kSomeDecimals);
     CHECK(1 / mixed.grid.step == std::floor(1 / mixed.grid.step));
     // Centimetres as float32 values, near enough to 0 that they are some.
     for (Vec3d& p : mesh.positions) {

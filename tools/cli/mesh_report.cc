@@ -12,6 +12,8 @@ namespace {
 
 unsigned long long U(uint64_t v) { return v; }
 
+constexpr uint64_t kJournalBytes = 60;  // a triangle, see BuildOptions::journal_path
+
 __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
   char text[400];
   va_list arguments;
@@ -28,6 +30,7 @@ const char* ReasonText(GridReason reason) {
     case GridReason::kEdges: return "a quarter of the mesh's short edges";
     case GridReason::kSlivers: return "so that thin triangles keep their area";
     case GridReason::kDecimals: return "so that coordinates stay as they are written";
+    case GridReason::kSomeDecimals: return "so that those of some axes stay as they are written";
   }
   return "";
 }
@@ -39,6 +42,7 @@ const char* ReasonName(GridReason reason) {
     case GridReason::kEdges: return "edges";
     case GridReason::kSlivers: return "slivers";
     case GridReason::kDecimals: return "decimals";
+    case GridReason::kSomeDecimals: return "some_decimals";
   }
   return "";
 }
@@ -110,10 +114,10 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   std::printf("  about %.3g MB in a store\n", Megabytes(s.store_bytes));
   if (s.temporary_bytes == 0) {
     std::printf("  no temporary files but the journal, of some %.3g MB\n",
-                Megabytes(25 * s.kept_triangles));
+                Megabytes(kJournalBytes * s.kept_triangles));
   } else {
     std::printf("  up to %.3g MB of temporary files, and a journal of some %.3g MB\n",
-                Megabytes(s.temporary_bytes), Megabytes(25 * s.kept_triangles));
+                Megabytes(s.temporary_bytes), Megabytes(kJournalBytes * s.kept_triangles));
   }
   for (const std::string& warning : AccuracyWarnings(s)) {
     std::printf("  warning: %s\n", warning.c_str());
@@ -149,7 +153,7 @@ Json SurveyJson(const MeshSurvey& s) {
             {"accuracy", AccuracyJson(s)},
             {"store_bytes", s.store_bytes},
             {"temporary_bytes", s.temporary_bytes},
-            {"journal_bytes", 25 * s.kept_triangles},
+            {"journal_bytes", kJournalBytes * s.kept_triangles},
             {"warnings", AccuracyWarnings(s)}};
   if (s.components) json["components"] = *s.components;
   return json;
