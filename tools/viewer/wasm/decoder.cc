@@ -11,7 +11,11 @@
 
 #include "codecs/stream/update_stream.h"
 
+#ifdef __wasm__
 #define MTDB_EXPORT(name) __attribute__((export_name(name)))
+#else
+#define MTDB_EXPORT(name)
+#endif
 
 namespace mtdb {
 namespace {
