@@ -274,6 +274,20 @@ void ReadAnswerJson(const std::string& text, Answer* answer) {
   answer->excess = ExcessOf(json.value("shortfall", nlohmann::json()));
 }
 
+// What ended the refinement, from what `extract --verbose` says; "" when it does not.
+std::string LimitOfText(const std::string& text) {
+  constexpr std::pair<const char*, const char*> kTexts[] = {
+      {"; the accuracy that was asked for was reached\n", "accuracy"},
+      {"; the limit of triangles ended the refinement\n", "triangles"},
+      {"; the limit of bytes to be read ended the refinement\n", "bytes"},
+      {"; the limit of time ended the refinement\n", "time"},
+  };
+  for (const auto& [words, limit] : kTexts) {
+    if (text.find(words) != std::string::npos) return limit;
+  }
+  return "";
+}
+
 void FromCommand(const Asked& asked, const Arguments& arguments, const std::string& output,
                  bool json, Answer* answer) {
   const Ran ran = asked.world->Mtdb(arguments);
@@ -287,8 +301,8 @@ void FromCommand(const Asked& asked, const Arguments& arguments, const std::stri
     // "PATH: N triangles, M vertices, error at most E (F of the diagonal)"
     const size_t line = ran.out.find(": ");
     const size_t at = ran.out.find("error at most ");
-    const size_t limit = ran.out.find("refined until the limit of ");
-    if (line == std::string::npos || at == std::string::npos || limit == std::string::npos) {
+    const std::string limit = LimitOfText(ran.out);
+    if (line == std::string::npos || at == std::string::npos || limit.empty()) {
       answer->refused = "unexpected text: " + ran.out;
       return;
     }
@@ -298,7 +312,7 @@ void FromCommand(const Asked& asked, const Arguments& arguments, const std::stri
     if (unmet != std::string::npos && ran.out.find("NOT MET: ") < unmet) {
       answer->excess = std::strtod(ran.out.c_str() + unmet + 11, nullptr) * (1 + 5e-6);
     }
-    answer->limit = ran.out.substr(limit + 27, ran.out.find('\n', limit) - limit - 27);
+    answer->limit = limit;
   }
   if (answer->refused.empty()) ReadAnswerFile(output, answer);
 }
@@ -316,6 +330,7 @@ bool AskCommand(const Asked& asked, Answer* answer) {
   Arguments arguments = Extract(asked, output);
   arguments.insert(arguments.end(), asked.question->options->begin(),
                    asked.question->options->end());
+  arguments.emplace_back("--verbose");
   FromCommand(asked, arguments, output, false, answer);
   return true;
 }

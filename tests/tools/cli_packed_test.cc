@@ -120,7 +120,7 @@ TEST_CASE("a server stands before a packed file and before its URL") {
 
 TEST_CASE("a packed file that goes away or changes under a server is an error of its requests") {
   // So large that the server's first read is not the whole of it.
-  const Example large(100000);
+  const Example large(160000);
   const std::string packed = large.folder.File("sculpture.mtdbp");
   RunOk({"pack", large.store, packed});
   REQUIRE(std::filesystem::file_size(packed) > 256 << 10);
