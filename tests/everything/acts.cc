@@ -344,8 +344,9 @@ void Ingest(World& world, const Step& given) {
         }
       }
     }
-    // Who does not look finds the journal there when he goes on.
-    if (!library && published && (!step.Flag("tmp") || step.Flag("list"))) {
+    // Who does not look, or cannot since the store was not made yet, finds the journal there when
+    // he goes on.
+    if (!library && published && HasStore(place) && (!step.Flag("tmp") || step.Flag("list"))) {
       CheckList(world, step, *published);
     }
   } else {
