@@ -244,7 +244,9 @@ void PackedSource::Fail(const Status& status, const Part& part, std::vector<Deli
     deliveries->push_back({q->receiver, q->unit, status});
   };
   if (part.question != nullptr) {
-    if (std::erase(questions_, part.question) > 0) fail(part.question);
+    if (std::ranges::find(questions_, part.question) == questions_.end()) return;
+    fail(part.question);
+    std::erase(questions_, part.question);
     return;
   }
   pages_[part.page] = PageState::kNone;
@@ -256,36 +258,56 @@ void PackedSource::Fail(const Status& status, const Part& part, std::vector<Deli
   });
 }
 
+// On a thread of the file's, which no exception may leave.
 void PackedSource::Arrive(const RequestPtr& request, Result<Bytes> bytes) {
-  std::vector<Part> wanted;
   std::vector<Delivery> deliveries;
+  const Status status = CatchOutOfMemory([&] {
+    std::vector<Part> wanted;
+    Take(request, std::move(bytes), &wanted, &deliveries);
+    Ask(std::move(wanted));
+    return Status::Ok();
+  });
+  Deliver(std::move(deliveries));
+  if (!status.ok()) FailAll(status);
+}
+
+void PackedSource::Take(const RequestPtr& request, Result<Bytes> bytes, std::vector<Part>* wanted,
+                        std::vector<Delivery>* deliveries) {
+  const MutexLock lock(mutex_);
+  std::erase(requests_, request);
+  bool any_page = false;
+  for (const Part& part : request->parts) {
+    Status status = bytes.status();
+    if (status.ok()) {
+      const ByteSpan piece =
+          ByteSpan(*bytes).subspan(part.range.offset - request->range.offset, part.range.bytes);
+      if (part.question == nullptr) {
+        status = PutPage(part.page, piece);
+        any_page = true;
+      } else {
+        part.question->payload.assign(piece.begin(), piece.end());
+        part.question->there = true;
+      }
+    }
+    if (!status.ok()) Fail(status, part, deliveries);
+  }
+  // A page may be what any question waits for, a payload what its own does.
+  const std::vector<QuestionPtr> open = questions_;
+  for (const QuestionPtr& q : open) {
+    if (any_page || q->there) Advance(q, wanted, deliveries);
+  }
+}
+
+void PackedSource::FailAll(const Status& status) {
+  std::vector<QuestionPtr> failed;
   {
     const MutexLock lock(mutex_);
-    std::erase(requests_, request);
-    bool any_page = false;
-    for (const Part& part : request->parts) {
-      Status status = bytes.status();
-      if (status.ok()) {
-        const ByteSpan piece =
-            ByteSpan(*bytes).subspan(part.range.offset - request->range.offset, part.range.bytes);
-        if (part.question == nullptr) {
-          status = PutPage(part.page, piece);
-          any_page = true;
-        } else {
-          part.question->payload.assign(piece.begin(), piece.end());
-          part.question->there = true;
-        }
-      }
-      if (!status.ok()) Fail(status, part, &deliveries);
-    }
-    // A page may be what any question waits for, a payload what its own does.
-    const std::vector<QuestionPtr> open = questions_;
-    for (const QuestionPtr& q : open) {
-      if (any_page || q->there) Advance(q, &wanted, &deliveries);
-    }
+    failed.swap(questions_);
+    // Pages that are under way may be asked for again; requests that never left are forgotten.
+    std::ranges::replace(pages_, PageState::kAsked, PageState::kNone);
+    std::erase_if(requests_, [](const RequestPtr& request) { return request->ticket == 0; });
   }
-  Ask(std::move(wanted));
-  Deliver(std::move(deliveries));
+  for (const QuestionPtr& q : failed) q->receiver->Receive(q->unit, status);
 }
 
 void PackedSource::Deliver(std::vector<Delivery> deliveries) {

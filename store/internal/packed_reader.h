@@ -96,6 +96,10 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
   // Without.
   void Ask(std::vector<Part> wanted);
   void Arrive(const RequestPtr& request, Result<Bytes> bytes);
+  void Take(const RequestPtr& request, Result<Bytes> bytes, std::vector<Part>* wanted,
+            std::vector<Delivery>* deliveries);
+  // Answers all that is asked with the error; takes no memory.
+  void FailAll(const Status& status);
   static void Deliver(std::vector<Delivery> deliveries);
 
   const std::shared_ptr<PackedFile> file_;

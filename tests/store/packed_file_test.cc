@@ -6,12 +6,15 @@
 #include <catch2/catch.hpp>
 #include <condition_variable>
 #include <mutex>
+#include <numeric>
 #include <random>
 #include <thread>
 
+#include "store/base/out_of_memory.h"
 #include "store/copy.h"
 #include "store/internal/packed_reader.h"
 #include "tests/store/store_fixture.h"
+#include "tests/support/failing_allocation.h"
 
 namespace mtdb::test {
 
@@ -118,6 +121,54 @@ class LateRanges final : public RangeReader {
   uint64_t requests_ = 0;
   bool stopping_ = false;
   std::thread thread_;
+};
+
+// The bytes of a file, answered when Pump() is called, and until then by Hold() at once.
+class PumpedRanges final : public RangeReader {
+ public:
+  explicit PumpedRanges(Bytes bytes) : bytes_(std::move(bytes)) {}
+  const std::string& name() const override { return name_; }
+  uint64_t size() const override { return bytes_.size(); }
+  bool answers_at_once() const override { return false; }
+  Ticket Read(ByteRange range, Answer answer) override {
+    open_.emplace_back(range, std::move(answer));
+    if (!held_) Pump();
+    return ++requests_;
+  }
+  uint64_t bytes_read() const override { return 0; }
+  uint64_t requests() const override { return requests_; }
+  void Hold() { held_ = true; }
+  void Pump() {
+    while (!open_.empty()) {
+      auto [range, answer] = std::move(open_.back());
+      open_.pop_back();
+      const auto begin = bytes_.begin() + static_cast<ptrdiff_t>(range.offset);
+      Result<Bytes> bytes = CatchOutOfMemory([&]() -> Result<Bytes> {
+        return Bytes(begin, begin + static_cast<ptrdiff_t>(range.bytes));
+      });
+      answer(std::move(bytes));
+    }
+  }
+
+ private:
+  const std::string name_ = "pumped";
+  const Bytes bytes_;
+  std::vector<std::pair<ByteRange, Answer>> open_;
+  uint64_t requests_ = 0;
+  bool held_ = false;
+};
+
+// How often each unit was answered, and how.
+class CountingReceiver final : public PayloadReceiver {
+ public:
+  explicit CountingReceiver(size_t units) : answers(units), ok(units) {}
+  void Receive(UnitId unit, Result<Bytes> payload) override {
+    ++answers[unit];
+    ok[unit] = payload.ok();
+    if (!payload.ok() && payload.status().code() != StatusCode::kNoSpace) ++others;
+  }
+  std::vector<int> answers, ok;
+  int others = 0;
 };
 
 bool HasPromisedRows(const ClusterIndex& index, UnitId unit) {
@@ -331,6 +382,42 @@ TEST_CASE("reads that fail are errors of what needs them, and may be tried again
     status = ReadFromTop(**source, packed.first, 3);
     REQUIRE((status.ok() || status.code() == StatusCode::kIoError));
     if (i > 20) break;  // units that were read are read again: no progress is promised
+  }
+}
+
+TEST_CASE("memory that runs out while bytes arrive is the error of what waits for them",
+          "[packed]") {
+  using testing::FailingAllocation;
+  const TempDir dir;
+  const Packed packed = MakePacked(dir, 400, 300);
+  for (const auto mode : {FailingAllocation::Mode::kOnce, FailingAllocation::Mode::kFromThenOn}) {
+    uint64_t step = 1;
+    for (uint64_t n = 1;; n += step) {
+      const auto ranges = std::make_shared<PumpedRanges>(packed.bytes);
+      const auto file = PackedFile::Open(ranges).value();
+      const auto source = PackedSource::Open(file, file->objects()[0], false).value();
+      ranges->Hold();
+      std::vector<UnitId> units(source->index().unit_count());
+      std::iota(units.begin(), units.end(), 0);
+      const auto receiver = std::make_shared<CountingReceiver>(units.size());
+      source->Read(units, receiver);
+      uint64_t failures = 0;
+      {
+        const FailingAllocation failing(n, mode);
+        ranges->Pump();
+        failures = failing.failures();
+      }
+      INFO("allocation " << n);
+      REQUIRE(receiver->others == 0);
+      REQUIRE(std::ranges::all_of(receiver->answers, [](int count) { return count == 1; }));
+      // What failed may be asked for again.
+      source->Read(units, receiver);
+      ranges->Pump();
+      REQUIRE(std::ranges::all_of(receiver->answers, [](int count) { return count == 2; }));
+      REQUIRE(std::ranges::all_of(receiver->ok, [](int ok) { return ok == 1; }));
+      if (failures == 0) break;
+      step = 1 + n / 50;
+    }
   }
 }
 
