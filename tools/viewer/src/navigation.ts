@@ -35,7 +35,8 @@ export class Navigation {
   constructor(private readonly element: HTMLElement, private readonly surfaceAt: (x: number, y: number) => Promise<Point | null>) {
     this.camera.up.set(0, 0, 1);
     this.controls = new CameraControls(this.camera, element);
-    this.controls.dollyToCursor = true;
+    this.controls.dollyToCursor = true;  // of fingers; the wheel is ours
+    this.controls.mouseButtons.wheel = CameraControls.ACTION.NONE;
     this.controls.smoothTime = this.smooth ? 0.12 : 0.001;
     this.controls.draggingSmoothTime = 0.05;
     this.controls.mouseButtons.middle = CameraControls.ACTION.TRUCK;
@@ -120,15 +121,6 @@ export class Navigation {
     this.set(add(point, scale(way, 0.35)), point);
   }
 
-  // The point that the camera turns around and moves by comes to the depth of `point`: nothing is
-  // seen to move.
-  adoptDepth(point: Point) {
-    const forward = this.camera.getWorldDirection(new three.Vector3()).toArray() as Point;
-    const eye = this.eye();
-    const depth = dot(sub(point, eye), forward);
-    if (depth > 0 && Number.isFinite(depth)) this.set(eye, add(eye, scale(forward, depth)), false);
-  }
-
   fly(on: boolean) {
     this.flying = on;
     this.pressed.clear();
@@ -197,16 +189,8 @@ export class Navigation {
       this.look = {id: event.pointerId, x: event.clientX, y: event.clientY};
     });
     for (const name of ['pointerup', 'pointercancel'] as const) addEventListener(name, () => (this.look = null));
-    // Zooming goes by the depth of what is under the cursor.
-    let last = 0;
-    this.element.addEventListener('wheel', event => {
-      const begins = event.timeStamp - last > 400;
-      last = event.timeStamp;
-      if (!begins) return;
-      const box = this.element.getBoundingClientRect();
-      void this.surfaceAt(event.clientX - box.left, event.clientY - box.top).then(p => p && this.adoptDepth(p));
-    }, {passive: true});
-    const onPage = (event: KeyboardEvent) => !(event.target as HTMLElement).closest?.('input, select, textarea, button, summary');
+    this.listenToWheel();
+    const onPage = (event: KeyboardEvent) => !(event.target as HTMLElement).closest?.('input, select, textarea');
     addEventListener('keydown', event => {
       if (!onPage(event) || event.ctrlKey || event.metaKey || event.altKey) return;
       if (kTurnKeys[event.code] || (this.flying && kFlyKeys[event.code])) {
@@ -223,5 +207,47 @@ export class Navigation {
       if (event.key === 'Shift') this.pressed.delete('Shift');
     });
     addEventListener('blur', () => this.pressed.clear());
+  }
+
+  // The wheel zooms towards the surface under the cursor, which stays where it is in the picture.
+  private listenToWheel() {
+    let last = {time: -Infinity, x: 0, y: 0}, gesture = 0, pixels = 0;
+    let towards: Point | null = null;
+    this.element.addEventListener('wheel', event => {
+      if (!this.controls.enabled) return;
+      event.preventDefault();
+      const scrolled = event.deltaY * [1, 16, 400][event.deltaMode]!;
+      pixels += Math.max(-400, Math.min(400, scrolled));
+      const begins = event.timeStamp - last.time > 400 || Math.hypot(event.clientX - last.x, event.clientY - last.y) > 4;
+      last = {time: event.timeStamp, x: event.clientX, y: event.clientY};
+      const zoom = () => {
+        if (towards) this.zoom(towards, Math.exp(0.0016 * pixels));
+        pixels = 0;
+      };
+      if (!begins) return void (towards && zoom());
+      towards = null;
+      const mine = ++gesture;
+      const box = this.element.getBoundingClientRect();
+      const x = event.clientX - box.left, y = event.clientY - box.top;
+      const {origin, direction} = this.ray(x, y);
+      void this.surfaceAt(x, y).then(hit => {
+        if (mine !== gesture) return;
+        towards = hit ?? add(origin, scale(direction, this.depth()));
+        zoom();
+      });
+    }, {passive: false});
+  }
+
+  // Everything comes so many times nearer to `point`, which becomes the depth that one turns around.
+  private zoom(point: Point, factor: number) {
+    const eye = add(this.frame, this.controls.getPosition(new three.Vector3(), true).toArray() as Point);
+    const end = add(this.frame, this.controls.getTarget(new three.Vector3(), true).toArray() as Point);
+    const forward = unit(sub(end, eye));
+    const depth = dot(sub(point, eye), forward);
+    if (!(depth > 0)) return;
+    const target = add(eye, scale(forward, depth));
+    const f = Math.max(this.controls.minDistance / depth, Math.min(this.controls.maxDistance / depth, factor));
+    const nearer = (p: Point) => add(point, scale(sub(p, point), f));
+    this.set(nearer(eye), nearer(target));
   }
 }

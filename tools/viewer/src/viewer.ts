@@ -379,7 +379,9 @@ class Viewer {
     const views: Record<string, string> = {h: 'home', '1': 'top', '2': 'front', '3': 'right', '4': 'back', '5': 'left', '6': 'bottom'};
     const centre = (): [number, number] => [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2];
     addEventListener('keydown', event => {
-      if ((event.target as HTMLElement).closest?.('input, select, textarea, button, summary') || event.ctrlKey || event.metaKey || event.altKey) {
+      const at = event.target as HTMLElement;
+      const pressed = (event.key === 'Enter' || event.key === ' ') && at.closest?.('button, summary');
+      if (at.closest?.('input, select, textarea') || pressed || event.ctrlKey || event.metaKey || event.altKey) {
         if (event.key === 'Escape') this.canvas.focus();
         return;
       }
