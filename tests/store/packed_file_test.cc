@@ -143,10 +143,8 @@ class PumpedRanges final : public RangeReader {
       auto [range, answer] = std::move(open_.back());
       open_.pop_back();
       const auto begin = bytes_.begin() + static_cast<ptrdiff_t>(range.offset);
-      Result<Bytes> bytes = CatchOutOfMemory([&]() -> Result<Bytes> {
-        return Bytes(begin, begin + static_cast<ptrdiff_t>(range.bytes));
-      });
-      answer(std::move(bytes));
+      const auto end = begin + static_cast<ptrdiff_t>(range.bytes);
+      answer(CatchOutOfMemory([&]() -> Result<Bytes> { return Bytes(begin, end); }));
     }
   }
 
