@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "query/mtdb.h"
+#include "tools/c/mtdb.h"
 
 static mtdb_error error;
 

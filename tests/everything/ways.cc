@@ -4,7 +4,6 @@
 #include <cstring>
 #include <filesystem>
 
-#include "query/mtdb.h"
 #include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
@@ -14,6 +13,7 @@
 #include "tests/support/client_mesh_check.h"
 #include "tests/support/file_server.h"
 #include "tests/support/raw_session.h"
+#include "tools/c/mtdb.h"
 
 namespace mtdb::everything {
 

@@ -1,9 +1,14 @@
 # The dynamic symbols of MTDB_LIBRARY, as MTDB_NM lists them, all begin with mtdb_, and there are the
-# functions of query/mtdb.h: no fewer.
+# functions of the headers in tools/c: no fewer.
 execute_process(COMMAND ${MTDB_NM} -D --defined-only ${MTDB_LIBRARY} OUTPUT_VARIABLE symbols
   COMMAND_ERROR_IS_FATAL ANY)
 string(REGEX MATCHALL "[^\n ]+\n" names "${symbols}")
-file(READ ${CMAKE_CURRENT_LIST_DIR}/../../query/mtdb.h header)
+file(GLOB headers ${CMAKE_CURRENT_LIST_DIR}/../../tools/c/*.h)
+set(header)
+foreach(file ${headers})
+  file(READ ${file} text)
+  string(APPEND header "${text}")
+endforeach()
 string(REGEX MATCHALL "MTDB_API [^(;]*[ *](mtdb_[a-z_]+)\\(" declared "${header}")
 list(LENGTH declared expected)
 list(LENGTH names found)
@@ -14,5 +19,5 @@ foreach(name ${names})
   endif()
 endforeach()
 if(expected LESS 40 OR NOT expected EQUAL found)
-  message(FATAL_ERROR "query/mtdb.h declares ${expected} functions, the library has ${found}")
+  message(FATAL_ERROR "tools/c/*.h declare ${expected} functions, the library has ${found}")
 endif()

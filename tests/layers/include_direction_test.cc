@@ -6,7 +6,7 @@
 // where codecs and tools have rooms,
 //
 //     coding <- cluster    coding <- stream    mesh_file
-//     client <- request <- server    generate <- render    all <- cli
+//     client <- request <- server    generate <- render    all <- cli, c
 //
 // and against the rules on who may see which library. What is private is in mtdb::internal.
 #include <algorithm>
@@ -48,7 +48,10 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"tools/cli",
      {"base", "store", "codecs/cluster", "codecs/mesh_file", "query", "builder", "tools/client",
       "tools/request", "tools/generate", "tools/render", "tools/server"}},
-    {"tools", {"base", "store", "query"}},  // the examples
+    {"tools/c",
+     {"base", "store", "codecs/mesh_file", "codecs/stream", "query", "builder", "tools/client",
+      "tools/request", "tools/render", "tools/server"}},
+    {"tools", {"base", "store", "query", "tools/c"}},  // the examples
 };
 // These may include all of them, and each other.
 const std::set<std::string> kOnlookers{"tests", "bench"};

@@ -1,4 +1,4 @@
-/* c_api_calls STORE: calls every function of query/mtdb.h from C, on a store of one object, and
+/* c_api_calls STORE: calls every function of tools/c/mtdb.h from C, on a store of one object, and
  * prints the line of the first call that does not do what the header says. */
 #include <math.h>
 #include <pthread.h>
@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "query/mtdb.h"
+#include "tools/c/mtdb.h"
 
 static mtdb_error error;
 

@@ -15,10 +15,10 @@
 #include <thread>
 #include <vector>
 
-#include "query/mtdb.h"
 #include "query/probe.h"
 #include "tests/builder/fixture.h"
 #include "tests/support/temporary_folder.h"
+#include "tools/c/mtdb.h"
 
 namespace mtdb::testing {
 namespace {
@@ -114,7 +114,7 @@ std::set<std::string> CodesIn(const std::string& file, const std::regex& code) {
   for (std::sregex_iterator at(text.begin(), text.end(), code), end; at != end; ++at) {
     std::string name;
     for (const char c : (*at)[1].str()) {
-      const bool starts_word = c >= 'A' && c <= 'Z' && !name.empty() && file != "query/mtdb.h";
+      const bool starts_word = c >= 'A' && c <= 'Z' && !name.empty() && file != "tools/c/mtdb.h";
       if (starts_word) name += '_';
       name += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     }
@@ -124,7 +124,7 @@ std::set<std::string> CodesIn(const std::string& file, const std::regex& code) {
 }
 
 TEST_CASE("C has the codes of C++, by the same names") {
-  const auto in_c = CodesIn("query/mtdb.h", std::regex("MTDB_([A-Z_]+) = (0|[1-9][0-9]{2})\\b"));
+  const auto in_c = CodesIn("tools/c/mtdb.h", std::regex("MTDB_([A-Z_]+) = (0|[1-9][0-9]{2})\\b"));
   const auto in_cc = CodesIn("store/base/status.h", std::regex("\\bk([A-Za-z]+) = ([0-9]+)"));
   REQUIRE(in_cc.contains("NOT_YET 303"));
   for (const std::string& code : in_cc) {
@@ -382,7 +382,7 @@ TEST_CASE("A program in C calls every function there is, and each does what it s
   REQUIRE(printed == "all is well\n");
   // The header has no other functions than those.
   const std::string root = MTDB_SOURCE_DIR;
-  const std::string header = ReadText(root + "/query/mtdb.h");
+  const std::string header = ReadText(root + "/tools/c/mtdb.h");
   const std::string program = ReadText(root + "/tests/query/c_api_calls.c");
   int functions = 0;
   for (size_t at = 0; (at = header.find("MTDB_API ", at)) != std::string::npos; ++at) {

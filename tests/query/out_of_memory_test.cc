@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "query/internal/cluster_cache.h"
-#include "query/mtdb.h"
 #include "query/probe.h"
 #include "query/query_json.h"
 #include "query/session.h"
@@ -23,6 +22,7 @@
 #include "tests/builder/fixture.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/support/failing_allocation.h"
+#include "tools/c/mtdb.h"
 
 namespace mtdb::testing {
 

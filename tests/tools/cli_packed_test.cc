@@ -1,8 +1,8 @@
 // Packed files and their URLs where the command line and the C interface take a store.
-#include "query/mtdb.h"
 #include "tests/support/client_mesh_check.h"
 #include "tests/support/file_server.h"
 #include "tests/tools/http_testing.h"
+#include "tools/c/mtdb.h"
 
 namespace mtdb::test {
 

@@ -2,11 +2,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "query/mtdb.h"
 #include "query/query_json.h"
 #include "query/surface.h"
 #include "store/database.h"
 #include "tests/tools/http_testing.h"
+#include "tools/c/mtdb.h"
 #include "tools/client/client.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/report_json.h"

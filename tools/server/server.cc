@@ -7,7 +7,9 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <future>
 #include <memory>
+#include <mutex>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <new>
@@ -18,6 +20,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "store/base/out_of_memory.h"
 #include "tools/client/network.h"
 #include "tools/server/internal/server_connection.h"
 #include "tools/server/internal/server_loop.h"
@@ -73,13 +76,21 @@ class StopSignals {
   struct sigaction before_[2];
 };
 
+// Told by another thread; the loop looks at it again and again.
+struct StopOrders {
+  std::atomic<int> count{0};  // 1: let running requests finish; 2: cancel them
+  std::atomic<double> grace_seconds{0};
+};
+
 // The loop goes on whatever is thrown in it: what one handler could not do for want of memory ends
 // with its connection, and what keeps the server going is looked at again and again.
 class Server {
  public:
   Server(const ServerOptions& options, ServerService& service) : loop_(options, service) {}
 
-  Status Run(const std::function<void(const std::string& url)>& listening);
+  // Until a signal says so, or `orders` when there are any.
+  Status Run(const std::function<void(const std::string& url)>& listening,
+             const StopOrders* orders);
 
  private:
   Status Listen();
@@ -89,7 +100,7 @@ class Server {
   void Accept();
   void OnAccept(Tcp::socket socket);
   void Tick();
-  void Stop();
+  void Stop(double grace_seconds);
   void Abort();
 
   ServerLoop loop_;
@@ -119,20 +130,25 @@ Status Server::Listen() {
                  "; choose another with --listen, port 0 for any free one");
 }
 
-Status Server::Run(const std::function<void(const std::string& url)>& listening) {
+Status Server::Run(const std::function<void(const std::string& url)>& listening,
+                   const StopOrders* orders) {
   MTDB_RETURN_IF_ERROR(Listen());
   MTDB_RETURN_IF_ERROR(loop_.queries.Start());
   MTDB_RETURN_IF_ERROR(loop_.catalog.Start());
   wake_.assign(::dup(loop_.mail.descriptor()));
-  const StopSignals signals(loop_.mail);
+  std::optional<StopSignals> signals;
+  if (orders == nullptr) signals.emplace(loop_.mail);
+  const auto told = [&] { return orders == nullptr ? StopSignals::count() : orders->count.load(); };
   listening("http://" +
             Endpoint{loop_.options.listen.address, acceptor_.local_endpoint().port()}.text());
   while (!loop_.stopping || !loop_.peers.empty()) {
     Step();
-    if (!loop_.stopping && StopSignals::count() > 0) Stop();
+    if (!loop_.stopping && told() > 0) {
+      Stop(orders == nullptr ? loop_.options.grace_seconds : orders->grace_seconds.load());
+    }
     const Clock::time_point now = Clock::now();
-    if (loop_.stopping && !loop_.aborting && (StopSignals::count() > 1 || now > abort_at_)) Abort();
-    if (loop_.aborting && now > leave_at_) {
+    if (loop_.stopping && !loop_.aborting && (told() > 1 || now > abort_at_)) Abort();
+    if (orders == nullptr && loop_.aborting && now > leave_at_) {
       // They have nothing that must not be lost.
       std::fprintf(stderr, "mtdb: %llu running queries did not stop in time; left them\n",
                    static_cast<unsigned long long>(loop_.metrics().query_jobs.running));
@@ -222,9 +238,9 @@ void Server::Tick() {
   }
 }
 
-void Server::Stop() {
+void Server::Stop(double grace_seconds) {
   loop_.stopping = true;
-  abort_at_ = Clock::now() + Seconds(loop_.options.grace_seconds);
+  abort_at_ = Clock::now() + Seconds(grace_seconds);
   ErrorCode ignored;
   acceptor_.close(ignored);
   for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {
@@ -242,22 +258,80 @@ void Server::Abort() {
   }
 }
 
-}  // namespace
-
-Status RunServer(const ServerOptions& options,
-                 const std::function<void(const std::string& url)>& listening) {
+Status RunServerUntil(const ServerOptions& options,
+                      const std::function<void(const std::string& url)>& listening,
+                      const StopOrders* orders) {
   ServerOptions filled = options;
   if (filled.threads == 0) filled.threads = std::max(1u, std::thread::hardware_concurrency());
   filled.service.threads = filled.threads;
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ServerService> service,
-                        ServerService::Open(filled.service));
   try {
-    return Server(filled, *service).Run(listening);
+    MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ServerService> service,
+                          ServerService::Open(filled.service));
+    return Server(filled, *service).Run(listening, orders);
   } catch (const std::bad_alloc&) {
     return {StatusCode::kNoSpace, "there is not enough memory to serve"};
   } catch (const std::system_error& error) {
     return IoError(std::string("cannot serve: ") + error.what());
   }
+}
+
+}  // namespace
+
+Status RunServer(const ServerOptions& options,
+                 const std::function<void(const std::string& url)>& listening) {
+  return RunServerUntil(options, listening, nullptr);
+}
+
+struct BackgroundServer::Impl {
+  StopOrders orders;
+  std::string url;
+  std::promise<void> begun;  // it listens, or it has ended
+  Status ended;
+  std::mutex stopping;
+  std::thread thread;  // last: it uses the others
+};
+
+BackgroundServer::BackgroundServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Result<std::unique_ptr<BackgroundServer>> BackgroundServer::Start(const ServerOptions& options) {
+  return CatchOutOfMemory([&]() -> Result<std::unique_ptr<BackgroundServer>> {
+    std::unique_ptr<BackgroundServer> server(new BackgroundServer(std::make_unique<Impl>()));
+    Impl& impl = *server->impl_;
+    const auto run = [&impl, options] {
+      bool listens = false;
+      impl.ended = RunServerUntil(
+          options,
+          [&](const std::string& url) {
+            impl.url = url;
+            listens = true;
+            impl.begun.set_value();
+          },
+          &impl.orders);
+      if (!listens) impl.begun.set_value();
+    };
+    std::future<void> begun = impl.begun.get_future();
+    try {
+      impl.thread = std::thread(run);
+    } catch (const std::system_error&) {
+      return Status(StatusCode::kNoSpace, "there is not enough memory for a thread to serve with");
+    }
+    begun.wait();
+    if (!impl.url.empty()) return server;
+    impl.thread.join();
+    return impl.ended;
+  });
+}
+
+BackgroundServer::~BackgroundServer() { (void)Stop(0); }
+
+const std::string& BackgroundServer::url() const { return impl_->url; }
+
+Status BackgroundServer::Stop(double grace_seconds) {
+  const std::lock_guard lock(impl_->stopping);
+  impl_->orders.grace_seconds = grace_seconds;
+  ++impl_->orders.count;
+  if (impl_->thread.joinable()) impl_->thread.join();
+  return impl_->ended;
 }
 
 }  // namespace mtdb

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,28 @@ struct ServerOptions {
 // without memory for a thread.
 Status RunServer(const ServerOptions& options,
                  const std::function<void(const std::string& url)>& listening);
+
+// The same in a thread of its own, for programs that have another job. Signals stay the program's:
+// Stop() ends it. What was cancelled is waited for, however long it takes.
+class BackgroundServer {
+ public:
+  // Returns when clients can connect. Errors: those of RunServer.
+  static Result<std::unique_ptr<BackgroundServer>> Start(const ServerOptions& options);
+  // Stops at once.
+  ~BackgroundServer();
+  BackgroundServer(const BackgroundServer&) = delete;
+  BackgroundServer& operator=(const BackgroundServer&) = delete;
+
+  const std::string& url() const;
+  // Lets running requests finish for so long, cancels what is left, and waits for it. Again: the
+  // same answer. Threads may call it at once. Returns how the server ended.
+  Status Stop(double grace_seconds);
+
+ private:
+  struct Impl;
+  explicit BackgroundServer(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
 
 // Whether this server has a page to show at / (tools/viewer). kUnsupported says why not.
 Status CheckViewer();

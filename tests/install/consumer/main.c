@@ -1,7 +1,7 @@
 /* consumer_c STORE: prints the triangles that the catalog and a query count, which must agree. */
 #include <stdio.h>
 
-#include "query/mtdb.h"
+#include "tools/c/mtdb.h"
 
 int main(int argc, char** argv) {
   mtdb_error error = {{0}};

@@ -1,58 +1,19 @@
-// The C interface: handles around the C++ objects, and nothing that C++ could not do itself.
-#include <algorithm>
+// What C reads with: handles around the C++ objects, and nothing that C++ could not do itself.
 #include <cmath>
 #include <cstring>
-#include <exception>
-#include <new>
 #include <string>
 #include <vector>
 
-#include "query/mtdb.h"
 #include "query/probe.h"
-#include "query/query_control.h"
 #include "query/query_json.h"
-#include "query/surface.h"
 #include "query/verify_object.h"
-#include "store/base/out_of_memory.h"
-#include "store/database.h"
 #include "store/verify_store.h"
+#include "tools/c/internal/handles.h"
+#include "tools/c/internal/watch.h"
+#include "tools/c/mtdb.h"
+#include "tools/request/report_json.h"
 
-// NOLINTBEGIN(readability-identifier-naming)
-struct mtdb_database {
-  std::shared_ptr<mtdb::Database> database;
-};
-struct mtdb_names {
-  std::vector<std::string> names;
-};
-struct mtdb_object {
-  std::shared_ptr<mtdb::Database> database;
-  std::shared_ptr<mtdb::Surface> surface;
-};
-struct mtdb_control {
-  std::shared_ptr<mtdb::QueryControl> control;
-};
-struct mtdb_query {
-  std::vector<mtdb::RegionPtr> regions;
-  std::vector<mtdb::ThresholdPtr> thresholds;
-  mtdb::Query rest;  // without region, threshold and control
-  std::shared_ptr<mtdb::QueryControl> control;
-
-  mtdb::Query Build() const {
-    mtdb::Query query = rest;
-    if (!regions.empty()) query.region = mtdb::UnionRegion(regions);
-    if (!thresholds.empty()) query.threshold = mtdb::MinThreshold(thresholds);
-    query.control = control.get();
-    return query;
-  }
-};
-struct mtdb_cut {
-  std::shared_ptr<mtdb::QueryControl> control;  // outlives the cut
-  mtdb::Cut cut;
-  uint32_t row_bytes;
-};
-// NOLINTEND(readability-identifier-naming)
-
-namespace mtdb {
+namespace mtdb::internal {
 namespace {
 
 static_assert(static_cast<int>(StatusCode::kCancelled) == MTDB_CANCELLED);
@@ -66,60 +27,7 @@ static_assert(static_cast<int>(QueryLimit::kTriangles) == MTDB_LIMIT_TRIANGLES);
 static_assert(static_cast<int>(QueryLimit::kBytes) == MTDB_LIMIT_BYTES);
 static_assert(static_cast<int>(QueryLimit::kTime) == MTDB_LIMIT_TIME);
 
-constexpr uint32_t kMostThreads = 1024;
 constexpr uint32_t kNormalBytes = 3 * sizeof(float);
-
-// Cuts at a whole character of UTF-8.
-void SetMessage(mtdb_error* error, const std::string& message) {
-  if (error == nullptr) return;
-  size_t size = std::min(message.size(), sizeof(error->message) - 1);
-  const auto continues = [&](size_t at) {
-    return at < message.size() && (static_cast<unsigned char>(message[at]) & 0xc0) == 0x80;
-  };
-  while (size > 0 && continues(size)) --size;
-  std::memcpy(error->message, message.data(), size);
-  error->message[size] = '\0';
-}
-
-// Runs what a function does. Exceptions, which only a lack of memory raises, end here.
-template <typename Work>
-mtdb_code Guarded(mtdb_error* error, Work&& work) {
-  Status status;
-  try {
-    status = work();
-    SetMessage(error, status.message());
-    return static_cast<mtdb_code>(status.code());
-  } catch (const std::bad_alloc&) {
-    SetMessage(error, OutOfMemory().message());
-    return MTDB_NO_SPACE;
-  } catch (const std::exception& e) {
-    SetMessage(error, e.what());
-    return MTDB_IO_ERROR;
-  }
-}
-
-Status NeedAll(std::initializer_list<std::pair<const void*, const char*>> arguments) {
-  for (const auto& [pointer, name] : arguments) {
-    if (pointer == nullptr) return InvalidArgument(std::string(name) + ": is NULL");
-  }
-  return Status::Ok();
-}
-
-Status NeedFinite(std::initializer_list<double> numbers, const char* name) {
-  for (const double n : numbers) {
-    if (!std::isfinite(n)) return InvalidArgument(std::string(name) + ": expected finite numbers");
-  }
-  return Status::Ok();
-}
-
-Status NeedFinite(Vec3d v, const char* name) { return NeedFinite({v.x, v.y, v.z}, name); }
-
-Vec3d ToVec(const double* p) { return {p[0], p[1], p[2]}; }
-void Put(Vec3d v, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = v[i];
-}
-
-Status Stopped() { return {StatusCode::kCancelled, "the callback asked to stop"}; }
 
 // Fills the caller's arrays.
 class ArraySink final : public MeshSink {
@@ -189,7 +97,6 @@ class CallbackSink final : public MeshSink {
   Status End() override { return Status::Ok(); }
 
  private:
-  static Status Answer(int stop) { return stop == 0 ? Status::Ok() : Stopped(); }
   const mtdb_sink sink_;
 };
 
@@ -226,16 +133,24 @@ mtdb_code AddTo(std::vector<Pointer> mtdb_query::*list, mtdb_query* query, mtdb_
 }
 
 }  // namespace
-}  // namespace mtdb
 
-using mtdb::AddTo;
-using mtdb::Guarded;
-using mtdb::NeedAll;
-using mtdb::NeedFinite;
+Status CheckAbi(uint32_t abi_version) {
+  if (abi_version == MTDB_ABI_VERSION) return Status::Ok();
+  return Unsupported("libmtdb has the ABI version " + std::to_string(MTDB_ABI_VERSION) +
+                     ", but the program was compiled for " + std::to_string(abi_version) +
+                     "; compile it again");
+}
+
+}  // namespace mtdb::internal
+
 using mtdb::Result;
-using mtdb::Set;
 using mtdb::Status;
-using mtdb::ToVec;
+using mtdb::internal::AddTo;
+using mtdb::internal::Guarded;
+using mtdb::internal::NeedAll;
+using mtdb::internal::NeedFinite;
+using mtdb::internal::Set;
+using mtdb::internal::ToVec;
 
 uint32_t mtdb_abi_version() { return MTDB_ABI_VERSION; }
 const char* mtdb_version() { return MTDB_VERSION; }
@@ -243,11 +158,7 @@ const char* mtdb_version() { return MTDB_VERSION; }
 mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
                         mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    if (abi_version != MTDB_ABI_VERSION) {
-      return mtdb::Unsupported("libmtdb has the ABI version " + std::to_string(MTDB_ABI_VERSION) +
-                               ", but the program was compiled for " + std::to_string(abi_version) +
-                               "; compile it again");
-    }
+    MTDB_RETURN_IF_ERROR(mtdb::internal::CheckAbi(abi_version));
     MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}, {database, "database"}}));
     MTDB_ASSIGN_OR_RETURN(auto opened, mtdb::Database::Open(path));
     *database = new mtdb_database{std::move(opened)};
@@ -292,9 +203,10 @@ mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
     mtdb::SurfaceOptions with;
     if (options != nullptr) {
       if (options->cache_bytes != 0) with.cache_bytes = options->cache_bytes;
-      if (options->threads > mtdb::kMostThreads) {
+      if (options->threads > mtdb::internal::kMostThreads) {
         return mtdb::InvalidArgument("threads: " + std::to_string(options->threads) +
-                                     " are more than " + std::to_string(mtdb::kMostThreads));
+                                     " are more than " +
+                                     std::to_string(mtdb::internal::kMostThreads));
       }
       with.threads = options->threads;
       if (options->form > MTDB_FORM_IMPLICIT) {
@@ -325,8 +237,8 @@ mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_erro
     info->triangles = record.triangles;
     info->root_triangles = record.root_triangles;
     info->clusters = record.clusters;
-    mtdb::Put(record.bounds.min, info->bounds_min);
-    mtdb::Put(record.bounds.max, info->bounds_max);
+    mtdb::internal::Put(record.bounds.min, info->bounds_min);
+    mtdb::internal::Put(record.bounds.max, info->bounds_max);
     info->rounding_error = record.rounding_error;
     info->error_max = record.grid.Error(record.error_code_max);
     info->attributes = static_cast<uint32_t>(record.attributes.attributes.size());
@@ -339,15 +251,16 @@ mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i, mtdb_attr
                                 mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {attribute, "attribute"}}));
-    const auto& attributes = object->surface->record().attributes.attributes;
-    if (i >= attributes.size()) {
-      return mtdb::NotFound("attribute " + std::to_string(i) + ": the object has " +
-                            std::to_string(attributes.size()));
-    }
-    size_t offset = 0;
-    for (size_t k = 0; k < i; ++k) offset += mtdb::ScalarSize(attributes[k].type);
-    *attribute = {attributes[i].name.c_str(), static_cast<mtdb_scalar>(attributes[i].type),
-                  static_cast<uint32_t>(offset)};
+    return mtdb::internal::GetAttribute(object->surface->record().attributes, i, attribute);
+  });
+}
+
+mtdb_code mtdb_object_json(const mtdb_object* object, mtdb_names** json, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
+    const Result<uint64_t> file_bytes = object->database->FileBytes();
+    *json = new mtdb_names{
+        {mtdb::RecordJson(object->surface->record(), file_bytes.ok() ? *file_bytes : 0).dump()}};
     return Status::Ok();
   });
 }
@@ -532,8 +445,9 @@ mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtdb_cut** c
     const mtdb_query& asked = query == nullptr ? everything : *query;
     MTDB_ASSIGN_OR_RETURN(mtdb::Cut selected, object->surface->Select(asked.Build()));
     const size_t row_bytes = object->surface->record().attributes.row_bytes() +
-                             (asked.rest.normals ? mtdb::kNormalBytes : 0);
-    *cut = new mtdb_cut{asked.control, std::move(selected), static_cast<uint32_t>(row_bytes)};
+                             (asked.rest.normals ? mtdb::internal::kNormalBytes : 0);
+    *cut = new mtdb_cut{asked.control, object->surface, std::move(selected),
+                        static_cast<uint32_t>(row_bytes)};
     return Status::Ok();
   });
 }
@@ -558,8 +472,8 @@ mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_erro
     shortfall.triangles = s.shortfall.triangles;
     shortfall.excess = s.shortfall.excess;
     if (s.shortfall.any()) {
-      mtdb::Put(s.shortfall.bounds.min, shortfall.bounds_min);
-      mtdb::Put(s.shortfall.bounds.max, shortfall.bounds_max);
+      mtdb::internal::Put(s.shortfall.bounds.min, shortfall.bounds_min);
+      mtdb::internal::Put(s.shortfall.bounds.max, shortfall.bounds_max);
     }
     *details = {static_cast<mtdb_limit>(s.limit),
                 cut->row_bytes,
@@ -598,7 +512,7 @@ mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* er
     if (arrays->positions_float != nullptr) {
       MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(arrays->origin), "origin"));
     }
-    mtdb::ArraySink sink(*arrays);
+    mtdb::internal::ArraySink sink(*arrays);
     return cut->cut.Emit(sink);
   });
 }
@@ -606,7 +520,7 @@ mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* er
 mtdb_code mtdb_cut_emit(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {sink, "sink"}}));
-    mtdb::CallbackSink callbacks(*sink);
+    mtdb::internal::CallbackSink callbacks(*sink);
     return cut->cut.Emit(callbacks);
   });
 }
@@ -619,7 +533,7 @@ mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3], double 
         const mtdb::ProbeAnswer answer,
         mtdb::FindClosestPoint(*object->surface, ToVec(point),
                                {.error_model = largest_error, .limit = max_distance}));
-    mtdb::PutAnswer(answer, hit);
+    mtdb::internal::PutAnswer(answer, hit);
     return Status::Ok();
   });
 }
@@ -633,7 +547,7 @@ mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3], const doubl
     MTDB_ASSIGN_OR_RETURN(const mtdb::ProbeAnswer answer,
                           mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction),
                                         {.error_model = largest_error, .limit = max_parameter}));
-    mtdb::PutAnswer(answer, hit);
+    mtdb::internal::PutAnswer(answer, hit);
     return Status::Ok();
   });
 }

@@ -1,4 +1,6 @@
-/* mtdb for C, and for every language that can call C: libmtdb.so.
+/* mtdb for C, and for every language that can call C: libmtdb.so. This header reads stores;
+ * mtdb_write.h makes them, mtdb_follow.h keeps meshes that follow a query, mtdb_show.h draws and
+ * serves.
  *
  *   mtdb_error error;
  *   mtdb_database* database = NULL;
@@ -14,15 +16,20 @@
  * - Many threads at once may use a database, an object or a control; one thread at a time may use a
  *   query or a cut.
  * - Lengths are in the object's units; texts are UTF-8 with a 0 at the end.
+ * - Structs that begin with struct_bytes may grow: a program sets them up by MTDB_INIT (or sets
+ *   struct_bytes to their size, and all else to 0), and goes on working with later libraries. In
+ *   options, 0 and NULL stand for the default; a NULL in place of the whole struct for all
+ * defaults.
  *
  * The interface grows by new functions and structs; a change of an existing one raises
  * MTDB_ABI_VERSION. mtdb_query_set_json takes new kinds of regions and thresholds as they come.
  */
-#ifndef MTDB_QUERY_MTDB_H
-#define MTDB_QUERY_MTDB_H
+#ifndef MTDB_TOOLS_C_MTDB_H
+#define MTDB_TOOLS_C_MTDB_H
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -39,6 +46,10 @@ extern "C" {
 #else
 #define MTDB_API
 #endif
+
+/* Sets up a struct that begins with struct_bytes. */
+#define MTDB_INIT(object) \
+  (memset(&(object), 0, sizeof(object)), (void)((object).struct_bytes = sizeof(object)))
 
 /* 1xx the caller, 2xx bytes, 3xx the system. */
 typedef enum mtdb_code {
@@ -144,6 +155,11 @@ typedef struct mtdb_attribute {
 } mtdb_attribute;
 MTDB_API mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i,
                                          mtdb_attribute* attribute, mtdb_error* error);
+
+/* All that is known of the object, as one text of JSON: what `mtdb info --json` prints, with its
+ * digest, grid, rounds and what its input had. */
+MTDB_API mtdb_code mtdb_object_json(const mtdb_object* object, mtdb_names** json,
+                                    mtdb_error* error);
 
 typedef enum mtdb_verify_level {
   MTDB_VERIFY_FAST = 0,  /* every page of the file, every checksum of the object */
@@ -303,6 +319,43 @@ typedef struct mtdb_sink {
   int (*triangles)(void* user, const uint64_t* indices, size_t count);
 } mtdb_sink;
 MTDB_API mtdb_code mtdb_cut_emit(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error);
+
+/* Meshes in memory that the library owns: what a cut, a client (mtdb_follow.h) or a file has. They
+ * do not change: many threads may use one. */
+typedef struct mtdb_mesh mtdb_mesh;
+
+typedef struct mtdb_mesh_view {
+  size_t struct_bytes;
+  uint64_t vertices;
+  uint64_t triangles;
+  const double* positions;      /* vertices * 3: x y z; NULL when the mesh has floats */
+  const float* positions_float; /* likewise, less origin; NULL when the mesh has doubles */
+  double origin[3];
+  const uint32_t* indices;   /* triangles * 3, counter-clockwise from outside */
+  const unsigned char* rows; /* vertices * row_bytes: attributes; NULL when row_bytes is 0 */
+  uint32_t row_bytes;
+  uint32_t attributes; /* how many: mtdb_mesh_attribute */
+} mtdb_mesh_view;
+/* Takes the cut's mesh into memory: 24 bytes a vertex and its row, 12 a triangle. With an `origin`
+ * positions are floats less that origin, 12 bytes a vertex; NULL: doubles. MTDB_INVALID_ARGUMENT
+ * when there are more than 2^32 vertices. */
+MTDB_API mtdb_code mtdb_cut_mesh(mtdb_cut* cut, const double* origin, mtdb_mesh** mesh,
+                                 mtdb_error* error);
+MTDB_API void mtdb_free_mesh(mtdb_mesh* mesh);
+/* Pointers live as long as `mesh`. */
+MTDB_API mtdb_code mtdb_mesh_look(const mtdb_mesh* mesh, mtdb_mesh_view* view, mtdb_error* error);
+MTDB_API mtdb_code mtdb_mesh_attribute(const mtdb_mesh* mesh, uint32_t i, mtdb_attribute* attribute,
+                                       mtdb_error* error);
+
+/* Mesh files: PLY, OBJ, STL, OFF, glTF, Draco, by the suffix of `path`. */
+MTDB_API mtdb_code mtdb_read_mesh(const char* path, mtdb_mesh** mesh, mtdb_error* error);
+/* The file appears when it is complete. `rounding` (may be NULL): how far the format's float32
+ * moved a vertex at most. */
+MTDB_API mtdb_code mtdb_write_mesh(const mtdb_mesh* mesh, const char* path, double* rounding,
+                                   mtdb_error* error);
+/* Likewise, without holding the mesh in memory. */
+MTDB_API mtdb_code mtdb_cut_write(mtdb_cut* cut, const char* path, double* rounding,
+                                  mtdb_error* error);
 
 /* Probes. `largest_error` negative: at full resolution. */
 

@@ -1,0 +1,620 @@
+/* c_api_more_calls FOLDER: calls every function of mtdb_write.h, mtdb_follow.h and mtdb_show.h from
+ * C, rightly and wrongly, and prints the line of the first call that does not do what the header
+ * says. FOLDER is empty. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tools/c/mtdb.h"
+#include "tools/c/mtdb_follow.h"
+#include "tools/c/mtdb_show.h"
+#include "tools/c/mtdb_write.h"
+
+static mtdb_error error;
+
+#define CHECK(condition)                                                                           \
+  do {                                                                                             \
+    if (!(condition)) {                                                                            \
+      fprintf(stderr, "line %d: %s; the last message: %s\n", __LINE__, #condition, error.message); \
+      exit(1);                                                                                     \
+    }                                                                                              \
+  } while (0)
+#define OK(call) CHECK((call) == MTDB_OK)
+#define FAILS(code, part, call) CHECK((call) == (code) && strstr(error.message, part) != NULL)
+
+enum { kSide = 60, kVertices = kSide * kSide, kTriangles = 2 * (kSide - 1) * (kSide - 1) };
+
+/* A hilly square with a colour and a float each vertex. */
+static double positions[kVertices * 3];
+static float floats[kVertices * 3];
+static uint32_t indices[kTriangles * 3];
+static uint64_t indices_long[kTriangles * 3];
+typedef struct row {
+  unsigned char colour[3];
+  unsigned char heat[4];
+} row;
+static row rows[kVertices];
+static const mtdb_attribute kAttributes[4] = {{"red", MTDB_UINT8, 0},
+                                              {"green", MTDB_UINT8, 0},
+                                              {"blue", MTDB_UINT8, 0},
+                                              {"heat", MTDB_FLOAT32, 0}};
+static char folder[512];
+static char store[600];
+static char other[600];
+
+static const char* path(char* to, const char* name) {
+  snprintf(to, 600, "%s/%s", folder, name);
+  return to;
+}
+
+static void make_mesh(void) {
+  int x, y, k = 0;
+  for (y = 0; y < kSide; ++y) {
+    for (x = 0; x < kSide; ++x) {
+      const int v = y * kSide + x;
+      const float heat = (float)x;
+      positions[3 * v] = 0.25 * x;
+      positions[3 * v + 1] = 0.25 * y;
+      positions[3 * v + 2] = floor(64 * sin(0.2 * x) * cos(0.3 * y)) / 64;
+      floats[3 * v] = (float)positions[3 * v];
+      floats[3 * v + 1] = (float)positions[3 * v + 1];
+      floats[3 * v + 2] = (float)positions[3 * v + 2];
+      rows[v].colour[0] = (unsigned char)(4 * x);
+      rows[v].colour[1] = (unsigned char)(4 * y);
+      rows[v].colour[2] = 128;
+      memcpy(rows[v].heat, &heat, sizeof(heat));
+      if (x + 1 < kSide && y + 1 < kSide) {
+        const uint32_t a = (uint32_t)v, b = a + 1, c = a + kSide, d = c + 1;
+        const uint32_t both[6] = {a, b, d, a, d, c};
+        memcpy(indices + k, both, sizeof(both));
+        k += 6;
+      }
+    }
+  }
+  for (k = 0; k < kTriangles * 3; ++k) indices_long[k] = indices[k];
+}
+
+static mtdb_input whole(void) {
+  mtdb_input input;
+  MTDB_INIT(input);
+  input.vertices = kVertices;
+  input.triangles = kTriangles;
+  input.positions = positions;
+  input.indices = indices;
+  input.rows = (const unsigned char*)rows;
+  input.attributes = kAttributes;
+  input.attribute_count = 4;
+  return input;
+}
+
+static int reports;
+static int count_reports(void* user, const char* stage, double overall) {
+  CHECK(user == &reports && stage != NULL && overall <= 1);
+  ++reports;
+  return 0;
+}
+static int stop_at_once(void* user, const char* stage, double overall) {
+  (void)user;
+  (void)stage;
+  (void)overall;
+  return 1;
+}
+
+/* The mesh in parts of 100 vertices and 77 triangles; triangles may come before their vertices. */
+typedef struct producing {
+  int stop_after; /* parts; 0: never */
+  int bad;
+} producing;
+static int produce(void* user, mtdb_ingest* ingest) {
+  const producing* how = (const producing*)user;
+  uint64_t at;
+  int parts = 0;
+  for (at = 0; at < kTriangles; at += 77) {
+    mtdb_input part;
+    MTDB_INIT(part);
+    part.triangles = kTriangles - at < 77 ? kTriangles - at : 77;
+    part.indices_long = indices_long + 3 * at;
+    if (how->bad && at > 0) part.indices = indices; /* both: wrong */
+    if (at < kVertices && at / 77 * 100 < kVertices) {
+      const uint64_t v = at / 77 * 100;
+      part.vertices = kVertices - v < 100 ? kVertices - v : 100;
+      part.positions_float = floats + 3 * v;
+      part.rows = (const unsigned char*)(rows + v);
+    }
+    if (mtdb_ingest_part(ingest, &part, &error) != MTDB_OK) return 7;
+    if (++parts == how->stop_after) return 1;
+  }
+  for (at = at / 77 * 100; at < kVertices; at += 100) {
+    mtdb_input part;
+    MTDB_INIT(part);
+    part.vertices = kVertices - at < 100 ? kVertices - at : 100;
+    part.positions_float = floats + 3 * at;
+    part.rows = (const unsigned char*)(rows + at);
+    if (mtdb_ingest_part(ingest, &part, &error) != MTDB_OK) return 7;
+  }
+  return 0;
+}
+
+/* The part of an object's JSON that tells its content. */
+static void digest_of(mtdb_database* database, const char* name, char digest[40]) {
+  mtdb_object* object = NULL;
+  mtdb_names* json = NULL;
+  const char* at;
+  OK(mtdb_open_object(database, name, 0, &object, &error));
+  OK(mtdb_object_json(object, &json, &error));
+  at = strstr(mtdb_names_at(json, 0), "\"digest\":\"");
+  CHECK(at != NULL);
+  memcpy(digest, at + 10, 32);
+  digest[32] = '\0';
+  mtdb_free_names(json);
+  mtdb_free_object(object);
+}
+
+static void check_ingest(mtdb_database* database) {
+  mtdb_input input = whole();
+  mtdb_ingest_options options;
+  mtdb_watch watch;
+  mtdb_source source;
+  mtdb_control* control = NULL;
+  producing how = {0, 0};
+  char first[40], second[40];
+  MTDB_INIT(options);
+  MTDB_INIT(watch);
+  MTDB_INIT(source);
+  watch.user = &reports;
+  watch.progress = count_reports;
+  options.threads = 1;
+  OK(mtdb_ingest_arrays(database, "a", &input, &options, &watch, &error));
+  CHECK(reports > 0);
+  FAILS(MTDB_ALREADY_EXISTS, "a", mtdb_ingest_arrays(database, "a", &input, NULL, NULL, &error));
+  options.replace = 1;
+  input.positions = NULL;
+  input.positions_float = floats;
+  input.indices = NULL;
+  input.indices_long = indices_long;
+  digest_of(database, "a", first);
+  OK(mtdb_ingest_arrays(database, "a", &input, &options, NULL, &error));
+  digest_of(database, "a", second);
+  CHECK(strcmp(first, second) == 0);
+
+  /* In parts: the same object. */
+  source.user = &how;
+  source.produce = produce;
+  source.attributes = kAttributes;
+  source.attribute_count = 4;
+  OK(mtdb_ingest_source(database, "parts", &source, NULL, NULL, &error));
+  digest_of(database, "parts", second);
+  CHECK(strcmp(first, second) == 0);
+  how.stop_after = 3;
+  FAILS(MTDB_CANCELLED, "callback",
+        mtdb_ingest_source(database, "no", &source, NULL, NULL, &error));
+  how.stop_after = 0;
+  how.bad = 1;
+  FAILS(MTDB_INVALID_ARGUMENT, "indices",
+        mtdb_ingest_source(database, "no", &source, NULL, NULL, &error));
+  source.produce = NULL;
+  FAILS(MTDB_INVALID_ARGUMENT, "produce",
+        mtdb_ingest_source(database, "no", &source, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "ingest", mtdb_ingest_part(NULL, &input, &error));
+
+  /* Stopped. */
+  watch.progress = stop_at_once;
+  FAILS(MTDB_CANCELLED, "callback",
+        mtdb_ingest_arrays(database, "no", &input, NULL, &watch, &error));
+  OK(mtdb_create_control(&control, &error));
+  mtdb_cancel(control);
+  watch.progress = NULL;
+  watch.control = control;
+  FAILS(MTDB_CANCELLED, "cancelled",
+        mtdb_ingest_arrays(database, "no", &input, NULL, &watch, &error));
+  mtdb_free_control(control);
+}
+
+/* Arguments that make no sense. */
+static void check_wrong_input(mtdb_database* database) {
+  mtdb_input input = whole();
+  mtdb_ingest_options options;
+  mtdb_attribute attributes[4];
+  uint32_t far_off[3] = {0, 1, kVertices};
+  double nan_position[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+#define WRONG(code, part) \
+  FAILS(code, part, mtdb_ingest_arrays(database, "no", &input, &options, NULL, &error))
+  MTDB_INIT(options);
+  input.struct_bytes = 0;
+  WRONG(MTDB_INVALID_ARGUMENT, "struct_bytes");
+  input = whole();
+  input.struct_bytes = sizeof(input) + 8; /* of a later version: what is behind must be 0 */
+  {
+    struct {
+      mtdb_input input;
+      uint64_t more;
+    } later;
+    later.input = input;
+    later.more = 1;
+    FAILS(MTDB_UNSUPPORTED, "members",
+          mtdb_ingest_arrays(database, "no", &later.input, &options, NULL, &error));
+  }
+  input = whole();
+  input.positions_float = floats;
+  WRONG(MTDB_INVALID_ARGUMENT, "positions");
+  input = whole();
+  input.rows = NULL;
+  WRONG(MTDB_INVALID_ARGUMENT, "rows");
+  input = whole();
+  input.vertices = (uint64_t)-1;
+  WRONG(MTDB_INVALID_ARGUMENT, "input");
+  input = whole();
+  memcpy(attributes, kAttributes, sizeof(attributes));
+  input.attributes = attributes;
+  attributes[1].name = "red";
+  WRONG(MTDB_INVALID_ARGUMENT, "twice");
+  attributes[1].name = NULL;
+  WRONG(MTDB_INVALID_ARGUMENT, "name");
+  attributes[1] = kAttributes[1];
+  attributes[2].type = (mtdb_scalar)77;
+  WRONG(MTDB_INVALID_ARGUMENT, "type");
+  input = whole();
+  input.triangles = 1;
+  input.indices = far_off;
+  WRONG(MTDB_BAD_INPUT, "");
+  input = whole();
+  input.attribute_count = 0;
+  input.vertices = 3;
+  input.triangles = 1;
+  nan_position[4] = nan("");
+  input.positions = nan_position;
+  WRONG(MTDB_BAD_INPUT, "");
+  input.triangles = 0;
+  nan_position[4] = 0;
+  WRONG(MTDB_BAD_INPUT, "");
+  input = whole();
+  options.bits = 40;
+  WRONG(MTDB_INVALID_ARGUMENT, "bits");
+  options.bits = 12;
+  options.lossless = 1;
+  WRONG(MTDB_INVALID_ARGUMENT, "lossless");
+  MTDB_INIT(options);
+  options.resume = 1;
+  WRONG(MTDB_INVALID_ARGUMENT, "resume");
+  MTDB_INIT(options);
+  options.threads = 5000;
+  WRONG(MTDB_INVALID_ARGUMENT, "threads");
+  MTDB_INIT(options);
+  options.memory_bytes = 1000;
+  WRONG(MTDB_INVALID_ARGUMENT, "");
+  MTDB_INIT(options);
+  options.step_count = 1;
+  WRONG(MTDB_INVALID_ARGUMENT, "steps");
+  FAILS(MTDB_INVALID_ARGUMENT, "database",
+        mtdb_ingest_arrays(NULL, "no", &input, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "name",
+        mtdb_ingest_arrays(database, NULL, &input, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "input",
+        mtdb_ingest_arrays(database, "no", NULL, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_ingest_arrays(database, "", &input, NULL, NULL, &error));
+#undef WRONG
+}
+
+static void check_objects(mtdb_database* database) {
+  mtdb_names* names = NULL;
+  mtdb_database* copy = NULL;
+  mtdb_object* object = NULL;
+  mtdb_sizes sizes;
+  char first[40], second[40], packed[600], third[600];
+  const char* which[1] = {"a"};
+  const char* twice[2] = {"a", "a"};
+  OK(mtdb_rename_object(database, "parts", "b", &error));
+  FAILS(MTDB_ALREADY_EXISTS, "", mtdb_rename_object(database, "a", "b", &error));
+  FAILS(MTDB_NOT_FOUND, "", mtdb_rename_object(database, "none", "c", &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "new_name", mtdb_rename_object(database, "a", NULL, &error));
+  OK(mtdb_copy_store(database, path(other, "copy.mtdb"), NULL, &error));
+  FAILS(MTDB_ALREADY_EXISTS, "", mtdb_copy_store(database, other, NULL, &error));
+  OK(mtdb_open_writable(other, &copy, &error));
+  OK(mtdb_remove_object(copy, "b", &error));
+  FAILS(MTDB_NOT_FOUND, "", mtdb_remove_object(copy, "b", &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "name", mtdb_remove_object(copy, NULL, &error));
+  OK(mtdb_open_object(database, "b", 0, &object, &error));
+  OK(mtdb_copy_object(object, copy, "c", 0, NULL, &error));
+  FAILS(MTDB_ALREADY_EXISTS, "", mtdb_copy_object(object, copy, "c", 0, NULL, &error));
+  OK(mtdb_copy_object(object, copy, "c", 1, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "target", mtdb_copy_object(object, NULL, "c", 1, NULL, &error));
+  mtdb_free_object(object);
+  digest_of(database, "b", first);
+  digest_of(copy, "c", second);
+  CHECK(strcmp(first, second) == 0);
+  OK(mtdb_list_objects(copy, &names, &error));
+  CHECK(mtdb_names_count(names) == 2 && strcmp(mtdb_names_at(names, 1), "c") == 0);
+  mtdb_free_names(names);
+  MTDB_INIT(sizes);
+  OK(mtdb_pack(copy, which, 1, path(packed, "a.mtdbp"), NULL, &sizes, &error));
+  CHECK(sizes.bytes_after > 0 && sizes.first_bytes > 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "twice",
+        mtdb_pack(copy, twice, 2, path(third, "no"), NULL, &sizes, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "names", mtdb_pack(copy, NULL, 1, third, NULL, &sizes, &error));
+  OK(mtdb_pack(copy, NULL, 0, packed, NULL, NULL, &error));
+  mtdb_free_database(copy);
+  OK(mtdb_compact_store(other, NULL, &sizes, &error));
+  CHECK(sizes.bytes_after <= sizes.bytes_before);
+  FAILS(MTDB_INVALID_ARGUMENT, "path", mtdb_compact_store(NULL, NULL, NULL, &error));
+  OK(mtdb_open(packed, &copy, &error));
+  digest_of(copy, "a", second);
+  digest_of(database, "a", first);
+  CHECK(strcmp(first, second) == 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_remove_object(copy, "a", &error)); /* is read only */
+  mtdb_free_database(copy);
+  FAILS(MTDB_UNSUPPORTED, "ABI", mtdb_open_writable_abi(0, store, &copy, &error));
+}
+
+static void check_meshes(mtdb_object* object) {
+  mtdb_cut* cut = NULL;
+  mtdb_mesh* mesh = NULL;
+  mtdb_mesh* read = NULL;
+  mtdb_mesh_view view, again;
+  mtdb_stats stats;
+  mtdb_attribute attribute;
+  mtdb_input input = whole();
+  mtdb_database* database = NULL;
+  double rounding = -1;
+  uint64_t i;
+  const double origin[3] = {1, 2, 0.5};
+  const double bad_origin[3] = {1, HUGE_VAL, 0.5};
+  char file[600], archive[600];
+  MTDB_INIT(view);
+  MTDB_INIT(again);
+  OK(mtdb_select(object, NULL, &cut, &error));
+  OK(mtdb_cut_stats(cut, &stats, &error));
+  OK(mtdb_cut_mesh(cut, NULL, &mesh, &error));
+  OK(mtdb_mesh_look(mesh, &view, &error));
+  CHECK(view.vertices == stats.vertices && view.triangles == stats.triangles);
+  CHECK(view.positions != NULL && view.positions_float == NULL && view.row_bytes == sizeof(row));
+  OK(mtdb_mesh_attribute(mesh, 3, &attribute, &error));
+  CHECK(strcmp(attribute.name, "heat") == 0 && attribute.offset == 3);
+  FAILS(MTDB_NOT_FOUND, "4", mtdb_mesh_attribute(mesh, 4, &attribute, &error));
+  for (i = 0; i < view.vertices; ++i) { /* the rows belong to the positions */
+    float heat;
+    memcpy(&heat, view.rows + i * view.row_bytes + 3, sizeof(heat));
+    CHECK(fabs(0.25 * heat - view.positions[3 * i]) < 0.01);
+  }
+  OK(mtdb_write_mesh(mesh, path(file, "mesh.ply"), &rounding, &error));
+  CHECK(rounding >= 0);
+  FAILS(MTDB_UNSUPPORTED, "", mtdb_write_mesh(mesh, path(archive, "x.zip"), NULL, &error));
+  OK(mtdb_read_mesh(file, &read, &error));
+  OK(mtdb_mesh_look(read, &again, &error));
+  CHECK(again.vertices == view.vertices && again.triangles == view.triangles);
+  CHECK(memcmp(again.indices, view.indices, (size_t)view.triangles * 12) == 0);
+  mtdb_free_mesh(read);
+  OK(mtdb_cut_write(cut, path(file, "cut.ply"), NULL, &error));
+  OK(mtdb_open_writable(path(archive, "file.mtdb"), &database, &error));
+  OK(mtdb_ingest_file(database, "from file", file, NULL, NULL, &error));
+  FAILS(MTDB_NOT_FOUND, "none.ply",
+        mtdb_ingest_file(database, "no", "none.ply", NULL, NULL, &error));
+  mtdb_free_database(database);
+  FAILS(MTDB_NOT_FOUND, "none.ply", mtdb_read_mesh("none.ply", &read, &error));
+  mtdb_free_mesh(mesh);
+
+  OK(mtdb_cut_mesh(cut, origin, &mesh, &error));
+  OK(mtdb_mesh_look(mesh, &again, &error));
+  CHECK(again.positions == NULL && again.positions_float != NULL && again.origin[1] == 2);
+  mtdb_free_mesh(mesh);
+  FAILS(MTDB_INVALID_ARGUMENT, "origin", mtdb_cut_mesh(cut, bad_origin, &mesh, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_cut_mesh(cut, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "cut", mtdb_cut_mesh(NULL, NULL, &mesh, &error));
+  again.struct_bytes = 0;
+  mtdb_free_cut(cut);
+
+  OK(mtdb_create_mesh(&input, &mesh, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes", mtdb_mesh_look(mesh, &again, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "view", mtdb_mesh_look(mesh, NULL, &error));
+  again.struct_bytes = offsetof(mtdb_mesh_view, positions); /* a program of an older version */
+  again.positions = positions;
+  OK(mtdb_mesh_look(mesh, &again, &error));
+  CHECK(again.vertices == kVertices && again.positions == positions);
+  mtdb_free_mesh(mesh);
+  indices[5] = kVertices;
+  FAILS(MTDB_BAD_INPUT, "triangle 1", mtdb_create_mesh(&input, &mesh, &error));
+  indices[5] = kSide;
+  FAILS(MTDB_INVALID_ARGUMENT, "input", mtdb_create_mesh(NULL, &mesh, &error));
+}
+
+/* Feeds a client some bytes at a time. */
+static int feed(void* user, const unsigned char* bytes, size_t size) {
+  size_t at;
+  for (at = 0; at < size; at += 1000) {
+    const size_t some = size - at < 1000 ? size - at : 1000;
+    if (mtdb_client_feed((mtdb_client*)user, bytes + at, some, &error) != MTDB_OK) return 1;
+  }
+  return 0;
+}
+static int refuse(void* user, const unsigned char* bytes, size_t size) {
+  (void)user;
+  (void)bytes;
+  return size > 0;
+}
+
+static void check_session(mtdb_object* object) {
+  mtdb_session* session = NULL;
+  mtdb_client* client = NULL;
+  mtdb_query* query = NULL;
+  mtdb_update update;
+  mtdb_client_view view;
+  mtdb_changes changes;
+  mtdb_mesh* mesh = NULL;
+  mtdb_mesh_view compact;
+  mtdb_attribute attribute;
+  mtdb_session_options options;
+  const double corner[3] = {0, 0, -9}, middle[3] = {5, 5, 9};
+  uint64_t whole_triangles;
+  MTDB_INIT(update);
+  MTDB_INIT(view);
+  MTDB_INIT(changes);
+  MTDB_INIT(compact);
+  MTDB_INIT(options);
+  options.remembered_vertices = 1000;
+  OK(mtdb_open_session(object, &options, &session, &error));
+  OK(mtdb_create_client(NULL, &client, &error));
+  OK(mtdb_client_look(client, &view, &error));
+  CHECK(view.triangles == 0 && view.indices == NULL);
+  OK(mtdb_client_changes(client, &changes, &error));
+  CHECK(changes.triangle_ranges == 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "begun", mtdb_client_mesh(client, &mesh, &error));
+  OK(mtdb_session_update(session, NULL, feed, client, &update, &error));
+  OK(mtdb_client_look(client, &view, &error));
+  CHECK(update.insertions > 0 && update.bytes > 0 && view.triangles == update.triangles);
+  whole_triangles = update.triangles;
+  OK(mtdb_client_changes(client, &changes, &error));
+  CHECK(changes.triangle_ranges > 0 && changes.triangles[0].end > changes.triangles[0].begin);
+  OK(mtdb_client_attribute(client, 0, &attribute, &error));
+  CHECK(strcmp(attribute.name, "red") == 0);
+  OK(mtdb_create_query(&query, &error));
+  OK(mtdb_query_add_box(query, corner, middle, &error));
+  OK(mtdb_session_update(session, query, feed, client, &update, &error));
+  CHECK(update.removals > 0 && update.triangles < whole_triangles);
+  OK(mtdb_client_mesh(client, &mesh, &error));
+  OK(mtdb_mesh_look(mesh, &compact, &error));
+  CHECK(compact.triangles == update.triangles && compact.vertices == update.vertices);
+  mtdb_free_mesh(mesh);
+  OK(mtdb_query_set_clip(query, 1, &error));
+  OK(mtdb_session_update(session, query, feed, client, &update, &error));
+  OK(mtdb_client_look(client, &view, &error));
+  CHECK(view.triangles < update.triangles && view.triangles == update.active_triangles);
+  FAILS(MTDB_CANCELLED, "callback",
+        mtdb_session_update(session, NULL, refuse, NULL, &update, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "lacks",
+        mtdb_session_update(session, NULL, feed, client, &update, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "receive",
+        mtdb_session_update(session, NULL, NULL, client, &update, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "server", mtdb_client_ask(client, "{}", NULL, NULL, &error));
+  mtdb_free_client(client);
+  OK(mtdb_create_client(NULL, &client, &error));
+  FAILS(MTDB_CORRUPT, "", mtdb_client_feed(client, (const unsigned char*)"nonsense", 8, &error));
+  mtdb_free_client(client);
+  mtdb_free_session(session);
+  mtdb_free_query(query);
+  FAILS(MTDB_INVALID_ARGUMENT, "object", mtdb_open_session(NULL, NULL, &session, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "client", mtdb_create_client(NULL, NULL, &error));
+}
+
+static size_t fetched;
+static int count_bytes(void* user, const unsigned char* bytes, size_t size) {
+  (void)bytes;
+  CHECK(user == &fetched);
+  fetched += size;
+  return 0;
+}
+
+static void check_server(void) {
+  mtdb_server* server = NULL;
+  mtdb_server* second = NULL;
+  mtdb_client* client = NULL;
+  mtdb_update update;
+  mtdb_client_view view;
+  mtdb_connect_options connect;
+  mtdb_fetch_options fetch;
+  mtdb_serve_options options;
+  mtdb_watch watch;
+  char url[200];
+  MTDB_INIT(update);
+  MTDB_INIT(view);
+  MTDB_INIT(connect);
+  MTDB_INIT(fetch);
+  MTDB_INIT(options);
+  MTDB_INIT(watch);
+  options.threads = 1;
+  OK(mtdb_serve(store, &options, &server, &error));
+  OK(mtdb_serve(store, &options, &second, &error)); /* several in one process */
+  CHECK(strcmp(mtdb_server_url(server), mtdb_server_url(second)) != 0);
+  mtdb_free_server(second);
+  snprintf(url, sizeof(url), "%s/objects/a", mtdb_server_url(server));
+  connect.timeout_seconds = 60;
+  OK(mtdb_connect(url, &connect, &client, &error));
+  OK(mtdb_client_look(client, &view, &error));
+  CHECK(view.triangles > 0);
+  OK(mtdb_client_ask(client, "{\"threshold\": \"full\"}", NULL, &update, &error));
+  OK(mtdb_client_look(client, &view, &error));
+  CHECK(view.triangles == update.triangles && update.insertions > 0 && update.error_bound >= 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "nothing",
+        mtdb_client_ask(client, "{\"nothing\": 1}", NULL, &update, &error));
+  watch.progress = stop_at_once;
+  FAILS(MTDB_CANCELLED, "callback",
+        mtdb_client_ask(client, "{\"threshold\": {\"relative\": 0.1}}", &watch, &update, &error));
+  OK(mtdb_client_ask(client, "{\"threshold\": \"full\"}", NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "server",
+        mtdb_client_feed(client, (const unsigned char*)"x", 1, &error));
+  mtdb_free_client(client);
+  OK(mtdb_fetch(url, "{}", &fetch, count_bytes, &fetched, &update, &error));
+  CHECK(fetched == update.bytes && update.triangles == kTriangles);
+  FAILS(MTDB_CANCELLED, "", mtdb_fetch(url, "{}", NULL, refuse, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "receive", mtdb_fetch(url, "{}", NULL, NULL, NULL, NULL, &error));
+  OK(mtdb_stop_server(server, 1, &error));
+  FAILS(MTDB_IO_ERROR, "", mtdb_connect(url, NULL, &client, &error));
+  mtdb_free_server(server);
+  options.address = "nowhere";
+  FAILS(MTDB_INVALID_ARGUMENT, "nowhere", mtdb_serve(store, &options, &server, &error));
+  options.address = NULL;
+  options.port = 70000;
+  FAILS(MTDB_INVALID_ARGUMENT, "port", mtdb_serve(store, &options, &server, &error));
+  FAILS(MTDB_NOT_FOUND, "none.mtdb", mtdb_serve("none.mtdb", NULL, &server, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "server", mtdb_stop_server(NULL, 0, &error));
+  CHECK(mtdb_server_url(NULL) == NULL);
+}
+
+static void check_pictures(void) {
+  mtdb_input input = whole();
+  mtdb_mesh* mesh = NULL;
+  mtdb_render_options options;
+  static unsigned char rgb[80 * 60 * 3];
+  char file[600];
+  size_t i, different = 0;
+  MTDB_INIT(options);
+  OK(mtdb_create_mesh(&input, &mesh, &error));
+  options.width = 80;
+  options.height = 60;
+  OK(mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  for (i = 3; i < sizeof(rgb); ++i) different += rgb[i] != rgb[i % 3];
+  CHECK(different > 1000);
+  OK(mtdb_write_png(path(file, "picture.png"), rgb, 80, 60, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "width", mtdb_write_png(file, rgb, 0, 60, &error));
+  options.has_camera = 1;
+  options.eye[2] = 50;
+  options.target[0] = 5;
+  options.up[1] = 1;
+  OK(mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  options.eye[2] = options.target[2] = 0;
+  options.eye[0] = options.target[0];
+  FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  FAILS(MTDB_BUDGET_EXCEEDED, "rgb", mtdb_render(mesh, NULL, rgb, sizeof(rgb), &error));
+  options.has_camera = 0;
+  options.has_frame = 1;
+  options.frame_min[0] = 1;
+  FAILS(MTDB_INVALID_ARGUMENT, "frame", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  options.width = 100000;
+  FAILS(MTDB_INVALID_ARGUMENT, "16384", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  mtdb_free_mesh(mesh);
+  FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_render(NULL, NULL, rgb, sizeof(rgb), &error));
+}
+
+int main(int argc, char** argv) {
+  mtdb_database* database = NULL;
+  mtdb_object* object = NULL;
+  if (argc != 2) return 2;
+  snprintf(folder, sizeof(folder), "%s", argv[1]);
+  make_mesh();
+  OK(mtdb_open_writable(path(store, "a.mtdb"), &database, &error));
+  check_ingest(database);
+  check_wrong_input(database);
+  check_objects(database);
+  OK(mtdb_open_object(database, "a", 0, &object, &error));
+  mtdb_free_database(database);
+  check_meshes(object);
+  check_session(object);
+  mtdb_free_object(object);
+  check_server();
+  check_pictures();
+  mtdb_free_mesh(NULL);
+  mtdb_free_session(NULL);
+  mtdb_free_client(NULL);
+  mtdb_free_server(NULL);
+  puts("all calls are right");
+  return 0;
+}

@@ -1,0 +1,62 @@
+/* mtdb for C: draws meshes, and serves stores. Begin with mtdb.h, whose rules hold here. */
+#ifndef MTDB_TOOLS_C_MTDB_SHOW_H
+#define MTDB_TOOLS_C_MTDB_SHOW_H
+
+#include "tools/c/mtdb.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* NOLINTBEGIN(readability-identifier-naming) */
+
+typedef struct mtdb_render_options {
+  size_t struct_bytes;
+  uint32_t width; /* pixels, at most 16384; 0: 1200 and 900 */
+  uint32_t height;
+  int wireframe; /* not 0: edges are drawn */
+  int has_frame; /* not 0: this box fills the picture; else the mesh does */
+  double frame_min[3];
+  double frame_max[3];
+  double view_direction[3]; /* from the eye to the mesh; 0: from the front, left and above */
+  int has_camera;           /* not 0: what a camera sees instead */
+  double eye[3];
+  double target[3];
+  double up[3];            /* 0: 0 0 1 */
+  double vertical_fov_rad; /* 0: 0.8 */
+} mtdb_render_options;
+/* Draws into `rgb`: rows from the top, width * height * 3 bytes, which the caller owns. Attributes
+ * red, green, blue (uint8) colour the mesh. Uses all cores; some 150 bytes a triangle. */
+MTDB_API mtdb_code mtdb_render(const mtdb_mesh* mesh, const mtdb_render_options* options,
+                               unsigned char* rgb, size_t rgb_bytes, mtdb_error* error);
+MTDB_API mtdb_code mtdb_write_png(const char* path, const unsigned char* rgb, uint32_t width,
+                                  uint32_t height, mtdb_error* error);
+
+typedef struct mtdb_server mtdb_server;
+typedef struct mtdb_serve_options {
+  size_t struct_bytes;
+  const char* address;        /* NULL: 127.0.0.1. Whoever can connect can read the whole store */
+  uint32_t port;              /* 0: any free one */
+  uint32_t threads;           /* queries at once; 0: as many as the machine has */
+  uint64_t cache_bytes;       /* for each open object; 0: 256 MiB */
+  uint64_t max_triangles;     /* of one mesh; 0: 20 million */
+  const char* allowed_origin; /* of web pages that may open sessions; "*": any; NULL: its own */
+} mtdb_serve_options;
+/* Serves the store at `path` (docs/protocol.md) in threads of its own; returns when clients can
+ * connect. Signals stay the program's. */
+MTDB_API mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options,
+                              mtdb_server** server, mtdb_error* error);
+/* "http://127.0.0.1:8080"; lives as long as `server`. */
+MTDB_API const char* mtdb_server_url(const mtdb_server* server);
+/* Lets running requests finish for so long, cancels what is left, and waits for it. */
+MTDB_API mtdb_code mtdb_stop_server(mtdb_server* server, double grace_seconds, mtdb_error* error);
+/* Stops it at once when it is running. */
+MTDB_API void mtdb_free_server(mtdb_server* server);
+
+/* NOLINTEND(readability-identifier-naming) */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
