@@ -218,15 +218,19 @@ bool Decimator<Measure, Rule>::FillSeen() {
   if (measured) return true;
   Hole::PerEdge<bool> known{};
   for (;;) {
-    bool guessed = false;
+    bool dearer = false;  // than guessed; else no other filling has become better than this one
     bool measurable = true;
     for (uint32_t t = 1; t < hole_.k - 2; ++t) {
       const auto [i, m, j] = filling_.triangles[t];
-      if (!known[i][j]) measure_.MeasureEdge(hole_, i, j);
-      guessed |= !std::exchange(known[i][j], true);
-      measurable &= hole_.edge_error[i][j] >= 0;
+      double& error = hole_.edge_error[i][j];
+      if (!std::exchange(known[i][j], true)) {
+        const double guess = error;
+        measure_.MeasureEdge(hole_, i, j);
+        dearer |= error < 0 || error > guess;
+      }
+      measurable &= error >= 0;
     }
-    if (!guessed || !Rule::kReadsEdgeErrors) return measurable;
+    if (!dearer || !Rule::kReadsEdgeErrors) return measurable;
     if (!rule_.Fill(hole_, filling_.triangles)) return false;
   }
 }

@@ -28,13 +28,9 @@ class RoundMesh {
              std::span<const uint32_t> opposites, std::span<const Vec3d> positions,
              std::span<const float> errors);
 
-  uint32_t triangle_count() const { return static_cast<uint32_t>(errors_.size()); }
-  std::span<const uint32_t> half_edges_from(uint32_t vertex) const {
-    return std::span(outgoing_).subspan(outgoing_begin_[vertex],
-                                        outgoing_begin_[vertex + 1] - outgoing_begin_[vertex]);
-  }
+  uint32_t triangle_count() const { return static_cast<uint32_t>(triangles_.size()); }
   // Largest accumulated error around a vertex.
-  double vertex_error(uint32_t vertex) const { return vertex_errors_[vertex]; }
+  double vertex_error(uint32_t vertex) const { return vertices_[vertex].error; }
   // How far a vertex stands off the mean of its neighbours, along the mean normal.
   double Height(uint32_t vertex) const;
   // True when every input triangle at `vertex` faces the unit vector `n`.
@@ -46,21 +42,40 @@ class RoundMesh {
   double CurveError(uint32_t a, uint32_t b, Vec3d n) const;
 
  private:
-  void SortFans();
-  void MeasureVertices();
-
-  std::vector<uint32_t> origin_;    // per half-edge
-  std::vector<uint32_t> opposite_;  // per half-edge, kNone32 at the tile's rim
-  std::vector<Vec3d> positions_;    // per vertex
-  std::vector<Vec3d> normals_;      // per triangle, not normalised
-  std::vector<float> errors_;       // per triangle
-  std::vector<uint32_t> outgoing_begin_, outgoing_;
-  std::vector<double> vertex_errors_;
+  // Walks are short and go anywhere: what a step reads of a triangle or a vertex lies together.
+  struct alignas(32) Triangle {
+    std::array<uint32_t, 3> corners;
+    std::array<uint32_t, 3> opposites;  // half-edges; kNone32 at the tile's rim
+    float error;
+  };
+  struct alignas(32) Vertex {
+    Vec3d position;
+    double error;  // the largest of its triangles'
+  };
+  // A triangle at a vertex: the half-edge that leaves the vertex, and its other corners in order.
+  struct Spoke {
+    uint32_t half_edge, right, left;
+  };
   struct Cone {
     Vec3d axis;
     double sine = 2;  // of the widest angle between the axis and a triangle's normal; 2: over 90
   };
-  std::vector<Cone> cones_;
+
+  uint32_t origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
+  uint32_t opposite(uint32_t h) const { return triangles_[h / 3].opposites[h % 3]; }
+  std::span<const Spoke> spokes(uint32_t vertex) const {
+    return std::span(spokes_).subspan(spokes_begin_[vertex],
+                                      spokes_begin_[vertex + 1] - spokes_begin_[vertex]);
+  }
+  Vec3d Normal(uint32_t t) const;
+  void SortFans();
+  void MeasureVertices();
+
+  std::vector<Triangle> triangles_;
+  std::vector<Vertex> vertices_;
+  std::vector<uint32_t> spokes_begin_;
+  std::vector<Spoke> spokes_;
+  std::vector<Cone> cones_;  // of the vertices
 };
 
 }  // namespace mtdb::internal
