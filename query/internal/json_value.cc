@@ -2,31 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "store/base/json_depth.h"
+
 namespace mtdb::internal {
-namespace {
-
-// The byte at which braces and brackets go too deep, or npos.
-size_t TooDeepAt(std::string_view text, int deepest) {
-  int depth = 0;
-  bool in_string = false;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (in_string) {
-      if (c == '\\') ++i;
-      in_string = c != '"';
-    } else if (c == '"') {
-      in_string = true;
-    } else if (c == '{' || c == '[') {
-      if (++depth > deepest) return i;
-    } else if (c == '}' || c == ']') {
-      --depth;
-    }
-  }
-  return std::string_view::npos;
-}
-
-}  // namespace
-
 // NOLINTBEGIN(readability-identifier-naming): nlohmann calls these.
 class JsonBuilder {
  public:

@@ -6,6 +6,8 @@
 #include <mutex>
 #include <new>
 
+#include "store/base/json_depth.h"
+
 namespace mtdb {
 
 namespace {
@@ -22,25 +24,6 @@ constinit Reserve reserve;
 alignas(kAlignment) constinit std::byte kept[1 << 20] = {};
 
 constexpr int kDeepest = 70;  // braces and brackets within each other; a query has less
-
-// Deep values would take deep recursions.
-bool IsTooDeep(std::string_view text) {
-  int depth = 0;
-  bool quoted = false;
-  for (size_t i = 0; i < text.size() && depth <= kDeepest; ++i) {
-    const char c = text[i];
-    if (quoted && c == '\\') {
-      ++i;
-    } else if (c == '"') {
-      quoted = !quoted;
-    } else if (!quoted && (c == '{' || c == '[')) {
-      ++depth;
-    } else if (!quoted && (c == '}' || c == ']')) {
-      --depth;
-    }
-  }
-  return depth > kDeepest;
-}
 
 }  // namespace
 
@@ -70,7 +53,7 @@ void FreeDestructorList(void* at) noexcept {
 
 JsonTree ParseJsonObject(std::string_view text) {
   const JsonTree none(JsonTree::value_t::discarded);
-  if (IsTooDeep(text)) return none;
+  if (TooDeepAt(text, kDeepest) != std::string_view::npos) return none;
   JsonTree json = JsonTree::parse(text, nullptr, false);
   return json.is_object() ? json : none;
 }

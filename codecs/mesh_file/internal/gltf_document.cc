@@ -7,12 +7,14 @@
 #include <set>
 #include <utility>
 
+#include "store/base/json_depth.h"
+
 namespace mtdb::internal {
 
 namespace {
 
 constexpr uint64_t kMaxJsonBytes = uint64_t{16} << 20;
-constexpr uint64_t kMaxDepth = 64;
+constexpr int kMaxDepth = 64;
 constexpr uint32_t kJsonChunk = 0x4e4f534a;
 constexpr uint32_t kBinaryChunk = 0x004e4942;
 constexpr uint64_t kHeaderBytes = 12;
@@ -25,26 +27,6 @@ uint32_t Word(const std::byte* bytes) {
   uint32_t word = 0;
   std::memcpy(&word, bytes, sizeof(word));
   return word;
-}
-
-// Whether lists and objects are nested no deeper than kMaxDepth.
-bool IsFlat(std::string_view text) {
-  uint64_t depth = 0;
-  bool quoted = false;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (quoted) {
-      if (c == '\\') ++i;
-      if (c == '"') quoted = false;
-    } else if (c == '"') {
-      quoted = true;
-    } else if (c == '[' || c == '{') {
-      if (++depth > kMaxDepth) return false;
-    } else if ((c == ']' || c == '}') && depth > 0) {
-      --depth;
-    }
-  }
-  return true;
 }
 
 bool TypeOf(uint64_t component, ScalarType* type) {
@@ -188,7 +170,8 @@ Status GltfDocument::ReadJson(const InputFile& file) {
   }
   Bytes text(size);
   MTDB_ASSIGN_OR_RETURN(const size_t got, file.ReadAt(begin, text));
-  if (got < size || !IsFlat(AsString(text))) return Error("the JSON is damaged");
+  if (got < size || TooDeepAt(AsString(text), kMaxDepth) != std::string_view::npos)
+    return Error("the JSON is damaged");
   json_ = GltfJson::parse(AsString(text), nullptr, false);
   if (json_.is_discarded() || !json_.is_object()) return Error("the JSON is damaged");
   if (!is_binary) return Status::Ok();
