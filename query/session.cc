@@ -233,7 +233,7 @@ Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches
   return Status::Ok();
 }
 
-const Bits& Session::BitsOf(uint32_t cluster) const {
+const Bits& Session::BitsOf(UnitId cluster) const {
   return moving_ == nullptr ? selected_[cluster] : moving_->applied(cluster);
 }
 

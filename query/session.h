@@ -85,7 +85,7 @@ class Session {
               const TakeBatches& take, SessionUpdate* update);
   Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
-  const internal::Bits& BitsOf(uint32_t cluster) const;
+  const internal::Bits& BitsOf(UnitId cluster) const;
   const std::shared_ptr<const Surface> surface_;
   std::unique_ptr<internal::MovingCut> moving_;  // null after an update with a budget
   std::vector<internal::Bits> selected_;  // then: per cluster, empty where no node is applied

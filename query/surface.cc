@@ -85,11 +85,8 @@ Result<Cut> Surface::Select(const Query& query) const {
 
 Result<ExtractStats> Surface::Extract(const Query& query, MeshSink& sink) const {
   return CatchOutOfMemory([&]() -> Result<ExtractStats> {
-    MeshHeader header;
-    header.attributes = record().attributes;
-    header.double_positions = record().double_positions;
-    header.bounds = record().bounds;
-    auto impl = std::make_unique<CutImpl>(shared_from_this(), query, sink.LargestRounding(header));
+    auto impl = std::make_unique<CutImpl>(shared_from_this(), query,
+                                          sink.LargestRounding(CutImpl::HeaderOf(record())));
     MTDB_RETURN_IF_ERROR(impl->Select());
     MTDB_RETURN_IF_ERROR(impl->Emit(sink));
     return impl->stats();

@@ -163,7 +163,7 @@ class ClusterCache {
   // for.
   std::shared_ptr<Batch> Ask(std::span<const UnitId> units, const ClientPtr& client, bool ahead,
                              Lock& lock);
-  // Whoever wants the units of `ahead` soon, and their missing parents.
+  // For whoever wants these units soon: asks for them and their missing parents.
   void AskAhead(std::span<const UnitId> units, const ClientPtr& client, Lock& lock);
   void Arrive(Batch& batch, UnitId unit, Result<Bytes> payload);
   // A unit of which nothing is on its way any more.

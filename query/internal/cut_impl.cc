@@ -29,6 +29,14 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query, dou
       root_numbers_(index_.root_vertices()),
       reader_(surface_->cache(), {query.control, query.max_bytes}) {}
 
+MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
+  MeshHeader header;
+  header.attributes = record.attributes;
+  header.double_positions = record.double_positions;
+  header.bounds = record.bounds;
+  return header;
+}
+
 bool CutImpl::WantsEverything() const {
   const bool whole = query_.region == nullptr || query_.region->whole();
   const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
@@ -62,13 +70,7 @@ void CutImpl::FillStats() {
   const ObjectRecord& record = surface_->record();
   stats_.clusters_total = index_.cluster_count();
   reader_.FillStats(&stats_);
-  stats_.error_bound =
-      BoundOf(record.grid, outcome_.active.largest_code, rounding_ + sink_rounding_);
-  if (!everything_ && !clip_ && query_.region != nullptr) {
-    stats_.error_bound_outside =
-        BoundOf(record.grid, LargestCodeLeft(), rounding_ + sink_rounding_);
-  }
-  stats_.shortfall = outcome_.active.shortfall;
+  SetBounds(sink_rounding_);
   if (everything_) {
     stats_.triangles = stats_.active_triangles = record.triangles;
     stats_.vertices = record.vertices;
@@ -111,7 +113,7 @@ uint8_t CutImpl::LargestCodeLeft() const {
   return largest;
 }
 
-void CutImpl::AddSinkRounding(double rounding) {
+void CutImpl::SetBounds(double rounding) {
   const ObjectRecord& record = surface_->record();
   if (!everything_ && !clip_ && query_.region != nullptr) {
     stats_.error_bound_outside = BoundOf(record.grid, LargestCodeLeft(), rounding_ + rounding);
@@ -237,10 +239,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   const double load_before = stats_.seconds.load;
   const ObjectRecord& record = surface_->record();
   if (everything_ && !numbered_) MTDB_RETURN_IF_ERROR(NumberVertices());
-  MeshHeader header;
-  header.attributes = record.attributes;
-  header.double_positions = record.double_positions;
-  header.bounds = record.bounds;
+  MeshHeader header = HeaderOf(record);
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
   std::vector<Vec3f> normals;
@@ -261,7 +260,7 @@ Status CutImpl::Emit(MeshSink& sink) {
                    std::to_string(out.vertices()) + " and " + std::to_string(out.triangles()));
   }
   MTDB_RETURN_IF_ERROR(sink.End());
-  AddSinkRounding(sink.rounding());
+  SetBounds(sink.rounding());
   reader_.FillStats(&stats_);
   stats_.seconds.emit += watch.Seconds() - (stats_.seconds.load - load_before);
   return Status::Ok();
@@ -382,7 +381,6 @@ void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> 
 }
 
 void CutImpl::FindCreators(const LoadedUnit& unit) {
-  constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
   const Cluster& cluster = unit.cluster;
   const uint32_t first_own = unit.first_own_slot();
   creators_.resize(std::max<size_t>(creators_.size(), unit.own_slots() + kLongStar));
@@ -435,7 +433,7 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
   MTDB_RETURN_IF_ERROR(ForEachUnit(
       [&](const LoadedUnit& unit) {
         NumberOwn(unit);
-        const uint32_t external = static_cast<uint32_t>(numbers_.size()) - unit.nodes();
+        const uint32_t external = unit.cluster.external_vertices();
         const std::vector<Vec3i>& positions = unit.positions();
         const std::span<const uint64_t> slots = everything_ ? std::span<const uint64_t>(unit.drain)
                                                             : cut_.Find(unit.id)->present.words();

@@ -34,6 +34,8 @@ class CutImpl {
   };
 
  public:
+  // Of the mesh of any query, without its counts.
+  static MeshHeader HeaderOf(const ObjectRecord& record);
   // The threshold is kept when whoever takes the mesh moves its vertices by up to `sink_rounding`.
   CutImpl(std::shared_ptr<const Surface> surface, const Query& query, double sink_rounding);
 
@@ -47,8 +49,9 @@ class CutImpl {
   bool WantsEverything() const;
   void FillStats();
   uint8_t LargestCodeLeft() const;
-  // Puts what the sink has moved vertices by into the bound, in place of what was expected.
-  void AddSinkRounding(double rounding);
+  // What the answer promises when the sink moves vertices by up to `rounding`, whatever was
+  // expected.
+  void SetBounds(double rounding);
   // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
   // one at a time, and none when `after` has it sent.
   template <typename F, typename After>

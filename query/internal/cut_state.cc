@@ -151,10 +151,10 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   }
 }
 
-Result<NodeIndex> CutState::RemoverOf(const LoadedUnit& unit, const Arc& arc) const {
+Result<uint32_t> CutState::InSlotOf(const LoadedUnit& unit, const Arc& arc) const {
   const uint32_t slot = unit.FindInSlot(arc.parent, arc.slot);
   if (slot == kNone32) return Inconsistent(unit.id, "an arc to it does not arrive");
-  return unit.cluster.removers[slot];
+  return slot;
 }
 
 void CutState::Keep(CutUnit& u) {

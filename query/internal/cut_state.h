@@ -84,6 +84,7 @@ class CutState {
   const ClusterIndex& index() const { return index_; }
   const Counts& counts() const { return counts_; }
   bool remembers() const { return remembers_; }
+  // Of a node of the unit.
   uint8_t LargestCode(UnitId unit) const { return index_.unit(unit).error_code_max; }
   std::span<const UnitId> open() const { return open_; }
   CutUnit* Find(UnitId unit) const { return units_[unit].get(); }
@@ -124,8 +125,8 @@ class CutState {
     counts_.triangles += triangles;
   }
 
-  // The in-triangle of an arc, by the node that removes it.
-  Result<NodeIndex> RemoverOf(const LoadedUnit& unit, const Arc& arc) const;
+  // The in-slot of `unit` that an arc to it arrives at.
+  Result<uint32_t> InSlotOf(const LoadedUnit& unit, const Arc& arc) const;
   // Errors by code: `n` present in-triangles of a node of a looked-at unit have come; all present
   // ones of a unit that is looked at from now on, or not any more.
   void CountArrival(const LoadedUnit& unit, NodeIndex node, int n) {

@@ -33,7 +33,7 @@ double GoodMargin(const ErrorRange& range) {
 void Deadlines::Begin(const Judge& judge, const ClusterIndex& index, MovingUnit& u) {
   UnitDeadlines& d = u.deadlines;
   d.box = judge.ModelBox(index.unit(u.id).bounds);
-  d.reach = judge.Bound(judge.LargestCode(u.id));
+  d.reach = judge.Reach(u.id);
   d.range = judge.RangeIn(d.box, d.reach);
   d.activity = judge.ActivityIn(d.box, d.reach);
   d.stale = false;

@@ -44,12 +44,12 @@ Triangle3d Judge::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creat
           grid_.Position(positions[corners[2]])};
 }
 
-uint8_t Judge::LargestCode(UnitId unit) const {
+double Judge::Reach(UnitId unit) const {
   uint8_t largest = index_.unit(unit).error_code_max;
   for (const UnitId child : index_.children(unit)) {
     largest = std::max(largest, index_.unit(child).error_code_max);
   }
-  return largest;
+  return Bound(largest);
 }
 
 }  // namespace mtdb::internal

@@ -75,8 +75,8 @@ class Judge {
     return {grid_.Position(box.min), grid_.Position(box.max)};
   }
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
-  // The largest code of a triangle that the unit creates or removes.
-  uint8_t LargestCode(UnitId unit) const;
+  // The largest bound of a triangle that the unit creates or removes.
+  double Reach(UnitId unit) const;
 
  private:
   const ClusterIndex& index_;

@@ -22,6 +22,8 @@ struct SlotOrigin {
   uint32_t creator = 0;  // as LoadedUnit::creator() says
 };
 
+constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
+
 // Immutable once loaded; safe for many threads.
 struct LoadedUnit {
   UnitId id = 0;

@@ -28,7 +28,7 @@ struct UnitDeadlines {
   bool stale = true;  // all have passed
   Activity activity = Activity::kNone;
   Box3d box;
-  double reach = 0;  // the largest bound of a triangle that the unit creates or removes
+  double reach = 0;  // Judge::Reach
   ErrorRange range;  // of the threshold's Min in the box
   // Bounds of the sum of all changes of Min in the box since the deadlines began.
   double low = 0, high = 0;
@@ -78,8 +78,8 @@ class MovingUnits final : public CutState {
   template <typename F>
   Status ForEachArrival(MovingUnit& u, const LoadedUnit& unit, F&& f) {
     for (const Arc& arc : u.arrivals) {
-      MTDB_ASSIGN_OR_RETURN(const NodeIndex node, RemoverOf(unit, arc));
-      f(node);
+      MTDB_ASSIGN_OR_RETURN(const uint32_t slot, InSlotOf(unit, arc));
+      f(unit.cluster.removers[slot]);
     }
     u.arrivals.clear();
     return Status::Ok();

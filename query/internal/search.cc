@@ -98,8 +98,7 @@ Status Search::LookAt(CutUnit& u) {
     return Status::Ok();
   }
   for (const Arc& arc : u.arrivals) {
-    const uint32_t slot = unit->FindInSlot(arc.parent, arc.slot);
-    if (slot == kNone32) return cut_.Inconsistent(u.id, "an arc to it does not arrive");
+    MTDB_ASSIGN_OR_RETURN(const uint32_t slot, cut_.InSlotOf(*unit, arc));
     examine(slot);
   }
   u.arrivals.clear();

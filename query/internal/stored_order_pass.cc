@@ -4,11 +4,6 @@
 #include <span>
 
 namespace mtdb::internal {
-namespace {
-
-constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
-
-}  // namespace
 
 uint64_t StoredOrderPass::Run(CutUnit& u, const LoadedUnit& unit) {
   u_ = &u;

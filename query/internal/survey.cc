@@ -35,10 +35,10 @@ Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
       continue;
     }
     const Box3d box = judge_.ModelBox(cut_.index().unit(id).bounds);
-    const double bound = judge_.Bound(judge_.LargestCode(id));
-    In in{judge_.ActivityIn(box, bound), -std::numeric_limits<double>::infinity()};
+    const double reach = judge_.Reach(id);
+    In in{judge_.ActivityIn(box, reach), -std::numeric_limits<double>::infinity()};
     if (in.activity == Activity::kNone) continue;
-    if (falls_short_ && judge_.asked() != nullptr) in.least = judge_.asked()->Range(box, bound).low;
+    if (falls_short_ && judge_.asked() != nullptr) in.least = judge_.asked()->Range(box, reach).low;
     MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
       SurveyUnit(u, unit, in);
       return Status::Ok();

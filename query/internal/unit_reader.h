@@ -33,9 +33,9 @@ class UnitReader {
   // crowded(): Release, WaitForRoom, and take the step again. Room is what the units that it holds
   // take, and the most that loading one of them into an empty cache takes beside; so which units a
   // reader may hold, with the cache for itself, is told from the units alone. Errors: those of
-  // ClusterCache::Get,
-  // kCancelled, kBudgetExceeded when the unit and what is held do not fit the cache, when max_bytes
-  // would be exceeded (out_of_bytes) and when the deadline is over (out_of_time).
+  // ClusterCache::Get; kCancelled; kBudgetExceeded when the unit and what is held do not fit the
+  // cache, when max_bytes would be exceeded (out_of_bytes) and when the deadline is over
+  // (out_of_time).
   Result<const LoadedUnit*> Get(UnitId unit);
   // Lets go of all units.
   void Release();
