@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "store/base/hash.h"
+#include "store/base/posix_file.h"
 
 namespace mtdb::internal {
 
@@ -121,28 +122,14 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   return !r.failed() && r.remaining() == 0;
 }
 
-// Reads up to `size` bytes; fewer at the end of the file only. Negative: errno.
-ssize_t ReadAt(int file, uint64_t at, void* data, size_t size) {
-  size_t done = 0;
-  while (done < size) {
-    const ssize_t n = pread(file, static_cast<std::byte*>(data) + done, size - done,
-                            static_cast<off_t>(at + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return -errno;
-    if (n == 0) break;
-    done += static_cast<size_t>(n);
-  }
-  return static_cast<ssize_t>(done);
-}
-
 enum class Found { kHeader, kNothingWhole, kOtherVersion, kUnreadable };
 
 // Reads the header; `*error` is errno when the file is unreadable.
 Found ReadHeader(int file, Header* header, int* error) {
   Bytes bytes(kFixedHeaderBytes + kMaxNoteBytes);
-  const ssize_t n = ReadAt(file, 0, bytes.data(), bytes.size());
+  const ssize_t n = ReadFully(file, 0, bytes.data(), bytes.size());
   if (n < 0) {
-    *error = static_cast<int>(-n);
+    *error = errno;
     return Found::kUnreadable;
   }
   bytes.resize(static_cast<size_t>(n));
@@ -279,26 +266,26 @@ Journal::~Journal() {
 }
 
 Status Journal::Error(const char* what, int error) const {
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  return Status(full ? StatusCode::kNoSpace : StatusCode::kIoError,
-                path_ + ": journal " + what + ": " + std::strerror(error) +
-                    (full ? "; free some space, then go on with --resume" : ""));
+  const StatusCode code = FileErrorCode(error);
+  const bool full = code == StatusCode::kNoSpace;
+  return Status(code, path_ + ": journal " + what + ": " + std::strerror(error) +
+                          (full ? "; free some space, then go on with --resume" : ""));
 }
 
 Result<std::optional<TileOutcome>> Journal::Next() {
   if (!reading_) return std::optional<TileOutcome>();
   std::byte header[kRecordHeaderBytes];
   if (size_ - at_ >= kRecordHeaderBytes) {
-    const ssize_t n = ReadAt(file_, at_, header, kRecordHeaderBytes);
-    if (n < 0) return Error("cannot be read", static_cast<int>(-n));
+    const ssize_t n = ReadFully(file_, at_, header, kRecordHeaderBytes);
+    if (n < 0) return Error("cannot be read", errno);
     uint64_t length = 0;
     uint64_t checksum = 0;
     std::memcpy(&length, header, sizeof(length));
     std::memcpy(&checksum, header + sizeof(length), sizeof(checksum));
     if (n == kRecordHeaderBytes && length <= size_ - at_ - kRecordHeaderBytes) {
       Bytes bytes(length);
-      const ssize_t m = ReadAt(file_, at_ + kRecordHeaderBytes, bytes.data(), length);
-      if (m < 0) return Error("cannot be read", static_cast<int>(-m));
+      const ssize_t m = ReadFully(file_, at_ + kRecordHeaderBytes, bytes.data(), length);
+      if (m < 0) return Error("cannot be read", errno);
       std::optional<TileOutcome> outcome(std::in_place);
       if (static_cast<uint64_t>(m) == length && Hash64(bytes, chain_) == checksum &&
           GetOutcome(bytes, &*outcome)) {
@@ -327,16 +314,9 @@ Status Journal::Append(const TileOutcome& outcome) {
 }
 
 Status Journal::Write(ByteSpan bytes) {
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n =
-        pwrite(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(at_ + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return Error("cannot be written", n == 0 ? EIO : errno);
-    done += static_cast<size_t>(n);
-  }
-  at_ += done;
-  unsynced_ += done;
+  if (!WriteFully(file_, at_, bytes.data(), bytes.size())) return Error("cannot be written", errno);
+  at_ += bytes.size();
+  unsynced_ += bytes.size();
   return unsynced_ >= kSyncBytes ? Sync() : Status::Ok();
 }
 

@@ -1,20 +1,20 @@
 #include "builder/internal/spool.h"
 
 #include <cerrno>
-#include <cstdlib>
-#include <fcntl.h>
 #include <unistd.h>
 #include <utility>
+
+#include "store/base/posix_file.h"
 
 namespace mtdb::internal {
 
 namespace {
 
 Status FileError(const std::string& directory, const char* what, int error) {
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  return Status(full ? StatusCode::kNoSpace : StatusCode::kIoError,
-                directory + ": temporary file: " + what + ": " + std::strerror(error) +
-                    (full ? "; free some space, or name another folder with --tmp" : ""));
+  const StatusCode code = FileErrorCode(error);
+  const bool full = code == StatusCode::kNoSpace;
+  return Status(code, directory + ": temporary file: " + what + ": " + std::strerror(error) +
+                          (full ? "; free some space, or name another folder with --tmp" : ""));
 }
 
 }  // namespace
@@ -78,28 +78,18 @@ Status Spool::NextChunk() {
 }
 
 Status Spool::CreateFile() {
-  file_ = open(space_->directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (file_ < 0) {  // a file system without O_TMPFILE
-    std::string name = space_->directory + "/mtdb-" + std::string(6, 'X');
-    file_ = mkostemp(name.data(), O_CLOEXEC);
-    if (file_ < 0) return FileError(space_->directory, "create", errno);
-    unlink(name.c_str());
-  }
-  return Status::Ok();
+  file_ = OpenNamelessFile(space_->directory, "mtdb-");
+  return file_ >= 0 ? Status::Ok() : FileError(space_->directory, "create", errno);
 }
 
 Status Spool::Flush(size_t last_bytes) {
   for (const auto& chunk : chunks_) {
     const size_t size = &chunk == &chunks_.back() ? last_bytes : kChunk;
-    for (size_t done = 0; done < size;) {
-      const ssize_t n =
-          pwrite(file_, chunk.get() + done, size - done, static_cast<off_t>(written_));
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) return FileError(space_->directory, "write", n == 0 ? EIO : errno);
-      done += static_cast<size_t>(n);
-      written_ += static_cast<size_t>(n);
-      space_->file_bytes += static_cast<size_t>(n);
+    if (!WriteFully(file_, written_, chunk.get(), size)) {
+      return FileError(space_->directory, "write", errno);
     }
+    written_ += size;
+    space_->file_bytes += size;
   }
   return Status::Ok();
 }
@@ -126,15 +116,9 @@ Status Spool::Read(uint64_t offset, void* data, size_t size) const {
     }
     return Status::Ok();
   }
-  while (size > 0) {
-    const ssize_t n = pread(file_, to, size, static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return FileError(space_->directory, "read", n == 0 ? EIO : errno);
-    to += n;
-    offset += static_cast<uint64_t>(n);
-    size -= static_cast<size_t>(n);
-  }
-  return Status::Ok();
+  const ssize_t n = ReadFully(file_, offset, to, size);
+  if (n == static_cast<ssize_t>(size)) return Status::Ok();
+  return FileError(space_->directory, "read", n < 0 ? errno : EIO);
 }
 
 bool SpoolReader::Refill(size_t size) {

@@ -13,6 +13,8 @@
 #include <system_error>
 #include <unistd.h>
 
+#include "store/base/posix_file.h"
+
 namespace mtdb {
 namespace {
 
@@ -23,7 +25,7 @@ Status WriteError(const std::string& path, int error) {
   std::string message = path + ": cannot be written: " + ErrorText(error);
   // Whoever reads the pipe has had enough.
   if (error == EPIPE) return {StatusCode::kCancelled, message};
-  if (error == ENOSPC || error == EDQUOT || error == EFBIG) {
+  if (FileErrorCode(error) == StatusCode::kNoSpace) {
     return {StatusCode::kNoSpace, message + "; make room or choose another place"};
   }
   return IoError(std::move(message));

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "store/base/posix_file.h"
 #include "store/internal/sync_folder.h"
 
 namespace mtdb::internal {
@@ -17,9 +18,7 @@ constexpr int kTries = 100;
 
 Status Failure(const std::string& path, const char* doing) {
   const int error = errno;
-  std::string message = path + ": " + doing + ": " + std::strerror(error);
-  if (error == ENOSPC || error == EDQUOT) return {StatusCode::kNoSpace, std::move(message)};
-  return IoError(std::move(message));
+  return {FileErrorCode(error), path + ": " + doing + ": " + std::strerror(error)};
 }
 
 void RemoveLockFile(const std::string& store) { (void)::unlink((store + "-lock").c_str()); }

@@ -6,6 +6,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "store/base/posix_file.h"
+
 namespace mtdb::internal {
 
 StoreFile::StoreFile(std::string path, int descriptor)
@@ -48,21 +50,15 @@ Result<uint64_t> StoreFile::Size() const {
 }
 
 Status StoreFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
-  size_t done = 0;
-  while (done < out.size()) {
-    const ssize_t n = ::pread(descriptor_, out.data() + done, out.size() - done,
-                              static_cast<off_t>(offset + done));
-    if (n < 0) {
-      if (errno == EINTR) continue;
-      return IoError(path_ + ": offset " + std::to_string(offset) +
-                     ": cannot read: " + std::strerror(errno));
-    }
-    if (n == 0) {
-      return Corrupt(path_ + ": the file ends at byte " + std::to_string(offset + done) + ", but " +
-                     std::to_string(out.size()) + " bytes were expected at " +
-                     std::to_string(offset) + "; it was truncated: restore it from a copy");
-    }
-    done += static_cast<size_t>(n);
+  const ssize_t n = ReadFully(descriptor_, offset, out.data(), out.size());
+  if (n < 0) {
+    return IoError(path_ + ": offset " + std::to_string(offset) +
+                   ": cannot read: " + std::strerror(errno));
+  }
+  if (const uint64_t end = offset + static_cast<uint64_t>(n); end < offset + out.size()) {
+    return Corrupt(path_ + ": the file ends at byte " + std::to_string(end) + ", but " +
+                   std::to_string(out.size()) + " bytes were expected at " +
+                   std::to_string(offset) + "; it was truncated: restore it from a copy");
   }
   bytes_read_.fetch_add(out.size(), std::memory_order_relaxed);
   return Status::Ok();

@@ -8,6 +8,8 @@
 #include <system_error>
 #include <unistd.h>
 
+#include "store/base/posix_file.h"
+
 namespace mtdb::internal {
 namespace {
 
@@ -50,19 +52,10 @@ Result<std::unique_ptr<InputFile>> InputFile::Take(int descriptor, const std::st
 InputFile::~InputFile() { ::close(descriptor_); }
 
 Result<size_t> InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
-  size_t done = 0;
-  while (done < out.size()) {
-    const ssize_t n = ::pread(descriptor_, out.data() + done, out.size() - done,
-                              static_cast<off_t>(offset + done));
-    if (n == 0) break;
-    if (n < 0) {
-      if (errno == EINTR) continue;
-      return IoError(path_ + ": byte " + std::to_string(offset + done) +
-                     ": cannot be read: " + ErrorText(errno));
-    }
-    done += static_cast<size_t>(n);
-  }
-  return done;
+  const ssize_t n = ReadFully(descriptor_, offset, out.data(), out.size());
+  if (n >= 0) return static_cast<size_t>(n);
+  return IoError(path_ + ": " + std::to_string(out.size()) + " bytes at byte " +
+                 std::to_string(offset) + ": cannot be read: " + ErrorText(errno));
 }
 
 BlockReader::BlockReader(const InputFile& file, uint64_t offset)

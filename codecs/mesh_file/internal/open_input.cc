@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
 #include <sys/stat.h>
@@ -13,6 +12,7 @@
 #include <zlib.h>
 
 #include "store/base/bytes.h"
+#include "store/base/posix_file.h"
 
 namespace mtdb::internal {
 
@@ -37,24 +37,11 @@ class Descriptor {
 };
 
 Status TemporaryFileError(const std::string& folder, int error) {
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  return {full ? StatusCode::kNoSpace : StatusCode::kIoError,
-          folder + ": temporary file: " + std::generic_category().message(error) +
-              (full ? "; free some space, or name another folder for temporary files"
-                    : "; name another folder for temporary files")};
-}
-
-// Has no name, so that nothing is left of a process that dies.
-Result<int> NamelessFile(const std::string& folder) {
-#ifdef O_TMPFILE
-  const int nameless = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (nameless >= 0) return nameless;
-#endif
-  std::string name = folder + "/mtdb-input-XXXXXX";
-  const int named = ::mkstemp(name.data());
-  if (named < 0) return TemporaryFileError(folder, errno);
-  ::unlink(name.c_str());
-  return named;
+  const StatusCode code = FileErrorCode(error);
+  const bool full = code == StatusCode::kNoSpace;
+  return {code, folder + ": temporary file: " + std::generic_category().message(error) +
+                    (full ? "; free some space, or name another folder for temporary files"
+                          : "; name another folder for temporary files")};
 }
 
 // Reads on from where a descriptor stands.
@@ -190,8 +177,8 @@ Result<std::unique_ptr<InputFile>> CopyOf(int descriptor, const std::string& pat
   std::error_code error;
   const std::string folder =
       tmp_directory.empty() ? std::filesystem::temp_directory_path(error).string() : tmp_directory;
-  MTDB_ASSIGN_OR_RETURN(const int file, NamelessFile(folder.empty() ? "/tmp" : folder));
-  Descriptor copy(file);
+  Descriptor copy(OpenNamelessFile(folder.empty() ? "/tmp" : folder, "mtdb-input-"));
+  if (copy.get() < 0) return TemporaryFileError(folder, errno);
   Source source(descriptor, path);
   const Target target(copy.get(), folder);
   MTDB_RETURN_IF_ERROR(source.Begin(2));

@@ -6,6 +6,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include "store/base/posix_file.h"
+
 namespace mtdb::internal {
 namespace {
 
@@ -41,10 +43,10 @@ PlyStreamWriter::~PlyStreamWriter() {
 
 Status PlyStreamWriter::Error(const char* action) const {
   const int error = errno;
-  const bool full = error == ENOSPC || error == EDQUOT;
-  return Status(full ? StatusCode::kNoSpace : StatusCode::kIoError,
-                path_ + ": cannot " + action + ": " + std::strerror(error) +
-                    (full ? "; free some space or write elsewhere" : ""));
+  const StatusCode code = FileErrorCode(error);
+  const bool full = code == StatusCode::kNoSpace;
+  return Status(code, path_ + ": cannot " + action + ": " + std::strerror(error) +
+                          (full ? "; free some space or write elsewhere" : ""));
 }
 
 Status PlyStreamWriter::Open(const std::string& path, int* fd) const {

@@ -1,12 +1,12 @@
 #include "tools/server/internal/anonymous_file.h"
 
 #include <cerrno>
-#include <cstdlib>
-#include <fcntl.h>
 #include <filesystem>
 #include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
+
+#include "store/base/posix_file.h"
 
 namespace mtdb::internal {
 
@@ -14,30 +14,17 @@ namespace {
 
 constexpr const char* kPrefix = "mtdb-unnamed-";
 
-// A name, and at once none.
-int CreateAndUnlink(const std::string& folder) {
-  std::string path = folder + "/" + kPrefix + "XXXXXX";
-  const int descriptor = ::mkostemp(path.data(), O_CLOEXEC);
-  const int error = errno;
-  if (descriptor >= 0) ::unlink(path.c_str());
-  errno = error;
-  return descriptor;
-}
-
 }  // namespace
 
 Result<AnonymousFile> AnonymousFile::Create(const std::string& folder) {
   AnonymousFile file;
-#ifdef O_TMPFILE
-  file.descriptor_ =
-      TEMP_FAILURE_RETRY(::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
-#endif
-  if (file.descriptor_ < 0) file.descriptor_ = CreateAndUnlink(folder);
+  file.descriptor_ = OpenNamelessFile(folder, kPrefix);
   if (file.descriptor_ >= 0) return file;
   const int error = errno;
   std::string message =
       folder + ": no temporary file can be made there: " + std::generic_category().message(error);
-  const bool full = error == ENOSPC || error == EDQUOT || error == EMFILE || error == ENFILE;
+  const bool full =
+      FileErrorCode(error) == StatusCode::kNoSpace || error == EMFILE || error == ENFILE;
   return full ? Status(StatusCode::kNoSpace, std::move(message)) : IoError(std::move(message));
 }
 
