@@ -10,15 +10,12 @@
 #include <optional>
 #include <string>
 #include <sys/statvfs.h>
-#include <thread>
 #include <utility>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
 
-#include "builder/internal/attribute_sink.h"
 #include "builder/internal/build_with.h"
-#include "builder/internal/check_options.h"
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
 #include "builder/internal/grid_choice.h"
@@ -26,6 +23,7 @@
 #include "builder/internal/journal.h"
 #include "builder/internal/memory_plan.h"
 #include "builder/internal/ordered_pipeline.h"
+#include "builder/internal/read_mesh.h"
 #include "builder/internal/root_writer.h"
 #include "builder/internal/round_level.h"
 #include "builder/internal/tile_cluster.h"
@@ -70,8 +68,6 @@ class Builder {
         progress_(progress),
         report_(report),
         make_decimator_(make_decimator) {
-    threads_ =
-        options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     space_.directory = options.tmp_directory;
   }
 
@@ -90,7 +86,6 @@ class Builder {
 
  private:
   Result<ObjectRecord> Build(const MeshProducer& input) {
-    MTDB_RETURN_IF_ERROR(CheckBuildOptions(options_));
     std::unique_ptr<TriangleSorter> sorter;
     MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
     const double total = static_cast<double>(record_.triangles);
@@ -172,27 +167,17 @@ class Builder {
   Status ReadInput(const MeshProducer& produce, std::unique_ptr<TriangleSorter>* sorter) {
     MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
     InputSpool input(&space_, 0, options_.mode == PositionMode::kLossless);
-    if (options_.weld) input.Weld(*options_.weld);
-    AttributeSink attributes(&options_, &input, [&](const MeshHeader& header) {
-      MTDB_ASSIGN_OR_RETURN(const MemoryPlan plan,
-                            PlanMemory(options_, threads_, header.attributes));
-      threads_ = plan.threads;
-      ahead_ = plan.ahead;
-      memory_ = plan.spool_bytes;
-      decimators_.resize(threads_);
-      for (auto& decimator : decimators_) decimator = make_decimator_();
-      input.SetMemory(memory_ / 4);
-      return Status::Ok();
-    });
-    MTDB_RETURN_IF_ERROR(produce(attributes));
+    MemoryPlan plan;
+    MTDB_ASSIGN_OR_RETURN(MeshSurvey survey, ReadMesh(produce, options_, &input, &plan));
+    threads_ = plan.threads;
+    ahead_ = plan.ahead;
+    memory_ = plan.spool_bytes;
+    decimators_.resize(threads_);
+    for (auto& decimator : decimators_) decimator = make_decimator_();
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
-    MeshSurvey survey = SurveyOf(input);
-    survey.temporary_bytes =
-        TemporaryBytes(options_, input.triangles(), input.row_bytes(), memory_);
     MTDB_RETURN_IF_ERROR(CheckDisk(survey.temporary_bytes));
     MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
     ReturnFreedMemory();
-    survey.store_bytes = EstimateStoreBytes(survey);
     record_.grid = survey.grid;
     record_.bits = survey.bits;
     if (report_ != nullptr) report_->survey = std::move(survey);

@@ -25,13 +25,6 @@ Status LoadRows(const CornerTable& table, uint64_t first, uint64_t count, Bytes*
   return Status::Ok();
 }
 
-// The next triangle's row numbers; null when reading failed.
-const std::byte* NextTriangle(SpoolReader& reader, std::array<uint32_t, 3>* triangle) {
-  const std::byte* bytes = reader.Next(kTriangleBytes);
-  if (bytes != nullptr) std::memcpy(triangle->data(), bytes, kTriangleBytes);
-  return bytes;
-}
-
 Status GatherInMemory(const Spool& triangles, const CornerTable& table,
                       const CornersReceiver& receive) {
   Bytes rows;
@@ -39,7 +32,7 @@ Status GatherInMemory(const Spool& triangles, const CornerTable& table,
   SpoolReader reader(&triangles);
   std::array<uint32_t, 3> t;
   for (uint64_t left = triangles.size() / kTriangleBytes; left > 0; --left) {
-    if (NextTriangle(reader, &t) == nullptr) return reader.status();
+    if (!reader.Get(&t)) return reader.status();
     MTDB_RETURN_IF_ERROR(
         receive(t, {rows.data() + t[0] * table.bytes, rows.data() + t[1] * table.bytes,
                     rows.data() + t[2] * table.bytes}));
@@ -81,7 +74,7 @@ class Gather {
     SpoolReader reader(&triangles_);
     std::array<uint32_t, 3> t;
     for (uint64_t left = triangles_.size() / kTriangleBytes; left > 0; --left) {
-      if (NextTriangle(reader, &t) == nullptr) return reader.status();
+      if (!reader.Get(&t)) return reader.status();
       for (const uint32_t row : t) {
         MTDB_RETURN_IF_ERROR(questions_[row >> range_bits_].Append(&row, sizeof(row)));
       }
@@ -96,10 +89,8 @@ class Gather {
     MTDB_RETURN_IF_ERROR(LoadRows(table_, first, count, &rows_));
     SpoolReader reader(&questions_[r]);
     while (reader.remaining() != 0) {
-      const std::byte* bytes = reader.Next(sizeof(uint32_t));
-      if (bytes == nullptr) return reader.status();
       uint32_t row = 0;
-      std::memcpy(&row, bytes, sizeof(row));
+      if (!reader.Get(&row)) return reader.status();
       MTDB_RETURN_IF_ERROR(
           answers_[r].Append(rows_.data() + (row - first) * table_.bytes, table_.bytes));
     }
@@ -117,7 +108,7 @@ class Gather {
     // Copied: corners of one range share a reader, whose answers do not outlive the next one.
     Bytes rows(3 * table_.bytes);
     for (uint64_t left = triangles_.size() / kTriangleBytes; left > 0; --left) {
-      if (NextTriangle(reader, &t) == nullptr) return reader.status();
+      if (!reader.Get(&t)) return reader.status();
       for (size_t c = 0; c < 3; ++c) {
         SpoolReader& from = answers[t[c] >> range_bits_];
         const std::byte* row = from.Next(table_.bytes);

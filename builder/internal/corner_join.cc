@@ -226,10 +226,8 @@ class Join {
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
-      const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
-      if (bytes == nullptr) return reader.status();
       std::array<uint32_t, 3> v;
-      std::memcpy(v.data(), bytes, sizeof(v));
+      if (!reader.Get(&v)) return reader.status();
       for (size_t c = 0; c < 3; ++c) {
         const Corner corner{v[c], v[(c + 1) % 3], v[(c + 2) % 3]};
         MTDB_RETURN_IF_ERROR(
@@ -333,14 +331,14 @@ class Join {
     const size_t block_size = block_triangles();
     TriangleBlock out;
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
-      const std::byte* bytes = reader.Next(InputSpool::kTriangleBytes);
-      if (bytes == nullptr) return reader.status();
+      std::array<uint32_t, 3> vertices;
+      if (!reader.Get(&vertices)) return reader.status();
       if (out.triangles.empty()) {
         out.triangles.reserve(block_size);
         out.rows.reserve(3 * row * block_size);
       }
       TileTriangle& triangle = out.triangles.emplace_back();
-      std::memcpy(triangle.vertices.data(), bytes, InputSpool::kTriangleBytes);
+      triangle.vertices = vertices;
       uint64_t all = 0;
       for (size_t c = 0; c < 3; ++c) {
         SpoolReader& from = answers[triangle.vertices[c] >> range_bits_];

@@ -76,6 +76,7 @@ class Decimator final : public TileDecimator {
         edge_errors;  // of triangle t's edge (first, last); t > 0
   };
 
+  void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
   void Evaluate(uint32_t v);
   bool FillSeen();
   void Keep(uint32_t v);
@@ -101,15 +102,21 @@ using SurfaceDecimator = Decimator<SurfaceDistance, FreeFilling>;
 extern template class Decimator<SurfaceDistance, FreeFilling>;
 
 template <FillingMeasure Measure, FillingRule Rule>
-TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile, const Grid& grid,
-                                              const DecimateOptions& options) {
-  degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
+void Decimator<Measure, Rule>::Load(std::span<const TileTriangle> tile, const Grid& grid,
+                                    const TileSurface* surface) {
   mesh_.Load(tile, grid);
   if constexpr (Measure::kGoesOn) {
-    measure_.Load(mesh_, tile, options.surface, grid);
+    measure_.Load(mesh_, tile, surface, grid);
   } else {
     measure_.Load(mesh_, tile);
   }
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile, const Grid& grid,
+                                              const DecimateOptions& options) {
+  degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
+  Load(tile, grid, options.surface);
   const uint32_t vertices = mesh_.vertices();
   states_.assign(vertices, Vertex{});
   kept_.resize(vertices);
@@ -157,12 +164,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
 template <FillingMeasure Measure, FillingRule Rule>
 std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileTriangle> tile,
                                                            const Grid& grid) {
-  mesh_.Load(tile, grid);
-  if constexpr (Measure::kGoesOn) {
-    measure_.Load(mesh_, tile, nullptr, grid);
-  } else {
-    measure_.Load(mesh_, tile);
-  }
+  Load(tile, grid, nullptr);
   std::vector<double> guesses;
   for (uint32_t v = 0; v < mesh_.vertices(); ++v) {
     if (!mesh_.locked(v)) guesses.push_back(measure_.FirstGuess(v));

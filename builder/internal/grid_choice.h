@@ -8,11 +8,8 @@
 
 namespace mtdb::internal {
 
-// What a survey says of the input as it came.
-MeshSurvey SurveyOf(const InputSpool& input);
-
-// Sets of `*survey` all that concerns edges and grids, from a pass over the input's triangles. The
-// options' grid is taken when they name one; otherwise:
+// Sets of `*survey` all that concerns edges, grids and the store, from a pass over the input's
+// triangles. The options' grid is taken when they name one; otherwise:
 //
 // 1. The step is at most a quarter of the edges' first percentile, at 16 to 24 bits.
 // 2. Up to four more bits are spent so that no triangle loses its area, and more so that no more
@@ -27,8 +24,5 @@ MeshSurvey SurveyOf(const InputSpool& input);
 // that are too large for double), and those of GatherCorners().
 Status ChooseGrid(const InputSpool& input, const BuildOptions& options, const SpoolSpace* space,
                   size_t memory_bytes, MeshSurvey* survey);
-
-// About what an object takes in a store, from its survey.
-uint64_t EstimateStoreBytes(const MeshSurvey& survey);
 
 }  // namespace mtdb::internal

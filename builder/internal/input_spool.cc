@@ -13,8 +13,6 @@
 namespace mtdb::internal {
 
 namespace {
-// Vertices are numbered in 32 bits while a mesh is built: some 8.5 billion triangles.
-constexpr uint64_t kMaxVertices = 0xfffffffeull;
 
 // Whether `value`, read from text, may be how a program has written `single`: rounded to the last
 // of its digits. Their number is that of the value's, less zeros, of 15 at most.
@@ -89,11 +87,7 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     if (row_bytes_ != 0) {
       MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
     }
-    if (++report_.vertices > kMaxVertices) {
-      return Status(StatusCode::kUnsupported,
-                    "more than 4294967294 vertices in one object; "
-                    "ingest the parts as objects of their own");
-    }
+    if (++report_.vertices > kMaxVertices) return TooManyVertices();
   }
   return Status::Ok();
 }
@@ -111,10 +105,8 @@ Status InputSpool::FindBounds() {
   std::vector<bool> referenced(vertices_, false);
   SpoolReader triangle_reader(&triangle_spool_);
   for (uint64_t left = triangles(); left > 0; --left) {
-    const std::byte* bytes = triangle_reader.Next(kTriangleBytes);
-    if (bytes == nullptr) return triangle_reader.status();
     std::array<uint32_t, 3> t;
-    std::memcpy(t.data(), bytes, kTriangleBytes);
+    if (!triangle_reader.Get(&t)) return triangle_reader.status();
     for (const uint32_t v : t) referenced[v] = true;
   }
   SpoolReader vertex_reader(&vertex_spool_);

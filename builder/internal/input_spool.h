@@ -54,6 +54,7 @@ class InputSpool final : public MeshSink {
 
  private:
   Status AppendTriangle(const std::array<uint32_t, 3>& t);
+  Status FindBounds();
   Status WeldEqual();
   Status WeldNear();
   // Gives the triangles' corners these numbers.
@@ -66,8 +67,6 @@ class InputSpool final : public MeshSink {
   Spool vertex_spool_;
   Spool triangle_spool_;
   InputReport report_;
-  Status FindBounds();
-
   Box3d bounds_;
   Decimals decimals_;
   uint64_t vertices_ = 0;

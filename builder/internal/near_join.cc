@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <numeric>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
+#include "builder/internal/disjoint_sets.h"
 #include "store/base/hash.h"
 #include "store/base/ids.h"
 
@@ -36,24 +36,6 @@ struct Record {
   Vec3d position;
   uint32_t number = 0;
   uint32_t unused = 0;
-};
-
-// Disjoint sets of the numbers 0 .. size - 1; the smallest of a set stands for it.
-class Sets {
- public:
-  explicit Sets(size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0u); }
-  uint32_t Find(uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void Join(uint32_t a, uint32_t b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<uint32_t> parent_;
 };
 
 class NearJoin {
@@ -144,7 +126,7 @@ class NearJoin {
     std::unordered_map<Cell, std::pair<uint32_t, uint32_t>, CellHash> cells;  // last, how many
     cells.reserve(count);
     std::vector<uint32_t> before(count, kNone32);  // of the same cell
-    Sets sets(count);
+    DisjointSets sets(count);
     const double most = input_.tolerance * input_.tolerance;
     for (uint32_t i = 0; i < count; ++i) {
       Cell cell;
@@ -189,7 +171,7 @@ class NearJoin {
     const auto place = [&](uint32_t number) {
       return static_cast<uint32_t>(std::lower_bound(met.begin(), met.end(), number) - met.begin());
     };
-    Sets sets(met.size());
+    DisjointSets sets(met.size());
     for (const Near& n : near_) sets.Join(place(n.first), place(n.second));
     near_ = {};
     std::vector<uint32_t> new_number(met.size());

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <numeric>
 
 #include "codecs/cluster/root_codec.h"
 #include "store/base/hash.h"
@@ -33,21 +32,8 @@ uint32_t RootNumbers::Add(uint32_t vertex) {
 
 uint64_t RootWriter::memory_bytes() const {
   const uint64_t more = 3 * PieceTriangles(attributes_.row_bytes());
-  const uint64_t parents = parent_.capacity() * sizeof(parent_[0]);
   return numbers_.bytes_with(more) + edges_.capacity() * sizeof(edges_[0]) +
-         on_border_.capacity() / 8 +
-         (parent_.size() + more > parent_.capacity() ? 3 * parents : parents);
-}
-
-uint32_t RootWriter::Find(uint32_t v) {
-  while (parent_[v] != v) v = parent_[v] = parent_[parent_[v]];
-  return v;
-}
-
-void RootWriter::Join(uint32_t a, uint32_t b) {
-  a = Find(a);
-  b = Find(b);
-  if (a != b) parent_[std::max(a, b)] = std::min(a, b);
+         on_border_.capacity() / 8 + joined_.bytes_with(more);
 }
 
 Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows) {
@@ -68,7 +54,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     std::array<uint32_t, 3> root;
     for (size_t c = 0; c < 3; ++c) {
       root[c] = numbers_.Add(t.vertices[c]);
-      if (root[c] == parent_.size()) parent_.push_back(root[c]);
+      if (root[c] == joined_.size()) joined_.Add();
       const auto [it, inserted] =
           local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.in.positions.size()));
       if (inserted) {
@@ -85,7 +71,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
       const uint32_t b = root[(c + 1) % 3];
       edges_.emplace_back(std::min(a, b), std::max(a, b));
       on_border_.push_back(t.border_edges >> c & 1);
-      Join(a, b);
+      joined_.Join(a, b);
     }
     uint32_t remover = kDrain;
     if (t.child != kNone32) {
@@ -107,19 +93,20 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
 }
 
 RootTopology RootWriter::Finish() {
-  const auto vertices = static_cast<uint32_t>(parent_.size());
+  const auto vertices = static_cast<uint32_t>(joined_.size());
   topology_.vertices = vertices;
-  for (uint32_t v = 0; v < vertices; ++v) topology_.components += Find(v) == v;
+  for (uint32_t v = 0; v < vertices; ++v) topology_.components += joined_.Find(v) == v;
   // The border's pieces: its edges' ends, joined.
-  std::iota(parent_.begin(), parent_.end(), 0);
+  joined_.Part();
   std::vector<bool> at_border(vertices, false);
   for (size_t e = 0; e < edges_.size(); ++e) {
     if (!on_border_[e]) continue;
     const auto [a, b] = edges_[e];
-    Join(a, b);
+    joined_.Join(a, b);
     at_border[a] = at_border[b] = true;
   }
-  for (uint32_t v = 0; v < vertices; ++v) topology_.border_loops += at_border[v] && Find(v) == v;
+  for (uint32_t v = 0; v < vertices; ++v)
+    topology_.border_loops += at_border[v] && joined_.Find(v) == v;
   std::sort(edges_.begin(), edges_.end());
   const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
   topology_.euler_characteristic =

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "builder/internal/disjoint_sets.h"
 #include "builder/internal/tile.h"
 #include "store/base/attributes.h"
 #include "store/base/status.h"
@@ -76,11 +77,8 @@ class RootWriter {
   RootNumbers numbers_;
   std::vector<std::pair<uint32_t, uint32_t>> edges_;  // of root vertices, smaller first
   std::vector<bool> on_border_;                       // of each edge
-  std::vector<uint32_t> parent_;                      // of root vertices: union-find
+  DisjointSets joined_;                               // of root vertices, by edges
   RootTopology topology_;
-
-  uint32_t Find(uint32_t v);
-  void Join(uint32_t a, uint32_t b);
 };
 
 }  // namespace mtdb::internal

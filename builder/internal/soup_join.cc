@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <string>
 #include <vector>
 
 #include "store/base/geometry.h"
@@ -14,7 +15,6 @@ namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kMaxParts = 256;
-constexpr uint64_t kMaxVertices = 0xfffffffeull;
 
 template <typename Position>
 class SoupJoin {
@@ -41,10 +41,8 @@ class SoupJoin {
       const std::byte* corner = reader.Next(stride());
       if (corner == nullptr) return reader.status();
       SpoolReader& from = numbers[Part(Normalized(corner))];
-      const std::byte* bytes = from.Next(sizeof(uint32_t));
-      if (bytes == nullptr) return from.status();
       uint32_t number = 0;
-      std::memcpy(&number, bytes, sizeof(number));
+      if (!from.Get(&number)) return from.status();
       MTDB_RETURN_IF_ERROR(receive(number));
     }
     return count;
@@ -103,10 +101,8 @@ class SoupJoin {
       slots.assign(std::bit_ceil(corners + corners / 2 + 2), kNone32);
       SpoolReader reader(&positions_[r]);
       for (uint64_t i = 0; i < corners; ++i) {
-        const std::byte* bytes = reader.Next(kCornerBytes);
-        if (bytes == nullptr) return reader.status();
         Position p;
-        std::memcpy(&p, bytes, sizeof(p));
+        if (!reader.Get(&p)) return reader.status();
         size_t slot = HashOfPosition(p) & (slots.size() - 1);
         while (slots[slot] != kNone32 && known[slots[slot]] != p) {
           slot = (slot + 1) & (slots.size() - 1);
@@ -134,17 +130,11 @@ class SoupJoin {
       if (corner == nullptr) return reader.status();
       const Position p = Normalized(corner);
       const uint64_t r = Part(p);
-      const std::byte* bytes = groups[r].Next(sizeof(uint32_t));
-      if (bytes == nullptr) return groups[r].status();
       uint32_t group = 0;
-      std::memcpy(&group, bytes, sizeof(group));
+      if (!groups[r].Get(&group)) return groups[r].status();
       if (group != seen[r]) continue;
       ++seen[r];
-      if (count == kMaxVertices) {
-        return Status(StatusCode::kUnsupported,
-                      "more than 4294967294 vertices in one object; ingest the parts as objects of "
-                      "their own");
-      }
+      if (count == kMaxVertices) return TooManyVertices();
       const auto number = static_cast<uint32_t>(count++);
       MTDB_RETURN_IF_ERROR(vertices->Append(&p, kCornerBytes));
       MTDB_RETURN_IF_ERROR(vertices->Append(corner + kCornerBytes, row_bytes_));
@@ -164,10 +154,8 @@ class SoupJoin {
           first_numbers_[r].Read(0, number_of.data(), number_of.size() * sizeof(uint32_t)));
       SpoolReader reader(&groups_[r]);
       while (reader.remaining() != 0) {
-        const std::byte* bytes = reader.Next(sizeof(uint32_t));
-        if (bytes == nullptr) return reader.status();
         uint32_t group = 0;
-        std::memcpy(&group, bytes, sizeof(group));
+        if (!reader.Get(&group)) return reader.status();
         MTDB_RETURN_IF_ERROR(numbers_[r].Append(&number_of[group], sizeof(uint32_t)));
       }
       groups_[r] = Spool(space_, 0);
@@ -186,6 +174,12 @@ class SoupJoin {
 };
 
 }  // namespace
+
+Status TooManyVertices() {
+  return {StatusCode::kUnsupported,
+          "more than " + std::to_string(kMaxVertices) +
+              " vertices in one object; ingest the parts as objects of their own"};
+}
 
 Result<uint64_t> JoinEqualPositions(const Spool& points, bool doubles, size_t row_bytes,
                                     const SpoolSpace* space, size_t memory_bytes, Spool* vertices,

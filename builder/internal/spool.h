@@ -9,6 +9,7 @@
 #include <cstring>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "store/base/bytes.h"
@@ -80,6 +81,14 @@ class SpoolReader {
     const std::byte* p = buffer_.data() + at_;
     at_ += size;
     return p;
+  }
+  // Likewise, copied; false when the read failed.
+  template <typename T>
+  requires std::is_trivially_copyable_v<T>
+  bool Get(T* value) {
+    const std::byte* p = Next(sizeof(T));
+    if (p != nullptr) std::memcpy(value, p, sizeof(T));
+    return p != nullptr;
   }
   const Status& status() const { return status_; }
 

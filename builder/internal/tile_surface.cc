@@ -9,18 +9,17 @@ namespace mtdb::internal {
 
 namespace {
 
-template <typename T>
-void PutAll(const std::vector<T>& values, ByteWriter& w) {
-  w.PutVarint(values.size());
-  w.PutBytes(std::as_bytes(std::span(values)));
-}
-
-template <typename T>
-void GetAll(ByteReader& r, std::vector<T>& values) {
-  const uint64_t count = r.GetVarint();
-  const ByteSpan bytes = r.GetBytes(count * sizeof(T));
-  values.resize(bytes.size() / sizeof(T));
-  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+// Calls f(list) for all of them, in the order of the bytes.
+template <typename Surface, typename F>
+void ForEachList(Surface& s, F&& f) {
+  f(s.vertices);
+  f(s.positions);
+  f(s.triangles);
+  f(s.errors);
+  f(s.held);
+  f(s.own);
+  f(s.conservative);
+  f(s.curve_errors);
 }
 
 // Puts the surfaces of several clusters together, as far as they lie beneath a tile.
@@ -98,28 +97,22 @@ class Gathering {
 
 Bytes EncodeTileSurface(const TileSurface& surface) {
   ByteWriter w;
-  PutAll(surface.vertices, w);
-  PutAll(surface.positions, w);
-  PutAll(surface.triangles, w);
-  PutAll(surface.errors, w);
-  PutAll(surface.held, w);
-  PutAll(surface.own, w);
-  PutAll(surface.conservative, w);
-  PutAll(surface.curve_errors, w);
+  ForEachList(surface, [&](const auto& list) {
+    w.PutVarint(list.size());
+    w.PutBytes(std::as_bytes(std::span(list)));
+  });
   return w.Take();
 }
 
 TileSurface DecodeTileSurface(ByteSpan bytes) {
   TileSurface surface;
   ByteReader r(bytes);
-  GetAll(r, surface.vertices);
-  GetAll(r, surface.positions);
-  GetAll(r, surface.triangles);
-  GetAll(r, surface.errors);
-  GetAll(r, surface.held);
-  GetAll(r, surface.own);
-  GetAll(r, surface.conservative);
-  GetAll(r, surface.curve_errors);
+  ForEachList(surface, [&](auto& list) {
+    const uint64_t count = r.GetVarint();
+    const ByteSpan raw = r.GetBytes(count * sizeof(list[0]));
+    list.resize(raw.size() / sizeof(list[0]));
+    if (!raw.empty()) std::memcpy(list.data(), raw.data(), raw.size());
+  });
   return surface;
 }
 
