@@ -1,5 +1,6 @@
 #include "bench/internal/draco_peer.h"
 
+#include <draco/compression/decode.h>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -10,12 +11,6 @@
 
 #include "bench/internal/workload.h"
 #include "codecs/mesh_file/mesh_file.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/compression/decode.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb {
 

@@ -2,6 +2,7 @@
 // format rounds.
 #include <catch2/catch.hpp>
 #include <cstring>
+#include <draco/compression/decode.h>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -13,12 +14,6 @@
 #include "tests/support/mesh_distance.h"
 #include "tests/support/read_mesh.h"
 #include "tests/support/temporary_folder.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/compression/decode.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb::testing {
 namespace {

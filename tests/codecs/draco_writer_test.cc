@@ -1,17 +1,12 @@
 // Draco's own decoder is the oracle of the .drc writer.
 #include <algorithm>
 #include <cmath>
+#include <draco/compression/decode.h>
 #include <filesystem>
 #include <map>
 #include <memory>
 
 #include "tests/codecs/mesh_file_testing.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/compression/decode.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb {
 namespace {

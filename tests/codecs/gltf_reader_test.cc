@@ -1,17 +1,12 @@
 // Reading glTF: what mtdb's writer wrote, and files put together here.
 #include <algorithm>
 #include <cmath>
+#include <draco/compression/encode.h>
+#include <draco/mesh/mesh.h>
 #include <meshoptimizer.h>
 #include <random>
 
 #include "tests/codecs/mesh_file_testing.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/compression/encode.h"
-#include "draco/mesh/mesh.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb {
 namespace {

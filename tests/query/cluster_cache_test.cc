@@ -15,14 +15,7 @@ using namespace internal;
 
 namespace {
 
-MtFixture Fixture() {
-  MtOptions o;
-  o.shape = Shape::kTorus;
-  o.resolution = 20;
-  o.rounds = 5;
-  o.tiles = 16;
-  return MakeMt(o);
-}
+MtFixture Fixture() { return MakeTorus(20, 16); }
 
 }  // namespace
 

@@ -18,14 +18,7 @@ using namespace internal;
 
 namespace {
 
-MtFixture Fixture() {
-  MtOptions o;
-  o.shape = Shape::kTorus;
-  o.resolution = 24;
-  o.rounds = 5;
-  o.tiles = 16;
-  return MakeMt(o);
-}
+MtFixture Fixture() { return MakeTorus(24, 16); }
 
 Query BallOf(const MtFixture& f, double part) {
   Query query;

@@ -514,4 +514,13 @@ void MemoryClusterSource::Read(std::span<const UnitId> units,
 
 MtFixture MakeMt(const MtOptions& options) { return MtBuilder(options).Build(); }
 
+MtFixture MakeTorus(int resolution, int tiles) {
+  MtOptions o;
+  o.shape = Shape::kTorus;
+  o.resolution = resolution;
+  o.rounds = 5;
+  o.tiles = tiles;
+  return MakeMt(o);
+}
+
 }  // namespace mtdb::testing

@@ -90,6 +90,8 @@ struct MtFixture {
 };
 
 MtFixture MakeMt(const MtOptions& options);
+// A torus in five rounds.
+MtFixture MakeTorus(int resolution, int tiles);
 
 // Per node: whether a CutState has it.
 template <typename Cut>

@@ -339,14 +339,7 @@ class Cancelling final : public Region {
   mutable uint64_t questions_ = 0;
 };
 
-MtFixture Large() {
-  MtOptions o;
-  o.shape = Shape::kTorus;
-  o.resolution = 48;
-  o.rounds = 5;
-  o.tiles = 8;
-  return MakeMt(o);
-}
+MtFixture Large() { return MakeTorus(48, 8); }
 
 std::shared_ptr<Surface> Open(const MtFixture& f, size_t cache_bytes = size_t{64} << 20) {
   SurfaceOptions options;

@@ -86,11 +86,15 @@ Measured RunMeasured(const Arguments& arguments) {
   return measured;
 }
 
+// A sanitizer takes memory, and address space, of its own.
+bool SkippedUnderSanitizer() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
+  WARN("skipped: a sanitizer takes memory of its own");
+  return true;
 #else
-constexpr bool kSanitized = false;
+  return false;
 #endif
+}
 
 // Triangles that share no vertex, after each other.
 void WriteStl(const std::string& path, uint32_t triangles) {
@@ -110,10 +114,7 @@ void WriteStl(const std::string& path, uint32_t triangles) {
 
 TEST_CASE("ingest keeps below --memory with STL beside other formats, or says what it needs",
           "[cli]") {
-  if (kSanitized) {
-    WARN("skipped: a sanitizer takes memory of its own");
-    return;
-  }
+  if (SkippedUnderSanitizer()) return;
   const Folder folder;
   const std::string stl = folder.File("soup.stl");
   RunOk({"generate", "terrain", folder.File("small.ply"), "--triangles", "100"});
@@ -131,10 +132,7 @@ TEST_CASE("ingest keeps below --memory with STL beside other formats, or says wh
 
 TEST_CASE("ingest keeps below --memory with what cannot be simplified, or says what it needs",
           "[cli]") {
-  if (kSanitized) {
-    WARN("skipped: a sanitizer takes memory of its own");
-    return;
-  }
+  if (SkippedUnderSanitizer()) return;
   const Folder folder;
   const std::string stl = folder.File("soup.stl");
   WriteStl(stl, 1'500'000);
@@ -152,10 +150,7 @@ TEST_CASE("ingest keeps below --memory with what cannot be simplified, or says w
 }
 
 TEST_CASE("ingest keeps below --memory whatever the attributes, or says what it needs", "[cli]") {
-  if (kSanitized) {
-    WARN("skipped: a sanitizer takes memory of its own");
-    return;
-  }
+  if (SkippedUnderSanitizer()) return;
   const char* const cases = std::getenv("MTDB_MEMORY_CASES");
   const uint64_t last = cases == nullptr ? 3 : std::strtoull(cases, nullptr, 10);
   for (uint64_t seed = 1; seed <= last; ++seed) {
@@ -200,10 +195,7 @@ TEST_CASE("ingest keeps below --memory whatever the attributes, or says what it 
 
 TEST_CASE("an ingest that gets too little memory ends with one line, and can be gone on with",
           "[cli]") {
-  if (kSanitized) {
-    WARN("skipped: a sanitizer needs an address space of its own");
-    return;
-  }
+  if (SkippedUnderSanitizer()) return;
   const Folder folder;
   const std::string mesh = folder.File("mesh.ply");
   const std::string store = folder.File("store.mtdb");

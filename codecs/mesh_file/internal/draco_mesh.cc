@@ -2,16 +2,11 @@
 
 #include <cmath>
 #include <cstring>
+#include <draco/compression/decode.h>
+#include <draco/mesh/mesh.h>
 #include <new>
 #include <utility>
 #include <vector>
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/compression/decode.h"
-#include "draco/mesh/mesh.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb::internal {
 

@@ -3,20 +3,15 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <draco/attributes/attribute_quantization_transform.h>
+#include <draco/compression/expert_encode.h>
+#include <draco/core/quantization_utils.h>
+#include <draco/mesh/mesh.h>
 #include <memory>
 #include <new>
 #include <vector>
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#include "draco/attributes/attribute_quantization_transform.h"
-#include "draco/compression/expert_encode.h"
-#include "draco/core/quantization_utils.h"
-#include "draco/mesh/mesh.h"
-#pragma GCC diagnostic pop
 
 namespace mtdb::internal {
 namespace {
