@@ -69,18 +69,6 @@ int64_t FloorMean(int64_t sum, size_t n) {
   return sum / count - (sum % count < 0 ? 1 : 0);
 }
 
-// Word 0, -1, 1, -2 ... of a residual and back.
-template <typename Word>
-Word ZigZagWord(Word d) {
-  constexpr int kTop = sizeof(Word) * 8 - 1;
-  return static_cast<Word>(static_cast<Word>(d << 1) ^
-                           static_cast<Word>((d >> kTop) ? ~Word{0} : 0));
-}
-template <typename Word>
-Word UnZigZagWord(Word z) {
-  return static_cast<Word>(static_cast<Word>(z >> 1) ^ static_cast<Word>((z & 1) ? ~Word{0} : 0));
-}
-
 uint64_t Distance(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 uint64_t Distance(int64_t a, int64_t b) {
   return a > b ? static_cast<uint64_t>(a) - static_cast<uint64_t>(b)
@@ -240,9 +228,9 @@ void AttributeCoder::CodeScalar(Coder& coder, const Channel& channel,
   const Word actual = ToWord(LoadToEncode<T>(row));
   const auto zigzag =
       static_cast<Word>(CodeWord(coder, components_[channel.component], spread.Mean(ring.size()),
-                                 context, ZigZagWord(static_cast<Word>(actual - mean))));
+                                 context, ZigZag(static_cast<Word>(actual - mean))));
   if constexpr (kDecodes<Row>) {
-    const T value = FromWord<T>(static_cast<Word>(mean + UnZigZagWord(zigzag)));
+    const T value = FromWord<T>(static_cast<Word>(mean + UnZigZag(zigzag)));
     std::memcpy(row, &value, sizeof(T));
   }
 }
@@ -262,9 +250,9 @@ void AttributeCoder::CodeStepped(Coder& coder, const Channel& channel,
   const int64_t actual = ScalarCode(LoadToEncode<T>(row), channel.step);
   const uint64_t zigzag =
       CodeWord(coder, components_[channel.component], spread.Mean(ring.size()), context,
-               ZigZagWord(static_cast<uint64_t>(actual) - static_cast<uint64_t>(mean)));
+               ZigZag(static_cast<uint64_t>(actual) - static_cast<uint64_t>(mean)));
   if constexpr (kDecodes<Row>) {
-    const auto code = static_cast<int64_t>(static_cast<uint64_t>(mean) + UnZigZagWord(zigzag));
+    const auto code = static_cast<int64_t>(static_cast<uint64_t>(mean) + UnZigZag(zigzag));
     T value;
     if constexpr (sizeof(T) == sizeof(float)) {
       value = Float32OfCode(code, channel.step);
@@ -318,10 +306,9 @@ void AttributeCoder::CodeNormal(Coder& coder, const Channel& channel, const Star
   const auto code_component = [&](size_t i, int32_t d) {
     const uint64_t z =
         CodeWord(coder, components_[channel.component + i], spread.Mean(2 * ring.size()), context,
-                 ZigZagWord(static_cast<uint32_t>(d)));
+                 ZigZag(static_cast<uint32_t>(d)));
     // Hostile ones are clamped; others lie in the range.
-    return std::clamp(static_cast<int32_t>(UnZigZagWord(static_cast<uint32_t>(z))), -centre,
-                      centre);
+    return std::clamp(static_cast<int32_t>(UnZigZag(static_cast<uint32_t>(z))), -centre, centre);
   };
   residual.s = code_component(0, residual.s);
   residual.t = code_component(1, residual.t);
@@ -369,9 +356,9 @@ void AttributeCoder::CodeColour(Coder& coder, const Channel& channel,
   for (size_t i = 0; i < 3; ++i) {
     const uint64_t zigzag =
         CodeWord(coder, components_[channel.component + i], spread[i].Mean(ring.size()), context,
-                 ZigZagWord(static_cast<uint8_t>(actual[i] - mean[i])));
+                 ZigZag(static_cast<uint8_t>(actual[i] - mean[i])));
     decoded[i] = static_cast<uint8_t>(static_cast<uint8_t>(mean[i]) +
-                                      UnZigZagWord(static_cast<uint8_t>(zigzag)));
+                                      UnZigZag(static_cast<uint8_t>(zigzag)));
   }
   if constexpr (kDecodes<Row>) {
     row[0] = static_cast<std::byte>(decoded[0] + decoded[1]);

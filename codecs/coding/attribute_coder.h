@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "codecs/coding/rans.h"
@@ -15,8 +16,19 @@
 
 namespace mtdb {
 
-constexpr uint32_t ZigZag(uint32_t v) { return (v << 1) ^ (0u - (v >> 31)); }
-constexpr uint32_t UnZigZag(uint32_t v) { return (v >> 1) ^ (0u - (v & 1)); }
+// 0, -1, 1, -2, ... modulo the word as 0, 1, 2, 3, ..., and back.
+template <typename Word>
+requires std::is_unsigned_v<Word>
+constexpr Word ZigZag(Word d) {
+  constexpr int kTop = sizeof(Word) * 8 - 1;
+  return static_cast<Word>(static_cast<Word>(d << 1) ^
+                           static_cast<Word>((d >> kTop) ? ~Word{0} : 0));
+}
+template <typename Word>
+requires std::is_unsigned_v<Word>
+constexpr Word UnZigZag(Word z) {
+  return static_cast<Word>(static_cast<Word>(z >> 1) ^ static_cast<Word>((z & 1) ? ~Word{0} : 0));
+}
 
 // Codes rows channel by channel: the difference to the mean of the ring's values, modulo the
 // channel's range, as its length in bits and the bits themselves. A channel is an attribute, a
@@ -58,8 +70,7 @@ class AttributeCoder {
     size_t offset = 0;     // in the row
     size_t component = 0;  // the first one
   };
-  // How a value is expected to differ from its prediction: classes of the ring's spread, and of
-  // the residual before it in the row.
+  // What a row's values have told so far: the class of the residual before.
   struct Context {
     uint32_t previous = 0;
   };

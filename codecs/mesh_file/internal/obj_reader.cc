@@ -235,18 +235,13 @@ class ObjReader {
 
   Status EmitFace(const ObjLines& lines, LineTokens tokens) {
     std::string_view token;
-    uint64_t corners = 0;
-    VertexIndex first = 0, previous = 0;
+    FanEmitter fan(emitter_);
     while (tokens.Next(&token) && token[0] != '#') {
       VertexIndex v = 0;
       MTDB_RETURN_IF_ERROR(ParseCorner(lines, token, &v));
-      if (corners == 0) first = v;
-      if (corners >= 2) MTDB_RETURN_IF_ERROR(emitter_.AddTriangle(first, previous, v));
-      previous = v;
-      ++corners;
+      MTDB_RETURN_IF_ERROR(fan.AddCorner(v));
     }
-    if (corners < 3) ++report_->short_faces;
-    if (corners > 3) ++report_->polygons;
+    fan.CountIn(report_);
     return Status::Ok();
   }
 

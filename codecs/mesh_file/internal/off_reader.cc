@@ -228,9 +228,7 @@ class OffReader {
     if (!tokens.Next(&token) || !ParseInteger(token, &corners) || corners < 0) {
       return error("expected a count of corners, found " + Quoted(token));
     }
-    if (corners < 3) ++report_->short_faces;
-    if (corners > 3) ++report_->polygons;
-    VertexIndex first = 0, previous = 0;
+    FanEmitter fan(emitter_);
     for (int64_t i = 0; i < corners; ++i) {
       int64_t v = 0;
       if (!tokens.Next(&token)) {
@@ -244,11 +242,9 @@ class OffReader {
         return error("vertex index " + std::to_string(v) + ", but the file has " +
                      std::to_string(vertex_count_) + " vertices");
       }
-      const auto vertex = static_cast<VertexIndex>(v);
-      if (i == 0) first = vertex;
-      if (i >= 2) MTDB_RETURN_IF_ERROR(emitter_.AddTriangle(first, previous, vertex));
-      previous = vertex;
+      MTDB_RETURN_IF_ERROR(fan.AddCorner(static_cast<VertexIndex>(v)));
     }
+    fan.CountIn(report_);
     if (tokens.Next(&token)) AddIgnored(report_, "face colours");
     return Status::Ok();
   }

@@ -431,16 +431,13 @@ class PlyBody {
   Status ReadFace(uint64_t index, const PlyProperty& property) {
     uint64_t corners = 0;
     MTDB_RETURN_IF_ERROR(ListCount(index, property, &corners));
-    if (corners < 3) ++report_->short_faces;
-    if (corners > 3) ++report_->polygons;
-    VertexIndex first = 0, previous = 0;
+    FanEmitter fan(emitter_);
     for (uint64_t i = 0; i < corners; ++i) {
       VertexIndex v = 0;
       MTDB_RETURN_IF_ERROR(GetVertex(index, property, &v));
-      if (i == 0) first = v;
-      if (i >= 2) MTDB_RETURN_IF_ERROR(emitter_.AddTriangle(first, previous, v));
-      previous = v;
+      MTDB_RETURN_IF_ERROR(fan.AddCorner(v));
     }
+    fan.CountIn(report_);
     return Status::Ok();
   }
 

@@ -213,10 +213,6 @@ class AsciiStlReader {
   LineTokens tokens_{{}};
 };
 
-}  // namespace
-
-namespace {
-
 bool HasBinarySize(const MeshFileStart& start) {
   if (start.bytes.size() < kHeaderBytes) return false;
   uint32_t triangles = 0;
