@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "store/base/hash.h"
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 

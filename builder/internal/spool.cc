@@ -4,7 +4,7 @@
 #include <unistd.h>
 #include <utility>
 
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 

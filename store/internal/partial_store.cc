@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 #include "store/internal/sync_folder.h"
 
 namespace mtdb::internal {

@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 

@@ -1,5 +1,6 @@
 // The layers of mtdb hold: every #include of the project is read and held against the drawing
 //
+//     base <- files     {base, files} <- {codecs/mesh_file, store, builder}
 //     base <- codecs    base <- store    {store, codecs} <- query    {store, codecs} <- builder
 //     all <- tools, tests, bench
 //
@@ -30,19 +31,20 @@ const std::set<std::string> kFolders{"store", "codecs", "query", "builder",
 // By layer or room, the others that it may include.
 const std::map<std::string, std::set<std::string>> kMayInclude{
     {"base", {}},
+    {"files", {"base"}},
     {"codecs/coding", {"base"}},
     {"codecs/cluster", {"base", "codecs/coding"}},
     {"codecs/stream", {"base", "codecs/coding"}},
-    {"codecs/mesh_file", {"base"}},
-    {"store", {"base"}},
+    {"codecs/mesh_file", {"base", "files"}},
+    {"store", {"base", "files"}},
     {"query", {"base", "store", "codecs/cluster", "codecs/stream"}},
-    {"builder", {"base", "store", "codecs/cluster"}},
+    {"builder", {"base", "files", "store", "codecs/cluster"}},
     {"tools/client", {"base", "codecs/stream"}},
     {"tools/request", {"base", "store", "query", "builder", "tools/client"}},
-    {"tools/generate", {"base", "codecs/mesh_file"}},
+    {"tools/generate", {"base", "files", "codecs/mesh_file"}},
     {"tools/render", {"base", "codecs/mesh_file", "query", "tools/generate"}},
     {"tools/server",
-     {"base", "store", "codecs/mesh_file", "codecs/stream", "query", "tools/client",
+     {"base", "files", "store", "codecs/mesh_file", "codecs/stream", "query", "tools/client",
       "tools/request", "tools/viewer"}},
     {"tools/viewer", {"codecs/stream"}},
     {"tools/cli",
@@ -84,6 +86,7 @@ const std::set<std::string> kFileHeaders{"fstream", "filesystem", "fcntl.h", "un
 // "codecs/stream", "query", ... Empty for what is not the project's.
 std::string LayerOf(const std::string& path) {
   if (path.starts_with("store/base/")) return "base";
+  if (path.starts_with("store/files/")) return "files";
   const size_t slash = path.find('/');
   const std::string folder = path.substr(0, slash);
   if (!kFolders.contains(folder) || folder == path) return "";

@@ -12,7 +12,7 @@
 #include <zlib.h>
 
 #include "store/base/bytes.h"
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 

@@ -6,7 +6,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 namespace {

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <unistd.h>
 
-#include "store/base/posix_file.h"
+#include "store/files/posix_file.h"
 
 namespace mtdb::internal {
 
