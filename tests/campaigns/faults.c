@@ -173,6 +173,10 @@ int rename(const char* from, const char* to) {
   if (IsPathUnder(AT_FDCWD, to) && Next(kName) != kAsIs) return -1;
   return NEXT(rename)(from, to);
 }
+int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+  if (IsPathUnder(to_folder, to) && Next(kName) != kAsIs) return -1;
+  return NEXT(renameat2)(from_folder, from, to_folder, to, flags);
+}
 int linkat(int from_folder, const char* from, int to_folder, const char* to, int flags) {
   if (IsPathUnder(to_folder, to) && Next(kName) != kAsIs) return -1;
   return NEXT(linkat)(from_folder, from, to_folder, to, flags);

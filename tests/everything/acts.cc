@@ -22,8 +22,6 @@ constexpr uint64_t kMiB = uint64_t{1} << 20;
 constexpr size_t kLargeRows = 10'000'000;
 constexpr int kJournalUnit = 10'000;  // of "kill", bytes
 
-// ---- what holds after every act ----
-
 std::set<std::string> FilesOf(const World& world) {
   std::set<std::string> files;
   for (const char* folder : {"stores", "tmp"}) {
@@ -41,6 +39,10 @@ bool IsStoreOrLock(std::string name) {
   return name.ends_with(".mtdb");
 }
 
+}  // namespace
+
+// ---- what holds after every act ----
+
 void CheckLeftovers(World& world) {
   for (const std::string& file : FilesOf(world)) {
     if (IsStoreOrLock(file) || world.expected_files.contains(file)) continue;
@@ -48,6 +50,8 @@ void CheckLeftovers(World& world) {
     world.expected_files[file] = "";
   }
 }
+
+namespace {
 
 // An ingest of `work` came to no end: it may leave its journal, and must where it says so.
 void ExpectJournal(World& world, const std::set<std::string>& before, const std::string& work,
@@ -66,6 +70,8 @@ void ExpectJournal(World& world, const std::set<std::string>& before, const std:
 void ExpectNoJournal(World& world, const std::string& work) {
   std::erase_if(world.expected_files, [&](const auto& file) { return file.second == work; });
 }
+
+}  // namespace
 
 bool HasStore(const StorePlace& place) {
   return fs::exists(place.path) && !Database::NothingStored(place.path);
@@ -117,6 +123,8 @@ void CheckObject(World& world, int64_t number, const std::string& name) {
   if (!answer.refused.empty()) return world.ErrorFault("ask: refused", answer.refused);
   (void)Judge(asked, answer, nullptr);
 }
+
+namespace {
 
 // The store says that it has put in what `object` is.
 void TakeOver(World& world, int64_t number, const std::string& name, StoredObject object) {
@@ -171,6 +179,7 @@ Plan MakePlan(World& world, const Step& step, const std::string& by) {
         "--memory=" + std::to_string(std::max<int64_t>(256, step.Int("memory", 256))) + "M");
   }
   if (step.Flag("tmp")) plan.options.push_back("--tmp=" + world.Folder("tmp"));
+  if (!plan.input.format.empty()) plan.options.push_back("--format=" + plan.input.format);
   plan.options.push_back("--name=" + plan.name);
   return plan;
 }
@@ -219,8 +228,24 @@ std::string WorkOf(const Step& step) {
 }
 bool PromisesResume(const Ran& ran) { return ran.err.find(" goes on where") != std::string::npos; }
 
+// Whether one cell of the tolerance's size has more vertices than an ingest permits, or there are
+// more cells than doubles can number.
+bool WeldsTooMuch(const Truth& truth) {
+  constexpr uint64_t kMostInCell = 64;
+  if (!truth.weld || !(*truth.weld > 0)) return false;
+  std::map<std::array<double, 3>, uint64_t> cells;
+  for (const Vec3d& p : truth.mesh.positions) {
+    std::array<double, 3> cell;
+    for (size_t i = 0; i < 3; ++i) cell[i] = std::floor(p[static_cast<int>(i)] / *truth.weld);
+    if (std::ranges::any_of(cell, [](double c) { return !(std::abs(c) < 0x1p52); })) return true;
+    if (++cells[cell] > kMostInCell) return true;
+  }
+  return false;
+}
+
 // Why this ingest may be refused though nothing is wrong with its input; empty: it may not.
-std::string MayRefuse(World& world, const Step& step, const std::string& by) {
+std::string MayRefuse(World& world, const Step& step, const StoredObject& object,
+                      const std::string& by) {
   const StoreModel& model = world.Store(step.Int("store", 0)).model;
   if (model.objects.contains(NameOf(step)) && !step.Flag("force")) return "the name is taken";
   const auto killed = world.interrupted.find(Place(step));
@@ -230,6 +255,7 @@ std::string MayRefuse(World& world, const Step& step, const std::string& by) {
   }
   // More attributes than fit the memory that is allowed.
   if (step.has("memory") && step.has("wide")) return "memory";
+  if (WeldsTooMuch(object.truth)) return "tolerance";
   // Writers and readers by another name of the file shut each other out.
   return by == "hardlink" ? "another name" : "";
 }
@@ -249,7 +275,7 @@ void Judged(World& world, const Step& step, Plan plan, const Ran& ran, const std
     }
     TakeOver(world, store, plan.name, std::move(plan.object));
   } else if (!ran.killed && ran.signal == 0 && refusal.empty() &&
-             MayRefuse(world, step, by).empty()) {
+             MayRefuse(world, step, plan.object, by).empty()) {
     world.ErrorFault("ingest: refused", ran.err);
   }
   if (step.has("memory") && ran.peak_bytes > 0) {
@@ -280,6 +306,9 @@ void CheckList(World& world, const Step& step, bool published) {
   if (step.Flag("tmp")) list.push_back("--tmp=" + world.Folder("tmp"));
   const Ran ran = world.Mtdb(list);
   const auto json = nlohmann::json::parse(ran.out, nullptr, false);
+  if (!ran.ok() && done && !HasStore(world.Store(store))) {
+    return ExpectNoJournal(world, WorkOf(step));  // there is nothing that it could tell of
+  }
   if (!ran.ok() || !json.is_object()) return world.ErrorFault("list: refused", ran.err);
   bool offered = false;
   for (const auto& journal : json.value("journals", nlohmann::json::array())) {
@@ -303,6 +332,7 @@ void Ingest(World& world, const Step& given) {
   RunOptions run;
   run.folder = world.Folder("inputs");
   const bool library = step.Text("via") == "library";
+  run.input = plan.input.standard_input;
   run.measure = step.has("memory") && !step.has("kill") && !library;
   if (step.has("kill") && !library) {
     const auto bytes =
@@ -344,9 +374,8 @@ void Ingest(World& world, const Step& given) {
         }
       }
     }
-    // Who does not look, or cannot since the store was not made yet, finds the journal there when
-    // he goes on.
-    if (!library && published && HasStore(place) && (!step.Flag("tmp") || step.Flag("list"))) {
+    // Who does not look finds the journal there when he goes on.
+    if (!library && published && (!step.Flag("tmp") || step.Flag("list"))) {
       CheckList(world, step, *published);
     }
   } else {
@@ -371,7 +400,7 @@ void Pair(World& world, const Step& step) {
   second.Set("shapeseed", step.Int("shapeseed", 1) + 1);
   Step first = step;
   for (Step* s : {&first, &second}) {
-    for (const char* key : {"kill", "resume", "memory"}) s->with.erase(key);
+    for (const char* key : {"kill", "resume", "memory", "stdin"}) s->with.erase(key);
   }
   if (NameOf(first) == NameOf(second)) return;
   Plan one = MakePlan(world, first, by);
@@ -438,6 +467,7 @@ void Copy(World& world, const Step& step) {
 
 void Verify(World& world, const Step& step) {
   CheckStore(world, step.Int("store", 0), step.Text("level", "global"));
+  if (step.has("packed")) VerifyPacked(world, step);
   for (const auto& [name, object] : world.Store(step.Int("store", 0)).model.objects) {
     CheckObject(world, step.Int("store", 0), name);
   }
@@ -530,9 +560,12 @@ struct NamedAct {
   const char* name;
   Act act;
 };
-constexpr NamedAct kActs[] = {{"ingest", Ingest}, {"pair", Pair},     {"remove", Remove},
-                              {"copy", Copy},     {"verify", Verify}, {"restart", Restart},
-                              {"ask", Ask},       {"probe", ProbeAct}};
+constexpr NamedAct kActs[] = {{"ingest", Ingest},     {"pair", Pair},
+                              {"remove", Remove},     {"copy", Copy},
+                              {"verify", Verify},     {"restart", Restart},
+                              {"ask", Ask},           {"probe", ProbeAct},
+                              {"rename", RenameAct},  {"copy-into", CopyIntoAct},
+                              {"compact", CompactAct}};
 
 }  // namespace
 
@@ -571,6 +604,7 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--bits") options.bits = static_cast<int>(number());
     if (key == "--step") options.step = std::strtod(value.c_str(), nullptr);
     if (key == "--lossless") options.mode = PositionMode::kLossless;
+    if (key == "--weld") options.weld = std::strtod(value.c_str(), nullptr);
     if (key == "--normals") options.normal_bits = static_cast<int>(number());
     if (key == "--attribute") {
       const size_t split = value.rfind('=');

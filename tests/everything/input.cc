@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <random>
 #include <set>
 
@@ -227,6 +228,50 @@ void AppendPart(const TriangleMesh& part, TriangleMesh* all) {
 
 }  // namespace
 
+namespace {
+
+// For each vertex the first one that a chain of distances of at most `tolerance` connects with it.
+std::vector<VertexIndex> Welded(const std::vector<Vec3d>& positions, double tolerance) {
+  std::vector<VertexIndex> first(positions.size()), by_x(positions.size());
+  std::iota(first.begin(), first.end(), VertexIndex{0});
+  std::iota(by_x.begin(), by_x.end(), VertexIndex{0});
+  std::ranges::sort(by_x, {}, [&](VertexIndex v) { return positions[v].x; });
+  const auto find = [&](VertexIndex v) {
+    while (first[v] != v) v = first[v] = first[first[v]];
+    return v;
+  };
+  for (size_t i = 0; i < by_x.size(); ++i) {
+    const Vec3d p = positions[by_x[i]];
+    for (size_t k = i + 1; k < by_x.size() && positions[by_x[k]].x - p.x <= tolerance; ++k) {
+      if (SquaredLength(positions[by_x[k]] - p) > tolerance * tolerance) continue;
+      const VertexIndex a = find(by_x[i]), b = find(by_x[k]);
+      first[std::max(a, b)] = std::min(a, b);
+    }
+  }
+  for (VertexIndex& v : first) v = find(v);
+  return first;
+}
+
+// Returns the number of vertices that became others.
+uint64_t Weld(double tolerance, Truth* truth) {
+  TriangleMesh& mesh = truth->mesh;
+  const std::vector<VertexIndex> first = Welded(mesh.positions, tolerance);
+  truth->weld = tolerance;
+  truth->surface.positions = mesh.positions;
+  uint64_t gone = 0;
+  for (size_t v = 0; v < first.size(); ++v) {
+    gone += first[v] != v ? 1 : 0;
+    truth->moved = std::max(truth->moved, Length(mesh.positions[v] - mesh.positions[first[v]]));
+  }
+  truth->surface.triangles = mesh.triangles;
+  for (TriangleVertices& t : mesh.triangles) {
+    for (VertexIndex& v : t) v = first[v];
+  }
+  return gone;
+}
+
+}  // namespace
+
 double Truth::longest() const {
   const Vec3d size = bounds.max - bounds.min;
   return std::max({size.x, size.y, size.z});
@@ -238,7 +283,8 @@ std::vector<std::string> AttributeKinds() {
   return names;
 }
 
-Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup) {
+Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup,
+                std::optional<double> weld) {
   Truth truth;
   TriangleMesh& mesh = truth.mesh;
   mesh.header.attributes = parts[0].header.attributes;
@@ -259,11 +305,13 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
     for (int i = 0; i < 3; ++i)
       truth.fits_float &= static_cast<double>(static_cast<float>(p[i])) == p[i];
   }
+  const uint64_t gone = weld ? Weld(*weld, &truth) : 0;
   // Degenerate and duplicate triangles are none.
   std::set<TriangleVertices> seen;
-  std::vector<TriangleVertices> kept;
+  std::vector<TriangleVertices> kept, kept_before;
   std::vector<bool> used(mesh.positions.size(), false);
-  for (const TriangleVertices& t : mesh.triangles) {
+  for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const TriangleVertices& t = mesh.triangles[i];
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
       ++truth.report.degenerate_triangles;
       continue;
@@ -275,17 +323,20 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
       continue;
     }
     kept.push_back(rotated);
+    if (weld) kept_before.push_back(truth.surface.triangles[i]);
     for (const VertexIndex v : t) used[v] = true;
   }
   mesh.triangles = std::move(kept);
+  truth.surface.triangles = std::move(kept_before);
   for (size_t v = 0; v < used.size(); ++v) {
     if (used[v]) truth.bounds.Add(mesh.positions[v]);
     if (!used[v]) ++truth.report.unreferenced_vertices;
   }
+  truth.report.unreferenced_vertices -= gone;
   mesh.header.vertex_count = mesh.positions.size();
   mesh.header.triangle_count = mesh.triangles.size();
   truth.topology = mtdb::testing::CheckMesh(mesh);
-  truth.tree = std::make_shared<DistanceTree>(mesh);
+  truth.tree = std::make_shared<DistanceTree>(truth.original());
   return truth;
 }
 
@@ -310,6 +361,17 @@ bool IsTextOfFloat(double value) {
          0.5 * unit * (1 + 1e-9);
 }
 
+// Of the box of the vertices that triangles use.
+double LongestSide(const TriangleMesh& mesh) {
+  Box3d bounds;
+  for (const TriangleVertices& t : mesh.triangles) {
+    for (const VertexIndex v : t) bounds.Add(mesh.positions[v]);
+  }
+  if (bounds.empty()) return 0;
+  const Vec3d size = bounds.max - bounds.min;
+  return std::max({size.x, size.y, size.z});
+}
+
 }  // namespace
 
 Input MakeInput(const Step& step, const std::string& folder) {
@@ -324,6 +386,8 @@ Input MakeInput(const Step& step, const std::string& folder) {
                              Vec3d{1, -2, 3} * (1e9 * Length(mesh.positions[0] + Vec3d{1, 1, 1})));
     mesh.rows.insert(mesh.rows.end(), mesh.header.attributes.row_bytes(), std::byte{1});
   }
+  std::optional<double> weld;
+  if (step.has("weld")) weld = std::max(0.0, step.Number("weld", 0)) * LongestSide(mesh);
   const auto files = static_cast<size_t>(std::clamp<int64_t>(step.Int("files", 1), 1, 20));
   const std::vector<std::string> formats = Split(step.Text("format", "ply"), ',');
   Input input;
@@ -341,7 +405,12 @@ Input MakeInput(const Step& step, const std::string& folder) {
     const std::string stem = step.Text("stem", "mesh");
     input.paths.push_back(folder + "/" + stem + (i == 0 ? "" : std::to_string(i)) +
                           format.extension);
+    if (step.Flag("gzip")) input.paths.back() += ".gz";
     WriteInputFile(format, input.paths.back(), &parts.back());
+    if (input.standard_input.empty() && step.Flag("stdin")) {
+      input.standard_input = std::exchange(input.paths.back(), "-");
+      input.format = format.extension + 1;
+    }
     soup.push_back(format.soup);
     text |= format.is_text;
     says_double |= format.typed && !format.floats_only && step.Flag("double");
@@ -351,7 +420,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
     std::ranges::reverse(input.paths);
     std::reverse(soup.begin(), soup.end());
   }
-  input.truth = MakeTruth(parts, soup);
+  input.truth = MakeTruth(parts, soup, weld);
   // Text does not say whether its numbers are float32; what may be is taken for it.
   const auto meant = [](Vec3d p) {
     return IsTextOfFloat(p.x) && IsTextOfFloat(p.y) && IsTextOfFloat(p.z);
@@ -359,7 +428,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
   if (step.Flag("lossless") && !input.truth.fits_float && text && !says_double &&
       std::ranges::all_of(input.truth.mesh.positions, meant)) {
     for (TriangleMesh& part : parts) mtdb::testing::RoundToFloat32(&part);
-    input.truth = MakeTruth(parts, soup);
+    input.truth = MakeTruth(parts, soup, weld);
   }
   return input;
 }

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 
+#include "tests/everything/output_files.h"
 #include "tests/everything/world.h"
 
 namespace mtdb::everything {
@@ -47,6 +48,7 @@ class Judgement {
     }
     if (reference_ != nullptr) Same();
     if (question_.normals && answer_.exact) Normals();
+    if (answer_.lossy && !answer_.mesh.header.attributes.empty()) CarriedAttributes();
     if (!is_the_same_) Distances();
     return found_;
   }
@@ -202,6 +204,34 @@ class Judgement {
     }
   }
 
+  // The attributes that such a format carries are those of a vertex that is where its positions
+  // have moved from.
+  void CarriedAttributes() {
+    std::vector<VertexIndex> by_x;
+    for (const TriangleVertices& t : object_.mesh.triangles) {
+      by_x.insert(by_x.end(), t.begin(), t.end());
+    }
+    const auto x_of = [&](VertexIndex v) { return object_.mesh.positions[v].x; };
+    std::ranges::sort(by_x, [&](VertexIndex a, VertexIndex b) {
+      return std::pair(x_of(a), a) < std::pair(x_of(b), b);
+    });
+    by_x.erase(std::unique(by_x.begin(), by_x.end()), by_x.end());
+    const double near = 4 * Rounded() + exactness_;
+    const size_t stride = answer_.mesh.positions.size() / kMaxPoints + 1;
+    for (size_t v = 0; v < answer_.mesh.positions.size(); v += stride) {
+      const Vec3d p = answer_.mesh.positions[v];
+      const auto* row = answer_.mesh.rows.data() + v * answer_.mesh.header.attributes.row_bytes();
+      bool found = false;
+      auto at = std::ranges::lower_bound(by_x, p.x - near, {}, x_of);
+      for (; !found && at != by_x.end() && x_of(*at) <= p.x + near; ++at) {
+        if (Length(object_.mesh.positions[*at] - p) > near) continue;
+        found = CarriedRowMatches(answer_.format, answer_.mesh.header.attributes, row,
+                                  object_.layout, object_.mesh.rows.data() + *at * row_bytes_);
+      }
+      if (!found) return Fault("attributes of no vertex there", std::to_string(v));
+    }
+  }
+
   // Points of one side, the distance of which to the other is looked at.
   void Side(const char* what, const TriangleMesh& from, const DistanceTree& to,
             double depth_needed) {
@@ -249,7 +279,7 @@ class Judgement {
     if (question_.partly_full && answer_.lossy) rounded_ = Rounded();
     // All of a clipped answer meets the region.
     Side("the answer is", answer_.mesh, *object_.truth.tree, question_.clip ? -kInfinity : border_);
-    Side("the input is", object_.truth.mesh, tree,
+    Side("the input is", object_.truth.original(), tree,
          border_ + (question_.clip ? 2 * answer_.bound : 0));
   }
 

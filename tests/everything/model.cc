@@ -94,6 +94,7 @@ std::vector<std::string> StoredObject::Options() const {
   } else if (!lossless && bits > 0) {
     options.push_back("--bits=" + std::to_string(bits));
   }
+  if (truth.weld) options.push_back("--weld=" + NumberText(*truth.weld));
   if (normal_bits > 0) options.push_back("--normals=" + std::to_string(normal_bits));
   for (const VertexAttribute& a : truth.mesh.header.attributes.attributes) {
     if (round > 0 && IsRounded(a)) {
@@ -195,6 +196,7 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
     if (!fault.empty()) return fault;
     object->vertices.insert(VertexKey(mesh, v, false, row_bytes));
   }
+  object->displaced += truth.moved;
   object->mesh = std::move(mesh);
   return "";
 }

@@ -1,8 +1,14 @@
 #include "tests/everything/output_files.h"
 
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
 #include <cstring>
 #include <draco/compression/decode.h>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "tests/everything/process.h"
@@ -10,6 +16,110 @@
 namespace mtdb::everything {
 
 namespace {
+
+// The columns of an attribute that has several, as files of the input name them.
+std::vector<std::string> ColumnNames(const std::string& kind, size_t count) {
+  if (kind == "NORMAL") return {"nx", "ny", "nz"};
+  if (kind != "COLOR_0") return std::vector<std::string>(count, kind);
+  std::vector<std::string> names{"red", "green", "blue", "alpha"};
+  names.resize(std::min(count, names.size()));
+  return names;
+}
+
+// One attribute of a file: `count` columns of one type. value: where those of a vertex are.
+struct FileColumns {
+  std::string kind;  // NORMAL, COLOR_0, or the attribute's name in the file
+  ScalarType type = ScalarType::kFloat32;
+  size_t count = 1;
+  std::function<void(size_t vertex, std::byte* value)> read;
+};
+
+// Appends them to the mesh's rows.
+void TakeColumns(const std::vector<FileColumns>& all, TriangleMesh* mesh) {
+  for (const FileColumns& c : all) {
+    for (const std::string& name : ColumnNames(c.kind, c.count)) {
+      mesh->header.attributes.attributes.push_back({name, c.type});
+    }
+  }
+  const size_t row_bytes = mesh->header.attributes.row_bytes();
+  mesh->rows.resize(mesh->positions.size() * row_bytes);
+  for (size_t v = 0; v < mesh->positions.size(); ++v) {
+    std::byte* out = mesh->rows.data() + v * row_bytes;
+    for (const FileColumns& c : all) {
+      c.read(v, out);
+      out += c.count * ScalarSize(c.type);
+    }
+  }
+}
+
+ScalarType GlbType(int component) {
+  switch (component) {
+    case 5120: return ScalarType::kInt8;
+    case 5121: return ScalarType::kUint8;
+    case 5122: return ScalarType::kInt16;
+    case 5123: return ScalarType::kUint16;
+    default: return ScalarType::kFloat32;
+  }
+}
+
+void ReadGlbRows(const nlohmann::json& json, const nlohmann::json& attributes, const char* binary,
+                 TriangleMesh* mesh) {
+  std::vector<FileColumns> all;
+  for (const auto& [name, number] : attributes.items()) {
+    if (name == "POSITION") continue;
+    const auto& accessor = json.at("accessors").at(number.get<size_t>());
+    const auto& view = json.at("bufferViews").at(accessor.at("bufferView").get<size_t>());
+    FileColumns columns;
+    columns.kind = name;
+    columns.type = GlbType(accessor.at("componentType"));
+    const std::string type = accessor.at("type");
+    columns.count = type == "SCALAR" ? 1 : static_cast<size_t>(type.back() - '0');
+    const char* begin =
+        binary + view.value("byteOffset", size_t{0}) + accessor.value("byteOffset", size_t{0});
+    const size_t bytes = columns.count * ScalarSize(columns.type);
+    const size_t stride = view.value("byteStride", bytes);
+    columns.read = [=](size_t vertex, std::byte* value) {
+      std::memcpy(value, begin + vertex * stride, bytes);
+    };
+    all.push_back(columns);
+  }
+  TakeColumns(all, mesh);
+}
+
+ScalarType DracoType(draco::DataType type) {
+  switch (type) {
+    case draco::DT_INT8: return ScalarType::kInt8;
+    case draco::DT_UINT8: return ScalarType::kUint8;
+    case draco::DT_INT16: return ScalarType::kInt16;
+    case draco::DT_UINT16: return ScalarType::kUint16;
+    case draco::DT_INT32: return ScalarType::kInt32;
+    case draco::DT_UINT32: return ScalarType::kUint32;
+    case draco::DT_FLOAT64: return ScalarType::kFloat64;
+    default: return ScalarType::kFloat32;
+  }
+}
+
+void ReadDracoRows(const draco::Mesh& read, TriangleMesh* mesh) {
+  std::vector<FileColumns> all;
+  for (int i = 0; i < read.num_attributes(); ++i) {
+    const draco::PointAttribute* a = read.attribute(i);
+    FileColumns columns;
+    if (a->attribute_type() == draco::GeometryAttribute::POSITION) continue;
+    if (a->attribute_type() == draco::GeometryAttribute::NORMAL) columns.kind = "NORMAL";
+    if (a->attribute_type() == draco::GeometryAttribute::COLOR) columns.kind = "COLOR_0";
+    if (a->attribute_type() == draco::GeometryAttribute::GENERIC) {
+      const draco::AttributeMetadata* told = read.GetAttributeMetadataByAttributeId(i);
+      if (told == nullptr || !told->GetEntryString("name", &columns.kind)) continue;
+    }
+    columns.type = DracoType(a->data_type());
+    columns.count = static_cast<size_t>(a->num_components());
+    columns.read = [=](size_t vertex, std::byte* value) {
+      a->GetMappedValue(draco::PointIndex(static_cast<uint32_t>(vertex)), value);
+    };
+    all.push_back(columns);
+  }
+  TakeColumns(all, mesh);
+}
 
 // Whole files only, as mtdb writes them: one mesh at one node.
 Status ReadGlb(const std::string& path, TriangleMesh* mesh) {
@@ -41,6 +151,7 @@ Status ReadGlb(const std::string& path, TriangleMesh* mesh) {
     std::memcpy(p, binary + at + v * stride, sizeof(p));
     mesh->positions.push_back(origin + Vec3d{p[0], p[1], p[2]});
   }
+  ReadGlbRows(json, primitive.at("attributes"), binary, mesh);
   const auto& indices = json.at("accessors").at(primitive.at("indices").get<size_t>());
   const size_t first = place(indices).first;
   const int type = indices.at("componentType");
@@ -76,6 +187,7 @@ Status ReadDraco(const std::string& path, TriangleMesh* mesh) {
     positions->ConvertValue<double>(positions->mapped_index(p), 3, xyz);
     mesh->positions.push_back(origin + Vec3d{xyz[0], xyz[1], xyz[2]});
   }
+  ReadDracoRows(read, mesh);
   for (draco::FaceIndex f(0); f < read.num_faces(); ++f) {
     const auto& face = read.face(f);
     mesh->triangles.push_back({face[0].value(), face[1].value(), face[2].value()});
@@ -84,6 +196,82 @@ Status ReadDraco(const std::string& path, TriangleMesh* mesh) {
 }
 
 }  // namespace
+
+std::string CarriedName(const std::string& format, const std::string& attribute) {
+  constexpr std::array<std::string_view, 7> kNamed{"nx",    "ny",   "nz",   "red",
+                                                   "green", "blue", "alpha"};
+  if (format != "glb" || std::ranges::find(kNamed, attribute) != kNamed.end()) return attribute;
+  std::string name = "_" + attribute;
+  std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::toupper(c); });
+  return name;
+}
+
+namespace {
+
+double ScalarOf(ScalarType type, const std::byte* value) {
+  const auto as = [&]<typename T>(T number) {
+    std::memcpy(&number, value, sizeof(number));
+    return static_cast<double>(number);
+  };
+  switch (type) {
+    case ScalarType::kInt8: return as(int8_t{});
+    case ScalarType::kUint8: return as(uint8_t{});
+    case ScalarType::kInt16: return as(int16_t{});
+    case ScalarType::kUint16: return as(uint16_t{});
+    case ScalarType::kInt32: return as(int32_t{});
+    case ScalarType::kUint32: return as(uint32_t{});
+    case ScalarType::kFloat32: return as(float{});
+    case ScalarType::kFloat64: return as(double{});
+  }
+  return 0;
+}
+
+// Two directions; where one is none, any will do.
+bool IsSameNormal(const std::byte* row, const std::byte* stored, double most) {
+  Vec3d a, b;
+  for (int i = 0; i < 3; ++i) {
+    a[i] = ScalarOf(ScalarType::kFloat32, row + 4 * i);
+    b[i] = ScalarOf(ScalarType::kFloat32, stored + 4 * i);
+  }
+  const double length = Length(b);
+  if (!(length > 1e-6) || !std::isfinite(length)) return true;
+  return Length(a - b * (1 / length)) <= most;
+}
+
+}  // namespace
+
+bool CarriedRowMatches(const std::string& format, const AttributeLayout& carried,
+                       const std::byte* row, const AttributeLayout& stored,
+                       const std::byte* stored_row) {
+  size_t offset = 0;
+  for (const VertexAttribute& a : stored.attributes) {
+    const std::string name = CarriedName(format, a.name);
+    const std::byte* value = stored_row + offset;
+    offset += ScalarSize(a.type);
+    size_t at = 0;
+    const VertexAttribute* found = nullptr;
+    for (const VertexAttribute& c : carried.attributes) {
+      if (c.name == name) found = &c;
+      if (found != nullptr) break;
+      at += ScalarSize(c.type);
+    }
+    // A vertex of a .glb has room for 252 bytes.
+    if (found == nullptr && format == "glb" && stored.attributes.size() > 50) continue;
+    if (found == nullptr) return false;
+    if (a.name == "nx" && !IsSameNormal(row + at, value, format == "glb" ? 1e-5 : 0.02)) {
+      return false;
+    }
+    if (a.name == "nx" || a.name == "ny" || a.name == "nz") continue;
+    double wanted = ScalarOf(a.type, value);
+    const double told = ScalarOf(found->type, row + at);
+    if (format == "glb" && found->type == ScalarType::kFloat32) {
+      wanted = static_cast<double>(static_cast<float>(wanted));
+      if (!std::isfinite(wanted)) wanted = 0;
+    }
+    if (wanted != told && !(std::isnan(wanted) && std::isnan(told))) return false;
+  }
+  return true;
+}
 
 const OutputFormat& OutputFormatOf(const std::string& extension) {
   for (const OutputFormat& f : kOutputFormats) {

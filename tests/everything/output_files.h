@@ -21,6 +21,16 @@ inline constexpr OutputFormat kOutputFormats[] = {
 // The first one when there is none of that name.
 const OutputFormat& OutputFormatOf(const std::string& extension);
 
+// What the format calls an attribute of the input.
+std::string CarriedName(const std::string& format, const std::string& attribute);
+
+// Whether a row of such a file says what a row of the object does: normals of length 1, in few
+// bits; in .glb numbers as float32, 0 where they are not finite; all else as it is.
+bool CarriedRowMatches(const std::string& format, const AttributeLayout& carried,
+                       const std::byte* row, const AttributeLayout& stored,
+                       const std::byte* stored_row);
+
+// .glb and .drc too have rows then, of what they carry, by the names above.
 Status ReadOutput(const std::string& path, TriangleMesh* mesh);
 
 }  // namespace mtdb::everything

@@ -63,6 +63,10 @@ void Child::Redirect() const {
   const int out = ::open((stem_ + ".out").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
   const int err = ::open((stem_ + ".err").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
   if (out < 0 || err < 0 || ::dup2(out, 1) < 0 || ::dup2(err, 2) < 0) ::_exit(126);
+  if (!options_.input.empty()) {
+    const int in = ::open(options_.input.c_str(), O_RDONLY);
+    if (in < 0 || ::dup2(in, 0) < 0) ::_exit(126);
+  }
   for (const std::string& setting : options_.environment) {
     const size_t equals = setting.find('=');
     ::setenv(setting.substr(0, equals).c_str(), setting.substr(equals + 1).c_str(), 1);

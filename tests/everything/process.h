@@ -26,6 +26,7 @@ struct Ran {
 
 struct RunOptions {
   std::string folder = {};       // to run in; empty: this process's
+  std::string input = {};        // the file that is standard input; empty: this process's
   double timeout_seconds = 900;  // for what hangs, on a machine that is busy
   // Asked every half millisecond; the process is killed (SIGKILL) when it says so.
   std::function<bool()> kill_when = {};

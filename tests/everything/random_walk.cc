@@ -30,6 +30,7 @@ class Maker {
     }
     Ask();
     if (Chance(0.3)) Add("verify");
+    if (Chance(0.15)) Add("verify").Set("packed", static_cast<int64_t>(Scaled(1, 300)) - 1);
     return walk_;
   }
 
@@ -60,7 +61,11 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 13)) {
+    switch (Between(0, 17)) {
+      case 17:
+      case 16: return Rename();
+      case 15: return CopyInto();
+      case 14: return Compact();
       case 13: return Killed();
       case 0:
       case 1: return Interrupted();
@@ -80,6 +85,29 @@ class Maker {
   }
 
   std::string Name() { return Chance(0.5) ? "a" : OneOf(kNames); }
+
+  void Rename() {
+    Step& step = Add("rename");
+    step.Set("name", Name());
+    step.Set("to", Name());
+    if (Chance(0.2)) step.Set("by", OneOf(kAliases));
+  }
+
+  void CopyInto() {
+    Step& step = Add("copy-into");
+    if (Chance(0.5)) step.Set("name", Name());
+    if (Chance(0.3)) step.Set("force", 1);
+    if (Chance(0.2)) step.Set("by", OneOf(kAliases));
+    if (Chance(0.2)) step.Set("by2", OneOf(kAliases));
+    if (Chance(0.25)) step.Set("operation", Between(1, 60));
+  }
+
+  void Compact() {
+    Step& step = Add("compact");
+    if (Chance(0.2)) step.Set("by", OneOf(kAliases));
+    if (Chance(0.8)) step.Set("alone", 1);
+    if (Chance(0.3)) step.Set("operation", Between(1, 60));
+  }
 
   void Ingest(bool replace) {
     Step& step = Add("ingest");
@@ -114,6 +142,9 @@ class Maker {
     }
     if (Chance(0.7)) step->Set("format", formats);
     if (step->has("files") && Chance(0.3)) step->Set("order", 1);
+    if (Chance(0.12)) step->Set("gzip", 1);
+    if (Chance(0.12)) step->Set("stdin", 1);
+    if (Chance(0.2)) step->Set("weld", Chance(0.4) ? "0" : Short(Scaled(1e-6, 0.03)));
   }
 
   void Attributes(Step* step) {
@@ -257,6 +288,11 @@ class Maker {
     if (Chance(0.2)) step.Set("implicit", 1);
     if (Chance(0.6)) step.Set("output", OneOf(kOutputFormats).extension);
     if (Chance(0.1)) step.Set("by", OneOf(kAliases));
+    if (Chance(0.25)) {
+      step.Set("unsteady", OneOf(std::initializer_list<const char*>{"replaced", "silent", "gone",
+                                                                    "missing", "swapped"}));
+      step.Set("requests", Between(1, 6));
+    }
   }
 
   void Probe() {

@@ -382,6 +382,43 @@ bool AskUrl(const Asked& asked, Answer* answer) {
   return answer->refused.find("without libcurl") == std::string::npos;
 }
 
+// By its URL, while the file is replaced, or its server goes: the answer is right or there is none.
+bool AskUnsteadyUrl(const Asked& asked, Answer* answer) {
+  const std::string unsteady = asked.step->Text("unsteady");
+  if (unsteady.empty()) return false;
+  const std::string file = Packed(asked, answer);
+  if (file.empty()) return true;
+  const int64_t after = asked.step->Int("requests", 1);
+  std::string other = ReadText(file);
+  std::ranges::for_each(other, [](char& c) { c = static_cast<char>(c ^ 0x55); });
+  const mtdb::testing::FileServer server(
+      ReadText(file),
+      [&](const mtdb::testing::FileRequest& request, mtdb::testing::FileReply* reply) {
+        if (unsteady == "silent") reply->headers.erase("ETag");
+        if (request.number < after) return;
+        if (unsteady == "gone") {
+          reply->resets = true;
+        } else if (unsteady == "missing") {
+          *reply = {};
+          reply->status = "404 Not Found";
+        } else if (unsteady == "replaced" && request.headers.contains("if-range")) {
+          *reply = {};
+          reply->status = "200 OK";
+          reply->headers["ETag"] = "\"two\"";
+          reply->body = other;
+        } else {
+          reply->body = other.substr(request.first, reply->body.size());
+          if (unsteady == "replaced") reply->headers["ETag"] = "\"two\"";
+        }
+      });
+  std::filesystem::remove(file);
+  FromPlace(asked, server.url(), answer);
+  const bool asked_late = server.requests() > after;
+  // Of what came before there may be enough; nothing else is a reason to refuse.
+  return answer->refused.empty() ||
+         (!asked_late && answer->refused.find("without libcurl") == std::string::npos);
+}
+
 // ---- the server ----
 
 Server* Serving(const Asked& asked) {
@@ -591,18 +628,26 @@ bool AskFollow(const Asked& asked, Answer* answer) {
   if (asked.question->normals) return false;
   const std::string path = NewFile(asked, "jsonl");
   const std::string output = NewFile(asked, "%d.ply");
-  WriteText(path, "{\"threshold\": {\"relative\": 0.02}}\n" + asked.question->text() + "\n");
+  // From a coarse mesh, or, where an error is asked for, in steps from twice that.
+  Json before{{"threshold", {{"relative", 0.02}}}}, last = asked.question->json;
+  size_t steps = 1;
+  if (last.contains("threshold") && last["threshold"].is_number() && asked.step->Flag("detour")) {
+    before = last;
+    before["threshold"] = 2 * last["threshold"].get<double>();
+    last["steps"] = steps = 3;
+  }
+  WriteText(path, before.dump() + "\n" + last.dump() + "\n");
   const Ran ran = asked.world->Mtdb({"follow", Serving(asked)->url() + ObjectPath(asked), "--path",
                                      path, "--output", output, "--timeout", "900", "--json"});
   const auto json = nlohmann::json::parse(ran.out, nullptr, false);
-  if (!ran.ok() || !json.is_object() || json.value("steps", Json::array()).size() != 2) {
+  if (!ran.ok() || !json.is_object() || json.value("steps", Json::array()).size() != 1 + steps) {
     answer->refused = ran.err.empty() ? "no JSON: " + ran.out : ran.err;
     return true;
   }
-  ReadAnswerJson(json.at("steps").at(1).dump(), answer);
+  ReadAnswerJson(json.at("steps").at(steps).dump(), answer);
   answer->any_bound = true;
   std::string file = output;
-  file.replace(file.find("%d"), 2, "2");
+  file.replace(file.find("%d"), 2, std::to_string(1 + steps));
   ReadAnswerFile(file, answer);
   return true;
 }
@@ -618,6 +663,7 @@ const std::vector<NamedWay>& Ways() {
       {"command-json", AskCommandJson},
       {"packed", AskPacked},
       {"url", AskUrl},
+      {"url-unsteady", AskUnsteadyUrl},
       {"get", AskGet},
       {"post", AskPost},
       {"fetch", AskFetch},

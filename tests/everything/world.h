@@ -111,6 +111,20 @@ using Act = void (*)(World& world, const Step& step);
 Act ActOf(const std::string& name);  // null: none of that name
 std::vector<std::string> ActNames();
 
+bool HasStore(const StorePlace& place);
+// What holds after every act: no file is there that nobody expects; the store lists what the model
+// has, and verify agrees; an object is what it was.
+void CheckLeftovers(World& world);
+void CheckStore(World& world, int64_t number, const std::string& level);
+void CheckObject(World& world, int64_t number, const std::string& name);
+
+// space_acts.cc: objects and stores that move.
+void RenameAct(World& world, const Step& step);
+void CopyIntoAct(World& world, const Step& step);
+void CompactAct(World& world, const Step& step);
+// A packed file of the store, by its path and by its URL: verified, and given up in the middle.
+void VerifyPacked(World& world, const Step& step);
+
 // What a way of asking has brought.
 struct Answer {
   std::string way;

@@ -5,7 +5,8 @@
 //   MTDB_WRITE_LOG=FILE            the log; appended to
 //   MTDB_WRITE_LOG_FOLDER=FOLDER   the folder, without symbolic links
 //
-// Sees open, write, writev, pwrite, pwritev, ftruncate, fsync, fdatasync, rename, linkat, unlink.
+// Sees open, write, writev, pwrite, pwritev, ftruncate, fsync, fdatasync, rename, renameat2 (of
+// whole paths), linkat, unlink.
 // Not seen: what is written through maps (LMDB's lock file) and by stdio. One note at a time: the
 // order of the log is an order that happened.
 #include <cstdarg>
@@ -222,6 +223,16 @@ int fdatasync(int descriptor) { return Sync("fdatasync", descriptor); }
 int rename(const char* from, const char* to) {
   const std::lock_guard lock(Mutex());
   const int result = Real<int (*)(const char*, const char*)>("rename")(from, to);
+  if (result == 0 && Concerns(Absolute(to))) {
+    Note('R', 0, 0, 0, Absolute(from), Absolute(to), "", 0);
+  }
+  return result;
+}
+
+int renameat2(int from_folder, const char* from, int folder, const char* to, unsigned flags) {
+  const std::lock_guard lock(Mutex());
+  const int result = Real<int (*)(int, const char*, int, const char*, unsigned)>("renameat2")(
+      from_folder, from, folder, to, flags);
   if (result == 0 && Concerns(Absolute(to))) {
     Note('R', 0, 0, 0, Absolute(from), Absolute(to), "", 0);
   }

@@ -1,8 +1,10 @@
-// A power failure at any moment: what was published stays, and a mesh that has its name is whole.
+// A power failure at any moment: what was published stays, and a file that has its name is whole:
+// a mesh, a packed file, a copy, a store that was compacted.
 #include "tests/support/power_loss.h"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
+#include <map>
 #include <set>
 
 #include "store/database.h"
@@ -50,6 +52,8 @@ TEST_CASE("after a power failure at any moment what was published is there", "[c
   const std::string log = folder.File("log");
   const std::string store = data + "/store.mtdb";
   const std::string output = data + "/out.ply";
+  const std::string packed = data + "/packed.mtdbp";
+  const std::string copy = data + "/copy.mtdb";
   std::vector<std::string> meshes;
   for (const char* seed : {"1", "2"}) {
     meshes.push_back(folder.File("mesh" + std::string(seed) + ".ply"));
@@ -63,19 +67,26 @@ TEST_CASE("after a power failure at any moment what was published is there", "[c
       {{"remove", store, "a"}, {"b"}},
       {{"extract", store, output}, {"b"}},
       {{"ingest", meshes[1], store, "--name", "c", "--quiet"}, {"b", "c"}},
+      {{"pack", store, packed}, {"b", "c"}},
+      {{"rename", store, "c", "d"}, {"b", "d"}},
+      {{"compact", store}, {"b", "d"}},
+      {{"copy", store, copy}, {"b", "d"}},
+      {{"ingest", meshes[0], store, "--name", "e", "--quiet"}, {"b", "d", "e"}},
+      {{"unpack", packed, store, "--name", "c"}, {"b", "c", "d", "e"}},
   };
   std::vector<size_t> ends;
   for (const auto& [arguments, names] : commands) {
     RunNoted(arguments, log, data);
     ends.push_back(ReadWriteLog(log).size());
   }
-  const std::string whole = ReadText(output);
+  const std::map<std::string, std::string> wholes{{"/out.ply", ReadText(output)},
+                                                  {"/packed.mtdbp", ReadText(packed)}};
   const std::vector<WriteEvent> events = ReadWriteLog(log);
   REQUIRE(events.size() > 50);
   DiskModel disk;
   std::mt19937_64 random(9);
   size_t command = 0;
-  int outputs = 0;
+  std::map<std::string, int> seen;  // how often each file had its name
   const std::string after = folder.File("after");
   for (size_t i = 0; i < events.size(); ++i) {
     disk.Apply(events[i]);
@@ -88,12 +99,19 @@ TEST_CASE("after a power failure at any moment what was published is there", "[c
       disk.Make(data, after, variant == 0 ? nullptr : &random);
       const std::set<std::string> found = SoundObjects(after + "/store.mtdb");
       CHECK((found == before || found == next));
-      if (!std::filesystem::exists(after + "/out.ply")) continue;
-      ++outputs;
-      CHECK(ReadText(after + "/out.ply") == whole);
+      for (const auto& [name, whole] : wholes) {
+        if (!Exists(after + name)) continue;
+        ++seen[name];
+        CHECK(ReadText(after + name) == whole);
+      }
+      if (!Exists(after + "/copy.mtdb")) continue;
+      ++seen["copy"];
+      CHECK(SoundObjects(after + "/copy.mtdb") == std::set<std::string>{"b", "d"});
     }
   }
-  CHECK(outputs > 0);
+  CHECK(seen["/out.ply"] > 0);
+  CHECK(seen["/packed.mtdbp"] > 0);
+  CHECK(seen["copy"] > 0);
 }
 
 }  // namespace
