@@ -60,7 +60,7 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
   }
   std::string kinds;
   while (kinds.size() < 180) kinds += "ecspbmf";
-  const auto hostile = std::make_unique<HostileClients>(server.port(), "sculpture", kinds, 8);
+  auto hostile = std::make_unique<HostileClients>(server.port(), "sculpture", kinds, 8);
   std::atomic<bool> over{false};
   std::atomic<uint64_t> answers{0}, refused{0}, wrong{0}, slowest_ms{0};
   std::vector<std::thread> honest;
@@ -118,6 +118,10 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
       static_cast<unsigned long long>(wrong), static_cast<unsigned long long>(slowest_ms),
       server.Metric("mtdb_queries_total"), server.Metric("mtdb_queries_preempted_total"),
       server.Metric("mtdb_queries_cancelled_total"), server.Metric("mtdb_sessions_total"));
+  hostile.reset();
+  CHECK(server.Becomes("mtdb_session_memory_bytes", 0));
+  std::printf("all have left: resident %.0f MB\n",
+              static_cast<double>(server.resident_bytes()) / 1e6);
   CHECK(wrong == 0);
   CHECK(server.Get("/healthz").status == 200);
   CHECK(answers > 0);
