@@ -46,8 +46,12 @@ Result<std::unique_ptr<PartialStore>> PartialStore::Create(const std::string& pa
       continue;
     }
     RemoveLockFile(partial);
-    if (::ftruncate(file->descriptor(), 0) != 0) return Failure(partial, "cannot be emptied");
-    return std::unique_ptr<PartialStore>(new PartialStore(path, partial, std::move(file)));
+    // From here on an error removes the file.
+    std::unique_ptr<PartialStore> made(new PartialStore(path, partial, std::move(file)));
+    if (::ftruncate(made->file_->descriptor(), 0) != 0) {
+      return Failure(partial, "cannot be emptied");
+    }
+    return made;
   }
   return Status(StatusCode::kBusy, partial + ": other programs write it again and again");
 }

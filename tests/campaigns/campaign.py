@@ -189,7 +189,7 @@ ACTS = {
     "render": Act(lambda w: ["render", w.store(), w.place / "out.png", "--name", "kept", "--size", "64x64"],
                   output="out.png"),
     "pack": Act(lambda w: ["pack", w.store(), w.place / "out.mtdbp", "--name", "kept"], output="out.mtdbp"),
-    "compact": Act(lambda w: ["compact", w.store()], partial=True),
+    "compact": Act(lambda w: ["compact", w.store(), "--json"], partial=True),
     "list": Act(lambda w: ["list", w.store()]),
     "probe": Act(lambda w: ["probe", w.store(), "--name", "kept", "--point", "0,0,0"]),
     "verify": Act(lambda w: ["verify", w.store(), "--level", "global"]),

@@ -592,7 +592,7 @@ void RemoveIfFinished(const std::string& store, const std::string& name,
 int LibraryIngestMain(int count, char** arguments) {
   BuildOptions options;
   std::vector<std::string> paths;
-  std::string name = "a";
+  std::string name = "a", format;
   bool force = false;
   int64_t reports_left = 0;
   for (int i = 0; i < count; ++i) {
@@ -617,6 +617,7 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--tmp") options.tmp_directory = value;
     if (key == "--die") reports_left = number();
     if (key == "--name") name = value;
+    if (key == "--format") format = value;
     if (key == "--resume") options.resume = true;
     if (key == "--force") force = true;
     if (!argument.starts_with("--")) paths.push_back(argument);
@@ -640,7 +641,7 @@ int LibraryIngestMain(int count, char** arguments) {
                           database->Create(name, force));
     std::vector<std::string> notes;
     MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
-                          OpenMeshes(paths, "", options.tmp_directory));
+                          OpenMeshes(paths, format, options.tmp_directory));
     return BuildObject([&](MeshSink& sink) { return ReadMeshes(inputs, sink, &notes); }, options,
                        *writer,
                        [&](const BuildProgress&) {

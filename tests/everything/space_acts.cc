@@ -118,7 +118,7 @@ void CopyIntoAct(World& world, const Step& step) {
                          });
   const Conflicts conflicts = all_there ? Compare(world, from, to, names) : Conflicts{};
   const bool fits = all_there && (!conflicts.differ || step.Flag("force"));
-  Arguments arguments{"copy", world.PathOf(from, step.Text("by", "plain")),
+  Arguments arguments{"copy", "--json", world.PathOf(from, step.Text("by", "plain")),
                       world.PathOf(to, target.model.exists ? step.Text("by2", "plain") : "plain")};
   if (step.Flag("force")) arguments.emplace_back("--force");
   if (step.has("name")) arguments.push_back(NameOf(step));
@@ -160,7 +160,7 @@ void CompactAct(World& world, const Step& step) {
   const bool fits = !HasSeveralNames(place);
   const uint64_t before = fs::file_size(place.path);
   ++world.counts().acts;
-  const Ran ran = RunOrKill(world, step, {"compact", path});
+  const Ran ran = RunOrKill(world, step, {"compact", path, "--json"});
   if (ran.ok() != fits && ran.signal == 0) {
     world.ErrorFault(fits ? "compact: refused" : "compact: not refused", ran.err + ran.out);
   }

@@ -1,6 +1,9 @@
 // Objects that are removed, renamed and copied, and stores that are compacted, by the command line.
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <set>
 #include <sys/stat.h>
 
 #include "tests/tools/cli_testing.h"
@@ -32,7 +35,59 @@ std::vector<std::string> Names(const std::string& store) {
 
 using List = std::vector<std::string>;
 
+std::set<std::string> FilesIn(const Folder& folder) {
+  std::set<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.File(""))) {
+    files.insert(entry.path().filename().string());
+  }
+  return files;
+}
+
 }  // namespace
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they must be loaded first
+
+TEST_CASE("a disk that is full at any moment leaves stores as they were, and no files", "[cli]") {
+  const Folder folder, inputs;
+  const std::string store = folder.File("s.mtdb"), mesh = inputs.File("a.ply");
+  RunOk({"generate", "sculpture", mesh, "--triangles", "800"});
+  RunOk({"ingest", mesh, store, "--quiet"});
+  const std::set<std::string> before = FilesIn(folder);
+  const std::string digest = RunJson({"info", store}).at("objects").at(0).at("digest");
+  const std::vector<Arguments> commands{{"compact", store, "--json"},
+                                        {"copy", store, folder.File("new.mtdb"), "--json"},
+                                        {"pack", store, folder.File("new.mtdbp"), "--json"}};
+  for (const Arguments& command : commands) {
+    int failed = 0;
+    for (int64_t at = 1, operations = 1; at <= operations; ++at) {
+      INFO(command[0] << ", operation " << at);
+      const std::vector<std::pair<std::string, std::string>> settings{
+          {"LD_PRELOAD", MTDB_FAULTS_LIBRARY},
+          {"MTDB_FAULT", "enospc"},
+          {"MTDB_FAULT_UNDER", folder.File("")},
+          {"MTDB_FAULT_AT", std::to_string(at)},
+          {"MTDB_FAULT_COUNT", inputs.File("count")}};
+      for (const auto& [name, value] : settings) ::setenv(name.c_str(), value.c_str(), 1);
+      const Outcome outcome = Run(command);
+      for (const auto& [name, value] : settings) ::unsetenv(name.c_str());
+      operations = std::stoll(ReadText(inputs.File("count")));
+      if (outcome.exit_code == 0) {
+        for (const char* made : {"new.mtdb", "new.mtdb-lock", "new.mtdbp"}) {
+          std::filesystem::remove(folder.File(made));
+        }
+      } else {
+        ++failed;
+        REQUIRE(outcome.exit_code == 1);
+        CHECK_THAT(outcome.err, Catch::StartsWith("mtdb: "));
+      }
+      CHECK(FilesIn(folder) == before);
+      CHECK(RunJson({"info", store}).at("objects").at(0).at("digest") == digest);
+    }
+    CHECK(failed > 3);
+  }
+}
+
+#endif
 
 TEST_CASE("removing says what became free, and compacting gives it back", "[cli]") {
   const Store s;
