@@ -1,0 +1,193 @@
+"""Stores from Python: ingest, mapping, changes, errors."""
+from __future__ import annotations
+
+import gzip
+import os
+import pickle
+from pathlib import Path
+from typing import Any, Iterator
+
+import mtdb
+import numpy as np
+import pytest
+from conftest import hills
+
+
+def chunks(vertices: Any, faces: Any, attributes: Any, size: int) -> Iterator[Any]:
+    """Faces in advance of their vertices, too."""
+    for at in range(0, max(len(vertices), len(faces)), size):
+        part = slice(at, at + size)
+        yield vertices[part], faces[part], {n: a[part] for n, a in attributes.items()}
+
+
+def test_chunks_arrays_meshes_and_files_give_the_same_object(tmp_path: Path) -> None:
+    vertices, faces, attributes = hills(60)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    digest = db.ingest(vertices, faces, name="arrays", attributes=attributes).digest
+    assert db.ingest(chunks(vertices, faces, attributes, 500), name="chunks").digest == digest
+    mesh = mtdb.Mesh(vertices, faces, attributes)
+    assert db.ingest(mesh, name="mesh").digest == digest
+    mesh.save(tmp_path / "mesh.ply")
+    assert db.ingest(tmp_path / "mesh.ply", name="file").digest == digest
+    with gzip.open(tmp_path / "mesh.ply.gz", "wb") as packed:
+        packed.write((tmp_path / "mesh.ply").read_bytes())
+    assert db.ingest(str(tmp_path / "mesh.ply.gz"), name="gzip").digest == digest
+    for kind in (np.int32, np.uint32, np.int64, np.uint16):
+        assert db.ingest(vertices, faces.astype(kind), name="x", attributes=attributes,
+                         replace=True).digest == digest
+    single = vertices.astype(np.float32)
+    assert db.ingest(single, faces, name="x", attributes=attributes, replace=True).digest == digest
+    strided = np.asfortranarray(vertices)[:, ::-1][:, ::-1]
+    assert db.ingest(strided, np.asfortranarray(faces), name="x", attributes=attributes,
+                     replace=True).digest == digest
+
+
+def test_what_is_stored_comes_back(tmp_path: Path) -> None:
+    vertices, faces, attributes = hills(40)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    mesh = db.ingest(vertices, faces, name="a", attributes=attributes, lossless=True).extract()
+    assert len(mesh.faces) == len(faces) and mesh.error_bound == 0
+    order = np.lexsort(vertices.T)
+    found = np.lexsort(np.asarray(mesh.vertices).T)
+    np.testing.assert_array_equal(mesh.vertices[found], vertices[order])
+    for name, values in attributes.items():
+        np.testing.assert_array_equal(mesh.attributes[name][found], values[order])
+    assert mesh.colors is not None and mesh.colors.dtype == np.uint8
+    np.testing.assert_array_equal(mesh.colors[found][:, 1], attributes["green"][order])
+
+
+def test_a_database_is_a_mapping(tmp_path: Path) -> None:
+    vertices, faces, _ = hills(20)
+    path = tmp_path / "a.mtdb"
+    with pytest.raises(mtdb.NotFound):
+        mtdb.open(path)
+    db = mtdb.open(path, create=True)
+    assert len(db) == 0 and list(db) == []
+    db.ingest(vertices, faces, name="b")
+    db.ingest(vertices, faces, name="a")
+    assert list(db) == ["a", "b"] and "a" in db and "c" not in db and 7 not in db
+    assert {name: o.triangles for name, o in db.items()} == {"a": len(faces), "b": len(faces)}
+    assert db["a"] is db["a"]
+    with pytest.raises(KeyError) as error:
+        db["c"]
+    assert "no object 'c'" in str(error.value) and error.value.code == mtdb.Code.NOT_FOUND
+    with pytest.raises(mtdb.AlreadyExists):
+        db.ingest(vertices, faces, name="a")
+    db.rename("a", "c")
+    del db["b"]
+    assert list(db) == ["c"] and db.verify("global") == {}
+    with pytest.raises(mtdb.NotFound):
+        del db["b"]
+    copy = db.copy(tmp_path / "copy.mtdb")
+    assert copy["c"].digest == db["c"].digest
+    copy.copy_from(db["c"], "d")
+    assert list(copy) == ["c", "d"]
+    packed = tmp_path / "p.mtdbp"
+    assert copy.pack(packed, ["d"]) == packed.stat().st_size
+    assert mtdb.open(packed)["d"].digest == db["c"].digest
+    before, after = db.compact()
+    assert after < before == pytest.approx(before)
+    assert db["c"].triangles == len(faces)
+    db.close()
+    db.close()
+    with pytest.raises(mtdb.InvalidArgument, match="closed"):
+        len(db)
+    assert "closed" in repr(db)
+
+
+def test_what_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    vertices, faces, attributes = hills(12)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    bad = faces.copy()
+    bad[3, 1] = len(vertices)
+    negative = faces.copy()
+    negative[0, 0] = -1
+    not_finite = vertices.copy()
+    not_finite[5, 1] = np.nan
+    for call in (
+        lambda: db.ingest(vertices, bad, name="x"),
+        lambda: db.ingest(vertices, negative, name="x"),
+        lambda: db.ingest(not_finite, faces, name="x"),
+        lambda: db.ingest(vertices, faces[:0], name="x"),
+        lambda: db.ingest(vertices[:, :2], faces, name="x"),
+        lambda: db.ingest(vertices, faces.astype(float), name="x"),
+        lambda: db.ingest(vertices, faces, name=""),
+        lambda: db.ingest(vertices, faces, name="x", bits=99),
+        lambda: db.ingest(vertices, faces, name="x", bits=-1),
+        lambda: db.ingest(vertices, faces, name="x", lossless=True, bits=12),
+        lambda: db.ingest(vertices, faces, name="x", memory=5),
+        lambda: db.ingest(vertices, faces, name="x", attributes={"a": np.zeros(3)}),
+        lambda: db.ingest(vertices, faces, name="x", attributes={"a": np.zeros(144, complex)}),
+        lambda: db.ingest(vertices, faces, name="x", steps={"none": 0.5}),
+        lambda: db.ingest(iter([]), name="x"),
+        lambda: db.ingest([(vertices,)], name="x"),
+        lambda: mtdb.Mesh(vertices, faces.ravel()),
+        lambda: mtdb.Mesh(vertices, bad).save(tmp_path / "x.ply"),
+    ):
+        with pytest.raises(ValueError):
+            call()
+    with pytest.raises(mtdb.NotFound):
+        db.ingest("none.ply", name="x")
+    with pytest.raises(mtdb.Unsupported):
+        mtdb.Mesh(vertices, faces).save(tmp_path / "x.zip")
+    assert len(db) == 0
+
+
+def test_chunks_must_agree_and_their_errors_arrive(tmp_path: Path) -> None:
+    vertices, faces, attributes = hills(12)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+
+    def failing() -> Iterator[Any]:
+        yield vertices, faces
+        raise RuntimeError("the scanner fell over")
+
+    with pytest.raises(RuntimeError, match="fell over"):
+        db.ingest(failing(), name="x")
+    with pytest.raises(mtdb.InvalidArgument, match="attributes"):
+        db.ingest([(vertices, faces, attributes), (vertices, faces)], name="x")
+    assert len(db) == 0
+
+
+def test_progress_is_told_and_stops(tmp_path: Path) -> None:
+    vertices, faces, _ = hills(60)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    told: list[tuple[str, float]] = []
+    db.ingest(vertices, faces, name="a", progress=lambda stage, done: told.append((stage, done)))
+    assert told and told[-1][1] == 1.0 and {"read", "round 1"} <= {s for s, _ in told}
+    with pytest.raises(mtdb.Cancelled):
+        db.ingest(vertices, faces, name="b", progress=lambda stage, done: False)
+
+    def fails(stage: str, done: float) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        db.ingest(vertices, faces, name="b", progress=fails)
+    db.ingest(vertices, faces, name="b", progress=True)  # tqdm, where it is installed
+    assert list(db) == ["a", "b"]
+
+
+def test_errors_have_codes_and_families(store: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.mtdb"
+    data = bytearray(store.read_bytes())
+    data[:8192] = b"x" * 8192
+    damaged.write_bytes(data)
+    with pytest.raises(mtdb.MtdbError) as error:
+        mtdb.open(damaged)
+    assert error.value.code in (mtdb.Code.CORRUPT, mtdb.Code.UNSUPPORTED, mtdb.Code.BAD_INPUT)
+    assert "damaged.mtdb" in str(error.value)
+    again = pickle.loads(pickle.dumps(error.value))
+    assert type(again) is type(error.value) and str(again) == str(error.value)
+
+
+def test_verify_finds_what_is_damaged(store: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.mtdb"
+    data = bytearray(store.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 4096] = os.urandom(4096)
+    damaged.write_bytes(data)
+    try:
+        db = mtdb.open(damaged)
+        found = [f for name in db for f in db[name].verify("full")]
+        assert found
+    except mtdb.Corrupt:
+        pass

@@ -1,0 +1,65 @@
+"""mtdb: an out-of-core database of triangle meshes. numpy in, numpy out.
+
+    import mtdb
+
+    db = mtdb.open("scans.mtdb", create=True)
+    db.ingest(vertices, faces, name="statue", attributes={"red": red, ...})
+    mesh = db["statue"].extract(box=[[0, 0, 0], [1, 1, 1]], error=0.001)
+    mesh.vertices, mesh.faces, mesh.error_bound
+
+docs/python.md tells it in full. The library is libmtdb.so; the GIL is released while it works.
+"""
+from ._database import Database, Hit, Object, Server
+from ._database import open_database as open
+from ._errors import (
+    AlreadyExists,
+    BadInput,
+    BudgetExceeded,
+    Busy,
+    Cancelled,
+    Code,
+    Corrupt,
+    InvalidArgument,
+    IoError,
+    MtdbError,
+    NoSpace,
+    NotFound,
+    NotYet,
+    Unsupported,
+)
+from ._library import version as _version
+from ._mesh import ExtractStats, Mesh, Shortfall, png, read_mesh
+from ._session import Session, Update, connect, fetch
+
+__version__: str = _version()
+
+__all__ = [
+    "AlreadyExists",
+    "BadInput",
+    "BudgetExceeded",
+    "Busy",
+    "Cancelled",
+    "Code",
+    "Corrupt",
+    "Database",
+    "ExtractStats",
+    "Hit",
+    "InvalidArgument",
+    "IoError",
+    "Mesh",
+    "MtdbError",
+    "NoSpace",
+    "NotFound",
+    "NotYet",
+    "Object",
+    "Server",
+    "Session",
+    "Shortfall",
+    "Unsupported",
+    "Update",
+    "connect",
+    "fetch",
+    "open",
+    "png",
+    "read_mesh",
+]

@@ -1,0 +1,603 @@
+"""Stores and their objects."""
+from __future__ import annotations
+
+import ctypes as C
+import json
+import os
+import threading
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Callable, Iterable, Iterator, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _library as L
+from . import _query
+from ._errors import InvalidArgument, NotFound
+from ._mesh import (
+    LIMITS,
+    Array,
+    ExtractStats,
+    Layout,
+    Mesh,
+    Packed,
+    check_shape,
+    shortfall_of,
+    triple,
+)
+from ._session import Session
+from ._work import Progress, Watched, interruptible
+
+#: vertices, faces, and attributes of the vertices. Either may be empty; a face may name a vertex that
+#: comes later. Vertices are numbered through all chunks.
+Chunk = Union[
+    Tuple[npt.ArrayLike, npt.ArrayLike],
+    Tuple[npt.ArrayLike, npt.ArrayLike, Mapping[str, npt.ArrayLike]],
+]
+LEVELS = ("fast", "full", "global")
+# An array is handed over in parts of so many rows.
+_PART = 1 << 18
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Where a probe met the surface."""
+
+    point: Array  #: (3,)
+    distance: float  #: closest point: in units; ray: the parameter t of origin + t * direction
+    front: bool  #: the probe comes from outside
+    triangle: Array  #: (3, 3): its corners
+    error_bound: float
+    excess: float  #: what error_bound has above the error that was asked for
+
+
+class Object:
+    """A surface of a store, at every level of detail, with its cache of decoded clusters. Threads
+    may share one."""
+
+    def __init__(self, database: L.Handle, name: Optional[str], cache_bytes: int, threads: int,
+                 implicit: bool) -> None:
+        options = L.ObjectOptions(cache_bytes, threads, int(implicit))
+        self._handle = L.Handle(
+            "object", "open_object_with", database,
+            None if name is None else name.encode(), C.byref(options),
+        )
+        self._info = L.Info()
+        L.call("object_info", self._handle, C.byref(self._info))
+        text: bytes = L.ask("object_name", self._handle)
+        #: Its name when it was opened.
+        self.name = text.decode()
+
+    @property
+    def triangles(self) -> int:
+        """At full resolution."""
+        return int(self._info.triangles)
+
+    @property
+    def vertices(self) -> int:
+        return int(self._info.vertices)
+
+    @property
+    def bounds(self) -> Array:
+        """(2, 3): smallest and largest corner."""
+        return np.array([list(self._info.bounds_min), list(self._info.bounds_max)])
+
+    @property
+    def rounding_error(self) -> float:
+        """No vertex of the input is farther than this from where it is stored."""
+        return float(self._info.rounding_error)
+
+    @property
+    def error_max(self) -> float:
+        """Of the coarsest mesh."""
+        return float(self._info.error_max)
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """All that is known of it, as `mtdb info --json` prints it: digest, grid, rounds ..."""
+        made: dict[str, Any] = json.loads(L.texts("object_json", self._handle)[0])
+        return made
+
+    @property
+    def digest(self) -> str:
+        """32 hexadecimal digits over content; equal for equal meshes that were ingested alike."""
+        return str(self.info["digest"])
+
+    def extract(
+        self,
+        query: Union[str, Mapping[str, Any], None] = None,
+        *,
+        box: Optional[npt.ArrayLike] = None,
+        sphere: Optional[Sequence[float]] = None,
+        region: _query.Json = None,
+        camera: Optional[Mapping[str, Any]] = None,
+        error: Optional[float] = None,
+        relative: Optional[float] = None,
+        pixels: Optional[float] = None,
+        threshold: _query.Json = None,
+        triangles: Optional[int] = None,
+        max_bytes: Optional[int] = None,
+        milliseconds: Optional[float] = None,
+        clip: bool = False,
+        normals: bool = False,
+        dtype: npt.DTypeLike = np.float64,
+        origin: Optional[Sequence[float]] = None,
+    ) -> Mesh:
+        """The smallest mesh that satisfies the query; without arguments, full resolution.
+
+        Where: `box` (2, 3) smallest and largest corner; `sphere` x, y, z, radius; `region` as in
+        docs/query.md; `camera` {"eye", "target", "up", "fov" in degrees, "viewport"}: what it sees.
+        Elsewhere the mesh is as coarse as can be, or left out with `clip`.
+        How accurate: `error` in units, `relative` to the diagonal, `pixels` of the camera (1 when
+        there is nothing else), `threshold` as in docs/query.md.
+        How much: `triangles`, `max_bytes`, `milliseconds`; the largest errors are refined first.
+        `query`: all of that as a dict or a JSON text instead.
+        dtype: float32 gives vertices less `origin` (the bounds' centre, or the given one).
+        """
+        text = _query.build(
+            query, box=box, sphere=sphere, region=region, camera=camera, error=error,
+            relative=relative, pixels=pixels, threshold=threshold, triangles=triangles,
+            max_bytes=max_bytes, milliseconds=milliseconds, clip=clip, normals=normals,
+        )
+        base = self._origin(dtype, origin)
+        with interruptible() as control:
+            cut = self._select(text, control)
+            mesh = L.Handle("mesh", "cut_mesh", cut, base)
+        return self._with_stats(Mesh._of(mesh), cut)
+
+    def extract_to(self, path: "str | os.PathLike[str]",
+                   query: Union[str, Mapping[str, Any], None] = None, **asked: Any) -> ExtractStats:
+        """Writes what `extract` would return to a mesh file, without holding it in memory."""
+        with interruptible() as control:
+            cut = self._select(_query.build(query, **asked), control)
+            L.call("cut_write", cut, L.path_bytes(path), None)
+        return self._stats(cut)[0]
+
+    def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
+        kind = np.dtype(dtype)
+        if kind == np.float64:
+            if origin is not None:
+                raise InvalidArgument("origin: goes with dtype=float32")
+            return None
+        if kind != np.float32:
+            raise InvalidArgument(f"dtype: expected float64 or float32, found {kind}")
+        return triple("origin", self.bounds.mean(0) if origin is None else origin)
+
+    def _query(self, text: str) -> L.Handle:
+        query = L.Handle("query", "create_query")
+        L.call("query_set_json", query, self._handle, text.encode())
+        return query
+
+    def _select(self, text: str, control: L.Handle) -> L.Handle:
+        query = self._query(text)
+        L.call("query_set_control", query, control)
+        return L.Handle("cut", "select", self._handle, query)
+
+    @staticmethod
+    def _stats(cut: L.Handle) -> tuple[ExtractStats, float, L.Details]:
+        stats, details = L.Stats(), L.Details()
+        L.call("cut_stats", cut, C.byref(stats))
+        L.call("cut_details", cut, C.byref(details))
+        made = ExtractStats(
+            LIMITS[details.limit], details.active_triangles, stats.nodes_applied,
+            stats.clusters_read, details.clusters_cached, details.clusters_used,
+            details.clusters_total, stats.bytes_read, details.select_seconds,
+            details.load_seconds, details.emit_seconds,
+        )
+        return made, stats.error_bound, details
+
+    def _with_stats(self, mesh: Mesh, cut: L.Handle) -> Mesh:
+        mesh.stats, mesh.error_bound, details = self._stats(cut)
+        mesh.shortfall = shortfall_of(details.shortfall)
+        return mesh
+
+    def closest_point(self, point: Sequence[float], *, error: Optional[float] = None,
+                      limit: float = np.inf) -> Optional[Hit]:
+        """The point of the surface that is closest to `point`, at full resolution or on a surface
+        within `error`; None when nothing is within `limit`."""
+        hit = L.Hit()
+        L.call("closest_point", self._handle, triple("point", point),
+               -1.0 if error is None else error, limit, C.byref(hit))
+        return _hit(hit)
+
+    def cast_ray(self, origin: Sequence[float], direction: Sequence[float], *,
+                 error: Optional[float] = None, limit: float = np.inf) -> Optional[Hit]:
+        """The first hit of the ray at 0 <= t <= limit; None when there is none."""
+        hit = L.Hit()
+        L.call("cast_ray", self._handle, triple("origin", origin),
+               triple("direction", direction), -1.0 if error is None else error, limit,
+               C.byref(hit))
+        return _hit(hit)
+
+    def verify(self, level: str = "fast") -> list[str]:
+        """What is wrong, a line each; nothing when the list is empty. fast: pages and checksums of
+        the file; full: also decodes every cluster; global: also rebuilds the whole surface and
+        compares it with what was ingested."""
+        if level not in LEVELS:
+            raise InvalidArgument(f"level: expected one of {LEVELS}, found {level!r}")
+        with interruptible() as control:
+            return L.texts("verify", self._handle, LEVELS.index(level), control)
+
+    def session(self, remembered_vertices: int = 65536) -> Session:
+        """A mesh that follows queries, of which only what changes is computed."""
+        return Session._local(self, remembered_vertices)
+
+    def render(self, size: tuple[int, int] = (1200, 900), *, wireframe: bool = False,
+               direction: Optional[Sequence[float]] = None, **asked: Any) -> npt.NDArray[np.uint8]:
+        """Draws what `extract` would return: (height, width, 3) uint8. A camera is looked through;
+        a region or accuracy goes along as in `extract`. Without: a mesh that is right to a pixel or
+        so."""
+        camera = asked.get("camera")
+        if camera is not None:
+            asked["camera"] = {**camera, "viewport": list(size)}
+        elif not asked:
+            asked["relative"] = 0.5 / max(size)
+        return self.extract(**asked).render(
+            size, camera=camera, direction=direction, wireframe=wireframe
+        )
+
+    def __repr__(self) -> str:
+        return f"<mtdb.Object {self.name!r}: {self.triangles} triangles>"
+
+    def _repr_html_(self) -> str:
+        mesh = self.extract(relative=0.002, triangles=200_000)
+        return f"<b>{self.name}</b>: {self.triangles:,} triangles" + mesh._repr_html_()
+
+
+def _hit(hit: L.Hit) -> Optional[Hit]:
+    if not hit.found:
+        return None
+    return Hit(np.array(hit.point), hit.distance, bool(hit.front),
+               np.array(hit.triangle).reshape(3, 3), hit.error_bound, hit.excess)
+
+
+class Database(Mapping[str, Object]):
+    """A store or a packed file: a mapping of names to objects. Threads may share one; to write, it
+    opens the store when the first change is asked for."""
+
+    def __init__(self, path: "str | os.PathLike[str]", *, create: bool = False,
+                 cache_bytes: int = 0, threads: int = 0) -> None:
+        self.path = os.fspath(path)
+        self._cache_bytes, self._threads = cache_bytes, threads
+        self._lock = threading.RLock()
+        self._writer: Optional[L.Handle] = None
+        self._reader: Optional[L.Handle] = None
+        self._objects: dict[str, Object] = {}
+        if create and not os.path.exists(self.path):
+            self._writer = self._open("open_writable_abi")
+        self._reader = self._open("open_abi")
+
+    def _open(self, how: str) -> L.Handle:
+        path = L.path_bytes(self.path)
+        return L.Handle("database", how, L.ABI_VERSION, path)
+
+    def _read(self) -> L.Handle:
+        if self._reader is None:
+            raise InvalidArgument(f"{self.path}: the database is closed")
+        return self._reader
+
+    def _write(self) -> L.Handle:
+        with self._lock:
+            self._read()
+            if self._writer is None:
+                self._writer = self._open("open_writable_abi")
+            return self._writer
+
+    def close(self) -> None:
+        """Lets the file go. Meshes, and objects that somebody still has, go on."""
+        with self._lock:
+            self._reader = self._writer = None
+            self._objects.clear()
+
+    def __enter__(self) -> "Database":
+        return self
+
+    def __exit__(self, kind: Optional[type[BaseException]], value: Optional[BaseException],
+                 trace: Optional[TracebackType]) -> None:
+        self.close()
+
+    def _names(self) -> list[str]:
+        return L.texts("list_objects", self._read())
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names())
+
+    def __len__(self) -> int:
+        return len(self._names())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names()
+
+    def __getitem__(self, name: str) -> Object:
+        if name not in self._names():
+            raise NotFound(f"{self.path}: no object {name!r}; it has {self._names()}")
+        with self._lock:
+            if name not in self._objects:
+                self._objects[name] = self.open_object(name)
+            return self._objects[name]
+
+    def open_object(self, name: Optional[str] = None, *, cache_bytes: Optional[int] = None,
+                    threads: Optional[int] = None, implicit: bool = False) -> Object:
+        """Opens an object anew, with a cache of its own; without a name, the only one. implicit: the
+        cache keeps clusters as in the store, some 30 times smaller, and every query decodes."""
+        return Object(self._read(), name,
+                      self._cache_bytes if cache_bytes is None else cache_bytes,
+                      self._threads if threads is None else threads, implicit)
+
+    def _forget(self, name: str) -> None:
+        with self._lock:
+            self._objects.pop(name, None)
+
+    def __delitem__(self, name: str) -> None:
+        L.call("remove_object", self._write(), name.encode())
+        self._forget(name)
+
+    def rename(self, name: str, new_name: str) -> None:
+        L.call("rename_object", self._write(), name.encode(), new_name.encode())
+        self._forget(name)
+
+    def ingest(
+        self,
+        vertices: Union[npt.ArrayLike, Mesh, Iterable[Chunk], str, "os.PathLike[str]"],
+        faces: Optional[npt.ArrayLike] = None,
+        *,
+        name: str,
+        attributes: Optional[Mapping[str, npt.ArrayLike]] = None,
+        replace: bool = False,
+        lossless: bool = False,
+        bits: Optional[int] = None,
+        step: Optional[float] = None,
+        weld: Optional[float] = None,
+        normal_bits: Optional[int] = None,
+        steps: Optional[Mapping[str, float]] = None,
+        memory: int = 1 << 30,
+        threads: int = 0,
+        tmp: Optional[str] = None,
+        journal: Optional[str] = None,
+        resume: bool = False,
+        progress: Progress = None,
+    ) -> Object:
+        """Stores a mesh at every level of detail.
+
+        vertices (n, 3) and faces (m, 3): arrays; or instead of both a `Mesh`, the path of a mesh
+        file, or an iterable of chunks (vertices, faces) or (vertices, faces, attributes), of which
+        one is in memory at a time: the ingest is out of core.
+        attributes: by name, (n,) each; names as in PLY ("red", "nx"), or anything.
+        lossless: float32 positions bit for bit; else they are rounded to a grid that suits the mesh,
+        of `bits`, or of multiples of `step`. weld: joins vertices within that distance.
+        normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
+        journal, resume: a file by which an ingest that was killed goes on.
+        progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
+        """
+        with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
+                    normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
+                    journal=journal, resume=resume) as ingest:
+            ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
+        self._forget(name)
+        return self[name]
+
+    def copy(self, path: "str | os.PathLike[str]", *, progress: Progress = None) -> "Database":
+        """A new store at `path` with all objects as they are at one moment."""
+        Watched(progress).run(
+            lambda watch: L.call("copy_store", self._read(), L.path_bytes(path), watch)
+        )
+        return Database(path)
+
+    def copy_from(self, source: Object, name: Optional[str] = None, *, replace: bool = False,
+                  progress: Progress = None) -> Object:
+        """Copies an object of another store or packed file: the same bytes, the same digest."""
+        new = source.name if name is None else name
+        Watched(progress).run(
+            lambda watch: L.call("copy_object", source._handle, self._write(),
+                                 new.encode(), int(replace), watch)
+        )
+        self._forget(new)
+        return self[new]
+
+    def compact(self, *, progress: Progress = None) -> tuple[int, int]:
+        """Gives back the space that no object uses. Returns the file's bytes before and after.
+        Objects and databases of the file that are still in use here, once it was written to, make
+        it `Busy`."""
+        sizes = L.Sizes()
+        with self._lock:
+            self._read()
+            self._reader = self._writer = None
+            self._objects.clear()
+            try:
+                Watched(progress).run(
+                    lambda watch: L.call("compact_store", L.path_bytes(self.path), watch,
+                                         C.byref(sizes))
+                )
+            finally:
+                self._reader = self._open("open_abi")
+        return sizes.bytes_before, sizes.bytes_after
+
+    def pack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
+             progress: Progress = None) -> int:
+        """One file of the objects for any web server (docs/packed.md). Returns its bytes."""
+        chosen = [] if names is None else [n.encode() for n in names]
+        if names is not None and not chosen:
+            raise InvalidArgument("names: is empty")
+        array = (C.c_char_p * max(1, len(chosen)))(*chosen)
+        sizes = L.Sizes()
+        Watched(progress).run(
+            lambda watch: L.call("pack", self._read(), array, len(chosen),
+                                 L.path_bytes(path), watch, C.byref(sizes))
+        )
+        return int(sizes.bytes_after)
+
+    def verify(self, level: str = "fast") -> dict[str, list[str]]:
+        """What is wrong, by object; nothing when it is empty."""
+        found = {name: self[name].verify(level) for name in self}
+        return {name: failures for name, failures in found.items() if failures}
+
+    def serve(self, *, address: str = "127.0.0.1", port: int = 0, threads: int = 0,
+              allowed_origin: Optional[str] = None) -> "Server":
+        """Serves the store over HTTP in threads of its own, until the server is closed."""
+        self._read()
+        return Server(self.path, address=address, port=port, threads=threads,
+                      allowed_origin=allowed_origin)
+
+    def __repr__(self) -> str:
+        if self._reader is None:
+            return f"<mtdb.Database {self.path!r}, closed>"
+        return f"<mtdb.Database {self.path!r}: {len(self)} objects>"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{o.name}</td><td>{o.triangles:,}</td></tr>" for o in self.values()
+        )
+        return f"<table><tr><th>object</th><th>triangles</th></tr>{rows}</table>"
+
+
+class Ingest:
+    """One ingest: its options, and the callback that hands chunks over."""
+
+    def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
+                 step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
+                 replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
+                 journal: Optional[str], resume: bool) -> None:
+        self._name = name.encode()
+        listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
+        self._steps = (L.AttributeStep * max(1, len(listed)))(
+            *(L.AttributeStep(n, s) for n, s in listed)
+        )
+        for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits)):
+            if value is not None and value <= 0:
+                raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
+        self._options = L.IngestOptions(
+            replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
+            weld=int(weld is not None), weld_distance=weld or 0.0, normal_bits=normal_bits or 0,
+            steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
+            tmp_directory=None if tmp is None else L.path_bytes(tmp),
+            journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
+        )
+
+    def __enter__(self) -> "Ingest":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        pass
+
+    def run(self, database: L.Handle, vertices: Any, faces: Any,
+            attributes: Optional[Mapping[str, npt.ArrayLike]], watched: Watched) -> None:
+        if isinstance(vertices, (str, os.PathLike)):
+            path = L.path_bytes(vertices)
+            watched.run(lambda watch: L.call("ingest_file", database, self._name, path,
+                                             C.byref(self._options), watch))
+            return
+        origin: Any = (0.0, 0.0, 0.0)
+        if isinstance(vertices, Mesh):
+            mesh = vertices
+            attributes = mesh.attributes if attributes is None else attributes
+            vertices, faces, origin = mesh.vertices, mesh.faces, mesh.origin
+        if faces is None:
+            chunks = (_chunk(c) for c in vertices)
+        else:
+            chunks = iter(list(_parts(_chunk((vertices, faces, attributes or {})))))
+        self._ingest(database, chunks, origin, watched)
+
+    def _ingest(self, database: L.Handle, chunks: "Iterator[_Arrays]", origin: Any,
+                watched: Watched) -> None:
+        first = next(chunks, None)
+        if first is None:
+            raise InvalidArgument("vertices: there is no chunk")
+        layout = Layout.of(first[2])
+        structs = layout.structs()
+
+        def all_parts() -> Iterator["_Arrays"]:
+            yield first
+            yield from chunks
+
+        def produce(_user: Any, ingest: Any) -> int:
+            try:
+                for points, corners, values in all_parts():
+                    with Packed(points, corners, values, origin, layout) as part:
+                        L.call("ingest_part", ingest, C.byref(part.struct))
+                return 0
+            except BaseException as error:  # KeyboardInterrupt, too
+                watched.keep(error)
+                return 1
+
+        function = L.ProduceFunction(produce)
+        source = L.Source(
+            produce=function, attributes=structs, attribute_count=len(layout.names),
+            double_positions=int(first[0].dtype != np.float32 or bool(np.any(origin))),
+        )
+        watched.run(lambda watch: L.call("ingest_source", database, self._name,
+                                         C.byref(source), C.byref(self._options), watch))
+
+
+_Arrays = Tuple[Array, Array, Mapping[str, Array]]
+
+
+def _chunk(chunk: Any) -> _Arrays:
+    if not isinstance(chunk, (tuple, list)) or len(chunk) not in (2, 3):
+        raise InvalidArgument("expected chunks (vertices, faces) or (vertices, faces, attributes)")
+    points = np.asarray(chunk[0])
+    if points.dtype != np.float32:
+        points = points.astype(np.float64, copy=False)
+    corners = np.asarray(chunk[1])
+    if corners.size == 0:
+        corners = corners.reshape(0, 3).astype(np.int32)
+    if points.size == 0:
+        points = points.reshape(0, 3)
+    check_shape("vertices", points, 3)
+    check_shape("faces", corners, 3)
+    if corners.dtype.kind not in "iu":
+        raise InvalidArgument(f"faces: expected integers, found {corners.dtype}")
+    values = {n: np.asarray(a) for n, a in (chunk[2] if len(chunk) == 3 else {}).items()}
+    for name, array in values.items():
+        if array.shape != (len(points),):
+            raise InvalidArgument(
+                f"attributes[{name!r}]: expected the shape ({len(points)},), found {array.shape}"
+            )
+    return points, corners, values
+
+
+def _parts(whole: _Arrays) -> Iterator[_Arrays]:
+    """Views, so that conversions take little memory at a time."""
+    points, corners, values = whole
+    for at in range(0, max(len(points), len(corners), 1), _PART):
+        rows = slice(at, at + _PART)
+        yield points[rows], corners[rows], {n: a[rows] for n, a in values.items()}
+
+
+class Server:
+    """`mtdb serve` in this process. Close it, or use it as a context."""
+
+    def __init__(self, path: str, *, address: str = "127.0.0.1", port: int = 0, threads: int = 0,
+                 allowed_origin: Optional[str] = None) -> None:
+        options = L.ServeOptions(
+            address=address.encode(), port=port, threads=threads,
+            allowed_origin=None if allowed_origin is None else allowed_origin.encode(),
+        )
+        self._handle: Optional[L.Handle] = L.Handle(
+            "server", "serve", L.path_bytes(path), C.byref(options)
+        )
+        url: bytes = L.ask("server_url", self._handle)
+        #: "http://127.0.0.1:8080"
+        self.url = url.decode()
+
+    def close(self, grace_seconds: float = 1.0) -> None:
+        """Lets running requests finish for so long, cancels the rest, and waits."""
+        handle, self._handle = self._handle, None
+        if handle is not None:
+            L.call("stop_server", handle, grace_seconds)
+
+    def __enter__(self) -> "Server":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def open_database(path: "str | os.PathLike[str]", *, create: bool = False, cache_bytes: int = 0,
+                  threads: int = 0) -> Database:
+    """Opens a store, a packed file, or the URL of one (http, https, s3).
+
+    create: makes the store when it is not there. cache_bytes: of decoded clusters, for each object
+    (0: 256 MiB). threads: that read and decode for one query (0: as many as the machine has).
+    """
+    return Database(path, create=create, cache_bytes=cache_bytes, threads=threads)

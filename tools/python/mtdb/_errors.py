@@ -1,0 +1,93 @@
+"""Exceptions. Each has a code, as tools/c/mtdb.h pins them."""
+from __future__ import annotations
+
+import enum
+
+
+class Code(enum.IntEnum):
+    """1xx the caller, 2xx bytes, 3xx the system."""
+
+    INVALID_ARGUMENT = 100
+    NOT_FOUND = 101
+    ALREADY_EXISTS = 102
+    UNSUPPORTED = 103
+    CANCELLED = 104
+    BUDGET_EXCEEDED = 105
+    BAD_INPUT = 200
+    CORRUPT = 201
+    IO_ERROR = 300
+    NO_SPACE = 301
+    BUSY = 302
+    NOT_YET = 303
+
+
+class MtdbError(Exception):
+    """What mtdb refuses: `code`, and a line that says what is wrong, where, and what to do."""
+
+    code: Code = Code.IO_ERROR
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class InvalidArgument(MtdbError, ValueError):
+    code = Code.INVALID_ARGUMENT
+
+
+class NotFound(MtdbError, KeyError):
+    """No such file, or no such object."""
+
+    code = Code.NOT_FOUND
+
+
+class AlreadyExists(MtdbError):
+    code = Code.ALREADY_EXISTS
+
+
+class Unsupported(MtdbError):
+    code = Code.UNSUPPORTED
+
+
+class Cancelled(MtdbError):
+    code = Code.CANCELLED
+
+
+class BudgetExceeded(MtdbError):
+    code = Code.BUDGET_EXCEEDED
+
+
+class BadInput(MtdbError, ValueError):
+    code = Code.BAD_INPUT
+
+
+class Corrupt(MtdbError):
+    code = Code.CORRUPT
+
+
+class IoError(MtdbError, OSError):
+    code = Code.IO_ERROR
+
+
+class NoSpace(MtdbError):
+    """Disk or memory is full."""
+
+    code = Code.NO_SPACE
+
+
+class Busy(MtdbError):
+    code = Code.BUSY
+
+
+class NotYet(MtdbError):
+    code = Code.NOT_YET
+
+
+_CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
+
+
+def make_error(code: int, message: str) -> MtdbError:
+    return _CLASSES.get(code, MtdbError)(message)

@@ -1,0 +1,433 @@
+"""libmtdb.so by ctypes: tools/c/mtdb*.h word by word, and nothing more."""
+from __future__ import annotations
+
+import ctypes as C
+import os
+from typing import Any
+
+from ._errors import make_error
+
+Pointer = C.c_void_p
+Text = C.c_char_p
+
+ABI_VERSION = 1
+
+
+class Error(C.Structure):
+    _fields_ = [("message", C.c_char * 1024)]
+
+
+class ObjectOptions(C.Structure):
+    _fields_ = [("cache_bytes", C.c_size_t), ("threads", C.c_uint32), ("form", C.c_uint32)]
+
+
+class Info(C.Structure):
+    _fields_ = [
+        ("vertices", C.c_uint64),
+        ("triangles", C.c_uint64),
+        ("root_triangles", C.c_uint64),
+        ("clusters", C.c_uint64),
+        ("bounds_min", C.c_double * 3),
+        ("bounds_max", C.c_double * 3),
+        ("rounding_error", C.c_double),
+        ("error_max", C.c_double),
+        ("attributes", C.c_uint32),
+        ("row_bytes", C.c_uint32),
+    ]
+
+
+class Attribute(C.Structure):
+    _fields_ = [("name", Text), ("type", C.c_int), ("offset", C.c_uint32)]
+
+
+class Stats(C.Structure):
+    _fields_ = [
+        ("vertices", C.c_uint64),
+        ("triangles", C.c_uint64),
+        ("nodes_applied", C.c_uint64),
+        ("clusters_read", C.c_uint64),
+        ("bytes_read", C.c_uint64),
+        ("error_bound", C.c_double),
+    ]
+
+
+class Shortfall(C.Structure):
+    _fields_ = [
+        ("triangles", C.c_uint64),
+        ("excess", C.c_double),
+        ("bounds_min", C.c_double * 3),
+        ("bounds_max", C.c_double * 3),
+    ]
+
+
+class Details(C.Structure):
+    _fields_ = [
+        ("limit", C.c_int),
+        ("row_bytes", C.c_uint32),
+        ("active_triangles", C.c_uint64),
+        ("nodes_visited", C.c_uint64),
+        ("nodes_forced", C.c_uint64),
+        ("clusters_cached", C.c_uint64),
+        ("clusters_used", C.c_uint64),
+        ("clusters_total", C.c_uint64),
+        ("select_seconds", C.c_double),
+        ("load_seconds", C.c_double),
+        ("read_seconds", C.c_double),
+        ("decode_seconds", C.c_double),
+        ("emit_seconds", C.c_double),
+        ("shortfall", Shortfall),
+    ]
+
+
+class Hit(C.Structure):
+    _fields_ = [
+        ("found", C.c_int),
+        ("front", C.c_int),
+        ("point", C.c_double * 3),
+        ("distance", C.c_double),
+        ("triangle", C.c_double * 9),
+        ("error_bound", C.c_double),
+        ("excess", C.c_double),
+    ]
+
+
+class Sized(C.Structure):
+    """A struct that begins with its size, which is set here."""
+
+    def __init__(self, **members: Any) -> None:
+        super().__init__(C.sizeof(type(self)), **members)
+
+
+class MeshView(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("vertices", C.c_uint64),
+        ("triangles", C.c_uint64),
+        ("positions", Pointer),
+        ("positions_float", Pointer),
+        ("origin", C.c_double * 3),
+        ("indices", Pointer),
+        ("rows", Pointer),
+        ("row_bytes", C.c_uint32),
+        ("attributes", C.c_uint32),
+    ]
+
+
+ProgressFunction = C.CFUNCTYPE(C.c_int, Pointer, Text, C.c_double)
+ProduceFunction = C.CFUNCTYPE(C.c_int, Pointer, Pointer)
+ReceiveFunction = C.CFUNCTYPE(C.c_int, Pointer, Pointer, C.c_size_t)
+
+
+class Watch(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("user", Pointer),
+        ("progress", ProgressFunction),
+        ("control", Pointer),
+    ]
+
+
+class AttributeStep(C.Structure):
+    _fields_ = [("name", Text), ("step", C.c_double)]
+
+
+class IngestOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("replace", C.c_int),
+        ("lossless", C.c_int),
+        ("bits", C.c_uint32),
+        ("step", C.c_double),
+        ("weld", C.c_int),
+        ("weld_distance", C.c_double),
+        ("normal_bits", C.c_uint32),
+        ("steps", C.POINTER(AttributeStep)),
+        ("step_count", C.c_size_t),
+        ("threads", C.c_uint32),
+        ("memory_bytes", C.c_uint64),
+        ("tmp_directory", Text),
+        ("journal_path", Text),
+        ("resume", C.c_int),
+    ]
+
+
+class Input(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("vertices", C.c_uint64),
+        ("triangles", C.c_uint64),
+        ("positions", Pointer),
+        ("positions_float", Pointer),
+        ("origin", C.c_double * 3),
+        ("indices", Pointer),
+        ("indices_long", Pointer),
+        ("rows", Pointer),
+        ("attributes", C.POINTER(Attribute)),
+        ("attribute_count", C.c_size_t),
+    ]
+
+
+class Source(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("user", Pointer),
+        ("produce", ProduceFunction),
+        ("attributes", C.POINTER(Attribute)),
+        ("attribute_count", C.c_size_t),
+        ("double_positions", C.c_int),
+    ]
+
+
+class Sizes(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("bytes_before", C.c_uint64),
+        ("bytes_after", C.c_uint64),
+        ("first_bytes", C.c_uint64),
+    ]
+
+
+class Update(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("triangles", C.c_uint64),
+        ("vertices", C.c_uint64),
+        ("active_triangles", C.c_uint64),
+        ("insertions", C.c_uint64),
+        ("removals", C.c_uint64),
+        ("bytes", C.c_uint64),
+        ("error_bound", C.c_double),
+        ("milliseconds", C.c_double),
+        ("limit", C.c_int),
+        ("shortfall", Shortfall),
+    ]
+
+
+class SessionOptions(Sized):
+    _fields_ = [("struct_bytes", C.c_size_t), ("remembered_vertices", C.c_uint32)]
+
+
+class ConnectOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("name", Text),
+        ("remembered_vertices", C.c_uint32),
+        ("max_triangles", C.c_uint32),
+        ("timeout_seconds", C.c_double),
+        ("reconnect_seconds", C.c_double),
+    ]
+
+
+class FetchOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("name", Text),
+        ("format", Text),
+        ("timeout_seconds", C.c_double),
+    ]
+
+
+class ClientView(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("triangle_slots", C.c_uint64),
+        ("vertex_slots", C.c_uint64),
+        ("triangles", C.c_uint64),
+        ("vertices", C.c_uint64),
+        ("indices", Pointer),
+        ("positions", Pointer),
+        ("origin", C.c_double * 3),
+        ("rows", Pointer),
+        ("row_bytes", C.c_uint32),
+        ("attributes", C.c_uint32),
+    ]
+
+
+class Changes(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("triangles", Pointer),
+        ("triangle_ranges", C.c_size_t),
+        ("vertices", Pointer),
+        ("vertex_ranges", C.c_size_t),
+    ]
+
+
+class RenderOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("width", C.c_uint32),
+        ("height", C.c_uint32),
+        ("wireframe", C.c_int),
+        ("has_frame", C.c_int),
+        ("frame_min", C.c_double * 3),
+        ("frame_max", C.c_double * 3),
+        ("view_direction", C.c_double * 3),
+        ("has_camera", C.c_int),
+        ("eye", C.c_double * 3),
+        ("target", C.c_double * 3),
+        ("up", C.c_double * 3),
+        ("vertical_fov_rad", C.c_double),
+    ]
+
+
+class ServeOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("address", Text),
+        ("port", C.c_uint32),
+        ("threads", C.c_uint32),
+        ("cache_bytes", C.c_uint64),
+        ("max_triangles", C.c_uint64),
+        ("allowed_origin", Text),
+    ]
+
+
+def _load() -> C.CDLL:
+    """$MTDB_LIBRARY; else the library beside this file, as wheels have it; else the system's."""
+    chosen = os.environ.get("MTDB_LIBRARY")
+    beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "libmtdb.so")
+    path = chosen or (beside if os.path.exists(beside) else "libmtdb.so.0")
+    try:
+        return C.CDLL(path)
+    except OSError as error:
+        raise ImportError(
+            f"{path}: cannot be loaded: {error}; install libmtdb0, or say in MTDB_LIBRARY where "
+            "libmtdb.so is"
+        ) from error
+
+
+library = _load()
+
+_p = Pointer
+_double3 = C.POINTER(C.c_double)
+# Functions that return an mtdb_code and take an mtdb_error at last: what they take before it.
+_SIGNATURES: dict[str, list[Any]] = {
+    "open_abi": [C.c_uint32, Text, _p],
+    "open_writable_abi": [C.c_uint32, Text, _p],
+    "list_objects": [_p, _p],
+    "open_object_with": [_p, Text, _p, _p],
+    "object_info": [_p, _p],
+    "object_attribute": [_p, C.c_uint32, _p],
+    "object_json": [_p, _p],
+    "verify": [_p, C.c_int, _p, _p],
+    "create_query": [_p],
+    "query_set_json": [_p, _p, Text],
+    "create_control": [_p],
+    "query_set_control": [_p, _p],
+    "select": [_p, _p, _p],
+    "cut_stats": [_p, _p],
+    "cut_details": [_p, _p],
+    "cut_mesh": [_p, _p, _p],
+    "cut_write": [_p, Text, _p],
+    "mesh_look": [_p, _p],
+    "mesh_attribute": [_p, C.c_uint32, _p],
+    "read_mesh": [Text, _p],
+    "write_mesh": [_p, Text, _p],
+    "create_mesh": [_p, _p],
+    "closest_point": [_p, _p, C.c_double, C.c_double, _p],
+    "cast_ray": [_p, _p, _p, C.c_double, C.c_double, _p],
+    "ingest_source": [_p, Text, _p, _p, _p],
+    "ingest_part": [_p, _p],
+    "ingest_file": [_p, Text, Text, _p, _p],
+    "remove_object": [_p, Text],
+    "rename_object": [_p, Text, Text],
+    "copy_object": [_p, _p, Text, C.c_int, _p],
+    "copy_store": [_p, Text, _p],
+    "compact_store": [Text, _p, _p],
+    "pack": [_p, _p, C.c_size_t, Text, _p, _p],
+    "open_session": [_p, _p, _p],
+    "session_update": [_p, _p, ReceiveFunction, _p, _p],
+    "create_client": [_p, _p],
+    "client_feed": [_p, _p, C.c_size_t],
+    "connect": [Text, _p, _p],
+    "client_ask": [_p, Text, _p, _p],
+    "client_look": [_p, _p],
+    "client_attribute": [_p, C.c_uint32, _p],
+    "client_changes": [_p, _p],
+    "client_mesh": [_p, _p],
+    "fetch": [Text, Text, _p, ReceiveFunction, _p, _p],
+    "render": [_p, _p, _p, C.c_size_t],
+    "serve": [Text, _p, _p],
+    "stop_server": [_p, C.c_double],
+}
+_OTHERS: dict[str, tuple[Any, list[Any]]] = {
+    "abi_version": (C.c_uint32, []),
+    "version": (Text, []),
+    "names_count": (C.c_size_t, [_p]),
+    "names_at": (Text, [_p, C.c_size_t]),
+    "object_name": (Text, [_p]),
+    "cancel": (None, [_p]),
+    "server_url": (Text, [_p]),
+}
+for _kind in "database names object query control cut mesh session client server".split():
+    _OTHERS["free_" + _kind] = (None, [_p])
+
+_functions: dict[str, Any] = {}
+for _name, _arguments in _SIGNATURES.items():
+    _function = getattr(library, "mtdb_" + _name)
+    _function.argtypes = _arguments + [_p]
+    _function.restype = C.c_int
+    _functions[_name] = _function
+for _name, (_result, _arguments) in _OTHERS.items():
+    _function = getattr(library, "mtdb_" + _name)
+    _function.argtypes = _arguments
+    _function.restype = _result
+    _functions[_name] = _function
+
+if _functions["abi_version"]() != ABI_VERSION:
+    raise ImportError(
+        f"this package is for libmtdb of the ABI version {ABI_VERSION}, but the library's is "
+        f"{_functions['abi_version']()}"
+    )
+
+
+def version() -> str:
+    """The version of the library."""
+    text: bytes = _functions["version"]()
+    return text.decode()
+
+
+def call(name: str, *arguments: Any) -> None:
+    """Calls a function that can fail; its error becomes an exception. The GIL is released."""
+    error = Error()
+    code = _functions[name](*arguments, C.byref(error))
+    if code:
+        raise make_error(code, error.message.decode("utf-8", "replace"))
+
+
+def ask(name: str, *arguments: Any) -> Any:
+    """Calls a function that cannot fail."""
+    return _functions[name](*arguments)
+
+
+class Handle:
+    """A handle of the library, freed when nothing refers to it any more."""
+
+    __slots__ = ("value", "_free", "__weakref__")
+
+    def __init__(self, kind: str, make: str, *before: Any, after: tuple[Any, ...] = ()) -> None:
+        self._free: Any = None
+        self.value = Pointer()
+        call(make, *before, C.byref(self.value), *after)
+        self._free = _functions["free_" + kind]
+
+    def __del__(self) -> None:
+        free, self._free = self._free, None
+        if free is not None:
+            free(self.value)
+
+    @property
+    def _as_parameter_(self) -> C.c_void_p:
+        return self.value
+
+
+def texts(make: str, *before: Any) -> list[str]:
+    """The texts that a function makes."""
+    names = Handle("names", make, *before)
+    count: int = ask("names_count", names.value)
+    return [ask("names_at", names.value, i).decode() for i in range(count)]
+
+
+def path_bytes(path: str | os.PathLike[str]) -> bytes:
+    return os.fsencode(path)

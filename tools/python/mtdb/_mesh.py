@@ -1,0 +1,446 @@
+"""Mesh: what a query, a session or a file has, as numpy arrays."""
+from __future__ import annotations
+
+import base64
+import ctypes as C
+import os
+import struct
+import zlib
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Mapping, Optional, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _library as L
+from ._errors import InvalidArgument
+
+if TYPE_CHECKING:
+    import open3d
+    import pyvista
+    import trimesh
+
+Array = npt.NDArray[Any]
+Path = "str | os.PathLike[str]"
+
+# By mtdb_scalar.
+_TYPES = ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")
+
+
+class _View:
+    """Memory of the library as numpy sees it; the array's base, which keeps the memory's owner."""
+
+    __slots__ = ("__array_interface__", "_owner")
+
+    def __init__(self, address: int, shape: tuple[int, ...], kind: str, owner: Any) -> None:
+        self.__array_interface__ = {
+            "data": (address, True),
+            "shape": shape,
+            "typestr": kind,
+            "version": 3,
+        }
+        self._owner = owner
+
+
+def view(address: Optional[int], shape: tuple[int, ...], kind: str, owner: Any) -> Array:
+    """A read-only array over memory that lives as long as `owner`."""
+    if not address or 0 in shape:
+        empty = np.empty(shape, kind)
+        empty.flags.writeable = False
+        return empty
+    return np.asarray(_View(address, shape, kind, owner))
+
+
+def layout(ask: str, handle: L.Handle, count: int, row_bytes: int) -> Optional[np.dtype[Any]]:
+    """The rows of a mesh as a structured dtype; None when it has no attributes."""
+    if count == 0:
+        return None
+    names, formats, offsets = [], [], []
+    for i in range(count):
+        attribute = L.Attribute()
+        L.call(ask, handle, i, C.byref(attribute))
+        names.append(attribute.name.decode())
+        formats.append(_TYPES[attribute.type])
+        offsets.append(attribute.offset)
+    return np.dtype(
+        {"names": names, "formats": formats, "offsets": offsets, "itemsize": row_bytes}
+    )
+
+
+def columns(rows: Array, names: Sequence[str], kind: str) -> Optional[Array]:
+    """Three attributes that lie side by side as an (n, 3) array; None when they do not."""
+    dtype = rows.dtype
+    if dtype.fields is None or any(n not in dtype.fields for n in names):
+        return None
+    size = np.dtype(kind).itemsize
+    first = dtype.fields[names[0]][1]
+    for i, name in enumerate(names):
+        if dtype.fields[name][0] != np.dtype(kind) or dtype.fields[name][1] != first + i * size:
+            return None
+    joined = np.dtype(
+        {"names": ["v"], "formats": [(kind, (3,))], "offsets": [first], "itemsize": dtype.itemsize}
+    )
+    return rows.view(joined)["v"]
+
+
+@dataclass(frozen=True)
+class Shortfall:
+    """Where a mesh is farther from the input than was asked for."""
+
+    triangles: int
+    excess: float
+    bounds: Array  #: (2, 3): smallest and largest corner
+
+
+def shortfall_of(s: L.Shortfall) -> Optional[Shortfall]:
+    if s.triangles == 0:
+        return None
+    return Shortfall(s.triangles, s.excess, np.array([list(s.bounds_min), list(s.bounds_max)]))
+
+
+LIMITS = ("accuracy", "triangles", "bytes", "time")
+
+
+@dataclass(frozen=True)
+class ExtractStats:
+    """What an extraction cost, and what ended it."""
+
+    limit: str  #: "accuracy", "triangles", "bytes" or "time"
+    active_triangles: int
+    nodes_applied: int
+    clusters_read: int
+    clusters_cached: int
+    clusters_used: int
+    clusters_total: int
+    bytes_read: int
+    select_seconds: float
+    load_seconds: float
+    emit_seconds: float
+
+
+class Mesh:
+    """Triangles over vertices. What a query returns is read-only: views on memory of the library,
+    which lives as long as one of them. Of arrays, `Mesh(vertices, faces)` makes one to draw, to
+    write to a file, or to store.
+
+    vertices: (n, 3) float64, in the object's units; or float32, less `origin`.
+    faces: (m, 3) int32, counter-clockwise from outside.
+    attributes: by name, (n,) each.
+    """
+
+    def __init__(
+        self,
+        vertices: npt.ArrayLike,
+        faces: npt.ArrayLike,
+        attributes: Optional[Mapping[str, npt.ArrayLike]] = None,
+        *,
+        origin: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        points = np.asarray(vertices)
+        if points.dtype != np.float32:
+            points = points.astype(np.float64, copy=False)
+        corners = np.asarray(faces)
+        check_shape("vertices", points, 3)
+        check_shape("faces", corners, 3)
+        if corners.size and corners.dtype.kind not in "iu":
+            raise InvalidArgument(f"faces: expected integers, found {corners.dtype}")
+        self.vertices: Array = points
+        self.faces: Array = corners.astype(np.int32, copy=False)
+        self.origin: Array = np.asarray(origin, np.float64)
+        self.attributes: Mapping[str, Array] = MappingProxyType(
+            {n: np.asarray(a) for n, a in (attributes or {}).items()}
+        )
+        self.error_bound: float = 0.0
+        self.stats: Optional[ExtractStats] = None
+        self.shortfall: Optional[Shortfall] = None
+        self._normals: Optional[Array] = None
+        self._colors: Optional[Array] = None
+        self._handle: Optional[L.Handle] = None
+
+    @classmethod
+    def _of(cls, handle: L.Handle) -> "Mesh":
+        look = L.MeshView()
+        L.call("mesh_look", handle, C.byref(look))
+        mesh = cls.__new__(cls)
+        n, m = look.vertices, look.triangles
+        if look.positions_float:
+            mesh.vertices = view(look.positions_float, (n, 3), "<f4", handle)
+        else:
+            mesh.vertices = view(look.positions, (n, 3), "<f8", handle)
+        mesh.origin = np.array(look.origin)
+        mesh.faces = view(look.indices, (m, 3), "<i4", handle)
+        mesh.error_bound = 0.0
+        mesh.stats = mesh.shortfall = mesh._normals = mesh._colors = None
+        mesh._handle = handle
+        dtype = layout("mesh_attribute", handle, look.attributes, look.row_bytes)
+        found: dict[str, Array] = {}
+        if dtype is not None and dtype.names is not None:
+            rows = view(look.rows, (n, look.row_bytes), "|u1", handle)
+            table = rows.view(dtype)[:, 0] if n else np.empty(0, dtype)
+            found = {name: table[name] for name in dtype.names}
+            mesh._normals = columns(table, ("nx", "ny", "nz"), "<f4")
+            mesh._colors = columns(table, ("red", "green", "blue"), "u1")
+        mesh.attributes = MappingProxyType(found)
+        return mesh
+
+    @property
+    def normals(self) -> Optional[Array]:
+        """(n, 3) float32 unit normals: those that are stored, or that the query asked for."""
+        if self._normals is None and all(n in self.attributes for n in ("nx", "ny", "nz")):
+            return np.stack([self.attributes[n] for n in ("nx", "ny", "nz")], axis=1)
+        return self._normals
+
+    @property
+    def colors(self) -> Optional[Array]:
+        """(n, 3), uint8 as mostly: red, green, blue."""
+        if self._colors is None and all(n in self.attributes for n in ("red", "green", "blue")):
+            return np.stack([self.attributes[n] for n in ("red", "green", "blue")], axis=1)
+        return self._colors
+
+    @property
+    def bounds(self) -> Array:
+        """(2, 3): smallest and largest corner, origin included."""
+        if len(self.vertices) == 0:
+            return np.full((2, 3), np.nan)
+        return np.stack([self.vertices.min(0), self.vertices.max(0)]).astype(float) + self.origin
+
+    def __repr__(self) -> str:
+        bound = f", error_bound={self.error_bound:.3g}" if self.stats else ""
+        return f"<mtdb.Mesh: {len(self.vertices)} vertices, {len(self.faces)} faces{bound}>"
+
+    def _repr_html_(self) -> str:
+        if len(self.faces) == 0:
+            return f"<p>{self._caption()}</p>"
+        data = base64.b64encode(png(self.render(size=(480, 360), wireframe=len(self.faces) < 20000)))
+        return (
+            f'<figure><img src="data:image/png;base64,{data.decode()}" width="480" height="360">'
+            f"<figcaption>{self._caption()}</figcaption></figure>"
+        )
+
+    def _caption(self) -> str:
+        bound = f", within {self.error_bound:.3g}" if self.stats else ""
+        return f"{len(self.vertices):,} vertices, {len(self.faces):,} triangles{bound}"
+
+    def _c_mesh(self) -> L.Handle:
+        if self._handle is not None:
+            return self._handle
+        with Packed(self.vertices, self.faces, self.attributes, self.origin) as packed:
+            handle = L.Handle("mesh", "create_mesh", C.byref(packed.struct))
+        return handle
+
+    def save(self, path: "str | os.PathLike[str]") -> float:
+        """Writes a mesh file: .ply, .obj, .stl, .off, .glb or .drc. Returns how far the format's
+        float32 moved a vertex at most."""
+        rounding = C.c_double()
+        L.call("write_mesh", self._c_mesh(), L.path_bytes(path), C.byref(rounding))
+        return rounding.value
+
+    def render(
+        self,
+        size: tuple[int, int] = (1200, 900),
+        *,
+        camera: Optional[Mapping[str, Any]] = None,
+        direction: Optional[Sequence[float]] = None,
+        frame: Optional[npt.ArrayLike] = None,
+        wireframe: bool = False,
+    ) -> npt.NDArray[np.uint8]:
+        """Draws the mesh, flat-shaded: (height, width, 3) uint8.
+
+        camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
+        direction: of view, else; z points up. frame: (2, 3), the box that fills the picture.
+        """
+        options = L.RenderOptions(width=size[0], height=size[1], wireframe=int(wireframe))
+        if size[0] < 1 or size[1] < 1:
+            raise InvalidArgument(f"size: expected width and height in pixels, found {size}")
+        if direction is not None:
+            options.view_direction = triple("direction", direction)
+        if frame is not None:
+            box = np.asarray(frame, float).reshape(2, 3)
+            options.has_frame = 1
+            options.frame_min, options.frame_max = (triple("frame", b) for b in box)
+        if camera is not None:
+            put_camera(options, camera)
+        picture = np.empty((size[1], size[0], 3), np.uint8)
+        mesh = self._c_mesh()
+        L.call("render", mesh, C.byref(options), picture.ctypes.data, picture.nbytes)
+        return picture
+
+    def to_open3d(self) -> "open3d.geometry.TriangleMesh":
+        """An open3d.geometry.TriangleMesh: a copy."""
+        from ._interchange import to_open3d
+
+        return to_open3d(self)
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """A trimesh.Trimesh: a copy, without merging or reordering."""
+        from ._interchange import to_trimesh
+
+        return to_trimesh(self)
+
+    def to_pyvista(self) -> "pyvista.PolyData":
+        """A pyvista.PolyData: a copy."""
+        from ._interchange import to_pyvista
+
+        return to_pyvista(self)
+
+    @classmethod
+    def from_open3d(cls, mesh: Any) -> "Mesh":
+        from ._interchange import from_open3d
+
+        return from_open3d(mesh)
+
+    @classmethod
+    def from_trimesh(cls, mesh: Any) -> "Mesh":
+        from ._interchange import from_trimesh
+
+        return from_trimesh(mesh)
+
+    @classmethod
+    def from_pyvista(cls, mesh: Any) -> "Mesh":
+        """Of a pyvista.PolyData or a vtkPolyData of triangles."""
+        from ._interchange import from_pyvista
+
+        return from_pyvista(mesh)
+
+
+def read_mesh(path: "str | os.PathLike[str]") -> Mesh:
+    """A mesh file: PLY, OBJ, STL, OFF, glTF or Draco, also compressed by gzip."""
+    return Mesh._of(L.Handle("mesh", "read_mesh", L.path_bytes(path)))
+
+
+def png(picture: npt.NDArray[np.uint8]) -> bytes:
+    """A picture, (height, width, 3) uint8, as the bytes of a PNG file."""
+    height, width, _ = picture.shape
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        checked = kind + data
+        return struct.pack(">I", len(data)) + checked + struct.pack(">I", zlib.crc32(checked))
+
+    lines = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with its filter, none
+    lines[:, 1:] = picture.reshape(height, 3 * width)
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = zlib.compress(lines.tobytes(), 6)
+    signature = b"\x89PNG\r\n\x1a\n"
+    return signature + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def triple(name: str, point: Any) -> Any:
+    values = np.asarray(point, float).ravel()
+    if values.shape != (3,):
+        raise InvalidArgument(f"{name}: expected three numbers, found {point!r}")
+    return (C.c_double * 3)(*values)
+
+
+def check_shape(name: str, array: Array, width: int) -> None:
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InvalidArgument(f"{name}: expected the shape (n, {width}), found {array.shape}")
+
+
+def put_camera(options: L.RenderOptions, camera: Mapping[str, Any]) -> None:
+    unknown = set(camera) - {"eye", "target", "up", "fov", "viewport", "near", "far", "direction"}
+    if unknown or "eye" not in camera or not ("target" in camera or "direction" in camera):
+        raise InvalidArgument("camera: expected eye, target (or direction), up, fov")
+    eye = np.asarray(camera["eye"], float)
+    target = camera["target"] if "target" in camera else eye + np.asarray(camera["direction"])
+    options.has_camera = 1
+    options.eye = triple("camera.eye", eye)
+    options.target = triple("camera.target", target)
+    options.up = triple("camera.up", camera.get("up", (0, 0, 1)))
+    options.vertical_fov_rad = float(np.radians(camera.get("fov", 45)))
+
+
+@dataclass
+class Layout:
+    """The attributes of a mesh that is stored: names and types, in their order."""
+
+    names: list[str]
+    formats: list[str]
+    _kept: list[bytes] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Array]) -> "Layout":
+        names, formats = [], []
+        for name, array in attributes.items():
+            dtype = np.dtype(array.dtype).newbyteorder("<").str.replace("|", "")
+            if dtype not in _TYPES:
+                raise InvalidArgument(
+                    f"attributes[{name!r}]: expected int8 to uint32, float32 or float64, found "
+                    f"{array.dtype}"
+                )
+            names.append(name)
+            formats.append(dtype)
+        return cls(names, formats)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(list(zip(self.names, self.formats)))
+
+    def structs(self) -> Any:
+        self._kept = [n.encode() for n in self.names]
+        made = (L.Attribute * max(1, len(self.names)))()
+        for i, (name, kind) in enumerate(zip(self._kept, self.formats)):
+            made[i] = L.Attribute(name, _TYPES.index(kind), 0)
+        return made
+
+    def pack(self, attributes: Mapping[str, Array], count: int) -> Optional[Array]:
+        """Rows side by side without gaps."""
+        if list(attributes) != self.names:
+            raise InvalidArgument(
+                f"attributes: expected {self.names}, found {list(attributes)}"
+            )
+        if not self.names:
+            return None
+        rows = np.empty(count, self.dtype)
+        for name in self.names:
+            values = np.asarray(attributes[name])
+            if values.shape != (count,):
+                raise InvalidArgument(
+                    f"attributes[{name!r}]: expected the shape ({count},), found {values.shape}"
+                )
+            rows[name] = values
+        return rows
+
+
+class Packed:
+    """Arrays as an mtdb_input. They live as long as this."""
+
+    def __init__(
+        self,
+        vertices: Array,
+        faces: Array,
+        attributes: Mapping[str, Array],
+        origin: Any = (0.0, 0.0, 0.0),
+        layout_: Optional[Layout] = None,
+    ) -> None:
+        self.layout = layout_ or Layout.of(attributes)
+        self.struct = L.Input()
+        struct = self.struct
+        struct.vertices, struct.triangles = len(vertices), len(faces)
+        if vertices.dtype == np.float32:
+            self.points = np.ascontiguousarray(vertices)
+            struct.positions_float = self.points.ctypes.data
+            struct.origin = triple("origin", origin)
+        else:
+            self.points = np.ascontiguousarray(vertices, np.float64)
+            if np.any(origin):
+                self.points = self.points + np.asarray(origin)
+            struct.positions = self.points.ctypes.data
+        if faces.dtype in (np.int32, np.uint32):
+            self.corners = np.ascontiguousarray(faces)
+            struct.indices = self.corners.ctypes.data
+        else:
+            self.corners = np.ascontiguousarray(faces, np.int64)
+            struct.indices_long = self.corners.ctypes.data
+        self.rows = self.layout.pack(attributes, len(vertices))
+        if self.rows is not None:
+            struct.rows = self.rows.ctypes.data
+        self.kept = self.layout.structs()
+        struct.attributes = self.kept
+        struct.attribute_count = len(self.layout.names)
+
+    def __enter__(self) -> "Packed":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        pass

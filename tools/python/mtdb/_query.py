@@ -1,0 +1,105 @@
+"""Queries: keyword arguments as the JSON of docs/query.md."""
+from __future__ import annotations
+
+import json
+from typing import Any, Mapping, Optional, Sequence, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import InvalidArgument
+
+#: A query, a region or a threshold as docs/query.md has it: numbers, lists and dicts.
+Json = Union[None, bool, int, float, str, Sequence[Any], Mapping[str, Any]]
+
+
+def _plain(value: Any) -> Any:
+    """numpy's numbers and arrays as JSON has them."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a query cannot hold {type(value).__name__}")
+
+
+def text_of(query: Union[str, Mapping[str, Any]]) -> str:
+    return query if isinstance(query, str) else json.dumps(query, default=_plain)
+
+
+def _box(box: npt.ArrayLike) -> dict[str, Any]:
+    corners = np.asarray(box, float)
+    if corners.size != 6:
+        raise InvalidArgument(f"box: expected its smallest and largest corner, found {box!r}")
+    low, high = corners.reshape(2, 3).tolist()
+    return {"box": {"min": low, "max": high}}
+
+
+def _camera(camera: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in camera.items() if v is not None}
+
+
+def build(
+    query: Union[str, Mapping[str, Any], None] = None,
+    *,
+    box: Optional[npt.ArrayLike] = None,
+    sphere: Optional[Sequence[float]] = None,
+    region: Json = None,
+    camera: Optional[Mapping[str, Any]] = None,
+    error: Optional[float] = None,
+    relative: Optional[float] = None,
+    pixels: Optional[float] = None,
+    threshold: Json = None,
+    triangles: Optional[int] = None,
+    max_bytes: Optional[int] = None,
+    milliseconds: Optional[float] = None,
+    clip: bool = False,
+    normals: bool = False,
+) -> str:
+    """The JSON text of a query. Several regions: what lies in at least one of them. Several
+    thresholds: all of them hold."""
+    asked = (box, sphere, region, camera, error, relative, pixels, threshold)
+    limits = (triangles, max_bytes, milliseconds)
+    if query is not None:
+        if any(a is not None for a in asked + limits) or clip:
+            raise InvalidArgument("query: goes with normals only; put the rest into the query")
+        if not normals:
+            return text_of(query)
+        given = json.loads(query) if isinstance(query, str) else dict(query)
+        return text_of({**given, "normals": True})
+    if pixels is not None and camera is None:
+        raise InvalidArgument("pixels: needs a camera")
+    regions: list[Any] = []
+    if box is not None:
+        regions.append(_box(box))
+    if sphere is not None:
+        ball = np.asarray(sphere, float).ravel()
+        if ball.shape != (4,):
+            raise InvalidArgument(f"sphere: expected x, y, z, radius, found {sphere!r}")
+        regions.append({"sphere": {"centre": ball[:3].tolist(), "radius": float(ball[3])}})
+    if region is not None:
+        regions.append(region)
+    thresholds: list[Any] = []
+    if camera is not None:
+        regions.append({"frustum": _camera(camera)})
+        if pixels is not None or not any(x is not None for x in (error, relative, threshold)):
+            seen = {"camera": _camera(camera), "pixels": 1 if pixels is None else pixels}
+            thresholds.append({"screen": seen})
+    if error is not None:
+        thresholds.append(error)
+    if relative is not None:
+        thresholds.append({"relative": relative})
+    if threshold is not None:
+        thresholds.append(threshold)
+    made: dict[str, Any] = {}
+    if regions:
+        made["region"] = regions[0] if len(regions) == 1 else {"union": regions}
+    if thresholds:
+        made["threshold"] = thresholds[0] if len(thresholds) == 1 else {"smallest": thresholds}
+    for key, value in zip(("max_triangles", "max_bytes", "max_milliseconds"), limits):
+        if value is not None:
+            made[key] = value
+    if clip:
+        made["clip"] = True
+    if normals:
+        made["normals"] = True
+    return text_of(made)
