@@ -1,6 +1,6 @@
 # What `cmake --install` puts where. Components: query (headers and libraries of base, store, codecs
-# and query), builder, client, c (libmtdb.so) and tools (the program); without --component, all of
-# them.
+# and query), builder, client, c (its headers, and what programs link by), runtime (libmtdb.so.0),
+# tools (the program, its manual and completion) and python; without --component, all of them.
 include(CMakePackageConfigHelpers)
 set(MTDB_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/mtdb)
 
@@ -19,7 +19,7 @@ endforeach()
 # mtdbTargets-<component>.cmake, which mtdbConfig.cmake includes where it is installed.
 function(mtdb_install_targets component)
   install(TARGETS ${ARGN} EXPORT mtdbTargets-${component}
-    ARCHIVE COMPONENT ${component} LIBRARY COMPONENT ${component} NAMELINK_COMPONENT ${component})
+    ARCHIVE COMPONENT ${component} LIBRARY COMPONENT runtime NAMELINK_COMPONENT ${component})
   install(EXPORT mtdbTargets-${component} NAMESPACE mtdb:: DESTINATION ${MTDB_INSTALL_CMAKE}
     COMPONENT ${component})
 endfunction()
@@ -30,6 +30,18 @@ mtdb_install_targets(builder mtdb_builder)
 mtdb_install_targets(client mtdb_client)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)
+install(DIRECTORY ${PROJECT_BINARY_DIR}/manual/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1
+  COMPONENT tools FILES_MATCHING PATTERN "*.1")
+install(FILES ${PROJECT_BINARY_DIR}/manual/mtdb.bash RENAME mtdb
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT tools)
+install(DIRECTORY tools/python/mtdb DESTINATION lib/python3/dist-packages COMPONENT python
+  FILES_MATCHING PATTERN "*.py" PATTERN "py.typed" PATTERN "__pycache__" EXCLUDE)
+
+# For those who do not use CMake: pkg-config mtdb is libmtdb.so. The C++ libraries are static, and
+# have the CMake package.
+configure_file(cmake/mtdb.pc.in ${PROJECT_BINARY_DIR}/mtdb.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/mtdb.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
+  COMPONENT c)
 
 configure_package_config_file(cmake/mtdbConfig.cmake.in ${PROJECT_BINARY_DIR}/mtdbConfig.cmake
   INSTALL_DESTINATION ${MTDB_INSTALL_CMAKE})

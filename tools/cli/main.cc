@@ -19,6 +19,7 @@
 #include "store/object_name.h"
 #include "tools/cli/did_you_mean.h"
 #include "tools/cli/follow_path.h"
+#include "tools/cli/manual.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
@@ -349,6 +350,12 @@ class CommandLine {
  public:
   CommandLine();
   int Run(int argc, char** argv);
+  // Writes the manual and the completion into a folder: for the build, not for users.
+  int WriteManual(const std::string& folder) const {
+    const mtdb::Status status = mtdb::WriteManual(app_, MTDB_VERSION, folder);
+    if (!status.ok()) PrintError(status.message());
+    return status.ok() ? 0 : kExitError;
+  }
 
  private:
   // Returns the new verb. `run` may set `*ok` to false for a failure that was printed already.
@@ -739,6 +746,9 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   try {
+    if (argc == 3 && std::string(argv[1]) == "--write-manual") {
+      return CommandLine().WriteManual(argv[2]);
+    }
     return CommandLine().Run(argc, argv);
   } catch (const std::bad_alloc&) {
     std::fputs("mtdb: out of memory\n", stderr);

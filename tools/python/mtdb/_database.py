@@ -492,21 +492,23 @@ class Ingest:
             mesh = vertices
             attributes = mesh.attributes if attributes is None else attributes
             vertices, faces, origin = mesh.vertices, mesh.faces, mesh.origin
+        chunks: Iterator[_Arrays]
         if faces is None:
             chunks = (_chunk(c) for c in vertices)
         else:
-            chunks = iter(list(_parts(_chunk((vertices, faces, attributes or {})))))
+            chunks = _parts(_chunk((vertices, faces, attributes or {})))
         self._ingest(database, chunks, origin, watched)
 
-    def _ingest(self, database: L.Handle, chunks: "Iterator[_Arrays]", origin: Any,
+    def _ingest(self, database: L.Handle, chunks: Iterator[_Arrays], origin: Any,
                 watched: Watched) -> None:
-        first = next(chunks, None)
-        if first is None:
-            raise InvalidArgument("vertices: there is no chunk")
+        try:
+            first = next(chunks)
+        except StopIteration:
+            raise InvalidArgument("vertices: there is no chunk") from None
         layout = Layout.of(first[2])
         structs = layout.structs()
 
-        def all_parts() -> Iterator["_Arrays"]:
+        def all_parts() -> Iterator[_Arrays]:
             yield first
             yield from chunks
 

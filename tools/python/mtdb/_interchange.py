@@ -67,7 +67,7 @@ def to_trimesh(mesh: Mesh) -> "trimesh.Trimesh":
 
 
 def from_trimesh(mesh: Any) -> Mesh:
-    visual = getattr(mesh, "visual", None)
+    visual: Any = getattr(mesh, "visual", None)
     colors = visual.vertex_colors if getattr(visual, "kind", None) == "vertex" else None
     return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), _attributes(None, colors))
 

@@ -203,7 +203,8 @@ class Mesh:
         """(2, 3): smallest and largest corner, origin included."""
         if len(self.vertices) == 0:
             return np.full((2, 3), np.nan)
-        return np.stack([self.vertices.min(0), self.vertices.max(0)]).astype(float) + self.origin
+        corners: Array = np.stack([self.vertices.min(0), self.vertices.max(0)]).astype(float)
+        return corners + self.origin
 
     def __repr__(self) -> str:
         bound = f", error_bound={self.error_bound:.3g}" if self.stats else ""

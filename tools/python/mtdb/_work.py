@@ -126,7 +126,7 @@ class Watched:
         if self.raised is None:
             self.raised = error
 
-    def run(self, work: Callable[[C._CArgObject], None]) -> None:  # type: ignore[name-defined]
+    def run(self, work: Callable[[Any], None]) -> None:
         """work(watch), with its callbacks' exceptions passed on."""
         try:
             with _interrupts.cancel(self.control):

@@ -1,0 +1,85 @@
+#!/usr/bin/python3
+"""What Python costs over C++: extracts a mesh of some 100,000 triangles from a warm cache, through the
+package, and by the same calls of the library (which are C++). Prints both, and the overhead.
+
+    PYTHONPATH=tools/python MTDB_LIBRARY=build/tools/libmtdb.so tools/python/overhead.py [STORE]
+"""
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from typing import Callable
+
+import mtdb
+import numpy as np
+from mtdb import _library as L
+
+TRIANGLES = 100_000
+ROUNDS = 60
+
+
+def make_store(path: str) -> None:
+    side = 400
+    y, x = (a.ravel() for a in np.mgrid[0:side, 0:side])
+    z = 9 * np.sin(0.03 * x) * np.cos(0.05 * y) + np.random.default_rng(1).random(side * side)
+    a = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    b = np.concatenate([np.stack([a, a + 1, a + side + 1], 1), np.stack([a, a + side + 1, a + side], 1)])
+    mtdb.open(path, create=True).ingest(np.stack([x, y, z], 1), b, name="a")
+
+
+def timed(work: Callable[[], object]) -> float:
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = sys.argv[1] if len(sys.argv) > 1 else folder + "/a.mtdb"
+        if len(sys.argv) == 1:
+            make_store(path)
+        surface = mtdb.open(path).open_object(threads=1)
+        # An accuracy that gives so many triangles.
+        low, high = 0.0, surface.error_max
+        for _ in range(30):
+            error = (low + high) / 2
+            count = len(surface.extract(error=error).faces)
+            low, high = (error, high) if count > TRIANGLES else (low, error)
+        text = ('{"threshold": %r}' % high).encode()
+        query = L.Handle("query", "create_query")
+        L.call("query_set_json", query, surface._handle, text)
+
+        def library() -> None:
+            cut = L.Handle("cut", "select", surface._handle, query)
+            L.Handle("mesh", "cut_mesh", cut, None)
+
+        def package() -> None:
+            surface.extract(error=high)
+
+        # The Python around the calls: with a mesh of next to nothing, where the library has least to do.
+        def tiny() -> None:
+            surface.extract(threshold="coarsest", clip=True, sphere=[1e9, 1e9, 1e9, 1])
+
+        for work in (library, package, tiny):
+            work()
+        costs: dict[str, list[float]] = {"library": [], "package": [], "tiny": []}
+        for _ in range(ROUNDS):  # in turn, so that others on the machine disturb all alike
+            costs["library"].append(timed(library))
+            costs["package"].append(timed(package))
+            costs["tiny"].append(timed(tiny))
+        best = {name: 1e6 * min(values) for name, values in costs.items()}
+        middle = {name: 1e6 * statistics.median(values) for name, values in costs.items()}
+        triangles = len(surface.extract(error=high).faces)
+        print(f"{triangles} triangles, {ROUNDS} rounds, processor time, best (median)")
+        for name in costs:
+            print(f"  {name:8} {best[name]:9.1f} us ({middle[name]:.1f})")
+        over = best["package"] / best["library"] - 1
+        most = best["tiny"] / best["library"]
+        print(f"  overhead {100 * over:.2f} %; all of Python and the query's setting up: at most "
+              f"{100 * most:.2f} %")
+
+
+if __name__ == "__main__":
+    main()
