@@ -4,7 +4,9 @@
 #include <cstring>
 #include <tuple>
 
+#include "codecs/coding/cluster_model.h"
 #include "codecs/stream/internal/memory_bytes.h"
+#include "store/base/float4.h"
 
 namespace mtdb {
 
@@ -113,6 +115,7 @@ uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_
     free_triangles_.pop_back();
   }
   triangles_[slot] = {corners, {kNone32, kNone32, kNone32}, next_born_++, fills};
+  Measure(triangles_[slot]);
   for (uint32_t i = 0; i < 3; ++i) {
     indices_[3 * size_t{slot} + i] = corners[i];
     ++degree_[corners[i]];
@@ -121,6 +124,24 @@ uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_
   ++triangle_count_;
   changed_triangles_.push_back(slot);
   return slot;
+}
+
+void ClientMesh::Measure(Triangle& t) const {
+  const Word4 p = points_[t.corners[0]];
+  const Word4 q = points_[t.corners[1]];
+  const Word4 r = points_[t.corners[2]];
+  const Float4 a = Offset4(q, p);
+  const Float4 b = Offset4(r, q);
+  const Float4 c = Offset4(p, r);
+  const Columns4 squares = Transpose(a * a, b * b, c * c, Float4{});
+  const Float4 lengths = squares.x + squares.y + squares.z;
+  const Float4 others = Turn(lengths) + Turn(Turn(lengths));
+  const Int4 bluntness = ToInt(Min4(60 * lengths / (others + 1e-30f), Splat4(120)));
+  for (size_t i = 0; i < 3; ++i) {
+    t.exponents[i] =
+        lengths[i] < 1 ? Triangle::kNoLength : static_cast<uint8_t>(ExponentOf(lengths[i]));
+    t.bluntness[i] = static_cast<uint8_t>(bluntness[i]);
+  }
 }
 
 // An edge that occurs twice in one direction is non-manifold: it pairs with nothing.
@@ -148,10 +169,7 @@ void ClientMesh::PairAll() {
       }
       continue;
     }
-    const uint32_t g = std::get<3>(edges[begin]);
-    const uint32_t h = std::get<3>(edges[begin + 1]);
-    triangles_[g >> 2].opposite[g & 3] = h;
-    triangles_[h >> 2].opposite[h & 3] = g;
+    Join(std::get<3>(edges[begin]), std::get<3>(edges[begin + 1]));
   }
 }
 
@@ -161,22 +179,17 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
   // What lies beyond the edges around the removed triangles.
   std::vector<Edge>& outer = outer_;
   outer.clear();
-  for (const uint32_t slot : removed) triangles_[slot].born = 0;
+  GiveUp(removed);
   for (const uint32_t slot : removed) {
     const Triangle& t = triangles_[slot];
     for (uint32_t i = 0; i < 3; ++i) {
-      --degree_[t.corners[i]];
-      indices_[3 * size_t{slot} + i] = 0;
       const uint32_t o = t.opposite[i];
       if (o == kNone32) Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
       if (o == kNone32 || triangles_[o >> 2].born == 0) continue;
       triangles_[o >> 2].opposite[o & 3] = kNone32;
       outer.push_back({t.corners[i], t.corners[NextCorner(i)], o});
     }
-    changed_triangles_.push_back(slot);
   }
-  triangle_count_ -= static_cast<uint32_t>(removed.size());
-  free_triangles_.insert(free_triangles_.end(), removed.rbegin(), removed.rend());
   // An edge finds its twin among those before it, and takes it off the list.
   for (const auto& corners : created) {
     const uint32_t slot = AddTriangle(corners, fills);
@@ -190,13 +203,75 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
         outer.push_back({to, from, 4 * slot + i});
         continue;
       }
-      const uint32_t o = twin->half_edge;
-      triangles_[slot].opposite[i] = o;
-      triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+      Join(4 * slot + i, twin->half_edge);
       outer.erase(twin);
     }
   }
   for (const Edge& e : outer) Open(e.to, e.from, e.half_edge);
+}
+
+void ClientMesh::ReplaceByStar(std::span<const uint32_t> hole, std::span<const uint32_t> ring,
+                               std::span<const uint32_t> outer, uint32_t vertex, bool boundary,
+                               std::vector<uint32_t>* slots) {
+  for (const uint32_t slot : hole) {
+    const Triangle& t = triangles_[slot];
+    for (uint32_t i = 0; i < 3; ++i) {
+      if (t.opposite[i] != kNone32) continue;
+      Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
+    }
+  }
+  GiveUp(hole);
+  const size_t count = ring.size() - (boundary ? 1 : 0);
+  uint32_t first = 0;
+  uint32_t last = 0;
+  for (size_t j = 0; j < count; ++j) {
+    const uint32_t to = ring[j + 1 == ring.size() ? 0 : j + 1];
+    const uint32_t slot = AddTriangle({vertex, ring[j], to}, kNone32);
+    slots->push_back(slot);
+    if (outer[j] != kNone32) {
+      Join(4 * slot + 1, outer[j]);
+    } else {
+      Open(ring[j], to, 4 * slot + 1);
+    }
+    if (j == 0) {
+      first = slot;
+    } else {
+      Join(4 * last + 2, 4 * slot);
+    }
+    last = slot;
+  }
+  if (!boundary) {
+    Join(4 * last + 2, 4 * first);
+    return;
+  }
+  Open(vertex, ring.front(), 4 * first);
+  Open(ring.back(), vertex, 4 * last + 2);
+  // What lay beyond the split edge has no opposite any more.
+  if (const uint32_t o = outer[count]; o != kNone32) {
+    triangles_[o >> 2].opposite[o & 3] = kNone32;
+    Open(ring.front(), ring.back(), o);
+  }
+}
+
+// The triangles are here no more, and give up their slots.
+void ClientMesh::GiveUp(std::span<const uint32_t> triangles) {
+  for (const uint32_t slot : triangles) {
+    Triangle& t = triangles_[slot];
+    t.born = 0;
+    for (uint32_t i = 0; i < 3; ++i) {
+      --degree_[t.corners[i]];
+      indices_[3 * size_t{slot} + i] = 0;
+    }
+    changed_triangles_.push_back(slot);
+  }
+  triangle_count_ -= static_cast<uint32_t>(triangles.size());
+  free_triangles_.insert(free_triangles_.end(), triangles.rbegin(), triangles.rend());
+}
+
+// Makes two half-edges opposite.
+void ClientMesh::Join(uint32_t g, uint32_t h) {
+  triangles_[g >> 2].opposite[g & 3] = h;
+  triangles_[h >> 2].opposite[h & 3] = g;
 }
 
 void ClientMesh::Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over) {
@@ -223,8 +298,7 @@ uint32_t ClientMesh::Attach(const std::array<uint32_t, 3>& corners) {
       continue;
     }
     Close(to, from, o);
-    triangles_[slot].opposite[i] = o;
-    triangles_[o >> 2].opposite[o & 3] = 4 * slot + i;
+    Join(4 * slot + i, o);
   }
   return slot;
 }

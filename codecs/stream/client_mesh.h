@@ -29,7 +29,7 @@ struct ClientMeshOptions {
 // The mesh of a cut, or the part of it that meets the region of a clipped client. Triangles and
 // vertices lie in slots, which are used again; a slot without a triangle has the indices 0, 0, 0,
 // which draw nothing. Sender and client hold the same mesh, slot for slot. One thread. Takes some
-// 100 bytes a triangle. Half-edge 4 * slot + i leads from corner i to corner i + 1.
+// 110 bytes a triangle. Half-edge 4 * slot + i leads from corner i to corner i + 1.
 class ClientMesh {
  public:
   struct Triangle {
@@ -37,6 +37,11 @@ class ClientMesh {
     std::array<uint32_t, 3> opposite{};  // twin of each half-edge, or kNone32
     uint64_t born = 0;                   // grows with each new triangle; 0: none is here
     uint32_t fills = kNone32;            // the vertex whose removal made it, or kNone32
+    // For the codec. Per half-edge: the exponent of its squared length, or kNoLength; how blunt the
+    // corner is that faces it (see Patch).
+    std::array<uint8_t, 3> exponents{};
+    std::array<uint8_t, 3> bluntness{};
+    static constexpr uint8_t kNoLength = 255;
   };
   struct Range {
     uint32_t begin = 0, end = 0;  // slots
@@ -112,6 +117,11 @@ class ClientMesh {
   void Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over);
   // Adds a triangle beside those that are there; returns its slot.
   uint32_t Attach(const std::array<uint32_t, 3>& corners);
+  // As TakeChanges(), for those who do not look at them.
+  void ForgetChanges() {
+    changed_triangles_.clear();
+    changed_vertices_.clear();
+  }
   // The vertex, which has no triangles any more, is remembered, if there is room for any; returns
   // the vertex that has to go for it (perhaps itself), or kNone32.
   uint32_t Forget(uint32_t vertex, uint32_t first_of_ring);
@@ -119,6 +129,11 @@ class ClientMesh {
   // their order, to `slots` unless null.
   void Replace(std::span<const uint32_t> removed, std::span<const std::array<uint32_t, 3>> created,
                uint32_t fills, std::vector<uint32_t>* slots);
+  // Likewise a hole that is a disc, by the star of a vertex that has no triangles. Beyond ring edge
+  // j, from ring[j] to ring[j+1], lies half-edge outer[j]. A boundary vertex splits the last edge.
+  void ReplaceByStar(std::span<const uint32_t> hole, std::span<const uint32_t> ring,
+                     std::span<const uint32_t> outer, uint32_t vertex, bool boundary,
+                     std::vector<uint32_t>* slots);
 
  private:
   // The directed edge that a new triangle must have to lie across `half_edge`.
@@ -126,6 +141,9 @@ class ClientMesh {
     uint32_t from, to, half_edge;
   };
   uint32_t AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills);
+  void Measure(Triangle& t) const;
+  void GiveUp(std::span<const uint32_t> triangles);
+  void Join(uint32_t g, uint32_t h);
   void PairAll();
   void Open(uint32_t from, uint32_t to, uint32_t half_edge);
   void Close(uint32_t from, uint32_t to, uint32_t half_edge);

@@ -343,6 +343,7 @@ bool UpdateDecoder::Impl::BoundedBy(std::span<const uint32_t> slots,
 Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   UpdateHole update;
   Patch::Hole& hole = update.hole;
+  update.listed = true;
   update.boundary = coder.Raw(1) != 0;
   hole.ring_count = coder.Raw(6);
   if (hole.ring_count < 3 || hole.ring_count > kMaxRing) return Corrupted("listed ring");

@@ -2,11 +2,11 @@
 #include <cstring>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include "codecs/stream/internal/clip_coder.h"
+#include "codecs/stream/internal/key_table.h"
 #include "codecs/stream/internal/memory_bytes.h"
 #include "codecs/stream/internal/update_coder.h"
 #include "codecs/stream/internal/whole_cut.h"
@@ -62,14 +62,13 @@ class UpdateEncoder::Impl {
   void StartWholeCut();
   void PutRecord(ByteWriter& out);
   void PutTriangle(TriangleKey key, uint32_t slot) {
-    triangle_of_[key] = slot;
+    triangles_.Put(key, slot);
     if (whole_) whole_->Link(key, slot);
   }
-  void EraseTriangle(TriangleKey key) {
-    if (whole_) whole_->Unlink(TriangleOf(key));
-    triangle_of_.erase(key);
+  void EraseTriangle(uint32_t slot) {
+    if (whole_) whole_->Unlink(slot);
+    triangles_.Erase(slot);
   }
-  void ForgetKey(uint32_t vertex) { vertex_of_.erase(keys_[vertex]); }
   void EncodeClip(ByteWriter& out);
   std::vector<uint32_t> Coming() const;
   void EncodeDrops(const std::vector<uint32_t>& leaving, std::vector<uint32_t>* left_over);
@@ -90,7 +89,7 @@ class UpdateEncoder::Impl {
   bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
   bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
   uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
-  void MarkHole(const UpdateBatch& batch, const Node& node);
+  void MarkHole(const Node& node);
   bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
 
   void EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets);
@@ -102,7 +101,10 @@ class UpdateEncoder::Impl {
     return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * row_bytes_;
   }
   // Which remembered vertex the node's is, or kNone32.
-  uint32_t RememberedSlot(const Node& node) const;
+  uint32_t RememberedSlot(const Node& node) const { return vertices_.Find(node.vertex); }
+  std::span<uint32_t> HoleSlots(const Node& node) {
+    return std::span(hole_slots_).subspan(node.hole_begin, node.ring_count - 2);
+  }
   uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
   uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
   void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
@@ -111,9 +113,8 @@ class UpdateEncoder::Impl {
                      uint32_t vertex);
 
   std::optional<WholeCut> whole_;  // while the client is clipped
-  std::unordered_map<TriangleKey, uint32_t> triangle_of_;
-  std::unordered_map<VertexIndex, uint32_t> vertex_of_;  // remembered ones included
-  std::vector<VertexIndex> keys_;                        // of vertex slots
+  KeyTable triangles_;
+  KeyTable vertices_;  // remembered ones included
   RansEncoder coder_;
   uint64_t record_updates_ = 0;  // in the record that is begun
   RecordCost cost_;              // likewise
@@ -123,6 +124,8 @@ class UpdateEncoder::Impl {
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
   std::vector<uint64_t> marks_;  // per triangle slot
   uint64_t mark_ = 0;
+  std::vector<uint32_t> hole_slots_;  // of the batch at hand, as its holes
+  std::vector<uint32_t> target_at_;   // per triangle slot, of the insertions at hand; kNone32: none
   std::vector<uint32_t> slots_;
   std::vector<std::array<uint32_t, 3>> places_;
   // Of the removal at hand: the hole's triangle on the side of the least and the greatest corner.
@@ -179,8 +182,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
         positions.push_back(base.positions[t[c]]);
         const auto row = base.rows.begin() + static_cast<std::ptrdiff_t>(t[c] * row_bytes_);
         rows.insert(rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
-        vertex_of_[base.vertices[t[c]]] = v;
-        keys_.push_back(base.vertices[t[c]]);
+        vertices_.Put(base.vertices[t[c]], v);
       }
       corners[c] = v;
     }
@@ -230,43 +232,36 @@ void UpdateEncoder::Impl::StartWholeCut() {
   for (uint32_t v = 0; v < mesh_.vertex_slots(); ++v) {
     if (!mesh_.has_vertex(v)) continue;
     number[v] = static_cast<uint32_t>(base.vertices.size());
-    base.vertices.push_back(keys_[v]);
+    base.vertices.push_back(vertices_.key(v));
     base.positions.push_back(mesh_.position(v));
     base.rows.insert(base.rows.end(), mesh_.row(v).begin(), mesh_.row(v).end());
   }
-  std::vector<std::pair<uint32_t, TriangleKey>> by_slot;
-  for (const auto& [key, slot] : triangle_of_) by_slot.emplace_back(slot, key);
-  std::sort(by_slot.begin(), by_slot.end());
-  for (const auto& [slot, key] : by_slot) {
+  const std::vector<uint32_t> slots = triangles_.Slots();
+  for (const uint32_t slot : slots) {
     const auto& c = mesh_.triangle(slot).corners;
     base.triangles.push_back({number[c[0]], number[c[1]], number[c[2]]});
-    base.triangle_keys.push_back(key);
+    base.triangle_keys.push_back(triangles_.key(slot));
   }
   whole_.emplace(options_, base);
-  for (const auto& [slot, key] : by_slot) whole_->Link(key, slot);
+  for (const uint32_t slot : slots) whole_->Link(triangles_.key(slot), slot);
 }
 
 uint32_t UpdateEncoder::Impl::TriangleOf(TriangleKey key) const {
-  const auto at = triangle_of_.find(key);
-  MTDB_CHECK(at != triangle_of_.end(), "an update names a triangle that the client does not have");
-  return at->second;
+  const uint32_t slot = triangles_.Find(key);
+  MTDB_CHECK(slot != kNone32, "an update names a triangle that the client does not have");
+  return slot;
 }
 
 uint32_t UpdateEncoder::Impl::VertexOf(VertexIndex key) const {
-  const auto at = vertex_of_.find(key);
-  MTDB_CHECK(at != vertex_of_.end(), "an update names a vertex that the client does not have");
-  return at->second;
+  const uint32_t slot = vertices_.Find(key);
+  MTDB_CHECK(slot != kNone32, "an update names a vertex that the client does not have");
+  return slot;
 }
 
-uint32_t UpdateEncoder::Impl::RememberedSlot(const Node& node) const {
-  const auto at = vertex_of_.find(node.vertex);
-  return at == vertex_of_.end() ? kNone32 : at->second;
-}
-
-void UpdateEncoder::Impl::MarkHole(const UpdateBatch& batch, const Node& node) {
+void UpdateEncoder::Impl::MarkHole(const Node& node) {
   ++mark_;
   marks_.resize(mesh_.triangle_slots());
-  for (const auto& t : batch.hole_of(node)) marks_[TriangleOf(t.key)] = mark_;
+  for (const uint32_t slot : HoleSlots(node)) marks_[slot] = mark_;
 }
 
 uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& node,
@@ -301,10 +296,12 @@ UpdateEncoder::Impl::Sorted UpdateEncoder::Impl::Sort(const UpdateBatch& batch,
 }
 
 bool UpdateEncoder::Impl::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
-  MarkHole(batch, node);
+  const std::span<uint32_t> slots = HoleSlots(node);
+  const std::span<const UpdateBatch::HoleTriangle> hole = batch.hole_of(node);
+  for (size_t i = 0; i < hole.size(); ++i) slots[i] = TriangleOf(hole[i].key);
+  MarkHole(node);
   uint32_t anchor = kNone32;
-  for (const auto& t : batch.hole_of(node)) {
-    const uint32_t slot = TriangleOf(t.key);
+  for (const uint32_t slot : slots) {
     if (anchor == kNone32 || mesh_.triangle(slot).born > mesh_.triangle(anchor).born) {
       anchor = slot;
     }
@@ -331,9 +328,7 @@ uint32_t UpdateEncoder::Impl::AddVertex(VertexIndex key, Vec3i position, const s
   ++sent_;
   cost_.AddVertex();
   const uint32_t vertex = mesh_.AddVertex(position, row);
-  keys_.resize(mesh_.vertex_slots());
-  keys_[vertex] = key;
-  vertex_of_[key] = vertex;
+  vertices_.Put(key, vertex);
   return vertex;
 }
 
@@ -349,12 +344,12 @@ uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& no
 
 void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& node,
                                           const UpdateHole& update, uint32_t vertex) {
+  for (const uint32_t slot : update.hole.slot_span()) EraseTriangle(slot);
   slots_.clear();
   InsertStar(mesh_, models_, update, vertex, &slots_);
-  for (const auto& t : batch.hole_of(node)) EraseTriangle(t.key);
   const std::span<const VertexIndex> ring = batch.ring_of(node);
   for (size_t j = 0; j < slots_.size(); ++j) {
-    const VertexIndex key = keys_[update.hole.ring[j]];
+    const VertexIndex key = vertices_.key(update.hole.ring[j]);
     const auto place = std::find(ring.begin(), ring.end(), key) - ring.begin();
     PutTriangle(node.first_star + static_cast<uint64_t>(place), slots_[j]);
     next_fresh_.emplace_back(slots_[j], mesh_.triangle(slots_[j]).born);
@@ -363,7 +358,7 @@ void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& 
 
 void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target& target) {
   const Node& node = *target.node;
-  MarkHole(batch, node);
+  MarkHole(node);
   UpdateHole update;
   uint32_t remembered = RememberedSlot(node);
   bool again = false;
@@ -402,19 +397,18 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
 
 void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
                                            std::span<const Target> targets) {
-  const auto anchored_at = [&](uint32_t slot) -> const Target* {
-    const auto t = std::lower_bound(targets.begin(), targets.end(), slot,
-                                    [](const Target& a, uint32_t at) { return a.at < at; });
-    return t != targets.end() && t->at == slot ? &*t : nullptr;
+  target_at_.resize(mesh_.triangle_slots(), kNone32);
+  for (uint32_t i = 0; i < targets.size(); ++i) target_at_[targets[i].at] = i;
+  // The last batch made nothing but fresh ones.
+  const auto is_fresh = [&](const Target& target) {
+    const uint64_t born = mesh_.triangle(target.at).born;
+    return !fresh_.empty() && born >= fresh_.front().second && born <= fresh_.back().second;
   };
-  size_t among_fresh = 0;
-  for (const auto& [slot, born] : fresh_) {
-    if (mesh_.triangle(slot).born == born && anchored_at(slot) != nullptr) ++among_fresh;
-  }
+  const bool all_fresh = std::all_of(targets.begin(), targets.end(), is_fresh);
   coder_.Bit(models_.more, true);
   coder_.Bit(models_.other, false);
   coder_.Bit(models_.insert, true);
-  const bool fresh = among_fresh == targets.size() && fresh_.size() < 32 * targets.size();
+  const bool fresh = all_fresh && fresh_.size() < 32 * targets.size();
   coder_.Bit(models_.fresh, fresh);
   CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
   if (fresh) {
@@ -423,9 +417,9 @@ void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
       const auto [slot, born] = fresh_[i];
       if (mesh_.triangle(slot).born != born) continue;
       const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
-      const Target* const target = anchored_at(slot);
-      if (!models_.topology.CodeAnchor(coder_, view, 1, target != nullptr)) continue;
-      EncodeInsertion(batch, *target);
+      const uint32_t target = target_at_[slot];
+      if (!models_.topology.CodeAnchor(coder_, view, 1, target != kNone32)) continue;
+      EncodeInsertion(batch, targets[target]);
       --left;
     }
   } else {
@@ -436,6 +430,7 @@ void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
       EncodeInsertion(batch, target);
     }
   }
+  for (const Target& target : targets) target_at_[target.at] = kNone32;
   fresh_.swap(next_fresh_);
   next_fresh_.clear();
 }
@@ -445,11 +440,10 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
   // Places in the ring as the client walks it -> the hole's triangles, by their outer corners.
   const std::span<const VertexIndex> ring = batch.ring_of(node);
   const std::span<const uint32_t> walked = update.hole.ring_span();
-  std::array<uint32_t, kMaxRing> place{};
-  for (size_t i = 0; i < ring.size(); ++i) {
-    const uint32_t slot = VertexOf(ring[i]);
-    place[i] =
-        static_cast<uint32_t>(std::find(walked.begin(), walked.end(), slot) - walked.begin());
+  std::array<uint32_t, kMaxRing + 1> place{};
+  for (uint32_t j = 0; j < walked.size(); ++j) {
+    const auto i = std::find(ring.begin(), ring.end(), vertices_.key(walked[j])) - ring.begin();
+    place[static_cast<size_t>(i)] = j;
   }
   for (const auto& t : batch.hole_of(node)) {
     std::array<uint32_t, 3> c = {place[t.corners[0]], place[t.corners[1]], place[t.corners[2]]};
@@ -459,16 +453,16 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
   CodePolygon(
       coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return hole_at_[i][j].apex; },
       places_);
-  for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
-    EraseTriangle(node.first_star + j);
-  }
+  for (const uint32_t slot : update.hole.slot_span()) EraseTriangle(slot);
   slots_.clear();
   RemoveStar(mesh_, update, vertex, places_, &slots_);
   for (size_t i = 0; i < slots_.size(); ++i) {
     PutTriangle(hole_at_[places_[i][0]][places_[i][2]].key, slots_[i]);
   }
   const uint32_t first = update.boundary ? walked[0] : kNone32;
-  if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) ForgetKey(lost);
+  if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) {
+    vertices_.Erase(lost);
+  }
 }
 
 void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
@@ -493,6 +487,7 @@ void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch,
 
 void UpdateEncoder::Impl::EncodeBatch(const UpdateBatch& batch, const Follows& follows,
                                       ByteWriter& out) {
+  if (batch.insert) hole_slots_.resize(batch.holes.size());
   const Sorted sorted = Sort(batch, follows, batch.insert ? &Impl::FindHole : &Impl::FindStar);
   for (std::span<const Target> left = sorted.targets; !left.empty();) {
     const auto targets = left.first(std::min<size_t>(left.size(), max_updates_));
@@ -521,6 +516,7 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   coder_.Bit(models_.insert, batch.insert);
   UpdateHole update;
   Patch::Hole& hole = update.hole;
+  update.listed = true;
   update.boundary = node.boundary;
   for (const VertexIndex v : batch.ring_of(node)) hole.ring[hole.ring_count++] = VertexOf(v);
   if (batch.insert) {
@@ -577,7 +573,7 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   if (whole_) {
     for (const UpdateBatch& batch : batches) whole_->Apply(batch);
     whole_->Choose(region);
-    plan = whole_->Plan(batches, triangle_of_);
+    plan = whole_->Plan(batches, triangles_);
   }
   const uint64_t enough = std::min(kRecordUpdates, max_updates_);
   for (size_t b = 0; b < batches.size(); ++b) {
@@ -589,15 +585,16 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   }
   if (whole_) EncodeClip(out);
   if (!region) whole_.reset();
-  mesh_.TakeChanges();  // nobody asks for them here
+  mesh_.ForgetChanges();
+  hole_slots_ = {};
   return out.Take();
 }
 
 size_t UpdateEncoder::Impl::memory_bytes() const {
   return sizeof(*this) + mesh_.memory_bytes() + (whole_ ? whole_->memory_bytes() : 0) +
-         MapBytes(triangle_of_) + MapBytes(vertex_of_) + CapacityBytes(keys_) +
-         CapacityBytes(start_) + CapacityBytes(fresh_) + CapacityBytes(next_fresh_) +
-         CapacityBytes(marks_) + CapacityBytes(slots_);
+         triangles_.memory_bytes() + vertices_.memory_bytes() + CapacityBytes(start_) +
+         CapacityBytes(fresh_) + CapacityBytes(next_fresh_) + CapacityBytes(marks_) +
+         CapacityBytes(slots_) + CapacityBytes(hole_slots_) + CapacityBytes(target_at_);
 }
 
 // The client's answers to what clip_coder.h asks, out of the whole cut.
@@ -642,8 +639,7 @@ class UpdateEncoder::Impl::AttachedSide {
   }
   uint32_t Corner(uint32_t i) {
     corner_ = whole_.mesh().triangle(target_).corners[(first_corner_ + i) % 3];
-    const auto at = e_.vertex_of_.find(whole_.vertex_key(corner_));
-    return at == e_.vertex_of_.end() ? kNone32 : at->second;
+    return e_.vertices_.Find(whole_.vertex_key(corner_));
   }
   Vec3i position() const { return whole_.mesh().position(corner_); }
   void CodeRow(const AttributeCoder::Star& star) {
@@ -673,13 +669,14 @@ class UpdateEncoder::Impl::AttachedSide {
     const uint32_t slot = whole_.client_slot(half_edge >> 2);
     const auto& corners = e_.mesh_.triangle(slot).corners;
     for (uint32_t i = 0; i < 3; ++i) {
-      if (e_.keys_[corners[i]] == from) return 4 * slot + i;
+      if (e_.vertices_.key(corners[i]) == from) return 4 * slot + i;
     }
     return kNone32;
   }
   // What lies beyond the client's half-edge in the whole cut.
   uint32_t WholeOpposite(uint32_t half_edge) const {
-    const VertexIndex from = e_.keys_[e_.mesh_.triangle(half_edge >> 2).corners[half_edge & 3]];
+    const VertexIndex from =
+        e_.vertices_.key(e_.mesh_.triangle(half_edge >> 2).corners[half_edge & 3]);
     const ClientMesh::Triangle& t = whole_.mesh().triangle(whole_.held(half_edge >> 2).whole);
     for (size_t i = 0; i < 3; ++i) {
       if (whole_.vertex_key(t.corners[i]) == from) return t.opposite[i];
@@ -731,7 +728,7 @@ void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
         while (next < leaving.size() && walk.decided(leaving[next])) ++next;
         return next == leaving.size() ? kNone32 : leaving[next];
       });
-  for (const uint32_t slot : walk.dropped()) EraseTriangle(whole_->held(slot).key);
+  for (const uint32_t slot : walk.dropped()) EraseTriangle(slot);
   mesh_.Drop(walk.dropped(), left_over);
 }
 
@@ -765,7 +762,7 @@ void UpdateEncoder::Impl::EncodeClip(ByteWriter& out) {
     AttachedSide side(*this, slots);
     const bool good = Attacher(coder_, models_, mesh_, side, &left_over).Code();
     MTDB_CHECK(good, "a triangle of the cut has equal corners");
-    ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { ForgetKey(vertex); });
+    ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { vertices_.Erase(vertex); });
     PutRecord(out);
   }
 }

@@ -12,12 +12,14 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::Drop;
   using ClientMesh::first_of_ring;
   using ClientMesh::Forget;
+  using ClientMesh::ForgetChanges;
   using ClientMesh::half_edge_of;
   using ClientMesh::is_known;
   using ClientMesh::OpenHalfEdge;
   using ClientMesh::points;
   using ClientMesh::Recall;
   using ClientMesh::Replace;
+  using ClientMesh::ReplaceByStar;
   using ClientMesh::Start;
 
   ReplayedMesh() = default;

@@ -80,6 +80,7 @@ struct UpdateHole {
   uint32_t ring_room[kHoleEntries];
   Patch::Hole hole{slot_room, ring_room};
   bool boundary = false;
+  bool listed = false;  // hole.outer is not known
 };
 
 // A number, mostly small, as its length and its bits below the top one.
@@ -187,7 +188,7 @@ inline bool WalkStar(const ReplayedMesh& mesh, uint32_t vertex, UpdateHole& out)
   return true;
 }
 
-// ---- shapes: the contexts of a Patch, found when they are needed ----
+// ---- shapes: the contexts of a Patch ----
 
 class UpdateShapes {
  public:
@@ -196,55 +197,40 @@ class UpdateShapes {
 
   // LengthClass << 3 | SharpnessClass; the half-edge has an opposite.
   uint32_t Shape(uint32_t h) const {
-    const Lengths lengths = Measure(h >> 2);
-    return LengthClass(lengths[h & 3]) << 3 | SharpnessClass(lengths, h);
+    return LengthClass(mesh_.triangle(h >> 2).exponents[h & 3]) << 3 | SharpnessClass(h);
   }
   // What an anchor's context is made of: opposites that are older than the slot are 0.
   Patch::Triangle AnchorView(uint32_t slot) const {
     const ClientMesh::Triangle& t = mesh_.triangle(slot);
-    const Lengths lengths = Measure(slot);
     Patch::Triangle view{};
-    view.longest =
-        static_cast<uint8_t>(LengthClass(std::max(std::max(lengths[0], lengths[1]), lengths[2])));
     for (uint32_t i = 0; i < 3; ++i) {
+      view.longest = std::max(view.longest, static_cast<uint8_t>(LengthClass(t.exponents[i])));
       const uint32_t o = t.opposite[i];
       const bool older = o != kNone32 && mesh_.triangle(o >> 2).born < t.born;
       view.opposite[i] = older ? 0 : kNone32;
-      if (older) view.shape[i] = static_cast<uint8_t>(SharpnessClass(lengths, 4 * slot + i));
+      if (older) view.shape[i] = static_cast<uint8_t>(SharpnessClass(4 * slot + i));
     }
     return view;
   }
   // The exponent of the squared longest edge.
   int LongestExponent(uint32_t slot) const {
-    const Lengths lengths = Measure(slot);
-    return ExponentOf(std::max(std::max(lengths[0], lengths[1]), lengths[2]));
+    int longest = 0;
+    for (const uint8_t e : mesh_.triangle(slot).exponents) {
+      longest = std::max<int>(longest, e == ClientMesh::Triangle::kNoLength ? 0 : e);
+    }
+    return longest;
   }
 
  private:
-  using Lengths = std::array<float, 3>;  // squared, of each half-edge
-
-  Lengths Measure(uint32_t slot) const {
-    const auto& corners = mesh_.triangle(slot).corners;
-    Lengths lengths;
-    for (size_t i = 0; i < 3; ++i) {
-      const Float4 d =
-          Offset4(mesh_.points()[corners[i == 2 ? 0 : i + 1]], mesh_.points()[corners[i]]);
-      const Float4 squares = d * d;
-      lengths[i] = squares[0] + squares[1] + squares[2];
-    }
-    return lengths;
+  uint32_t LengthClass(uint8_t exponent) const {
+    return exponent == ClientMesh::Triangle::kNoLength
+               ? 0
+               : static_cast<uint32_t>(std::clamp(exponent - shortest_, 0, 7));
   }
-  uint32_t LengthClass(float squared) const {
-    return squared < 1 ? 0
-                       : static_cast<uint32_t>(std::clamp(ExponentOf(squared) - shortest_, 0, 7));
-  }
-  static int Bluntness(const Lengths& lengths, uint32_t i) {
-    const float others = lengths[i == 2 ? 0 : i + 1] + lengths[i == 0 ? 2 : i - 1];
-    return static_cast<int>(std::min(60 * lengths[i] / (others + 1e-30f), 120.0f));
-  }
-  uint32_t SharpnessClass(const Lengths& lengths, uint32_t h) const {
-    const uint32_t o = mesh_.triangle(h >> 2).opposite[h & 3];
-    const int sum = Bluntness(lengths, h & 3) + Bluntness(Measure(o >> 2), o & 3);
+  uint32_t SharpnessClass(uint32_t h) const {
+    const ClientMesh::Triangle& t = mesh_.triangle(h >> 2);
+    const uint32_t o = t.opposite[h & 3];
+    const int sum = t.bluntness[h & 3] + mesh_.triangle(o >> 2).bluntness[o & 3];
     return static_cast<uint32_t>(std::clamp((248 - sum) / 16 - 5, 0, 7));
   }
 
@@ -363,13 +349,16 @@ inline AttributeCoder::Star AttributeStar(const ReplayedMesh& mesh, const Update
 inline void InsertStar(ReplayedMesh& mesh, UpdateModels& models, const UpdateHole& update,
                        uint32_t vertex, std::vector<uint32_t>* slots) {
   const std::span<const uint32_t> ring = update.hole.ring_span();
-  const size_t count = ring.size() - (update.boundary ? 1 : 0);
-  std::vector<std::array<uint32_t, 3>> star;
-  star.reserve(count);
-  for (size_t j = 0; j < count; ++j) {
-    star.push_back({vertex, ring[j], ring[j + 1 == ring.size() ? 0 : j + 1]});
+  if (!update.listed) {
+    mesh.ReplaceByStar(update.hole.slot_span(), ring, update.hole.outer, vertex, update.boundary,
+                       slots);
+  } else {
+    std::vector<std::array<uint32_t, 3>> star;
+    for (size_t j = 0; j < ring.size() - (update.boundary ? 1 : 0); ++j) {
+      star.push_back({vertex, ring[j], ring[j + 1 == ring.size() ? 0 : j + 1]});
+    }
+    mesh.Replace(update.hole.slot_span(), star, kNone32, slots);
   }
-  mesh.Replace(update.hole.slot_span(), star, kNone32, slots);
   AdaptReference(models, UpdateShapes(mesh, models).LongestExponent(slots->back()));
 }
 

@@ -1,6 +1,7 @@
 #include "codecs/stream/internal/whole_cut.h"
 
 #include <algorithm>
+#include <unordered_map>
 
 #include "codecs/stream/internal/memory_bytes.h"
 #include "store/base/check.h"
@@ -28,22 +29,14 @@ void SetChange(UpdateChange& change, const UpdateBatch& batch, const UpdateBatch
 }
 
 WholeCut::WholeCut(const ClientMeshOptions& options, const BaseMesh& base)
-    : mesh_({options.grid, options.attributes, 0}),
-      triangle_keys_(base.triangle_keys),
-      vertex_keys_(base.vertices),
-      client_(base.triangles.size(), kNone32) {
+    : mesh_({options.grid, options.attributes, 0}), client_(base.triangles.size(), kNone32) {
   mesh_.Start({}, base.positions, base.rows, base.triangles);
-  for (uint32_t t = 0; t < triangle_keys_.size(); ++t) triangle_of_[triangle_keys_[t]] = t;
-  for (uint32_t v = 0; v < vertex_keys_.size(); ++v) vertex_of_[vertex_keys_[v]] = v;
-}
-
-uint32_t WholeCut::SlotOf(TriangleKey key) const {
-  const auto at = triangle_of_.find(key);
-  return at == triangle_of_.end() ? kNone32 : at->second;
+  for (uint32_t t = 0; t < base.triangle_keys.size(); ++t) triangles_.Put(base.triangle_keys[t], t);
+  for (uint32_t v = 0; v < base.vertices.size(); ++v) vertices_.Put(base.vertices[v], v);
 }
 
 void WholeCut::Link(TriangleKey key, uint32_t client_slot) {
-  const uint32_t slot = SlotOf(key);
+  const uint32_t slot = triangles_.Find(key);
   if (client_slot >= held_.size()) held_.resize(client_slot + size_t{1});
   held_[client_slot] = {key, slot};
   if (slot != kNone32) client_[slot] = client_slot;
@@ -66,43 +59,36 @@ void WholeCut::Apply(const UpdateBatch& batch) {
     SetChange(change, batch, node);
     if (batch.insert) {
       const uint32_t vertex = mesh_.AddVertex(node.position, batch.rows.data() + i * row_bytes);
-      vertex_keys_.resize(mesh_.vertex_slots());
-      vertex_keys_[vertex] = node.vertex;
-      vertex_of_[node.vertex] = vertex;
+      vertices_.Put(node.vertex, vertex);
     }
     removed.clear();
     for (const TriangleKey key : change.removed) {
-      const uint32_t slot = SlotOf(key);
+      const uint32_t slot = triangles_.Find(key);
       MTDB_CHECK(slot != kNone32, "an update names a triangle that the cut does not have");
       if (client_[slot] != kNone32) held_[client_[slot]].whole = kNone32;
       client_[slot] = kNone32;
-      triangle_of_.erase(key);
+      triangles_.Erase(slot);
       removed.push_back(slot);
     }
     created.clear();
     for (const auto& corners : change.corners) {
       auto& c = created.emplace_back();
       for (size_t k = 0; k < 3; ++k) {
-        const auto at = vertex_of_.find(corners[k]);
-        MTDB_CHECK(at != vertex_of_.end(), "an update names a vertex that the cut does not have");
-        c[k] = at->second;
+        c[k] = vertices_.Find(corners[k]);
+        MTDB_CHECK(c[k] != kNone32, "an update names a vertex that the cut does not have");
       }
     }
     slots.clear();
     mesh_.Replace(removed, created, kNone32, &slots);
-    triangle_keys_.resize(mesh_.triangle_slots());
     client_.resize(mesh_.triangle_slots(), kNone32);
-    for (size_t k = 0; k < slots.size(); ++k) {
-      triangle_keys_[slots[k]] = change.created[k];
-      triangle_of_[change.created[k]] = slots[k];
-    }
+    for (size_t k = 0; k < slots.size(); ++k) triangles_.Put(change.created[k], slots[k]);
     if (!batch.insert) {
-      const auto at = vertex_of_.find(node.vertex);
-      mesh_.Forget(at->second, kNone32);
-      vertex_of_.erase(at);
+      const uint32_t vertex = vertices_.Find(node.vertex);
+      mesh_.Forget(vertex, kNone32);
+      vertices_.Erase(vertex);
     }
   }
-  mesh_.TakeChanges();
+  mesh_.ForgetChanges();
 }
 
 void WholeCut::Choose(const MeetsRegion& region) {
@@ -117,14 +103,13 @@ void WholeCut::Choose(const MeetsRegion& region) {
   }
 }
 
-std::vector<std::vector<bool>> WholeCut::Plan(
-    std::span<const UpdateBatch> batches,
-    const std::unordered_map<TriangleKey, uint32_t>& held) const {
+std::vector<std::vector<bool>> WholeCut::Plan(std::span<const UpdateBatch> batches,
+                                              const KeyTable& held) const {
   UpdateChange change;
   std::unordered_map<TriangleKey, bool> changed;  // of what the client would hold
   const auto holds = [&](TriangleKey key) {
     const auto at = changed.find(key);
-    return at == changed.end() ? held.contains(key) : at->second;
+    return at == changed.end() ? held.Find(key) != kNone32 : at->second;
   };
   std::vector<std::vector<bool>> plan;
   for (const UpdateBatch& batch : batches) {
@@ -141,7 +126,7 @@ std::vector<std::vector<bool>> WholeCut::Plan(
   std::unordered_map<TriangleKey, bool> needed;
   const auto is_needed = [&](TriangleKey key) {
     if (const auto at = needed.find(key); at != needed.end()) return at->second;
-    const uint32_t slot = SlotOf(key);
+    const uint32_t slot = triangles_.Find(key);
     return slot != kNone32 && chosen_[slot];
   };
   for (size_t b = batches.size(); b-- > 0;) {
@@ -158,9 +143,8 @@ std::vector<std::vector<bool>> WholeCut::Plan(
 }
 
 size_t WholeCut::memory_bytes() const {
-  return mesh_.memory_bytes() + MapBytes(triangle_of_) + MapBytes(vertex_of_) +
-         CapacityBytes(triangle_keys_) + CapacityBytes(vertex_keys_) + CapacityBytes(client_) +
-         chosen_.capacity() / 8 + CapacityBytes(held_);
+  return mesh_.memory_bytes() + triangles_.memory_bytes() + vertices_.memory_bytes() +
+         CapacityBytes(client_) + chosen_.capacity() / 8 + CapacityBytes(held_);
 }
 
 }  // namespace mtdb::internal

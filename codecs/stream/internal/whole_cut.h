@@ -5,10 +5,10 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "codecs/stream/internal/key_table.h"
 #include "codecs/stream/internal/replayed_mesh.h"
 #include "codecs/stream/mesh_update.h"
 #include "store/base/ids.h"
@@ -35,8 +35,8 @@ class WholeCut {
 
   const ReplayedMesh& mesh() const { return mesh_; }
   size_t memory_bytes() const;
-  TriangleKey key(uint32_t slot) const { return triangle_keys_[slot]; }
-  VertexIndex vertex_key(uint32_t vertex) const { return vertex_keys_[vertex]; }
+  TriangleKey key(uint32_t slot) const { return triangles_.key(slot); }
+  VertexIndex vertex_key(uint32_t vertex) const { return vertices_.key(vertex); }
   // Of a triangle here, the client's slot, or kNone32.
   uint32_t client_slot(uint32_t slot) const { return client_[slot]; }
   const Held& held(uint32_t client_slot) const { return held_[client_slot]; }
@@ -53,16 +53,12 @@ class WholeCut {
   // holds what is removed, and should when something of what is created is chosen in the end.
   // `held`: what the client holds before the batches.
   std::vector<std::vector<bool>> Plan(std::span<const UpdateBatch> batches,
-                                      const std::unordered_map<TriangleKey, uint32_t>& held) const;
+                                      const KeyTable& held) const;
 
  private:
-  uint32_t SlotOf(TriangleKey key) const;
-
   ReplayedMesh mesh_;  // remembers nothing
-  std::unordered_map<TriangleKey, uint32_t> triangle_of_;
-  std::unordered_map<VertexIndex, uint32_t> vertex_of_;
-  std::vector<TriangleKey> triangle_keys_;  // of slots
-  std::vector<VertexIndex> vertex_keys_;
+  KeyTable triangles_;
+  KeyTable vertices_;
   std::vector<uint32_t> client_;
   std::vector<bool> chosen_;
   std::vector<Held> held_;  // of the client's slots
