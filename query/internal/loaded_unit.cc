@@ -19,8 +19,14 @@ size_t VectorBytes(const std::vector<T>& v) {
 // Gathers the in-triangles of one cluster from its parents.
 class Gatherer {
  public:
-  Gatherer(const ClusterIndex& index, UnitId unit, const std::string& name)
-      : index_(index), unit_(unit), name_(name), entry_(index.unit(unit)) {}
+  Gatherer(const ClusterIndex& index, UnitId unit, const std::string& name,
+           std::span<const LoadedUnitPtr> parents)
+      : index_(index), unit_(unit), name_(name), entry_(index.unit(unit)) {
+    size_t most = 0;
+    for (const LoadedUnitPtr& parent : parents) most += parent->own_slots();
+    triangles_.reserve(std::min<size_t>(entry_.in_triangles, most));
+    origins_.reserve(triangles_.capacity());
+  }
 
   // Appends the parent's out-triangles that the cluster consumes, in slot order.
   Status Add(uint32_t ordinal, const LoadedUnit& parent) {
@@ -40,17 +46,23 @@ class Gatherer {
     constexpr uint32_t kStride = 16;  // most strides have none
     for (uint32_t begin = parent.first_own_slot(); begin < end; begin += kStride) {
       const uint32_t last = std::min(begin + kStride, end);
-      uint32_t found = 0;
-      for (uint32_t slot = begin; slot < last; ++slot) found |= removers[slot] == wanted ? 1 : 0;
-      if (found == 0) continue;
+      uint32_t any = 0;
+      for (uint32_t slot = begin; slot < last; ++slot) any |= removers[slot] == wanted ? 1 : 0;
+      if (any == 0) continue;
+      // Without a branch, which would be hard to predict.
+      uint32_t found[kStride];
+      uint32_t count = 0;
       for (uint32_t slot = begin; slot < last; ++slot) {
-        if (removers[slot] != wanted) continue;
-        if (triangles_.size() == entry_.in_triangles) return WrongCount("more");
-        if (slot >= listed) {
+        found[count] = slot;
+        count += removers[slot] == wanted ? 1 : 0;
+      }
+      if (triangles_.size() + count > entry_.in_triangles) return WrongCount("more");
+      for (uint32_t i = 0; i < count; ++i) {
+        if (found[i] >= listed) {
           if (creator == kNone32) creator = 0;
-          while (parent.cluster.star_begin[creator + 1] <= slot) ++creator;
+          while (parent.cluster.star_begin[creator + 1] <= found[i]) ++creator;
         }
-        AddTriangle(ordinal, parent, slot, creator);
+        AddTriangle(ordinal, parent, found[i], creator);
       }
     }
     if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
@@ -265,7 +277,7 @@ Status DecodeFromParents(const ObjectRecord& record, const ClusterIndex& index,
                          std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
   const UnitEntry& entry = index.unit(unit.id);
   unit.parents.assign(index.parents(unit.id).begin(), index.parents(unit.id).end());
-  Gatherer gatherer(index, unit.id, name);
+  Gatherer gatherer(index, unit.id, name, parents);
   for (uint32_t i = 0; i < parents.size(); ++i) {
     MTDB_RETURN_IF_ERROR(gatherer.Add(i, *parents[i]));
   }
