@@ -53,7 +53,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"tools/c",
      {"base", "store", "codecs/mesh_file", "codecs/stream", "query", "builder", "tools/client",
       "tools/request", "tools/render", "tools/server"}},
-    {"tools", {"base", "store", "query", "tools/c"}},  // the examples
+    {"tools", {"base", "store", "query", "builder", "tools/c"}},  // the examples
 };
 // These may include all of them, and each other.
 const std::set<std::string> kOnlookers{"tests", "bench"};
