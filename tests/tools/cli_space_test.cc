@@ -59,7 +59,8 @@ TEST_CASE("a disk that is full at any moment leaves stores as they were, and no 
                                         {"pack", store, folder.File("new.mtdbp"), "--json"}};
   for (const Arguments& command : commands) {
     int failed = 0;
-    for (int64_t at = 1, operations = 1; at <= operations; ++at) {
+    // The first one, which nothing disturbs, tells how many there are.
+    for (int64_t at = 0, operations = 0; at <= operations; ++at) {
       INFO(command[0] << ", operation " << at);
       const std::vector<std::pair<std::string, std::string>> settings{
           {"LD_PRELOAD", MTDB_FAULTS_LIBRARY},
@@ -70,7 +71,7 @@ TEST_CASE("a disk that is full at any moment leaves stores as they were, and no 
       for (const auto& [name, value] : settings) ::setenv(name.c_str(), value.c_str(), 1);
       const Outcome outcome = Run(command);
       for (const auto& [name, value] : settings) ::unsetenv(name.c_str());
-      operations = std::stoll(ReadText(inputs.File("count")));
+      if (at == 0) operations = std::stoll(ReadText(inputs.File("count")));
       if (outcome.exit_code == 0) {
         for (const char* made : {"new.mtdb", "new.mtdb-lock", "new.mtdbp"}) {
           std::filesystem::remove(folder.File(made));
@@ -81,9 +82,9 @@ TEST_CASE("a disk that is full at any moment leaves stores as they were, and no 
         CHECK_THAT(outcome.err, Catch::StartsWith("mtdb: "));
       }
       CHECK(FilesIn(folder) == before);
-      CHECK(RunJson({"info", store}).at("objects").at(0).at("digest") == digest);
     }
-    CHECK(failed > 3);
+    CHECK(RunJson({"info", store}).at("objects").at(0).at("digest") == digest);
+    CHECK(failed > 10);
   }
 }
 
