@@ -48,6 +48,7 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 constexpr double kLargestError = 1.0 / 16;
 // Triangles of the surface beneath a tile, for each of its own, beyond which it begins afresh.
 constexpr size_t kMostSurface = 8;
+constexpr uint64_t kTerrainVertexBytes = 3;  // about what a vertex takes in the store
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
 constexpr double kJoinShare = 0.12;
@@ -176,7 +177,15 @@ class Builder {
     for (auto& decimator : decimators_) decimator = make_decimator_();
     MTDB_RETURN_IF_ERROR(Report("join", 0, 0, input.triangles(), kReadShare));
     MTDB_RETURN_IF_ERROR(CheckDisk(survey.temporary_bytes));
-    MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
+    if (options_.terrain) {
+      survey.grid = options_.terrain->grid;
+      const double most = std::max(options_.terrain->frame.columns, options_.terrain->frame.rows);
+      survey.bits = static_cast<uint8_t>(std::ceil(std::log2(most + 1)));
+      survey.store_bytes = survey.vertices * kTerrainVertexBytes;
+    } else {
+      MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
+      survey.store_bytes = EstimateStoreBytes(survey);
+    }
     ReturnFreedMemory();
     record_.grid = survey.grid;
     record_.bits = survey.bits;
@@ -186,20 +195,33 @@ class Builder {
     record_.tile_triangles = options_.tile_triangles;
     record_.error_measure = decimators_.front()->measure();
     // The first round's curve needs bounds before the kept triangles' are known.
-    const Grid& grid = record_.grid;
+    const Grid& grid = input_grid();
     record_.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
                       grid.Position(grid.Quantize(input.bounds().max))};
+    if (options_.terrain) {
+      record_.raster = options_.terrain->frame;
+      record_.georeference = options_.terrain->crs;
+      // Heights and places have different units: tiles are cut along columns and rows.
+      flat_bounds_ = record_.bounds;
+      flat_bounds_.min.z = flat_bounds_.max.z = 0;
+    }
     *sorter = MakeSorter(memory_ / 2);
     return JoinInput(input, **sorter);
   }
 
+  // The grid on which the input's positions lie: a terrain's are the integers of the lattice.
+  const Grid& input_grid() const { return options_.terrain ? lattice_ : record_.grid; }
+  RoundCurve CurveOf(uint32_t round) const {
+    return RoundCurve(options_.terrain ? flat_bounds_ : record_.bounds, round);
+  }
+
   // Classifies the input's corners, gives its triangles to the sorter, and opens the journal.
   Status JoinInput(InputSpool& input, TriangleSorter& sorter) {
-    const Grid& grid = record_.grid;
+    const Grid& grid = input_grid();
     JoinTotals totals;
     SurfaceDigest digest;
     Box3i bounds;
-    const RoundCurve curve(record_.bounds, 1);
+    const RoundCurve curve = CurveOf(1);
     OrderedPipeline<JoinedBlock> pipeline(threads_, [&](unsigned, JoinedBlock& joined) {
       joined.codes = curve.Codes(joined.block.triangles, grid);
       for (const TileTriangle& t : joined.block.triangles) {
@@ -247,17 +269,22 @@ class Builder {
   void RecordInput(const InputSpool& input, const JoinTotals& totals, const SurfaceDigest& digest,
                    const Box3i& bounds) {
     const Grid& grid = record_.grid;
-    record_.bounds = {grid.Position(bounds.min), grid.Position(bounds.max)};
+    record_.bounds = grid.Bounds(bounds);
     record_.double_positions = !grid.FitsFloat(record_.bounds);
-    level_->Begin(
-        *decimators_.front(), grid,
-        kLargestError * record_.diagonal() / (grid.mode == PositionMode::kGrid ? grid.step : 1.0));
+    // Work units. Of a terrain nothing is farther off than its heights are apart.
+    const double largest = options_.terrain ? static_cast<double>(bounds.max.z) - bounds.min.z + 1
+                                            : kLargestError * record_.diagonal() /
+                                                  (grid.is_linear() ? grid.step : 1.0);
+    level_->Begin(*decimators_.front(), grid, largest);
     record_.input = input.report();
     record_.input.unreferenced_vertices = totals.unreferenced_vertices;
     record_.input.duplicate_triangles = totals.duplicate_triangles;
     record_.input.nonmanifold_edges = totals.nonmanifold_edges;
     record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
     record_.rounding_error = totals.rounding_error + input.rounding();
+    if (options_.terrain && options_.terrain->rounding) {
+      record_.rounding_error += options_.terrain->rounding();
+    }
     record_.vertices = totals.vertices;
     record_.triangles = totals.triangles;
     record_.boundary_edges = totals.boundary_edges;
@@ -282,6 +309,7 @@ class Builder {
       o.PutString(step.name);
       o.Put(step.step);
     }
+    if (options_.terrain) o.Put(static_cast<uint8_t>(options_.terrain->triangulation));
     for (const uint32_t n : {options_.degree_limit, options_.tile_triangles, options_.reduction}) {
       o.Put(n);
     }
@@ -293,6 +321,7 @@ class Builder {
                            record_.bounds.max.x, record_.bounds.max.y, record_.bounds.max.z}) {
       w.Put(x);
     }
+    for (const double x : grid.plane) w.Put(x);
     for (const VertexAttribute& a : record_.attributes.attributes) {
       w.PutString(a.name);
       w.Put(static_cast<uint8_t>(a.type));
@@ -372,10 +401,10 @@ class Builder {
     std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
     // Later rounds would gain at the end of two what they lose after it.
     if (round == 1) left_ = std::make_unique<SurfaceSpool>(&space_, memory_ / 8);
-    const RoundCurve curve(record_.bounds, round + 1);
+    const RoundCurve curve = CurveOf(round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
       if (!job.replayed) job.status = Decimate(worker, round, job);
-      job.codes = curve.Codes(job.outcome.cluster.left.triangles, record_.grid);
+      job.codes = curve.Codes(job.outcome.cluster.left.triangles, input_grid());
     });
     uint64_t given = 0;
     for (uint64_t taken = 0; taken < tiles; ++taken) {
@@ -496,6 +525,8 @@ class Builder {
   const DecimatorFactory& make_decimator_;
   std::vector<std::unique_ptr<TileDecimator>> decimators_;  // of the threads
   ObjectRecord record_;
+  const Grid lattice_;
+  Box3d flat_bounds_;  // of a terrain's lattice, without heights
   std::optional<RoundLevel> level_;
   // What the round before left, when this one goes on from it; what this one leaves for the next.
   std::unique_ptr<SurfaceSpool> beneath_, left_;
@@ -517,8 +548,14 @@ Result<ObjectRecord> internal::BuildObjectWith(const DecimatorFactory& make_deci
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress,
                                  BuildReport* report) {
-  return BuildObjectWith([] { return std::make_unique<SurfaceDecimator>(); }, input, options,
-                         writer, progress, report);
+  const auto make = [&]() -> std::unique_ptr<TileDecimator> {
+    if (!options.terrain) return std::make_unique<SurfaceDecimator>();
+    if (options.terrain->triangulation == Triangulation::kFree) {
+      return std::make_unique<FreeTerrainDecimator>();
+    }
+    return std::make_unique<TerrainDecimator>();
+  };
+  return BuildObjectWith(make, input, options, writer, progress, report);
 }
 
 Result<ObjectRecord> BuildObject(const TriangleMesh& mesh, const BuildOptions& options,

@@ -21,6 +21,23 @@ struct AttributeStep {
   double step = 0;  // > 0
 };
 
+// Which triangles fill the hole of a vertex that is removed from a terrain.
+enum class Triangulation : uint8_t {
+  kDelaunay = 0,  // codecs/FORMAT.md, "The Delaunay rule"
+  kFree = 1,      // those of the least errors
+};
+
+// What makes an input a terrain: its positions are integers, (column, row, steps of height) of a
+// raster's lattice, and a height field seen along z. It is built with the vertical error measure.
+struct TerrainInput {
+  Grid grid;  // PositionMode::kRaster: what the integers mean
+  RasterFrame frame;
+  std::string crs;
+  Triangulation triangulation = Triangulation::kFree;
+  // How far heights were moved to be integers, at most; asked when the input was read.
+  std::function<double()> rounding;
+};
+
 struct BuildOptions {
   PositionMode mode = PositionMode::kGrid;
   // Grid: cells along the longest side are 2^bits - 1; 1..24. Without bits and step, the grid is
@@ -40,6 +57,8 @@ struct BuildOptions {
   std::optional<int> normal_bits;
   // Rounds the float attributes of these names to multiples of their steps.
   std::vector<AttributeStep> attribute_steps;
+  // When set, the input is a terrain; mode, bits, step and weld are not for it.
+  std::optional<TerrainInput> terrain;
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
   // The most memory that the build may take, at least 256 MiB; the rest goes to temporary files. A
   // thread takes some 24 MiB, and more with attributes (internal/memory_plan.h); when the memory

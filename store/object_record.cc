@@ -27,8 +27,9 @@ enum Tag : uint8_t {
   kRounds = 0x08,
   kOptions = 0x09,
   kDigests = 0x8a,
+  kRaster = 0x8b,
 };
-constexpr uint16_t kSections = 10;
+constexpr uint16_t kSections = 10;  // of every object
 
 void PutVec(const Vec3d& v, ByteWriter* w) {
   for (int i = 0; i < 3; ++i) w->Put(v[i]);
@@ -149,7 +150,7 @@ ByteWriter PutGrid(const ObjectRecord& o) {
   return w;
 }
 void GetGrid(RecordReader* r, ObjectRecord* o) {
-  o->grid.mode = static_cast<PositionMode>(r->GetAtMost(1, "position mode"));
+  o->grid.mode = static_cast<PositionMode>(r->GetAtMost(2, "position mode"));
   o->grid.origin = r->GetVec("origin");
   o->grid.step = r->GetPositive("step");
   o->grid.error_unit = r->GetPositive("error unit");
@@ -303,6 +304,46 @@ void GetDigests(RecordReader* r, ObjectRecord* o) {
   o->digest_high = r->Get<uint64_t>();
 }
 
+ByteWriter PutRaster(const ObjectRecord& o) {
+  const RasterFrame& f = *o.raster;
+  ByteWriter w;
+  for (const double v : o.grid.plane) w.Put(v);
+  w.PutVarint(f.columns);
+  w.PutVarint(f.rows);
+  for (const double v : f.geotransform) w.Put(v);
+  w.Put(static_cast<uint8_t>((f.transform_of_samples ? 1 : 0) | (f.is_area ? 2 : 0) |
+                             (f.nodata ? 4 : 0)));
+  w.Put(f.nodata.value_or(0));
+  for (const std::string* s : {&f.sample_type, &f.height_units, &f.vertical_datum}) {
+    w.PutString(*s);
+  }
+  return w;
+}
+void GetRaster(RecordReader* r, ObjectRecord* o) {
+  RasterFrame& f = o->raster.emplace();
+  for (double& v : o->grid.plane) v = r->GetFinite("plane");
+  f.columns = r->Get32("columns");
+  f.rows = r->Get32("rows");
+  for (double& v : f.geotransform) v = r->GetFinite("geotransform");
+  const uint8_t flags = r->GetAtMost(7, "flags of the raster");
+  f.transform_of_samples = (flags & 1) != 0;
+  f.is_area = (flags & 2) != 0;
+  const auto nodata = r->Get<double>();
+  if ((flags & 4) != 0) f.nodata = nodata;
+  f.sample_type = r->GetString();
+  f.height_units = r->GetString();
+  f.vertical_datum = r->GetString();
+  const auto& p = o->grid.plane;
+  constexpr uint32_t kMost = uint32_t{1} << 30;
+  if (r->ok() && (f.columns == 0 || f.rows == 0 || f.columns > kMost || f.rows > kMost)) {
+    r->Fail("raster: expected 1 to 2^30 columns and rows, found " + std::to_string(f.columns) +
+            " x " + std::to_string(f.rows));
+  }
+  if (r->ok() && !(p[0] * p[3] - p[1] * p[2] > 0)) {
+    r->Fail("plane: expected a positive determinant");
+  }
+}
+
 struct SectionCodec {
   Tag tag;
   ByteWriter (*put)(const ObjectRecord&);
@@ -322,6 +363,8 @@ constexpr SectionCodec kCodecs[kSections] = {
     {kOptions, PutOptions, GetOptions},
     {kDigests, PutDigests, GetDigests},
 };
+// Of rasters, behind the others.
+constexpr SectionCodec kRasterCodec{kRaster, PutRaster, GetRaster};
 
 }  // namespace
 
@@ -341,8 +384,9 @@ Bytes EncodeObjectRecord(const ObjectRecord& record) {
   ByteWriter w;
   w.Put(kRecordVersion);
   w.Put(uint16_t{0});
-  w.Put(kSections);
+  w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0)));
   for (const SectionCodec& codec : kCodecs) PutSection(codec.tag, codec.put(record), &w);
+  if (record.raster) PutSection(kRaster, PutRaster(record), &w);
   return w.Take();
 }
 
@@ -366,7 +410,7 @@ Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where
     const int number = tag & ~kMustUnderstand;
     if (number <= last_number) r.Fail("section tags: expected ascending ones");
     last_number = number;
-    const SectionCodec* codec = nullptr;
+    const SectionCodec* codec = tag == kRaster ? &kRasterCodec : nullptr;
     for (const SectionCodec& c : kCodecs) {
       if (c.tag == tag) codec = &c;
     }
@@ -378,11 +422,14 @@ Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where
     RecordReader section(body, where + ": section " + std::to_string(tag));
     codec->get(&section, &record);
     MTDB_RETURN_IF_ERROR(section.Finish());
-    ++known;
+    if (codec != &kRasterCodec) ++known;
   }
   if (r.ok() && known != kSections) {
     r.Fail("expected " + std::to_string(kSections) + " known sections, found " +
            std::to_string(known));
+  }
+  if (r.ok() && record.raster.has_value() != (record.grid.mode == PositionMode::kRaster)) {
+    r.Fail("position mode: expected 2 with a section of the raster, and no other mode");
   }
   MTDB_RETURN_IF_ERROR(r.Finish());
   return record;

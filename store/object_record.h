@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "store/base/geometry.h"
 #include "store/base/grid.h"
 #include "store/base/ids.h"
+#include "store/base/raster_frame.h"
 #include "store/base/status.h"
 
 namespace mtdb {
@@ -53,10 +55,11 @@ struct ObjectRecord {
   double rounding_error = 0;
   ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
   AttributeLayout attributes;
-  bool double_positions = false;  // the stored positions are not all float32 values
-  Box3d bounds;                   // model units, of the stored positions
-  std::string units;              // as the user said, or empty
-  std::string georeference;       // WKT or EPSG code as the user said, or empty
+  bool double_positions = false;      // the stored positions are not all float32 values
+  Box3d bounds;                       // model units, of the stored positions
+  std::string units;                  // as the user said, or empty
+  std::string georeference;           // WKT2 or EPSG code as the file or the user said, or empty
+  std::optional<RasterFrame> raster;  // PositionMode::kRaster only
 
   InputReport input;
   uint64_t vertices = 0;   // of the full-resolution mesh (the drain)

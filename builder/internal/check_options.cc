@@ -24,6 +24,12 @@ Status CheckBuildOptions(const BuildOptions& options) {
   if (options.weld && !(*options.weld >= 0 && std::isfinite(*options.weld))) {
     return InvalidArgument("weld: must be a number of model units, 0 or more");
   }
+  const bool placed = options.bits || options.step || options.weld;
+  if (options.terrain && (placed || options.mode != PositionMode::kGrid)) {
+    return InvalidArgument(
+        "a raster's samples lie where they are: it takes no bits, step, welding or float32 "
+        "positions; --step-z rounds heights");
+  }
   if (options.degree_limit < 4 || options.degree_limit > 16) {
     return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
                            ": must be 4 to 16");

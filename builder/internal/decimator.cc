@@ -3,5 +3,7 @@
 namespace mtdb::internal {
 
 template class Decimator<SurfaceDistance, FreeFilling>;
+template class Decimator<HeightDifference, DelaunayFilling>;
+template class Decimator<HeightDifference, FreeFilling>;
 
 }  // namespace mtdb::internal

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "builder/internal/delaunay_filling.h"
 #include "builder/internal/filling_measure.h"
 #include "builder/internal/filling_rule.h"
 #include "builder/internal/free_filling.h"
@@ -77,6 +78,7 @@ class Decimator final : public TileDecimator {
   };
 
   void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
+  bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
   bool FillSeen();
   void Keep(uint32_t v);
@@ -97,9 +99,13 @@ class Decimator final : public TileDecimator {
   Filling filling_;
 };
 
-// What the builder uses.
+// What the builder uses: for surfaces in space, and for terrains.
 using SurfaceDecimator = Decimator<SurfaceDistance, FreeFilling>;
+using TerrainDecimator = Decimator<HeightDifference, DelaunayFilling>;
+using FreeTerrainDecimator = Decimator<HeightDifference, FreeFilling>;
 extern template class Decimator<SurfaceDistance, FreeFilling>;
+extern template class Decimator<HeightDifference, DelaunayFilling>;
+extern template class Decimator<HeightDifference, FreeFilling>;
 
 template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::Load(std::span<const TileTriangle> tile, const Grid& grid,
@@ -138,7 +144,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     if (filling_.error > options.level_error && mesh_.live_triangles() <= options.level_triangles) {
       break;
     }
-    if (mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
+    if (!Measure::kIsHeightField && mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
       // Rare, and found out here only: plan again without the edges that exist.
       states_[*v].careful = true;
       Evaluate(*v);
@@ -192,9 +198,13 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   state.verdict = Verdict::kDegree;
   if (!mesh_.OpenHole(v, degree_limit_, hole_)) return;
   state.verdict = Verdict::kTopology;
-  if (!mesh_.EdgesAreFree(hole_)) return;
+  if (!IsFree()) return;
   measure_.Open(hole_);
-  mesh_.ForbidEdges(hole_, state.careful);
+  if constexpr (Measure::kIsHeightField) {
+    for (auto& row : hole_.forbidden) row.fill(0);
+  } else {
+    mesh_.ForbidEdges(hole_, state.careful);
+  }
   if (measure_.Sees(hole_) && FillSeen()) {
     measure_.Measure(hole_, filling_);
   } else {
@@ -254,7 +264,7 @@ void Decimator<Measure, Rule>::Keep(uint32_t v) {
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   mesh_.OpenHole(v, degree_limit_, hole_);
-  if (!mesh_.EdgesAreFree(hole_)) return false;
+  if (!IsFree()) return false;
   measure_.Open(hole_);
   const KeptFilling& kept = kept_[v];
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {

@@ -26,9 +26,10 @@ namespace mtdb::internal {
 //   MeasureFolded  likewise when Sees was false, or no filling could be measured; only of measures
 //               with kMeasuresFolds, with the others such vertices stay
 //   HandOn      the filling has been put in the mesh, its triangles numbered from `first`
-// A measure with kGoesOn can be given another surface than the tile with Load, and says by Hold
-// what the next round has to know to go on (TileSurface). errors() are then the bounds of all local
-// triangles, current and past.
+// With kIsHeightField edges are segments in the plane, so that no two of them have the same ends:
+// no removal need look for edges that exist. A measure with kGoesOn can be given another surface
+// than the tile with Load, and says by Hold what the next round has to know to go on (TileSurface).
+// errors() are then the bounds of all local triangles, current and past.
 //
 // What a measure promises: the error of a filling is a bound on the distance, in the sense of
 // kMeasure, between each of its triangles and the part of the tile that the triangle stands for,
@@ -41,6 +42,7 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   { M::kMeasure } -> std::convertible_to<ErrorMeasure>;
   { M::kMeasuresFolds } -> std::convertible_to<bool>;
   { M::kGoesOn } -> std::convertible_to<bool>;
+  { M::kIsHeightField } -> std::convertible_to<bool>;
   { constant.FirstGuess(n) } -> std::convertible_to<double>;
   measure.Open(hole);
   { measure.Sees(filled) } -> std::same_as<bool>;

@@ -46,7 +46,9 @@ void FreeFilling::SetSeenCosts(const Hole& hole) {
   Hole::PerEdge<double> length2;
   for (uint32_t i = 0; i < k; ++i) {
     for (uint32_t j = i + 1; j < k; ++j) {
-      length2[i][j] = SquaredLength(hole.points[j] - hole.points[i]);
+      Vec3d edge = hole.points[j] - hole.points[i];
+      if (hole.flat) edge.z = 0;
+      length2[i][j] = SquaredLength(edge);
     }
   }
   SetCosts(k, [&](uint32_t i, uint32_t m, uint32_t j) {

@@ -43,6 +43,7 @@ struct Hole {
   double area = 0;                     // twice the star's, seen along `normal`
   std::array<Vec3d, kMaxRing> points;  // the ring in the hole's frame: z along `normal`
   bool folded = false;                 // not seen whole: curves and projections mean nothing
+  bool flat = false;  // of a height field: shapes are those of what is seen, without heights
   // Of the edge (i, j), i < j; negative where there can be none. edge_error[0][k - 1] is the new
   // border edge's.
   PerEdge<double> edge_error;

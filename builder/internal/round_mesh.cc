@@ -114,6 +114,7 @@ bool RoundMesh::Faces(uint32_t vertex, Vec3d n) const {
 }
 
 // Long, since the search for the path's first triangle and the walk along it share six variables.
+template <ErrorMeasure kKind>
 double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
   const std::span<const Spoke> around = spokes(a);
   for (const Spoke& spoke : around) {
@@ -155,6 +156,7 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
   double error = 0;
   const double inverse_ab2 = 1 / ab2;
   double before = triangles_[h / 3].error;  // of the triangle that the path leaves
+  const double inverse_flat2 = 1 / (ab.x * ab.x + ab.y * ab.y);
   for (int step = 0; step < kMaxSteps; ++step) {
     const uint32_t o = opposite(h);
     if (o == kNone32) return -1;
@@ -165,14 +167,21 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
     // The path crosses h, from p (right) to q (left), at c; w * (c - a) needs no division.
     const double w = side_p - side_q;
     const Vec3d wac = (pp - pa) * w + (pq - pp) * side_p;
-    const double t = Dot(wac, ab);
-    const Vec3d offset = t <= 0 ? wac : t >= ab2 * w ? wac - ab * w : wac - ab * (t * inverse_ab2);
     const double after = next.error;
     const double accumulated = std::max(before, after);
     before = after;
-    const double d2 = SquaredLength(offset);
-    const double known = (error - accumulated) * w;
-    if (known < 0 || d2 > known * known) error = std::sqrt(d2) / w + accumulated;
+    if constexpr (kKind == ErrorMeasure::kVertical) {
+      const double at_edge = ab.z * ((wac.x * ab.x + wac.y * ab.y) * inverse_flat2);
+      error = std::max(error, std::abs(wac.z - at_edge) / w + accumulated);
+    } else {
+      const double t = Dot(wac, ab);
+      const Vec3d offset = t <= 0         ? wac
+                           : t >= ab2 * w ? wac - ab * w
+                                          : wac - ab * (t * inverse_ab2);
+      const double d2 = SquaredLength(offset);
+      const double known = (error - accumulated) * w;
+      if (known < 0 || d2 > known * known) error = std::sqrt(d2) / w + accumulated;
+    }
     if (x == b) return error;
     const double side = Dot(right, px - pa);
     if (side > 0) {
@@ -187,5 +196,9 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
   }
   return -1;
 }
+
+template double RoundMesh::CurveError<ErrorMeasure::kTwoSidedDistance>(uint32_t, uint32_t,
+                                                                       Vec3d) const;
+template double RoundMesh::CurveError<ErrorMeasure::kVertical>(uint32_t, uint32_t, Vec3d) const;
 
 }  // namespace mtdb::internal

@@ -17,6 +17,7 @@
 
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
+#include "store/object_record.h"
 
 namespace mtdb::internal {
 
@@ -38,7 +39,9 @@ class RoundMesh {
 
   // Bound on the distance between the segment ab and its curve: the path from a to b in the plane
   // through both that contains `n`, seen along `n`. Negative when there is no such path within the
-  // tile, or it meets a triangle turned away from n. Cost: one step per input edge crossed.
+  // tile, or it meets a triangle turned away from n. Cost: one step per input edge crossed. Of the
+  // vertical measure n is (0, 0, 1), and the distance that of heights.
+  template <ErrorMeasure kKind = ErrorMeasure::kTwoSidedDistance>
   double CurveError(uint32_t a, uint32_t b, Vec3d n) const;
 
  private:

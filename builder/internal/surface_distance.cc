@@ -32,6 +32,21 @@ std::pair<uint32_t, double> Nearest(const Hole& hole, const Hole::Triangles& tri
   return {nearest, least};
 }
 
+// |Height| of p over the triangle's plane.
+double HeightOver(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
+  const double wa = Hole::Side(b, c, p);
+  const double wb = Hole::Side(c, a, p);
+  const double wc = Hole::Side(a, b, p);
+  return std::abs((wa * (p.z - a.z) + wb * (p.z - b.z) + wc * (p.z - c.z)) / (wa + wb + wc));
+}
+
+// Likewise over the line ab, above which p lies.
+double HeightOverEdge(Vec3d p, Vec3d a, Vec3d b) {
+  const Vec3d ab = b - a;
+  const Vec3d ap = p - a;
+  return std::abs(ap.z - ab.z * (ap.x * ab.x + ap.y * ab.y) / (ab.x * ab.x + ab.y * ab.y));
+}
+
 // Bounds the two-sided distance between filling and star by a correspondence: the vertex goes to
 // its nearest triangle (of a border vertex: to the new border edge, which is triangle 0's), and a
 // diagonal is crossed by the spokes to the ring vertices on its far side.
@@ -59,8 +74,9 @@ double DistanceToStar(const Hole& hole, const Hole::Triangles& triangles) {
 
 }  // namespace
 
-void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                           const TileSurface* surface, const Grid& grid) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                                 const TileSurface* surface, const Grid& grid) {
   mesh_ = &mesh;
   const size_t n = tile.size();
   errors_.resize(n);
@@ -77,6 +93,7 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
     own_.assign(n, 1);
     conservative_.assign(n, 0);
     heights_.clear();
+    if (kIsVertical) MeasureHeights();
     next_sample_.assign(positions_.size(), kNone32);
     round_.Build(mesh.corners(), mesh.opposites(), positions_, errors_);
   }
@@ -91,7 +108,8 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
 
 // The surface's triangles are the tile's own ones and those of `surface`, in the mesh's numbering
 // of vertices, which others follow.
-void SurfaceDistance::LoadSurface(const TileSurface& surface, const Grid& grid) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& grid) {
   own_ = surface.own;
   conservative_ = surface.conservative;
   for (size_t h = 0; h < curve_error_.size(); ++h) {
@@ -106,8 +124,8 @@ void SurfaceDistance::LoadSurface(const TileSurface& surface, const Grid& grid) 
       continue;
     }
     number[v] = static_cast<uint32_t>(positions_.size());
-    positions_.push_back(grid.mode == PositionMode::kGrid ? ToDouble(surface.positions[v])
-                                                          : grid.Position(surface.positions[v]));
+    positions_.push_back(grid.is_linear() ? ToDouble(surface.positions[v])
+                                          : grid.Position(surface.positions[v]));
   }
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<float> errors;
@@ -134,7 +152,8 @@ void SurfaceDistance::LoadSurface(const TileSurface& surface, const Grid& grid) 
 }
 
 // How far the mesh's vertices stand off the mean of their neighbours, along the mean normal.
-void SurfaceDistance::MeasureHeights() {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::MeasureHeights() {
   const uint32_t vertices = mesh_->vertices();
   std::vector<Vec3d> sums(vertices);
   std::vector<Vec3d> normals(vertices);
@@ -152,12 +171,17 @@ void SurfaceDistance::MeasureHeights() {
   }
   heights_.assign(vertices, 0);
   for (uint32_t v = 0; v < vertices; ++v) {
+    if (kIsVertical) {
+      heights_[v] = std::abs(sums[v].z) / counts[v];
+      continue;
+    }
     const double length = Length(normals[v]);
     if (length > 0) heights_[v] = std::abs(Dot(sums[v], normals[v])) / (length * counts[v]);
   }
 }
 
-void SurfaceDistance::Hold(TileResult& result) const {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
   result.conservative = conservative_;
   result.curve_errors.resize(curve_error_.size());
   for (size_t h = 0; h < curve_error_.size(); ++h) {
@@ -177,11 +201,13 @@ void SurfaceDistance::Hold(TileResult& result) const {
   }
 }
 
-double SurfaceDistance::FirstGuess(uint32_t v) const {
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::FirstGuess(uint32_t v) const {
   return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + round_.vertex_error(v);
 }
 
-void SurfaceDistance::Open(Hole& hole) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::Open(Hole& hole) {
   if (hole.boundary) hole.edge_error[0][hole.k - 1] = BorderCurveError(hole);
   samples_.clear();
   Vec3d normal{};
@@ -192,21 +218,26 @@ void SurfaceDistance::Open(Hole& hole) {
     normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
   }
   if (!hole.boundary) samples_.push_back(hole.vertex);
-  const double length = Length(normal);
-  hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
+  const double length = kIsVertical ? normal.z : Length(normal);
+  const bool upwards = kIsVertical || !(length > 0);
+  hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
+  hole.flat = kIsVertical;
   points_.clear();
   for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
 }
 
 // The curve of the new border edge is the chain of border vertices removed between its ends; the
 // accumulated error along it is that of the vertices on it.
-double SurfaceDistance::BorderCurveError(const Hole& hole) const {
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::BorderCurveError(const Hole& hole) const {
   const Vec3d a = hole.positions[hole.k - 1];
   const Vec3d b = hole.positions[0];
   double error = 0;
   const auto add = [&](uint32_t w) {
-    error = std::max(error, std::sqrt(SquaredDistancePointSegment(positions_[w], a, b)) +
-                                round_.vertex_error(w));
+    const double distance = kIsVertical
+                                ? HeightOverEdge(positions_[w], a, b)
+                                : std::sqrt(SquaredDistancePointSegment(positions_[w], a, b));
+    error = std::max(error, distance + round_.vertex_error(w));
   };
   add(hole.vertex);
   for (const uint32_t h : {hole.border_out, hole.border_in}) {
@@ -215,8 +246,14 @@ double SurfaceDistance::BorderCurveError(const Hole& hole) const {
   return error;
 }
 
-bool SurfaceDistance::Sees(const Hole& hole) const {
+template <ErrorMeasure kKind>
+bool SurfaceMeasure<kKind>::Sees(const Hole& hole) const {
   if (!(hole.area > 0)) return false;
+  if (kIsVertical) {
+    // A border keeps its shape: what lies on a straight line of it may go.
+    return !hole.boundary ||
+           Hole::Side(hole.positions[hole.k - 1], hole.positions[0], hole.apex) == 0;
+  }
   for (const uint32_t t : hole.star) {
     if (conservative_[t]) return false;
   }
@@ -226,7 +263,8 @@ bool SurfaceDistance::Sees(const Hole& hole) const {
   return !hole.boundary || round_.Faces(hole.vertex, hole.normal);
 }
 
-bool SurfaceDistance::IsFresh(const Hole& hole) const {
+template <ErrorMeasure kKind>
+bool SurfaceMeasure<kKind>::IsFresh(const Hole& hole) const {
   return !hole.boundary && samples_.size() == 1 &&
          std::all_of(hole.star.begin(), hole.star.end(),
                      [&](uint32_t t) { return t < own_.size() && own_[t]; });
@@ -234,7 +272,8 @@ bool SurfaceDistance::IsFresh(const Hole& hole) const {
 
 // Curves are dear, so that those of diagonals that no filling uses are found only where they are
 // cheap. Elsewhere a guess decides.
-bool SurfaceDistance::PriceEdges(Hole& hole) const {
+template <ErrorMeasure kKind>
+bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
   if (!IsFresh(hole)) {
     GuessEdges(hole);
     return false;
@@ -246,12 +285,14 @@ bool SurfaceDistance::PriceEdges(Hole& hole) const {
   return true;
 }
 
-void SurfaceDistance::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
-  hole.edge_error[i][j] = round_.CurveError(hole.ring[i], hole.ring[j], hole.normal);
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
+  hole.edge_error[i][j] = round_.CurveError<kKind>(hole.ring[i], hole.ring[j], hole.normal);
 }
 
 // From the samples that lie near an edge.
-void SurfaceDistance::GuessEdges(Hole& hole) const {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::GuessEdges(Hole& hole) const {
   // Four points at once. More than these hardly change a guess.
   constexpr size_t kMost = 64;
   const size_t count = std::min(points_.size(), kMost);
@@ -298,7 +339,8 @@ void SurfaceDistance::GuessEdges(Hole& hole) const {
 
 // A diagonal's curve runs over the star in the plane along z. Diagonals that leave the star get
 // kUnknown.
-void SurfaceDistance::MeasureOverSpokes(Hole& hole) const {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
   const uint32_t k = hole.k;
   std::array<double, Hole::kMaxRing> spoke_error;  // what the surface around it has accumulated
   for (uint32_t m = 0; m < k; ++m) {
@@ -328,6 +370,11 @@ void SurfaceDistance::MeasureOverSpokes(Hole& hole) const {
       // The crossing c; w * (c - origin) needs no division.
       const double w = std::abs(apex_side - ring_side);
       const Vec3d wc = to_apex * w + (to_ring - to_apex) * std::abs(apex_side);
+      if (kIsVertical) {
+        const double at_edge = d.z * ((wc.x * d.x + wc.y * d.y) / (d.x * d.x + d.y * d.y));
+        error = std::max(error, std::abs(wc.z - at_edge) / w + spoke_error[m]);
+        continue;
+      }
       const double t = Dot(wc, d);
       const Vec3d offset = t <= 0 ? wc : t >= length2 * w ? wc - d * w : wc - d * (t / length2);
       error = std::max(error, Length(offset) / w + spoke_error[m]);
@@ -335,7 +382,8 @@ void SurfaceDistance::MeasureOverSpokes(Hole& hole) const {
   });
 }
 
-void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
   const uint32_t count = hole.k - 2;
   const auto curve = [&](uint32_t a, uint32_t b) {  // a < b
     if (b == a + 1) return curve_error_[hole.ring_edges[a]];
@@ -368,15 +416,18 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     }
     sample_triangle_[s] = static_cast<uint8_t>(t);
     const auto [i, m, j] = filling.triangles[t];
-    const double distance =
-        std::sqrt(SquaredDistancePointTriangle(p, hole.points[i], hole.points[m], hole.points[j]));
+    const double distance = kIsVertical
+                                ? HeightOver(p, hole.points[i], hole.points[m], hole.points[j])
+                                : std::sqrt(SquaredDistancePointTriangle(
+                                      p, hole.points[i], hole.points[m], hole.points[j]));
     filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
   }
   filling.error = 0;
   for (uint32_t t = 0; t < count; ++t) filling.error = std::max(filling.error, filling.errors[t]);
 }
 
-void SurfaceDistance::MeasureFolded(const Hole& hole, Filling& filling) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::MeasureFolded(const Hole& hole, Filling& filling) {
   double star_error = 0;
   for (const uint32_t t : hole.star) {
     star_error = std::max<double>(star_error, errors_[t]);
@@ -392,7 +443,8 @@ void SurfaceDistance::MeasureFolded(const Hole& hole, Filling& filling) {
   }
 }
 
-void SurfaceDistance::HandOn(const Hole& hole, const Filling& filling, uint32_t first) {
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uint32_t first) {
   const uint32_t count = hole.k - 2;
   bool conservative = hole.folded;
   for (const uint32_t t : hole.star) conservative |= conservative_[t] != 0;
@@ -428,12 +480,16 @@ void SurfaceDistance::HandOn(const Hole& hole, const Filling& filling, uint32_t 
 }
 
 // The new border edge's chain: both old ones and the vertex that goes.
-uint32_t SurfaceDistance::JoinBorderChains(const Hole& hole) {
+template <ErrorMeasure kKind>
+uint32_t SurfaceMeasure<kKind>::JoinBorderChains(const Hole& hole) {
   next_sample_[hole.vertex] = chain_head_[hole.border_out];
   uint32_t tail = hole.vertex;
   while (next_sample_[tail] != kNone32) tail = next_sample_[tail];
   next_sample_[tail] = chain_head_[hole.border_in];
   return hole.vertex;
 }
+
+template class SurfaceMeasure<ErrorMeasure::kTwoSidedDistance>;
+template class SurfaceMeasure<ErrorMeasure::kVertical>;
 
 }  // namespace mtdb::internal

@@ -1,4 +1,5 @@
 // SurfaceDistance: the error measure of surfaces in space, a bound on the two-sided distance.
+// HeightDifference: that of height fields.
 #pragma once
 
 #include <cstdint>
@@ -19,10 +20,19 @@ namespace mtdb::internal {
 // section 3; RoundMesh). Looks along the star's normal. A folded hole, where the input turns away
 // from that or such a bound came before, gets a conservative one: by how far hole and star are
 // apart, added to the star's errors.
-class SurfaceDistance {
+//
+// kVertical: the largest difference in height between the triangle and what lies above and below
+// it, of height fields whose work units are integers along x and y. It is exact against the round's
+// input: a difference of two piecewise linear functions is largest at a corner of their overlay,
+// and those are the same crossings and removed vertices. Border vertices go where the border is
+// straight.
+template <ErrorMeasure kKind>
+class SurfaceMeasure {
  public:
-  static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
-  static constexpr bool kMeasuresFolds = true;
+  static constexpr ErrorMeasure kMeasure = kKind;
+  static constexpr bool kIsVertical = kKind == ErrorMeasure::kVertical;
+  static constexpr bool kMeasuresFolds = !kIsVertical;
+  static constexpr bool kIsHeightField = kIsVertical;
   static constexpr bool kGoesOn = true;
 
   // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
@@ -71,6 +81,11 @@ class SurfaceDistance {
   std::vector<Vec3d> points_;             // their places in the hole's frame
   std::vector<uint8_t> sample_triangle_;  // of the filling
 };
+using SurfaceDistance = SurfaceMeasure<ErrorMeasure::kTwoSidedDistance>;
+using HeightDifference = SurfaceMeasure<ErrorMeasure::kVertical>;
+extern template class SurfaceMeasure<ErrorMeasure::kTwoSidedDistance>;
+extern template class SurfaceMeasure<ErrorMeasure::kVertical>;
 static_assert(FillingMeasure<SurfaceDistance>);
+static_assert(FillingMeasure<HeightDifference>);
 
 }  // namespace mtdb::internal

@@ -37,7 +37,7 @@ ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, s
 // record need. `heights`: of the tile's triangles; gets those of all.
 void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& updates,
               std::vector<uint32_t>& heights, TileCluster& cluster) {
-  const double model_units = grid.mode == PositionMode::kGrid ? grid.step : 1.0;
+  const double model_units = grid.is_linear() ? grid.step : 1.0;
   UnitEntry& entry = cluster.entry;
   entry.error_code_min = 255;
   heights.resize(result.triangles.size(), 0);

@@ -82,8 +82,8 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid) {
   const auto n = static_cast<uint32_t>(tile.size());
   positions_.resize(vertices());
   for (uint32_t v = 0; v < vertices(); ++v) {
-    positions_[v] = grid.mode == PositionMode::kGrid ? ToDouble(grid_positions_[v])
-                                                     : grid.Position(grid_positions_[v]);
+    positions_[v] =
+        grid.is_linear() ? ToDouble(grid_positions_[v]) : grid.Position(grid_positions_[v]);
   }
   PairHalfEdges(corners_, vertices(), opposite_);
   border_.resize(n);

@@ -13,9 +13,9 @@ RoundCurve::RoundCurve(const Box3d& bounds, uint32_t round) : min_(bounds.min) {
   const double longest = std::max({size.x, size.y, size.z});
   // The mesh takes half of the cube's side; the shift takes up to the other half.
   constexpr double kCells = 1 << (kHilbertBits - 1);
-  scale_ = longest > 0 ? (kCells - 1) / longest : 0;
   uint64_t random = Mix64(round);
   for (int i = 0; i < 3; ++i) {
+    scale_[i] = size[i] > 0 ? (kCells - 1) / longest : 0;
     random = Mix64(random);
     shift_[i] = static_cast<uint32_t>(random) & ((1u << (kHilbertBits - 1)) - 1);
     mirror_[i] = (random >> 40) & 1 ? (1u << kHilbertBits) - 1 : 0;
@@ -31,7 +31,7 @@ uint64_t RoundCurve::Code(const TileTriangle& t, const Grid& grid) const {
       grid.Position(t.positions[0]) + grid.Position(t.positions[1]) + grid.Position(t.positions[2]);
   std::array<uint32_t, 3> cell;
   for (int i = 0; i < 3; ++i) {
-    const double x = std::max(0.0, (sum[i] / 3 - min_[i]) * scale_);
+    const double x = std::max(0.0, (sum[i] / 3 - min_[i]) * scale_[i]);
     cell[static_cast<size_t>(axis_[i])] = (static_cast<uint32_t>(x) + shift_[i]) ^ mirror_[i];
   }
   return HilbertCode(cell);

@@ -15,6 +15,7 @@ namespace mtdb::internal {
 // that no seam of one round's tiles is a seam of the next. Integers only, after one scaling.
 class RoundCurve {
  public:
+  // Along an axis on which the bounds have no extent, points may lie anywhere.
   RoundCurve(const Box3d& bounds, uint32_t round);
   // The code of a triangle's centre.
   uint64_t Code(const TileTriangle& triangle, const Grid& grid) const;
@@ -22,7 +23,7 @@ class RoundCurve {
 
  private:
   Vec3d min_;
-  double scale_ = 0;
+  double scale_[3];
   uint32_t shift_[3];
   uint32_t mirror_[3];
   int axis_[3];

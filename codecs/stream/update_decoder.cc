@@ -126,10 +126,13 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   ByteReader reader(body);
   ClientMeshOptions options;
   const auto mode = reader.Get<uint8_t>();
-  if (mode > static_cast<uint8_t>(PositionMode::kLossless)) return Corrupted("mode of positions");
+  if (mode > static_cast<uint8_t>(PositionMode::kRaster)) return Corrupted("mode of positions");
   options.grid.mode = static_cast<PositionMode>(mode);
   for (int i = 0; i < 3; ++i) options.grid.origin[i] = reader.Get<double>();
   options.grid.step = reader.Get<double>();
+  if (options.grid.mode == PositionMode::kRaster) {
+    for (double& v : options.grid.plane) v = reader.Get<double>();
+  }
   Vec3d origin;
   for (int i = 0; i < 3; ++i) origin[i] = reader.Get<double>();
   if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z)) {

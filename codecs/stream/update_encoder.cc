@@ -193,6 +193,9 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   body.Put<uint8_t>(static_cast<uint8_t>(grid.mode));
   for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
   body.Put<double>(grid.step);
+  if (grid.mode == PositionMode::kRaster) {
+    for (const double v : grid.plane) body.Put<double>(v);
+  }
   for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
   PutAttributeLayout(options_.attributes, &body);
   body.PutVarint(options_.remembered_vertices);

@@ -2,19 +2,31 @@
 
 #include <algorithm>
 
+#include "query/internal/vertical_reach.h"
+
 namespace mtdb::internal {
 
 Judge::Judge(const ClusterSource& source, double rounding)
-    : index_(source.index()),
+    : vertical_(source.record().error_measure == ErrorMeasure::kVertical),
+      index_(source.index()),
       grid_(source.record().grid),
       rounding_(rounding),
       bounds_(BoundsByCode(grid_, rounding)) {}
 
 void Judge::SetQuery(const Query& query) {
-  region_ = query.region == nullptr || query.region->whole() ? nullptr : query.region;
-  if (threshold_ != nullptr && asked_ == query.threshold) return;
-  threshold_ = Attainable(query.threshold, rounding_);
-  asked_ = query.threshold;
+  const RegionPtr region =
+      query.region == nullptr || query.region->whole() ? nullptr : query.region;
+  // The same region stays the same, so that nobody takes it for another one.
+  if (!vertical_) {
+    region_ = region;
+  } else if (region != query_region_) {
+    region_ = VerticalReach(region);
+  }
+  query_region_ = region;
+  if (threshold_ != nullptr && query_threshold_ == query.threshold) return;
+  query_threshold_ = query.threshold;
+  asked_ = vertical_ ? VerticalReach(query.threshold) : query.threshold;
+  threshold_ = Attainable(asked_, rounding_);
   constant_ = threshold_->constant();
   valid_code_ = -1;
   while (constant_ && valid_code_ < 255 &&

@@ -17,7 +17,8 @@ namespace mtdb::internal {
 enum class Activity : uint8_t { kNone, kSome, kAll };
 
 // The definitions of query.h, with bounds b(t) = e(t) + `rounding` in model units. A triangle is
-// refused when it is active and invalid. Questions are counted on the meter; once that says that
+// refused when it is active and invalid. Of a terrain, what is near a triangle is above or below it
+// (vertical_reach.h). Questions are counted on the meter; once that says that
 // the query is to end, answers are void. One thread.
 class Judge {
  public:
@@ -71,19 +72,20 @@ class Judge {
     return threshold_->Range(box, bound);
   }
 
-  Box3d ModelBox(const Box3i& box) const {
-    return {grid_.Position(box.min), grid_.Position(box.max)};
-  }
+  Box3d ModelBox(const Box3i& box) const { return grid_.Bounds(box); }
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
   // The largest bound of a triangle that the unit creates or removes.
   double Reach(UnitId unit) const;
 
  private:
+  const bool vertical_;  // the object's errors are heights
   const ClusterIndex& index_;
   const Grid& grid_;
   const double rounding_;
   const std::array<double, 256> bounds_;
   WorkMeter* meter_ = nullptr;
+  RegionPtr query_region_;  // as the query has it
+  ThresholdPtr query_threshold_;
   RegionPtr region_;
   ThresholdPtr asked_;
   ThresholdPtr threshold_;

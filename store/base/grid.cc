@@ -22,7 +22,31 @@ Vec3i Grid::Quantize(Vec3d p) const {
     constexpr double kMost = std::numeric_limits<int32_t>::max();
     return static_cast<int32_t>(std::clamp(std::floor((v - o) / step + 0.5), kLeast, kMost));
   };
+  if (mode == PositionMode::kRaster) {
+    const double determinant = plane[0] * plane[3] - plane[1] * plane[2];
+    const double x = p.x - origin.x;
+    const double y = p.y - origin.y;
+    const auto nearest = [](double v) {
+      constexpr double kMost = std::numeric_limits<int32_t>::max();
+      return static_cast<int32_t>(std::clamp(std::floor(v + 0.5), -kMost, kMost));
+    };
+    return {nearest((x * plane[3] - y * plane[1]) / determinant),
+            nearest((y * plane[0] - x * plane[2]) / determinant), round(p.z, origin.z)};
+  }
   return {round(p.x, origin.x), round(p.y, origin.y), round(p.z, origin.z)};
+}
+
+Box3d Grid::Bounds(const Box3i& box) const {
+  Box3d bounds{Position(box.min), Position(box.max)};
+  if (mode == PositionMode::kRaster && !box.empty()) {
+    bounds = {};
+    for (const int32_t x : {box.min.x, box.max.x}) {
+      for (const int32_t y : {box.min.y, box.max.y}) {
+        for (const int32_t z : {box.min.z, box.max.z}) bounds.Add(Position({x, y, z}));
+      }
+    }
+  }
+  return bounds;
 }
 
 namespace {
@@ -42,7 +66,7 @@ double ArithmeticError(double origin, double step, double i) {
 double Grid::Displacement(Vec3d p) const {
   const Vec3i i = Quantize(p);
   const double distance = Length(Position(i) - p);
-  if (mode == PositionMode::kLossless) return distance;
+  if (mode != PositionMode::kGrid) return distance;
   const double arithmetic =
       Length({ArithmeticError(origin.x, step, i.x), ArithmeticError(origin.y, step, i.y),
               ArithmeticError(origin.z, step, i.z)});
@@ -53,6 +77,7 @@ double Grid::Displacement(Vec3d p) const {
 // Multiples of a power of two, and not too many.
 bool Grid::FitsFloat(const Box3d& bounds) const {
   if (mode == PositionMode::kLossless) return true;
+  if (mode == PositionMode::kRaster) return false;
   constexpr double kLargest = 1 << 24;
   int exponent = 0;
   if (std::frexp(step, &exponent) != 0.5 || step < 0x1p-149 || step > 0x1p100) return false;
@@ -67,6 +92,7 @@ bool Grid::FitsFloat(const Box3d& bounds) const {
 }
 
 double Grid::cell_error() const {
+  if (mode == PositionMode::kRaster) return step * 0.5000001;
   return mode == PositionMode::kLossless ? 0.0 : step * 0.8660254037844387 * 1.000001;
 }
 

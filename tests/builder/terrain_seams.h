@@ -24,6 +24,7 @@ class VerticalMeasure {
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kVertical;
   static constexpr bool kMeasuresFolds = false;
   static constexpr bool kGoesOn = false;
+  static constexpr bool kIsHeightField = false;
 
   void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
   double FirstGuess(uint32_t) const { return 0; }

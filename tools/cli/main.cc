@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "codecs/raster_file/raster_file.h"
 #include "store/object_name.h"
 #include "tools/cli/did_you_mean.h"
 #include "tools/cli/follow_path.h"
@@ -24,6 +25,7 @@
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/printable.h"
+#include "tools/gdal/gdal_raster.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
@@ -247,7 +249,11 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   verb->add_option("INPUT... STORE", *paths,
                    "mesh files (" + mtdb::SuffixesOf(mtdb::ReadMeshFormats()) +
                        ", also compressed by gzip, or - for standard input; several become one "
-                       "object), then the store, which is made when it is not there")
+                       "object), or rasters of heights (" +
+                       mtdb::OwnRasterSuffixes() +
+                       (mtdb::HasGdal() ? ", and what GDAL reads" : "") +
+                       "; several of one grid are joined), then the store, which is made when it "
+                       "is not there")
       ->required()
       ->expected(2, 1 << 20);
   AddFormat(verb, &a->format);
@@ -263,6 +269,9 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
                    ->check(CLI::Range(1, 24));
   auto* step = AddParsed(verb, "--step", "S", &a->step, mtdb::ParsePositive,
                          "round positions to multiples of S model units instead");
+  AddParsed(verb, "--step-z", "S", &a->step_z, mtdb::ParsePositive,
+            "rasters: round heights to multiples of S (default: as they are written, of integers "
+            "and decimals)");
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);

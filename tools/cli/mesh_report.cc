@@ -55,6 +55,9 @@ Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
 std::string AccuracyLine(const MeshSurvey& s) {
   if (s.grid.mode == PositionMode::kLossless) return "positions: float32, lossless";
+  if (s.grid.mode == PositionMode::kRaster) {
+    return Text("positions: columns and rows as they are, heights in steps of %.6g", s.grid.step);
+  }
   std::string line =
       Text("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s.reason));
   constexpr int kUsualBits = 16;

@@ -14,6 +14,7 @@
 #include "tools/cli/merge.h"
 #include "tools/cli/mesh_report.h"
 #include "tools/cli/progress.h"
+#include "tools/cli/raster_ingest.h"
 #include "tools/cli/verbs.h"
 #include "tools/generate/generate.h"
 #include "tools/request/arguments.h"
@@ -194,6 +195,16 @@ void PrintNotes(const std::vector<std::string>& notes) {
 Status Survey(const IngestArguments& arguments) {
   const BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
+                        RasterIngest::Open(arguments, options.memory_bytes));
+  if (raster != nullptr) {
+    if (arguments.json) {
+      PrintJson(raster->InfoJson());
+    } else {
+      raster->Print(ShownName(arguments.inputs[0]));
+    }
+    return Status::Ok();
+  }
   MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
                         OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
   const auto read = Reading(inputs, options, &notes);
@@ -231,9 +242,18 @@ Status Ingest(const IngestArguments& arguments) {
   ProgressLine progress(arguments.quiet || arguments.json);
   progress.Update(0, "reading");
   std::vector<std::string> notes;
-  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
-                        OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
-  const auto read = Reading(inputs, options, &notes);
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
+                        RasterIngest::Open(arguments, options.memory_bytes));
+  std::vector<MeshInput> inputs;
+  MeshProducer read;
+  if (raster != nullptr) {
+    options.terrain = raster->terrain();
+    read = [&](MeshSink& sink) { return raster->Read(sink); };
+  } else {
+    MTDB_ASSIGN_OR_RETURN(inputs,
+                          OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
+    read = Reading(inputs, options, &notes);
+  }
   BuildReport report;
   StageRate rate;
   const auto on_progress = [&](const BuildProgress& p) {
@@ -253,12 +273,14 @@ Status Ingest(const IngestArguments& arguments) {
     return WithFile(arguments, record.status());
   }
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
+  if (raster != nullptr) notes = raster->Notes();
   if (arguments.json) {
     Json json = RecordJson(*record, file_bytes);
     json["accuracy"] = AccuracyJson(report.survey);
     json["welded_vertices"] = report.survey.welded_vertices;
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
+    if (raster != nullptr) json["raster_input"] = raster->ReportJson();
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},
                                 {"seconds", stage.seconds},

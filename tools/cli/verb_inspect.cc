@@ -11,6 +11,7 @@
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/ingest_journal.h"
+#include "tools/cli/raster_ingest.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/printable.h"
 #include "tools/request/arguments.h"
@@ -52,6 +53,23 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
   return bits;
 }
 
+// The raster that the object was, as it came.
+void PrintRaster(const ObjectRecord& r) {
+  const RasterFrame& f = *r.raster;
+  const auto& g = f.geotransform;
+  std::printf("  raster       %u columns, %u rows, %s, a sample stands for %s\n", f.columns, f.rows,
+              Printable(f.sample_type).c_str(), f.is_area ? "its pixel" : "a point");
+  std::printf("  geotransform %.17g %.17g %.17g %.17g %.17g %.17g, of %s\n", g[0], g[1], g[2], g[3],
+              g[4], g[5], f.transform_of_samples ? "samples" : "the corners of pixels");
+  std::printf("  heights      steps of %.9g %s", r.grid.step, Printable(f.height_units).c_str());
+  if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
+  if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
+  std::printf(", rounded by up to %.6g\n", r.rounding_error);
+  std::printf("  crs          %s\n",
+              r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
+  std::printf("  errors       vertical: differences in height\n");
+}
+
 void PrintInfo(const ObjectRecord& r) {
   std::printf("%s\n", r.name.c_str());
   std::printf("  surface      %llu triangles, %llu vertices, %llu components, %llu border edges\n",
@@ -59,7 +77,9 @@ void PrintInfo(const ObjectRecord& r) {
   std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
               r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
               r.diagonal());
-  if (r.grid.mode == PositionMode::kLossless) {
+  if (r.raster) {
+    PrintRaster(r);
+  } else if (r.grid.mode == PositionMode::kLossless) {
     std::printf("  positions    float32, lossless\n");
   } else {
     std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
@@ -116,8 +136,8 @@ void PrintJournal(const IngestJournal& j) {
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
-  if (arguments.store == "-" ||
-      (IsMeshFile(arguments.store) && !Database::Open(arguments.store).ok())) {
+  const bool is_input = IsMeshFile(arguments.store) || IsRaster(arguments.store);
+  if (arguments.store == "-" || (is_input && !Database::Open(arguments.store).ok())) {
     IngestArguments mesh;
     mesh.inputs = {arguments.store};
     mesh.format = arguments.format;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "builder/build.h"
 #include "store/base/status.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
@@ -22,6 +23,8 @@ struct IngestArguments {
   std::string name;
   std::optional<int> bits;
   std::optional<double> step;
+  std::optional<double> step_z;  // rasters
+  Triangulation triangulation = Triangulation::kFree;
   bool lossless = false;
   std::optional<double> weld;
   std::optional<int> normal_bits;

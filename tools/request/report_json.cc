@@ -50,9 +50,23 @@ Json RoundsJson(const ObjectRecord& r) {
 
 }  // namespace
 
+Json RasterJson(const RasterFrame& f, const std::string& crs) {
+  Json json = {{"columns", f.columns},
+               {"rows", f.rows},
+               {"geotransform", f.geotransform},
+               {"transform_of", f.transform_of_samples ? "samples" : "pixel corners"},
+               {"area_or_point", f.is_area ? "Area" : "Point"},
+               {"sample_type", f.sample_type},
+               {"height_units", f.height_units},
+               {"vertical_datum", f.vertical_datum},
+               {"crs", crs}};
+  if (f.nodata) json["nodata"] = *f.nodata;
+  return json;
+}
+
 Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
   const bool lossless = r.grid.mode == PositionMode::kLossless;
-  return {
+  Json json = {
       {"object", r.name},
       {"vertices", r.vertices},
       {"triangles", r.triangles},
@@ -72,10 +86,13 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"digest", r.digest_hex()},
       {"bounds", {{"min", Point(r.bounds.min)}, {"max", Point(r.bounds.max)}}},
       {"diagonal", r.diagonal()},
-      {"positions", lossless ? "float32" : "grid"},
+      {"positions", lossless   ? "float32"
+                    : r.raster ? "raster"
+                               : "grid"},
       {"bits", r.bits},
       {"step", lossless ? 0.0 : r.grid.step},
       {"rounding_error", r.rounding_error},
+      {"error_measure", r.error_measure == ErrorMeasure::kVertical ? "vertical" : "distance"},
       {"rounds", RoundsJson(r)},
       {"clusters", r.clusters},
       {"nodes", r.nodes},
@@ -92,6 +109,8 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
                                                 static_cast<double>(r.vertices)},
       {"error_max", r.grid.Error(r.error_code_max)},
   };
+  if (r.raster) json["raster"] = RasterJson(*r.raster, r.georeference);
+  return json;
 }
 
 Json CatalogJson(const std::vector<ObjectRecord>& records) {

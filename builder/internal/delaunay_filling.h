@@ -1,0 +1,35 @@
+// DelaunayFilling: the Delaunay triangulation of the ring, of height fields.
+#pragma once
+
+#include <cstdint>
+
+#include "builder/internal/filling_rule.h"
+#include "builder/internal/hole.h"
+
+namespace mtdb::internal {
+
+// A point of the lattice; differences are below 2^30.
+struct LatticePoint {
+  int64_t x = 0, y = 0;
+  friend auto operator<=>(const LatticePoint&, const LatticePoint&) = default;  // x, then y
+};
+
+// True when d lies inside the circle through a, b and c, which run counter-clockwise, all four
+// different. Exact. Of four points on a circle the symbolic perturbation decides (codecs/FORMAT.md,
+// "The Delaunay rule"): it is as if each point were lifted a little off the paraboloid, the
+// lexicographically largest by far the most.
+bool IsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d);
+
+// Fills a hole by the Delaunay triangulation of its ring, seen along z and constrained by the
+// ring's edges, with ties broken by IsInCircle. So it does not depend on the order in which
+// vertices went: what is left is the Delaunay triangulation of the vertices that are left, where
+// the border did not change. Work units are integers along x and y.
+class DelaunayFilling {
+ public:
+  static constexpr bool kReadsEdgeErrors = false;
+  void Open(const Hole&) {}
+  bool Fill(const Hole& hole, Hole::Triangles& triangles) const;
+};
+static_assert(FillingRule<DelaunayFilling>);
+
+}  // namespace mtdb::internal

@@ -1,0 +1,208 @@
+// ESRI ASCII grid: a header of names and numbers, then rows of numbers from north to south.
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <sstream>
+#include <string_view>
+#include <vector>
+
+#include "codecs/raster_file/internal/readers.h"
+
+namespace mtdb::internal {
+
+namespace {
+
+constexpr size_t kBlock = size_t{1} << 16;
+constexpr int kMostDecimals = 9;
+
+// The words of a text, block by block, from any place.
+class Words {
+ public:
+  explicit Words(const RasterInput* file) : file_(file) {}
+  void Seek(uint64_t offset) {
+    begin_ = offset;
+    at_ = size_ = 0;
+  }
+  uint64_t offset() const { return begin_ + at_; }  // behind the last word
+  // Empty at the end of the file.
+  Status Next(std::string* word) {
+    word->clear();
+    for (;;) {
+      if (at_ == size_) {
+        begin_ += size_;
+        at_ = 0;
+        size_ = static_cast<size_t>(std::min<uint64_t>(kBlock, file_->size() - begin_));
+        if (size_ == 0) return Status::Ok();
+        block_.resize(kBlock);
+        MTDB_RETURN_IF_ERROR(file_->Read(begin_, block_.data(), size_));
+      }
+      const char c = block_[at_];
+      const bool is_space = c == ' ' || (c >= '\t' && c <= '\r');
+      if (is_space && !word->empty()) return Status::Ok();
+      ++at_;
+      if (!is_space) word->push_back(c);
+    }
+  }
+
+ private:
+  const RasterInput* file_;
+  std::string block_;
+  uint64_t begin_ = 0;
+  size_t at_ = 0, size_ = 0;
+};
+
+bool ParseNumber(std::string_view text, double* value) {
+  if (!text.empty() && text[0] == '+') text.remove_prefix(1);
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+class AsciiGridReader final : public RasterReader {
+ public:
+  AsciiGridReader(const std::string& path, RasterInput file)
+      : file_(std::move(file)), words_(&file_) {
+    path_ = path;
+  }
+
+  Status Open() {
+    MTDB_RETURN_IF_ERROR(ReadHeader());
+    MTDB_RETURN_IF_ERROR(SurveyRows());
+    std::ifstream prj(std::filesystem::path(path_).replace_extension(".prj"));
+    std::stringstream text;
+    text << prj.rdbuf();
+    info_.crs = text.str();
+    while (!info_.crs.empty() && std::isspace(static_cast<unsigned char>(info_.crs.back())) != 0) {
+      info_.crs.pop_back();
+    }
+    return Status::Ok();
+  }
+
+  Status ReadRow(uint32_t row, std::span<double> heights) override {
+    words_.Seek(rows_[row]);
+    std::string word;
+    for (size_t column = 0; column < heights.size(); ++column) {
+      MTDB_RETURN_IF_ERROR(words_.Next(&word));
+      if (!ParseNumber(word, &heights[column])) return Wrong(row, column, word);
+      if (heights[column] == info_.frame.nodata || !std::isfinite(heights[column])) {
+        heights[column] = std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+    return Status::Ok();
+  }
+
+ private:
+  Status Wrong(uint64_t row, uint64_t column, const std::string& found) const {
+    return BadInput(path_ + ": row " + std::to_string(row) + ", column " + std::to_string(column) +
+                    ": expected a number, found " +
+                    (found.empty() ? "the end of the file" : "'" + found.substr(0, 40) + "'"));
+  }
+
+  Status ReadHeader() {
+    std::map<std::string, double> values;
+    std::string word;
+    uint64_t begin = 0;
+    for (;;) {
+      begin = words_.offset();
+      MTDB_RETURN_IF_ERROR(words_.Next(&word));
+      if (word.empty() || std::isalpha(static_cast<unsigned char>(word[0])) == 0 ||
+          strcasecmp(word.c_str(), "nan") == 0) {
+        break;
+      }
+      std::string name = word;
+      for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+      MTDB_RETURN_IF_ERROR(words_.Next(&word));
+      if (!ParseNumber(word, &values[name])) {
+        return BadInput(path_ + ": header: " + name + ": expected a number, found '" +
+                        word.substr(0, 40) + "'");
+      }
+    }
+    rows_.push_back(begin);
+    return SetFrame(values);
+  }
+
+  Status SetFrame(const std::map<std::string, double>& values) {
+    const auto value = [&](const char* name) {
+      const auto at = values.find(name);
+      return at == values.end() ? std::numeric_limits<double>::quiet_NaN() : at->second;
+    };
+    RasterFrame& f = info_.frame;
+    const double columns = value("ncols");
+    const double rows = value("nrows");
+    const bool centre = values.count("xllcenter") != 0;
+    const double x = value(centre ? "xllcenter" : "xllcorner");
+    const double y = value(centre ? "yllcenter" : "yllcorner");
+    const bool square = values.count("cellsize") != 0;
+    const double dx = value(square ? "cellsize" : "dx");
+    const double dy = value(square ? "cellsize" : "dy");
+    constexpr double kMost = 1 << 30;
+    if (!(columns >= 1 && columns <= kMost && rows >= 1 && rows <= kMost &&
+          columns == std::floor(columns) && rows == std::floor(rows) && dx > 0 && dy > 0) ||
+        !std::isfinite(x) || !std::isfinite(y)) {
+      return BadInput(path_ +
+                      ": header: expected ncols, nrows, xllcorner or xllcenter, yllcorner or "
+                      "yllcenter, and cellsize");
+    }
+    f.columns = static_cast<uint32_t>(columns);
+    f.rows = static_cast<uint32_t>(rows);
+    f.transform_of_samples = centre;
+    f.is_area = !centre;
+    f.geotransform = {x, dx, 0, y + dy * (centre ? rows - 1 : rows), 0, -dy};
+    if (const auto at = values.find("nodata_value"); at != values.end()) f.nodata = at->second;
+    return Status::Ok();
+  }
+
+  // One pass: where rows begin, and with how many decimals heights are written.
+  Status SurveyRows() {
+    info_.format = "ESRI ASCII grid";
+    const RasterFrame& f = info_.frame;
+    if (uint64_t{f.columns} * f.rows > file_.size()) {
+      return BadInput(path_ + ": header: " + std::to_string(f.rows) + " rows of " +
+                      std::to_string(f.columns) + " heights do not fit a file of " +
+                      std::to_string(file_.size()) + " bytes");
+    }
+    words_.Seek(rows_[0]);
+    std::string word;
+    int decimals = 0;
+    for (uint32_t row = 0; row < f.rows; ++row) {
+      if (row > 0) rows_.push_back(words_.offset());
+      for (uint32_t column = 0; column < f.columns; ++column) {
+        MTDB_RETURN_IF_ERROR(words_.Next(&word));
+        double value = 0;
+        if (!ParseNumber(word, &value)) return Wrong(row, column, word);
+        if (value == f.nodata || !std::isfinite(value)) continue;
+        decimals = std::max(decimals, DecimalsOf(word));
+      }
+    }
+    info_.frame.sample_type = decimals == 0 ? "int32" : "float64";
+    info_.height_step = decimals > kMostDecimals ? 0 : std::pow(10.0, -decimals);
+    return Status::Ok();
+  }
+
+  static int DecimalsOf(const std::string& word) {
+    if (word.find_first_of("eE") != std::string::npos) return kMostDecimals + 1;
+    const size_t point = word.find('.');
+    if (point == std::string::npos) return 0;
+    const size_t last = word.find_last_not_of('0');
+    return static_cast<int>(last - point);
+  }
+
+  RasterInput file_;
+  Words words_;
+  std::vector<uint64_t> rows_;  // where they begin
+};
+
+}  // namespace
+
+Result<std::unique_ptr<RasterReader>> OpenAsciiGrid(const std::string& path, RasterInput file) {
+  auto reader = std::make_unique<AsciiGridReader>(path, std::move(file));
+  MTDB_RETURN_IF_ERROR(reader->Open());
+  return std::unique_ptr<RasterReader>(std::move(reader));
+}
+
+}  // namespace mtdb::internal
