@@ -224,14 +224,38 @@ void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
   AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, mtdb::ParseRay,
             "find where this ray, of origin and direction, first meets the surface")
       ->excludes(point);
+  AddParsedList(verb, "--height", "X,Y", &a->heights, mtdb::ParsePlace,
+                "of a terrain: the height there; may be repeated")
+      ->excludes("--point")
+      ->excludes("--ray");
+  verb->add_option("--heights", a->heights_file,
+                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
+                   "standard input")
+      ->type_name("FILE")
+      ->excludes("--point")
+      ->excludes("--ray")
+      ->excludes("--height");
   AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
             "on a surface within E of the input, in model units (default: full resolution)");
   AddParsed(verb, "--limit", "D", &a->limit, mtdb::ParseNonNegative,
             "look no farther: a distance, or for rays a multiple of the direction");
   AddJson(verb, &a->json);
   verb->callback([a] {
-    if (!a->point && !a->ray) throw CLI::ValidationError("probe", "give --point or --ray");
+    if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
+      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
+    }
   });
+}
+
+void AddProfile(CLI::App* verb, mtdb::ProfileArguments* a) {
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, mtdb::ParseLine,
+            "the line's corners, in the terrain's coordinates")
+      ->required();
+  AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
+            "no height off by more than E (default: full resolution)");
+  AddJson(verb, &a->json);
 }
 
 // Of what is read.
@@ -272,6 +296,10 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   AddParsed(verb, "--step-z", "S", &a->step_z, mtdb::ParsePositive,
             "rasters: round heights to multiples of S (default: as they are written, of integers "
             "and decimals)");
+  AddParsed(verb, "--triangulation", "RULE", &a->triangulation, mtdb::ParseTriangulation,
+            "rasters: delaunay, the one triangulation of each set of samples, or free, whichever "
+            "triangles err least")
+      ->default_str(a->triangulation == mtdb::Triangulation::kDelaunay ? "delaunay" : "free");
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);
@@ -392,6 +420,7 @@ class CommandLine {
   mtdb::SpaceArguments space_;
   mtdb::QueryArguments query_;
   mtdb::ProbeArguments probe_;
+  mtdb::ProfileArguments profile_;
   mtdb::ServerOptions serve_;
   mtdb::ViewArguments view_;
   mtdb::FollowArguments follow_;
@@ -418,6 +447,10 @@ CommandLine::CommandLine() {
                    "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5",
                    [this](bool*) { return mtdb::Probe(probe_); }),
            &probe_);
+  AddProfile(AddVerb("profile", "write the heights of a terrain along a line, as CSV",
+                     "Example: mtdb profile alps.mtdb --line 7.1,46.0,7.9,46.4 --error 5",
+                     [this](bool*) { return mtdb::ProfileVerb(profile_); }),
+             &profile_);
   AddServerVerbs();
   AddFollowVerb();
   AddPackVerbs();
@@ -499,6 +532,11 @@ void CommandLine::AddExtractVerb() {
   AddOutput(verb, &query_.output, true);
   AddOutputFormat(verb, &query_);
   AddQueryOptions(verb, &query_, false);
+  AddParsed(verb, "--spacing", "D[,DY]", &query_.spacing, mtdb::ParseSpacing,
+            "of a terrain to .tif (with GDAL), .asc or .hgt: samples so far apart (default: the "
+            "raster's own)");
+  AddParsed(verb, "--window", "X0,Y0,X1,Y1", &query_.window, mtdb::ParseWindow,
+            "of a terrain to a raster: the samples of this part");
   AddCache(verb, &query_);
   AddImplicit(verb, &query_.implicit);
   AddNormals(verb, &query_);

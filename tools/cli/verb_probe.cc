@@ -42,6 +42,7 @@ void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
 }  // namespace
 
 Status Probe(const ProbeArguments& arguments) {
+  if (!arguments.heights.empty() || !arguments.heights_file.empty()) return ProbeHeights(arguments);
   const auto begin = std::chrono::steady_clock::now();
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,

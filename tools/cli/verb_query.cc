@@ -7,6 +7,7 @@
 #include "query/surface.h"
 #include "store/database.h"
 #include "tools/cli/machine.h"
+#include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/render/render.h"
@@ -182,6 +183,12 @@ class TimedSink final : public MeshSink {
 
 Status ExtractVerb(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
+  if (IsRasterOutput(arguments.output)) return ExtractRaster(arguments);
+  if (arguments.spacing || arguments.window) {
+    return InvalidArgument(
+        "--spacing, --window: are for rasters, whose names end in .tif, .asc or .hgt; --box and "
+        "--clip give a part of a mesh");
+  }
   MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(json);

@@ -2,6 +2,7 @@
 // and printed by main.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -93,7 +94,12 @@ struct QueryArguments {
   bool wireframe = false;        // render
   bool overview = false;         // render: not what the camera sees
   double timeout_seconds = 600;  // fetch: without progress
+  // Extract: of a raster that a terrain becomes.
+  std::optional<std::array<double, 2>> spacing;
+  std::optional<std::array<double, 4>> window;
 };
+// With an output that is a raster's.
+Status ExtractRaster(const QueryArguments& arguments);
 Status ExtractVerb(const QueryArguments& arguments);
 Status RenderVerb(const QueryArguments& arguments);
 Status Fetch(const QueryArguments& arguments);
@@ -128,13 +134,33 @@ Status View(const ViewArguments& arguments);
 struct ProbeArguments {
   std::string store;
   std::string name;
-  std::optional<Vec3d> point;  // either this
-  std::optional<Ray> ray;      // or this
+  std::optional<Vec3d> point;                  // either this
+  std::optional<Ray> ray;                      // or this
+  std::vector<std::array<double, 2>> heights;  // or these, of a terrain
+  std::string heights_file;                    // or those of a file; "-": standard input
   std::optional<double> error;
   std::optional<double> limit;
   bool json = false;
 };
 Status Probe(const ProbeArguments& arguments);
+// Those with heights.
+Status ProbeHeights(const ProbeArguments& arguments);
+
+struct ProfileArguments {
+  std::string store;
+  std::string name;
+  std::vector<std::array<double, 2>> line;
+  std::optional<double> error;
+  bool json = false;
+};
+Status ProfileVerb(const ProfileArguments& arguments);
+
+// Texts of these options; kInvalidArgument says what was expected.
+Result<std::array<double, 2>> ParsePlace(const std::string& text);              // "X,Y"
+Result<std::vector<std::array<double, 2>>> ParseLine(const std::string& text);  // two or more
+Result<std::array<double, 2>> ParseSpacing(const std::string& text);            // "D", "DX,DY"
+Result<std::array<double, 4>> ParseWindow(const std::string& text);             // two corners
+Result<Triangulation> ParseTriangulation(const std::string& text);
 
 struct GenerateArguments {
   std::string shape;

@@ -1,0 +1,281 @@
+#include "query/heights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "store/base/out_of_memory.h"
+
+namespace mtdb {
+
+namespace {
+
+// Relative to the numbers that enter: what rounding may move a place by.
+constexpr double kSlack = 1e-12;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+Status CheckTerrain(const Surface& surface, const HeightOptions& options) {
+  if (surface.record().error_measure != ErrorMeasure::kVertical) {
+    return InvalidArgument(surface.record().name +
+                           ": is no terrain, so it has no heights; ingest a raster");
+  }
+  if (std::isnan(options.error_model)) return InvalidArgument("error: expected a number");
+  return Status::Ok();
+}
+
+// Of places in the object: what they are rounded by.
+double SlackOf(const ObjectRecord& record) {
+  const Box3d& b = record.bounds;
+  return kSlack * std::max({std::abs(b.min.x), std::abs(b.max.x), std::abs(b.min.y),
+                            std::abs(b.max.y), b.max.x - b.min.x});
+}
+
+// The triangles of the cut for the region, which is a part of the plane with all heights.
+Result<TriangleMesh> TrianglesOver(const Surface& surface, RegionPtr region,
+                                   const HeightOptions& options, HeightCost* cost) {
+  Query query;
+  query.region = std::move(region);
+  query.threshold = ConstantThreshold(options.error_model);
+  query.clip = true;
+  query.control = options.control;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface.Extract(query, sink));
+  cost->clusters_read += stats.clusters_read;
+  cost->bytes_read += stats.bytes_read;
+  cost->error_bound = std::max(cost->error_bound, stats.error_bound);
+  return mesh;
+}
+
+Triangle3d Corners(const TriangleMesh& mesh, const TriangleVertices& t) {
+  return {mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
+}
+
+// Twice the area of abp seen from above.
+double Side(Vec3d a, Vec3d b, double x, double y) {
+  return (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
+}
+
+// The height of the triangle at (x, y); none when that lies outside by more than `slack`.
+std::optional<double> HeightIn(const Triangle3d& t, double x, double y, double slack) {
+  std::array<double, 3> weight{};
+  double sum = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    const Vec3d a = t[(i + 1) % 3];
+    const Vec3d b = t[(i + 2) % 3];
+    weight[i] = Side(a, b, x, y);
+    const double edge = std::hypot(b.x - a.x, b.y - a.y);
+    if (weight[i] < -slack * edge) return std::nullopt;
+    if (std::abs(weight[i]) <= slack * edge) weight[i] = 0;
+    sum += weight[i];
+  }
+  if (!(sum > 0)) return std::nullopt;
+  double height = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    if (weight[i] == sum) return t[i].z;  // a corner: no rounding
+    height += weight[i] / sum * t[i].z;
+  }
+  return height;
+}
+
+Box3d AllHeights(const ObjectRecord& record, double min_x, double min_y, double max_x,
+                 double max_y) {
+  const double margin = 1 + std::abs(record.bounds.min.z) + std::abs(record.bounds.max.z);
+  return {{min_x, min_y, record.bounds.min.z - margin},
+          {max_x, max_y, record.bounds.max.z + margin}};
+}
+
+// Where the segment from a lies over a triangle, by the part of it, and the heights there.
+struct Stretch {
+  double begin = 0, end = 0;
+  double begin_height = 0, end_height = 0;
+};
+
+std::optional<Stretch> StretchOver(const Triangle3d& t, std::array<double, 2> a,
+                                   std::array<double, 2> b) {
+  double begin = 0;
+  double end = 1;
+  for (size_t i = 0; i < 3; ++i) {
+    const double from = Side(t[i], t[(i + 1) % 3], a[0], a[1]);
+    const double to = Side(t[i], t[(i + 1) % 3], b[0], b[1]);
+    if (from < 0 && to < 0) return std::nullopt;
+    if (from < 0) begin = std::max(begin, from / (from - to));
+    if (to < 0) end = std::min(end, from / (from - to));
+  }
+  if (!(begin < end)) return std::nullopt;
+  const double area = Side(t[0], t[1], t[2].x, t[2].y);
+  if (!(area > 0)) return std::nullopt;
+  const auto height = [&](double part) {
+    const double x = a[0] + part * (b[0] - a[0]);
+    const double y = a[1] + part * (b[1] - a[1]);
+    return (Side(t[1], t[2], x, y) * t[0].z + Side(t[2], t[0], x, y) * t[1].z +
+            Side(t[0], t[1], x, y) * t[2].z) /
+           area;
+  };
+  return Stretch{begin, end, height(begin), height(end)};
+}
+
+// Appends the points of one segment, whose first corner lies `before` along the line.
+void AppendSegment(std::vector<Stretch> stretches, std::array<double, 2> a, std::array<double, 2> b,
+                   double before, std::vector<ProfilePoint>* points) {
+  std::sort(stretches.begin(), stretches.end(), [](const Stretch& s, const Stretch& t) {
+    return s.begin != t.begin ? s.begin < t.begin : s.end < t.end;
+  });
+  const double length = std::hypot(b[0] - a[0], b[1] - a[1]);
+  constexpr double kSame = 1e-10;  // of the segment: crossings of one edge, by two triangles
+  const auto add = [&](double part, std::optional<double> height) {
+    const double distance = before + part * length;
+    if (!points->empty()) {
+      const ProfilePoint& last = points->back();
+      const bool here = distance - last.distance <= kSame * length;
+      if (here && last.height.has_value() == height.has_value()) return;
+      if (here && !last.height) points->pop_back();
+    }
+    points->push_back({distance, a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]), height});
+  };
+  double done = 0;
+  bool covered = false;  // at `done`
+  for (const Stretch& s : stretches) {
+    if (s.end <= done + kSame && covered) continue;
+    if (s.begin > done + kSame || !covered) {
+      if (s.begin > done + kSame) add(done, std::nullopt);
+      add(s.begin, s.begin_height);
+    }
+    add(s.end, s.end_height);
+    done = s.end;
+    covered = true;
+  }
+  if (done < 1 - kSame) {
+    add(done, std::nullopt);
+  }
+}
+
+// The prism over a strip around the segment that is as wide as rounding.
+RegionPtr Strip(std::array<double, 2> a, std::array<double, 2> b, double slack) {
+  const double length = std::hypot(b[0] - a[0], b[1] - a[1]);
+  const double x = (b[0] - a[0]) / length * 4 * slack;
+  const double y = (b[1] - a[1]) / length * 4 * slack;
+  return PrismRegion({{a[0] - x + y, a[1] - y - x},
+                      {b[0] + x + y, b[1] + y - x},
+                      {b[0] + x - y, b[1] + y + x},
+                      {a[0] - x - y, a[1] - y + x}});
+}
+
+Result<HeightAnswer> HeightAt(const Surface& surface, double x, double y,
+                              const HeightOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckTerrain(surface, options));
+  if (!std::isfinite(x) || !std::isfinite(y)) {
+    return InvalidArgument("height: expected finite coordinates");
+  }
+  const double slack = SlackOf(surface.record());
+  HeightAnswer answer;
+  const Box3d place = AllHeights(surface.record(), x - slack, y - slack, x + slack, y + slack);
+  MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                        TrianglesOver(surface, BoxRegion(place), options, &answer.cost));
+  for (const TriangleVertices& t : mesh.triangles) {
+    answer.height = HeightIn(Corners(mesh, t), x, y, slack);
+    if (answer.height) break;
+  }
+  return answer;
+}
+
+Result<Profile> ProfileAlong(const Surface& surface, std::span<const std::array<double, 2>> corners,
+                             const HeightOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckTerrain(surface, options));
+  if (corners.size() < 2) return InvalidArgument("line: expected two corners or more");
+  const double slack = SlackOf(surface.record());
+  Profile profile;
+  double before = 0;
+  for (size_t i = 0; i + 1 < corners.size(); ++i) {
+    const std::array<double, 2> a = corners[i];
+    const std::array<double, 2> b = corners[i + 1];
+    const double length = std::hypot(b[0] - a[0], b[1] - a[1]);
+    if (!std::isfinite(length) || !(length > slack)) {
+      return InvalidArgument("line: corners " + std::to_string(i) + " and " +
+                             std::to_string(i + 1) + ": expected different finite places");
+    }
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesOver(surface, Strip(a, b, slack), options, &profile.cost));
+    std::vector<Stretch> stretches;
+    for (const TriangleVertices& t : mesh.triangles) {
+      if (const auto s = StretchOver(Corners(mesh, t), a, b)) stretches.push_back(*s);
+    }
+    AppendSegment(std::move(stretches), a, b, before, &profile.points);
+    before += length;
+  }
+  return profile;
+}
+
+// Writes the heights of the samples in one triangle.
+void SampleTriangle(const Triangle3d& t, const HeightRaster& raster, uint32_t begin, uint32_t end,
+                    double slack, std::vector<double>& heights) {
+  const auto [min_x, max_x] = std::minmax({t[0].x, t[1].x, t[2].x});
+  const auto [min_y, max_y] = std::minmax({t[0].y, t[1].y, t[2].y});
+  const auto range = [](double least, double most, double first, double step, double from,
+                        double to) {
+    double low = (least - first) / step;
+    double high = (most - first) / step;
+    if (low > high) std::swap(low, high);
+    constexpr double kRound = 1e-6;
+    return std::pair{std::max(from, std::ceil(low - kRound)),
+                     std::min(to, std::floor(high + kRound))};
+  };
+  const auto [first_column, last_column] =
+      range(min_x, max_x, raster.x0, raster.dx, 0, raster.columns - 1.0);
+  const auto [first_row, last_row] = range(min_y, max_y, raster.y0, raster.dy, begin, end - 1.0);
+  for (double row = first_row; row <= last_row; ++row) {
+    for (double column = first_column; column <= last_column; ++column) {
+      const auto height =
+          HeightIn(t, raster.x0 + column * raster.dx, raster.y0 + row * raster.dy, slack);
+      if (!height) continue;
+      heights[static_cast<size_t>(row - begin) * raster.columns + static_cast<size_t>(column)] =
+          *height;
+    }
+  }
+}
+
+Result<std::vector<double>> SampleRows(const Surface& surface, const HeightRaster& raster,
+                                       uint32_t begin, uint32_t end, const HeightOptions& options,
+                                       HeightCost* cost) {
+  MTDB_RETURN_IF_ERROR(CheckTerrain(surface, options));
+  if (raster.columns == 0 || begin >= end || end > raster.rows || raster.dx == 0 ||
+      raster.dy == 0 || !std::isfinite(raster.x0 + raster.columns * raster.dx) ||
+      !std::isfinite(raster.y0 + raster.rows * raster.dy)) {
+    return InvalidArgument("raster: expected columns, rows, and finite spacings other than 0");
+  }
+  const double slack = SlackOf(surface.record());
+  const double x1 = raster.x0 + (raster.columns - 1) * raster.dx;
+  const double y0 = raster.y0 + begin * raster.dy;
+  const double y1 = raster.y0 + (end - 1) * raster.dy;
+  const Box3d box =
+      AllHeights(surface.record(), std::min(raster.x0, x1) - slack, std::min(y0, y1) - slack,
+                 std::max(raster.x0, x1) + slack, std::max(y0, y1) + slack);
+  MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                        TrianglesOver(surface, BoxRegion(box), options, cost));
+  std::vector<double> heights(size_t{end - begin} * raster.columns, kNone);
+  for (const TriangleVertices& t : mesh.triangles) {
+    SampleTriangle(Corners(mesh, t), raster, begin, end, slack, heights);
+  }
+  return heights;
+}
+
+}  // namespace
+
+Result<HeightAnswer> FindHeight(const Surface& surface, double x, double y,
+                                const HeightOptions& options) {
+  return CatchOutOfMemory([&] { return HeightAt(surface, x, y, options); });
+}
+
+Result<Profile> FindProfile(const Surface& surface, std::span<const std::array<double, 2>> corners,
+                            const HeightOptions& options) {
+  return CatchOutOfMemory([&] { return ProfileAlong(surface, corners, options); });
+}
+
+Result<std::vector<double>> SampleHeights(const Surface& surface, const HeightRaster& raster,
+                                          uint32_t begin, uint32_t end,
+                                          const HeightOptions& options, HeightCost* cost) {
+  return CatchOutOfMemory([&] { return SampleRows(surface, raster, begin, end, options, cost); });
+}
+
+}  // namespace mtdb

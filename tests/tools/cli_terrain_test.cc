@@ -1,0 +1,199 @@
+// Rasters through the command line: in, what is said of them, and out in their own coordinates.
+#include <cmath>
+#include <map>
+
+#include "tests/support/memory_raster.h"
+#include "tests/tools/cli_testing.h"
+#include "tools/gdal/gdal_raster.h"
+
+namespace mtdb::test {
+namespace {
+
+using mtdb::testing::kHole;
+using mtdb::testing::MakeHeights;
+
+// A .hgt file; NaN is its nodata value.
+void WriteHgt(const std::string& path, const std::vector<double>& heights) {
+  std::string bytes;
+  for (const double h : heights) {
+    const auto value = static_cast<int16_t>(std::isnan(h) ? -32768 : h);
+    bytes += static_cast<char>(static_cast<uint16_t>(value) >> 8);
+    bytes += static_cast<char>(value & 255);
+  }
+  WriteText(path, bytes);
+}
+
+void WriteGrid(const std::string& path, const std::string& header, uint32_t columns,
+               const std::vector<double>& heights) {
+  std::ofstream out(path);
+  out << header;
+  for (size_t i = 0; i < heights.size(); ++i) {
+    out << (std::isnan(heights[i]) ? -9999.0 : heights[i])
+        << (i % columns + 1 == columns ? '\n' : ' ');
+  }
+}
+
+std::map<std::pair<double, double>, double> HeightsOf(const std::string& ply) {
+  std::map<std::pair<double, double>, double> heights;
+  for (const Vec3d& p : ReadMesh(ply).positions) heights[{p.x, p.y}] = p.z;
+  return heights;
+}
+
+TEST_CASE("neighbouring .hgt files become one terrain, the first one's samples where they differ",
+          "[cli]") {
+  const Folder folder;
+  constexpr uint32_t kSide = 41;
+  const std::vector<double> north = MakeHeights(kSide, kSide, 1);
+  std::vector<double> south = MakeHeights(kSide, kSide, 2);
+  std::copy(north.end() - kSide, north.end(), south.begin());
+  south[3] += 2;
+  south[9] -= 1;
+  south[200] = kHole;
+  WriteHgt(folder.File("N11E007.hgt"), north);
+  WriteHgt(folder.File("N10E007.hgt"), south);
+  const std::string store = folder.File("s.mtdb");
+  const Json report = RunJson(
+      {"ingest", folder.File("N10E007.hgt"), folder.File("N11E007.hgt"), store, "--name", "both"});
+  CHECK(report.at("raster_input").at("overlapping") == kSide);
+  CHECK(report.at("raster_input").at("differing") == 2);
+  CHECK(report.at("raster_input").at("largest_difference") == 2);
+  CHECK(report.at("raster_input").at("holes") == 1);
+  CHECK(report.at("error_measure") == "vertical");
+  CHECK(report.at("raster").at("columns") == kSide);
+  CHECK(report.at("raster").at("rows") == 2 * kSide - 1);
+  CHECK(report.at("raster").at("geotransform") ==
+        Json::array({7.0, 1.0 / (kSide - 1), 0.0, 12.0, 0.0, -1.0 / (kSide - 1)}));
+  CHECK(report.at("raster").at("nodata") == -32768);
+  CHECK_THAT(report.at("raster").at("crs").get<std::string>(), Catch::Contains("WGS 84"));
+  CHECK_THAT(RunOk({"info", store}), Catch::Contains("vertical") && Catch::Contains("EGM96"));
+  CHECK_THAT(RunOk({"verify", store, "--level", "global"}), Catch::Contains("ok"));
+
+  RunOk({"extract", store, folder.File("full.ply")});
+  const auto heights = HeightsOf(folder.File("full.ply"));
+  CHECK(heights.size() == kSide * (2 * kSide - 1) - 1);
+  for (uint32_t r = 0; r < 2 * kSide - 1; ++r) {
+    for (uint32_t c = 0; c < kSide; ++c) {
+      // In the raster's own coordinates, up to the last digit of the sums.
+      const double x = 7 + c / double(kSide - 1);
+      const double y = 12 - r / double(kSide - 1);
+      const double expected =
+          r >= kSide - 1 ? south[(r - kSide + 1) * kSide + c] : north[r * kSide + c];
+      const auto at = heights.lower_bound({x - 1e-9, y - 1e-3});
+      bool found = false;
+      for (auto i = at; i != heights.end() && i->first.first < x + 1e-9; ++i) {
+        if (std::abs(i->first.second - y) > 1e-9) continue;
+        found = true;
+        CHECK(i->second == expected);
+      }
+      CHECK(found == !std::isnan(expected));
+    }
+  }
+  // An error in metres, and a part in degrees.
+  const Json coarse = RunJson({"extract", store, folder.File("c.ply"), "--error", "10"});
+  CHECK(coarse.at("error_bound") <= 10);
+  CHECK(coarse.at("triangles") < 4000);
+  const Json part =
+      RunJson({"extract", store, folder.File("p.ply"), "--box=7.2,10.2,0,7.4,10.4,3000"});
+  CHECK(part.at("triangles") < 1500);
+}
+
+TEST_CASE("an ASCII grid keeps its decimals, its place and its holes", "[cli]") {
+  const Folder folder;
+  constexpr uint32_t kColumns = 31, kRows = 27;
+  std::vector<double> heights = MakeHeights(kColumns, kRows, 3);
+  for (double& h : heights) h += 0.25;
+  heights[40] = heights[41] = kHole;
+  const std::string file = folder.File("dem.asc");
+  WriteGrid(file,
+            "ncols 31\nnrows 27\nxllcorner 500000\nyllcorner 5100000.5\ncellsize 30\n"
+            "NODATA_value -9999\n",
+            kColumns, heights);
+  WriteText(folder.File("dem.prj"), "LOCAL_CS[\"here\"]\n");
+  const std::string store = folder.File("s.mtdb");
+  const Json report = RunJson({"ingest", file, store});
+  CHECK(report.at("step") == 0.01);
+  CHECK(report.at("raster").at("crs") == "LOCAL_CS[\"here\"]");
+  CHECK(report.at("raster").at("area_or_point") == "Area");
+  CHECK(report.at("raster_input").at("holes") == 2);
+  RunOk({"extract", store, folder.File("full.ply")});
+  const auto found = HeightsOf(folder.File("full.ply"));
+  CHECK(found.size() == kColumns * kRows - 2);
+  for (const auto& [place, height] : found) {
+    const double c = (place.first - 500015) / 30;  // of pixels: half of one from the corner
+    const double r = (5100000.5 + 27 * 30 - 15 - place.second) / 30;
+    REQUIRE(c == std::floor(c));
+    REQUIRE(r == std::floor(r));
+    CHECK(height == Approx(heights[static_cast<size_t>(r * kColumns + c)]).epsilon(1e-12));
+  }
+  CHECK(RunJson({"ingest", file, store, "--name", "rough", "--step-z", "2"}).at("rounding_error") <=
+        1.0001);
+}
+
+TEST_CASE("rasters that are none, or not of one grid, are refused with the reason", "[cli]") {
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb");
+  const auto refused = [&](const Arguments& inputs, const std::string& why) {
+    Arguments arguments{"ingest"};
+    arguments.insert(arguments.end(), inputs.begin(), inputs.end());
+    const Outcome outcome = Run(arguments);
+    CHECK(outcome.exit_code != 0);
+    CHECK_THAT(outcome.err, Catch::Contains(why));
+    CHECK(!Exists(store));
+  };
+  WriteHgt(folder.File("N11E007.hgt"), MakeHeights(11, 11, 1));
+  WriteHgt(folder.File("N12E007.hgt"), MakeHeights(12, 12, 1));
+  WriteHgt(folder.File("hills.hgt"), MakeHeights(11, 11, 1));
+  WriteText(folder.File("N13E007.hgt"), std::string(100, 'x'));
+  WriteHgt(folder.File("N14E007.hgt"), std::vector<double>(121, kHole));
+  WriteText(folder.File("short.asc"),
+            "ncols 3\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2");
+  WriteText(folder.File("word.asc"),
+            "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2\n3 four");
+  WriteText(folder.File("one.asc"), "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\n7\n");
+  WriteText(folder.File("dem.tif"), "no tiff");
+  WriteText(folder.File("m.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  const auto f = [&](const char* name) { return folder.File(name); };
+  refused({f("N11E007.hgt"), f("N12E007.hgt"), store}, "spacing of samples differs");
+  refused({f("hills.hgt"), store}, "N37W120.hgt");
+  refused({f("N13E007.hgt"), store}, "square of int16");
+  refused({f("N14E007.hgt"), store}, "0 of 11 x 11 samples have a height");
+  refused({f("short.asc"), store}, "the end of the file");
+  refused({f("word.asc"), store}, "row 1, column 1: expected a number, found 'four'");
+  refused({f("one.asc"), store}, "no three heights beside each other");
+  refused({f("N11E007.hgt"), f("m.off"), store}, "is no raster");
+  refused({f("N11E007.hgt"), store, "--bits", "12"}, "--step-z");
+  refused({f("m.off"), store, "--step-z", "1"}, "is for rasters");
+  refused({f("dem.tif"), store}, HasGdal() ? "dem.tif" : "without GDAL");
+}
+
+TEST_CASE("a raster of one row or column has no surface", "[cli]") {
+  const Folder folder;
+  WriteText(folder.File("row.asc"),
+            "ncols 5\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3 4 5\n");
+  const Outcome outcome = Run({"ingest", folder.File("row.asc"), folder.File("s.mtdb")});
+  CHECK(outcome.exit_code != 0);
+  CHECK_THAT(outcome.err, Catch::Contains("5 of 5 x 1 samples have a height"));
+}
+
+TEST_CASE("the shared tiles join at their common row", "[cli]") {
+  const std::string folder = std::string(MTDB_SOURCE_DIR) + "/../shared/data/";
+  if (!Exists(folder + "N37W120.hgt")) {
+    WARN("skipped: no " << folder << "N37W120.hgt");
+    return;
+  }
+  const Folder out;
+  const std::string store = out.File("sierra.mtdb");
+  const Json report = RunJson(
+      {"ingest", folder + "N37W120.hgt", folder + "N38W120.hgt", store, "--name", "sierra"});
+  CHECK(report.at("vertices") == 1201 * 2401);
+  CHECK(report.at("raster_input").at("overlapping") == 1201);
+  CHECK(report.at("raster_input").at("differing") == 133);
+  CHECK(report.at("raster_input").at("largest_difference") == 1);
+  CHECK(RunJson({"extract", store, out.File("c.ply"), "--error", "10"}).at("error_bound") <= 10);
+  const Json helens = RunJson({"ingest", folder + "SainteHelens.dem", out.File("h.mtdb")});
+  CHECK(helens.at("raster").at("columns") == 327);
+  CHECK_THAT(helens.at("raster").at("crs").get<std::string>(), Catch::Contains("UTM zone 10N"));
+}
+
+}  // namespace
+}  // namespace mtdb::test

@@ -1,0 +1,237 @@
+#include "tools/cli/raster_output.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "codecs/mesh_file/atomic_file.h"
+#include "tools/gdal/gdal_writer.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr double kNodata = -32768;
+constexpr uint64_t kBandSamples = uint64_t{1} << 18;  // that are asked for at a time
+constexpr double kMostSide = 1 << 28;
+
+std::string SuffixOf(const std::string& path) {
+  std::string suffix = std::filesystem::path(path).extension().string();
+  for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return suffix;
+}
+
+// Takes rows from north to south.
+class RowWriter {
+ public:
+  virtual ~RowWriter() = default;
+  virtual Status Add(std::span<const double> heights) = 0;
+  virtual Status End() = 0;
+};
+
+class AsciiRows final : public RowWriter {
+ public:
+  AsciiRows(std::unique_ptr<AtomicFile> file, double nodata)
+      : file_(std::move(file)), nodata_(nodata) {}
+
+  Status Begin(const HeightRaster& r) {
+    char text[400];
+    const double south = r.y0 + (r.rows - 1) * r.dy;
+    std::snprintf(text, sizeof(text), "ncols %u\nnrows %u\nxllcenter %.17g\nyllcenter %.17g\n",
+                  r.columns, r.rows, r.x0, south);
+    MTDB_RETURN_IF_ERROR(file_->Append(text));
+    if (r.dx == -r.dy) {
+      std::snprintf(text, sizeof(text), "cellsize %.17g\nNODATA_value %.9g\n", r.dx, nodata_);
+    } else {
+      std::snprintf(text, sizeof(text), "dx %.17g\ndy %.17g\nNODATA_value %.9g\n", r.dx, -r.dy,
+                    nodata_);
+    }
+    return file_->Append(text);
+  }
+  Status Add(std::span<const double> heights) override {
+    line_.clear();
+    for (const double h : heights) {
+      char text[40];
+      std::snprintf(text, sizeof(text), "%s%.9g", line_.empty() ? "" : " ",
+                    std::isnan(h) ? nodata_ : h);
+      line_ += text;
+    }
+    line_ += '\n';
+    return file_->Append(line_);
+  }
+  Status End() override { return file_->Commit(); }
+
+ private:
+  std::unique_ptr<AtomicFile> file_;
+  const double nodata_;
+  std::string line_;
+};
+
+class HgtRows final : public RowWriter {
+ public:
+  explicit HgtRows(std::unique_ptr<AtomicFile> file) : file_(std::move(file)) {}
+  Status Add(std::span<const double> heights) override {
+    line_.clear();
+    for (const double h : heights) {
+      const double value = std::isnan(h) ? kNodata : std::round(h);
+      if (!(value >= kNodata && value <= 32767)) {
+        return InvalidArgument("a height of " + std::to_string(h) + " does not fit .hgt");
+      }
+      const auto bits = static_cast<uint16_t>(static_cast<int16_t>(value));
+      line_ += static_cast<char>(bits >> 8);
+      line_ += static_cast<char>(bits & 255);
+    }
+    return file_->Append(line_);
+  }
+  Status End() override { return file_->Commit(); }
+
+ private:
+  std::unique_ptr<AtomicFile> file_;
+  std::string line_;
+};
+
+class TiffRows final : public RowWriter {
+ public:
+  explicit TiffRows(std::unique_ptr<GdalWriter> file) : file_(std::move(file)) {}
+  Status Add(std::span<const double> heights) override { return file_->Add(heights); }
+  Status End() override { return file_->End(); }
+
+ private:
+  std::unique_ptr<GdalWriter> file_;
+};
+
+// The samples that are asked for: the raster's own, or others, within the window. Columns go east,
+// rows south.
+Result<HeightRaster> SamplesOf(const ObjectRecord& record, const RasterOutputOptions& options) {
+  if (!record.raster) {
+    return InvalidArgument(record.name + ": is no terrain, so it is no raster either");
+  }
+  const RasterFrame& f = *record.raster;
+  const auto& g = f.geotransform;
+  const double half = f.transform_of_samples ? 0 : 0.5;
+  HeightRaster own{g[0] + half * g[1], g[3] + half * g[5], g[1], g[5], f.columns, f.rows};
+  const bool turned = g[2] != 0 || g[4] != 0 || !(g[1] > 0 && g[5] < 0);
+  if (turned && !options.spacing) {
+    return InvalidArgument(record.name +
+                           ": its rows do not run from west to east and from north to south; name "
+                           "a --spacing, and samples that do are computed");
+  }
+  HeightRaster r = own;
+  const Box3d& b = record.bounds;
+  if (options.spacing) {
+    r.dx = (*options.spacing)[0];
+    r.dy = -(*options.spacing)[1];
+    if (turned) r.x0 = b.min.x, r.y0 = b.max.y;
+  }
+  std::array<double, 4> window{b.min.x, b.min.y, b.max.x, b.max.y};
+  if (options.window) window = *options.window;
+  constexpr double kRound = 1e-6;
+  const bool all = !options.window && !options.spacing;
+  const double first_column = all ? 0 : std::ceil((window[0] - r.x0) / r.dx - kRound);
+  const double first_row = all ? 0 : std::ceil((window[3] - r.y0) / r.dy - kRound);
+  const double columns =
+      all ? f.columns : std::floor((window[2] - r.x0) / r.dx + kRound) - first_column + 1;
+  const double rows = all ? f.rows : std::floor((window[1] - r.y0) / r.dy + kRound) - first_row + 1;
+  if (!(columns >= 1 && rows >= 1)) {
+    return InvalidArgument("window: no sample lies in it");
+  }
+  if (!(columns <= kMostSide && rows <= kMostSide)) {
+    return InvalidArgument(
+        "the raster would have more than 2^28 columns or rows; choose a larger "
+        "spacing");
+  }
+  r.x0 += first_column * r.dx;
+  r.y0 += first_row * r.dy;
+  r.columns = static_cast<uint32_t>(columns);
+  r.rows = static_cast<uint32_t>(rows);
+  return r;
+}
+
+// True when the raster is what a .hgt file of this name holds.
+bool IsHgtTile(const HeightRaster& r, const std::string& path) {
+  const double south = r.y0 + (r.rows - 1) * r.dy;
+  char name[16];
+  std::snprintf(name, sizeof(name), "%c%02d%c%03d", south < -0.5 ? 'S' : 'N',
+                std::abs(static_cast<int>(std::lround(south))), r.x0 < -0.5 ? 'W' : 'E',
+                std::abs(static_cast<int>(std::lround(r.x0))));
+  constexpr double kRound = 1e-9;
+  const auto whole = [&](double v) { return std::abs(v - std::round(v)) < kRound; };
+  return r.columns == r.rows && whole(r.x0) && whole(r.y0) && whole(south) &&
+         std::abs(r.y0 - south - 1) < kRound && std::abs((r.columns - 1) * r.dx - 1) < kRound &&
+         std::filesystem::path(path).stem() == name;
+}
+
+Result<std::unique_ptr<RowWriter>> OpenRows(const ObjectRecord& record, const std::string& path,
+                                            const HeightRaster& r, bool exact) {
+  const double nodata = record.raster->nodata.value_or(kNodata);
+  const std::string suffix = SuffixOf(path);
+  if (suffix == ".tif" || suffix == ".tiff") {
+    GdalRaster raster;
+    raster.columns = r.columns;
+    raster.rows = r.rows;
+    raster.geotransform = {r.x0 - 0.5 * r.dx, r.dx, 0, r.y0 - 0.5 * r.dy, 0, r.dy};
+    raster.is_area = record.raster->is_area;
+    raster.sample_type = exact ? record.raster->sample_type : "float32";
+    raster.height_units = record.raster->height_units;
+    raster.crs = record.georeference;
+    raster.nodata = nodata;
+    MTDB_ASSIGN_OR_RETURN(std::unique_ptr<GdalWriter> file, CreateGeoTiff(path, raster));
+    return std::unique_ptr<RowWriter>(new TiffRows(std::move(file)));
+  }
+  if (suffix == ".hgt" && !IsHgtTile(r, path)) {
+    return InvalidArgument(path +
+                           ": a .hgt file holds one tile of whole degrees and is named by its "
+                           "south-western sample; name the tile's --window, or write .tif");
+  }
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<AtomicFile> file, AtomicFile::Create(path));
+  if (suffix == ".hgt") return std::unique_ptr<RowWriter>(new HgtRows(std::move(file)));
+  auto rows = std::make_unique<AsciiRows>(std::move(file), nodata);
+  MTDB_RETURN_IF_ERROR(rows->Begin(r));
+  return std::unique_ptr<RowWriter>(std::move(rows));
+}
+
+}  // namespace
+
+bool IsRasterOutput(const std::string& path) {
+  const std::string suffix = SuffixOf(path);
+  return suffix == ".asc" || suffix == ".hgt" || suffix == ".tif" || suffix == ".tiff";
+}
+
+Result<RasterOutputReport> WriteRaster(const Surface& surface, const std::string& path,
+                                       const RasterOutputOptions& options) {
+  const ObjectRecord& record = surface.record();
+  MTDB_ASSIGN_OR_RETURN(const HeightRaster r, SamplesOf(record, options));
+  const bool exact = !options.spacing && options.heights.error_model < 0;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RowWriter> writer, OpenRows(record, path, r, exact));
+  RasterOutputReport report;
+  report.columns = r.columns;
+  report.rows = r.rows;
+  const bool whole = SuffixOf(path) == ".hgt";
+  const auto band = static_cast<uint32_t>(std::max<uint64_t>(1, kBandSamples / r.columns));
+  for (uint32_t begin = 0; begin < r.rows; begin += band) {
+    const uint32_t end = std::min(r.rows, begin + band);
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> heights,
+                          SampleHeights(surface, r, begin, end, options.heights, &report.cost));
+    for (const double h : heights) {
+      report.holes += std::isnan(h);
+      if (whole && !std::isnan(h)) {
+        report.rounding = std::max(report.rounding, std::abs(h - std::round(h)));
+      }
+    }
+    for (uint32_t row = begin; row < end; ++row) {
+      MTDB_RETURN_IF_ERROR(
+          writer->Add(std::span(heights).subspan(size_t{row - begin} * r.columns, r.columns)));
+    }
+  }
+  MTDB_RETURN_IF_ERROR(writer->End());
+  return report;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,210 @@
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "query/heights.h"
+#include "store/database.h"
+#include "tools/cli/raster_output.h"
+#include "tools/cli/verbs.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Place = std::array<double, 2>;
+
+Result<std::shared_ptr<Surface>> OpenTerrain(const std::string& store, const std::string& name) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(store));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
+  return Surface::Open(std::move(source));
+}
+
+Json HeightJson(const std::optional<double>& height) { return height ? Json(*height) : Json(); }
+
+// "X,Y" or "X Y" a line; empty lines are skipped.
+Result<std::vector<Place>> ReadPlaces(const std::string& path) {
+  std::ifstream file;
+  if (path != "-") {
+    file.open(path);
+    if (!file) return Status(StatusCode::kNotFound, path + ": cannot be read");
+  }
+  std::istream& in = path == "-" ? std::cin : file;
+  std::vector<Place> places;
+  size_t number = 0;
+  for (std::string line; std::getline(in, line);) {
+    ++number;
+    std::string list;
+    for (const char c : line) {
+      const bool separates = c == ',' || c == ' ' || c == '\t' || c == ';' || c == '\r';
+      if (!separates) {
+        list += c;
+      } else if (!list.empty() && list.back() != ',') {
+        list += ',';
+      }
+    }
+    while (!list.empty() && list.back() == ',') list.pop_back();
+    if (list.empty()) continue;
+    const auto numbers = ParseNumbers(list, 2, "X,Y");
+    if (!numbers.ok()) {
+      return BadInput((path == "-" ? "standard input" : path) + ": line " + std::to_string(number) +
+                      ": " + numbers.status().message());
+    }
+    places.push_back({(*numbers)[0], (*numbers)[1]});
+  }
+  return places;
+}
+
+}  // namespace
+
+Status ProbeHeights(const ProbeArguments& arguments) {
+  std::vector<Place> places = arguments.heights;
+  if (!arguments.heights_file.empty()) {
+    MTDB_ASSIGN_OR_RETURN(places, ReadPlaces(arguments.heights_file));
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                        OpenTerrain(arguments.store, arguments.name));
+  HeightOptions options;
+  options.error_model = arguments.error.value_or(-1);
+  HeightCost cost;
+  Json list = Json::array();
+  for (const Place& p : places) {
+    MTDB_ASSIGN_OR_RETURN(const HeightAnswer answer, FindHeight(*surface, p[0], p[1], options));
+    cost.error_bound = std::max(cost.error_bound, answer.cost.error_bound);
+    cost.clusters_read += answer.cost.clusters_read;
+    cost.bytes_read += answer.cost.bytes_read;
+    if (arguments.json) {
+      list.push_back({{"x", p[0]},
+                      {"y", p[1]},
+                      {"height", HeightJson(answer.height)},
+                      {"error_bound", answer.cost.error_bound}});
+    } else if (answer.height) {
+      std::printf("%.12g %.12g %.9g\n", p[0], p[1], *answer.height);
+    } else {
+      std::printf("%.12g %.12g none\n", p[0], p[1]);
+    }
+  }
+  const ObjectRecord& record = surface->record();
+  if (arguments.json) {
+    PrintJson({{"object", record.name},
+               {"heights", list},
+               {"error_bound", cost.error_bound},
+               {"clusters_read", cost.clusters_read},
+               {"clusters_total", record.clusters},
+               {"bytes_read", cost.bytes_read}});
+  } else {
+    std::fprintf(stderr, "  %zu heights, error at most %.6g; read %llu of %u clusters, %.1f KB\n",
+                 places.size(), cost.error_bound,
+                 static_cast<unsigned long long>(cost.clusters_read), record.clusters,
+                 static_cast<double>(cost.bytes_read) / 1e3);
+  }
+  return Status::Ok();
+}
+
+Result<Place> ParsePlace(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseNumbers(text, 2, "X,Y"));
+  return Place{numbers[0], numbers[1]};
+}
+
+Result<std::vector<Place>> ParseLine(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "X0,Y0,X1,Y1,..."));
+  if (numbers.size() < 4 || numbers.size() % 2 != 0) {
+    return Unexpected(text, "two corners or more, X0,Y0,X1,Y1,...");
+  }
+  std::vector<Place> corners;
+  for (size_t i = 0; i < numbers.size(); i += 2) corners.push_back({numbers[i], numbers[i + 1]});
+  return corners;
+}
+
+Status ProfileVerb(const ProfileArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                        OpenTerrain(arguments.store, arguments.name));
+  HeightOptions options;
+  options.error_model = arguments.error.value_or(-1);
+  MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
+  const ObjectRecord& record = surface->record();
+  if (arguments.json) {
+    Json points = Json::array();
+    for (const ProfilePoint& p : profile.points) {
+      points.push_back(
+          {{"distance", p.distance}, {"x", p.x}, {"y", p.y}, {"height", HeightJson(p.height)}});
+    }
+    PrintJson({{"object", record.name},
+               {"points", points},
+               {"error_bound", profile.cost.error_bound},
+               {"clusters_read", profile.cost.clusters_read},
+               {"clusters_total", record.clusters},
+               {"bytes_read", profile.cost.bytes_read}});
+    return Status::Ok();
+  }
+  std::printf("distance,x,y,height\n");
+  for (const ProfilePoint& p : profile.points) {
+    std::printf("%.12g,%.12g,%.12g,", p.distance, p.x, p.y);
+    if (p.height) std::printf("%.9g", *p.height);
+    std::printf("\n");
+  }
+  return Status::Ok();
+}
+
+Status ExtractRaster(const QueryArguments& arguments) {
+  const QueryOptions& query = arguments.query;
+  const bool others = !query.regions.empty() || query.frustum || query.outside || query.clip ||
+                      query.pixels || query.error_relative || query.error_outside ||
+                      !query.errors_at.empty() || query.triangles || query.max_bytes ||
+                      query.max_ms || query.normals || !query.file.empty() || query.has_camera();
+  if (others || arguments.print_query) {
+    return InvalidArgument(arguments.output +
+                           ": a raster takes --error, --spacing and --window, and no other option "
+                           "that says what is asked for");
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                        OpenTerrain(arguments.store, arguments.name));
+  RasterOutputOptions options;
+  options.spacing = arguments.spacing;
+  options.window = arguments.window;
+  options.heights.error_model = query.error.value_or(-1);
+  MTDB_ASSIGN_OR_RETURN(const RasterOutputReport report,
+                        WriteRaster(*surface, arguments.output, options));
+  const double bound = report.cost.error_bound + report.rounding;
+  if (arguments.json) {
+    PrintJson({{"object", surface->record().name},
+               {"output", arguments.output},
+               {"columns", report.columns},
+               {"rows", report.rows},
+               {"holes", report.holes},
+               {"error_bound", bound}});
+    return Status::Ok();
+  }
+  std::printf(
+      "%s: %u x %u samples, %llu of them holes; at the samples no height is off by more "
+      "than %.6g\n",
+      arguments.output.c_str(), report.columns, report.rows,
+      static_cast<unsigned long long>(report.holes), bound);
+  return Status::Ok();
+}
+
+Result<std::array<double, 2>> ParseSpacing(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "D or DX,DY"));
+  if (numbers.empty() || numbers.size() > 2 || !(numbers.front() > 0) || !(numbers.back() > 0)) {
+    return Unexpected(text, "a positive spacing, D or DX,DY");
+  }
+  return std::array<double, 2>{numbers.front(), numbers.back()};
+}
+
+Result<std::array<double, 4>> ParseWindow(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 4, "X0,Y0,X1,Y1"));
+  return std::array<double, 4>{std::min(n[0], n[2]), std::min(n[1], n[3]), std::max(n[0], n[2]),
+                               std::max(n[1], n[3])};
+}
+
+Result<Triangulation> ParseTriangulation(const std::string& text) {
+  if (text == "delaunay") return Triangulation::kDelaunay;
+  if (text == "free") return Triangulation::kFree;
+  return Unexpected(text, "delaunay or free");
+}
+
+}  // namespace mtdb
