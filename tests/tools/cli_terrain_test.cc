@@ -175,6 +175,158 @@ TEST_CASE("a raster of one row or column has no surface", "[cli]") {
   CHECK_THAT(outcome.err, Catch::Contains("5 of 5 x 1 samples have a height"));
 }
 
+// A terrain of one tile with a hole, at 9..10 degrees north, 7..8 east.
+struct Tile {
+  static constexpr uint32_t kSide = 51;
+  Folder folder;
+  std::vector<double> heights = MakeHeights(kSide, kSide, 8);
+  std::string hgt = folder.File("N09E007.hgt");
+  std::string store = folder.File("s.mtdb");
+
+  explicit Tile(const std::string& rule = "delaunay") {
+    for (uint32_t r = 20; r < 26; ++r) {
+      for (uint32_t c = 30; c < 40; ++c) heights[r * kSide + c] = kHole;
+    }
+    WriteHgt(hgt, heights);
+    RunOk({"ingest", hgt, store, "--triangulation", rule});
+  }
+  double At(uint32_t column, uint32_t row) const { return heights[row * kSide + column]; }
+  static std::string X(double column) { return std::to_string(7 + column / (kSide - 1)); }
+  static std::string Y(double row) { return std::to_string(10 - row / (kSide - 1)); }
+};
+
+TEST_CASE("probe --height gives samples exactly, and what is between them on a straight line",
+          "[cli]") {
+  const Tile t;
+  const auto probe = [&](const std::string& x, const std::string& y, Arguments more = {}) {
+    Arguments arguments{"probe", t.store, "--height=" + x + "," + y};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return RunJson(arguments).at("heights").at(0);
+  };
+  CHECK(probe(t.X(10), t.Y(13)).at("height") == t.At(10, 13));
+  CHECK(probe(t.X(0), t.Y(0)).at("height") == t.At(0, 0));
+  CHECK(probe(t.X(50), t.Y(50)).at("height") == t.At(50, 50));
+  CHECK(probe(t.X(10.5), t.Y(13)).at("height") == Approx((t.At(10, 13) + t.At(11, 13)) / 2));
+  CHECK(probe(t.X(35), t.Y(22)).at("height").is_null());
+  CHECK(probe("3", "50").at("height").is_null());
+  const Json coarse = probe(t.X(10), t.Y(13), {"--error", "25"});
+  CHECK(coarse.at("error_bound") <= 25);
+  CHECK(std::abs(coarse.at("height").get<double>() - t.At(10, 13)) <=
+        coarse.at("error_bound").get<double>());
+  WriteText(t.folder.File("places"),
+            t.X(3) + " " + t.Y(4) + "\n\n" + t.X(5) + ", " + t.Y(6) + "\n");
+  const Json list = RunJson({"probe", t.store, "--heights", t.folder.File("places")});
+  CHECK(list.at("heights").at(0).at("height") == t.At(3, 4));
+  CHECK(list.at("heights").at(1).at("height") == t.At(5, 6));
+  WriteText(t.folder.File("wrong"), "1 2\n3 x\n");
+  CHECK_THAT(Run({"probe", t.store, "--heights", t.folder.File("wrong")}).err,
+             Catch::Contains("line 2"));
+}
+
+TEST_CASE("profile meets every edge along a line, and says where holes are", "[cli]") {
+  const Tile t;
+  // Along row 22 from column 20 to 50: each sample is met, and cells' diagonals are not crossed.
+  const Json row = RunJson(
+      {"profile", t.store, "--line=" + t.X(20) + "," + t.Y(22) + "," + t.X(50) + "," + t.Y(22)});
+  std::map<int, double> heights;
+  int gaps = 0;
+  for (const Json& p : row.at("points")) {
+    const double column = (p.at("x").get<double>() - 7) * 50;
+    if (p.at("height").is_null()) {
+      ++gaps;
+      CHECK(column == Approx(29));
+      continue;
+    }
+    heights[static_cast<int>(std::lround(column))] = p.at("height");
+  }
+  CHECK(gaps == 1);
+  for (int c = 20; c <= 50; ++c) {
+    if (c >= 30 && c < 40) {
+      CHECK(heights.count(c) == 0);
+    } else {
+      REQUIRE(heights.count(c) == 1);
+      CHECK(heights[c] == Approx(t.At(static_cast<uint32_t>(c), 22)));
+    }
+  }
+  // Across: between two points heights are on a line, as single probes see them.
+  const Json across =
+      RunJson({"profile", t.store,
+               "--line=" + t.X(2.3) + "," + t.Y(3.1) + "," + t.X(17.9) + "," + t.Y(11.7)});
+  const Json& points = across.at("points");
+  REQUIRE(points.size() > 30);
+  for (size_t i = 0; i + 1 < points.size(); ++i) {
+    const double x = (points[i].at("x").get<double>() + points[i + 1].at("x").get<double>()) / 2;
+    const double y = (points[i].at("y").get<double>() + points[i + 1].at("y").get<double>()) / 2;
+    const double z =
+        (points[i].at("height").get<double>() + points[i + 1].at("height").get<double>()) / 2;
+    if (i % 7 != 0) continue;
+    char place[100];
+    std::snprintf(place, sizeof(place), "--height=%.15g,%.15g", x, y);
+    CHECK(RunJson({"probe", t.store, place}).at("heights").at(0).at("height").get<double>() ==
+          Approx(z).margin(1e-6));
+  }
+  CHECK_THAT(RunOk({"profile", t.store, "--line=7.1,9.1,7.2,9.3", "--error", "20"}),
+             Catch::Contains("distance,x,y,height"));
+}
+
+TEST_CASE("a terrain goes out as the raster that it was", "[cli]") {
+  for (const char* rule : {"delaunay", "free"}) {
+    const Tile t(rule);
+    // Byte for byte.
+    const std::filesystem::path folder = t.folder.File("out");
+    std::filesystem::create_directory(folder);
+    const std::string out = (folder / "N09E007.hgt").string();
+    CHECK_THAT(RunOk({"extract", t.store, out}), Catch::Contains("60 of them holes"));
+    CHECK(ReadText(out) == ReadText(t.hgt));
+    CHECK_THAT(Run({"extract", t.store, t.folder.File("N09E008.hgt")}).err,
+               Catch::Contains("whole degrees"));
+    // As text, and in again.
+    RunOk({"extract", t.store, t.folder.File("all.asc")});
+    RunOk({"ingest", t.folder.File("all.asc"), t.folder.File("again.mtdb")});
+    const Json again = RunJson({"info", t.folder.File("again.mtdb")}).at("objects").at(0);
+    CHECK(again.at("vertices") == 51 * 51 - 60);
+    // A part, coarser, within the error.
+    const Json part = RunJson({"extract", t.store, t.folder.File("part.asc"), "--window",
+                               "7.2,9.2,7.4,9.5", "--spacing", "0.01", "--error", "15"});
+    CHECK(part.at("columns") == 21);
+    CHECK(part.at("rows") == 31);
+    CHECK(part.at("error_bound") <= 15);
+  }
+}
+
+TEST_CASE("a GeoTIFF goes in, and comes back sample by sample", "[cli]") {
+  if (!HasGdal()) {
+    WARN("skipped: without GDAL");
+    return;
+  }
+  const Tile t;
+  const std::string tif = t.folder.File("dem.tif");
+  RunOk({"extract", t.store, tif});
+  const std::string store = t.folder.File("tif.mtdb");
+  const Json report = RunJson({"ingest", tif, store});
+  CHECK(report.at("raster").at("sample_type") == "int16");
+  CHECK(report.at("raster").at("area_or_point") == "Point");
+  CHECK(report.at("raster").at("nodata") == -32768);
+  CHECK(report.at("raster_input").at("holes") == 60);
+  CHECK_THAT(report.at("raster").at("crs").get<std::string>(),
+             Catch::Contains("GEOGCRS[\"WGS 84\""));
+  std::filesystem::create_directory(t.folder.File("out"));
+  RunOk({"extract", store, t.folder.File("out/N09E007.hgt")});
+  CHECK(ReadText(t.folder.File("out/N09E007.hgt")) == ReadText(t.hgt));
+}
+
+TEST_CASE("what has no heights is told so", "[cli]") {
+  const Example& example = TheExample();
+  for (const Arguments& arguments : {Arguments{"probe", example.store, "--height", "1,2"},
+                                     Arguments{"profile", example.store, "--line", "1,2,3,4"},
+                                     Arguments{"extract", example.store, "never.asc"}}) {
+    const Outcome outcome = Run(arguments);
+    CHECK(outcome.exit_code != 0);
+    CHECK_THAT(outcome.err, Catch::Contains("is no terrain"));
+  }
+  CHECK(!Exists("never.asc"));
+}
+
 TEST_CASE("the shared tiles join at their common row", "[cli]") {
   const std::string folder = std::string(MTDB_SOURCE_DIR) + "/../shared/data/";
   if (!Exists(folder + "N37W120.hgt")) {
