@@ -123,6 +123,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
   if (!result.removals.empty()) {
     cluster.empty = false;
     ClusterUpdates updates = UpdatesOf(input, result, row);
+    updates.is_height_field = grid.mode == PositionMode::kRaster;
     heights.reserve(result.triangles.size());
     for (const TileTriangle& t : tile) heights.push_back(t.height);
     AddNodes(result, grid, updates, heights, cluster);

@@ -62,6 +62,7 @@ class ClusterDecoder {
   Status DecodeArcs(const StreamReader& streams);
 
   bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
+  bool flat() const { return (flags_ & kFlagFlat) != 0; }
 
   AttributeCoder attribute_coder_;
   std::vector<Vec3i> ring_positions_;
@@ -156,7 +157,7 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       vertices_.resize(2 * vertices_.size() + 64);
     }
     Vertex& v = vertices_[i - nodes_];
-    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary, flat());
     v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
     v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
     v.hole_size = hole.slot_count;
@@ -295,7 +296,7 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.star_begin[0] = c.first_own_slot;
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
-  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n);
+  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat());
 
   while (nodes_ < node_count_) MTDB_RETURN_IF_ERROR(DecodeGeneration());
   c.ring_vertices.resize(c.ring_begin[n]);

@@ -35,6 +35,8 @@ struct ClusterUpdates {
     // instead of two.
     bool boundary() const { return star_count == hole_count + 1; }
   };
+  // Of a terrain: shapes are seen along z, and errors are heights.
+  bool is_height_field = false;
   std::vector<Vec3i> positions;  // of local vertices
   Bytes rows;                    // attributes of local vertices
   std::vector<std::array<uint32_t, 3>> triangles;

@@ -32,9 +32,10 @@ int32_t Difference(int32_t value, int32_t expected) {
   return static_cast<int32_t>(static_cast<uint32_t>(value) - static_cast<uint32_t>(expected));
 }
 
-VertexResidual MeasureVertex(const Patch& patch, const Patch::Hole& hole, bool boundary, Vec3i p) {
+VertexResidual MeasureVertex(const Patch& patch, const Patch::Hole& hole, bool boundary, bool flat,
+                             Vec3i p) {
   HoleFrame frame;
-  frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary);
+  frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary, flat);
   const int32_t u = p[frame.axis_u()];
   const int32_t v = p[frame.axis_v()];
   const int32_t n = p[frame.axis_n()];
@@ -87,8 +88,9 @@ int ReferenceLength(const ClusterUpdates& updates, const Owners& owners) {
     const auto& c = updates.triangles[t];
     double longest = 0;
     for (size_t i = 0; i < 3; ++i) {
-      longest = std::max(longest, SquaredLength(ToDouble(updates.positions[c[(i + 1) % 3]]) -
-                                                ToDouble(updates.positions[c[i]])));
+      Vec3d edge = ToDouble(updates.positions[c[(i + 1) % 3]]) - ToDouble(updates.positions[c[i]]);
+      if (updates.is_height_field) edge.z = 0;
+      longest = std::max(longest, SquaredLength(edge));
     }
     sum += static_cast<uint64_t>(ExponentOf(static_cast<float>(longest)));
     ++count;
@@ -132,7 +134,8 @@ class Replay {
   Replay(const ClusterUpdates& updates, const Owners& owners, const AttributeLayout& attributes,
          const InPatch& in, int reference_length, ClusterModels& models, ModelObserver* observer)
       : topology(observer),
-        patch(in.triangles, in.positions, reference_length, updates.nodes.size()),
+        patch(in.triangles, in.positions, reference_length, updates.nodes.size(),
+              updates.is_height_field),
         any_boundary(std::any_of(updates.nodes.begin(), updates.nodes.end(),
                                  [](const auto& node) { return node.boundary(); })),
         updates_(updates),
@@ -223,7 +226,7 @@ void Replay::Insert(uint32_t slot, uint32_t i) {
   node_order.push_back(i);
   codes.push_back(node.error_code);
   const Vec3i p = updates_.positions[node.vertex];
-  residuals.push_back(MeasureVertex(patch, hole, node.boundary(), p));
+  residuals.push_back(MeasureVertex(patch, hole, node.boundary(), updates_.is_height_field, p));
   if (attribute_coder_.row_bytes() != 0) EncodeRow(node.vertex, hole.ring_span());
   NumberVertex(node.vertex);
   patch.AddPoint(p);
@@ -370,7 +373,8 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   EncodeExplicitArcs(arcs.explicit_arcs, streams);
   ByteWriter& head = streams.stream(StreamTag::kHead);
   head.Put<uint8_t>(static_cast<uint8_t>((replay.any_boundary ? kFlagBoundary : 0) |
-                                         (scaled_by_error ? kFlagScaledByError : 0)));
+                                         (scaled_by_error ? kFlagScaledByError : 0) |
+                                         (updates.is_height_field ? kFlagFlat : 0)));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);

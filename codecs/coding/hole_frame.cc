@@ -13,7 +13,7 @@ int32_t HoleFrame::ExpectV(int32_t u) const {
 }
 
 template void HoleFrame::Set(const Patch&, std::span<const uint32_t>, std::span<const uint32_t>,
-                             bool);
+                             bool, bool);
 template int32_t HoleFrame::ExpectN(const Patch&, std::span<const uint32_t>, int32_t,
                                     int32_t) const;
 template float HoleFrame::unevenness(const Patch&, std::span<const uint32_t>) const;

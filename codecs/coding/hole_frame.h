@@ -36,10 +36,11 @@ inline int32_t Shift(int32_t base, int32_t offset) {
 
 class HoleFrame {
  public:
-  // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated.
+  // `slots` and `ring`: of a hole of the patch; a boundary node's ring is rotated. `flat`: of a
+  // height field: n is z, and errors are heights.
   template <typename Mesh>
   void Set(const Mesh& patch, std::span<const uint32_t> slots, std::span<const uint32_t> ring,
-           bool boundary);
+           bool boundary, bool flat = false);
 
   int axis_u() const { return u_; }
   int axis_v() const { return v_; }

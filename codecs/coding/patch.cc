@@ -39,9 +39,9 @@ Int4 Bluntness(Float4 facing, Float4 b, Float4 c) {
   return ToInt(Min4(60 * facing / (b + c + 1e-30f), Float4{120, 120, 120, 120}));
 }
 
-Float4 SquaredLengths(Float4 a, Float4 b, Float4 c, Float4 d) {
+Float4 SquaredLengths(Float4 a, Float4 b, Float4 c, Float4 d, float height) {
   const Columns4 columns = Transpose(a * a, b * b, c * c, d * d);
-  return columns.x + columns.y + columns.z;
+  return columns.x + columns.y + columns.z * height;
 }
 
 }  // namespace
@@ -57,9 +57,10 @@ void Patch::Hole::Rotate(size_t split) {
 }
 
 Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
-             int reference_length, size_t expected_nodes)
+             int reference_length, size_t expected_nodes, bool flat)
     : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
-      first_apex_(static_cast<uint32_t>(positions.size())) {
+      first_apex_(static_cast<uint32_t>(positions.size())),
+      height_(flat ? 0.0f : 1.0f) {
   Grow(triangles.size() + 6 * expected_nodes + kMaxRing);
   slots_ = static_cast<uint32_t>(triangles.size());
   for (size_t slot = 0; slot < triangles.size(); ++slot) {
@@ -184,9 +185,9 @@ void Patch::Measure(uint32_t begin, uint32_t end) {
       edges[1][i] = Offset4(r, q);
       edges[2][i] = Offset4(p, r);
     }
-    const Float4 a = SquaredLengths(edges[0][0], edges[0][1], edges[0][2], edges[0][3]);
-    const Float4 b = SquaredLengths(edges[1][0], edges[1][1], edges[1][2], edges[1][3]);
-    const Float4 c = SquaredLengths(edges[2][0], edges[2][1], edges[2][2], edges[2][3]);
+    const Float4 a = SquaredLengths(edges[0][0], edges[0][1], edges[0][2], edges[0][3], height_);
+    const Float4 b = SquaredLengths(edges[1][0], edges[1][1], edges[1][2], edges[1][3], height_);
+    const Float4 c = SquaredLengths(edges[2][0], edges[2][1], edges[2][2], edges[2][3], height_);
     // Little-endian words of shape and longest, of bluntness and error_code.
     const Word4 classes =
         (exponent(a) | exponent(b) << 8 | exponent(c) << 16 | exponent(Max4(Max4(a, b), c)) << 24) -

@@ -67,9 +67,10 @@ class Patch {
     void Rotate(size_t split);
   };
 
-  // Of `triangles` between `positions`. `reference_length`: from the head of the cluster.
+  // Of `triangles` between `positions`. `reference_length`: from the head of the cluster. `flat`:
+  // of a height field, so that shapes are those seen along z.
   Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
-        int reference_length, size_t expected_nodes);
+        int reference_length, size_t expected_nodes, bool flat = false);
 
   uint32_t slots() const { return slots_; }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
@@ -186,6 +187,7 @@ class Patch {
   uint32_t shaped_ = 0;              // slots below it have shapes
   uint32_t shortest_;                // the exponent of length class 0, as a float has it
   uint32_t first_apex_;              // the vertex of node 0
+  float height_ = 1;                 // what differences of z count: 0 when flat
 };
 
 }  // namespace mtdb

@@ -6,7 +6,7 @@
 namespace mtdb {
 
 template void HoleFrame::Set(const internal::ReplayedMesh&, std::span<const uint32_t>,
-                             std::span<const uint32_t>, bool);
+                             std::span<const uint32_t>, bool, bool);
 template int32_t HoleFrame::ExpectN(const internal::ReplayedMesh&, std::span<const uint32_t>,
                                     int32_t, int32_t) const;
 template float HoleFrame::unevenness(const internal::ReplayedMesh&,

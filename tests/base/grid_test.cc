@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include "store/base/raster_frame.h"
+
 namespace mtdb {
 namespace {
 
@@ -135,6 +137,39 @@ TEST_CASE("Points beyond the grid are drawn to its rim") {
   CHECK(grid.Quantize({1e12, -1e12, 0.002}) == Vec3i{kMost, kLeast, 2});
   CHECK(grid.Quantize({std::numeric_limits<double>::max(), std::numeric_limits<double>::lowest(),
                        grid.step * kMost}) == Vec3i{kMost, kLeast, kMost});
+}
+
+TEST_CASE("A raster's lattice is where its geotransform says, half a pixel from corners") {
+  RasterFrame frame;
+  frame.columns = 5;
+  frame.rows = 4;
+  frame.geotransform = {1000, 10, 0, 500, 0, -20};
+  const Grid corners = GridOf(frame, 0.5, 100);
+  CHECK(frame.is_flipped());
+  CHECK(corners.Position({0, frame.LatticeRow(0), 2}) == Vec3d{1005, 490, 101});
+  CHECK(corners.Position({4, frame.LatticeRow(3), 0}) == Vec3d{1045, 430, 100});
+  frame.transform_of_samples = true;
+  CHECK(GridOf(frame, 0.5, 100).Position({0, frame.LatticeRow(0), 2}) == Vec3d{1000, 500, 101});
+  frame.geotransform = {1000, 10, 0, 500, 0, 20};  // rows run northwards
+  CHECK_FALSE(frame.is_flipped());
+  CHECK(GridOf(frame, 1, 0).Position({1, frame.LatticeRow(3), 7}) == Vec3d{1010, 560, 7});
+  frame.geotransform = {7e5, 3, 4, 5e6, 4, -3};  // turned
+  const Grid turned = GridOf(frame, 0.01, 0);
+  Box3d bounds;
+  Box3i box;
+  for (int32_t column = 0; column < 5; ++column) {
+    for (uint32_t row = 0; row < 4; ++row) {
+      const Vec3i i{column, frame.LatticeRow(row), static_cast<int32_t>(row) - 2};
+      const Vec3d p = turned.Position(i);
+      CHECK(p.x == Approx(7e5 + 3 * column + 4 * row).epsilon(1e-14));
+      CHECK(p.y == Approx(5e6 + 4 * column - 3.0 * row).epsilon(1e-14));
+      CHECK(turned.Quantize(p) == i);
+      CHECK(turned.Displacement(p) == 0);
+      bounds.Add(p);
+      box.Add(i);
+    }
+  }
+  CHECK(turned.Bounds(box) == bounds);
 }
 
 }  // namespace

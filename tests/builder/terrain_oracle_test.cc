@@ -78,7 +78,8 @@ std::set<Corners> FacesOf(const Triangulation& triangulation) {
 std::set<Corners> FacesOf(const std::vector<TriangleVertices>& triangles) {
   std::set<Corners> faces;
   for (const TriangleVertices& t : triangles) {
-    Corners c = t;
+    Corners c{};
+    for (size_t i = 0; i < 3; ++i) c[i] = static_cast<uint32_t>(t[i]);
     std::sort(c.begin(), c.end());
     faces.insert(c);
   }
@@ -105,7 +106,9 @@ void RequireDelaunay(const Terrain& t, const TriangleMesh& cut, bool whole) {
   }
   std::set<std::pair<uint32_t, uint32_t>> edges;
   for (const TriangleVertices& c : cut.triangles) {
-    for (size_t i = 0; i < 3; ++i) edges.insert({c[i], c[(i + 1) % 3]});
+    for (size_t i = 0; i < 3; ++i) {
+      edges.emplace(static_cast<uint32_t>(c[i]), static_cast<uint32_t>(c[(i + 1) % 3]));
+    }
   }
   for (const auto& [a, b] : edges) {
     if (!edges.contains({b, a})) cgal.insert_constraint(handles[a], handles[b]);

@@ -48,8 +48,25 @@ ObjectRecord FullRecord() {
   return o;
 }
 
+ObjectRecord RasterRecord() {
+  ObjectRecord o = FullRecord();
+  RasterFrame f;
+  f.columns = 1201;
+  f.rows = 2401;
+  f.geotransform = {-120, 1.0 / 1200, 0, 39, 0, -1.0 / 1200};
+  f.transform_of_samples = true;
+  f.is_area = false;
+  f.nodata = -32768;
+  f.sample_type = "int16";
+  f.height_units = "m";
+  f.vertical_datum = "EGM96";
+  o.raster = f;
+  o.grid = GridOf(f, 0.5, 100);
+  return o;
+}
+
 TEST_CASE("a record comes back from its bytes, and the bytes from the record", "[store]") {
-  for (const ObjectRecord& o : {FullRecord(), [] {
+  for (const ObjectRecord& o : {FullRecord(), RasterRecord(), [] {
                                   ObjectRecord least;
                                   least.id = ObjectId{1};
                                   least.name = std::string(500, 'n');
@@ -70,6 +87,7 @@ TEST_CASE("a record comes back from its bytes, and the bytes from the record", "
     CHECK(decoded->bounds == o.bounds);
     CHECK(decoded->units == o.units);
     CHECK(decoded->georeference == o.georeference);
+    CHECK(decoded->raster == o.raster);
     CHECK(decoded->input == o.input);
     CHECK(decoded->vertices == o.vertices);
     CHECK(decoded->triangles == o.triangles);
@@ -97,8 +115,23 @@ TEST_CASE("a record comes back from its bytes, and the bytes from the record", "
   CHECK(FullRecord().digest_hex() == "fedcba98765432100123456789abcdef");
 }
 
+TEST_CASE("a record of a raster has a raster, and no other has", "[store]") {
+  ObjectRecord o = RasterRecord();
+  o.grid.mode = PositionMode::kGrid;
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+  o = RasterRecord();
+  o.raster.reset();
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+  o = RasterRecord();
+  o.grid.plane = {1, 2, 2, 4};
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+  o = RasterRecord();
+  o.raster->rows = 0;
+  CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+}
+
 TEST_CASE("every prefix of a record, and every longer record, fails", "[store]") {
-  Bytes bytes = EncodeObjectRecord(FullRecord());
+  Bytes bytes = EncodeObjectRecord(RasterRecord());
   for (size_t size = 0; size < bytes.size(); ++size) {
     INFO(size);
     const auto decoded = DecodeObjectRecord(ByteSpan(bytes).first(size), "r");
@@ -110,10 +143,11 @@ TEST_CASE("every prefix of a record, and every longer record, fails", "[store]")
 }
 
 TEST_CASE("a changed record gives an error or another valid record, never more", "[store]") {
-  const Bytes bytes = EncodeObjectRecord(FullRecord());
+  const Bytes plain = EncodeObjectRecord(FullRecord());
+  const Bytes raster = EncodeObjectRecord(RasterRecord());
   std::mt19937_64 random(3);
   for (int i = 0; i < 20000; ++i) {
-    Bytes changed = bytes;
+    Bytes changed = i % 2 == 0 ? plain : raster;
     for (uint64_t k = random() % 3 + 1; k > 0; --k) {
       changed[random() % changed.size()] = static_cast<std::byte>(random());
     }
