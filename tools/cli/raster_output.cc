@@ -157,7 +157,7 @@ Result<HeightRaster> SamplesOf(const ObjectRecord& record, const RasterOutputOpt
 // True when the raster is what a .hgt file of this name holds.
 bool IsHgtTile(const HeightRaster& r, const std::string& path) {
   const double south = r.y0 + (r.rows - 1) * r.dy;
-  char name[16];
+  char name[40];
   std::snprintf(name, sizeof(name), "%c%02d%c%03d", south < -0.5 ? 'S' : 'N',
                 std::abs(static_cast<int>(std::lround(south))), r.x0 < -0.5 ? 'W' : 'E',
                 std::abs(static_cast<int>(std::lround(r.x0))));
