@@ -7,6 +7,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "store/files/posix_file.h"
+
 namespace mtdb::internal {
 
 Result<RasterInput> RasterInput::Open(const std::string& path) {
@@ -41,18 +43,12 @@ RasterInput::~RasterInput() {
 }
 
 Status RasterInput::Read(uint64_t offset, void* to, size_t bytes) const {
-  auto* at = static_cast<char*>(to);
-  size_t done = 0;
-  while (done < bytes) {
-    const ssize_t n =
-        pread(descriptor_, at + done, bytes - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return IoError(path_ + ": " + std::strerror(errno));
-    if (n == 0) {
-      return BadInput(path_ + ": ends at byte " + std::to_string(offset + done) + ", expected " +
-                      std::to_string(bytes - done) + " more");
-    }
-    done += static_cast<size_t>(n);
+  const ssize_t n = ReadFully(descriptor_, offset, to, bytes);
+  if (n < 0) return IoError(path_ + ": " + std::strerror(errno));
+  const auto done = static_cast<size_t>(n);
+  if (done < bytes) {
+    return BadInput(path_ + ": ends at byte " + std::to_string(offset + done) + ", expected " +
+                    std::to_string(bytes - done) + " more");
   }
   return Status::Ok();
 }
