@@ -184,7 +184,6 @@ class Builder {
       survey.store_bytes = survey.vertices * kTerrainVertexBytes;
     } else {
       MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
-      survey.store_bytes = EstimateStoreBytes(survey);
     }
     ReturnFreedMemory();
     record_.grid = survey.grid;
