@@ -30,6 +30,9 @@ mtdb_install_targets(builder mtdb_builder)
 mtdb_install_targets(client mtdb_client)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)
+if(GDAL_FOUND)
+  install(TARGETS mtdb_gdal_module LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/mtdb COMPONENT tools)
+endif()
 install(DIRECTORY ${PROJECT_BINARY_DIR}/manual/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1
   COMPONENT tools FILES_MATCHING PATTERN "*.1")
 install(FILES ${PROJECT_BINARY_DIR}/manual/mtdb.bash RENAME mtdb

@@ -4,7 +4,6 @@
 
 #include "tests/support/memory_raster.h"
 #include "tests/tools/cli_testing.h"
-#include "tools/gdal/gdal_raster.h"
 
 namespace mtdb::test {
 namespace {
@@ -163,7 +162,7 @@ TEST_CASE("rasters that are none, or not of one grid, are refused with the reaso
   refused({f("N11E007.hgt"), f("m.off"), store}, "is no raster");
   refused({f("N11E007.hgt"), store, "--bits", "12"}, "--step-z");
   refused({f("m.off"), store, "--step-z", "1"}, "is for rasters");
-  refused({f("dem.tif"), store}, HasGdal() ? "dem.tif" : "without GDAL");
+  refused({f("dem.tif"), store}, MTDB_TEST_GDAL != 0 ? "dem.tif" : "without GDAL");
 }
 
 TEST_CASE("a raster of one row or column has no surface", "[cli]") {
@@ -295,7 +294,7 @@ TEST_CASE("a terrain goes out as the raster that it was", "[cli]") {
 }
 
 TEST_CASE("a GeoTIFF goes in, and comes back sample by sample", "[cli]") {
-  if (!HasGdal()) {
+  if (MTDB_TEST_GDAL == 0) {
     WARN("skipped: without GDAL");
     return;
   }

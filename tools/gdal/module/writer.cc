@@ -1,6 +1,4 @@
-#include "tools/gdal/gdal_writer.h"
-
-#if MTDB_GDAL
+// The writer, by GDAL.
 #include <cerrno>
 #include <cmath>
 #include <cpl_conv.h>
@@ -12,6 +10,8 @@
 #include <ogr_srs_api.h>
 #include <unistd.h>
 #include <vector>
+
+#include "tools/gdal/module/module.h"
 
 namespace mtdb {
 
@@ -111,22 +111,11 @@ class GeoTiffWriter final : public GdalWriter {
 
 }  // namespace
 
-Result<std::unique_ptr<GdalWriter>> CreateGeoTiff(const std::string& path,
-                                                  const GdalRaster& raster) {
+Result<std::unique_ptr<GdalWriter>> CreateByGdal(const std::string& path,
+                                                 const GdalRaster& raster) {
   auto writer = std::make_unique<GeoTiffWriter>(path);
   MTDB_RETURN_IF_ERROR(writer->Create(raster));
   return std::unique_ptr<GdalWriter>(std::move(writer));
 }
 
 }  // namespace mtdb
-#else
-namespace mtdb {
-
-Result<std::unique_ptr<GdalWriter>> CreateGeoTiff(const std::string& path, const GdalRaster&) {
-  return Unsupported(path +
-                     ": this mtdb was built without GDAL, and writes no GeoTIFF; write .asc, or "
-                     "build it where libgdal-dev is installed");
-}
-
-}  // namespace mtdb
-#endif

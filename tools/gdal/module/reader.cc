@@ -1,6 +1,4 @@
-#include "tools/gdal/gdal_raster.h"
-
-#if MTDB_GDAL
+// The reader, by GDAL.
 #include <cmath>
 #include <cpl_conv.h>
 #include <cpl_error.h>
@@ -10,6 +8,8 @@
 #include <limits>
 #include <ogr_srs_api.h>
 #include <vector>
+
+#include "tools/gdal/module/module.h"
 
 namespace mtdb {
 
@@ -138,10 +138,7 @@ class GdalReader final : public RasterReader {
 
 }  // namespace
 
-bool HasGdal() { return true; }
-
-Result<std::unique_ptr<RasterReader>> OpenGdalRaster(const std::string& path,
-                                                     uint64_t cache_bytes) {
+Result<std::unique_ptr<RasterReader>> OpenByGdal(const std::string& path, uint64_t cache_bytes) {
   if (!std::filesystem::exists(path)) {
     return Status(StatusCode::kNotFound, path + ": No such file or directory");
   }
@@ -159,16 +156,3 @@ Result<std::unique_ptr<RasterReader>> OpenGdalRaster(const std::string& path,
 }
 
 }  // namespace mtdb
-#else
-namespace mtdb {
-
-bool HasGdal() { return false; }
-
-Result<std::unique_ptr<RasterReader>> OpenGdalRaster(const std::string& path, uint64_t) {
-  return Unsupported(path +
-                     ": this mtdb was built without GDAL, and reads rasters of the formats " +
-                     OwnRasterSuffixes() + "; build it where libgdal-dev is installed");
-}
-
-}  // namespace mtdb
-#endif

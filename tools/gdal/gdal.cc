@@ -1,0 +1,64 @@
+// Loads the module when a raster needs it: GDAL and what it links would cost every start of mtdb
+// some 50 ms and 40 MB.
+#include <dlfcn.h>
+#include <filesystem>
+#include <utility>
+
+#include "tools/gdal/gdal_raster.h"
+#include "tools/gdal/gdal_writer.h"
+#include "tools/gdal/module/module.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr char kModule[] = "libmtdb_gdal_module.so";
+
+// Beside the program, as it is built, or where it is installed; empty: nowhere.
+std::string ModulePath() {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) return "";
+  for (const std::filesystem::path& folder :
+       {program.parent_path(), program.parent_path() / ".." / MTDB_GDAL_FOLDER}) {
+    if (std::filesystem::exists(folder / kModule, error)) return (folder / kModule).string();
+  }
+  return "";
+}
+
+// Stays loaded.
+Result<const GdalEntries*> Load() {
+  const std::string path = ModulePath();
+  if (path.empty()) return Unsupported("this mtdb was built without GDAL");
+  void* const module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (module == nullptr) return Unsupported(std::string("GDAL cannot be loaded: ") + dlerror());
+  using Entries = const GdalEntries* (*)();
+  const auto entries = reinterpret_cast<Entries>(dlsym(module, kGdalEntries));
+  if (entries == nullptr) return Unsupported(path + ": is of another mtdb");
+  return entries();
+}
+
+}  // namespace
+
+bool HasGdal() { return !ModulePath().empty(); }
+
+Result<std::unique_ptr<RasterReader>> OpenGdalRaster(const std::string& path,
+                                                     uint64_t cache_bytes) {
+  const Result<const GdalEntries*> gdal = Load();
+  if (gdal.ok()) return (*gdal)->open(path, cache_bytes);
+  return Unsupported(path + ": " + gdal.status().message() + ", and reads by itself " +
+                     OwnRasterSuffixes() +
+                     "; for other rasters build it where libgdal-dev is "
+                     "installed");
+}
+
+Result<std::unique_ptr<GdalWriter>> CreateGeoTiff(const std::string& path,
+                                                  const GdalRaster& raster) {
+  const Result<const GdalEntries*> gdal = Load();
+  if (gdal.ok()) return (*gdal)->create(path, raster);
+  return Unsupported(path + ": " + gdal.status().message() +
+                     ", and writes no GeoTIFF; write .asc, or build it where libgdal-dev is "
+                     "installed");
+}
+
+}  // namespace mtdb
