@@ -42,6 +42,7 @@ install(DIRECTORY tools/python/mtdb DESTINATION lib/python3/dist-packages COMPON
 
 # For those who do not use CMake: pkg-config mtdb is libmtdb.so. The C++ libraries are static, and
 # have the CMake package.
+file(RELATIVE_PATH MTDB_PC_PREFIX /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/mtdb.pc.in ${PROJECT_BINARY_DIR}/mtdb.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/mtdb.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
   COMPONENT c)

@@ -59,6 +59,19 @@ foreach(program consumer consumer_c)
   run(${work}/build/${program} ${work}/a.mtdb)
   expect("${output}" "^${triangles} triangles\n$")
 endforeach()
+# The example of C, without CMake.
+find_program(PKG_CONFIG pkg-config)
+if(PKG_CONFIG AND NOT MTDB_SANITIZE)
+  run(${CMAKE_COMMAND} -E env PKG_CONFIG_PATH=${work}/prefix/lib/pkgconfig
+    ${PKG_CONFIG} --cflags --libs mtdb)
+  separate_arguments(options UNIX_COMMAND "${output}")
+  run(${MTDB_CC} -std=c99 ${CMAKE_CURRENT_LIST_DIR}/../../tools/example_c.c -o ${work}/example_c
+    ${options} -Wl,-rpath,${work}/prefix/lib)
+  run(${work}/example_c ${work}/a.mtdb)
+  expect("${output}" "triangles")
+else()
+  message("no pkg-config: its file is not tried")
+endif()
 # What a client says when nobody listens.
 run(${work}/build/consumer_client http://127.0.0.1:1/objects/a)
 expect("${output}" "^http://127.0.0.1:1: cannot connect: ")
