@@ -287,8 +287,8 @@ def kill():
     os.kill(os.getpid(), signal.SIGINT)
 if what == "ingest":
     v, f, _ = hills(300)
-    threading.Timer(0.3, kill).start()
     try:
+        threading.Timer(0.3, kill).start()
         while True:
             db.ingest(v, f, name="x", replace=True)
     except KeyboardInterrupt:
@@ -298,15 +298,15 @@ elif what == "chunks":
         while True:
             v, f, _ = hills(30)
             yield v, f
-    threading.Timer(0.3, kill).start()
     try:
+        threading.Timer(0.3, kill).start()
         db.ingest(endless(), name="x", memory=1 << 30)
     except KeyboardInterrupt:
         print("interrupted", "x" in db)
 else:
     o = db["hills"]
-    threading.Timer(0.3, kill).start()
     try:
+        threading.Timer(0.3, kill).start()
         while True:
             o.extract()
     except KeyboardInterrupt:

@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import gzip
+import http.server
 import os
 import pickle
+import threading
 from pathlib import Path
 from typing import Any, Iterator
 
@@ -191,3 +193,50 @@ def test_verify_finds_what_is_damaged(store: Path, tmp_path: Path) -> None:
         assert found
     except mtdb.Corrupt:
         pass
+
+
+class RangeServer(http.server.BaseHTTPRequestHandler):
+    """A web server that knows ranges, as a packed file needs it."""
+
+    data = b""
+
+    def do_GET(self) -> None:
+        first, last = 0, len(self.data) - 1
+        asked = self.headers.get("Range")
+        if asked:
+            first, last = (int(n) for n in asked.removeprefix("bytes=").split("-"))
+            last = min(last, len(self.data) - 1)
+        body = self.data[first : last + 1]
+        self.send_response(206 if asked else 200)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("ETag", '"one"')
+        if asked:
+            self.send_header("Content-Range", f"bytes {first}-{last}/{len(self.data)}")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+
+def test_a_packed_file_by_its_url(store: Path, tmp_path: Path) -> None:
+    db = mtdb.open(store)
+    db.pack(tmp_path / "a.mtdbp")
+    RangeServer.data = (tmp_path / "a.mtdbp").read_bytes()
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), RangeServer)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        remote = mtdb.open(f"http://127.0.0.1:{server.server_address[1]}/a.mtdbp")
+        assert list(remote) == ["hills", "small"]
+        np.testing.assert_array_equal(
+            remote["hills"].extract(error=0.1).faces, db["hills"].extract(error=0.1).faces
+        )
+        copy = mtdb.open(tmp_path / "copy.mtdb", create=True)
+        assert copy.copy_from(remote["small"]).digest == db["small"].digest
+        with pytest.raises(mtdb.MtdbError):
+            del remote["small"]
+    except mtdb.Unsupported as error:
+        pytest.skip(f"mtdb was built without libcurl: {error}")
+    finally:
+        server.shutdown()
+        server.server_close()
