@@ -1,4 +1,5 @@
-"""Meshes of other libraries, which are imported when they are asked for. Arrays are copied."""
+"""Meshes of other libraries, which are imported when they are asked for. Arrays are copied: Open3D
+refuses read-only ones."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ def to_open3d(mesh: Mesh) -> "open3d.geometry.TriangleMesh":
 
     made = open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(_points(mesh)),
-        open3d.utility.Vector3iVector(np.ascontiguousarray(mesh.faces)),
+        open3d.utility.Vector3iVector(np.array(mesh.faces)),
     )
     if mesh.normals is not None:
         made.vertex_normals = open3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
