@@ -191,6 +191,10 @@ Result<PackReport> Pack(std::span<const std::shared_ptr<ClusterSource>> sources,
   }
   PackedHeader header;
   header.directory_bytes = EncodePackedDirectory(objects).size();
+  if (header.directory_bytes > kMaxDirectoryBytes) {
+    return InvalidArgument(std::to_string(objects.size()) +
+                           " objects are too many for one packed file; pack them into several");
+  }
   uint64_t start = kPackedHeaderBytes + header.directory_bytes;
   for (size_t i = 0; i < layouts.size(); ++i) {
     layouts[i].Place(start, (i == 0 ? 0 : start) + kPackedFirstRead);

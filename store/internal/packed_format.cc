@@ -195,6 +195,7 @@ Result<PackedHeader> DecodePackedHeader(ByteSpan bytes, uint64_t file_bytes,
                    std::to_string(file_bytes) + "; it was cut off or appended to: get it anew");
   }
   if (header.directory_bytes == 0 || header.directory_bytes > file_bytes - kPackedHeaderBytes ||
+      header.directory_bytes > kMaxDirectoryBytes ||
       header.first_bytes < kPackedHeaderBytes + header.directory_bytes ||
       header.first_bytes > file_bytes) {
     return Corrupt(where + ": header: impossible numbers");

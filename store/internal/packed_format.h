@@ -19,6 +19,8 @@ namespace mtdb::internal {
 inline constexpr size_t kPackedHeaderBytes = 72;
 // What one read from the beginning gets.
 inline constexpr uint64_t kPackedFirstRead = 64 << 10;
+// A file without blocks may claim any directory; a reader has it in memory.
+inline constexpr uint64_t kMaxDirectoryBytes = uint64_t{1} << 28;
 
 struct PackedHeader {
   uint64_t file_bytes = 0;

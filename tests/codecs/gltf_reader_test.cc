@@ -133,7 +133,10 @@ TEST_CASE("glTF in JSON reads buffers beside it and in itself, and none from els
   };
   folder.Write("my square.bin", SquareBuffer());
   CHECK(ReadPath(with("my%20square.bin")).mesh.triangles.size() == 2);
-  CHECK(ReadPath(with("none.bin")).status.code() == StatusCode::kNotFound);
+  const Status none = ReadPath(with("none.bin")).status;
+  CHECK(none.code() == StatusCode::kNotFound);
+  CHECK_THAT(none.message(), Catch::Contains("a.gltf: ") && Catch::Contains("none.bin"));
+  CHECK_THAT(ReadPath(with("")).status.message(), Catch::Contains("a.gltf: "));
   for (const char* uri : {"../a.bin", "/etc/passwd", "file:///etc/passwd", "http://a/b.bin"}) {
     const ReadOutcome outcome = ReadPath(with(uri));
     INFO(uri << ": " << outcome.status.message());
@@ -261,6 +264,7 @@ TEST_CASE("glTF that is damaged or asks for what mtdb cannot do is refused, and 
   refused(R"("count":4,"type":"VEC3")", R"("count":5,"type":"VEC3")", "5 values of 12 bytes");
   refused(R"("count":4,"type":"VEC3")", R"("count":9007199254740992,"type":"VEC3")", "values");
   refused(R"("count":4,"type":"VEC3")", R"("count":-1,"type":"VEC3")", "wrong number");
+  refused(R"({"bufferView":0,)", "{", "no bufferView");
   refused(R"("byteOffset":48)", R"("byteOffset":40)", "vertex index");
   refused(R"("byteLength":48)", R"("byteLength":480)", "cut short");
   refused(R"("POSITION":0)", R"("POSITION":7)", "no accessor 7");
@@ -297,6 +301,32 @@ TEST_CASE("glTF that is damaged or asks for what mtdb cannot do is refused, and 
       REQUIRE(!outcome.status.message().empty());
     }
   }
+}
+
+std::string Repeated(const std::string& text, int times) {
+  std::string all;
+  for (int i = 0; i < times; ++i) all += (i == 0 ? "" : ",") + text;
+  return all;
+}
+
+TEST_CASE(
+    "glTF that names a few bytes again and again is read, or refused, without a copy of each") {
+  // A thousand primitives share a buffer of 3 MB in the JSON; decoded by each, they are minutes.
+  std::string json = SquareJson(R"(,"mode":5)", "");
+  const std::string primitive = R"({"attributes":{"POSITION":0},"mode":5})";
+  json.replace(json.find(primitive), primitive.size(), Repeated(primitive, 1000));
+  json.replace(json.find(R"("byteLength":56)"), 15,
+               R"("uri":"data:;base64,)" + std::string(4 << 20, 'A') + "\"");
+  const ReadOutcome shared = ReadGood("a.gltf", json);
+  CHECK(shared.mesh.positions.size() == 4000);
+
+  // Nodes times primitives: 10^10 from half a megabyte.
+  const ReadOutcome many =
+      ReadText("a.glb", Glb(R"({"meshes":[{"primitives":[)" + Repeated("{}", 100000) +
+                                R"(]}],"nodes":[)" + Repeated(R"({"mesh":0})", 100000) + "]}",
+                            ""));
+  CHECK(many.status.code() == StatusCode::kUnsupported);
+  CHECK_THAT(many.status.message(), Catch::Contains("a.glb: ") && Catch::Contains("in parts"));
 }
 
 TEST_CASE("A .drc of mtdb's own is read as it was written, far from 0 too") {

@@ -360,6 +360,23 @@ TEST_CASE("a packed file that is cut off or appended to is refused", "[packed]")
   }
 }
 
+TEST_CASE("a header that claims a directory larger than any is refused before it is read",
+          "[packed]") {
+  const TempDir dir;
+  const std::string path = dir.File("sparse.mtdbp");
+  internal::PackedHeader header;
+  header.file_bytes = uint64_t{1} << 40;
+  for (const uint64_t bytes : {internal::kMaxDirectoryBytes + 1, header.file_bytes - 72}) {
+    header.directory_bytes = bytes;
+    header.first_bytes = 72 + bytes;
+    WriteFile(path, internal::EncodePackedHeader(header));
+    std::filesystem::resize_file(path, header.file_bytes);
+    const auto database = Database::Open(path);
+    REQUIRE(!database.ok());
+    CHECK_THAT(database.status().message(), Catch::Contains("impossible numbers"));
+  }
+}
+
 TEST_CASE("reads that fail are errors of what needs them, and may be tried again", "[packed]") {
   const TempDir dir;
   const Packed packed = MakePacked(dir, 400, 300);

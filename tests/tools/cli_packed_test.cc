@@ -102,6 +102,27 @@ TEST_CASE("what is unpacked has the digest of what was packed") {
   RunFails(1, {"remove", PackedExample(), "sculpture"}, {"never changed"});
 }
 
+TEST_CASE("a packed file takes the place of packed files, not of stores") {
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb"), link = folder.File("link.mtdbp");
+  std::filesystem::copy(TheExample().store, store);
+  std::filesystem::create_symlink("s.mtdb", link);
+  const std::string before = ReadText(store);
+  for (const std::string& from : {store, PackedExample()}) {
+    for (const std::string& to : {store, link}) {
+      RunFails(1, {"pack", from, to}, {"is a store", "another name"});
+      CHECK(ReadText(store) == before);
+    }
+  }
+  const std::string packed = folder.File("p.mtdbp");
+  std::ofstream(packed).close();  // of mktemp
+  RunOk({"pack", store, packed});
+  const std::string once = ReadText(packed);
+  RunOk({"pack", packed, packed});
+  CHECK(ReadText(packed) == once);
+  RunFails(1, {"pack", store, "http://localhost/p.mtdbp"}, {"expected a file"});
+}
+
 TEST_CASE("a server stands before a packed file and before its URL") {
   const FileServer files(ReadText(PackedExample()));
   std::string mesh;

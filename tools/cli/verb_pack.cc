@@ -1,4 +1,5 @@
 #include <cstdio>
+#include <filesystem>
 #include <set>
 
 #include "codecs/mesh_file/atomic_file.h"
@@ -28,6 +29,21 @@ Result<std::vector<std::string>> NamesOf(const Database& database,
   return names;
 }
 
+// The packed file takes the place of what has its name, which must not be a store: its other
+// objects would be lost.
+Status CheckNoStore(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error) || Database::NothingStored(path)) {
+    return Status::Ok();
+  }
+  const auto there = Database::Open(path);
+  if (there.ok() ? (*there)->is_packed() : there.status().code() != StatusCode::kBusy) {
+    return Status::Ok();
+  }
+  return {StatusCode::kAlreadyExists,
+          path + ": is a store, which the packed file would replace; give another name"};
+}
+
 }  // namespace
 
 Status Pack(const PackArguments& arguments) {
@@ -37,6 +53,10 @@ Status Pack(const PackArguments& arguments) {
   for (const std::string& name : names) {
     MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
   }
+  if (Database::IsUrl(arguments.to)) {
+    return InvalidArgument(arguments.to + ": expected a file, which you then upload");
+  }
+  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.to));
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<AtomicFile> file, AtomicFile::Create(arguments.to));
   MTDB_ASSIGN_OR_RETURN(const PackReport report,
                         PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));

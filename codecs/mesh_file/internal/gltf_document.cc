@@ -231,7 +231,12 @@ Result<GltfBytes> GltfDocument::Buffer(uint64_t index) const {
   }
   if (!uri->is_string()) return Error("a buffer's uri is no text");
   const auto& text = uri->get_ref<const std::string&>();
-  if (text.starts_with("data:")) return DataUri(text);
+  if (text.starts_with("data:")) {
+    if (const auto known = data_uris_.find(index); known != data_uris_.end()) return known->second;
+    MTDB_ASSIGN_OR_RETURN(GltfBytes bytes, DataUri(text));
+    return data_uris_.emplace(index, std::move(bytes)).first->second;
+  }
+  if (text.empty()) return Error("buffer " + std::to_string(index) + " names no file");
   const std::filesystem::path name(Unescaped(text));
   // A file that came from elsewhere must not make others of this machine part of a mesh.
   const bool inside =
@@ -242,10 +247,15 @@ Result<GltfBytes> GltfDocument::Buffer(uint64_t index) const {
                  " is in a file outside of this one's folder; copy it there, or convert to .glb");
   }
   const std::string path = (std::filesystem::path(path_).parent_path() / name).string();
-  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<InputFile> file, InputFile::Open(path));
+  Result<std::unique_ptr<InputFile>> file = InputFile::Open(path);
+  if (!file.ok()) {
+    return Status(file.status().code(), path_ + ": glTF: buffer " + std::to_string(index) + ": " +
+                                            file.status().message() +
+                                            "; put the file there, or convert to .glb");
+  }
   GltfBytes bytes;
-  bytes.size = file->size_bytes();
-  bytes.file = std::move(file);
+  bytes.size = (*file)->size_bytes();
+  bytes.file = *std::move(file);
   return bytes;
 }
 
@@ -266,7 +276,14 @@ Result<GltfBytes> GltfDocument::BufferView(uint64_t index) const {
   if (view == nullptr) return Error("no bufferView " + std::to_string(index));
   const GltfJson* const meshopt =
       GltfMember(GltfMember(view, "extensions"), "EXT_meshopt_compression");
-  if (meshopt != nullptr) return Decompressed(meshopt);
+  if (meshopt != nullptr) {
+    const auto known =
+        std::ranges::find(decompressed_, index, [](const auto& kept) { return kept.first; });
+    if (known != decompressed_.end()) return known->second;
+    MTDB_ASSIGN_OR_RETURN(GltfBytes bytes, Decompressed(meshopt));
+    if (decompressed_.size() == kKeptViews) decompressed_.erase(decompressed_.begin());
+    return decompressed_.emplace_back(index, std::move(bytes)).second;
+  }
   uint64_t buffer = 0, offset = 0, size = 0, stride = 0;
   if (!GltfNumber(view, "buffer", kMaxNumber, &buffer) ||
       !GltfNumber(view, "byteOffset", 0, &offset) || !GltfNumber(view, "byteLength", 0, &size) ||
@@ -374,6 +391,8 @@ Result<GltfAccessor> GltfDocument::Accessor(uint64_t index) const {
       !GltfNumber(json, "byteOffset", 0, &offset)) {
     return Error(name + " has a wrong number");
   }
+  // All its values would be 0.
+  if (GltfMember(json, "bufferView") == nullptr) return Error(name + " has no bufferView");
   const uint64_t value_bytes =
       ScalarSize(accessor.type) * static_cast<uint64_t>(accessor.components);
   MTDB_ASSIGN_OR_RETURN(accessor.bytes, BufferView(view));

@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "codecs/mesh_file/internal/file_io.h"
@@ -45,6 +47,7 @@ struct GltfAccessor {
   bool normalized = false;
 };
 
+// Not for several threads at a time.
 class GltfDocument {
  public:
   // `file`: .glb or the JSON of .gltf. Buffers in other files lie in the folder of `file`. Errors:
@@ -71,9 +74,15 @@ class GltfDocument {
   Result<GltfBytes> Part(uint64_t buffer, uint64_t offset, uint64_t size) const;
   Result<GltfBytes> Decompressed(const GltfJson* extension) const;
 
+  // At most so many decompressed views are kept: what a primitive has, beside each other.
+  static constexpr size_t kKeptViews = 8;
+
   std::string path_;
   GltfJson json_;
   GltfBytes binary_;  // the chunk of a .glb; no file: none
+  // What many accessors share is decoded once, not by each of them.
+  mutable std::map<uint64_t, GltfBytes> data_uris_;                   // by buffer
+  mutable std::vector<std::pair<uint64_t, GltfBytes>> decompressed_;  // by view; the newest last
 };
 
 // Reads an accessor's values, front to back.

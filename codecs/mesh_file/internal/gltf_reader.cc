@@ -3,6 +3,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -63,8 +64,8 @@ class GltfReader {
     MTDB_RETURN_IF_ERROR(Plan());
     CountIgnored();
     MTDB_RETURN_IF_ERROR(emitter_.Begin(header_));
-    for (const Primitive& primitive : primitives_) {
-      MTDB_RETURN_IF_ERROR(Emit(primitive));
+    for (const Placed& placed : placed_) {
+      MTDB_RETURN_IF_ERROR(Emit(primitives_[placed.primitive], placed.placement));
     }
     return emitter_.End();
   }
@@ -72,10 +73,20 @@ class GltfReader {
  private:
   struct Primitive {
     const GltfJson* json;
-    Placement placement;
-    std::string where;  // "mesh 1, primitive 0"
+    std::string where;      // "mesh 1, primitive 0"
+    uint64_t uses = 0;      // how many nodes place it
+    bool is_moved = false;  // by one of them
   };
+  // A primitive where a node puts it.
+  struct Placed {
+    uint64_t primitive;
+    Placement placement;
+  };
+  // A few bytes of nodes times a few of primitives could be any number.
+  static constexpr uint64_t kMostPlaced = uint64_t{1} << 20;
   static constexpr uint64_t kNone = uint64_t{1} << 53;
+  // Of a primitive, whose indices have 32 bits.
+  static constexpr uint64_t kMostVertices = uint64_t{1} << 32;
   static constexpr uint64_t kTriangles = 4, kStrip = 5, kFan = 6;
 
   Status Error(const std::string& what) const { return document_->Error(what); }
@@ -175,6 +186,28 @@ class GltfReader {
   }
 
   Status AddMesh(uint64_t mesh, const Placement& placement) {
+    auto known = meshes_.find(mesh);
+    if (known == meshes_.end()) {
+      const uint64_t first = primitives_.size();
+      MTDB_RETURN_IF_ERROR(AddPrimitives(mesh));
+      known = meshes_.emplace(mesh, std::pair(first, uint64_t{primitives_.size()})).first;
+    }
+    const auto [first, end] = known->second;
+    if (end - first > kMostPlaced - placed_.size()) {
+      return Unsupported(document_->path() + ": glTF: its nodes place more than " +
+                         std::to_string(kMostPlaced) +
+                         " primitives; join some, or export the scene in parts");
+    }
+    for (uint64_t p = first; p < end; ++p) {
+      ++primitives_[p].uses;
+      primitives_[p].is_moved |= placement != Placement{};
+      placed_.push_back({p, placement});
+    }
+    return Status::Ok();
+  }
+
+  // Of a mesh that is met for the first time.
+  Status AddPrimitives(uint64_t mesh) {
     const GltfJson* const json = GltfElement(document_->json(), "meshes", mesh);
     if (json == nullptr) return Error("no mesh " + std::to_string(mesh));
     for (size_t p = 0; p < GltfSize(json, "primitives"); ++p) {
@@ -188,8 +221,8 @@ class GltfReader {
         continue;
       }
       morphs_ += GltfSize(primitive, "targets") != 0;
-      primitives_.push_back({primitive, placement,
-                             "mesh " + std::to_string(mesh) + ", primitive " + std::to_string(p)});
+      primitives_.push_back(
+          {primitive, "mesh " + std::to_string(mesh) + ", primitive " + std::to_string(p)});
     }
     return Status::Ok();
   }
@@ -232,14 +265,19 @@ class GltfReader {
     for (const Primitive& primitive : primitives_) {
       MTDB_ASSIGN_OR_RETURN(const GltfAccessor positions, ShapeOf(primitive, "POSITION"));
       if (positions.components != 3) return Error(primitive.where + ": POSITION is not VEC3");
-      vertices += positions.count;
-      header_.double_positions |= primitive.placement != Placement{} || positions.normalized;
+      if (positions.count > kMostVertices) {
+        return Error(primitive.where + ": " + std::to_string(positions.count) + " vertices");
+      }
+      vertices += primitive.uses * positions.count;
+      header_.double_positions |= primitive.is_moved || positions.normalized;
       const GltfJson* const attributes = GltfMember(primitive.json, "attributes");
       std::erase_if(names, [&](const std::string& name) {
         return GltfMember(attributes, name.c_str()) == nullptr;
       });
       for (const auto& [name, unused] : attributes->items()) {
-        if (name.starts_with("TEXCOORD_")) texture_coordinates_ += positions.count;
+        if (name.starts_with("TEXCOORD_")) {
+          texture_coordinates_ += primitive.uses * positions.count;
+        }
         if (name == "POSITION" || name.starts_with("TEXCOORD_")) continue;
         others_.insert(name);
       }
@@ -296,7 +334,7 @@ class GltfReader {
     for (const std::string& name : others_) AddIgnored(report_, "attribute " + name.substr(0, 60));
   }
 
-  Status Emit(const Primitive& primitive) {
+  Status Emit(const Primitive& primitive, const Placement& placement) {
     std::unique_ptr<DracoMesh> draco;
     if (const GltfJson* const extension = DracoOf(primitive); extension != nullptr) {
       MTDB_ASSIGN_OR_RETURN(draco, Decode(primitive, extension));
@@ -319,15 +357,16 @@ class GltfReader {
     for (uint64_t v = 0; v < positions.count; ++v) {
       std::array<double, 4> value;
       MTDB_RETURN_IF_ERROR(ValueOf(position, v, &value));
-      const Vec3d p = primitive.placement({value[0], value[1], value[2]});
+      const Vec3d p = placement({value[0], value[1], value[2]});
       if (const std::string problem = NonFinite(p); !problem.empty()) {
         return BadInput(file_.path() + ": " + primitive.where + ", vertex " + std::to_string(v) +
                         ": " + problem);
       }
-      MTDB_RETURN_IF_ERROR(PutRow(primitive, sources, v, row.data()));
+      MTDB_RETURN_IF_ERROR(PutRow(placement, sources, v, row.data()));
       MTDB_RETURN_IF_ERROR(emitter_.AddVertex(p, row));
     }
-    MTDB_RETURN_IF_ERROR(EmitTriangles(primitive, draco.get(), positions.count));
+    MTDB_RETURN_IF_ERROR(
+        EmitTriangles(primitive, placement.mirrors(), draco.get(), positions.count));
     first_ += positions.count;
     return Status::Ok();
   }
@@ -375,7 +414,7 @@ class GltfReader {
     return Status::Ok();
   }
 
-  Status PutRow(const Primitive& primitive, std::vector<Source>& sources, uint64_t vertex,
+  Status PutRow(const Placement& placement, std::vector<Source>& sources, uint64_t vertex,
                 std::byte* at) {
     size_t attribute = 0;
     for (size_t c = 0; c < columns_.size(); ++c) {
@@ -383,8 +422,8 @@ class GltfReader {
       MTDB_RETURN_IF_ERROR(ValueOf(sources[c], vertex, &value));
       if (columns_[c].name == "NORMAL") {
         const Vec3d n{value[0], value[1], value[2]};
-        if (primitive.placement != Placement{}) {
-          const Vec3d turned = primitive.placement.Normal(n);
+        if (placement != Placement{}) {
+          const Vec3d turned = placement.Normal(n);
           value = {turned.x, turned.y, turned.z, 0};
         }
       } else if (columns_[c].name == "COLOR_0") {
@@ -402,8 +441,8 @@ class GltfReader {
     return Status::Ok();
   }
 
-  Status EmitTriangles(const Primitive& primitive, const DracoMesh* draco, uint64_t vertices) {
-    const bool mirrors = primitive.placement.mirrors();
+  Status EmitTriangles(const Primitive& primitive, bool mirrors, const DracoMesh* draco,
+                       uint64_t vertices) {
     const auto add = [&](uint64_t a, uint64_t b, uint64_t c) {
       if (const uint64_t most = std::max({a, b, c}); most >= vertices) {
         return BadInput(file_.path() + ": " + primitive.where + ": vertex index " +
@@ -461,7 +500,9 @@ class GltfReader {
   MeshEmitter emitter_;
   MeshReadReport* report_;
   std::unique_ptr<GltfDocument> document_;
-  std::vector<Primitive> primitives_;
+  std::vector<Primitive> primitives_;                         // each once
+  std::map<uint64_t, std::pair<uint64_t, uint64_t>> meshes_;  // their first primitives and ends
+  std::vector<Placed> placed_;                                // in the order of the scene
   MeshHeader header_;
   std::vector<Column> columns_;
   std::set<std::string> others_;  // attributes that are not carried
