@@ -97,8 +97,11 @@ void HandOn(const struct stat& from, int descriptor) {
 }  // namespace
 
 Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& name) {
-  const std::string path = BehindLinks(name);
   struct stat info {};
+  // A stream need not have the name that its link says: /dev/stdout leads to "pipe:[123]".
+  const bool is_stream =
+      ::stat(name.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode);
+  const std::string path = is_stream ? name : BehindLinks(name);
   const bool there = ::stat(path.c_str(), &info) == 0;
   const bool replaces = there && S_ISREG(info.st_mode);
   const struct stat replaced = info;

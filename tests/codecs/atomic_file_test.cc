@@ -1,6 +1,7 @@
 // Files that appear whole or not at all, and what processes leave that die while they write them.
 #include "codecs/mesh_file/atomic_file.h"
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fcntl.h>
@@ -27,6 +28,29 @@ std::set<std::string> FilesIn(const std::string& folder) {
 std::string Read(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+TEST_CASE("A pipe is written to by each of its names") {
+  const TemporaryFolder folder;
+  int ends[2];
+  REQUIRE(::pipe(ends) == 0);
+  // As /dev/stdout: a link to "pipe:[123]", which is no path.
+  const std::string own = "/proc/self/fd/" + std::to_string(ends[1]);
+  const std::string link = folder.path() + "/link.ply";
+  std::filesystem::create_symlink(own, link);
+  for (const std::string& path : {own, link}) {
+    auto file = AtomicFile::Create(path);
+    INFO(file.status().message());
+    REQUIRE(file.ok());
+    REQUIRE((*file)->Append("mesh").ok());
+    REQUIRE((*file)->Commit().ok());
+    std::array<char, 8> text{};
+    REQUIRE(::read(ends[0], text.data(), text.size()) == 4);
+    CHECK(std::string(text.data()) == "mesh");
+  }
+  ::close(ends[0]);
+  ::close(ends[1]);
+  CHECK(FilesIn(folder.path()) == std::set<std::string>{"link.ply"});
 }
 
 TEST_CASE("A file has its name when it is whole, and replaces another of that name") {
