@@ -26,6 +26,7 @@ std::optional<size_t> FirstBadByte(const std::string& text) {
       code = code << 6 | (next & 0x3fu);
     }
     if (code < kLeast[size] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return i;
+    if (code >= 0x80 && code < 0xa0) return i;  // control characters, as terminals take them
     i += size;
   }
   return std::nullopt;
