@@ -30,7 +30,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLonger{
      "arithmetic without branches, as codecs/FORMAT.md has it"},
     {{"tools/cli/main.cc", "(CLI::App* verb, "}, "a statement for each option of a verb"},
     {{"tools/cli/verb_ingest.cc", " Ingest("}, "what the verb does, in order"},
-    {{"tools/cli/verb_query.cc", " PrintStats("}, "prints one figure after the other"},
 };
 
 struct Function {

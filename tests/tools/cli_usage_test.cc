@@ -116,6 +116,14 @@ TEST_CASE("wrong values of the options of queries are usage errors", "[cli]") {
                 kCameraOptions[4],
                 kCameraOptions[5],
                 {"--size", kCameraOptions[5].wrong}});
+  RequireUsage({"render", none, folder.File("a.png")},
+               {{"--up", {"", "0,0,0", "0,0", "nan,0,1"}},
+                {"--view", {"", "above", "Front"}},
+                {"--background", {"", "blue", "#12345", "#12345g", "#1234567"}},
+                {"--colour", {""}},
+                {"--range", {"", "1", "2,1", "nan,1", "0,1,2"}}});
+  RequireUsage({"render", none, folder.File("a.png"), "--eye=0,-1,0", "--target=0,0,0"},
+               {{"--view", {"front"}}});
   RequireUsage({"fetch", "http://127.0.0.1:1/objects/a", out}, kQueryOptions);
   RequireUsage({"fetch", "http://127.0.0.1:1/objects/a", out},
                {{"--timeout", kNoSeconds}, {"--timeout", {"0"}}});

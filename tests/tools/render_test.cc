@@ -69,6 +69,15 @@ TriangleMesh OneTriangle() {
   return mesh;
 }
 
+std::vector<Vec3d> CornersOf(const Box3d& box) {
+  std::vector<Vec3d> corners;
+  for (int c = 0; c < 8; ++c) {
+    corners.push_back({c & 1 ? box.max.x : box.min.x, c & 2 ? box.max.y : box.min.y,
+                       c & 4 ? box.max.z : box.min.z});
+  }
+  return corners;
+}
+
 RenderOptions Small() {
   RenderOptions options;
   options.width = 160;
@@ -111,7 +120,7 @@ TEST_CASE("the outline of a sphere covers a disc") {
   // The background is that of a picture of next to nothing.
   TriangleMesh speck = Icosphere(0);
   for (Vec3d& p : speck.positions) p = p * 1e-4;
-  options.frame = Box3d{{-1, -1, -1}, {1, 1, 1}};
+  options.frame = CornersOf({{-1, -1, -1}, {1, 1, 1}});
   const RenderImage background = Render(speck, options);
   const auto covered = static_cast<double>(DifferentPixels(image, background));
   int left = 200, right = -1;
@@ -195,7 +204,7 @@ TEST_CASE("what cannot be drawn is refused with a reason") {
   options.view_direction = {0, 0, 0};
   CHECK(code(OneTriangle(), options) == StatusCode::kInvalidArgument);
   options = Small();
-  options.frame = Box3d{};
+  options.frame = {{std::nan(""), 0, 0}};
   CHECK(code(OneTriangle(), options) == StatusCode::kInvalidArgument);
 }
 
@@ -226,7 +235,7 @@ TEST_CASE("libpng reads back the picture that was written") {
 }
 
 TEST_CASE("a picture that cannot be written names its path") {
-  const RenderImage image{1, 1, {1, 2, 3}};
+  const RenderImage image{1, 1, {1, 2, 3}, {}, {}};
   const Status status = WritePng("/no/such/folder/a.png", image);
   CHECK(status.code() == StatusCode::kIoError);
   CHECK(status.message().find("/no/such/folder/a.png") != std::string::npos);

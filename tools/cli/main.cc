@@ -35,6 +35,7 @@ using mtdb::AddJson;
 using mtdb::AddName;
 using mtdb::AddParsed;
 using mtdb::AddParsedList;
+using mtdb::AddPictureOptions;
 using mtdb::AddQueryOptions;
 using mtdb::AddVerbose;
 
@@ -559,7 +560,11 @@ void CommandLine::AddVerifyVerb() {
 void CommandLine::AddRenderVerb() {
   CLI::App* verb =
       AddVerb("render", "draw what extract would write",
-              "Example: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe",
+              "Examples: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe\n"
+              "          mtdb render scans.mtdb error.png --colour error --error-rel 0.002 "
+              "--view top\n"
+              "Where the surface is blue, its back is seen: the inside of an open scan, or "
+              "triangles whose orientation\nis wrong in the input. More: docs/guide.md",
               [this](bool*) { return mtdb::RenderVerb(query_); });
   AddStore(verb, &query_.store);
   verb->add_option("OUT.png", query_.output, "the picture")
@@ -569,11 +574,7 @@ void CommandLine::AddRenderVerb() {
       });
   AddQueryOptions(verb, &query_, true);
   AddCache(verb, &query_);
-  AddParsed(verb, "--size", "WxH", &query_.size, mtdb::ParseExtent, "width and height in pixels")
-      ->default_str("1200x900");
-  verb->add_flag("--overview", query_.overview,
-                 "draw the whole object as without a camera, not what the camera sees");
-  verb->add_flag("--wireframe", query_.wireframe, "draw the edges of the triangles");
+  AddPictureOptions(verb, &query_);
 }
 
 void CommandLine::AddServerVerbs() {

@@ -1,6 +1,10 @@
 #include "tools/cli/options.h"
 
+#include <array>
+#include <string_view>
+
 #include "query/query_json.h"
+#include "tools/render/view.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
@@ -19,6 +23,46 @@ void AddVerbose(CLI::App* verb, bool* verbose) {
 }
 
 namespace {
+
+struct Background {
+  std::optional<Rgb> colour;
+  bool transparent = false;
+};
+
+Result<Background> ParseBackground(const std::string& text) {
+  if (text == "transparent") return Background{std::nullopt, true};
+  if (text == "white") return Background{Rgb{255, 255, 255}};
+  if (text == "black") return Background{Rgb{0, 0, 0}};
+  if (text == "grey" || text == "gray") return Background{Rgb{128, 128, 128}};
+  constexpr const char* kHexDigits = "0123456789abcdefABCDEF";
+  if (text.size() == 7 && text[0] == '#' &&
+      text.find_first_not_of(kHexDigits, 1) == std::string::npos) {
+    const auto value = static_cast<uint32_t>(std::stoul(text.substr(1), nullptr, 16));
+    return Background{Rgb{static_cast<uint8_t>(value >> 16), static_cast<uint8_t>(value >> 8),
+                          static_cast<uint8_t>(value)}};
+  }
+  return Unexpected(text, "white, black, grey, transparent or #RRGGBB");
+}
+
+Result<std::array<double, 2>> ParseRange(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 2, "LEAST,MOST"));
+  if (n[0] > n[1]) return Unexpected(text, "LEAST,MOST, with LEAST at most MOST");
+  return std::array{n[0], n[1]};
+}
+
+void SetColouring(const std::string& text, RenderOptions* picture) {
+  constexpr std::string_view kAttribute = "attribute:";
+  if (text == "none") {
+    picture->colour_by = ColourBy::kNothing;
+  } else if (text == "normal") {
+    picture->colour_by = ColourBy::kNormal;
+  } else if (text == "error") {
+    picture->colour_by = ColourBy::kDistance;
+  } else {
+    picture->colour_by = ColourBy::kAttribute;
+    picture->attribute = text.starts_with(kAttribute) ? text.substr(kAttribute.size()) : text;
+  }
+}
 
 void AddAccuracyOptions(CLI::App* verb, QueryOptions* q) {
   const char* group = "How accurate (several: all must hold)";
@@ -72,7 +116,7 @@ void AddRegionOptions(CLI::App* verb, QueryOptions* q) {
       ->group(group);
 }
 
-void AddCameraOptions(CLI::App* verb, QueryOptions* q) {
+void AddCameraOptions(CLI::App* verb, QueryOptions* q, bool draws) {
   const char* group = "The camera";
   const auto add = [&](const char* name, const char* form, auto* value, auto parse,
                        const char* description) {
@@ -80,7 +124,9 @@ void AddCameraOptions(CLI::App* verb, QueryOptions* q) {
   };
   add("--eye", "X,Y,Z", &q->eye, PointOption, "where it is");
   add("--target", "X,Y,Z", &q->target, PointOption, "what it looks at");
-  add("--up", "X,Y,Z", &q->up, PointOption, "what is up in its picture (default: 0,0,1)");
+  add("--up", "X,Y,Z", &q->up, PointOption,
+      draws ? "what is up in the picture, also without a camera (default with a camera: 0,0,1)"
+            : "what is up in its picture (default: 0,0,1)");
   add("--fov", "DEGREES", &q->fov, ParsePositive,
       "the angle from the bottom to the top of its picture (default: 45)");
   add("--viewport", "WxH", &q->viewport, ParseExtent,
@@ -93,7 +139,7 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
   AddName(verb, &a->name, "which object; needed when the store has several");
   AddAccuracyOptions(verb, &a->query);
   AddRegionOptions(verb, &a->query);
-  AddCameraOptions(verb, &a->query);
+  AddCameraOptions(verb, &a->query, draws);
   verb->add_option("--query", a->query.file,
                    "region and threshold from a JSON file (docs/query.md), or - for standard "
                    "input: all that the options below say, and more")
@@ -105,6 +151,9 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
   // Called when the verb's arguments are complete.
   verb->callback([a, draws] {
     Status status = CheckOptions(a->query, draws);
+    if (status.ok() && a->view != "auto" && a->query.has_camera() && !a->overview) {
+      status = InvalidArgument("--view: does not go with --eye, which says where to look from");
+    }
     // A query of options alone depends on nothing else; of the object's size only by a factor.
     if (status.ok() && a->query.file.empty()) {
       const auto json = QueryOf(a->query, a->size);
@@ -118,6 +167,57 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
     }
     if (!status.ok()) throw CLI::ValidationError(status.message());
   });
+}
+
+void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
+  const char* group = "The picture";
+  AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
+      ->default_str("1200x900")
+      ->group(group);
+  verb->add_option("--view", a->view,
+                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
+                   "auto, which shows the broader side from above; --up says what is up "
+                   "(default: found from the shape)")
+      ->type_name("SIDE")
+      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
+      ->default_str("auto")
+      ->group(group);
+  verb->add_option_function<std::string>(
+          "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
+          "colour by: an attribute's name; error, the distance from the surface at full "
+          "resolution; normal; or none (default: the scan's red, green, blue). attribute:NAME is "
+          "an attribute, whatever its name")
+      ->type_name("WHAT")
+      ->group(group);
+  AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
+            "the values of the first and the last colour (default: those that there are)")
+      ->group(group);
+  verb->add_option_function<std::string>(
+          "--background",
+          [a](const std::string& text) {
+            const Result<Background> background = ParseBackground(text);
+            if (!background.ok()) {
+              throw CLI::ValidationError("--background", background.status().message());
+            }
+            a->picture.background = background->colour;
+            a->picture.transparent = background->transparent;
+          },
+          "white, black, grey, #RRGGBB, or transparent (default: a dark gradient)")
+      ->type_name("COLOUR")
+      ->group(group);
+  const auto flag = [&](const char* name, bool* value, const char* description) {
+    verb->add_flag(name, *value, description)->group(group);
+  };
+  flag("--wireframe", &a->picture.wireframe, "draw the edges of the triangles");
+  flag("--smooth", &a->picture.smooth, "shade triangles as parts of a smooth surface");
+  flag("--scale-bar", &a->picture.scale_bar,
+       "draw a round length, true at the depth of the object's middle");
+  verb->add_flag_callback(
+          "--no-legend", [a] { a->picture.legend = false; }, "leave out the legend of the colours")
+      ->group(group);
+  flag("--draft", &a->picture.draft, "fast: no shadows, no soft edges");
+  flag("--overview", &a->overview,
+       "draw the whole object as without a camera, not what the camera sees");
 }
 
 }  // namespace mtdb

@@ -52,5 +52,7 @@ void AddVerbose(CLI::App* verb, bool* verbose);
 // Which region, how accurate, which camera: what extract, render and fetch share. `draws`: the
 // camera alone is of use.
 void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);
+// How render draws. After AddQueryOptions.
+void AddPictureOptions(CLI::App* verb, QueryArguments* arguments);
 
 }  // namespace mtdb

@@ -1,148 +1,21 @@
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <unistd.h>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "query/surface.h"
-#include "store/database.h"
-#include "tools/cli/machine.h"
+#include "tools/cli/query_report.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
-#include "tools/client/shortfall_json.h"
-#include "tools/render/render.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
 
 namespace {
 
-constexpr uint64_t kLeastCache = uint64_t{64} << 20;
-
 using Clock = std::chrono::steady_clock;
 double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
-Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
-  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
-                        database->OpenObject(arguments.name));
-  SurfaceOptions options;
-  options.cache_bytes = arguments.cache_bytes.value_or(std::max(MachineMemory() / 4, kLeastCache));
-  if (arguments.implicit) options.form = RuntimeForm::kImplicit;
-  return Surface::Open(std::move(source), options);
-}
-
-// What could not be given as asked, besides a shortfall: lines to print, and the fields of JSON.
-struct Remarks {
-  bool region_missed = false;  // nothing of the surface is in the region
-  Json unmet_limit;            // null: the limits were kept
-  std::string text;
-};
-
-Remarks RemarksOn(const QueryJson& query, const ObjectRecord& record, const ExtractStats& stats) {
-  Remarks r;
-  char line[512];
-  if (query.contains("region") && stats.active_triangles == 0) {
-    r.region_missed = true;
-    const Box3d& b = record.bounds;
-    std::snprintf(line, sizeof(line),
-                  "  WARNING: nothing of the surface is in the region, so %s; the surface lies "
-                  "within %.9g %.9g %.9g to %.9g %.9g %.9g\n",
-                  stats.triangles == 0 ? "the mesh is empty" : "the mesh is as coarse as it goes",
-                  b.min.x, b.min.y, b.min.z, b.max.x, b.max.y, b.max.z);
-    r.text += line;
-  }
-  if (query.contains("max_triangles") &&
-      record.root_triangles > query["max_triangles"].get<uint64_t>()) {
-    const auto most = query["max_triangles"].get<uint64_t>();
-    const char* const why =
-        "no coarser mesh is stored: separate parts, borders and non-manifold places keep their "
-        "triangles";
-    r.unmet_limit = {{"max_triangles", most}, {"least", record.root_triangles}, {"reason", why}};
-    std::snprintf(line, sizeof(line),
-                  "  WARNING: the limit of %llu triangles cannot be kept: the coarsest mesh has "
-                  "%llu; %s\n",
-                  static_cast<unsigned long long>(most),
-                  static_cast<unsigned long long>(record.root_triangles), why);
-    r.text += line;
-  }
-  return r;
-}
-
-void PrintStats(const QueryArguments& arguments, const QueryJson& query, const ObjectRecord& record,
-                const ExtractStats& stats, const std::optional<Vec3d>& origin, double open_seconds,
-                double write_seconds, double total_seconds) {
-  // Beside a mesh on standard output.
-  std::FILE* const to = arguments.output == "-" ? stderr : stdout;
-  const Remarks remarks = RemarksOn(query, record, stats);
-  if (arguments.json) {
-    const Json json = {{"object", record.name},
-                       {"output", arguments.output},
-                       {"triangles", stats.triangles},
-                       {"vertices", stats.vertices},
-                       {"active_triangles", stats.active_triangles},
-                       {"error_bound", stats.error_bound},
-                       {"error_bound_outside",
-                        stats.error_bound_outside ? Json(*stats.error_bound_outside) : Json()},
-                       {"shortfall", ShortfallJson(stats.shortfall)},
-                       {"region_missed", remarks.region_missed},
-                       {"unmet_limit", remarks.unmet_limit},
-                       {"origin", origin ? Json{origin->x, origin->y, origin->z} : Json()},
-                       {"limit", LimitName(stats.limit)},
-                       {"nodes_visited", stats.nodes_visited},
-                       {"nodes_applied", stats.nodes_applied},
-                       {"nodes_forced", stats.nodes_forced},
-                       {"clusters_read", stats.clusters_read},
-                       {"clusters_cached", stats.clusters_cached},
-                       {"clusters_used", stats.clusters_used},
-                       {"clusters_total", stats.clusters_total},
-                       {"bytes_read", stats.bytes_read},
-                       {"seconds",
-                        {{"open", open_seconds},
-                         {"select", stats.seconds.select},
-                         {"load", stats.seconds.load},
-                         {"read", stats.seconds.read},
-                         {"decode", stats.seconds.decode},
-                         {"emit", std::max(0.0, stats.seconds.emit - write_seconds)},
-                         {"write", write_seconds},
-                         {"total", total_seconds}}}};
-    PrintJson(json, to);
-    return;
-  }
-  std::fprintf(to, "%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",
-               arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
-               static_cast<unsigned long long>(stats.vertices), stats.error_bound,
-               record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
-  if (stats.error_bound_outside) {
-    std::fprintf(to, "  that holds in the region; outside of it the error is at most %.6g\n",
-                 *stats.error_bound_outside);
-  }
-  std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), to);
-  std::fputs(remarks.text.c_str(), to);
-  if (origin) {
-    std::fprintf(to, "  float32 positions in the file are offsets from %.9g %.9g %.9g\n", origin->x,
-                 origin->y, origin->z);
-  }
-  std::fprintf(to, "  read %llu of %llu clusters of the store (%s) in %.3g s\n",
-               static_cast<unsigned long long>(stats.clusters_read),
-               static_cast<unsigned long long>(stats.clusters_total),
-               SizeText(stats.bytes_read).c_str(), total_seconds);
-  if (!arguments.verbose) return;
-  std::fprintf(to, "  %llu triangles are in the region or within their error of it; %s\n",
-               static_cast<unsigned long long>(stats.active_triangles), LimitText(stats.limit));
-  std::fprintf(
-      to,
-      "  looked at %llu vertices that could be inserted, inserted %llu, of which %llu only because "
-      "others need them\n",
-      static_cast<unsigned long long>(stats.nodes_visited),
-      static_cast<unsigned long long>(stats.nodes_applied),
-      static_cast<unsigned long long>(stats.nodes_forced));
-  std::fprintf(to, "  select %.1f ms, load %.1f ms, emit %.1f ms, write %.1f ms; %.1f ms in all\n",
-               1e3 * stats.seconds.select, 1e3 * stats.seconds.load,
-               1e3 * std::max(0.0, stats.seconds.emit - write_seconds), 1e3 * write_seconds,
-               1e3 * total_seconds);
 }
 
 // Passes a mesh on to a writer and takes the time that the writer needs.
@@ -206,43 +79,12 @@ Status ExtractVerb(const QueryArguments& arguments) {
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
-  PrintStats(arguments, json, surface->record(), stats, writer->origin(), open_seconds,
-             sink.seconds(), SecondsSince(begin));
-  return Status::Ok();
-}
-
-Status RenderVerb(const QueryArguments& arguments) {
-  const Clock::time_point begin = Clock::now();
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
-  if (arguments.print_query) {
-    PrintJson(json);
-    return Status::Ok();
-  }
-  RenderOptions options;
-  if (!arguments.output.ends_with(".png")) {
-    return Unsupported(arguments.output + ": expected a name that ends in .png");
-  }
-  options.width = arguments.size.width;
-  options.height = arguments.size.height;
-  options.wireframe = arguments.wireframe;
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
-  const double open_seconds = SecondsSince(begin);
-  if (arguments.query.has_camera() && !arguments.overview) {
-    MTDB_ASSIGN_OR_RETURN(options.camera,
-                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
-  }
-  // Pictures of one object share their frame, but for clipped ones.
-  if (!query.clip) options.frame = surface->record().bounds;
-  TriangleMesh mesh;
-  TriangleMeshSink sink(&mesh);
-  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
-  const Clock::time_point drawn = Clock::now();
-  RenderImage image;
-  MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
-  MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
-  PrintStats(arguments, json, surface->record(), stats, std::nullopt, open_seconds,
-             SecondsSince(drawn), SecondsSince(begin));
+  QueryReport report{json, surface->record(), stats};
+  report.origin = writer->origin();
+  report.open_seconds = open_seconds;
+  report.write_seconds = sink.seconds();
+  report.total_seconds = SecondsSince(begin);
+  PrintQueryReport(arguments, report);
   return Status::Ok();
 }
 

@@ -11,6 +11,7 @@
 
 #include "builder/build.h"
 #include "store/base/status.h"
+#include "tools/render/render.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 #include "tools/server/server.h"
@@ -91,7 +92,8 @@ struct QueryArguments {
   bool json = false;
   bool verbose = false;
   Extent size{1200, 900};        // render
-  bool wireframe = false;        // render
+  RenderOptions picture;         // render: but for its size, frame, direction and up
+  std::string view = "auto";     // render: of kViewNames
   bool overview = false;         // render: not what the camera sees
   double timeout_seconds = 600;  // fetch: without progress
   // Extract: of a raster that a terrain becomes.

@@ -3,24 +3,26 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <embree3/rtcore.h>
 #include <limits>
-#include <memory>
 #include <new>
 #include <numbers>
-#include <optional>
-#include <sys/mman.h>
 #include <system_error>
 #include <thread>
 
 #include "tools/generate/noise.h"
+#include "tools/render/internal/colours.h"
+#include "tools/render/internal/lettering.h"
+#include "tools/render/internal/scene.h"
+#include "tools/render/view.h"
 
 namespace mtdb {
+
+using namespace internal;
+
 namespace {
 
 constexpr int kMaxPixels = 16384;
-constexpr int kSubpixels = 3;  // along each axis
-constexpr int kSamples = kSubpixels * kSubpixels;
+constexpr int kSubpixels = 3;         // along each axis
 constexpr int kAmbientRays = 3;       // a sample
 constexpr float kKeyRadius = 0.11f;   // of the light, at distance 1
 constexpr double kViewAngle = 0.42;   // radians, across the shorter side
@@ -28,24 +30,10 @@ constexpr double kFill = 0.90;        // share of the picture that the frame fil
 constexpr float kEdgePixels = 0.55f;  // half the width of a line
 constexpr float kFadedPixels = 2.5f;  // lines of triangles of this size have faded ...
 constexpr float kFullPixels = 9.0f;   // ... and are full from here
+constexpr float kShade = 0.45f;       // of plain colours, where they are seen from the side
 
-Vec3f ToFloat(Vec3d v) {
-  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
-}
 Vec3f Scaled(Vec3f a, Vec3f b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 Vec3f Mix(Vec3f a, Vec3f b, float t) { return a * (1 - t) + b * t; }
-float Norm(Vec3f v) { return std::sqrt(Dot(v, v)); }
-Vec3f Unit(Vec3f v) {
-  const float n = Norm(v);
-  return n > 0 ? v * (1 / n) : Vec3f{0, 0, 1};
-}
-
-bool HasAddressSpace(size_t bytes) {
-  void* const space = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (space == MAP_FAILED) return false;
-  ::munmap(space, bytes);
-  return true;
-}
 
 float SmoothStep(float low, float high, float x) {
   const float t = std::clamp((x - low) / (high - low), 0.0f, 1.0f);
@@ -58,188 +46,42 @@ void Complete(Vec3f n, Vec3f* u, Vec3f* v) {
   *v = Cross(n, *u);
 }
 
-// Embree's handles.
-struct DeviceRelease {
-  void operator()(RTCDevice d) const { rtcReleaseDevice(d); }
-};
-struct SceneRelease {
-  void operator()(RTCScene s) const { rtcReleaseScene(s); }
-};
-using Device = std::unique_ptr<std::remove_pointer_t<RTCDevice>, DeviceRelease>;
-using Scene = std::unique_ptr<std::remove_pointer_t<RTCScene>, SceneRelease>;
+Vec3f Displayed(Rgb colour) {
+  return {static_cast<float>(colour[0]) / 255, static_cast<float>(colour[1]) / 255,
+          static_cast<float>(colour[2]) / 255};
+}
 
-// The mesh as float32, moved to the origin and scaled to unit size: no digits are lost to
-// coordinates far from the origin.
-class Geometry {
- public:
-  Status Load(const TriangleMesh& mesh) {
-    if (mesh.triangles.empty()) {
-      return InvalidArgument("nothing to draw: the mesh has no triangles; ask for a larger region");
-    }
-    for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-      for (const VertexIndex v : mesh.triangles[t]) {
-        if (v >= mesh.positions.size() || v >= kNone32) {
-          return InvalidArgument("triangle " + std::to_string(t) + " names vertex " +
-                                 std::to_string(v) + ", but the mesh has " +
-                                 std::to_string(mesh.positions.size()));
-        }
-        const Vec3d p = mesh.positions[v];
-        if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
-          return InvalidArgument("vertex " + std::to_string(v) + " is not finite");
-        }
-        bounds_.Add(p);
-      }
-    }
-    const double size = Diagonal(bounds_);
-    if (!std::isfinite(size)) return InvalidArgument("the mesh is too large to be drawn");
-    centre_ = (bounds_.min + bounds_.max) * 0.5;
-    scale_ = size > 0 ? 1 / size : 1;
-    LoadColours(mesh);
-    return BuildScene(mesh);
-  }
-
-  RTCScene scene() const { return scene_.get(); }
-  Vec3d FromModel(Vec3d p) const { return (p - centre_) * scale_; }
-  // Calls `visit` with every corner of every triangle.
-  template <typename Visit>
-  void ForEachCorner(Visit visit) const {
-    for (const uint32_t v : triangles_)
-      visit(Vec3d{vertices_[v].x, vertices_[v].y, vertices_[v].z});
-  }
-  Vec3f Vertex(uint32_t triangle, size_t corner) const {
-    return vertices_[triangles_[size_t{triangle} * 3 + corner]];
-  }
-  // Linear colour at the barycentric coordinates of corners 1 and 2.
-  Vec3f Colour(uint32_t triangle, float u, float v) const {
-    if (colours_.empty()) return Vec3f{0.66f, 0.60f, 0.52f};
-    const uint32_t* t = &triangles_[size_t{triangle} * 3];
-    return colours_[t[0]] * (1 - u - v) + colours_[t[1]] * u + colours_[t[2]] * v;
-  }
-
- private:
-  void LoadColours(const TriangleMesh& mesh) {
-    const std::vector<VertexAttribute>& attributes = mesh.header.attributes.attributes;
-    const size_t row = mesh.header.attributes.row_bytes();
-    std::optional<size_t> at[3];
-    size_t offset = 0;
-    for (const VertexAttribute& a : attributes) {
-      const char* const names[3] = {"red", "green", "blue"};
-      for (int c = 0; c < 3; ++c) {
-        if (a.name == names[c] && a.type == ScalarType::kUint8) at[c] = offset;
-      }
-      offset += ScalarSize(a.type);
-    }
-    if (!at[0] || !at[1] || !at[2] || mesh.rows.size() < row * mesh.positions.size()) return;
-    colours_.resize(mesh.positions.size());
-    for (size_t v = 0; v < colours_.size(); ++v) {
-      for (int c = 0; c < 3; ++c) {
-        const auto byte = static_cast<float>(mesh.rows[v * row + *at[c]]) / 255;
-        colours_[v][c] = std::pow(byte, 2.2f);
-      }
-    }
-  }
-
-  Status BuildScene(const TriangleMesh& mesh) {
-    // Embree may end the process when it finds no memory: it is asked only when there is plenty,
-    // and works on this thread alone.
-    constexpr size_t kOfEmbree = size_t{128} << 20;
-    constexpr size_t kOfTriangle = 512;
-    if (!HasAddressSpace(kOfEmbree + kOfTriangle * mesh.triangles.size())) {
-      return Status(StatusCode::kNoSpace, "not enough memory to draw " +
-                                              std::to_string(mesh.triangles.size()) +
-                                              " triangles; ask for fewer, or give more memory");
-    }
-    device_.reset(rtcNewDevice("threads=1,user_threads=1"));
-    if (device_ == nullptr) return Status(StatusCode::kNoSpace, "Embree cannot start");
-    scene_.reset(rtcNewScene(device_.get()));
-    if (scene_ == nullptr) return Status(StatusCode::kNoSpace, "Embree has no memory for a scene");
-    rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
-    RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
-    if (geometry == nullptr) return Status(StatusCode::kNoSpace, "Embree has no memory for a mesh");
-    // Embree reads 16 bytes at a vertex: one more at the end.
-    vertices_.resize(mesh.positions.size() + 1);
-    for (size_t v = 0; v < mesh.positions.size(); ++v) {
-      vertices_[v] = ToFloat(FromModel(mesh.positions[v]));
-    }
-    triangles_.reserve(mesh.triangles.size() * 3);
-    for (const TriangleVertices& t : mesh.triangles) {
-      for (const VertexIndex v : t) triangles_.push_back(static_cast<uint32_t>(v));
-    }
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                               vertices_.data(), 0, sizeof(Vec3f), mesh.positions.size());
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                               triangles_.data(), 0, 3 * sizeof(uint32_t), mesh.triangles.size());
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(scene_.get(), geometry);
-    rtcReleaseGeometry(geometry);
-    rtcCommitScene(scene_.get());
-    if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE) {
-      return Status(StatusCode::kNoSpace, "Embree cannot hold " +
-                                              std::to_string(mesh.triangles.size()) +
-                                              " triangles; ask for fewer");
-    }
-    return Status::Ok();
-  }
-
-  Box3d bounds_;
-  Vec3d centre_;
-  double scale_ = 1;
-  std::vector<Vec3f> vertices_;
-  std::vector<uint32_t> triangles_;
-  std::vector<Vec3f> colours_;
-  Device device_;
-  Scene scene_;
-};
-
-// A perspective view in the geometry's coordinates.
+// A perspective view in the scene's coordinates.
 struct View {
   Vec3f eye, forward, right, up;
   float pixel = 0;  // size of a pixel at distance 1
   float width = 0, height = 0;
+  float middle = 1;  // depth of the middle of what is framed
 
   Vec3f Direction(float x, float y) const {
     return Unit(forward + right * ((x - width / 2) * pixel) + up * ((height / 2 - y) * pixel));
   }
 };
 
-View ViewOf(const Geometry& geometry, const Camera& camera, int width, int height) {
+View ViewOf(const Scene& scene, const Camera& camera, const RenderOptions& options) {
   const Camera::Axes axes = camera.axes();
   View view;
-  view.eye = ToFloat(geometry.FromModel(camera.eye));
+  view.eye = ToFloat(scene.frame().FromModel(camera.eye));
   view.forward = ToFloat(axes.forward);
   view.right = ToFloat(axes.right);
   view.up = ToFloat(axes.up);
-  view.pixel = static_cast<float>(2 * camera.tangent_y() / height);
-  view.width = static_cast<float>(width);
-  view.height = static_cast<float>(height);
+  view.pixel = static_cast<float>(2 * camera.tangent_y() / options.height);
   return view;
 }
 
-Result<View> PlaceView(const Geometry& geometry, const RenderOptions& options) {
-  if (options.camera) {
-    MTDB_RETURN_IF_ERROR(options.camera->Validate());
-    return ViewOf(geometry, *options.camera, options.width, options.height);
-  }
-  const Vec3d direction = options.view_direction;
-  const double length = Length(direction);
-  if (!(length > 0) || !std::isfinite(length)) {
-    return InvalidArgument("the view direction must be a finite vector other than 0");
-  }
-  const Vec3d forward = direction * (1 / length);
-  const Vec3d helper = std::fabs(forward.z) < 0.999 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
-  Vec3d right = Cross(forward, helper);
-  right = right * (1 / Length(right));
-  const Vec3d up = Cross(right, forward);
-  const Box3d* box = options.frame ? &*options.frame : nullptr;
-  if (box != nullptr && (box->empty() || !std::isfinite(Diagonal(*box)))) {
-    return InvalidArgument("the frame of the picture must be a box that is not empty");
-  }
+// The nearest eye from which all of the frame is in sight, moved sideways until the picture is
+// balanced: on each side the point that binds tells where the eye may be.
+View FittedView(const Scene& scene, Vec3d forward, Vec3d right, Vec3d up,
+                const RenderOptions& options) {
   const double tangent = std::tan(kViewAngle / 2) * kFill;
   const double shorter = std::min(options.width, options.height);
   const double tangent_x = tangent * options.width / shorter;
   const double tangent_y = tangent * options.height / shorter;
-  // The nearest eye from which all points are in sight, moved sideways until the picture is
-  // balanced: on each side the point that binds tells where the eye may be.
   double left = -1e300, right_side = -1e300, low = -1e300, high = -1e300;
   const auto add = [&](Vec3d p) {
     const double depth = Dot(p, forward);
@@ -248,14 +90,8 @@ Result<View> PlaceView(const Geometry& geometry, const RenderOptions& options) {
     high = std::max(high, Dot(p, up) - depth * tangent_y);
     low = std::max(low, -Dot(p, up) - depth * tangent_y);
   };
-  if (box != nullptr) {
-    for (int c = 0; c < 8; ++c) {
-      add(geometry.FromModel({c & 1 ? box->max.x : box->min.x, c & 2 ? box->max.y : box->min.y,
-                              c & 4 ? box->max.z : box->min.z}));
-    }
-  } else {
-    geometry.ForEachCorner(add);
-  }
+  for (const Vec3d p : options.frame) add(scene.frame().FromModel(p));
+  if (options.frame.empty()) scene.ForEachCorner(add);
   const double back =
       std::max({(left + right_side) / (2 * tangent_x), (low + high) / (2 * tangent_y), -1e3});
   View view;
@@ -265,36 +101,107 @@ Result<View> PlaceView(const Geometry& geometry, const RenderOptions& options) {
   view.right = ToFloat(right);
   view.up = ToFloat(up);
   view.pixel = static_cast<float>(2 * std::tan(kViewAngle / 2) / shorter);
-  view.width = static_cast<float>(options.width);
-  view.height = static_cast<float>(options.height);
   return view;
 }
 
+float DepthOfMiddle(const Scene& scene, const View& view, const RenderOptions& options) {
+  float nearest = std::numeric_limits<float>::max(), farthest = -nearest;
+  const auto add = [&](Vec3d p) {
+    const float depth = Dot(ToFloat(p) - view.eye, view.forward);
+    nearest = std::min(nearest, depth);
+    farthest = std::max(farthest, depth);
+  };
+  for (const Vec3d p : options.frame) add(scene.frame().FromModel(p));
+  if (options.frame.empty()) scene.ForEachCorner(add);
+  return (nearest + farthest) / 2;
+}
+
+Result<View> PlaceView(const Scene& scene, const RenderOptions& options) {
+  View view;
+  if (options.camera) {
+    MTDB_RETURN_IF_ERROR(options.camera->Validate());
+    view = ViewOf(scene, *options.camera, options);
+  } else {
+    const Vec3d direction = options.view_direction;
+    const double length = Length(direction), up_length = Length(options.up);
+    if (!(length > 0) || !std::isfinite(length) || !(up_length > 0) || !std::isfinite(up_length)) {
+      return InvalidArgument("the view direction and up must be finite vectors other than 0");
+    }
+    for (const Vec3d p : options.frame) {
+      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
+        return InvalidArgument("the frame of the picture must be of finite points");
+      }
+    }
+    const Vec3d forward = direction * (1 / length);
+    Vec3d right = Cross(forward, UpOfView(direction, options.up));
+    right = right * (1 / Length(right));
+    view = FittedView(scene, forward, right, Cross(right, forward), options);
+  }
+  view.width = static_cast<float>(options.width);
+  view.height = static_cast<float>(options.height);
+  view.middle = DepthOfMiddle(scene, view, options);
+  return view;
+}
+
+// What a ray of the camera meets.
+struct Sample {
+  bool hit = false;
+  Vec3f shown;  // display values, 0 .. 1
+};
+
 class Painter {
  public:
-  Painter(const Geometry& geometry, const View& view, const RenderOptions& options)
-      : geometry_(geometry), view_(view), wireframe_(options.wireframe) {
+  Painter(const Scene& scene, const Colours& colours, const View& view,
+          const RenderOptions& options)
+      : scene_(scene),
+        colours_(colours),
+        view_(view),
+        options_(options),
+        subpixels_(options.draft ? 1 : kSubpixels) {
     // The key light comes from above the viewer's left shoulder, a rim light from behind.
-    key_ = Unit(view.right * -0.80f + view.up * 0.36f - view.forward * 0.26f + Vec3f{0, 0, 0.35f});
+    top_ = options.camera ? ToFloat(options.camera->axes().up)
+                          : Unit(ToFloat(options.up * (1 / Length(options.up))));
+    key_ = Unit(view.right * -0.80f + view.up * 0.36f - view.forward * 0.26f + top_ * 0.35f);
     rim_ = Unit(view.right * 0.85f + view.up * 0.25f + view.forward * 0.45f);
   }
 
-  void PaintRow(int y, uint8_t* rgb) const {
-    const int width = static_cast<int>(view_.width);
-    for (int x = 0; x < width; ++x) {
+  // Of the middle of each pixel of the row; NaN where it shows nothing.
+  void MeasureRow(int y, float* values) const {
+    for (int x = 0; x < options_.width; ++x) {
+      const Vec3f d = view_.Direction(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
+      const std::optional<Hit> hit = scene_.FirstHit(view_.eye, d);
+      values[x] = hit ? static_cast<float>(colours_.Value(*hit, view_.eye + d * hit->distance))
+                      : std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+
+  // `values`: of MeasureRow, or null; `alpha` may be null.
+  void PaintRow(int y, const float* values, uint8_t* rgb, uint8_t* alpha) const {
+    const int samples = subpixels_ * subpixels_;
+    for (int x = 0; x < options_.width; ++x) {
       Vec3f sum;
+      int hits = 0;
       const auto pixel_seed = static_cast<uint32_t>(
           MixBits(static_cast<uint64_t>(y) * kMaxPixels + static_cast<uint64_t>(x)));
-      for (int s = 0; s < kSamples; ++s) {
-        const int column = s % kSubpixels, row = s / kSubpixels;
-        const float sx = static_cast<float>(x) + (static_cast<float>(column) + 0.5f) / kSubpixels;
-        const float sy = static_cast<float>(y) + (static_cast<float>(row) + 0.5f) / kSubpixels;
-        sum += ToneMap(Trace(sx, sy, s, pixel_seed));
+      for (int s = 0; s < samples; ++s) {
+        const auto place = [&](int pixel, int part) {
+          return static_cast<float>(pixel) +
+                 (static_cast<float>(part) + 0.5f) / static_cast<float>(subpixels_);
+        };
+        const float sx = place(x, s % subpixels_), sy = place(y, s / subpixels_);
+        const Sample sample =
+            Trace(sx, sy, s, pixel_seed, values == nullptr ? nullptr : values + x);
+        if (!sample.hit && alpha != nullptr) continue;
+        sum += sample.hit ? sample.shown : Background(sx, sy);
+        hits += sample.hit ? 1 : 0;
       }
+      const int shown = alpha == nullptr ? samples : std::max(1, hits);
+      if (alpha != nullptr) alpha[x] = static_cast<uint8_t>((hits * 255 + samples / 2) / samples);
       // Grey noise below one step of a byte hides the steps of the background's gradient.
-      const float dither = UnitFloat(pixel_seed) - 0.5f;
+      const bool noise = !colours_.plain() && !options_.background;
+      const float dither = noise ? (UnitFloat(pixel_seed) - 0.5f) * 0.8f : 0;
       for (int c = 0; c < 3; ++c) {
-        const float value = sum[c] * (255.0f / kSamples) + 0.5f + dither * 0.8f;
+        const float value = sum[c] * (255.0f / static_cast<float>(shown)) + 0.5f + dither;
         rgb[3 * x + c] = static_cast<uint8_t>(std::clamp(value, 0.0f, 255.0f));
       }
     }
@@ -312,64 +219,71 @@ class Painter {
   }
 
   Vec3f Background(float x, float y) const {
+    if (options_.background) return Displayed(*options_.background);
     const float dx = x / view_.width - 0.5f, dy = y / view_.height - 0.46f;
     const float t = std::clamp((dx * dx + dy * dy) * 1.9f, 0.0f, 1.0f);
-    return Mix(Vec3f{0.200f, 0.215f, 0.235f}, Vec3f{0.036f, 0.041f, 0.050f}, std::sqrt(t));
+    return ToneMap(Mix(Vec3f{0.200f, 0.215f, 0.235f}, Vec3f{0.036f, 0.041f, 0.050f}, std::sqrt(t)));
   }
 
-  bool Occluded(Vec3f from, Vec3f direction, float reach) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    RTCRay ray{};
-    ray.org_x = from.x;
-    ray.org_y = from.y;
-    ray.org_z = from.z;
-    ray.dir_x = direction.x;
-    ray.dir_y = direction.y;
-    ray.dir_z = direction.z;
-    ray.tfar = reach;
-    ray.mask = ~0u;
-    rtcOccluded1(geometry_.scene(), &context, &ray);
-    return ray.tfar < 0;
-  }
-
-  Vec3f Trace(float x, float y, int sample, uint32_t pixel_seed) const {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
+  Sample Trace(float x, float y, int sample, uint32_t pixel_seed, const float* value) const {
     const Vec3f direction = view_.Direction(x, y);
-    RTCRayHit hit{};
-    hit.ray.org_x = view_.eye.x;
-    hit.ray.org_y = view_.eye.y;
-    hit.ray.org_z = view_.eye.z;
-    hit.ray.dir_x = direction.x;
-    hit.ray.dir_y = direction.y;
-    hit.ray.dir_z = direction.z;
-    hit.ray.tfar = std::numeric_limits<float>::infinity();
-    hit.ray.mask = ~0u;
-    hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(geometry_.scene(), &context, &hit);
-    if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return Background(x, y);
-
-    const uint32_t triangle = hit.hit.primID;
-    Vec3f normal = Unit({hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z});
-    Vec3f albedo = geometry_.Colour(triangle, hit.hit.u, hit.hit.v);
-    if (Dot(normal, direction) > 0) {
+    const std::optional<Hit> hit = scene_.FirstHit(view_.eye, direction);
+    if (!hit) return {};
+    Vec3f face = scene_.FaceNormal(hit->triangle);
+    Vec3f at = view_.eye + direction * hit->distance;
+    const bool back = Dot(face, direction) > 0;
+    Vec3f normal = face, lifted = at;
+    if (options_.smooth) Smooth(*hit, face, &normal, &lifted);
+    const float ink = options_.wireframe ? 0.86f * EdgeInk(*hit, direction) : 0;
+    const Vec3f shown_normal = normal;
+    if (back) {
+      face = face * -1.0f;
       normal = normal * -1.0f;
-      albedo = Scaled(albedo, {0.55f, 0.72f, 1.0f});
+      lifted = at;
     }
-    const float distance = hit.ray.tfar;
-    const Vec3f at = view_.eye + direction * distance + normal * (2e-6f * (1 + distance));
-    Vec3f light = Light(at, normal, direction, sample, pixel_seed);
-    if (wireframe_) {
-      const float ink = EdgeInk(triangle, hit.hit.u, hit.hit.v, direction, distance);
-      albedo = albedo * (1 - 0.86f * ink);
+    if (colours_.plain()) {
+      const float facing = std::fabs(Dot(normal, direction));
+      const float light = (1 - kShade * (1 - facing)) * (1 - ink);
+      return {true, PlainColour(*hit, at, shown_normal, value) * light};
     }
-    return Scaled(albedo, light);
+    Vec3f albedo = colours_.Albedo(*hit);
+    if (back) albedo = Scaled(albedo, {0.55f, 0.72f, 1.0f});
+    albedo = albedo * (1 - ink);
+    if (options_.draft) {
+      const float facing = std::max(0.0f, -Dot(normal, direction));
+      return {true, ToneMap(albedo * (0.12f + 1.0f * facing * facing))};
+    }
+    lifted += face * (2e-6f * (1 + hit->distance));
+    return {true,
+            ToneMap(Scaled(albedo, Light(lifted, normal, face, direction, sample, pixel_seed)))};
+  }
+
+  Vec3f PlainColour(const Hit& hit, Vec3f at, Vec3f normal, const float* value) const {
+    if (colours_.by() == ColourBy::kNormal) return (normal + Vec3f{1, 1, 1}) * 0.5f;
+    const bool known = value != nullptr && std::isfinite(*value);
+    return Displayed(colours_.OfValue(known ? double{*value} : colours_.Value(hit, at)));
+  }
+
+  // The smooth normal, and the place on a smooth surface through the corners, from where shadows do
+  // not show the triangles. After Hanika, "Hacking the Shadow Terminator" (2021).
+  void Smooth(const Hit& hit, Vec3f face, Vec3f* normal, Vec3f* at) const {
+    const float weights[3] = {1 - hit.u - hit.v, hit.u, hit.v};
+    Vec3f sum, lifted;
+    for (size_t c = 0; c < 3; ++c) {
+      const Vec3f n = scene_.CornerNormal(hit.triangle, c, face);
+      const Vec3f from_corner = *at - scene_.Vertex(hit.triangle, c);
+      sum += n * weights[c];
+      lifted += (*at - n * std::min(0.0f, Dot(from_corner, n))) * weights[c];
+    }
+    *normal = Unit(sum);
+    *at = lifted;
   }
 
   // `sample` numbers the samples of a pixel, whose rays together cover the lights evenly; the two
   // turns differ from pixel to pixel.
-  Vec3f Light(Vec3f at, Vec3f normal, Vec3f direction, int sample, uint32_t pixel_seed) const {
+  Vec3f Light(Vec3f at, Vec3f normal, Vec3f face, Vec3f direction, int sample,
+              uint32_t pixel_seed) const {
+    constexpr int kSamples = kSubpixels * kSubpixels;
     constexpr float kGolden = 0.61803399f, kTurn = 2 * std::numbers::pi_v<float>;
     const float shift = UnitFloat(pixel_seed);
     const float turn = UnitFloat(static_cast<uint32_t>(MixBits(pixel_seed)));
@@ -386,7 +300,7 @@ class Painter {
     const Vec3f key = Unit(key_ + u * (kKeyRadius * radius * std::cos(angle)) +
                            v * (kKeyRadius * radius * std::sin(angle)));
     const float facing = Dot(normal, key);
-    if (facing > 0 && !Occluded(at, key, 4)) {
+    if (facing > 0 && !scene_.Occluded(at, key, 4)) {
       const Vec3f half = Unit(key - direction);
       const float shine = std::pow(std::max(0.0f, Dot(normal, half)), 24.0f);
       light += Vec3f{1.72f, 1.54f, 1.27f} * (facing + 0.06f * shine);
@@ -394,25 +308,26 @@ class Painter {
     const float rim = Dot(normal, rim_);
     if (rim > 0) light += Vec3f{0.16f, 0.23f, 0.36f} * rim;
     // The sky, as far as it is in sight: rays by the cosine around the normal.
-    Complete(normal, &u, &v);
+    Complete(face, &u, &v);
     for (int i = 0; i < kAmbientRays; ++i) {
       spread(i * kSamples + sample, kSamples * kAmbientRays, &radius, &angle);
       const Vec3f d = u * (radius * std::cos(angle)) + v * (radius * std::sin(angle)) +
-                      normal * std::sqrt(std::max(0.0f, 1 - radius * radius));
-      if (Occluded(at, d, 0.5f)) continue;
-      light += Mix(Vec3f{0.20f, 0.17f, 0.15f}, Vec3f{0.36f, 0.42f, 0.52f}, 0.5f + 0.5f * d.z) *
-               (1.0f / kAmbientRays);
+                      face * std::sqrt(std::max(0.0f, 1 - radius * radius));
+      if (scene_.Occluded(at, d, 0.5f)) continue;
+      light +=
+          Mix(Vec3f{0.20f, 0.17f, 0.15f}, Vec3f{0.36f, 0.42f, 0.52f}, 0.5f + 0.5f * Dot(d, top_)) *
+          (1.0f / kAmbientRays);
     }
     return light;
   }
 
   // How much of the sample the triangle's edges cover, 0..1, from distances on the screen.
-  float EdgeInk(uint32_t triangle, float u, float v, Vec3f direction, float distance) const {
-    const Vec3f a = geometry_.Vertex(triangle, 0);
-    const Vec3f corner[3] = {a, geometry_.Vertex(triangle, 1), geometry_.Vertex(triangle, 2)};
-    const Vec3f at = corner[0] * (1 - u - v) + corner[1] * u + corner[2] * v;
+  float EdgeInk(const Hit& hit, Vec3f direction) const {
+    const Vec3f a = scene_.Vertex(hit.triangle, 0);
+    const Vec3f corner[3] = {a, scene_.Vertex(hit.triangle, 1), scene_.Vertex(hit.triangle, 2)};
+    const Vec3f at = corner[0] * (1 - hit.u - hit.v) + corner[1] * hit.u + corner[2] * hit.v;
     // Seen along the ray, a length counts across it only; a pixel has this size at the hit.
-    const float pixel = view_.pixel * distance * Dot(direction, view_.forward);
+    const float pixel = view_.pixel * hit.distance * Dot(direction, view_.forward);
     const auto across = [&](Vec3f w) { return w - direction * Dot(w, direction); };
     float nearest = std::numeric_limits<float>::max();
     const float area = std::fabs(Dot(Cross(corner[1] - a, corner[2] - a), direction));
@@ -427,11 +342,66 @@ class Painter {
     return line * SmoothStep(kFadedPixels, kFullPixels, size);
   }
 
-  const Geometry& geometry_;
+  const Scene& scene_;
+  const Colours& colours_;
   const View& view_;
-  bool wireframe_;
-  Vec3f key_, rim_;
+  const RenderOptions& options_;
+  const int subpixels_;
+  Vec3f key_, rim_, top_;
 };
+
+// Calls work(y) for each row, by all cores.
+template <typename Work>
+void ForEachRow(int rows, Work work) {
+  std::atomic<int> next_row{0};
+  const auto go = [&] {
+    for (int y = next_row++; y < rows; y = next_row++) work(y);
+  };
+  std::vector<std::jthread> helpers;
+  try {
+    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(go);
+  } catch (const std::system_error&) {  // as many as the system gives
+  } catch (const std::bad_alloc&) {
+  }
+  go();
+}
+
+std::string LegendTitle(const RenderOptions& options) {
+  return options.colour_by == ColourBy::kDistance ? "error" : options.attribute;
+}
+
+void Paint(const Scene& scene, Colours& colours, const View& view, const RenderOptions& options,
+           RenderImage* image) {
+  const Painter painter(scene, colours, view, options);
+  const auto width = static_cast<size_t>(options.width);
+  const size_t pixels = width * static_cast<size_t>(options.height);
+  image->width = options.width;
+  image->height = options.height;
+  image->rgb.assign(3 * pixels, 0);
+  image->alpha.assign(options.transparent ? pixels : 0, 0);
+  std::vector<float> values;
+  if (options.colour_by == ColourBy::kDistance) {
+    values.resize(pixels);
+    ForEachRow(options.height, [&](int y) {
+      painter.MeasureRow(y, values.data() + width * static_cast<size_t>(y));
+    });
+    double most = 0;
+    for (const float v : values) most = v > most ? v : most;
+    if (!colours.range()) colours.set_range({0, most});
+  }
+  ForEachRow(options.height, [&](int y) {
+    const size_t at = width * static_cast<size_t>(y);
+    painter.PaintRow(y, values.empty() ? nullptr : values.data() + at, image->rgb.data() + 3 * at,
+                     options.transparent ? image->alpha.data() + at : nullptr);
+  });
+  image->range = colours.range();
+  if (colours.range() && options.legend) {
+    DrawLegend(image, LegendTitle(options), (*colours.range())[0], (*colours.range())[1]);
+  }
+  if (options.scale_bar && view.middle > 0) {
+    DrawScaleBar(image, scene.frame().scale / (double{view.pixel} * view.middle));
+  }
+}
 
 }  // namespace
 
@@ -442,28 +412,13 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
                            std::to_string(options.height) +
                            " pixels cannot be drawn; ask for 1 to 16384 each");
   }
-  Geometry geometry;
-  MTDB_RETURN_IF_ERROR(geometry.Load(mesh));
-  MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(geometry, options));
-  const Painter painter(geometry, view, options);
-  image->width = options.width;
-  image->height = options.height;
-  const size_t row_bytes = 3 * static_cast<size_t>(options.width);
-  image->rgb.assign(row_bytes * static_cast<size_t>(options.height), 0);
-  std::atomic<int> next_row{0};
-  const auto paint = [&] {
-    for (int y = next_row++; y < options.height; y = next_row++) {
-      painter.PaintRow(y, image->rgb.data() + row_bytes * static_cast<size_t>(y));
-    }
-  };
-  std::vector<std::jthread> helpers;
-  try {
-    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(paint);
-  } catch (const std::system_error&) {  // as many as the system gives
-  } catch (const std::bad_alloc&) {
-  }
-  paint();
-  helpers.clear();
+  Scene scene;
+  MTDB_RETURN_IF_ERROR(scene.Load(mesh));
+  if (options.smooth) scene.FindNormals();
+  Colours colours(scene);
+  MTDB_RETURN_IF_ERROR(colours.Load(mesh, options));
+  MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(scene, options));
+  Paint(scene, colours, view, options, image);
   return Status::Ok();
 }
 

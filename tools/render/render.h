@@ -1,6 +1,8 @@
-// Pictures of meshes: flat-shaded, so that the level of detail is visible, ray-cast by Embree.
+// Pictures of meshes, ray-cast by Embree: by default flat-shaded, so that the level of detail is
+// visible.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,30 +15,67 @@
 
 namespace mtdb {
 
+using Rgb = std::array<uint8_t, 3>;
+
+// What a mesh's colours say.
+enum class ColourBy : uint8_t {
+  kVertexColours,  // attributes "red", "green", "blue" of type uint8; clay where there are none
+  kNothing,        // clay
+  kNormal,         // the normal's x, y, z from -1 to 1 as red, green, blue from 0 to 255
+  kAttribute,      // RenderOptions::attribute, by ColourOfValue
+  kDistance,       // of each point from RenderOptions::reference, by ColourOfValue
+};
+
 struct RenderOptions {
   int width = 1200;  // pixels, 1 .. 16384
   int height = 900;
   bool wireframe = false;
-  // What fills the picture; default: the mesh. Pass the same box for pictures that are compared.
-  std::optional<Box3d> frame;
-  // From the eye to the mesh; need not have length 1. z points up.
+  // Normals go smoothly over triangles, but for edges of more than some 50 degrees.
+  bool smooth = false;
+  // One ray a pixel and light from the eye: no shadows, no soft edges, some fifty times faster.
+  bool draft = false;
+
+  // What fills the picture: these points; none: the mesh. Pass the same for pictures that are
+  // compared.
+  std::vector<Vec3d> frame;
+  // From the eye to the mesh; need not have length 1.
   Vec3d view_direction{-0.42, 0.86, -0.34};
+  Vec3d up{0, 0, 1};
   // Draws what it sees instead; its viewport, near and far do not matter.
   std::optional<Camera> camera;
+
+  ColourBy colour_by = ColourBy::kVertexColours;
+  std::string attribute;
+  const TriangleMesh* reference = nullptr;
+  // The values with the first and the last colour; none: the least and the largest of the mesh, or
+  // of the picture's distances, from 0 on.
+  std::optional<std::array<double, 2>> range;
+
+  std::optional<Rgb> background;  // none: a dark gradient
+  bool transparent = false;       // no background: the image has alpha
+
+  bool legend = true;      // of colours that stand for values
+  bool scale_bar = false;  // a round length, at the depth of the middle of the frame or mesh
 };
 
 struct RenderImage {
   int width = 0, height = 0;
-  std::vector<uint8_t> rgb;  // rows from the top, 3 * width * height bytes
+  std::vector<uint8_t> rgb;    // rows from the top, 3 * width * height bytes
+  std::vector<uint8_t> alpha;  // width * height bytes, or empty: all opaque
+  // Of the colours, where they stand for values.
+  std::optional<std::array<double, 2>> range;
 };
 
-// Draws `mesh` under a soft key light, a sky and ambient occlusion. Vertex attributes "red",
-// "green", "blue" of type uint8 colour it. Sides that face away from the viewer are drawn too, a
-// little bluish. With `wireframe`, triangle edges are lines of one pixel, which fade where
+// Draws `mesh` under a soft key light, a sky and ambient occlusion. Sides that face away from the
+// viewer are drawn too, bluish, unless colours stand for values; of coincident faces one that faces
+// the viewer is seen. With `wireframe`, triangle edges are lines of one pixel, which fade where
 // triangles are hardly larger than that. Deterministic. Uses all cores. Memory: some 100 bytes a
-// triangle. Errors: kInvalidArgument (no triangles, a triangle without its vertices, a bad size or
-// view), kNoSpace when Embree runs out of memory.
+// triangle, also of the reference. Errors: kInvalidArgument (no triangles, a triangle without its
+// vertices, a bad size or view, no such attribute), kNoSpace when Embree runs out of memory.
 Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, RenderImage* image);
+
+// The colour of a value in pictures and legends, at `t` of the range, 0 .. 1.
+Rgb ColourOfValue(double t);
 
 // Writes `image` to `path`, which appears when it is complete. Errors: kIoError, kNoSpace.
 Status WritePng(const std::string& path, const RenderImage& image);

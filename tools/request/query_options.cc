@@ -17,6 +17,10 @@ QueryJson PointAt(const Numbers& n, size_t i) {
   return QueryJson::array({n[i], n[i + 1], n[i + 2]});
 }
 
+Vec3d PointOf(const QueryJson& json) {
+  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
+}
+
 // What the numbers mean is checked where JSON is.
 Result<QueryJson> Checked(const std::string& text, QueryJson part, const Status& status) {
   if (status.ok()) return part;
@@ -178,7 +182,10 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
     if (o.pixels) return wrong("--pixels", kNeedsCamera);
     if (o.eye) return wrong("--eye", kNeedsCamera);
     if (o.target) return wrong("--target", kNeedsCamera);
-    if (o.up) return wrong("--up", kNeedsCamera);
+    if (o.up && !draws) return wrong("--up", kNeedsCamera);
+    if (o.up && SquaredLength(PointOf(*o.up)) == 0) {
+      return wrong("--up", "must not be 0,0,0");
+    }
     if (o.fov) return wrong("--fov", kNeedsCamera);
     if (o.viewport) return wrong("--viewport", kNeedsCamera);
     return Status::Ok();

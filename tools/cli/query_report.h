@@ -1,0 +1,28 @@
+// What extract and render share: the surface that they ask, and what they tell of the answer.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "query/surface.h"
+#include "tools/cli/verbs.h"
+#include "tools/client/json.h"
+
+namespace mtdb {
+
+Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments);
+
+struct QueryReport {
+  const QueryJson& query;
+  const ObjectRecord& record;
+  const ExtractStats& stats;
+  std::optional<Vec3d> origin = {};  // of the file's positions
+  double open_seconds = 0, write_seconds = 0, total_seconds = 0;
+  Json picture = {};         // render: how it was drawn
+  std::string remarks = {};  // more lines for people
+};
+// As text or JSON; to standard error, when the mesh goes to standard output.
+void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report);
+
+}  // namespace mtdb

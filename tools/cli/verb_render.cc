@@ -1,0 +1,127 @@
+#include <array>
+#include <chrono>
+#include <cstdio>
+
+#include "query/surface.h"
+#include "tools/cli/query_report.h"
+#include "tools/cli/verbs.h"
+#include "tools/render/render.h"
+#include "tools/render/view.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+// Shows an object's shape, whatever its size.
+constexpr double kOverviewError = 0.01;  // of the diagonal
+constexpr uint64_t kOverviewTriangles = 20'000;
+// What distances are measured from.
+constexpr uint64_t kReferenceTriangles = 2'000'000;
+
+using Clock = std::chrono::steady_clock;
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+Vec3d PointOf(const QueryJson& json) {
+  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
+}
+
+Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+
+// Pictures of one object share what is up, and their frame, but for clipped ones.
+Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool clipped,
+                  RenderOptions* options) {
+  if (arguments.query.has_camera() && !arguments.overview) {
+    MTDB_ASSIGN_OR_RETURN(options->camera,
+                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+    return Status::Ok();
+  }
+  // A surface of its own: what the picture's query reads is counted apart.
+  SurfaceOptions own;
+  own.form = RuntimeForm::kImplicit;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> apart, Surface::Open(surface.source(), own));
+  Query query;
+  query.threshold = ConstantThreshold(kOverviewError * surface.record().diagonal());
+  query.max_triangles = kOverviewTriangles;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
+  options->up = arguments.query.up ? PointOf(*arguments.query.up) : EstimateUp(mesh);
+  options->view_direction = ViewDirection(arguments.view, options->up, mesh.positions);
+  if (!clipped) options->frame = std::move(mesh.positions);
+  return Status::Ok();
+}
+
+// What the colours mean, for people.
+std::string ColourText(const RenderOptions& options, const std::array<double, 2>& range,
+                       const ExtractStats& reference) {
+  char line[400];
+  std::string what = options.attribute;
+  if (options.colour_by == ColourBy::kDistance) {
+    std::snprintf(line, sizeof(line),
+                  "how far the picture's surface is from the best one of %llu triangles",
+                  static_cast<unsigned long long>(reference.triangles));
+    what = line;
+  }
+  std::snprintf(line, sizeof(line), "  colours: %s; %.6g to %.6g\n", what.c_str(), range[0],
+                range[1]);
+  return line;
+}
+
+Json PictureJson(const RenderOptions& options, const RenderImage& image) {
+  const Vec3d up = options.camera ? options.camera->axes().up : options.up;
+  const Vec3d direction = options.camera ? options.camera->axes().forward : options.view_direction;
+  return {
+      {"width_px", image.width},
+      {"height_px", image.height},
+      {"direction", PointJson(direction)},
+      {"up", PointJson(up)},
+      {"colour_range", image.range ? Json::array({(*image.range)[0], (*image.range)[1]}) : Json()}};
+}
+
+}  // namespace
+
+Status RenderVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
+  if (!arguments.output.ends_with(".png")) {
+    return Unsupported(arguments.output + ": expected a name that ends in .png");
+  }
+  RenderOptions options = arguments.picture;
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  const double open_seconds = SecondsSince(begin);
+  TriangleMesh mesh, reference;
+  TriangleMeshSink sink(&mesh), reference_sink(&reference);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  const Clock::time_point drawn = Clock::now();
+  MTDB_RETURN_IF_ERROR(ChooseView(arguments, *surface, query.clip, &options));
+  ExtractStats reference_stats;
+  if (options.colour_by == ColourBy::kDistance) {
+    Query best;
+    best.max_triangles = kReferenceTriangles;
+    MTDB_ASSIGN_OR_RETURN(reference_stats, surface->Extract(best, reference_sink));
+    options.reference = &reference;
+  }
+  RenderImage image;
+  MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
+  MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
+  QueryReport report{json, surface->record(), stats};
+  report.open_seconds = open_seconds;
+  report.write_seconds = SecondsSince(drawn);
+  report.total_seconds = SecondsSince(begin);
+  report.picture = PictureJson(options, image);
+  if (image.range) report.remarks = ColourText(options, *image.range, reference_stats);
+  PrintQueryReport(arguments, report);
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,30 @@
+// From where a mesh is looked at: what is up, and the sides that views are named after.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string_view>
+
+#include "store/base/geometry.h"
+#include "store/base/mesh_sink.h"
+
+namespace mtdb {
+
+// A guess at what is up, a unit vector: where an open surface faces, as terrain does; else the side
+// opposite the base on which the mesh stands, or where it has none, z or y. A coarse mesh is
+// enough.
+Vec3d EstimateUp(const TriangleMesh& mesh);
+
+inline constexpr std::array kViewNames = {"auto",  "front", "back",   "left",
+                                          "right", "top",   "bottom", "iso"};
+
+// The direction of view, of length 1, for a name of kViewNames. The front is seen along y when z is
+// up, along -z when y is; left and right are the viewer's, as seen from the front. "auto" looks at
+// the broader side of `points`, from a little to its right and above; from higher above where they
+// are flat.
+Vec3d ViewDirection(std::string_view name, Vec3d up, std::span<const Vec3d> points);
+// What is up in a picture that looks along `direction`: `up`, or where that is the same line, the
+// side at the back of the front view.
+Vec3d UpOfView(Vec3d direction, Vec3d up);
+
+}  // namespace mtdb
