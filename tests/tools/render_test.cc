@@ -69,15 +69,6 @@ TriangleMesh OneTriangle() {
   return mesh;
 }
 
-std::vector<Vec3d> CornersOf(const Box3d& box) {
-  std::vector<Vec3d> corners;
-  for (int c = 0; c < 8; ++c) {
-    corners.push_back({c & 1 ? box.max.x : box.min.x, c & 2 ? box.max.y : box.min.y,
-                       c & 4 ? box.max.z : box.min.z});
-  }
-  return corners;
-}
-
 RenderOptions Small() {
   RenderOptions options;
   options.width = 160;

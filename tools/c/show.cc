@@ -34,8 +34,9 @@ Result<RenderOptions> OptionsOf(const mtdb_render_options& given) {
     MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(v), "options"));
   }
   if (given.has_frame != 0) {
-    options.frame = Box3d{ToVec(given.frame_min), ToVec(given.frame_max)};
-    if (options.frame->empty()) return InvalidArgument("options.frame_min: exceeds frame_max");
+    const Box3d frame{ToVec(given.frame_min), ToVec(given.frame_max)};
+    if (frame.empty()) return InvalidArgument("options.frame_min: exceeds frame_max");
+    options.frame = CornersOf(frame);
   }
   if (!IsZero(given.view_direction)) options.view_direction = ToVec(given.view_direction);
   if (given.has_camera != 0) {
@@ -89,7 +90,9 @@ mtdb_code mtdb_write_png(const char* path, const unsigned char* rgb, uint32_t wi
         height > mtdb::internal::kMostPixels) {
       return mtdb::InvalidArgument("width, height: expected 1 to 16384");
     }
-    mtdb::RenderImage image{static_cast<int>(width), static_cast<int>(height), {}};
+    mtdb::RenderImage image;
+    image.width = static_cast<int>(width);
+    image.height = static_cast<int>(height);
     image.rgb.assign(rgb, rgb + size_t{3} * width * height);
     return mtdb::WritePng(path, image);
   });

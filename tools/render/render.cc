@@ -405,6 +405,15 @@ void Paint(const Scene& scene, Colours& colours, const View& view, const RenderO
 
 }  // namespace
 
+std::vector<Vec3d> CornersOf(const Box3d& box) {
+  std::vector<Vec3d> corners;
+  for (int c = 0; c < 8; ++c) {
+    corners.push_back({c & 1 ? box.max.x : box.min.x, c & 2 ? box.max.y : box.min.y,
+                       c & 4 ? box.max.z : box.min.z});
+  }
+  return corners;
+}
+
 Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, RenderImage* image) {
   if (options.width < 1 || options.height < 1 || options.width > kMaxPixels ||
       options.height > kMaxPixels) {

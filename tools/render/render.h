@@ -58,6 +58,9 @@ struct RenderOptions {
   bool scale_bar = false;  // a round length, at the depth of the middle of the frame or mesh
 };
 
+// A box as the frame of a picture.
+std::vector<Vec3d> CornersOf(const Box3d& box);
+
 struct RenderImage {
   int width = 0, height = 0;
   std::vector<uint8_t> rgb;    // rows from the top, 3 * width * height bytes
