@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "store/base/ids.h"
 #include "store/base/mesh_sink.h"
@@ -16,8 +17,24 @@ namespace internal {
 class CutImpl;
 }
 
-// What ended the refinement of a query.
-enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime };
+// What ended the refinement of a query; kMissing: clusters that are not in memory.
+enum class QueryLimit : uint8_t { kThreshold, kTriangles, kBytes, kTime, kMissing };
+
+// A cluster, or a piece of the root, that a query lacked which takes what is there.
+struct MissingCluster {
+  enum class Reason : uint8_t {
+    kNotRead,  // it, or what it comes from, has not come or is not decoded
+    kNoRoom,   // the cache has no room to keep it beside what the query uses
+    kFailed,   // its bytes cannot be had, or are damaged
+  };
+  UnitId unit = 0;
+  // The largest bound b(t) that it, or a missing cluster that comes from it, leaves in the mesh.
+  double error = 0;
+  // This over the least threshold where the cluster lies; infinite where that is 0.
+  double excess = 0;
+  Reason reason = Reason::kNotRead;
+  Status failure;  // of kFailed
+};
 
 // What a query returned and what it cost.
 struct ExtractStats {
@@ -36,6 +53,9 @@ struct ExtractStats {
   // clusters that the mesh could still be refined with. Not of sessions.
   std::optional<double> error_bound_outside;
   Shortfall shortfall;  // of the active triangles
+  // Of a query that takes what is there: what it lacked, the largest `excess` first, then the
+  // largest error, and parents before children. Empty: the cut is that of a query that waits.
+  std::vector<MissingCluster> missing;
   QueryLimit limit = QueryLimit::kThreshold;
   uint64_t nodes_visited = 0;  // of all clusters that the search looked into
   uint64_t nodes_applied = 0;

@@ -41,6 +41,16 @@ struct Query {
   // emitting the mesh comes on top, some 20 ns a triangle and the sink's time.
   std::optional<double> max_milliseconds;
 
+  // Takes what is there: the answer is the least cut through the clusters in memory, at once. The
+  // nodes of a cluster that is missing do not take part; a triangle that they would remove is
+  // valid, and e(t) is the cluster's largest error. Stats say which clusters are missing; they have
+  // been asked for, and come while nobody waits. The query fails with kNotYet as long as not all of
+  // the root is there. What the cut uses stays in memory until the Cut is gone. Clusters that the
+  // cache has no room for are missing, too. Of a source that answers at once (a store) the cache's
+  // threads read, or without threads the query itself. Not with max_bytes (kInvalidArgument).
+  // Sessions: see SessionOptions.
+  bool available_only = false;
+
   // Leaves out triangles that do not meet the region, and vertices that only such triangles use.
   bool clip = false;
 

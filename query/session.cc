@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "query/internal/available_units.h"
 #include "query/internal/bits.h"
 #include "query/internal/moving_cut.h"
 #include "query/internal/promise.h"
@@ -82,15 +83,25 @@ void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
 
 }  // namespace
 
-Session::Session(std::shared_ptr<const Surface> surface)
-    : surface_(std::move(surface)), moving_(std::make_unique<MovingCut>(*surface_->source())) {}
+Session::Session(std::shared_ptr<const Surface> surface, const SessionOptions& options)
+    : surface_(std::move(surface)), moving_(std::make_unique<MovingCut>(*surface_->source())) {
+  if (!options.available_only) return;
+  available_ =
+      std::make_unique<UnitReader>(surface_->cache(), ReaderLimits{nullptr, std::nullopt, true});
+  available_->BeginCall(nullptr, std::nullopt);
+}
 
-Session::~Session() = default;
+Session::~Session() {
+  // Nothing that is on its way is wanted any more.
+  if (available_ == nullptr) return;
+  static_cast<void>(TryAllocate([&] { available_->available()->Ask({}, true); }));
+}
 
-Result<std::unique_ptr<Session>> Session::Open(std::shared_ptr<const Surface> surface) {
+Result<std::unique_ptr<Session>> Session::Open(std::shared_ptr<const Surface> surface,
+                                               const SessionOptions& options) {
   MTDB_CHECK(surface != nullptr, "a session needs a surface");
   return CatchOutOfMemory([&]() -> Result<std::unique_ptr<Session>> {
-    return std::unique_ptr<Session>(new Session(std::move(surface)));
+    return std::unique_ptr<Session>(new Session(std::move(surface), options));
   });
 }
 
@@ -101,7 +112,9 @@ Result<BaseMesh> Session::Base() const {
 Result<BaseMesh> Session::ReadBase() const {
   const ClusterIndex& index = surface_->index();
   const size_t row_bytes = surface_->record().attributes.row_bytes();
-  UnitReader reader(surface_->cache(), {});
+  UnitReader waiting(surface_->cache(), {});
+  UnitReader& reader = available_ == nullptr ? waiting : *available_;
+  if (available_ != nullptr) MTDB_RETURN_IF_ERROR(TakeRoot());
   BaseMesh base;
   std::unordered_map<VertexIndex, uint32_t> numbers;
   for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) {
@@ -129,6 +142,20 @@ Result<BaseMesh> Session::ReadBase() const {
   return base;
 }
 
+Status Session::TakeRoot() const {
+  AvailableUnits& units = *available_->available();
+  available_->BeginCall(nullptr, std::nullopt);
+  const Status status = units.TakeRoot();
+  if (!units.missing().empty()) {
+    units.Ask(std::vector<UnitId>(units.missing().begin(), units.missing().end()), false);
+  }
+  return status;
+}
+
+void Session::RetryFailed() {
+  if (available_ != nullptr) available_->available()->ForgetFailures();
+}
+
 Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatch>* batches) {
   batches->clear();
   return CatchOutOfMemory([&] {
@@ -148,10 +175,20 @@ Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink)
 Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBatches& take) {
   const Stopwatch watch;
   const ClusterIndex& index = surface_->index();
-  const bool budget = query.max_triangles || query.max_bytes || query.max_milliseconds;
+  const bool waits = available_ == nullptr;
+  const bool budget =
+      query.max_triangles || query.max_bytes || (waits && query.max_milliseconds.has_value());
   SessionUpdate result;
   ExtractStats& stats = result.stats;
-  UnitReader reader(surface_->cache(), {query.control, query.max_bytes});
+  std::optional<UnitReader> waiting;
+  if (waits) {
+    waiting.emplace(surface_->cache(), ReaderLimits{query.control, query.max_bytes});
+  } else {
+    MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query));
+    // From a cut that a budget made it goes to the end.
+    available_->BeginCall(query.control, moving_ == nullptr ? std::nullopt : DeadlineOf(query));
+  }
+  UnitReader& reader = waits ? *waiting : *available_;
   MTDB_RETURN_IF_ERROR(budget ? Select(reader, query, take, &result)
                               : Move(reader, query, rounds, take, &result));
   stats.vertices = index.root_vertices() + applied_count_;
@@ -201,6 +238,9 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
   stats.nodes_forced = cut.counts().forced;
   stats.clusters_used = cut.counts().clusters_used;
   stats.nodes_visited = cut.evaluated();
+  stats.missing = cut.missing();
+  if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
+  if (cut.unfinished()) stats.limit = QueryLimit::kTime;
   return Status::Ok();
 }
 
@@ -211,7 +251,7 @@ Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches
   const ClusterIndex& index = surface_->index();
   CutState cut(*surface_->source(), false);
   Search search(*surface_->source(), reader, query, record.rounding_error, &cut);
-  MTDB_ASSIGN_OR_RETURN(const Search::Outcome outcome, search.Run());
+  MTDB_ASSIGN_OR_RETURN(Search::Outcome outcome, search.Run());
   std::vector<Bits> applied(index.cluster_count());
   Changes changes(*surface_);
   for (UnitId c = 0; c < index.cluster_count(); ++c) {
@@ -221,13 +261,22 @@ Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches
     update->stats.clusters_used += applied[c].empty() ? 0 : 1;
   }
   // What the updates need was in the search's reach, or is what the client holds: no budget.
-  UnitReader updates(surface_->cache(), {query.control, std::nullopt});
+  UnitReader waiting(surface_->cache(), {query.control, std::nullopt});
+  UnitReader& updates = available_ == nullptr ? waiting : *available_;
   MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(updates), Releasing(updates, take), update));
   selected_ = std::move(applied);
   moving_.reset();
+  if (available_ != nullptr) {
+    std::vector<UnitId> used;
+    for (UnitId c = 0; c < index.unit_count(); ++c) {
+      if (c >= index.cluster_count() || !selected_[c].empty()) used.push_back(c);
+    }
+    available_->available()->KeepOnly(used);
+  }
   applied_count_ = cut.counts().applied;
   FillStats(record, cut.counts(), outcome.active, &update->stats);
   update->stats.limit = outcome.limit;
+  update->stats.missing = std::move(outcome.missing);
   update->stats.nodes_visited = outcome.nodes_visited;
   update->stats.nodes_forced = outcome.nodes_forced;
   return Status::Ok();

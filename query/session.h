@@ -42,6 +42,18 @@ struct SessionUpdate {
   ExtractStats stats;
 };
 
+struct SessionOptions {
+  // The session never waits: its cuts go through the clusters that are in memory, as with
+  // Query::available_only, and refine from call to call as clusters come. Those that its cut uses
+  // stay in memory. What Update lacked is in stats.missing, ordered by how much it would help, and
+  // has been asked for; what earlier queries wanted and this one does not is not wanted any more.
+  // Query::max_milliseconds is then the time of the call, and no budget: after it Update begins
+  // with no further cluster, leaves a conforming cut on the way, says QueryLimit::kTime, and goes
+  // on when it is called with the same region and threshold. At least one cluster is refined in a
+  // call; what the new query takes away, and the updates that a call makes, are not counted.
+  bool available_only = false;
+};
+
 // After De Floriani, Magillo, Puppo, "Efficient implementation of Multi-Triangulations" (1998), its
 // dynamic update; how it finds what to take away is ours (docs/design.md). Used by one thread at a
 // time; many sessions share a surface. Between updates it keeps some 6 bytes for each node of the
@@ -49,10 +61,12 @@ struct SessionUpdate {
 class Session {
  public:
   // At the root. `surface` stays alive with the session.
-  static Result<std::unique_ptr<Session>> Open(std::shared_ptr<const Surface> surface);
+  static Result<std::unique_ptr<Session>> Open(std::shared_ptr<const Surface> surface,
+                                               const SessionOptions& options = {});
   ~Session();
 
-  // The root mesh, which every session starts from. Errors: those of reading root pieces.
+  // The root mesh, which every session starts from. Errors: those of reading root pieces; kNotYet
+  // of a session that does not wait, while it is on its way.
   Result<BaseMesh> Base() const;
 
   // Moves to the cut that Surface::Select finds for `query`, node for node, and sets `batches` to
@@ -73,13 +87,17 @@ class Session {
   // the sink's included, it is that of the last round whose batches the sink took.
   Result<SessionUpdate> Update(const Query& query, const BatchSink& sink);
 
+  // Of a session that does not wait: what failed is asked for again.
+  void RetryFailed();
+
   bool applied(UnitId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return applied_count_; }
 
  private:
   using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
-  explicit Session(std::shared_ptr<const Surface> surface);
+  Session(std::shared_ptr<const Surface> surface, const SessionOptions& options);
   Result<BaseMesh> ReadBase() const;
+  Status TakeRoot() const;
   Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
   Status Move(internal::UnitReader& reader, const Query& query, bool rounds,
               const TakeBatches& take, SessionUpdate* update);
@@ -87,7 +105,8 @@ class Session {
                 SessionUpdate* update);
   const internal::Bits& BitsOf(UnitId cluster) const;
   const std::shared_ptr<const Surface> surface_;
-  std::unique_ptr<internal::MovingCut> moving_;  // null after an update with a budget
+  std::unique_ptr<internal::UnitReader> available_;  // not null: it waits for nothing
+  std::unique_ptr<internal::MovingCut> moving_;      // null after an update with a budget
   std::vector<internal::Bits> selected_;  // then: per cluster, empty where no node is applied
   uint64_t applied_count_ = 0;
 };

@@ -17,8 +17,8 @@ namespace mtdb::internal {
 // What was asked for in one call. The fields are guarded by the cache's mutex.
 class ClusterCache::Batch final : public PayloadReceiver {
  public:
-  Batch(std::shared_ptr<Door> door, ClientPtr for_client, bool is_ahead)
-      : client(std::move(for_client)), ahead(is_ahead), door_(std::move(door)) {}
+  Batch(std::shared_ptr<Door> door, ClientPtr for_client, Asking why)
+      : client(std::move(for_client)), asking(why), door_(std::move(door)) {}
   void Receive(UnitId unit, Result<Bytes> payload) override {
     const MutexLock lock(door_->mutex);
     if (door_->cache != nullptr) door_->cache->Arrive(*this, unit, std::move(payload));
@@ -27,7 +27,7 @@ class ClusterCache::Batch final : public PayloadReceiver {
   const ClientPtr client;
   std::vector<UnitId> units;
   size_t open = 0;  // that are on their way
-  bool ahead;       // nobody waits for them: they give way
+  const Asking asking;
 
  private:
   const std::shared_ptr<Door> door_;

@@ -333,7 +333,14 @@ bool ClusterCache::RunJob(Lock& lock) {
     Enter();
     LoadRequest request{job.client};
     request.waits = at_once_;
-    if (Load(job.unit, request, lock).ok()) Unpin(job.unit);
+    const Status status = Load(job.unit, request, lock).status();
+    if (status.ok()) {
+      Unpin(job.unit);
+    } else if (job.client->takes_what_is_there && status.code() != StatusCode::kNotYet &&
+               !request.no_room) {
+      // It asks for nothing that has failed.
+      static_cast<void>(TryAllocate([&] { job.client->failures[job.unit] = status; }));
+    }
     Leave();
     std::vector<LoadedUnitPtr> dropped;  // when the query is over meanwhile
     DropIdle(dropped);
@@ -385,8 +392,9 @@ void ClusterCache::RemoveReader(Client& client) {
     MutexLock lock(mutex_);
     client.stopped = true;
     client.control = nullptr;
-    // What nobody will wait for need not come. Who does not wait comes back for it.
-    while (options_.waits) {
+    // What nobody will wait for need not come. Who does not wait, or takes
+    // what is there, comes back for it.
+    while (options_.waits && !client.takes_what_is_there) {
       const auto batch =
           std::ranges::find(batches_, &client, [](const auto& b) { return b->client.get(); });
       if (batch == batches_.end()) break;
@@ -462,7 +470,8 @@ bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
   while (bytes_ + bytes > options_.budget_bytes && DropOldestPayload()) {
   }
   while (bytes_ + bytes > options_.budget_bytes) {
-    const auto ahead = std::ranges::find(batches_, true, [](const auto& b) { return b->ahead; });
+    const auto ahead =
+        std::ranges::find(batches_, Asking::kAhead, [](const auto& b) { return b->asking; });
     if (ahead == batches_.end()) break;
     Withdraw(*std::shared_ptr<Batch>(*ahead));
   }

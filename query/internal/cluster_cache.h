@@ -84,6 +84,7 @@ class ClusterCache {
   bool idle() const;
 
  private:
+  friend class AvailableUnits;
   friend class UnitReader;
   enum class State : uint8_t { kEmpty, kLoading, kReady };
   using Payload = std::shared_ptr<const Bytes>;
@@ -110,6 +111,7 @@ class ClusterCache {
     std::map<UnitId, Status> failures;  // of reads
     QueryControl* control = nullptr;    // null when the query is over
     bool stopped = false;               // it is over: its jobs are void
+    bool takes_what_is_there = false;   // and leaves what it asked for on its way
   };
   using ClientPtr = std::shared_ptr<Client>;
   struct Job {
@@ -118,6 +120,12 @@ class ClusterCache {
     friend bool operator<(const Job& a, const Job& b) { return a.unit < b.unit; }
   };
   class Plan;
+  // Why payloads are asked for.
+  enum class Asking : uint8_t {
+    kToWait,    // whoever waits for them decodes them
+    kToDecode,  // nobody waits: the cache's threads decode what comes
+    kAhead,     // likewise, and they give way to all else
+  };
   // On whose behalf a unit is loaded, and how.
   struct LoadRequest {
     ClientPtr client;
@@ -159,9 +167,8 @@ class ClusterCache {
   // room for a single payload, or none may be read.
   Status AskForPlan(LoadRequest& request, Lock& lock);
   // Asks for payloads that are neither there nor on their way, as many as find room, in one batch
-  // in the order of their places. `ahead`: nobody waits for them yet. Null: there was none to ask
-  // for.
-  std::shared_ptr<Batch> Ask(std::span<const UnitId> units, const ClientPtr& client, bool ahead,
+  // in the order of their places. Null: there was none to ask for.
+  std::shared_ptr<Batch> Ask(std::span<const UnitId> units, const ClientPtr& client, Asking asking,
                              Lock& lock);
   // For whoever wants these units soon: asks for them and their missing parents.
   void AskAhead(std::span<const UnitId> units, const ClientPtr& client, Lock& lock);

@@ -42,7 +42,7 @@ Status ClusterCache::AskForPlan(LoadRequest& request, Lock& lock) {
       reader->CutToLimit(missing);
       if (missing.empty() && waits_for == kNone32) return reader->OverLimit(first);
     }
-    const std::shared_ptr<Batch> batch = Ask(missing, request.client, false, lock);
+    const std::shared_ptr<Batch> batch = Ask(missing, request.client, Asking::kToWait, lock);
     if (batch == nullptr && waits_for == kNone32 && !missing.empty()) {
       if (request.plan->GiveUpPayloads(first)) return Status::Ok();
       request.no_room = true;
@@ -55,9 +55,9 @@ Status ClusterCache::AskForPlan(LoadRequest& request, Lock& lock) {
 }
 
 std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> units,
-                                                       const ClientPtr& client, bool ahead,
+                                                       const ClientPtr& client, Asking asking,
                                                        Lock& lock) {
-  const auto batch = std::make_shared<Batch>(door_, client, ahead);
+  const auto batch = std::make_shared<Batch>(door_, client, asking);
   batch->units.reserve(units.size());
   MakeRoomForOne(batches_);
   std::vector<LoadedUnitPtr> dropped;
@@ -69,7 +69,8 @@ std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> u
       continue;
     }
     const size_t bytes = index_.Has(u) ? index_.location(u).length : typical;
-    const bool fits = ahead ? bytes_ + bytes <= options_.budget_bytes : MakeRoom(bytes, dropped);
+    const bool fits = asking == Asking::kAhead ? bytes_ + bytes <= options_.budget_bytes
+                                               : MakeRoom(bytes, dropped);
     if (!fits) break;
     entry.asked = batch.get();
     entry.asked_bytes = bytes;
@@ -121,7 +122,7 @@ void ClusterCache::AskAhead(std::span<const UnitId> units, const ClientPtr& clie
     }
   }
   std::ranges::sort(list, std::greater<>());
-  Ask(list, client, true, lock);
+  Ask(list, client, Asking::kAhead, lock);
 }
 
 void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
@@ -129,7 +130,7 @@ void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
   if (unit >= entries_.size() || entries_[unit].asked != &batch) return;  // withdrawn
   Entry& entry = entries_[unit];
   const ClientPtr client = batch.client;
-  const bool ahead = batch.ahead;
+  const bool decodes = batch.asking != Asking::kToWait;
   Withdraw(unit);
   Status status = payload.status();
   if (status.ok() && (!index_.Has(unit) || payload->size() != index_.location(unit).length)) {
@@ -162,7 +163,7 @@ void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
   }
   if (!status.ok()) static_cast<void>(TryAllocate([&] { client->failures[unit] = status; }));
   loaded_.notify_all();
-  if (!ahead || entry.payload == nullptr || client->stopped) return;
+  if (!decodes || entry.payload == nullptr || client->stopped) return;
   static_cast<void>(TryAllocate([&] { jobs_.push({unit, client}); }));
   work_.notify_all();
 }

@@ -27,7 +27,7 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query, dou
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
       cut_(*surface_->source(), false),
       root_numbers_(index_.root_vertices()),
-      reader_(surface_->cache(), {query.control, query.max_bytes}) {}
+      reader_(surface_->cache(), {query.control, query.max_bytes, query.available_only}) {}
 
 MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
   MeshHeader header;
@@ -41,7 +41,8 @@ bool CutImpl::WantsEverything() const {
   const bool whole = query_.region == nullptr || query_.region->whole();
   const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
   const bool fits = !query_.max_triangles || *query_.max_triangles >= surface_->record().triangles;
-  return whole && full && fits && !query_.max_bytes && !query_.max_milliseconds;
+  return whole && full && fits && !query_.available_only && !query_.max_bytes &&
+         !query_.max_milliseconds;
 }
 
 Status CutImpl::Select() {
@@ -51,6 +52,10 @@ Status CutImpl::Select() {
       return InvalidArgument(surface_->record().name + ": has an attribute " + a.name +
                              " of its own; ask without normals");
     }
+  }
+  if (query_.available_only) {
+    MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query_));
+    reader_.BeginCall(query_.control, DeadlineOf(query_));
   }
   MTDB_RETURN_IF_ERROR(reader_.Check());
   everything_ = WantsEverything();
@@ -79,6 +84,7 @@ void CutImpl::FillStats() {
     return;
   }
   stats_.limit = outcome_.limit;
+  stats_.missing = outcome_.missing;
   stats_.nodes_visited = outcome_.nodes_visited;
   stats_.nodes_applied = cut_.counts().applied;
   stats_.nodes_forced = outcome_.nodes_forced;

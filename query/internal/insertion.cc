@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "query/internal/available_units.h"
 #include "query/internal/fetch_nodes.h"
 
 namespace mtdb::internal {
@@ -22,6 +23,27 @@ void Insertion::Begin(QueryControl* control) {
 void Insertion::Clear() {
   for (auto& list : nodes_waiting_) list.clear();
   for (auto& list : children_waiting_) list.clear();
+  unfinished_ = false;
+}
+
+void Insertion::DeferMissing() {
+  for (const auto& [id, ordinal] : std::exchange(missing_, {})) {
+    MovingUnit* const u = units_.Find(id);
+    if (u == nullptr) continue;
+    const UnitId child = units_.index().children(id)[ordinal];
+    if (units_.Find(child) != nullptr) continue;
+    if (units_.pins().reader().IsAvailable(child)) {
+      waiting_code_ = std::max(waiting_code_, int{units_.LargestCode(child)});
+      DeferChild(*u, ordinal, child);
+    } else {
+      missing_.emplace_back(id, ordinal);
+    }
+  }
+}
+
+bool Insertion::TimeIsOver() const {
+  const AvailableUnits* const units = units_.pins().reader().available();
+  return units != nullptr && units->time_is_over();
 }
 
 void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
@@ -30,8 +52,13 @@ void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
 }
 
 Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_round) {
+  unfinished_ = true;
+  const bool watched = units_.pins().reader().available() != nullptr;
+  bool stepped = !units_.queue().empty();
   MTDB_RETURN_IF_ERROR(RunQueue());
-  while (TakeUp(round_nodes > 0 ? kCodeStep : 256)) {
+  while (units_.queue().empty() && !(stepped && TimeIsOver()) &&
+         TakeUp(round_nodes > 0 || watched ? kCodeStep : 256)) {
+    stepped = true;
     MTDB_RETURN_IF_ERROR(RunQueue());
     if (round_nodes > 0 &&
         inserted_ >= std::max(round_nodes, units_.counts().applied / kRoundShare)) {
@@ -39,16 +66,21 @@ Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_r
       inserted_before_ += std::exchange(inserted_, 0);
     }
   }
+  unfinished_ = !units_.queue().empty() || AnyWaits();
   return Status::Ok();
 }
 
-bool Insertion::TakeUp(int step) {
+bool Insertion::AnyWaits() {
   const auto waits = [&](int code) {
     const auto c = static_cast<size_t>(code);
     return !nodes_waiting_[c].empty() || !children_waiting_[c].empty();
   };
   while (waiting_code_ >= 0 && !waits(waiting_code_)) --waiting_code_;
-  if (waiting_code_ < 0) return false;
+  return waiting_code_ >= 0;
+}
+
+bool Insertion::TakeUp(int step) {
+  if (!AnyWaits()) return false;
   const auto take = [&](std::vector<std::pair<UnitId, uint32_t>>& waiting, auto undecided) {
     for (const auto& [id, what] : waiting) {
       MovingUnit& u = *units_.Find(id);
@@ -69,14 +101,15 @@ bool Insertion::TakeUp(int step) {
 // Coarsest units first.
 Status Insertion::RunQueue() {
   units_.queue().Prefetch(units_.pins().reader());
-  return units_.RunQueue([&](MovingUnit& u, const LoadedUnit& unit) -> Status {
+  const auto advance = [&](MovingUnit& u, const LoadedUnit& unit) -> Status {
     MTDB_RETURN_IF_ERROR(Advance(u, unit));
     units_.queue().Prefetch(units_.pins().reader());
     if (control_ != nullptr) {
       control_->nodes_applied_.store(inserted_before_ + inserted_, std::memory_order_relaxed);
     }
     return Status::Ok();
-  });
+  };
+  return units_.RunQueue(advance, [&] { return TimeIsOver(); });
 }
 
 // May be taken again from wherever it fails.
@@ -171,8 +204,11 @@ void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
   const uint8_t code = units_.LargestCode(id);
   if (code <= waiting_code_) return DeferChild(u, ordinal, id);
   const double margin = deadlines_.Margin(u, unit, slot, code);
-  if (margin < 0) {
+  if (margin < 0 && units_.pins().reader().IsAvailable(id)) {
     units_.Open(id);
+  } else if (margin < 0) {
+    missing_.emplace_back(u.id, ordinal);
+    Deadlines::SetChildWaits(u, ordinal);
   } else {
     Deadlines::AddChild(u, ordinal, margin);
   }

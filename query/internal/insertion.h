@@ -24,22 +24,35 @@ class Insertion {
 
   // Forgets what waits, and begins anew: all waits.
   void Begin(QueryControl* control);
+  // Goes on where the last run ended, with the same query.
+  void Resume(QueryControl* control) {
+    control_ = control;
+    inserted_ = inserted_before_ = 0;
+  }
   // A known node that is refusing; a child that may be needed. They wait.
   void Defer(const MovingUnit& u, NodeIndex node, uint8_t code) {
     nodes_waiting_[code].emplace_back(u.id, node);
   }
   void DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child);
   // Works off the queue and what waits. With round_nodes > 0 calls end_round when so many nodes
-  // have come, and a quarter of all.
+  // have come, and a quarter of all. With a reader that waits for nothing it ends after the step
+  // during which the time is over; what is left to do stays.
   Status Run(uint64_t round_nodes, const std::function<Status()>& end_round);
+  // Something is left to do, but for what is missing.
+  bool unfinished() const { return unfinished_; }
   // Needs no memory.
   void Clear();
+  // Children that may be needed, and whose clusters were missing, wait again if they have come.
+  void DeferMissing();
+  void ForgetMissing() { missing_.clear(); }
 
  private:
   using NodeRef = CutState::NodeRef;
 
   // Takes up what waits, by `step` codes; false when nothing does.
   bool TakeUp(int step);
+  bool AnyWaits();
+  bool TimeIsOver() const;
   Status RunQueue();
   Status Advance(MovingUnit& u, const LoadedUnit& unit);
   void LookAt(MovingUnit& u, const LoadedUnit& unit);
@@ -58,6 +71,8 @@ class Insertion {
   // What has an error of at most this code waits: nodes, and children of units by their ordinals.
   int waiting_code_ = 255;
   std::array<std::vector<std::pair<UnitId, uint32_t>>, 256> nodes_waiting_, children_waiting_;
+  std::vector<std::pair<UnitId, uint32_t>> missing_;  // children: their clusters were not there
+  bool unfinished_ = false;
   uint64_t inserted_ = 0;  // in this round
   uint64_t inserted_before_ = 0;
   std::vector<NodeRef> closure_;

@@ -26,6 +26,12 @@ class Judge {
 
   // From now on it judges for this query. Its region and threshold stay alive with it.
   void SetQuery(const Query& query);
+  // True when it judges for these, or the same ones as objects.
+  bool Same(const Query& query) const {
+    const bool all = query.region == nullptr || query.region->whole();
+    return threshold_ != nullptr && asked_ == query.threshold &&
+           region_ == (all ? nullptr : query.region);
+  }
   // Not null while questions are asked.
   void SetMeter(WorkMeter* meter) { meter_ = meter; }
   WorkMeter& meter() const { return *meter_; }

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "query/internal/fetch_nodes.h"
+#include "query/internal/missing_clusters.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb::internal {
@@ -34,11 +35,14 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
   units_.judge().SetMeter(&meter);
   units_.SetPins(&pins);
   const Status status = CatchOutOfMemory([&] { return Step(query, round_nodes, commit); });
-  if (status.ok()) {
-    CloseIdle();
-  } else {
+  if (status.code() != StatusCode::kCancelled) AskForMissing();
+  if (!status.ok()) {
     insertion_.Clear();
+    insertion_.ForgetMissing();
     units_.UndoMove();
+  } else if (!insertion_.unfinished()) {
+    CloseIdle();
+    if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
   }
   units_.SetPins(nullptr);
   units_.judge().SetMeter(nullptr);
@@ -46,19 +50,65 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
 }
 
 Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
+  deadlines_.ResetCount();
+  missing_.clear();
+  if (GoesOn(query)) {
+    insertion_.Resume(query.control);
+  } else {
+    MTDB_RETURN_IF_ERROR(DecideAll(query));
+  }
+  insertion_.DeferMissing();
+  MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
+  if (insertion_.unfinished()) {
+    // Of the whole mesh, which is quick to tell and bounds what the survey would find.
+    active_ = {true, units_.counts().triangles, 0, {}};
+    for (size_t c = 0; c < 256; ++c) {
+      if (units_.counts().by_code[c] > 0) active_.largest_code = static_cast<uint8_t>(c);
+    }
+    return EndRound(commit);
+  }
+  Survey survey(units_, units_.judge(), units_.pins(), false);
+  MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
+  return EndRound(commit);
+}
+
+bool MovingCut::GoesOn(const Query& query) {
+  const Judge& judge = units_.judge();
+  return insertion_.unfinished() && judge.Same(query);
+}
+
+Status MovingCut::DecideAll(const Query& query) {
+  if (insertion_.unfinished()) {
+    insertion_.Clear();
+    units_.UndoMove();  // all of which has ended its round: only what was left to do goes
+  }
   weak_.clear();
   idle_.clear();
   insertion_.Begin(query.control);
-  deadlines_.ResetCount();
+  const bool same = units_.judge().Same(query);
   MTDB_RETURN_IF_ERROR(Decide(query));
+  if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
+    MTDB_RETURN_IF_ERROR(units->TakeRoot());
+  }
   MTDB_RETURN_IF_ERROR(strength_.Run(&weak_));
   MTDB_RETURN_IF_ERROR(removal_.Run(weak_));
   const ClusterIndex& index = units_.index();
   for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) units_.Open(id);
-  MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
-  Survey survey(units_, units_.judge(), units_.pins(), false);
-  MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
-  return EndRound(commit);
+  // After another query all that waits has been decided upon.
+  if (!same) insertion_.ForgetMissing();
+  return Status::Ok();
+}
+
+// Without memory there is nothing to say, and the next call asks.
+void MovingCut::AskForMissing() {
+  AvailableUnits* const units = units_.pins().reader().available();
+  if (units == nullptr || units_.judge().threshold() == nullptr) return;
+  static_cast<void>(CatchOutOfMemory([&]() -> Status {
+    missing_ = RankMissing(units_.index(), units_.judge(), *units);
+    internal::AskForMissing(units_.index(), units_.judge(), missing_, !insertion_.unfinished(),
+                            *units);
+    return Status::Ok();
+  }));
 }
 
 Status MovingCut::Decide(const Query& query) {

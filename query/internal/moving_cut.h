@@ -50,6 +50,10 @@ class MovingCut {
   const CutState::Counts& counts() const { return units_.counts(); }
   // After a move.
   const ActiveTriangles& active() const { return active_; }
+  // After a move by a reader that waits for nothing: what it lacked, and whether the time was over
+  // before all was done. The next move with the same query goes on.
+  const std::vector<MissingCluster>& missing() const { return missing_; }
+  bool unfinished() const { return insertion_.unfinished(); }
   // Units of which something is kept.
   size_t open_units() const { return units_.open().size(); }
   // Nodes looked at by the last move.
@@ -61,6 +65,9 @@ class MovingCut {
   Status Decide(const Query& query);
   Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired);
   Status EndRound(const Commit& commit);
+  bool GoesOn(const Query& query);
+  Status DecideAll(const Query& query);
+  void AskForMissing();
   // Closes units that no present triangle can need.
   void CloseIdle();
   bool MayClose(MovingUnit& u, const LoadedUnit& unit);
@@ -72,6 +79,7 @@ class MovingCut {
   Removal removal_;
   Insertion insertion_;
   ActiveTriangles active_;
+  std::vector<MissingCluster> missing_;
   uint32_t moves_ = 0;
   std::vector<NodeKey> weak_;  // nodes that Removal begins with
   std::vector<UnitId> idle_;   // units that may have become superfluous

@@ -3,6 +3,7 @@
 
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "query/internal/cut_state.h"
@@ -65,10 +66,15 @@ class MovingUnits final : public CutState {
   // While moving.
   UnitPins& pins() { return *pins_; }
   void SetPins(UnitPins* pins) { pins_ = pins; }
-  // The rest of the queue, unit by unit: f(u, unit) gives a Status. Each is a step.
+  // The rest of the queue, unit by unit: f(u, unit) gives a Status. Each is a step. It ends when
+  // stop() says so after a step.
   template <typename F>
   Status RunQueue(F&& f) {
-    while (!queue_.empty()) {
+    return RunQueue(std::forward<F>(f), [] { return false; });
+  }
+  template <typename F, typename Stop>
+  Status RunQueue(F&& f, Stop&& stop) {
+    for (bool first = true; !queue_.empty() && (first || !stop()); first = false) {
       auto& u = static_cast<MovingUnit&>(queue_.Take());
       MTDB_RETURN_IF_ERROR(pins_->RunOn(u, [&](const LoadedUnit& unit) { return f(u, unit); }));
     }

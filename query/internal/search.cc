@@ -3,7 +3,24 @@
 #include <algorithm>
 #include <chrono>
 
+#include "query/internal/missing_clusters.h"
+
 namespace mtdb::internal {
+
+std::optional<std::chrono::steady_clock::time_point> DeadlineOf(const Query& query) {
+  if (!query.max_milliseconds) return std::nullopt;
+  const std::chrono::duration<double, std::milli> budget(
+      std::clamp(*query.max_milliseconds, 0.0, 1e12));
+  return std::chrono::steady_clock::now() +
+         std::chrono::duration_cast<std::chrono::nanoseconds>(budget);
+}
+
+Status CheckLimits(const ObjectRecord& record, const Query& query) {
+  if (!query.max_bytes) return Status::Ok();
+  return InvalidArgument(record.name +
+                         ": a query that takes what is there reads nothing: ask without a limit of "
+                         "bytes");
+}
 
 // Why the order of work does not matter: activity and validity belong to a triangle, not to the
 // cut, and a node that removes an active invalid triangle of the current mesh is in every valid
@@ -27,7 +44,32 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
 }
 
 Result<Search::Outcome> Search::Run() {
-  const auto start = std::chrono::steady_clock::now();
+  const Status status = RunFromRoot();
+  pins_.reader().SetDeadline(std::nullopt);
+  meter_.Resume();
+  if (status.code() != StatusCode::kCancelled) AskForMissing();
+  MTDB_RETURN_IF_ERROR(status);
+  Survey survey(cut_, judge_, pins_, true);
+  MTDB_ASSIGN_OR_RETURN(outcome_.active,
+                        survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
+  pins_.Release();
+  return std::move(outcome_);
+}
+
+void Search::AskForMissing() {
+  AvailableUnits* const units = pins_.reader().available();
+  if (units == nullptr) return;
+  outcome_.missing = RankMissing(index_, judge_, *units);
+  internal::AskForMissing(index_, judge_, outcome_.missing, true, *units);
+  const bool reached = outcome_.limit == QueryLimit::kThreshold;
+  if (reached && !outcome_.missing.empty()) outcome_.limit = QueryLimit::kMissing;
+}
+
+Status Search::RunFromRoot() {
+  const auto deadline = DeadlineOf(query_);
+  if (AvailableUnits* const units = pins_.reader().available(); units != nullptr) {
+    MTDB_RETURN_IF_ERROR(units->TakeRoot());
+  }
   for (UnitId id = index_.cluster_count(); id < index_.unit_count(); ++id) {
     CutUnit& u = cut_.Open(id);
     MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
@@ -36,20 +78,8 @@ Result<Search::Outcome> Search::Run() {
       return Status::Ok();
     }));
   }
-  if (query_.max_milliseconds) {
-    const std::chrono::duration<double, std::milli> budget(
-        std::clamp(*query_.max_milliseconds, 0.0, 1e12));
-    pins_.reader().SetDeadline(start +
-                               std::chrono::duration_cast<std::chrono::nanoseconds>(budget));
-  }
-  MTDB_RETURN_IF_ERROR(by_error_ ? RunByError() : RunByClusters());
-  pins_.reader().SetDeadline(std::nullopt);
-  meter_.Resume();
-  Survey survey(cut_, judge_, pins_, true);
-  MTDB_ASSIGN_OR_RETURN(outcome_.active,
-                        survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
-  pins_.Release();
-  return outcome_;
+  pins_.reader().SetDeadline(deadline);
+  return by_error_ ? RunByError() : RunByClusters();
 }
 
 template <typename Step>
@@ -81,6 +111,8 @@ Status Search::Advance(CutUnit& u) {
 }
 
 Status Search::LookAt(CutUnit& u) {
+  // It stays pending, so that what enters it later does not bring it back.
+  if (!pins_.reader().IsAvailable(u.id)) return Status::Ok();
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, pins_.Pin(u));
   const auto examine = [&](uint32_t slot) {
     if (cut_.Present(u, *unit, slot)) ExamineSlot(*unit, u, slot, kNone32);

@@ -1,7 +1,9 @@
 // Search: finds the least cut that satisfies a query, from the root down.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "query/internal/bits.h"
@@ -19,6 +21,11 @@
 
 namespace mtdb::internal {
 
+// When the time of a query is over that begins now.
+std::optional<std::chrono::steady_clock::time_point> DeadlineOf(const Query& query);
+// kInvalidArgument for limits that a query that takes what is there cannot have.
+Status CheckLimits(const ObjectRecord& record, const Query& query);
+
 // Goes from cluster to cluster, coarsest first, and inside a cluster from node to node in stored
 // order. A cluster is loaded only when the index cannot prove that the triangles it removes are
 // valid or inactive. With a budget a priority queue takes the place of that order. One use.
@@ -29,6 +36,7 @@ class Search {
     uint64_t nodes_visited = 0;
     uint64_t nodes_forced = 0;
     QueryLimit limit = QueryLimit::kThreshold;
+    std::vector<MissingCluster> missing;
   };
 
   // Makes of the cut, of which no unit is open, that of the query; see Judge for `rounding`.
@@ -41,7 +49,10 @@ class Search {
  private:
   using NodeRef = CutState::NodeRef;
 
+  Status RunFromRoot();
   Status RunByClusters();
+  // Of a query that takes what is there: says what it lacks, and has that asked for.
+  void AskForMissing();
   Status RunByError();
   template <typename Step>
   Status RunStep(Step&& step);

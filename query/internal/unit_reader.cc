@@ -5,6 +5,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "query/internal/available_units.h"
 #include "query/internal/make_room.h"
 #include "store/base/out_of_memory.h"
 
@@ -35,6 +36,10 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
     const MutexLock lock(cache.mutex_);
     ++cache.readers_;
   }
+  if (limits.available_only) {
+    available_ = std::make_unique<AvailableUnits>(cache, client_);
+    return;
+  }
   if ((cache.threads() < 2 && cache.at_once_) || limits.max_bytes) return;
   const size_t most = cache.at_once_ ? kPrefetchPerThread * cache.threads() : kAskedAhead;
   prefetch_units_ = std::min(most, cache.budget_bytes() / kPrefetchShare / cache.TypicalBytes());
@@ -42,6 +47,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
 
 UnitReader::~UnitReader() {
   Release();
+  available_.reset();
   cache_.RemoveReader(*client_);
 }
 
@@ -54,6 +60,20 @@ Status UnitReader::Check() {
     return {StatusCode::kBudgetExceeded, cache_.source_->record().name + ": the time is over"};
   }
   return Status::Ok();
+}
+
+bool UnitReader::IsAvailable(UnitId unit) {
+  return available_ == nullptr || available_->Take(unit).ok();
+}
+
+void UnitReader::BeginCall(QueryControl* control,
+                           std::optional<std::chrono::steady_clock::time_point> until) {
+  {
+    const MutexLock lock(cache_.mutex_);
+    limits_.control = client_->control = control;
+    client_->stats = {};
+  }
+  available_->Begin(until);
 }
 
 Status UnitReader::WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const {
@@ -134,6 +154,7 @@ Status UnitReader::WaitForRoom() {
 
 Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
   crowded_ = false;
+  if (available_ != nullptr) return available_->Take(unit);
   MakeRoomForOne(held_);
   for (;;) {
     {
@@ -231,6 +252,7 @@ void UnitReader::Prefetch(std::span<const UnitId> units) {
 }
 
 bool UnitReader::ShouldRelease() const {
+  if (available_ != nullptr) return false;
   return exclusive_ || cache_.exclusive_waiting_ > 0 ||
          held_bytes_ > cache_.budget_bytes() / kHeldShare;
 }

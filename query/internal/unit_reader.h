@@ -14,10 +14,14 @@
 
 namespace mtdb::internal {
 
+class AvailableUnits;
+
 struct ReaderLimits {
   QueryControl* control = nullptr;
   // To read from the source. Root pieces are read in any case, and count.
   std::optional<uint64_t> max_bytes;
+  // Holds what is there, and keeps it; see available().
+  bool available_only = false;
 };
 
 // Holds the units that a step of a query works on. One thread. Waits for room only while it holds
@@ -39,6 +43,13 @@ class UnitReader {
   Result<const LoadedUnit*> Get(UnitId unit);
   // Lets go of all units.
   void Release();
+  // Not null: a reader that waits for nothing. Its Get fails with kNotYet for what is missing, and
+  // is never crowded; Release keeps what was got.
+  AvailableUnits* available() const { return available_.get(); }
+  // True when the unit can be got, for a reader that waits as well.
+  bool IsAvailable(UnitId unit);
+  // A call begins, of a reader that outlives them.
+  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until);
   // With nothing held: waits until nobody else holds units, and keeps it so until Release.
   Status WaitForRoom();
   // Units that will be wanted soon, by and by: other threads load them. Cheap when they are there.
@@ -79,9 +90,10 @@ class UnitReader {
   uint64_t BytesLeft() const;
 
   ClusterCache& cache_;
-  const ReaderLimits limits_;
+  ReaderLimits limits_;
   std::optional<std::chrono::steady_clock::time_point> deadline_;
   const ClusterCache::ClientPtr client_;
+  std::unique_ptr<AvailableUnits> available_;
   size_t prefetch_units_ = 0;
   std::vector<UnitId> held_;
   std::vector<bool> seen_;  // per unit: wanted before

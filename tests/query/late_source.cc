@@ -89,6 +89,7 @@ bool LateSource::AnswerOne() {
   }
   Status status = ReadUnits(*whole_, {&unit, 1}, [&](UnitId, Bytes payload) {
     PutRows(unit);
+    if (options_.twice && unit % 3 == 0) question.receiver->Receive(unit, payload);
     question.receiver->Receive(unit, std::move(payload));
     return Status::Ok();
   });

@@ -22,6 +22,8 @@ struct LateOptions {
   bool own_thread = true;
   // Rows of the index come with the answers.
   bool late_rows = true;
+  // Some units are answered twice.
+  bool twice = false;
   // The error of a unit's read, decided when it is answered.
   std::function<Status(UnitId)> fails = {};
 };

@@ -16,16 +16,26 @@ namespace mtdb::testing {
 
 class Oracle {
  public:
-  Oracle(const MtFixture& fixture, const Query& query) : f_(fixture), query_(query) {
+  // Without the nodes of clusters that are missing, in a set that holds all that come from them.
+  Oracle(const MtFixture& fixture, const Query& query, const std::vector<bool>& missing = {})
+      : f_(fixture), query_(query) {
     for (const InMemoryMt::Triangle& t : f_.mt.triangles) {
-      const uint8_t code = t.remover < 0 ? 0 : f_.mt.nodes[static_cast<size_t>(t.remover)].code;
-      const double b = Bound(code);
+      const InMemoryMt::Node* const remover =
+          t.remover < 0 ? nullptr : &f_.mt.nodes[static_cast<size_t>(t.remover)];
+      const bool removable = remover != nullptr && (missing.empty() || !missing[remover->cluster]);
+      const double b = Bound(remover == nullptr ? 0
+                             : removable        ? remover->code
+                                         : f_.source->index_.unit(remover->cluster).error_code_max);
       const Triangle3d corners = f_.Corners(t);
       const bool active = query.region == nullptr || query.region->Within(corners, b);
       active_.push_back(active);
-      wanted_.push_back(t.remover >= 0 && Refused(corners, b));
+      wanted_.push_back(removable && Refused(corners, b));
+      bounds_.push_back(b);
     }
   }
+
+  // b(t), where a missing cluster counts with its largest error.
+  double bound(uint32_t triangle) const { return bounds_[triangle]; }
 
   // b(t), by the code of e(t).
   double Bound(uint8_t code) const {
@@ -164,6 +174,7 @@ class Oracle {
   const Query query_;
   std::vector<bool> active_;
   std::vector<bool> wanted_;
+  std::vector<double> bounds_;
 };
 
 constexpr int kThresholdKinds = 11;

@@ -266,7 +266,8 @@ typedef enum mtdb_limit {
   MTDB_LIMIT_THRESHOLD = 0, /* the accuracy that was asked for, except for the shortfall */
   MTDB_LIMIT_TRIANGLES = 1,
   MTDB_LIMIT_BYTES = 2,
-  MTDB_LIMIT_TIME = 3
+  MTDB_LIMIT_TIME = 3,
+  MTDB_LIMIT_MISSING = 4 /* clusters that are not in memory */
 } mtdb_limit;
 /* Where an answer is farther from the input than its query asks: vertices were rounded by more
  * when the object was ingested, or a budget ended the refinement. */

@@ -26,6 +26,7 @@ static_assert(static_cast<int>(QueryLimit::kThreshold) == MTDB_LIMIT_THRESHOLD);
 static_assert(static_cast<int>(QueryLimit::kTriangles) == MTDB_LIMIT_TRIANGLES);
 static_assert(static_cast<int>(QueryLimit::kBytes) == MTDB_LIMIT_BYTES);
 static_assert(static_cast<int>(QueryLimit::kTime) == MTDB_LIMIT_TIME);
+static_assert(static_cast<int>(QueryLimit::kMissing) == MTDB_LIMIT_MISSING);
 
 constexpr uint32_t kNormalBytes = 3 * sizeof(float);
 

@@ -145,6 +145,7 @@ const char* LimitName(QueryLimit limit) {
     case QueryLimit::kTriangles: return "triangles";
     case QueryLimit::kBytes: return "bytes";
     case QueryLimit::kTime: return "time";
+    case QueryLimit::kMissing: return "missing";
   }
   return "unknown";
 }
@@ -155,6 +156,7 @@ const char* LimitText(QueryLimit limit) {
     case QueryLimit::kTriangles: return "the limit of triangles ended the refinement";
     case QueryLimit::kBytes: return "the limit of bytes to be read ended the refinement";
     case QueryLimit::kTime: return "the limit of time ended the refinement";
+    case QueryLimit::kMissing: return "clusters that are not in memory ended the refinement";
   }
   return "unknown";
 }

@@ -1,0 +1,85 @@
+#include "query/internal/missing_clusters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <unordered_map>
+
+namespace mtdb::internal {
+namespace {
+
+constexpr size_t kMostAhead = 256;
+
+// Larger errors first, measured by what is asked for; then parents before children.
+bool HelpsMore(const MissingCluster& a, const MissingCluster& b) {
+  return std::tuple(a.excess, a.error, a.unit) > std::tuple(b.excess, b.error, b.unit);
+}
+
+double Excess(double error, double threshold) {
+  return threshold > 0 ? error / threshold : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+std::vector<MissingCluster> RankMissing(const ClusterIndex& index, const Judge& judge,
+                                        const AvailableUnits& units) {
+  std::vector<MissingCluster> ranked;
+  std::unordered_map<UnitId, size_t> places;
+  std::vector<UnitId> ids(units.missing().begin(), units.missing().end());
+  std::ranges::sort(ids);  // children before parents
+  ranked.reserve(ids.size());
+  for (const UnitId id : ids) {
+    places.emplace(id, ranked.size());
+    MissingCluster m{id, 0, 0, units.reason(id), {}};
+    if (m.reason == MissingCluster::Reason::kFailed) m.failure = units.failure(id);
+    if (index.Has(id)) {
+      const UnitEntry& unit = index.unit(id);
+      m.error = judge.Bound(unit.error_code_max);
+      m.excess = Excess(m.error, judge.RangeIn(judge.ModelBox(unit.bounds), m.error).low);
+    }
+    ranked.push_back(std::move(m));
+  }
+  // What others come from helps as much as they do.
+  for (const UnitId id : ids) {
+    if (!index.Has(id)) continue;
+    const MissingCluster& child = ranked[places.at(id)];
+    for (const UnitId p : index.parents(id)) {
+      const auto at = places.find(p);
+      if (at == places.end()) continue;
+      MissingCluster& parent = ranked[at->second];
+      parent.error = std::max(parent.error, child.error);
+      parent.excess = std::max(parent.excess, child.excess);
+    }
+  }
+  std::ranges::sort(ranked, HelpsMore);
+  return ranked;
+}
+
+void AskForMissing(const ClusterIndex& index, const Judge& judge,
+                   const std::vector<MissingCluster>& missing, bool all, AvailableUnits& units) {
+  std::vector<MissingCluster> wishes(missing);
+  std::vector<bool> listed(index.unit_count());
+  for (const MissingCluster& m : missing) listed[m.unit] = true;
+  for (size_t i = 0; i < wishes.size() && wishes.size() < missing.size() + kMostAhead; ++i) {
+    if (!index.Has(wishes[i].unit)) continue;
+    for (const UnitId child : index.children(wishes[i].unit)) {
+      if (listed[child] || !index.Has(child) || units.taken(child)) continue;
+      const UnitEntry& unit = index.unit(child);
+      if (!judge.MayRefuse(unit.bounds, unit.error_code_max)) continue;
+      const double error = judge.Bound(unit.error_code_max);
+      const ErrorRange range = judge.RangeIn(judge.ModelBox(unit.bounds), error);
+      // Between the two it depends on where in the box the errors are.
+      if (range.low > 0 && error <= std::sqrt(range.low * range.high)) continue;
+      listed[child] = true;
+      wishes.push_back({child, error, Excess(error, range.low), {}, {}});
+    }
+  }
+  std::ranges::sort(wishes, HelpsMore);
+  std::vector<UnitId> order;
+  order.reserve(wishes.size());
+  for (const MissingCluster& w : wishes) order.push_back(w.unit);
+  units.Ask(order, all);
+}
+
+}  // namespace mtdb::internal

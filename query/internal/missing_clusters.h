@@ -1,0 +1,23 @@
+// What a query lacks that takes what is there: which clusters, and in what order they would help.
+#pragma once
+
+#include <vector>
+
+#include "query/cut.h"
+#include "query/internal/available_units.h"
+#include "query/internal/judge.h"
+#include "store/cluster_index.h"
+
+namespace mtdb::internal {
+
+// What `units` noted as missing, as ExtractStats::missing orders it.
+std::vector<MissingCluster> RankMissing(const ClusterIndex& index, const Judge& judge,
+                                        const AvailableUnits& units);
+
+// Has these asked for, and behind them what the query will surely want next: clusters below them
+// whose errors it would refuse nearly everywhere in their boxes, as far as the index is there. With
+// `all` nothing else is wanted any more.
+void AskForMissing(const ClusterIndex& index, const Judge& judge,
+                   const std::vector<MissingCluster>& missing, bool all, AvailableUnits& units);
+
+}  // namespace mtdb::internal

@@ -1,0 +1,311 @@
+// Queries and sessions that take what is there: clusters come late, in any order, twice, or not at
+// all. Each answer is held against the definition, the last against a query that waits.
+#include <array>
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "query/internal/cluster_cache.h"
+#include "query/session.h"
+#include "query/surface.h"
+#include "tests/query/explicit_mesh.h"
+#include "tests/query/late_source.h"
+#include "tests/query/oracle.h"
+
+namespace mtdb::testing {
+namespace {
+
+MtFixture Fixture(uint32_t seed) {
+  MtOptions o;
+  o.shape = std::array{Shape::kSphere, Shape::kTorus, Shape::kSheet, Shape::kTube}[seed % 4];
+  o.resolution = 10;
+  o.rounds = 4;
+  o.tiles = 6;
+  o.attributes = seed % 2 == 1;
+  o.coincident = seed % 3 == 0;
+  o.seed = seed;
+  return MakeMt(o);
+}
+
+// Those of the list, and all that come from them.
+std::vector<bool> MissingOf(const MtFixture& f, const ExtractStats& stats) {
+  const ClusterIndex& index = f.source->index_;
+  std::vector<bool> missing(index.unit_count());
+  for (const MissingCluster& m : stats.missing) missing[m.unit] = true;
+  for (UnitId u = index.unit_count(); u-- > 0;) {
+    for (const UnitId p : index.parents(u)) missing[u] = missing[u] || missing[p];
+  }
+  return missing;
+}
+
+void CheckOrder(const MtFixture& f, const ExtractStats& stats) {
+  const ClusterIndex& index = f.source->index_;
+  std::vector<size_t> place(index.unit_count(), 0);
+  for (size_t i = 0; i < stats.missing.size(); ++i) {
+    REQUIRE(place[stats.missing[i].unit] == 0);  // once
+    place[stats.missing[i].unit] = i + 1;
+    REQUIRE(stats.missing[i].failure.ok() ==
+            (stats.missing[i].reason != MissingCluster::Reason::kFailed));
+    if (i > 0) REQUIRE(stats.missing[i - 1].excess >= stats.missing[i].excess);
+  }
+  for (const MissingCluster& m : stats.missing) {
+    for (const UnitId p : index.parents(m.unit)) REQUIRE(place[p] < place[m.unit]);
+  }
+}
+
+// `cut`: a Cut or a Session.
+template <typename C>
+std::vector<bool> AppliedOf(const MtFixture& f, const C& cut) {
+  std::vector<bool> applied;
+  for (const InMemoryMt::Node& node : f.mt.nodes) {
+    applied.push_back(cut.applied(node.cluster, node.index));
+  }
+  return applied;
+}
+
+void CheckClosed(const MtFixture& f, const std::vector<bool>& applied) {
+  for (size_t n = 0; n < applied.size(); ++n) {
+    if (!applied[n]) continue;
+    for (const int p : f.mt.Parents(static_cast<int>(n))) REQUIRE(applied[static_cast<size_t>(p)]);
+  }
+}
+
+// A cut that is not on the way.
+void CheckAnswer(const MtFixture& f, const Query& query, const std::vector<bool>& applied,
+                 const ExtractStats& stats, std::mt19937& random) {
+  const Oracle oracle(f, query, MissingOf(f, stats));
+  REQUIRE(applied == oracle.LeastCut(random));
+  CheckOrder(f, stats);
+  // At least what the definition says; at most what it says where nothing is known of any cluster
+  // without a node in the cut.
+  double least = 0, most = f.source->record_.rounding_error;
+  std::vector<bool> used(f.source->index_.cluster_count());
+  for (size_t n = 0; n < applied.size(); ++n) {
+    if (applied[n]) used[f.mt.nodes[n].cluster] = true;
+  }
+  used.flip();
+  const Oracle unused(f, query, used);
+  for (const uint32_t t : f.mt.Mesh(applied)) {
+    if (oracle.active(t)) least = std::max(least, oracle.bound(t));
+    if (unused.active(t)) most = std::max(most, unused.bound(t));
+  }
+  REQUIRE(stats.error_bound >= least);
+  REQUIRE(stats.error_bound <= most);
+}
+
+// A session that takes what is there, and the mesh of its client.
+class Client {
+ public:
+  Client(const MtFixture& f, std::shared_ptr<const Surface> surface)
+      : f_(f), session_(*Session::Open(std::move(surface), {.available_only = true})) {}
+  Session& session() { return *session_; }
+  // Nothing while not even the root is there.
+  std::optional<ExtractStats> Update(const Query& query, std::mt19937& random) {
+    if (mesh_ == nullptr) {
+      const Result<BaseMesh> base = session_->Base();
+      if (!base.ok()) {
+        std::vector<UpdateBatch> none;
+        for (const StatusCode code :
+             {base.status().code(), session_->Update(query, &none).status().code()}) {
+          REQUIRE((code == StatusCode::kNotYet || code == StatusCode::kIoError));
+        }
+        return std::nullopt;
+      }
+      mesh_ = std::make_unique<ExplicitMesh>(*base);
+    }
+    std::vector<UpdateBatch> batches;
+    const Result<SessionUpdate> update = session_->Update(query, &batches);
+    INFO(update.status().message());
+    REQUIRE(update.ok());
+    for (const UpdateBatch& batch : batches) mesh_->Apply(batch);
+    const std::vector<bool> applied = AppliedOf(f_, *session_);
+    CheckClosed(f_, applied);
+    REQUIRE(mesh_->Positions() == CutPositions(f_, applied));
+    if (update->stats.limit != QueryLimit::kTime && !query.max_triangles) {
+      CheckAnswer(f_, query, applied, update->stats, random);
+      REQUIRE((update->stats.limit == QueryLimit::kMissing) == !update->stats.missing.empty());
+    }
+    return update->stats;
+  }
+  // Until nothing is missing; the cut is then that of a query that waits.
+  void UpdateToEnd(const Query& query, LateSource* source, std::mt19937& random) {
+    std::optional<ExtractStats> stats;
+    for (int i = 0; i == 0 || !stats || stats->limit != QueryLimit::kThreshold; ++i) {
+      REQUIRE(i < 20000);
+      if (source == nullptr || source->Pump(1 + random() % 9) == 0) {
+        std::this_thread::sleep_for(std::chrono::microseconds(100));  // for the cache's threads
+      }
+      session_->RetryFailed();
+      stats = Update(query, random);
+    }
+    const auto whole = *Surface::Open(f_.source);
+    Query waiting = query;
+    waiting.max_milliseconds.reset();
+    REQUIRE(AppliedOf(f_, *session_) == AppliedOf(f_, *whole->Select(waiting)));
+  }
+
+ private:
+  const MtFixture& f_;
+  const std::unique_ptr<Session> session_;
+  std::unique_ptr<ExplicitMesh> mesh_;
+};
+
+}  // namespace
+
+TEST_CASE(
+    "a session that takes what is there has the least cut through that, and ends at the cut of a "
+    "query that waits") {
+  for (uint32_t seed = 1; seed <= 12; ++seed) {
+    const MtFixture f = Fixture(seed);
+    std::mt19937 random(seed);
+    for (const unsigned threads : {1u, 3u}) {
+      for (const bool fails : {false, true}) {
+        std::atomic<uint32_t> reads{seed};
+        LateOptions options{.seed = seed, .own_thread = false, .twice = seed % 2 == 0};
+        if (fails) {
+          options.fails = [&](UnitId) {
+            return reads.fetch_add(1) % 5 == 0 ? IoError("the line is dead") : Status::Ok();
+          };
+        }
+        const auto source = std::make_shared<LateSource>(f.source, options);
+        const auto surface = *Surface::Open(source, {.threads = threads});
+        Client client(f, surface);
+        for (int q = 0; q < 6; ++q) {
+          Query query = RandomQuery(f, random);
+          if (q % 3 == 1) query.max_milliseconds = 0;
+          for (int step = 0; step < 6; ++step) {
+            source->Pump(random() % 4);
+            client.Update(query, random);
+          }
+          if (q % 2 == 1) client.UpdateToEnd(query, source.get(), random);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a session that takes what is there of a store does so too") {
+  for (const unsigned threads : {1u, 2u}) {
+    const MtFixture f = Fixture(5);
+    std::mt19937 random(5);
+    const auto surface = *Surface::Open(f.source, {.threads = threads});
+    Client client(f, surface);
+    for (int q = 0; q < 12; ++q) {
+      Query query = RandomQuery(f, random);
+      if (q % 3 == 2) query.max_milliseconds = 0;
+      client.UpdateToEnd(query, nullptr, random);
+      if (q % 4 == 3) {
+        Query budget = query;
+        budget.max_milliseconds.reset();
+        budget.max_triangles = random() % 400;
+        client.Update(budget, random);
+      }
+    }
+  }
+}
+
+TEST_CASE("a query that takes what is there has the least cut through that") {
+  for (uint32_t seed = 1; seed <= 6; ++seed) {
+    const MtFixture f = Fixture(seed);
+    std::mt19937 random(seed);
+    const auto source =
+        std::make_shared<LateSource>(f.source, LateOptions{.seed = seed, .own_thread = false});
+    const auto surface = *Surface::Open(source, {.threads = 1 + seed % 2});
+    for (int q = 0; q < 5; ++q) {
+      Query query = RandomQuery(f, random);
+      query.available_only = true;
+      query.clip = q % 2 == 1;
+      for (int i = 0;; ++i) {
+        REQUIRE(i < 20000);
+        const Result<Cut> cut = surface->Select(query);
+        if (cut.ok()) {
+          const ExtractStats& stats = cut->stats();
+          const std::vector<bool> applied = AppliedOf(f, *cut);
+          CheckAnswer(f, query, applied, stats, random);
+          TriangleMesh mesh;
+          TriangleMeshSink sink(&mesh);
+          Cut emitted = std::move(*surface->Select(query));
+          REQUIRE(emitted.Emit(sink).ok());
+          REQUIRE(mesh.triangles.size() == emitted.triangle_count());
+          if (stats.limit == QueryLimit::kThreshold) break;
+        } else {
+          REQUIRE(cut.status().code() == StatusCode::kNotYet);
+        }
+        if (source->Pump(1 + random() % 5) == 0) {
+          std::this_thread::sleep_for(std::chrono::microseconds(100));
+        }
+      }
+      Query waiting = query;
+      waiting.available_only = false;
+      const auto whole = *Surface::Open(f.source);
+      REQUIRE(AppliedOf(f, *surface->Select(query)) == AppliedOf(f, *whole->Select(waiting)));
+    }
+    Query limited;
+    limited.available_only = true;
+    limited.max_bytes = 1;
+    REQUIRE(surface->Select(limited).status().code() == StatusCode::kInvalidArgument);
+  }
+}
+
+TEST_CASE("what the cache has no room for is missing, and asked for no more") {
+  const MtFixture f = Fixture(2);
+  size_t all = 0;
+  {
+    const auto surface = *Surface::Open(f.source);
+    Query query;
+    query.threshold = ConstantThreshold(0);
+    query.region = WholeRegion();
+    REQUIRE(surface->Select(query).ok());
+    all = surface->cache().bytes();
+  }
+  for (const unsigned threads : {1u, 2u}) {
+    for (const size_t budget : {all / 6, all / 3, all / 2}) {
+      std::mt19937 random(7);
+      const auto source = std::make_shared<LateSource>(f.source, LateOptions{.own_thread = false});
+      const auto surface = *Surface::Open(source, {.cache_bytes = budget, .threads = threads});
+      Client client(f, surface);
+      std::optional<ExtractStats> stats;
+      int quiet = 0;
+      for (int i = 0; quiet < 20; ++i) {
+        REQUIRE(i < 20000);
+        quiet = source->Pump(3) == 0 ? quiet + 1 : 0;
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+        stats = client.Update({}, random);
+        REQUIRE(surface->cache().peak_bytes() <= budget);
+      }
+      REQUIRE(stats.has_value());
+      REQUIRE(stats->limit == QueryLimit::kMissing);
+      REQUIRE(client.session().applied_count() > 0);
+      // A query that needs less is answered.
+      Query coarse;
+      coarse.threshold = CoarsestThreshold();
+      client.UpdateToEnd(coarse, source.get(), random);
+    }
+  }
+}
+
+TEST_CASE("what a later query does not want is not read for it") {
+  const MtFixture f = Fixture(3);
+  const auto source = std::make_shared<LateSource>(f.source, LateOptions{.own_thread = false});
+  const auto surface = *Surface::Open(source, {.threads = 1});
+  std::mt19937 random(1);
+  {
+    Client client(f, surface);
+    Query coarse;
+    coarse.threshold = CoarsestThreshold();
+    client.UpdateToEnd(coarse, source.get(), random);
+    client.Update({}, random);
+    REQUIRE(source->open() > 0);
+    client.Update(coarse, random);
+    REQUIRE(source->open() == 0);
+    client.Update({}, random);
+    REQUIRE(source->open() > 0);
+  }
+  REQUIRE(source->open() == 0);
+  REQUIRE(surface->cache().idle());
+}
+
+}  // namespace mtdb::testing
