@@ -125,6 +125,10 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
     return Note(unit, Reason::kNotRead);
   }
   const bool ready = entry.state == ClusterCache::State::kReady;
+  if (const auto at = client_->no_room.find(unit); at != client_->no_room.end()) {
+    if (!ready && cache_.bytes_ >= at->second) return Note(unit, Reason::kNoRoom);
+    client_->no_room.erase(at);
+  }
   if (bytes_ + (ready ? entry.bytes : cache_.EstimateBytes(unit)) > most_bytes_) {
     return Note(unit, Reason::kNoRoom);
   }
@@ -136,6 +140,7 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
     const Status status = Load(unit, lock);
     if (status.code() == StatusCode::kNotYet) return Note(unit, Reason::kNotRead);
     if (status.code() == StatusCode::kBudgetExceeded || status.code() == StatusCode::kNoSpace) {
+      client_->no_room[unit] = cache_.bytes_;
       return Note(unit, Reason::kNoRoom);
     }
     if (!status.ok()) {
@@ -223,9 +228,11 @@ void AvailableUnits::Ask(std::span<const UnitId> order, bool all) {
   size_t on_the_way = 0, kept = bytes_;
   for (const UnitId u : order) {
     const ClusterCache::Entry& entry = cache_.entries_[u];
-    if (client_->failures.contains(u) || entry.state == ClusterCache::State::kReady) continue;
-    kept += index.Has(u) ? cache_.EstimateBytes(u) : cache_.TypicalBytes();
-    if (kept > most_bytes_) break;
+    if (client_->failures.contains(u) || client_->no_room.contains(u)) continue;
+    if (entry.state == ClusterCache::State::kReady) continue;
+    const size_t more = index.Has(u) ? cache_.EstimateBytes(u) : cache_.TypicalBytes();
+    if (kept + more > most_bytes_) continue;
+    kept += more;
     const size_t bytes = index.Has(u) ? index.location(u).length : 0;
     if (!cache_.at_once_ && entry.payload == nullptr) {
       const bool first = on_the_way == 0;

@@ -336,10 +336,15 @@ bool ClusterCache::RunJob(Lock& lock) {
     const Status status = Load(job.unit, request, lock).status();
     if (status.ok()) {
       Unpin(job.unit);
-    } else if (job.client->takes_what_is_there && status.code() != StatusCode::kNotYet &&
-               !request.no_room) {
-      // It asks for nothing that has failed.
-      static_cast<void>(TryAllocate([&] { job.client->failures[job.unit] = status; }));
+    } else if (job.client->takes_what_is_there && status.code() != StatusCode::kNotYet) {
+      // It asks for nothing that has failed, and for room when there is more of it.
+      static_cast<void>(TryAllocate([&] {
+        if (request.no_room) {
+          job.client->no_room[job.unit] = bytes_;
+        } else {
+          job.client->failures[job.unit] = status;
+        }
+      }));
     }
     Leave();
     std::vector<LoadedUnitPtr> dropped;  // when the query is over meanwhile

@@ -111,7 +111,9 @@ class ClusterCache {
     std::map<UnitId, Status> failures;  // of reads
     QueryControl* control = nullptr;    // null when the query is over
     bool stopped = false;               // it is over: its jobs are void
-    bool takes_what_is_there = false;   // and leaves what it asked for on its way
+    // Of one that takes what is there: what found no room to be loaded, and bytes() then.
+    std::map<UnitId, size_t> no_room;
+    bool takes_what_is_there = false;  // and leaves what it asked for on its way
   };
   using ClientPtr = std::shared_ptr<Client>;
   struct Job {

@@ -1,6 +1,7 @@
 #include "query/internal/insertion.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "query/internal/available_units.h"
 #include "query/internal/fetch_nodes.h"
@@ -14,7 +15,7 @@ constexpr int kCodeStep = 8;         // an octave
 }  // namespace
 
 void Insertion::Begin(QueryControl* control) {
-  Clear();
+  unfinished_ = false;
   control_ = control;
   waiting_code_ = 255;
   inserted_ = inserted_before_ = 0;
@@ -33,12 +34,58 @@ void Insertion::DeferMissing() {
     const UnitId child = units_.index().children(id)[ordinal];
     if (units_.Find(child) != nullptr) continue;
     if (units_.pins().reader().IsAvailable(child)) {
-      waiting_code_ = std::max(waiting_code_, int{units_.LargestCode(child)});
       DeferChild(*u, ordinal, child);
     } else {
       missing_.emplace_back(id, ordinal);
     }
   }
+}
+
+// What has come and gone is taken note of; all else waits.
+Status Insertion::Leave() {
+  const auto leave = [&](MovingUnit& u, const LoadedUnit& unit) -> Status {
+    const std::vector<uint8_t>& codes = unit.cluster.error_codes;
+    const auto reach = [&](NodeIndex node) {
+      const bool waits =
+          u.known.Test(node) ? u.refusing.Test(node) : deadlines_.Learn(u, node, codes[node]);
+      if (waits) Defer(u, node, codes[node]);
+    };
+    if (u.looked) {
+      MTDB_RETURN_IF_ERROR(units_.ForEachArrival(u, unit, [&](NodeIndex node) {
+        units_.CountArrival(unit, node, 1);
+        reach(node);
+      }));
+    } else {
+      units_.SetLooked(u, unit, true, reach);
+      if (unit.nodes() == 0) units_.InsertRoot(u, unit);
+      u.arrivals.clear();
+      u.undecided_children.resize(unit.nodes() == 0 ? unit.children().size() : 0);
+      std::iota(u.undecided_children.begin(), u.undecided_children.end(), 0U);
+    }
+    for (const NodeIndex node : u.undecided) Defer(u, node, codes[node]);
+    u.wanted.ForEach([&](NodeIndex node) { Defer(u, node, codes[node]); });
+    for (const uint32_t ordinal : u.undecided_children) {
+      const UnitId child = unit.children()[ordinal];
+      if (units_.Find(child) == nullptr) DeferChild(u, ordinal, child);
+    }
+    u.undecided.clear();
+    u.undecided_children.clear();
+    u.wanted.ClearAll();
+    return Status::Ok();
+  };
+  unfinished_ = true;
+  return units_.RunQueue(leave);
+}
+
+void Insertion::GiveUp() {
+  for (const auto* lists : {&nodes_waiting_, &children_waiting_}) {
+    for (const auto& list : *lists) {
+      for (const auto& [id, what] : list) {
+        if (MovingUnit* const u = units_.Find(id); u != nullptr) u->deadlines.stale = true;
+      }
+    }
+  }
+  Clear();
 }
 
 bool Insertion::TimeIsOver() const {
@@ -52,7 +99,6 @@ void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
 }
 
 Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_round) {
-  unfinished_ = true;
   const bool watched = units_.pins().reader().available() != nullptr;
   bool stepped = !units_.queue().empty();
   MTDB_RETURN_IF_ERROR(RunQueue());
@@ -67,6 +113,7 @@ Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_r
     }
   }
   unfinished_ = !units_.queue().empty() || AnyWaits();
+  if (unfinished_) MTDB_RETURN_IF_ERROR(Leave());
   return Status::Ok();
 }
 
@@ -83,9 +130,11 @@ bool Insertion::TakeUp(int step) {
   if (!AnyWaits()) return false;
   const auto take = [&](std::vector<std::pair<UnitId, uint32_t>>& waiting, auto undecided) {
     for (const auto& [id, what] : waiting) {
-      MovingUnit& u = *units_.Find(id);
-      (u.*undecided).push_back(what);
-      units_.queue().Add(u);
+      // One that was closed since it was left needs nothing.
+      MovingUnit* const u = units_.Find(id);
+      if (u == nullptr) continue;
+      (u->*undecided).push_back(what);
+      units_.queue().Add(*u);
     }
     waiting.clear();
   };

@@ -22,13 +22,10 @@ class Insertion {
   Insertion(MovingUnits& units, Deadlines& deadlines, Strength& strength)
       : units_(units), deadlines_(deadlines), strength_(strength) {}
 
-  // Forgets what waits, and begins anew: all waits.
+  // Begins a move: all waits. What the last one has left still does, if the query is the same.
   void Begin(QueryControl* control);
-  // Goes on where the last run ended, with the same query.
-  void Resume(QueryControl* control) {
-    control_ = control;
-    inserted_ = inserted_before_ = 0;
-  }
+  // What was left is for another query to decide upon: its units become stale.
+  void GiveUp();
   // A known node that is refusing; a child that may be needed. They wait.
   void Defer(const MovingUnit& u, NodeIndex node, uint8_t code) {
     nodes_waiting_[code].emplace_back(u.id, node);
@@ -36,7 +33,7 @@ class Insertion {
   void DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child);
   // Works off the queue and what waits. With round_nodes > 0 calls end_round when so many nodes
   // have come, and a quarter of all. With a reader that waits for nothing it ends after the step
-  // during which the time is over; what is left to do stays.
+  // during which the time is over; what is left to do then waits for the next move.
   Status Run(uint64_t round_nodes, const std::function<Status()>& end_round);
   // Something is left to do, but for what is missing.
   bool unfinished() const { return unfinished_; }
@@ -52,6 +49,7 @@ class Insertion {
   // Takes up what waits, by `step` codes; false when nothing does.
   bool TakeUp(int step);
   bool AnyWaits();
+  Status Leave();
   bool TimeIsOver() const;
   Status RunQueue();
   Status Advance(MovingUnit& u, const LoadedUnit& unit);

@@ -1,5 +1,6 @@
 #include "query/internal/json_value.h"
 
+#include <cerrno>  // which nlohmann uses and does not include everywhere
 #include <nlohmann/json.hpp>
 
 #include "store/base/json_depth.h"

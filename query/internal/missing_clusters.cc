@@ -72,7 +72,12 @@ void AskForMissing(const ClusterIndex& index, const Judge& judge,
       // Between the two it depends on where in the box the errors are.
       if (range.low > 0 && error <= std::sqrt(range.low * range.high)) continue;
       listed[child] = true;
-      wishes.push_back({child, error, Excess(error, range.low), {}, {}});
+      // It cannot help before what it comes from.
+      wishes.push_back({child,
+                        std::min(error, wishes[i].error),
+                        std::min(Excess(error, range.low), wishes[i].excess),
+                        {},
+                        {}});
     }
   }
   std::ranges::sort(wishes, HelpsMore);

@@ -40,7 +40,7 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
     insertion_.Clear();
     insertion_.ForgetMissing();
     units_.UndoMove();
-  } else if (!insertion_.unfinished()) {
+  } else {
     CloseIdle();
     if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
   }
@@ -52,11 +52,21 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_no
 Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
   deadlines_.ResetCount();
   missing_.clear();
-  if (GoesOn(query)) {
-    insertion_.Resume(query.control);
-  } else {
-    MTDB_RETURN_IF_ERROR(DecideAll(query));
+  weak_.clear();
+  idle_.clear();
+  const bool same = units_.judge().Same(query);
+  if (!same) insertion_.GiveUp();
+  insertion_.Begin(query.control);
+  MTDB_RETURN_IF_ERROR(Decide(query));
+  if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
+    MTDB_RETURN_IF_ERROR(units->TakeRoot());
   }
+  MTDB_RETURN_IF_ERROR(strength_.Run(&weak_));
+  MTDB_RETURN_IF_ERROR(removal_.Run(weak_));
+  const ClusterIndex& index = units_.index();
+  for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) units_.Open(id);
+  // After another query all that waits has been decided upon.
+  if (!same) insertion_.ForgetMissing();
   insertion_.DeferMissing();
   MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
@@ -70,33 +80,6 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   Survey survey(units_, units_.judge(), units_.pins(), false);
   MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
   return EndRound(commit);
-}
-
-bool MovingCut::GoesOn(const Query& query) {
-  const Judge& judge = units_.judge();
-  return insertion_.unfinished() && judge.Same(query);
-}
-
-Status MovingCut::DecideAll(const Query& query) {
-  if (insertion_.unfinished()) {
-    insertion_.Clear();
-    units_.UndoMove();  // all of which has ended its round: only what was left to do goes
-  }
-  weak_.clear();
-  idle_.clear();
-  insertion_.Begin(query.control);
-  const bool same = units_.judge().Same(query);
-  MTDB_RETURN_IF_ERROR(Decide(query));
-  if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
-    MTDB_RETURN_IF_ERROR(units->TakeRoot());
-  }
-  MTDB_RETURN_IF_ERROR(strength_.Run(&weak_));
-  MTDB_RETURN_IF_ERROR(removal_.Run(weak_));
-  const ClusterIndex& index = units_.index();
-  for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) units_.Open(id);
-  // After another query all that waits has been decided upon.
-  if (!same) insertion_.ForgetMissing();
-  return Status::Ok();
 }
 
 // Without memory there is nothing to say, and the next call asks.

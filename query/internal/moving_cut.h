@@ -65,8 +65,6 @@ class MovingCut {
   Status Decide(const Query& query);
   Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired);
   Status EndRound(const Commit& commit);
-  bool GoesOn(const Query& query);
-  Status DecideAll(const Query& query);
   void AskForMissing();
   // Closes units that no present triangle can need.
   void CloseIdle();
