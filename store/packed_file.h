@@ -8,6 +8,8 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "store/base/bytes.h"
 #include "store/base/status.h"
@@ -17,6 +19,11 @@
 namespace mtdb {
 
 class Database;
+class RangeReader;
+
+namespace internal {
+class PackedFile;
+}
 
 struct PackReport {
   uint64_t file_bytes = 0;
@@ -32,5 +39,23 @@ using AppendBytes = std::function<Status(ByteSpan)>;
 // and some payloads. Errors: kInvalidArgument, those of the sources and of `append`.
 Result<PackReport> PackObjects(std::span<const std::shared_ptr<ClusterSource>> sources,
                                const AppendBytes& append);
+
+// The objects of a packed file over a carrier that the caller has; Database::Open makes its own.
+// Immutable; safe for many threads.
+class PackedObjects {
+ public:
+  // Reads header and directory. Errors: kCorrupt, kUnsupported, those of the reader. Without
+  // threads for readers that answer during the call: an error of theirs ends it, and it may be
+  // called again when more is there.
+  static Result<std::shared_ptr<PackedObjects>> Open(std::shared_ptr<RangeReader> ranges);
+
+  std::vector<ObjectRecord> List() const;  // in the file's order
+  // Rows of the index come as they are needed. Errors: likewise, and kNotFound.
+  Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name) const;
+
+ private:
+  explicit PackedObjects(std::shared_ptr<internal::PackedFile> file) : file_(std::move(file)) {}
+  const std::shared_ptr<internal::PackedFile> file_;
+};
 
 }  // namespace mtdb

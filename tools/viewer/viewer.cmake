@@ -32,7 +32,7 @@ else()
   message(STATUS "The viewer is built by ${MTDB_NODE}")
   set(MTDB_VIEWER_BUILT ON CACHE INTERNAL "")
   file(GLOB viewer_sources CONFIGURE_DEPENDS ${viewer_source}/src/*.ts ${viewer_source}/static/*
-    ${viewer_source}/wasm/*.cc)
+    ${viewer_source}/wasm/*.cc ${viewer_source}/wasm/*.h)
   file(STRINGS ${PROJECT_SOURCE_DIR}/codecs/client_sources.txt viewer_client_sources)
   list(TRANSFORM viewer_client_sources PREPEND ${PROJECT_SOURCE_DIR}/)
   file(GLOB viewer_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/codecs/stream/*.h
@@ -41,7 +41,7 @@ else()
   add_custom_command(OUTPUT ${viewer_files}
     COMMAND ${MTDB_NODE} ${viewer_source}/build.mjs --build ${viewer_build}
       --npm ${MTDB_NPM} --wasm-cxx ${MTDB_WASM_CXX}
-    DEPENDS ${viewer_source}/build.mjs ${viewer_source}/package.json
+    DEPENDS ${viewer_source}/build.mjs ${viewer_source}/steps.mjs ${viewer_source}/package.json
       ${viewer_source}/package-lock.json ${viewer_sources} ${viewer_client_sources}
       ${viewer_headers}
     COMMENT "The viewer's page" VERBATIM)

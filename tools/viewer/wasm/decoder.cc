@@ -1,7 +1,6 @@
 // The client of an update stream for the page (src/decoder.ts): one session's mesh, with vertex
 // normals, and what changed in it since the page asked last. Compiled to WebAssembly with
 // codecs/client_sources.txt. One instance for each session; nothing here outlives it.
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "codecs/stream/update_stream.h"
+#include "tools/viewer/wasm/slot_ranges.h"
 
 #ifdef __wasm__
 #define MTDB_EXPORT(name) __attribute__((export_name(name)))
@@ -18,12 +18,8 @@
 #endif
 
 namespace mtdb {
+
 namespace {
-
-// Ranges of slots closer than this travel to the page as one: each has its price there.
-constexpr uint32_t kGap = 256;
-
-using Normal = std::array<int16_t, 4>;  // x, y, z in steps of 1/32767, and 0
 
 struct State {
   explicit State(const UpdateDecoder::Limits& limits) : decoder(limits) {}
@@ -39,63 +35,11 @@ struct State {
 };
 std::unique_ptr<State> state;
 
-void SumNormals(const ClientMesh& mesh, std::vector<float>* sums) {
-  sums->assign(3 * size_t{mesh.vertex_slots()}, 0.0F);
-  const float* const p = mesh.positions().data();
-  const std::span<const uint32_t> indices = mesh.indices();
-  for (size_t i = 0; i + 2 < indices.size(); i += 3) {
-    const uint32_t a = indices[i], b = indices[i + 1], c = indices[i + 2];
-    if (a == b) continue;  // an empty slot
-    float u[3], v[3];
-    for (int k = 0; k < 3; ++k) {
-      u[k] = p[3 * size_t{b} + k] - p[3 * size_t{a} + k];
-      v[k] = p[3 * size_t{c} + k] - p[3 * size_t{a} + k];
-    }
-    const float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
-                        u[0] * v[1] - u[1] * v[0]};
-    for (const uint32_t corner : {a, b, c}) {
-      for (int k = 0; k < 3; ++k) (*sums)[3 * size_t{corner} + k] += n[k];
-    }
-  }
-}
-
-Normal Rounded(const float* n) {
-  const double length = std::sqrt(double{n[0]} * n[0] + double{n[1]} * n[1] + double{n[2]} * n[2]);
-  if (!(length > 0) || !std::isfinite(length)) return {};
-  const double scale = 32767 / length;
-  Normal rounded{};
-  for (size_t k = 0; k < 3; ++k) rounded[k] = static_cast<int16_t>(std::lround(n[k] * scale));
-  return rounded;
-}
-
-// Appends a slot to ranges in ascending order, the last of which begins at `first` or later.
-void AddSlot(uint32_t slot, size_t first, std::vector<uint32_t>* ranges) {
-  if (ranges->size() > first && slot < ranges->back() + kGap) {
-    ranges->back() = slot + 1;
-  } else {
-    ranges->push_back(slot);
-    ranges->push_back(slot + 1);
-  }
-}
-
 uint32_t AddRanges(std::span<const ClientMesh::Range> ranges, std::vector<uint32_t>* changes) {
   const size_t first = changes->size();
   for (const ClientMesh::Range& range : ranges) {
     AddSlot(range.begin, first, changes);
     changes->back() = range.end;
-  }
-  return static_cast<uint32_t>((changes->size() - first) / 2);
-}
-
-uint32_t UpdateNormals(const ClientMesh& mesh, std::vector<uint32_t>* changes) {
-  SumNormals(mesh, &state->sums);
-  const size_t first = changes->size();
-  state->normals.resize(mesh.vertex_slots());
-  for (uint32_t v = 0; v < mesh.vertex_slots(); ++v) {
-    const Normal normal = Rounded(&state->sums[3 * size_t{v}]);
-    if (normal == state->normals[v]) continue;
-    state->normals[v] = normal;
-    AddSlot(v, first, changes);
   }
   return static_cast<uint32_t>((changes->size() - first) / 2);
 }
@@ -163,7 +107,9 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   list.assign(3, 0);
   const uint32_t triangles = AddRanges(changes.triangles, &list);
   const uint32_t vertices = AddRanges(changes.vertices, &list);
-  const uint32_t normals = UpdateNormals(state->decoder.mesh(), &list);
+  const ClientMesh& mesh = state->decoder.mesh();
+  const uint32_t normals =
+      UpdateNormals(mesh.positions(), mesh.indices(), &state->sums, &state->normals, &list);
   list[0] = triangles;
   list[1] = vertices;
   list[2] = normals;

@@ -1,0 +1,164 @@
+// node mtdb_test.mjs PACKAGE MTDB FOLDER: the package mtdb against `mtdb extract`, over a server of
+// ranges that is late, out of order, or broken.
+import assert from 'node:assert/strict';
+import {execFileSync} from 'node:child_process';
+import {readFileSync} from 'node:fs';
+import {createServer} from 'node:http';
+import {join} from 'node:path';
+import {pathToFileURL} from 'node:url';
+
+const [made, mtdb, folder] = process.argv.slice(2);
+const {openFile, MtdbError} = await import(pathToFileURL(join(made, 'mtdb.js')));
+const wasm = readFileSync(join(made, 'engine.wasm'));
+const run = (...args) => execFileSync(mtdb, args, {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
+
+run('generate', 'sculpture', 'a.ply', '--triangles', '60000');
+run('ingest', 'a.ply', 'a.mtdb', '--name', 'a');
+run('pack', 'a.mtdb', 'a.mtdbp');
+const bytes = readFileSync(join(folder, 'a.mtdbp'));
+
+// What the server does with a request: null, or a function of (response).
+let rule = () => null;
+let etag = '"1"';
+const seen = {requests: 0, aborted: 0};
+const server = createServer((request, response) => {
+  ++seen.requests;
+  response.on('close', () => { if (!response.writableEnded) ++seen.aborted; });
+  const special = rule(request);
+  if (special) return special(response);
+  const [, begin, end] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range).map(Number);
+  const body = bytes.subarray(begin, Math.min(end + 1, bytes.length));
+  setTimeout(() => {
+    response.writeHead(206, {'Content-Range': `bytes ${begin}-${begin + body.length - 1}/${bytes.length}`, 'Content-Length': body.length, ETag: etag});
+    response.end(body);
+  }, Math.random() * 10);
+});
+await new Promise(done => server.listen(0, '127.0.0.1', done));
+const url = `http://127.0.0.1:${server.address().port}/a.mtdbp`;
+const open = (options = {}) => openFile(url, {wasm, ...options});
+
+// Triangles by their corners' positions, in an order that does not depend on slots.
+function sorted(triangles) {
+  return triangles.map(corners => {
+    const texts = corners.map(p => p.map(x => Math.fround(x)).join(' '));
+    const least = texts.indexOf(texts.slice().sort()[0]);
+    return [0, 1, 2].map(k => texts[(least + k) % 3]).join(', ');
+  }).sort();
+}
+function trianglesOf(object) {
+  const {indices, positions, origin, normals} = object.changes();
+  const corner = v => [0, 1, 2].map(k => positions[3 * v + k] + origin[k]);
+  const list = [];
+  for (let i = 0; i < indices.length; i += 3) {
+    if (indices[i] !== indices[i + 1]) list.push([corner(indices[i]), corner(indices[i + 1]), corner(indices[i + 2])]);
+  }
+  assert.equal(normals.length, positions.length / 3 * 4);
+  return list;
+}
+function extracted(query) {
+  execFileSync(mtdb, ['extract', 'a.mtdb', 'a', 'out.obj', '--query', '-'], {cwd: folder, input: JSON.stringify(query), stdio: ['pipe', 'ignore', 'inherit']});
+  const vertices = [], triangles = [];
+  for (const line of readFileSync(join(folder, 'out.obj'), 'utf8').split('\n')) {
+    const part = line.split(' ');
+    if (part[0] === 'v') vertices.push(part.slice(1, 4).map(Number));
+    if (part[0] === 'f') triangles.push(part.slice(1, 4).map(v => vertices[parseInt(v) - 1]));
+  }
+  return triangles;
+}
+// Float32 relative to an origin loses what float32 has no digits for.
+const rounded = triangles => sorted(triangles.map(t => t.map(p => p.map(x => Number(x.toPrecision(4))))));
+
+const info = (await open()).objects[0];
+const {min, max} = info.bounds;
+const centre = [0, 1, 2].map(k => (min[k] + max[k]) / 2);
+const camera = {eye: [centre[0], centre[1] - 1.2 * info.diagonal, centre[2]], target: centre, fov: 45, viewport: [640, 480]};
+const queries = [
+  {threshold: 'coarsest'},
+  {region: {frustum: camera}, threshold: {screen: {camera, pixels: 1}}},
+  {region: {sphere: {centre: max, radius: 0.4 * info.diagonal}}},
+  {threshold: 0.002 * info.diagonal},
+];
+
+{
+  const object = await (await open()).open('a');
+  for (const milliseconds of [undefined, 0]) {
+    for (const query of queries) {
+      let last = 0;
+      const frame = await object.settle(query, f => { last = f.triangles; }, {milliseconds});
+      assert.equal(frame.limit, 'accuracy');
+      const triangles = trianglesOf(object);
+      assert.equal(triangles.length, frame.triangles);
+      const expected = extracted(query);
+      assert.equal(triangles.length, expected.length);
+      assert.deepEqual(rounded(triangles), rounded(expected));
+      assert.ok(last === 0 || last === frame.triangles);
+    }
+  }
+  object.close();
+  assert.throws(() => object.update(queries[0]), {code: 'closed'});
+}
+console.log('the same triangles as mtdb extract');
+
+{
+  // A coarse mesh at once, and a finer one as clusters come; errors on the way are tried again.
+  let count = 0;
+  rule = () => (++count % 3 === 0 ? response => { response.writeHead(503); response.end(); } : null);
+  const object = await (await open()).open();
+  const bounds = [];
+  await object.settle({threshold: 0.0005 * info.diagonal}, frame => bounds.push(frame.errorBound));
+  assert.ok(bounds.length > 1 && bounds[0] > bounds.at(-1));
+  object.close();
+}
+rule = () => null;
+{
+  // Requests for what is not wanted any more end; nothing is left over.
+  const object = await (await open()).open();
+  await object.settle(queries[0]);
+  rule = () => response => { setTimeout(() => { if (!response.destroyed) response.end(); }, 60000).unref(); };
+  object.update({});
+  assert.ok(object.pending > 0);
+  object.update(queries[0]);
+  assert.equal(object.pending, 0);
+  object.update({});
+  object.close();
+  assert.equal(object.pending, 0);
+  rule = () => null;
+}
+{
+  // Budgets hold.
+  const most = 150000;
+  const object = await (await open({maxBytes: most})).open();
+  await assert.rejects(object.settle({}), {code: 'budget'});
+  const frame = object.update({});
+  assert.ok(frame.triangles > 0 && frame.triangles < info.triangles && frame.bytesRead <= most && frame.limit === 'missing' && frame.errorBound > 0);
+  const small = await (await open()).open(undefined, {cacheBytes: 2 ** 21});
+  const coarse = await small.settle({});
+  assert.ok(coarse.noRoom > 0 && coarse.cacheBytes <= 2 ** 21 && coarse.triangles > 0 && coarse.triangles < info.triangles);
+  const limited = await small.settle({threshold: 0, max_triangles: 5000});
+  assert.ok(limited.triangles <= 5000);
+}
+{
+  // Each has one error with a code.
+  await assert.rejects(openFile(url.replace('127.0.0.1', '127.0.0.2').replace(/:\d+/, ':1'), {wasm}), {code: 'io'});
+  rule = () => response => { response.writeHead(404); response.end(); };
+  await assert.rejects(open(), {code: 'not_found'});
+  rule = () => response => { response.writeHead(200); response.end(bytes); };
+  await assert.rejects(open(), {code: 'unsupported'});
+  rule = () => null;
+  await assert.rejects((await open()).open('b'), {code: 'not_found'});
+  const object = await (await open()).open();
+  assert.throws(() => object.update({threshold: 'rough'}), error => error instanceof MtdbError && error.code === 'invalid_argument');
+  await object.settle(queries[0]);
+  etag = '"2"';
+  await assert.rejects(object.settle({}), error => /replaced/.test(error.message));
+  etag = '"1"';
+  object.retry();
+  assert.equal((await object.settle({})).triangles, info.triangles);
+  // A byte that flipped on the way is found.
+  const other = await (await open()).open();
+  bytes[bytes.length - 5000] ^= 1;
+  await assert.rejects(other.settle({}), {name: 'MtdbError'});
+}
+server.close();
+server.closeAllConnections();
+console.log(`${seen.requests} requests; all as it should be`);

@@ -1,0 +1,489 @@
+// mtdb: reads packed files of mtdb (`mtdb pack`) from any web server that answers ranges, and cuts
+// meshes out of them. Runs in a worker of a page, or in node; calls of update() take the time that
+// they are given, and some milliseconds more.
+//
+//   const file = await openFile('https://example.org/statue.mtdbp');
+//   const object = await file.open('statue');
+//   await object.settle({threshold: 0.001}, frame => show(frame));
+import {decompress} from 'fzstd';
+
+/** What went wrong; `code` is a word for programs, `message` a sentence for people. */
+export class MtdbError extends Error {
+  constructor(message: string, readonly code: ErrorCode) {
+    super(message);
+    this.name = 'MtdbError';
+  }
+}
+/** memory: the page has no more. budget: maxBytes were read. closed: close() was called. */
+export type ErrorCode =
+  | 'invalid_argument' | 'not_found' | 'corrupt' | 'unsupported' | 'io' | 'no_space' | 'budget'
+  | 'not_yet' | 'aborted' | 'memory' | 'closed' | 'other';
+
+/** A query as docs/query.md has it: region, threshold, max_triangles. */
+export type Query = Record<string, unknown>;
+export type Point = [number, number, number];
+
+export interface ObjectInfo {
+  object: string;
+  triangles: number;
+  vertices: number;
+  clusters: number;
+  diagonal: number;
+  rounding_error: number;
+  bounds: {min: Point; max: Point};
+  attributes: {name: string; type: string}[];
+}
+
+export interface FileOptions {
+  /** The engine: its URL, its bytes, or compiled. Default: engine.wasm beside this module. */
+  wasm?: string | URL | BufferSource | WebAssembly.Module;
+  /** Requests under way at once; default 6. */
+  requests?: number;
+  /** At most so many bytes are read; what is missing then stays missing. Default: no limit. */
+  maxBytes?: number;
+  /** Milliseconds without an answer after which a request is tried again; default 15000. */
+  timeout?: number;
+  /** In place of the global fetch. */
+  fetch?: typeof fetch;
+  signal?: AbortSignal;
+}
+
+export interface ObjectOptions {
+  /** Most memory of decoded clusters; default 256 MiB. What has no room leaves the mesh coarser. */
+  cacheBytes?: number;
+}
+
+/** Slots [begin, end), one after the other in an array: begin, end, begin, end, ... */
+export type Ranges = Uint32Array;
+
+/** The mesh after an update. Slots without a triangle have the indices 0, 0, 0. */
+export interface Frame {
+  triangles: number;
+  vertices: number;
+  triangleSlots: number;
+  vertexSlots: number;
+  /** In the region, mesh and input are nowhere farther apart; model units. */
+  errorBound: number;
+  /** accuracy: the query is met. missing: clusters are on their way, failed, or have no room. time:
+   * update() goes on with the same query. triangles: its limit was reached. */
+  limit: 'accuracy' | 'triangles' | 'bytes' | 'time' | 'missing';
+  missing: number;
+  /** The largest error of what is missing over the threshold there. */
+  worst: number;
+  failed: number;
+  /** Why the worst of these failed. */
+  failure: string;
+  /** Missing because cacheBytes are used up. */
+  noRoom: number;
+  insertions: number;
+  removals: number;
+  bytesRead: number;
+  requests: number;
+  cacheBytes: number;
+  decodedClusters: number;
+}
+
+/** Slots that changed since the last call of changes(). Views on the engine's memory: they hold until
+ * the caller awaits anything, or calls another function. */
+export interface Changes {
+  triangleRanges: Ranges;
+  vertexRanges: Ranges;
+  normalRanges: Ranges;
+  /** Three a triangle slot. */
+  indices: Uint32Array;
+  /** Three a vertex slot, relative to `origin`. */
+  positions: Float32Array;
+  origin: Point;
+  /** Four a vertex slot: x, y, z in steps of 1/32767, and 0. */
+  normals: Int16Array;
+  /** The attributes of each vertex slot, `rowBytes` each, in the order of ObjectInfo.attributes. */
+  rows: Uint8Array;
+  rowBytes: number;
+}
+
+interface Exports {
+  memory: WebAssembly.Memory;
+  _initialize(): void;
+  input(size: number): number;
+  error(): number;
+  error_size(): number;
+  text(): number;
+  text_size(): number;
+  begin(size: number): void;
+  keep(offset: number): void;
+  open_file(): number;
+  open_object(cacheBytes: number): number;
+  wishes(): number;
+  answer(ticket: number, code: number): void;
+  update(milliseconds: number): number;
+  report(): number;
+  retry(): void;
+  triangle_slots(): number;
+  vertex_slots(): number;
+  row_bytes(): number;
+  origin(): number;
+  indices(): number;
+  positions(): number;
+  normals(): number;
+  rows(): number;
+  take_changes(): number;
+}
+
+const kFirstRead = 65536;
+const kTries = 5;
+const kNotYet = 303, kIoError = 300;
+const kLimits = ['accuracy', 'triangles', 'bytes', 'time', 'missing'] as const;
+// Of store/base/status.h.
+const kCodes: Record<number, ErrorCode> = {
+  100: 'invalid_argument', 101: 'not_found', 103: 'unsupported', 104: 'aborted', 105: 'no_space',
+  201: 'corrupt', 300: 'io', 301: 'memory', 303: 'not_yet',
+};
+const transient = new Set([408, 425, 429, 500, 502, 503, 504]);
+
+/** The bytes of one file on a server: ranges, tried again where that may help. */
+class FileRanges {
+  size = 0;
+  bytes = 0;
+  requests = 0;
+  private etag: string | null = null;
+  private readonly get: typeof fetch;
+
+  constructor(readonly url: string, private readonly options: FileOptions) {
+    this.get = options.fetch ?? ((input, init) => fetch(input, init));
+  }
+
+  /** The first bytes; learns the size. */
+  async first(): Promise<Uint8Array> {
+    return await this.read(0, kFirstRead, this.options.signal);
+  }
+
+  async read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array> {
+    const most = this.options.maxBytes ?? Infinity;
+    if (this.bytes + length > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached`, 'budget');
+    for (let tries = 1, pause = 250; ; ++tries, pause *= 2) {
+      try {
+        return await this.tryRead(offset, length, signal);
+      } catch (error) {
+        if (signal?.aborted) throw new MtdbError(`${this.url}: cancelled`, 'aborted');
+        if (error instanceof MtdbError && (error.code !== 'io' || tries >= kTries)) throw error;
+        if (tries >= kTries) throw new MtdbError(`${this.url}: cannot be reached: ${(error as Error).message}`, 'io');
+        await new Promise(done => setTimeout(done, pause));
+      }
+    }
+  }
+
+  private async tryRead(offset: number, length: number, outer?: AbortSignal): Promise<Uint8Array> {
+    const control = new AbortController();
+    const stop = () => control.abort();
+    outer?.addEventListener('abort', stop);
+    const timer = setTimeout(stop, this.options.timeout ?? 15000);
+    try {
+      ++this.requests;
+      const response = await this.get(this.url, {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal: control.signal});
+      const where = `${this.url}: bytes ${offset} to ${offset + length}`;
+      if (response.status !== 206) {
+        stop(); // a body may be the whole file
+        const code: ErrorCode = transient.has(response.status) ? 'io' : response.status === 404 ? 'not_found' : 'unsupported';
+        const why = response.status === 200 ? 'the server ignores Range' : `the server answers ${response.status} ${response.statusText}`;
+        throw new MtdbError(`${where}: ${why}`, code);
+      }
+      const range = /^bytes (\d+)-(\d+)\/(\d+)$/.exec(response.headers.get('Content-Range') ?? '');
+      if (!range) throw new MtdbError(`${where}: no Content-Range that can be read; a server of another origin has to expose it (docs/packed.md)`, 'unsupported');
+      const size = Number(range[3]), etag = response.headers.get('ETag');
+      if (this.size === 0) {
+        this.size = size;
+        this.etag = etag;
+      } else if (size !== this.size || (etag !== null && this.etag !== null && etag !== this.etag)) {
+        throw new MtdbError(`${this.url}: the file was replaced; open it anew`, 'corrupt');
+      }
+      const expected = Math.min(offset + length, size) - offset;
+      const bytes = new Uint8Array(await response.arrayBuffer());
+      this.bytes += bytes.length;
+      if (Number(range[1]) !== offset || bytes.length !== expected) throw new MtdbError(`${where}: ${bytes.length} bytes came instead of ${expected}`, 'io');
+      return bytes;
+    } finally {
+      clearTimeout(timer);
+      outer?.removeEventListener('abort', stop);
+    }
+  }
+}
+
+async function compile(wasm: FileOptions['wasm']): Promise<WebAssembly.Module> {
+  if (wasm instanceof WebAssembly.Module) return wasm;
+  if (wasm !== undefined && typeof wasm !== 'string' && !(wasm instanceof URL)) return await WebAssembly.compile(wasm);
+  const url = wasm ?? new URL('engine.wasm', import.meta.url);
+  const response = await fetch(url);
+  if (!response.ok) throw new MtdbError(`${url}: the server answers ${response.status}`, 'io');
+  return await WebAssembly.compile(await response.arrayBuffer());
+}
+
+/** One instance of the engine, and the calls that fill and empty its memory. */
+class Engine {
+  readonly wasm: Exports;
+
+  constructor(module: WebAssembly.Module) {
+    let memory: WebAssembly.Memory | null = null;
+    const view = () => new DataView(memory!.buffer);
+    // What the C++ library asks of a system: the time, and to say its last words.
+    const calls: Record<string, (...args: number[]) => number> = {
+      zstd_decompress: (to, room, from, size) => {
+        try {
+          const bytes = decompress(new Uint8Array(memory!.buffer, from, size));
+          if (bytes.length > room!) return -1;
+          new Uint8Array(memory!.buffer, to, bytes.length).set(bytes);
+          return bytes.length;
+        } catch {
+          return -1;
+        }
+      },
+      clock_time_get: (...args) => {
+        view().setBigUint64(args[2]!, BigInt(Math.round(performance.now() * 1e6)), true);
+        return 0;
+      },
+      proc_exit: () => { throw new WebAssembly.RuntimeError('the engine ended'); },
+    };
+    const imports: Record<string, Record<string, WebAssembly.ImportValue>> = {};
+    for (const {module: from, name} of WebAssembly.Module.imports(module)) {
+      (imports[from] ??= {})[name] = calls[name] ?? (() => 52); // ENOSYS
+    }
+    this.wasm = new WebAssembly.Instance(module, imports).exports as unknown as Exports;
+    memory = this.wasm.memory;
+    this.wasm._initialize();
+  }
+
+  put(bytes: Uint8Array) {
+    const at = this.wasm.input(bytes.length);
+    new Uint8Array(this.wasm.memory.buffer, at, bytes.length).set(bytes);
+  }
+  putText(text: string) {
+    this.put(new TextEncoder().encode(text));
+  }
+  private string(at: number, size: number) {
+    return new TextDecoder().decode(new Uint8Array(this.wasm.memory.buffer, at, size));
+  }
+  text() {
+    return this.string(this.wasm.text(), this.wasm.text_size());
+  }
+  error(code: number) {
+    return new MtdbError(this.string(this.wasm.error(), this.wasm.error_size()), kCodes[code] ?? 'other');
+  }
+  failure() {
+    return this.string(this.wasm.error(), this.wasm.error_size());
+  }
+  // WebAssembly ends by a trap when it has no more memory.
+  guard<T>(call: () => T): T {
+    try {
+      return call();
+    } catch (error) {
+      if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) {
+        throw new MtdbError('no more memory for the mesh: ask for fewer triangles, or give less cacheBytes', 'memory');
+      }
+      throw error;
+    }
+  }
+  wishes() {
+    const at = this.wasm.wishes() / 8;
+    const list = new Float64Array(this.wasm.memory.buffer);
+    const count = list[at]!;
+    const asked = Array.from({length: count}, (_, i) => ({ticket: list[at + 1 + 3 * i]!, offset: list[at + 2 + 3 * i]!, bytes: list[at + 3 + 3 * i]!}));
+    const end = at + 1 + 3 * count;
+    return {asked, cancelled: Array.from(list.slice(end + 1, end + 1 + list[end]!))};
+  }
+}
+
+/** Opens a packed file. Errors: MtdbError. */
+export async function openFile(url: string | URL, options: FileOptions = {}): Promise<PackedFile> {
+  const ranges = new FileRanges(String(url), options);
+  const [module, first] = await Promise.all([compile(options.wasm), ranges.first()]);
+  const parts: [number, Uint8Array][] = [[0, first]];
+  const engine = await begin(module, ranges, parts);
+  await untilThere(engine, ranges, parts, () => engine.wasm.open_file(), options.signal);
+  return new PackedFile(module, ranges, parts, JSON.parse(engine.text()), options);
+}
+
+async function begin(module: WebAssembly.Module, ranges: FileRanges, parts: [number, Uint8Array][]) {
+  const engine = new Engine(module);
+  engine.putText(ranges.url);
+  engine.wasm.begin(ranges.size);
+  for (const [offset, bytes] of parts) {
+    engine.put(bytes);
+    engine.wasm.keep(offset);
+  }
+  return engine;
+}
+
+// Calls until all is there that the call needs to begin with.
+async function untilThere(engine: Engine, ranges: FileRanges, parts: [number, Uint8Array][], call: () => number, signal?: AbortSignal) {
+  for (;;) {
+    const code = engine.guard(call);
+    if (code === 0) return;
+    const {asked} = engine.wishes();
+    if (code !== kNotYet || asked.length === 0) throw engine.error(code);
+    for (const wish of asked) {
+      const bytes = await ranges.read(wish.offset, wish.bytes, signal);
+      parts.push([wish.offset, bytes]);
+      engine.put(bytes);
+      engine.wasm.keep(wish.offset);
+    }
+  }
+}
+
+export class PackedFile {
+  constructor(private readonly module: WebAssembly.Module, private readonly ranges: FileRanges, private readonly parts: [number, Uint8Array][],
+    readonly objects: ObjectInfo[], private readonly options: FileOptions) {}
+
+  /** Opens an object; default: the first. Each has an engine of its own. */
+  async open(name?: string, options: ObjectOptions = {}): Promise<MeshObject> {
+    const info = name === undefined ? this.objects[0] : this.objects.find(o => o.object === name);
+    if (!info) throw new MtdbError(`${this.ranges.url}: no object ${name ?? ''}`, 'not_found');
+    const parts = [...this.parts];
+    const engine = await begin(this.module, this.ranges, parts);
+    await untilThere(engine, this.ranges, parts, () => engine.wasm.open_file(), this.options.signal);
+    await untilThere(engine, this.ranges, parts, () => {
+      engine.putText(info.object);
+      return engine.wasm.open_object(options.cacheBytes ?? 256 * 2 ** 20);
+    }, this.options.signal);
+    return new MeshObject(engine, this.ranges, info, this.options);
+  }
+}
+
+/** An object and the mesh of its last query. */
+export class MeshObject {
+  /** Called when something has come that the last query wants: update() again. */
+  onprogress: (() => void) | null = null;
+  private readonly waiting: {ticket: number; offset: number; bytes: number}[] = [];
+  private readonly underWay = new Map<number, AbortController>();
+  private closed = false;
+
+  constructor(private readonly engine: Engine, private readonly ranges: FileRanges, readonly info: ObjectInfo, private readonly options: FileOptions) {}
+
+  /** Moves towards the query through what is in memory, for about so many milliseconds (default: to
+   * the end of what is there), and asks the server for what is missing. Null as long as nothing is
+   * there. */
+  update(query: Query, milliseconds?: number): Frame | null {
+    if (this.closed) throw new MtdbError('the object was closed', 'closed');
+    const {engine} = this;
+    return engine.guard(() => {
+      engine.putText(JSON.stringify(query));
+      const code = engine.wasm.update(milliseconds ?? -1);
+      this.serve();
+      if (code === kNotYet) return null;
+      if (code !== 0) throw engine.error(code);
+      const r = new Float64Array(engine.wasm.memory.buffer, engine.wasm.report(), 14);
+      return {
+        triangles: r[0]!, vertices: r[1]!, errorBound: r[2]!, limit: kLimits[r[3]!] ?? 'missing', missing: r[4]!, worst: r[5]!,
+        failed: r[6]!, failure: r[6]! > 0 ? engine.failure() : '', noRoom: r[7]!, insertions: r[8]!, removals: r[9]!,
+        cacheBytes: r[10]!, decodedClusters: r[11]!, bytesRead: this.ranges.bytes, requests: this.ranges.requests,
+        triangleSlots: engine.wasm.triangle_slots(), vertexSlots: engine.wasm.vertex_slots(),
+      };
+    });
+  }
+
+  /** Updates until nothing is on its way, and gives the last frame; `show` gets each that changed the
+   * mesh. Throws what failed for good. */
+  async settle(query: Query, show?: (frame: Frame) => void, options: {milliseconds?: number; signal?: AbortSignal} = {}): Promise<Frame> {
+    for (;;) {
+      if (options.signal?.aborted) throw new MtdbError('cancelled', 'aborted');
+      const frame = this.update(query, options.milliseconds);
+      if (frame && (frame.insertions > 0 || frame.removals > 0)) show?.(frame);
+      if (frame?.limit === 'time') {
+        await new Promise(done => setTimeout(done));
+        continue;
+      }
+      if (this.pending === 0 && !frame) throw new MtdbError('nothing is on its way, and nothing is there', 'io');
+      if (frame && (frame.limit !== 'missing' || this.pending === 0)) {
+        if (frame.failed > 0) throw new MtdbError(frame.failure, /limit of \d+ bytes/.test(frame.failure) ? 'budget' : 'io');
+        return frame;
+      }
+      await this.arrival(options.signal);
+    }
+  }
+
+  /** What changed in the slots since the last call. */
+  changes(): Changes {
+    const {wasm} = this.engine;
+    const list = wasm.take_changes();
+    const buffer = wasm.memory.buffer;
+    const counts = new Uint32Array(buffer, list, 3);
+    let at = list + 12;
+    const ranges = (count: number) => {
+      const part = new Uint32Array(buffer, at, 2 * count);
+      at += 8 * count;
+      return part;
+    };
+    const triangles = wasm.triangle_slots(), vertices = wasm.vertex_slots(), rowBytes = wasm.row_bytes();
+    return {
+      triangleRanges: ranges(counts[0]!), vertexRanges: ranges(counts[1]!), normalRanges: ranges(counts[2]!),
+      indices: new Uint32Array(buffer, wasm.indices(), 3 * triangles),
+      positions: new Float32Array(buffer, wasm.positions(), 3 * vertices),
+      origin: [...new Float64Array(buffer, wasm.origin(), 3)] as Point,
+      normals: new Int16Array(buffer, wasm.normals(), 4 * vertices),
+      rows: new Uint8Array(buffer, wasm.rows(), rowBytes * vertices), rowBytes,
+    };
+  }
+
+  /** What failed is asked for again by the next update. */
+  retry() {
+    this.engine.wasm.retry();
+  }
+
+  /** Requests that wait or are under way. */
+  get pending() {
+    return this.waiting.length + this.underWay.size;
+  }
+
+  /** Cancels what is on its way. */
+  close() {
+    this.closed = true;
+    this.waiting.length = 0;
+    for (const control of this.underWay.values()) control.abort();
+    this.underWay.clear();
+    this.wake();
+  }
+
+  private wakeUp: (() => void)[] = [];
+  private wake() {
+    for (const wake of this.wakeUp.splice(0)) wake();
+    this.onprogress?.();
+  }
+  private arrival(signal?: AbortSignal): Promise<void> {
+    return new Promise(done => {
+      this.wakeUp.push(done);
+      signal?.addEventListener('abort', () => done(), {once: true});
+    });
+  }
+
+  // Begins the requests that the engine wishes, and ends those that it does not want any more.
+  private serve() {
+    const {asked, cancelled} = this.engine.wishes();
+    this.waiting.push(...asked);
+    for (const ticket of cancelled) {
+      const at = this.waiting.findIndex(w => w.ticket === ticket);
+      if (at >= 0) this.waiting.splice(at, 1);
+      this.underWay.get(ticket)?.abort();
+      this.underWay.delete(ticket);
+    }
+    while (this.waiting.length > 0 && this.underWay.size < (this.options.requests ?? 6)) void this.fetch(this.waiting.shift()!);
+  }
+
+  private async fetch(wish: {ticket: number; offset: number; bytes: number}) {
+    const control = new AbortController();
+    this.underWay.set(wish.ticket, control);
+    let bytes: Uint8Array | null = null;
+    let failure = '';
+    try {
+      bytes = await this.ranges.read(wish.offset, wish.bytes, control.signal);
+    } catch (error) {
+      failure = (error as Error).message;
+    }
+    if (this.closed || this.underWay.get(wish.ticket) !== control) return;
+    this.underWay.delete(wish.ticket);
+    this.engine.guard(() => {
+      if (bytes) this.engine.put(bytes);
+      else this.engine.putText(failure);
+      this.engine.wasm.answer(wish.ticket, bytes ? 0 : kIoError);
+    });
+    this.serve();
+    this.wake();
+  }
+}

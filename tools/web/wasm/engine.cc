@@ -1,0 +1,386 @@
+// The query engine for a page (../src/mtdb.ts): one object of a packed file, a session that waits
+// for nothing, and its mesh in slots. Whoever holds the event loop hands in the bytes that are
+// asked for. Compiled to WebAssembly with query/engine_sources.txt, without threads and exceptions.
+// One instance for each object. Functions give a status code of store/base/status.h, 0 for success;
+// error() then says why.
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "query/query_json.h"
+#include "query/session.h"
+#include "query/surface.h"
+#include "store/packed_file.h"
+#include "store/range_reader.h"
+#include "tools/viewer/wasm/slot_ranges.h"
+#include "tools/web/wasm/slot_mesh.h"
+
+#ifdef __wasm__
+#define MTDB_EXPORT(name) __attribute__((export_name(name)))
+#else
+#define MTDB_EXPORT(name)
+#endif
+
+namespace mtdb {
+
+namespace {
+
+// The file. What the page has put here is answered at once; the rest is asked of it.
+class PageRanges final : public RangeReader {
+ public:
+  PageRanges(std::string name, uint64_t size) : name_(std::move(name)), size_(size) {}
+
+  const std::string& name() const override { return name_; }
+  uint64_t size() const override { return size_; }
+  bool answers_at_once() const override { return false; }
+  uint64_t bytes_read() const override { return bytes_read_; }
+  uint64_t requests() const override { return last_; }
+
+  Ticket Read(ByteRange range, Answer answer) override {
+    if (const std::optional<ByteSpan> here = Kept(range)) {
+      ++answered_here_;
+      answer(Bytes(here->begin(), here->end()));
+      return 0;
+    }
+    const Ticket ticket = opening_ ? 0 : ++last_;
+    fresh_.push_back({static_cast<double>(ticket), static_cast<double>(range.offset),
+                      static_cast<double>(range.bytes)});
+    if (opening_) {
+      answer(NotYet(name_ + ": is on its way"));
+    } else {
+      waiting_.emplace(ticket, std::move(answer));
+    }
+    return ticket;
+  }
+  void Cancel(Ticket ticket) override {
+    if (waiting_.erase(ticket) > 0) cancelled_.push_back(static_cast<double>(ticket));
+  }
+
+  // Reads that were answered during the call.
+  uint64_t answered_here() const { return answered_here_; }
+  // While opening, what is not here fails, to be tried again.
+  void SetOpening(bool opening) { opening_ = opening; }
+  void Keep(uint64_t offset, Bytes bytes) {
+    bytes_read_ += bytes.size();
+    kept_[offset] = std::move(bytes);
+  }
+  void Take(Ticket ticket, Result<Bytes> bytes) {
+    auto waiting = waiting_.extract(ticket);
+    if (waiting.empty()) return;
+    if (bytes.ok()) bytes_read_ += bytes->size();
+    waiting.mapped()(std::move(bytes));
+  }
+  // How many were asked for since the last call, then ticket (0: to be kept), offset and length of
+  // each; then how many are not wanted any more, and their tickets.
+  std::vector<double> TakeWishes() {
+    std::vector<double> list{static_cast<double>(fresh_.size())};
+    for (const auto& wish : fresh_) list.insert(list.end(), wish.begin(), wish.end());
+    list.push_back(static_cast<double>(cancelled_.size()));
+    list.insert(list.end(), cancelled_.begin(), cancelled_.end());
+    fresh_.clear();
+    cancelled_.clear();
+    return list;
+  }
+
+ private:
+  std::optional<ByteSpan> Kept(ByteRange range) const {
+    auto at = kept_.upper_bound(range.offset);
+    if (at == kept_.begin()) return std::nullopt;
+    --at;
+    const uint64_t skip = range.offset - at->first;
+    if (skip > at->second.size() || range.bytes > at->second.size() - skip) return std::nullopt;
+    return ByteSpan(at->second).subspan(skip, range.bytes);
+  }
+
+  const std::string name_;
+  const uint64_t size_;
+  bool opening_ = false;
+  std::map<uint64_t, Bytes> kept_;  // by offset
+  std::map<Ticket, Answer> waiting_;
+  std::vector<std::array<double, 3>> fresh_;
+  std::vector<double> cancelled_;
+  Ticket last_ = 0;
+  uint64_t bytes_read_ = 0;
+  uint64_t answered_here_ = 0;
+};
+
+struct State {
+  Bytes input;
+  std::string error, text;
+  std::shared_ptr<PageRanges> ranges;
+  std::shared_ptr<PackedObjects> file;
+  std::shared_ptr<Surface> surface;
+  std::unique_ptr<Session> session;
+  std::optional<SlotMesh> mesh;
+  std::string query_text;
+  Query query;
+  std::vector<double> wishes;
+  std::array<double, 14> report{};
+  double insertions = 0, removals = 0;  // of the call
+  std::vector<Normal> normals;
+  std::vector<float> sums;
+  std::vector<uint32_t> changes;
+};
+State state;
+
+// By ScalarType.
+constexpr std::array<const char*, 8> kScalarNames{"int8",  "uint8",  "int16",   "uint16",
+                                                  "int32", "uint32", "float32", "float64"};
+
+uint32_t Code(const Status& status) {
+  if (!status.ok()) state.error = status.message();
+  return static_cast<uint32_t>(status.code());
+}
+
+std::string Input() {
+  return {reinterpret_cast<const char*>(state.input.data()), state.input.size()};
+}
+
+void AddNumber(double value, std::string* json) {
+  std::array<char, 32> text;
+  std::snprintf(text.data(), text.size(), "%.17g", value);
+  *json += text.data();
+}
+
+void AddString(const std::string& value, std::string* json) {
+  *json += '"';
+  for (const char c : value) {
+    if (c == '"' || c == '\\') *json += '\\';
+    if (static_cast<unsigned char>(c) < 0x20) {
+      std::array<char, 8> text;
+      std::snprintf(text.data(), text.size(), "\\u%04x", c);
+      *json += text.data();
+    } else {
+      *json += c;
+    }
+  }
+  *json += '"';
+}
+
+void AddPoint(const Vec3d& p, std::string* json) {
+  for (int i = 0; i < 3; ++i) {
+    *json += i == 0 ? '[' : ',';
+    AddNumber(p[i], json);
+  }
+  *json += ']';
+}
+
+void AddObject(const ObjectRecord& record, std::string* json) {
+  *json += "{\"object\":";
+  AddString(record.name, json);
+  const std::array<std::pair<const char*, double>, 5> numbers{
+      {{"triangles", static_cast<double>(record.triangles)},
+       {"vertices", static_cast<double>(record.vertices)},
+       {"clusters", static_cast<double>(record.clusters)},
+       {"diagonal", record.diagonal()},
+       {"rounding_error", record.rounding_error}}};
+  for (const auto& [key, value] : numbers) {
+    *json += std::string(",\"") + key + "\":";
+    AddNumber(value, json);
+  }
+  *json += ",\"bounds\":{\"min\":";
+  AddPoint(record.bounds.min, json);
+  *json += ",\"max\":";
+  AddPoint(record.bounds.max, json);
+  *json += "},\"attributes\":[";
+  for (const VertexAttribute& a : record.attributes.attributes) {
+    if (json->back() != '[') *json += ',';
+    *json += "{\"name\":";
+    AddString(a.name, json);
+    *json += std::string(",\"type\":\"") + kScalarNames.at(static_cast<size_t>(a.type)) + "\"}";
+  }
+  *json += "]}";
+}
+
+// The worst of what failed, into state.error.
+double CountFailed(const std::vector<MissingCluster>& missing) {
+  double failed = 0;
+  for (const MissingCluster& m : missing) {
+    if (m.reason != MissingCluster::Reason::kFailed) continue;
+    if (failed == 0) state.error = m.failure.message();
+    ++failed;
+  }
+  return failed;
+}
+
+double CountRoomless(const std::vector<MissingCluster>& missing) {
+  double count = 0;
+  for (const MissingCluster& m : missing) {
+    count += m.reason == MissingCluster::Reason::kNoRoom ? 1 : 0;
+  }
+  return count;
+}
+
+void Report(const SessionUpdate& update) {
+  const ExtractStats& s = update.stats;
+  const bool any = !s.missing.empty();
+  state.report = {static_cast<double>(s.triangles),
+                  static_cast<double>(s.vertices),
+                  s.error_bound,
+                  static_cast<double>(s.limit),
+                  static_cast<double>(s.missing.size()),
+                  any ? s.missing.front().excess : 0,
+                  CountFailed(s.missing),
+                  CountRoomless(s.missing),
+                  state.insertions += static_cast<double>(update.insertions),
+                  state.removals += static_cast<double>(update.removals),
+                  static_cast<double>(state.surface->cache_use().bytes),
+                  static_cast<double>(state.surface->cache_use().decoded),
+                  static_cast<double>(state.ranges->bytes_read()),
+                  static_cast<double>(s.clusters_used)};
+}
+
+Status OpenObject(const std::string& name, double cache_bytes) {
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, state.file->OpenObject(name));
+  SurfaceOptions options;
+  options.cache_bytes = static_cast<size_t>(cache_bytes);
+  options.threads = 1;
+  options.waits = false;
+  MTDB_ASSIGN_OR_RETURN(state.surface, Surface::Open(std::move(source), options));
+  MTDB_ASSIGN_OR_RETURN(state.session, Session::Open(state.surface, {.available_only = true}));
+  return Status::Ok();
+}
+
+Status UpdateOnce() {
+  if (!state.mesh) {
+    MTDB_ASSIGN_OR_RETURN(const BaseMesh base, state.session->Base());
+    state.mesh.emplace(state.surface->record(), base);
+  }
+  std::vector<UpdateBatch> batches;
+  MTDB_ASSIGN_OR_RETURN(const SessionUpdate update, state.session->Update(state.query, &batches));
+  for (const UpdateBatch& batch : batches) state.mesh->Apply(batch);
+  Report(update);
+  return Status::Ok();
+}
+
+Status Update(double milliseconds) {
+  if (std::string text = Input(); text != state.query_text || text.empty()) {
+    MTDB_ASSIGN_OR_RETURN(state.query, ParseQuery(text, state.surface->record().diagonal()));
+    state.query_text = std::move(text);
+  }
+  state.query.max_milliseconds.reset();
+  if (milliseconds >= 0) state.query.max_milliseconds = milliseconds;
+  state.insertions = state.removals = 0;
+  for (;;) {
+    const uint64_t before = state.ranges->answered_here();
+    const Status status = UpdateOnce();
+    const bool more = state.ranges->answered_here() != before;
+    if (!more || (!status.ok() && status.code() != StatusCode::kNotYet)) return status;
+  }
+}
+
+}  // namespace
+
+// Where `size` bytes for the next call go; that call uses all of them.
+MTDB_EXPORT("input") extern "C" std::byte* InputBytes(uint32_t size) {
+  state.input.resize(size);
+  return state.input.data();
+}
+MTDB_EXPORT("error") extern "C" const char* Error() { return state.error.c_str(); }
+MTDB_EXPORT("error_size") extern "C" uint32_t ErrorSize() {
+  return static_cast<uint32_t>(state.error.size());
+}
+MTDB_EXPORT("text") extern "C" const char* Text() { return state.text.c_str(); }
+MTDB_EXPORT("text_size") extern "C" uint32_t TextSize() {
+  return static_cast<uint32_t>(state.text.size());
+}
+
+// A file of this size, by the name in the input.
+MTDB_EXPORT("begin") extern "C" void Begin(double size) {
+  state.ranges = std::make_shared<PageRanges>(Input(), static_cast<uint64_t>(size));
+}
+// The input is what the file has from `offset` on; it stays.
+MTDB_EXPORT("keep") extern "C" void Keep(double offset) {
+  state.ranges->Keep(static_cast<uint64_t>(offset), std::move(state.input));
+  state.input = {};
+}
+// The file's objects as JSON, in the text. kNotYet: keep what the wishes say, and call again.
+MTDB_EXPORT("open_file") extern "C" uint32_t OpenFile() {
+  state.ranges->SetOpening(true);
+  Result<std::shared_ptr<PackedObjects>> file = PackedObjects::Open(state.ranges);
+  state.ranges->SetOpening(false);
+  if (!file.ok()) return Code(file.status());
+  state.file = *std::move(file);
+  state.text = "[";
+  for (const ObjectRecord& record : state.file->List()) {
+    if (state.text.size() > 1) state.text += ',';
+    AddObject(record, &state.text);
+  }
+  state.text += ']';
+  return 0;
+}
+// The object whose name is in the input, with a cache of so many bytes. Likewise.
+MTDB_EXPORT("open_object") extern "C" uint32_t OpenObjectByName(double cache_bytes) {
+  state.ranges->SetOpening(true);
+  const Status status = OpenObject(Input(), cache_bytes);
+  state.ranges->SetOpening(false);
+  return Code(status);
+}
+
+// PageRanges::TakeWishes.
+MTDB_EXPORT("wishes") extern "C" const double* Wishes() {
+  state.wishes = state.ranges->TakeWishes();
+  return state.wishes.data();
+}
+// The bytes of a wish are in the input, or, with a code that is not 0, why they cannot be had.
+MTDB_EXPORT("answer") extern "C" void Answer(double ticket, uint32_t code) {
+  const auto t = static_cast<RangeReader::Ticket>(ticket);
+  if (code == 0) {
+    state.ranges->Take(t, std::exchange(state.input, {}));
+  } else {
+    state.ranges->Take(t, Status(static_cast<StatusCode>(code), Input()));
+  }
+}
+
+// Moves towards the query in the input (docs/query.md), for about so long; negative: to the end of
+// what is there. kNotYet: nothing is there.
+MTDB_EXPORT("update") extern "C" uint32_t UpdateMesh(double milliseconds) {
+  return Code(Update(milliseconds));
+}
+// Of the last update: see Report.
+MTDB_EXPORT("report") extern "C" const double* LastReport() { return state.report.data(); }
+MTDB_EXPORT("retry") extern "C" void Retry() { state.session->RetryFailed(); }
+
+MTDB_EXPORT("triangle_slots") extern "C" uint32_t TriangleSlots() {
+  return static_cast<uint32_t>(state.mesh->indices().size() / 3);
+}
+MTDB_EXPORT("vertex_slots") extern "C" uint32_t VertexSlots() {
+  return static_cast<uint32_t>(state.mesh->positions().size() / 3);
+}
+MTDB_EXPORT("row_bytes") extern "C" uint32_t RowBytes() {
+  return static_cast<uint32_t>(state.surface->record().attributes.row_bytes());
+}
+MTDB_EXPORT("origin") extern "C" const double* Origin() { return state.mesh->origin().data(); }
+MTDB_EXPORT("indices") extern "C" const uint32_t* Indices() { return state.mesh->indices().data(); }
+MTDB_EXPORT("positions") extern "C" const float* Positions() {
+  return state.mesh->positions().data();
+}
+MTDB_EXPORT("normals") extern "C" const int16_t* Normals() {
+  return reinterpret_cast<const int16_t*>(state.normals.data());
+}
+MTDB_EXPORT("rows") extern "C" const std::byte* Rows() { return state.mesh->rows().data(); }
+
+// Brings the normals up to date. How many ranges of triangle slots, vertex slots and normals have
+// changed since the last call, then their bounds.
+MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
+  std::vector<uint32_t>& list = state.changes;
+  list.assign(3, 0);
+  const uint32_t triangles = state.mesh->TakeTriangles(&list);
+  const uint32_t vertices = state.mesh->TakeVertices(&list);
+  const uint32_t normals = UpdateNormals(state.mesh->positions(), state.mesh->indices(),
+                                         &state.sums, &state.normals, &list);
+  list[0] = triangles;
+  list[1] = vertices;
+  list[2] = normals;
+  return list.data();
+}
+
+}  // namespace mtdb

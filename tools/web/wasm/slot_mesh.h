@@ -1,0 +1,134 @@
+// SlotMesh: the mesh of a session for a graphics card: triangles and vertices in slots that are
+// used again.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "codecs/stream/mesh_update.h"
+#include "store/base/bytes.h"
+#include "store/object_record.h"
+#include "tools/viewer/wasm/slot_ranges.h"
+
+namespace mtdb {
+
+// A triangle slot without a triangle has the indices 0, 0, 0, which draw nothing. Takes the batches
+// of a session in their order. One thread.
+class SlotMesh {
+ public:
+  SlotMesh(const ObjectRecord& record, const BaseMesh& base)
+      : grid_(record.grid), row_bytes_(record.attributes.row_bytes()) {
+    const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
+    origin_ = {centre.x, centre.y, centre.z};
+    for (size_t v = 0; v < base.vertices.size(); ++v) {
+      AddVertex(base.vertices[v], base.positions[v],
+                ByteSpan(base.rows).subspan(v * row_bytes_, row_bytes_));
+    }
+    for (size_t t = 0; t < base.triangles.size(); ++t) {
+      const auto& c = base.triangles[t];
+      AddTriangle(base.triangle_keys[t],
+                  {base.vertices[c[0]], base.vertices[c[1]], base.vertices[c[2]]});
+    }
+  }
+
+  std::span<const uint32_t> indices() const { return indices_; }   // three a triangle slot
+  std::span<const float> positions() const { return positions_; }  // likewise a vertex slot
+  const Bytes& rows() const { return rows_; }
+  const std::array<double, 3>& origin() const { return origin_; }  // of the positions
+
+  void Apply(const UpdateBatch& batch) {
+    for (size_t i = 0; i < batch.nodes.size(); ++i) {
+      const UpdateBatch::Node& node = batch.nodes[i];
+      const std::span<const VertexIndex> ring = batch.ring_of(node);
+      const uint32_t star = UpdateBatch::StarCount(node);
+      if (batch.insert) {
+        AddVertex(node.vertex, node.position,
+                  ByteSpan(batch.rows).subspan(i * row_bytes_, row_bytes_));
+        for (const auto& t : batch.hole_of(node)) RemoveTriangle(t.key);
+        for (uint32_t j = 0; j < star; ++j) {
+          AddTriangle(node.first_star + j, {node.vertex, ring[j], ring[(j + 1) % ring.size()]});
+        }
+      } else {
+        for (uint32_t j = 0; j < star; ++j) RemoveTriangle(node.first_star + j);
+        for (const auto& t : batch.hole_of(node)) {
+          AddTriangle(t.key, {ring[t.corners[0]], ring[t.corners[1]], ring[t.corners[2]]});
+        }
+        const auto at = vertices_.find(node.vertex);
+        free_vertices_.push_back(at->second);
+        vertices_.erase(at);
+      }
+    }
+  }
+
+  // Appends the slots that were written since the last call, as ranges; returns how many.
+  uint32_t TakeTriangles(std::vector<uint32_t>* ranges) {
+    return TakeSlots(&written_triangles_, ranges);
+  }
+  uint32_t TakeVertices(std::vector<uint32_t>* ranges) {
+    return TakeSlots(&written_vertices_, ranges);
+  }
+
+ private:
+  static uint32_t TakeSlots(std::vector<uint32_t>* slots, std::vector<uint32_t>* ranges) {
+    const size_t first = ranges->size();
+    std::ranges::sort(*slots);
+    for (const uint32_t slot : *slots) {
+      if (ranges->size() > first && slot < ranges->back()) continue;  // written twice
+      AddSlot(slot, first, ranges);
+    }
+    slots->clear();
+    return static_cast<uint32_t>((ranges->size() - first) / 2);
+  }
+  static uint32_t TakeSlot(std::vector<uint32_t>* free, size_t next) {
+    if (free->empty()) return static_cast<uint32_t>(next);
+    const uint32_t slot = free->back();
+    free->pop_back();
+    return slot;
+  }
+  void AddVertex(VertexIndex vertex, Vec3i position, ByteSpan row) {
+    const uint32_t slot = TakeSlot(&free_vertices_, positions_.size() / 3);
+    if (3 * size_t{slot} == positions_.size()) {
+      positions_.resize(positions_.size() + 3);
+      rows_.resize(rows_.size() + row_bytes_);
+    }
+    const Vec3d p = grid_.Position(position);
+    for (int i = 0; i < 3; ++i) {
+      positions_[3 * size_t{slot} + static_cast<size_t>(i)] =
+          static_cast<float>(p[i] - origin_[static_cast<size_t>(i)]);
+    }
+    std::ranges::copy(row, rows_.begin() + static_cast<std::ptrdiff_t>(slot * row_bytes_));
+    vertices_[vertex] = slot;
+    written_vertices_.push_back(slot);
+  }
+  void AddTriangle(TriangleKey key, const std::array<VertexIndex, 3>& corners) {
+    const uint32_t slot = TakeSlot(&free_triangles_, indices_.size() / 3);
+    if (3 * size_t{slot} == indices_.size()) indices_.resize(indices_.size() + 3);
+    for (size_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = vertices_.at(corners[i]);
+    triangles_[key] = slot;
+    written_triangles_.push_back(slot);
+  }
+  void RemoveTriangle(TriangleKey key) {
+    const auto at = triangles_.find(key);
+    std::fill_n(indices_.begin() + 3 * static_cast<std::ptrdiff_t>(at->second), 3, 0U);
+    written_triangles_.push_back(at->second);
+    free_triangles_.push_back(at->second);
+    triangles_.erase(at);
+  }
+
+  const Grid grid_;
+  const size_t row_bytes_;
+  std::array<double, 3> origin_{};
+  std::vector<uint32_t> indices_;
+  std::vector<float> positions_;
+  Bytes rows_;
+  std::unordered_map<TriangleKey, uint32_t> triangles_;
+  std::unordered_map<VertexIndex, uint32_t> vertices_;
+  std::vector<uint32_t> free_triangles_, free_vertices_;
+  std::vector<uint32_t> written_triangles_, written_vertices_;
+};
+
+}  // namespace mtdb
