@@ -214,6 +214,8 @@ Result<Camera> CameraOf(const Node& node) {
   }
   if (node.has("up")) {
     MTDB_ASSIGN_OR_RETURN(camera.up, Direction(node["up"]));
+  } else if (const Vec3d d = camera.direction; std::hypot(d.x, d.y) <= 1e-6 * std::abs(d.z)) {
+    camera.up = {0, 1, 0};  // straight down, or up
   }
   camera.vertical_fov_rad = Radians(45);
   if (node.has("fov")) {

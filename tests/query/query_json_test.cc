@@ -101,6 +101,10 @@ TEST_CASE("Regions in JSON are where they should be", "[query]") {
   check("{\"frustum\": " + camera + "}", {3.9, 2, 1.9}, {3.9, 2, 2.1});
   check("{\"frustum\": " + camera + "}", {0, 4, 0}, {0, 4.1, 0});
   check("{\"frustum_shadow\": " + camera + "}", {3.9, 2, 99}, {4.1, 2, 0});
+  // Straight down, north is up.
+  const std::string down =
+      R"({"frustum": {"eye": [0, 0, 1], "target": [0, 0, 0], "fov": 90, "viewport": [200, 100]}})";
+  check(down, {1.9, 0, 0}, {0, 1.9, 0});
   check(R"({"wedge": {"apex": [0, 0], "direction": [1, 0], "angle": 90, "far": 3}})",
         {2.9, 2.8, -7}, {2.9, 3, 0});
   check(R"({"prism": {"polygon": [[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], "min_z": 0}})",
@@ -171,7 +175,7 @@ TEST_CASE("What is wrong with a query is said with its place", "[query]") {
       {R"({"region": {"frustum": {"eye": [0, 0, 0]}}})", {"region.frustum:", "target"}},
       {R"({"region": {"frustum": {"eye": [0, 0, 0], "target": [0, 0, 0]}}})",
        {"region.frustum.target:", "eye"}},
-      {R"({"region": {"frustum": {"eye": [0, 0, 0], "direction": [0, 0, 1]}}})",
+      {R"({"region": {"frustum": {"eye": [0, 0, 0], "direction": [0, 0, 1], "up": [0, 0, 2]}}})",
        {"region.frustum:", "up"}},
       {R"({"region": {"frustum": {"eye": [0, 0, 0], "target": [0, 1, 0], "fov": 180}}})",
        {"region.frustum.fov:", "180"}},
