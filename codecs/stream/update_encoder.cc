@@ -164,6 +164,14 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
   start_.insert(start_.end(), attached.bytes().begin(), attached.bytes().end());
 }
 
+static void PutGrid(const Grid& grid, ByteWriter* w) {
+  w->Put<uint8_t>(static_cast<uint8_t>(grid.mode));
+  for (int i = 0; i < 3; ++i) w->Put<double>(grid.origin[i]);
+  w->Put<double>(grid.step);
+  if (grid.mode != PositionMode::kRaster) return;
+  for (const double v : grid.plane) w->Put<double>(v);
+}
+
 // Vertices go in the order in which the triangles name them.
 void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   std::vector<uint32_t> number(base.vertices.size(), kNone32);
@@ -189,13 +197,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   }
   ByteWriter body;
   body.bytes().reserve(256 + 8 * positions.size() + indices.size() + rows.size());
-  const Grid& grid = options_.grid;
-  body.Put<uint8_t>(static_cast<uint8_t>(grid.mode));
-  for (int i = 0; i < 3; ++i) body.Put<double>(grid.origin[i]);
-  body.Put<double>(grid.step);
-  if (grid.mode == PositionMode::kRaster) {
-    for (const double v : grid.plane) body.Put<double>(v);
-  }
+  PutGrid(options_.grid, &body);
   for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
   PutAttributeLayout(options_.attributes, &body);
   body.PutVarint(options_.remembered_vertices);

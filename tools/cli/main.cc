@@ -217,48 +217,6 @@ void AddFollow(CLI::App* verb, mtdb::FollowArguments* a) {
   AddJson(verb, &a->json);
 }
 
-void AddProbe(CLI::App* verb, mtdb::ProbeArguments* a) {
-  verb->add_option("STORE", a->store, "the store file")->required();
-  AddName(verb, &a->name, "which object; needed when the store has several");
-  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, mtdb::ParsePoint,
-                          "find the closest point of the surface to this one");
-  AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, mtdb::ParseRay,
-            "find where this ray, of origin and direction, first meets the surface")
-      ->excludes(point);
-  AddParsedList(verb, "--height", "X,Y", &a->heights, mtdb::ParsePlace,
-                "of a terrain: the height there; may be repeated")
-      ->excludes("--point")
-      ->excludes("--ray");
-  verb->add_option("--heights", a->heights_file,
-                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
-                   "standard input")
-      ->type_name("FILE")
-      ->excludes("--point")
-      ->excludes("--ray")
-      ->excludes("--height");
-  AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
-            "on a surface within E of the input, in model units (default: full resolution)");
-  AddParsed(verb, "--limit", "D", &a->limit, mtdb::ParseNonNegative,
-            "look no farther: a distance, or for rays a multiple of the direction");
-  AddJson(verb, &a->json);
-  verb->callback([a] {
-    if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
-      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
-    }
-  });
-}
-
-void AddProfile(CLI::App* verb, mtdb::ProfileArguments* a) {
-  verb->add_option("STORE", a->store, "the store file")->required();
-  AddName(verb, &a->name, "which object; needed when the store has several");
-  AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, mtdb::ParseLine,
-            "the line's corners, in the terrain's coordinates")
-      ->required();
-  AddParsed(verb, "--error", "E", &a->error, mtdb::ParseNonNegative,
-            "no height off by more than E (default: full resolution)");
-  AddJson(verb, &a->json);
-}
-
 // Of what is read.
 void AddFormat(CLI::App* verb, std::string* format) {
   verb->add_option("--format", *format,
@@ -444,14 +402,14 @@ CommandLine::CommandLine() {
   AddExtractVerb();
   AddVerifyVerb();
   AddRenderVerb();
-  AddProbe(AddVerb("probe", "find the closest point of a surface, or the first hit of a ray",
-                   "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5",
-                   [this](bool*) { return mtdb::Probe(probe_); }),
-           &probe_);
-  AddProfile(AddVerb("profile", "write the heights of a terrain along a line, as CSV",
-                     "Example: mtdb profile alps.mtdb --line 7.1,46.0,7.9,46.4 --error 5",
-                     [this](bool*) { return mtdb::ProfileVerb(profile_); }),
-             &profile_);
+  mtdb::AddProbe(AddVerb("probe", "find the closest point of a surface, or the first hit of a ray",
+                         "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5",
+                         [this](bool*) { return mtdb::Probe(probe_); }),
+                 &probe_);
+  mtdb::AddProfile(AddVerb("profile", "write the heights of a terrain along a line, as CSV",
+                           "Example: mtdb profile alps.mtdb --line 7.1,46.0,7.9,46.4 --error 5",
+                           [this](bool*) { return mtdb::ProfileVerb(profile_); }),
+                   &profile_);
   AddServerVerbs();
   AddFollowVerb();
   AddPackVerbs();

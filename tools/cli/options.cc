@@ -220,4 +220,46 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
        "draw the whole object as without a camera, not what the camera sees");
 }
 
+void AddProbe(CLI::App* verb, ProbeArguments* a) {
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
+                          "find the closest point of the surface to this one");
+  AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, ParseRay,
+            "find where this ray, of origin and direction, first meets the surface")
+      ->excludes(point);
+  AddParsedList(verb, "--height", "X,Y", &a->heights, ParsePlace,
+                "of a terrain: the height there; may be repeated")
+      ->excludes("--point")
+      ->excludes("--ray");
+  verb->add_option("--heights", a->heights_file,
+                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
+                   "standard input")
+      ->type_name("FILE")
+      ->excludes("--point")
+      ->excludes("--ray")
+      ->excludes("--height");
+  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
+            "on a surface within E of the input, in model units (default: full resolution)");
+  AddParsed(verb, "--limit", "D", &a->limit, ParseNonNegative,
+            "look no farther: a distance, or for rays a multiple of the direction");
+  AddJson(verb, &a->json);
+  verb->callback([a] {
+    if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
+      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
+    }
+  });
+}
+
+void AddProfile(CLI::App* verb, ProfileArguments* a) {
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name, "which object; needed when the store has several");
+  AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, ParseLine,
+            "the line's corners, in the terrain's coordinates")
+      ->required();
+  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
+            "no height off by more than E (default: full resolution)");
+  AddJson(verb, &a->json);
+}
+
 }  // namespace mtdb

@@ -55,4 +55,8 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);
 // How render draws. After AddQueryOptions.
 void AddPictureOptions(CLI::App* verb, QueryArguments* arguments);
 
+// All options of these verbs.
+void AddProbe(CLI::App* verb, ProbeArguments* arguments);
+void AddProfile(CLI::App* verb, ProfileArguments* arguments);
+
 }  // namespace mtdb
