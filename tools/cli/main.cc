@@ -22,6 +22,7 @@
 #include "tools/cli/follow_path.h"
 #include "tools/cli/manual.h"
 #include "tools/cli/options.h"
+#include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/printable.h"
@@ -153,13 +154,17 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
       ->type_name("DIR");
 }
 
-void AddOutput(CLI::App* verb, std::string* output, bool may_be_standard) {
+// `may_be_raster`: a terrain's.
+void AddOutput(CLI::App* verb, std::string* output, bool may_be_standard,
+               bool may_be_raster = false) {
   verb->add_option("OUTPUT", *output,
                    "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()) +
-                       (may_be_standard ? ", or - for standard output (see --format)" : ""))
+                       (may_be_standard ? ", or - for standard output (see --format)" : "") +
+                       (may_be_raster ? "; of a terrain also a raster: .tif, .asc, .hgt" : ""))
       ->required()
-      ->check([may_be_standard](const std::string& text) {
+      ->check([=](const std::string& text) {
         if (may_be_standard && text == "-") return std::string();
+        if (may_be_raster && mtdb::IsRasterOutput(text)) return std::string();
         return mtdb::WrittenMeshFormatOf(text).status().message();
       });
 }
@@ -488,7 +493,7 @@ void CommandLine::AddExtractVerb() {
               "More: docs/query.md",
               [this](bool*) { return mtdb::ExtractVerb(query_); });
   AddStore(verb, &query_.store);
-  AddOutput(verb, &query_.output, true);
+  AddOutput(verb, &query_.output, true, true);
   AddOutputFormat(verb, &query_);
   AddQueryOptions(verb, &query_, false);
   AddParsed(verb, "--spacing", "D[,DY]", &query_.spacing, mtdb::ParseSpacing,
