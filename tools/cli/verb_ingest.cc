@@ -230,8 +230,13 @@ Status Ingest(const IngestArguments& arguments) {
   options.journal_path = JournalPath(options.tmp_directory, store, name);
   options.journal_note = JournalNote(store, name, arguments.resume_command);
   options.resume = arguments.resume;
-  std::signal(SIGINT, [](int) { g_interrupted = 1; });
-  std::signal(SIGTERM, [](int) { g_interrupted = 1; });
+  // The first one ends the ingest where it can go on, the second one the process.
+  const auto interrupt = [](int signal) {
+    g_interrupted = 1;
+    std::signal(signal, SIG_DFL);
+  };
+  std::signal(SIGINT, interrupt);
+  std::signal(SIGTERM, interrupt);
 
   // To go on with what was published before it was killed is to publish the same again.
   const bool finished = Finished(options, store, name);
