@@ -359,6 +359,7 @@ class HiddenErrors {
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
   static constexpr bool kMeasuresFolds = false;
   static constexpr bool kGoesOn = false;
+  static constexpr bool kIsHeightField = false;
 
   void Load(const TileMesh& mesh, std::span<const TileTriangle>) {
     errors_.assign(mesh.triangles(), 0);
