@@ -260,10 +260,6 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   AddParsed(verb, "--step-z", "S", &a->step_z, mtdb::ParsePositive,
             "rasters: round heights to multiples of S (default: as they are written, of integers "
             "and decimals)");
-  AddParsed(verb, "--triangulation", "RULE", &a->triangulation, mtdb::ParseTriangulation,
-            "rasters: delaunay, the one triangulation of each set of samples, or free, whichever "
-            "triangles err least")
-      ->default_str(a->triangulation == mtdb::Triangulation::kDelaunay ? "delaunay" : "free");
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);

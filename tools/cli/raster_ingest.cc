@@ -92,8 +92,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
                     " are rounded to multiples of a step, which --step-z names, e.g. --step-z "
                     "0.01; they may be so exact, and no more");
   }
-  return std::unique_ptr<RasterIngest>(
-      new RasterIngest(std::move(mosaic), mesh, paths.size(), arguments.triangulation));
+  return std::unique_ptr<RasterIngest>(new RasterIngest(std::move(mosaic), mesh, paths.size()));
 }
 
 TerrainInput RasterIngest::terrain() {
@@ -101,7 +100,6 @@ TerrainInput RasterIngest::terrain() {
   terrain.frame = mosaic_.info().frame;
   terrain.crs = mosaic_.info().crs;
   terrain.grid = GridOf(terrain.frame, mesh_.height_step, mesh_.height_origin);
-  terrain.triangulation = triangulation_;
   terrain.rounding = [this] { return report_.rounding; };
   return terrain;
 }

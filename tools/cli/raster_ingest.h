@@ -38,14 +38,12 @@ class RasterIngest {
   Json InfoJson() const;
 
  private:
-  RasterIngest(RasterMosaic mosaic, RasterMeshOptions mesh, size_t files,
-               Triangulation triangulation)
-      : mosaic_(std::move(mosaic)), mesh_(mesh), files_(files), triangulation_(triangulation) {}
+  RasterIngest(RasterMosaic mosaic, RasterMeshOptions mesh, size_t files)
+      : mosaic_(std::move(mosaic)), mesh_(mesh), files_(files) {}
 
   RasterMosaic mosaic_;
   const RasterMeshOptions mesh_;
   const size_t files_;
-  const Triangulation triangulation_;
   RasterMeshReport report_;
 };
 

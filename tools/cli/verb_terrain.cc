@@ -201,10 +201,4 @@ Result<std::array<double, 4>> ParseWindow(const std::string& text) {
                                std::max(n[1], n[3])};
 }
 
-Result<Triangulation> ParseTriangulation(const std::string& text) {
-  if (text == "delaunay") return Triangulation::kDelaunay;
-  if (text == "free") return Triangulation::kFree;
-  return Unexpected(text, "delaunay or free");
-}
-
 }  // namespace mtdb

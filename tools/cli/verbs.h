@@ -26,7 +26,6 @@ struct IngestArguments {
   std::optional<int> bits;
   std::optional<double> step;
   std::optional<double> step_z;  // rasters
-  Triangulation triangulation = Triangulation::kFree;
   bool lossless = false;
   std::optional<double> weld;
   std::optional<int> normal_bits;
@@ -162,7 +161,6 @@ Result<std::array<double, 2>> ParsePlace(const std::string& text);              
 Result<std::vector<std::array<double, 2>>> ParseLine(const std::string& text);  // two or more
 Result<std::array<double, 2>> ParseSpacing(const std::string& text);            // "D", "DX,DY"
 Result<std::array<double, 4>> ParseWindow(const std::string& text);             // two corners
-Result<Triangulation> ParseTriangulation(const std::string& text);
 
 struct GenerateArguments {
   std::string shape;
