@@ -6,6 +6,7 @@
 
 #include "store/database.h"
 #include "tests/tools/cli_testing.h"
+#include "tests/tools/json_tables.h"
 #include "tools/cli/ingest_journal.h"
 
 namespace mtdb::test {
@@ -56,6 +57,7 @@ TEST_CASE("list tells of an interrupted ingest, and its command goes on with it"
       {"ingest", mesh, "--name", "o'1", "--threads", "2", store, "--bits", "16"}, store, folder);
   CHECK(FilesOf(folder, ".tmp").empty());
   const Json list = RunJson({"list", store});
+  JsonTables().Check(list);
   REQUIRE(list.at("journals").size() == 1);
   const Json& left = list["journals"][0];
   CHECK(left.at("object") == "o'1");

@@ -109,7 +109,8 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
   std::FILE* const to = arguments.output == "-" ? stderr : stdout;
   const Remarks remarks = RemarksOn(report.query, record, stats);
   if (arguments.json) {
-    PrintJson(ReportJson(arguments, report, remarks), to);
+    PrintAnswer(report.picture.is_null() ? "extract" : "render",
+                ReportJson(arguments, report, remarks), to);
     return;
   }
   std::fprintf(to, "%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",

@@ -14,8 +14,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-void PrintAnswer(const QueryArguments& arguments, const QueryJson& query, const FetchAnswer& a,
-                 double seconds) {
+void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const FetchAnswer& a,
+                  double seconds) {
   const bool missed = query.contains("region") && a.active_triangles == 0;
   Json unmet;
   if (query.contains("max_triangles") && a.triangles > query["max_triangles"].get<uint64_t>()) {
@@ -24,23 +24,23 @@ void PrintAnswer(const QueryArguments& arguments, const QueryJson& query, const 
              {"reason", "no coarser mesh is stored"}};
   }
   if (arguments.json) {
-    PrintJson({{"url", arguments.store},
-               {"path", a.path},
-               {"output", arguments.output},
-               {"triangles", a.triangles},
-               {"vertices", a.vertices},
-               {"active_triangles", a.active_triangles},
-               {"error_bound", a.error_bound},
-               {"shortfall", ShortfallJson(a.shortfall)},
-               {"region_missed", missed},
-               {"unmet_limit", unmet},
-               {"limit", a.limit},
-               {"clusters_read", a.clusters_read},
-               {"clusters_cached", a.clusters_cached},
-               {"clusters_total", a.clusters_total},
-               {"bytes_read", a.bytes_read},
-               {"bytes_received", a.bytes_received},
-               {"seconds", seconds}});
+    PrintAnswer("fetch", {{"url", arguments.store},
+                          {"path", a.path},
+                          {"output", arguments.output},
+                          {"triangles", a.triangles},
+                          {"vertices", a.vertices},
+                          {"active_triangles", a.active_triangles},
+                          {"error_bound", a.error_bound},
+                          {"shortfall", ShortfallJson(a.shortfall)},
+                          {"region_missed", missed},
+                          {"unmet_limit", unmet},
+                          {"limit", a.limit},
+                          {"clusters_read", a.clusters_read},
+                          {"clusters_cached", a.clusters_cached},
+                          {"clusters_total", a.clusters_total},
+                          {"bytes_read", a.bytes_read},
+                          {"bytes_received", a.bytes_received},
+                          {"seconds", {{"total", seconds}}}});
     return;
   }
   using Count = unsigned long long;
@@ -92,8 +92,8 @@ Status Fetch(const QueryArguments& arguments) {
                         FetchMesh(arguments.store, query.dump(), options, receive));
   MTDB_RETURN_IF_ERROR(receive(""));
   MTDB_RETURN_IF_ERROR(output->Commit());
-  PrintAnswer(arguments, query, answer,
-              std::chrono::duration<double>(Clock::now() - begin).count());
+  PrintFetched(arguments, query, answer,
+               std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
 }
 

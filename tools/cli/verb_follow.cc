@@ -151,11 +151,11 @@ Status Follow(const FollowArguments& arguments) {
     updates.push_back(*std::move(update));
   }
   if (arguments.json) {
-    PrintJson({{"url", arguments.url},
-               {"object", session->object()},
-               {"start_bytes", session->start_bytes()},
-               {"start_ms", opened.count()},
-               {"steps", steps}});
+    PrintAnswer("follow", {{"url", arguments.url},
+                           {"object", session->object()},
+                           {"start_bytes", session->start_bytes()},
+                           {"start_ms", opened.count()},
+                           {"steps", steps}});
   } else {
     PrintSummary(*session, updates);
   }

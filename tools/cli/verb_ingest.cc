@@ -214,7 +214,7 @@ Status Survey(const IngestArguments& arguments) {
     Json json = SurveyJson(*survey);
     json["inputs"] = arguments.inputs;
     json["notes"] = notes;
-    PrintJson(json);
+    PrintAnswer("survey", json);
     return Status::Ok();
   }
   PrintSurvey(ShownName(arguments.inputs[0]), *survey);
@@ -286,13 +286,14 @@ Status Ingest(const IngestArguments& arguments) {
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     if (raster != nullptr) json["raster_input"] = raster->ReportJson();
+    json["stages"] = Json::array();
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},
                                 {"seconds", stage.seconds},
                                 {"cpu_seconds", stage.cpu_seconds},
-                                {"tmp_bytes", stage.tmp_bytes}});
+                                {"temporary_bytes", stage.tmp_bytes}});
     }
-    PrintJson(json);
+    PrintAnswer("ingest", json);
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
     std::printf("  %s\n", AccuracyLine(report.survey).c_str());
@@ -315,9 +316,9 @@ Status Generate(const GenerateArguments& arguments) {
                                     {.triangles = arguments.triangles, .seed = arguments.seed},
                                     arguments.output, &report));
   if (arguments.json) {
-    PrintJson({{"output", arguments.output},
-               {"vertices", report.vertices},
-               {"triangles", report.triangles}});
+    PrintAnswer("generate", {{"output", arguments.output},
+                             {"vertices", report.vertices},
+                             {"triangles", report.triangles}});
   } else {
     std::printf("%s: %llu triangles, %llu vertices\n", arguments.output.c_str(),
                 static_cast<unsigned long long>(report.triangles),

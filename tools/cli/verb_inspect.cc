@@ -162,7 +162,8 @@ Status Info(const InspectArguments& arguments) {
       MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
       object["stream_bits_per_vertex"] = bits;
     }
-    PrintJson({{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
+    PrintAnswer("info",
+                {{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
     return Status::Ok();
   }
   for (const ObjectRecord& r : records) {
@@ -202,7 +203,7 @@ Status List(const InspectArguments& arguments) {
     json["file_bytes"] = file_bytes;
     json["free_bytes"] = free_bytes;
     if (!journals.empty()) json["journals"] = JournalsJson(journals);
-    PrintJson(json);
+    PrintAnswer("list", json);
     return Status::Ok();
   }
   for (const ObjectRecord& r : *records) {
@@ -251,7 +252,9 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
   }
   *ok = report.ok();
   if (arguments.json) {
-    PrintJson(ChecksJson(report));
+    Json json = {{"store", arguments.store}, {"level", arguments.level}};
+    json.update(ChecksJson(report));
+    PrintAnswer("verify", json);
     return Status::Ok();
   }
   for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());

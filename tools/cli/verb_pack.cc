@@ -62,11 +62,13 @@ Status Pack(const PackArguments& arguments) {
                         PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));
   MTDB_RETURN_IF_ERROR(file->Commit());
   if (arguments.json) {
-    PrintJson({{"file", arguments.to},
-               {"objects", names},
-               {"file_bytes", report.file_bytes},
-               {"first_bytes", report.first_bytes},
-               {"content_hash", report.content_hash}});
+    Json objects = Json::array();
+    for (const std::string& name : names) objects.push_back({{"object", name}});
+    PrintAnswer("pack", {{"output", arguments.to},
+                         {"objects", objects},
+                         {"file_bytes", report.file_bytes},
+                         {"first_bytes", report.first_bytes},
+                         {"content_hash", report.content_hash}});
     return Status::Ok();
   }
   std::printf("%s: %zu objects, %llu bytes, the first %llu of them for a first picture, hash %s\n",
@@ -89,10 +91,10 @@ Status Unpack(const PackArguments& arguments) {
     MTDB_ASSIGN_OR_RETURN(const auto source, database->OpenObject(name, true));
     MTDB_ASSIGN_OR_RETURN(const ObjectRecord record,
                           CopyObject(*source, *store, source->record().name, arguments.force));
-    objects.push_back({{"name", name}, {"digest", record.digest_hex()}});
+    objects.push_back({{"object", name}, {"digest", record.digest_hex()}});
     if (!arguments.json) std::printf("%s: digest %s\n", name.c_str(), record.digest_hex().c_str());
   }
-  if (arguments.json) PrintJson({{"store", arguments.to}, {"objects", objects}});
+  if (arguments.json) PrintAnswer("unpack", {{"store", arguments.to}, {"objects", objects}});
   return Status::Ok();
 }
 

@@ -10,13 +10,13 @@ namespace mtdb {
 
 namespace {
 
-void PrintAnswer(const ProbeArguments& arguments, const ObjectRecord& record,
-                 const ProbeAnswer& answer, double seconds) {
+void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
+                const ProbeAnswer& answer, double seconds) {
   const char* const measure = arguments.ray ? "parameter" : "distance";
   if (arguments.json) {
     Json json = ProbeJson(record, answer, arguments.ray.has_value());
-    json["seconds"] = seconds;
-    PrintJson(json);
+    json["seconds"] = {{"total", seconds}};
+    PrintAnswer("probe", json);
     return;
   }
   if (answer.hit) {
@@ -56,7 +56,7 @@ Status Probe(const ProbeArguments& arguments) {
                     : FindClosestPoint(*surface, *arguments.point, options);
   if (!answer) return answer.status();
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  PrintAnswer(arguments, surface->record(), *answer, seconds.count());
+  PrintProbe(arguments, surface->record(), *answer, seconds.count());
   return Status::Ok();
 }
 

@@ -121,11 +121,11 @@ Status Remove(const SpaceArguments& arguments) {
   if (arguments.json) {
     Json removed = Json::array();
     for (const ObjectRecord& r : records) removed.push_back(r.name);
-    PrintJson({{"store", arguments.store},
-               {"removed", removed},
-               {"freed_bytes", freed},
-               {"file_bytes", file_bytes},
-               {"free_bytes", free_bytes}});
+    PrintAnswer("remove", {{"store", arguments.store},
+                           {"removed", removed},
+                           {"freed_bytes", freed},
+                           {"file_bytes", file_bytes},
+                           {"free_bytes", free_bytes}});
     return Status::Ok();
   }
   for (const ObjectRecord& r : records) std::printf("removed %s\n", r.name.c_str());
@@ -144,7 +144,8 @@ Status Rename(const SpaceArguments& arguments) {
                         Database::Open(arguments.store, {.writable = true, .create = false}));
   MTDB_RETURN_IF_ERROR(database->Rename(old_name, new_name));
   if (arguments.json) {
-    PrintJson({{"store", arguments.store}, {"object", new_name}, {"old_name", old_name}});
+    PrintAnswer("rename",
+                {{"store", arguments.store}, {"object", new_name}, {"old_name", old_name}});
   } else {
     std::printf("%s is now %s\n", old_name.c_str(), new_name.c_str());
   }
@@ -175,12 +176,12 @@ Status Copy(const SpaceArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> target, Database::Open(arguments.target));
   if (arguments.json) {
     MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, target->FileBytes());
-    PrintJson({{"store", arguments.store},
-               {"target", arguments.target},
-               {"copied", done.copied},
-               {"replaced", done.replaced},
-               {"unchanged", done.unchanged},
-               {"file_bytes", file_bytes}});
+    PrintAnswer("copy", {{"store", arguments.store},
+                         {"target", arguments.target},
+                         {"copied", done.copied},
+                         {"replaced", done.replaced},
+                         {"unchanged", done.unchanged},
+                         {"file_bytes", file_bytes}});
     return Status::Ok();
   }
   for (const std::string& name : done.copied) std::printf("copied %s\n", name.c_str());
@@ -198,10 +199,10 @@ Status Compact(const SpaceArguments& arguments) {
   line.Finish();
   MTDB_RETURN_IF_ERROR(report.status());
   if (arguments.json) {
-    PrintJson({{"store", arguments.store},
-               {"bytes_before", report->bytes_before},
-               {"file_bytes", report->bytes_after},
-               {"freed_bytes", report->bytes_before - report->bytes_after}});
+    PrintAnswer("compact", {{"store", arguments.store},
+                            {"bytes_before", report->bytes_before},
+                            {"file_bytes", report->bytes_after},
+                            {"freed_bytes", report->bytes_before - report->bytes_after}});
     return Status::Ok();
   }
   if (report->bytes_after == report->bytes_before) {

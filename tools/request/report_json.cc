@@ -165,6 +165,13 @@ Json ChecksJson(const CheckReport& report) {
   return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
 }
 
+void PrintAnswer(const char* answer, const Json& json, std::FILE* to) {
+  constexpr const char* kVersion = "/1";
+  Json whole = {{"schema", std::string("mtdb/") + answer + kVersion}};
+  whole.update(json);
+  PrintJson(whole, to);
+}
+
 void PrintJson(const Json& json, std::FILE* to) {
   const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
   std::fprintf(to, "%s\n", text.c_str());
