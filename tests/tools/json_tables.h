@@ -21,6 +21,10 @@ class JsonTables {
       if (line.starts_with("## ")) table = line.substr(3);
       if (line.starts_with("All fields of `")) {
         fields_[table] = fields_.at(line.substr(15, line.find('`', 15) - 15));
+        // Optional ones need not be in both answers.
+        for (const auto& [name, field] : fields_[table]) {
+          if (field.optional) seen_.emplace(table, name);
+        }
       }
       if (table.empty() || !line.starts_with("| `")) continue;
       const size_t name_end = line.find('`', 3), type = name_end + 4, end = line.find(" |", type);
@@ -39,7 +43,6 @@ class JsonTables {
     INFO(answer.dump(1));
     REQUIRE(answer.is_object());
     REQUIRE(answer.contains("schema"));
-    CHECK(answer.begin().key().size() > 0);
     const std::string table = answer.at("schema");
     REQUIRE(fields_.contains(table));
     Json rest = answer;
