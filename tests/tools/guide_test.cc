@@ -1,33 +1,116 @@
-// The commands of docs/guide.md, one after the other, as a reader runs them.
+// The commands of the documents, one after the other, as a reader runs them.
 #include <catch2/catch.hpp>
 #include <fstream>
 
-#include "tests/tools/cli_testing.h"
+#include "tests/tools/http_testing.h"
 
 namespace mtdb::test {
+namespace {
+
+// Lines that are indented by four and begin with a program's name, or set variables for it; a
+// backslash at the end goes on.
+std::vector<std::string> CommandsOf(const std::string& document) {
+  std::ifstream in(std::string(MTDB_SOURCE_DIR) + "/" + document);
+  REQUIRE(in.is_open());
+  std::vector<std::string> commands;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.starts_with("    mtdb ") && !line.starts_with("    curl ") &&
+        !line.starts_with("    AWS_")) {
+      continue;
+    }
+    std::string command = line.substr(4), more;
+    while (command.ends_with('\\') && std::getline(in, more)) {
+      command.pop_back();
+      command += more;
+    }
+    commands.push_back(command);
+  }
+  return commands;
+}
+
+void Replace(std::string* text, const std::string& from, const std::string& to) {
+  for (size_t at = text->find(from); at != std::string::npos; at = text->find(from, at)) {
+    text->replace(at, from.size(), to);
+    at += to.size();
+  }
+}
+
+// Runs a command in the folder. What serves is told to end once it has said its URL.
+void RunAsPrinted(const Folder& folder, std::string command) {
+  INFO(command);
+  const std::string program(MTDB_BINARY);
+  std::string script = "cd " + folder.File("") +
+                       " && export PATH=" + program.substr(0, program.rfind('/')) +
+                       ":$PATH && set -e -o pipefail\n";
+  if (command.starts_with("mtdb serve") || command.starts_with("mtdb view")) {
+    command = command.substr(0, command.find(" #"));
+    Replace(&command, " --listen 127.0.0.1:8080", "");
+    command += command.starts_with("mtdb view") ? " --no-browser" : " --listen 127.0.0.1:0";
+    script += command +
+              " > url & p=$!\n"
+              "until [ -s url ]; do kill -0 $p; sleep 0.05; done\n"
+              "kill -INT $p; wait $p; rm url\n";
+  } else {
+    script += command + "\n";
+  }
+  WriteText(folder.File("command.sh"), script);
+  const int status = std::system(
+      ("timeout 200 bash " + folder.File("command.sh") + " > " + folder.File("said") + " 2>&1")
+          .c_str());
+  INFO(ReadText(folder.File("said")));
+  CHECK(status == 0);
+}
+
+void MakeScan(const Folder& folder) {
+  RunOk({"generate", "sculpture", folder.File("scan.ply"), "--triangles", "5000"});
+}
+
+}  // namespace
 
 TEST_CASE("the commands of the guide run as they stand", "[cli]") {
   const Folder folder;
-  std::ifstream guide(std::string(MTDB_SOURCE_DIR) + "/docs/guide.md");
-  REQUIRE(guide.is_open());
-  // Indented by four: a command. The PATH of the test is the program's own.
-  const std::string program(MTDB_BINARY);
-  const std::string head = "cd " + folder.File("") +
-                           " && export PATH=" + program.substr(0, program.rfind('/')) +
-                           ":$PATH && set -e -o pipefail && ";
-  int commands = 0;
-  for (std::string line; std::getline(guide, line);) {
-    if (!line.starts_with("    mtdb ")) continue;
-    ++commands;
-    INFO(line);
-    const std::string script = folder.File("command.sh");
-    WriteText(script, head + line.substr(4) + "\n");
-    const int status =
-        std::system(("timeout 200 bash " + script + " > " + folder.File("said") + " 2>&1").c_str());
-    INFO(ReadText(folder.File("said")));
-    CHECK(status == 0);
+  const std::vector<std::string> commands = CommandsOf("docs/guide.md");
+  CHECK(commands.size() >= 15);
+  for (const std::string& command : commands) RunAsPrinted(folder, command);
+}
+
+TEST_CASE("the commands of README.md and docs/query.md run as printed", "[cli]") {
+  const Folder folder;
+  MakeScan(folder);
+  RunOk({"ingest", folder.File("scan.ply"), folder.File("served.mtdb"), "--name", "scan"});
+  const ServerProcess server(folder.File("served.mtdb"));
+  WriteText(folder.File("flight.jsonl"), "{\"max_triangles\": 700}\n");
+  int count = 0;
+  for (const char* const document : {"README.md", "docs/query.md"}) {
+    for (std::string command : CommandsOf(document)) {
+      Replace(&command, "http://localhost:8080", server.url());
+      RunAsPrinted(folder, command);
+      ++count;
+    }
   }
-  CHECK(commands >= 10);
+  CHECK(count >= 14);
+}
+
+TEST_CASE("the commands of docs/protocol.md and docs/packed.md run as printed", "[cli]") {
+  const Folder folder;
+  MakeScan(folder);
+  const std::string store = folder.File("scans.mtdb");
+  RunOk({"ingest", folder.File("scan.ply"), store, "--name", "statue"});
+  const ServerProcess server(store);
+  WriteText(folder.File("flight.jsonl"), "{\"max_triangles\": 700}\n");
+  int count = 0;
+  for (const char* const document : {"docs/protocol.md", "docs/packed.md"}) {
+    for (std::string command : CommandsOf(document)) {
+      Replace(&command, "http://127.0.0.1:8080", server.url());
+      Replace(&command, "curl ", "curl --fail -sS ");
+      // A packed file on a web server or in a bucket is the one on the disk here.
+      Replace(&command, "https://example.org/", "");
+      Replace(&command, "s3://bucket/", "");
+      RunAsPrinted(folder, command);
+      ++count;
+    }
+  }
+  CHECK(count >= 12);
 }
 
 }  // namespace mtdb::test
