@@ -47,6 +47,19 @@ std::string IngestAndKill(const Arguments& arguments, const std::string& store,
   return "";
 }
 
+TEST_CASE("an ingest that begins anew says that --resume would go on", "[cli]") {
+  const Folder folder;
+  const std::string mesh = folder.File("a.ply"), store = folder.File("store.mtdb");
+  RunOk({"generate", "sculpture", mesh, "--triangles", "150000"});
+  const Arguments ingest{"ingest", mesh, "--name", "a", "--threads", "2", store};
+  IngestAndKill(ingest, store, folder);
+  const Outcome again = Run(ingest);
+  CHECK(again.exit_code == 0);
+  CHECK_THAT(again.err, Catch::Contains("an ingest of a was interrupted after ") &&
+                            Catch::Contains("with --resume it would go on"));
+  CHECK_FALSE(RunJson({"list", store}).contains("journals"));
+}
+
 TEST_CASE("list tells of an interrupted ingest, and its command goes on with it", "[cli]") {
   const Folder folder;
   const std::string mesh = folder.File("a mesh's.ply");
