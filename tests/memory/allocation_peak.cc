@@ -11,11 +11,16 @@ namespace {
 thread_local size_t t_held = 0;
 thread_local size_t t_peak = 0;
 
-void* Take(void* memory) {
-  if (memory == nullptr) throw std::bad_alloc();
+void* TakeIfThere(void* memory) {
+  if (memory == nullptr) return nullptr;
   t_held += ::malloc_usable_size(memory);
   t_peak = std::max(t_peak, t_held);
   return memory;
+}
+
+void* Take(void* memory) {
+  if (memory == nullptr) throw std::bad_alloc();
+  return TakeIfThere(memory);
 }
 
 void GiveBack(void* memory) {
@@ -40,7 +45,15 @@ size_t AllocationPeak::bytes() const { return t_peak - std::min(t_peak, before_)
 using mtdb::testing::GiveBack;
 using mtdb::testing::RoundedUp;
 using mtdb::testing::Take;
+using mtdb::testing::TakeIfThere;
 
+// Of its own, since what replaces only the others is not what a sanitizer calls here.
+void* operator new(size_t size, const std::nothrow_t&) noexcept {
+  return TakeIfThere(std::malloc(std::max<size_t>(size, 1)));
+}
+void* operator new[](size_t size, const std::nothrow_t&) noexcept {
+  return TakeIfThere(std::malloc(std::max<size_t>(size, 1)));
+}
 void* operator new(size_t size) { return Take(std::malloc(std::max<size_t>(size, 1))); }
 void* operator new[](size_t size) { return Take(std::malloc(std::max<size_t>(size, 1))); }
 void* operator new(size_t size, std::align_val_t a) {

@@ -59,27 +59,31 @@ Packed MakePacked(const TempDir& dir, uint32_t clusters, uint32_t max_payload) {
 // The bytes of a file, answered by a thread of its own, in any order; some fail.
 class LateRanges final : public RangeReader {
  public:
-  LateRanges(Bytes bytes, uint64_t seed, double failing = 0)
-      : bytes_(std::move(bytes)), random_(seed), failing_(failing), thread_([this] { Run(); }) {}
+  LateRanges(Bytes bytes, uint64_t seed, double failing = 0) : shared_(std::make_shared<Shared>()) {
+    shared_->bytes = std::move(bytes);
+    shared_->random.seed(seed);
+    shared_->failing = failing;
+    thread_ = std::thread([shared = shared_] { Run(*shared); });
+  }
   ~LateRanges() override {
     {
-      const std::lock_guard lock(mutex_);
-      stopping_ = true;
+      const std::lock_guard lock(shared_->mutex);
+      shared_->stopping = true;
     }
-    asked_.notify_all();
+    shared_->asked.notify_all();
     if (thread_.get_id() == std::this_thread::get_id()) {
-      thread_.detach();
+      thread_.detach();  // an answer was the last to hold the reader
     } else {
       thread_.join();
     }
   }
   const std::string& name() const override { return name_; }
-  uint64_t size() const override { return bytes_.size(); }
+  uint64_t size() const override { return shared_->bytes.size(); }
   Ticket Read(ByteRange range, Answer answer) override {
-    REQUIRE(range.offset + range.bytes <= bytes_.size());
-    const std::lock_guard lock(mutex_);
-    open_.emplace_back(range, std::move(answer));
-    asked_.notify_all();
+    REQUIRE(range.offset + range.bytes <= size());
+    const std::lock_guard lock(shared_->mutex);
+    shared_->open.emplace_back(range, std::move(answer));
+    shared_->asked.notify_all();
     bytes_read_ += range.bytes;
     return ++requests_;
   }
@@ -88,38 +92,44 @@ class LateRanges final : public RangeReader {
   uint64_t requests() const override { return requests_; }
 
  private:
-  void Run() {
-    std::unique_lock lock(mutex_);
-    while (!stopping_) {
-      if (open_.empty()) {
-        asked_.wait(lock);
+  // What the thread needs, which may outlive the reader.
+  struct Shared {
+    Bytes bytes;
+    std::mutex mutex;
+    std::condition_variable asked;
+    std::vector<std::pair<ByteRange, Answer>> open;
+    std::mt19937_64 random;
+    double failing = 0;
+    bool stopping = false;
+  };
+
+  static void Run(Shared& shared) {
+    std::unique_lock lock(shared.mutex);
+    while (!shared.stopping) {
+      if (shared.open.empty()) {
+        shared.asked.wait(lock);
         continue;
       }
-      std::swap(open_[random_() % open_.size()], open_.back());
-      auto [range, answer] = std::move(open_.back());
-      open_.pop_back();
-      const bool fails = static_cast<double>(random_() % 1000) < 1000 * failing_;
+      std::swap(shared.open[shared.random() % shared.open.size()], shared.open.back());
+      auto [range, answer] = std::move(shared.open.back());
+      shared.open.pop_back();
+      const bool fails = static_cast<double>(shared.random() % 1000) < 1000 * shared.failing;
       lock.unlock();
       if (fails) {
         answer(IoError("the line is dead"));
       } else {
-        const auto begin = bytes_.begin() + static_cast<ptrdiff_t>(range.offset);
+        const auto begin = shared.bytes.begin() + static_cast<ptrdiff_t>(range.offset);
         answer(Bytes(begin, begin + static_cast<ptrdiff_t>(range.bytes)));
       }
+      answer = {};  // without the lock: it may end the reader
       lock.lock();
     }
   }
 
   const std::string name_ = "late";
-  const Bytes bytes_;
-  std::mutex mutex_;
-  std::condition_variable asked_;
-  std::vector<std::pair<ByteRange, Answer>> open_;
-  std::mt19937_64 random_;
-  const double failing_;
+  const std::shared_ptr<Shared> shared_;
   uint64_t bytes_read_ = 0;
   uint64_t requests_ = 0;
-  bool stopping_ = false;
   std::thread thread_;
 };
 
