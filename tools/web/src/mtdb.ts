@@ -73,7 +73,7 @@ export interface Frame {
   failed: number;
   /** Why the worst of these failed. */
   failure: string;
-  /** Missing because cacheBytes are used up. */
+  /** Missing because cacheBytes are used up, as far as that was found; others were not even asked for. */
   noRoom: number;
   insertions: number;
   removals: number;
