@@ -63,6 +63,12 @@ void RunAsPrinted(const Folder& folder, std::string command) {
 
 void MakeScan(const Folder& folder) {
   RunOk({"generate", "sculpture", folder.File("scan.ply"), "--triangles", "5000"});
+  // Neighbours of 11 x 11 heights.
+  for (const char* const tile : {"N37W120.hgt", "N38W120.hgt"}) {
+    std::string bytes;
+    for (int i = 0; i < 121; ++i) bytes += {'\x04', static_cast<char>(i % 7)};
+    WriteText(folder.File(tile), bytes);
+  }
 }
 
 }  // namespace

@@ -199,7 +199,7 @@ Status Survey(const IngestArguments& arguments) {
                         RasterIngest::Open(arguments, options.memory_bytes));
   if (raster != nullptr) {
     if (arguments.json) {
-      PrintJson(raster->InfoJson());
+      PrintAnswer("raster", raster->InfoJson());
     } else {
       raster->Print(ShownName(arguments.inputs[0]));
     }

@@ -90,12 +90,12 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   }
   const ObjectRecord& record = surface->record();
   if (arguments.json) {
-    PrintJson({{"object", record.name},
-               {"heights", list},
-               {"error_bound", cost.error_bound},
-               {"clusters_read", cost.clusters_read},
-               {"clusters_total", record.clusters},
-               {"bytes_read", cost.bytes_read}});
+    PrintAnswer("heights", {{"object", record.name},
+                            {"heights", list},
+                            {"error_bound", cost.error_bound},
+                            {"clusters_read", cost.clusters_read},
+                            {"clusters_total", record.clusters},
+                            {"bytes_read", cost.bytes_read}});
   } else {
     std::fprintf(stderr, "  %zu heights, error at most %.6g; read %llu of %u clusters, %.1f KB\n",
                  places.size(), cost.error_bound,
@@ -133,12 +133,12 @@ Status ProfileVerb(const ProfileArguments& arguments) {
       points.push_back(
           {{"distance", p.distance}, {"x", p.x}, {"y", p.y}, {"height", HeightJson(p.height)}});
     }
-    PrintJson({{"object", record.name},
-               {"points", points},
-               {"error_bound", profile.cost.error_bound},
-               {"clusters_read", profile.cost.clusters_read},
-               {"clusters_total", record.clusters},
-               {"bytes_read", profile.cost.bytes_read}});
+    PrintAnswer("profile", {{"object", record.name},
+                            {"points", points},
+                            {"error_bound", profile.cost.error_bound},
+                            {"clusters_read", profile.cost.clusters_read},
+                            {"clusters_total", record.clusters},
+                            {"bytes_read", profile.cost.bytes_read}});
     return Status::Ok();
   }
   std::printf("distance,x,y,height\n");
@@ -171,12 +171,12 @@ Status ExtractRaster(const QueryArguments& arguments) {
                         WriteRaster(*surface, arguments.output, options));
   const double bound = report.cost.error_bound + report.rounding;
   if (arguments.json) {
-    PrintJson({{"object", surface->record().name},
-               {"output", arguments.output},
-               {"columns", report.columns},
-               {"rows", report.rows},
-               {"holes", report.holes},
-               {"error_bound", bound}});
+    PrintAnswer("raster_file", {{"object", surface->record().name},
+                                {"output", arguments.output},
+                                {"columns", report.columns},
+                                {"rows", report.rows},
+                                {"holes", report.holes},
+                                {"error_bound", bound}});
     return Status::Ok();
   }
   std::printf(
