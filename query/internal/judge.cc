@@ -1,6 +1,7 @@
 #include "query/internal/judge.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "query/internal/vertical_reach.h"
 
@@ -16,17 +17,21 @@ Judge::Judge(const ClusterSource& source, double rounding)
 void Judge::SetQuery(const Query& query) {
   const RegionPtr region =
       query.region == nullptr || query.region->whole() ? nullptr : query.region;
-  // The same region stays the same, so that nobody takes it for another one.
-  if (!vertical_) {
-    region_ = region;
-  } else if (region != query_region_) {
-    region_ = VerticalReach(region);
-  }
+  // What is the same stays the same object, so that nobody takes it for another one. What may fail
+  // comes first.
+  const bool same_region = region == query_region_;
+  const bool same_threshold = threshold_ != nullptr && query.threshold == query_threshold_;
+  RegionPtr reach = same_region ? region_ : vertical_ ? VerticalReach(region) : region;
+  ThresholdPtr asked = same_threshold ? asked_
+                       : vertical_    ? VerticalReach(query.threshold)
+                                      : query.threshold;
+  ThresholdPtr attainable = same_threshold ? threshold_ : Attainable(asked, rounding_);
   query_region_ = region;
-  if (threshold_ != nullptr && query_threshold_ == query.threshold) return;
+  region_ = std::move(reach);
+  if (same_threshold) return;
   query_threshold_ = query.threshold;
-  asked_ = vertical_ ? VerticalReach(query.threshold) : query.threshold;
-  threshold_ = Attainable(asked_, rounding_);
+  asked_ = std::move(asked);
+  threshold_ = std::move(attainable);
   constant_ = threshold_->constant();
   valid_code_ = -1;
   while (constant_ && valid_code_ < 255 &&

@@ -29,8 +29,8 @@ class Judge {
   // True when it judges for these, or the same ones as objects.
   bool Same(const Query& query) const {
     const bool all = query.region == nullptr || query.region->whole();
-    return threshold_ != nullptr && asked_ == query.threshold &&
-           region_ == (all ? nullptr : query.region);
+    return threshold_ != nullptr && query_threshold_ == query.threshold &&
+           query_region_ == (all ? nullptr : query.region);
   }
   // Not null while questions are asked.
   void SetMeter(WorkMeter* meter) { meter_ = meter; }

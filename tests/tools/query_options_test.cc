@@ -135,7 +135,7 @@ TEST_CASE("Options and files that make no query are refused", "[query][cli]") {
     return all;
   };
   fails(2, with({"0,0,0"}), {"target", "eye"});
-  fails(2, with({"0,0,5"}), {"--up", "along"});
+  fails(2, with({"0,0,5", "--up", "0,0,1"}), {"--up", "along"});
   fails(2, with({"0,1,0", "--fov", "180"}), {"--fov", "180"});
   fails(2, {"--clip"}, {"--clip", "region"});
   fails(2, {"--outside"}, {"--outside", "region"});
