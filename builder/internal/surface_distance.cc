@@ -40,6 +40,15 @@ double HeightOver(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
   return std::abs((wa * (p.z - a.z) + wb * (p.z - b.z) + wc * (p.z - c.z)) / (wa + wb + wc));
 }
 
+// The triangle of a filling that p lies over, on whose edges as well; coordinates are integers.
+uint32_t TriangleOver(const Hole& hole, const Hole::Triangles& triangles, Vec3d p) {
+  for (uint32_t t = 0; t < hole.k - 2; ++t) {
+    const auto [i, m, j] = triangles[t];
+    if (!hole.IsRightOf(p, i, m) && !hole.IsRightOf(p, m, j) && !hole.IsRightOf(p, j, i)) return t;
+  }
+  return 0;
+}
+
 // Likewise over the line ab, above which p lies.
 double HeightOverEdge(Vec3d p, Vec3d a, Vec3d b) {
   const Vec3d ab = b - a;
@@ -406,6 +415,11 @@ void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
         return b >= a + 2 && hole.IsRightOf(p, a, b);
       };
       const bool first = beyond(i, m);
+      if (kIsVertical && first && beyond(m, j)) {
+        // Behind the one edge, and only on the far side of the other's line.
+        t = TriangleOver(hole, filling.triangles, p);
+        break;
+      }
       const bool second = !first && beyond(m, j);
       if (!first && !second) break;
       const uint32_t from = first ? i : m;
