@@ -32,7 +32,7 @@ struct RenderOptions {
   bool wireframe = false;
   // Normals go smoothly over triangles, but for edges of more than some 50 degrees.
   bool smooth = false;
-  // One ray a pixel and light from the eye: no shadows, no soft edges, some fifty times faster.
+  // One ray a pixel and light from the eye: no shadows, no soft edges, an eighth of the time.
   bool draft = false;
 
   // What fills the picture: these points; none: the mesh. Pass the same for pictures that are
