@@ -1,6 +1,8 @@
 // Rasters through the command line: in, what is said of them, and out in their own coordinates.
 #include <cmath>
 #include <map>
+#include <png.h>
+#include <set>
 
 #include "tests/support/memory_raster.h"
 #include "tests/tools/cli_testing.h"
@@ -344,6 +346,34 @@ TEST_CASE("the shared tiles join at their common row", "[cli]") {
   const Json helens = RunJson({"ingest", folder + "SainteHelens.dem", out.File("h.mtdb")});
   CHECK(helens.at("raster").at("columns") == 327);
   CHECK_THAT(helens.at("raster").at("crs").get<std::string>(), Catch::Contains("UTM zone 10N"));
+}
+
+TEST_CASE("a picture of a terrain in degrees shows it as long and as wide as it is", "[cli]") {
+  const Folder folder;
+  WriteHgt(folder.File("N60E007.hgt"), MakeHeights(31, 31, 1));
+  const std::string store = folder.File("s.mtdb"), picture = folder.File("s.png");
+  RunOk({"ingest", folder.File("N60E007.hgt"), store, "--name", "t"});
+  RunOk({"render", store, picture, "--view", "top", "--size", "200x200", "--background",
+         "transparent", "--full"});
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  REQUIRE(png_image_begin_read_from_file(&png, picture.c_str()) != 0);
+  png.format = PNG_FORMAT_RGBA;
+  std::vector<uint8_t> pixels(PNG_IMAGE_SIZE(png));
+  REQUIRE(png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr) != 0);
+  std::set<size_t> columns, rows;
+  for (size_t i = 0; i < 200 * 200; ++i) {
+    if (pixels[4 * i + 3] < 128) continue;
+    columns.insert(i % 200);
+    rows.insert(i / 200);
+  }
+  // Half as wide as it is long, at 60 degrees north.
+  CHECK(std::max(columns.size(), rows.size()) > 150);
+  const double ratio = static_cast<double>(std::min(columns.size(), rows.size())) /
+                       static_cast<double>(std::max(columns.size(), rows.size()));
+  CHECK(ratio == Approx(0.5).margin(0.04));
+  RunFails(1, {"render", store, folder.File("e.png"), "--eye", "7,59,900", "--target", "7,60,0"},
+           {"degrees", "--view"});
 }
 
 }  // namespace

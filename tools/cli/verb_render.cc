@@ -1,6 +1,8 @@
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "query/surface.h"
 #include "tools/cli/query_report.h"
@@ -30,6 +32,20 @@ Vec3d PointOf(const QueryJson& json) {
 
 Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
+// What a picture multiplies coordinates by: of a terrain in degrees, metres a degree at its middle,
+// on a sphere; else 1.
+Vec3d PictureScale(const ObjectRecord& record) {
+  const std::string& crs = record.georeference;
+  if (!record.raster || !(crs.starts_with("GEOG") || crs.starts_with("GEODCRS"))) return {1, 1, 1};
+  constexpr double kMetres = 111'195;
+  const double latitude = (record.bounds.min.y + record.bounds.max.y) / 2;
+  return {kMetres * std::cos(latitude * std::numbers::pi / 180), kMetres, 1};
+}
+
+void Stretch(Vec3d scale, TriangleMesh* mesh) {
+  for (Vec3d& p : mesh->positions) p = {p.x * scale.x, p.y * scale.y, p.z * scale.z};
+}
+
 // Pictures of one object share what is up, and their frame, but for clipped ones.
 Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool clipped,
                   RenderOptions* options) {
@@ -48,6 +64,7 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   TriangleMesh mesh;
   TriangleMeshSink sink(&mesh);
   MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
+  Stretch(PictureScale(surface.record()), &mesh);
   options->up = arguments.query.up ? PointOf(*arguments.query.up) : EstimateUp(mesh);
   options->view_direction = ViewDirection(arguments.view, options->up, mesh.positions);
   if (!clipped) options->frame = std::move(mesh.positions);
@@ -97,11 +114,18 @@ Status RenderVerb(const QueryArguments& arguments) {
   options.width = arguments.size.width;
   options.height = arguments.size.height;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  const Vec3d scale = PictureScale(surface->record());
+  if (scale.x != 1 && arguments.query.has_camera() && !arguments.overview) {
+    return Unsupported(surface->record().name +
+                       ": is a terrain in degrees, where --eye would mix degrees with heights; "
+                       "--view says from where to look, at metres");
+  }
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   TriangleMesh mesh, reference;
   TriangleMeshSink sink(&mesh), reference_sink(&reference);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  Stretch(scale, &mesh);
   const Clock::time_point drawn = Clock::now();
   MTDB_RETURN_IF_ERROR(ChooseView(arguments, *surface, query.clip, &options));
   ExtractStats reference_stats;
@@ -109,6 +133,7 @@ Status RenderVerb(const QueryArguments& arguments) {
     Query best;
     best.max_triangles = kReferenceTriangles;
     MTDB_ASSIGN_OR_RETURN(reference_stats, surface->Extract(best, reference_sink));
+    Stretch(scale, &reference);
     options.reference = &reference;
   }
   RenderImage image;
