@@ -43,18 +43,27 @@ TriangleMesh Generated(Status (*generate)(const GenerateOptions&, MeshSink&), ui
 
 }  // namespace
 
+namespace {
+
+void RemoveStore(const std::string& path) {
+  std::error_code error;
+  for (const char* suffix : {"", "-lock", ".lock"}) std::filesystem::remove(path + suffix, error);
+}
+
+}  // namespace
+
 TempStore::TempStore() {
   static std::atomic<int> counter{0};
   path_ = (std::filesystem::temp_directory_path() /
            ("mtdb_builder_test_" + std::to_string(::getpid()) + "_" + std::to_string(counter++)))
               .string();
+  RemoveStore(path_);  // of a process of this number that was killed
   database_ = Database::Open(path_, {.writable = true, .create = true}).value();
 }
 
 TempStore::~TempStore() {
   database_.reset();
-  std::error_code error;
-  for (const char* suffix : {"", "-lock", ".lock"}) std::filesystem::remove(path_ + suffix, error);
+  RemoveStore(path_);
 }
 
 Result<ObjectRecord> BuildInto(Database& database, const std::string& name,

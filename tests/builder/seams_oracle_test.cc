@@ -1,9 +1,5 @@
 // Another error measure and another filling rule through the builder's seams: heights and Delaunay
 // triangulations, held against brute force and CGAL.
-#include <CGAL/Constrained_Delaunay_triangulation_2.h>
-#include <CGAL/Delaunay_triangulation_2.h>
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Triangulation_vertex_base_with_info_2.h>
 #include <catch2/catch.hpp>
 #include <map>
 #include <numbers>
@@ -11,6 +7,7 @@
 #include <set>
 
 #include "builder/internal/build_with.h"
+#include "tests/builder/cgal_plane.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/terrain_seams.h"
 
@@ -19,15 +16,6 @@ namespace mtdb::testing {
 using namespace internal;
 
 namespace {
-
-using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Point2 = Kernel::Point_2;
-using CgalVertex = CGAL::Triangulation_vertex_base_with_info_2<uint32_t, Kernel>;
-using CgalFaces = CGAL::Triangulation_data_structure_2<CgalVertex>;
-using CgalDelaunay = CGAL::Delaunay_triangulation_2<Kernel, CgalFaces>;
-using CgalConstrained = CGAL::Constrained_Delaunay_triangulation_2<
-    Kernel, CGAL::Triangulation_data_structure_2<
-                CgalVertex, CGAL::Constrained_triangulation_face_base_2<Kernel>>>;
 
 using Corners = std::array<uint32_t, 3>;
 

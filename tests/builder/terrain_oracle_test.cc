@@ -1,15 +1,12 @@
 // Terrains against CGAL and brute force: every cut is the Delaunay triangulation of its vertices,
 // and no height is farther off than promised.
-#include <CGAL/Constrained_Delaunay_triangulation_2.h>
-#include <CGAL/Delaunay_triangulation_2.h>
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Triangulation_vertex_base_with_info_2.h>
 #include <catch2/catch.hpp>
 #include <map>
 #include <random>
 #include <set>
 
 #include "builder/internal/delaunay_filling.h"
+#include "tests/builder/cgal_plane.h"
 #include "tests/builder/fixture.h"
 #include "tests/support/memory_raster.h"
 
@@ -19,14 +16,6 @@ using namespace internal;
 
 namespace {
 
-using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Point2 = Kernel::Point_2;
-using WithInfo = CGAL::Triangulation_vertex_base_with_info_2<uint32_t, Kernel>;
-using CgalDelaunay =
-    CGAL::Delaunay_triangulation_2<Kernel, CGAL::Triangulation_data_structure_2<WithInfo>>;
-using CgalConstrained = CGAL::Constrained_Delaunay_triangulation_2<
-    Kernel, CGAL::Triangulation_data_structure_2<
-                WithInfo, CGAL::Constrained_triangulation_face_base_2<Kernel>>>;
 using Corners = std::array<uint32_t, 3>;
 
 struct Terrain {

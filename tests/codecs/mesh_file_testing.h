@@ -22,6 +22,7 @@ class ScratchFolder {
     static int next = 0;
     folder_ = std::filesystem::temp_directory_path() /
               ("mtdb_codecs_" + std::to_string(::getpid()) + "_" + std::to_string(next++));
+    std::filesystem::remove_all(folder_);  // of a process of this number that was killed
     std::filesystem::create_directories(folder_);
   }
   ~ScratchFolder() {

@@ -7,20 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "tests/query/c_api_checks.h"
 #include "tools/c/mtdb.h"
-
-static mtdb_error error;
-
-#define CHECK(condition)                                                                           \
-  do {                                                                                             \
-    if (!(condition)) {                                                                            \
-      fprintf(stderr, "line %d: %s; the last message: %s\n", __LINE__, #condition, error.message); \
-      exit(1);                                                                                     \
-    }                                                                                              \
-  } while (0)
-#define OK(call) CHECK((call) == MTDB_OK)
-/* An error whose text has `part`. */
-#define FAILS(code, part, call) CHECK((call) == (code) && strstr(error.message, part) != NULL)
 
 static mtdb_database* database;
 static mtdb_object* object;

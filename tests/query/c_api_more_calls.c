@@ -6,22 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "tests/query/c_api_checks.h"
 #include "tools/c/mtdb.h"
 #include "tools/c/mtdb_follow.h"
 #include "tools/c/mtdb_show.h"
 #include "tools/c/mtdb_write.h"
-
-static mtdb_error error;
-
-#define CHECK(condition)                                                                           \
-  do {                                                                                             \
-    if (!(condition)) {                                                                            \
-      fprintf(stderr, "line %d: %s; the last message: %s\n", __LINE__, #condition, error.message); \
-      exit(1);                                                                                     \
-    }                                                                                              \
-  } while (0)
-#define OK(call) CHECK((call) == MTDB_OK)
-#define FAILS(code, part, call) CHECK((call) == (code) && strstr(error.message, part) != NULL)
 
 enum { kSide = 60, kVertices = kSide * kSide, kTriangles = 2 * (kSide - 1) * (kSide - 1) };
 

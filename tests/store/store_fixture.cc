@@ -13,6 +13,7 @@ TempDir::TempDir() {
   static std::atomic<int> counter{0};
   path_ = std::filesystem::temp_directory_path() /
           ("mtdb_store_test_" + std::to_string(::getpid()) + "_" + std::to_string(counter++));
+  std::filesystem::remove_all(path_);  // of a process of this number that was killed
   std::filesystem::create_directories(path_);
 }
 
