@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How fast a mesh becomes a store, and how large the store is.
 //
 //   build_bench [--benchmark_filter=...]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How small the codec makes clusters, stream by stream, and how fast it decodes them.
 //
 //   codec_bench [--sculpture N]... [--terrain N]... [--seed S]... [--bits N] [--no-peers]

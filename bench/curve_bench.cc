@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How many triangles mtdb's uniform cuts need for a measured distance, against another build of
 // mtdb.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one region costs a process that starts from nothing, in mtdb and as the naive user does it.
 //
 //   extract_bench boxes MESH --share S... [--json FILE]

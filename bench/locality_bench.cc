@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a region costs to read.
 //
 //   locality_bench stores STORE... [--queries N] [--json FILE]

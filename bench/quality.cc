@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How good mtdb's cuts are, measured outside of mtdb's own code by CGAL's AABB tree.
 //
 //   quality_bench [--samples N] [--threads N] [--bits N] [--ratio R]... [--measure-only]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How fast a store answers.
 //
 //   query_bench [--triangles=N] [--benchmark_filter=...]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A packed file over HTTP from nginx: round trips, requests, bytes and seconds
 //   - of the first picture: from nothing, the coarsest cut of 5,000 triangles or more;
 //   - of a camera at one pixel of error, from nothing until exact;

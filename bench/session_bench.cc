@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What moving a cut costs: time, updates and bytes.
 //
 //   session_bench [--frames N] [--triangles T] [--large T] [--json FILE] [MESH]

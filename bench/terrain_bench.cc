@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The terrain experiment of De Floriani, Magillo and Puppo (1998).
 //
 //   terrain_bench [--triangles T] [--total N] [--inside N] [--frames N] [--json FILE]

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BuildObject: from a triangle mesh to the Multi-Triangulation in a store. Start here.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SurveyMesh: what a mesh is like before it is stored, and which accuracy suits it.
 #pragma once
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # LMDB::LMDB. Debian's package has no CMake files of its own.
 find_path(LMDB_INCLUDE_DIR lmdb.h)
 find_library(LMDB_LIBRARY lmdb)

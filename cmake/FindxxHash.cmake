@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # xxHash::xxHash. Debian's package has no CMake files of its own.
 find_path(xxHash_INCLUDE_DIR xxhash.h)
 find_library(xxHash_LIBRARY xxhash)

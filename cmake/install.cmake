@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` puts where. Components: query (headers and libraries of base, store, codecs
 # and query), builder, client, c (its headers, and what programs link by), runtime (libmtdb.so.0),
 # tools (the program, its manual and completion) and python; without --component, all of them.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Debian packages: `cpack` in the build folder, or tools/debian.
 #   mtdb          the program, its manual and completion
 #   libmtdb0      libmtdb.so.0

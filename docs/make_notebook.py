@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes docs/python.ipynb, from the cells below. tests/python/test_notebook.py runs them."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera: a perspective viewpoint, for what is in sight and how large it looks.
 #pragma once
 

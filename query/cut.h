@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cut: the answer to a query: the set of applied nodes, and its mesh.
 #pragma once
 

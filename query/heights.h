@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Heights of a terrain: at a place, along a line, and on the samples of a raster.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Probes: the closest point of a surface, and the first hit of a ray, at an accuracy.
 #pragma once
 

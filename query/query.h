@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Query: what a caller asks of a surface.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // QueryControl: watches a query from another thread, and stops it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries as JSON: the language of docs/query.md, which has every region, threshold and budget.
 #pragma once
 

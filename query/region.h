@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Region: where a query wants accuracy. Small immutable objects, shared and composed freely.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Regions that are convex polyhedra: half-spaces, frusta, wedges.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Regions around lines and over polygons.
 #include <cmath>
 #include <utility>

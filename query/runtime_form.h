@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RuntimeForm: an option of surfaces.
 #pragma once
 

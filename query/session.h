@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Session: a cut that moves from query to query, and the updates between. What a server keeps for a
 // client; codecs/stream/update_stream.h sends the updates.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Surface: one object of a store, ready for queries. Start here.
 //
 //   auto database = mtdb::Database::Open("scans.mtdb");

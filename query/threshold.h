@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Threshold: how accurate a query wants the surface to be, place by place. Small immutable
 // objects, shared and composed freely.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A threshold from a grid of errors.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VerifyObject: everything that can be checked of an object by decoding it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ClusterIndex: the cluster DAG of an object. Small: some 90 bytes a cluster of a few thousand
 // nodes. Resident while the object is open; or its rows come as they are needed. Layout in
 // store/FORMAT.md.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ClusterSource: where the query engine gets units from. A store stands behind it
 // (Database::OpenObject); an object store or HTTP ranges can.
 #pragma once

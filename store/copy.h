@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of objects and of whole stores, and stores without free space.
 #pragma once
 

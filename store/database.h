@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Database: one store file (LMDB, MDB_NOSUBDIR) of any number of objects, or a packed file
 // (store/packed_file.h) to read from. Start here.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an object may be called.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ObjectRecord: what the catalog says of an object. Layout in store/FORMAT.md.
 #pragma once
 

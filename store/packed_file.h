@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packed files: objects of a store in one immutable file, for readers that have nothing but
 // read(offset, length). Database opens them like stores. Layout in store/FORMAT.md, "The packed
 // file".

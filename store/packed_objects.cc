@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "store/base/out_of_memory.h"
 #include "store/internal/packed_reader.h"
 #include "store/packed_file.h"

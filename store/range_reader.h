@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RangeReader: the bytes of an immutable file, wherever it lies.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VerifyStore: everything that can be checked without understanding a payload.
 #pragma once
 

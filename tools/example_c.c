@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Opens a store from C, takes a ball of its surface at an accuracy into arrays of its own, and
  * looks for the closest point. */
 #include <stdio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stores a mesh that is in memory, block after block, as an ingest of any size does: nothing here
 // holds the whole. example_ingest STORE
 #include <cmath>

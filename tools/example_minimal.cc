@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Opens a store, asks for a ball of its surface at an accuracy, and counts what comes back.
 #include <cstdio>
 

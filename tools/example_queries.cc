@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // example_queries STORE: asks for a part of a terrain in every way there is, once by C++ objects
 // and once in JSON, which give the same mesh. docs/query.md has the same examples; `mtdb generate
 // terrain` and `mtdb ingest` make a store for them.

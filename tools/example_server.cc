@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program with a job of its own that also serves a store: clients get meshes and sessions from it
 // until its standard input ends. It links libmtdb.so alone. example_server STORE
 #include <cstdio>

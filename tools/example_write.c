@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Makes a store from C: a hilly square from arrays in memory, with a progress line; then takes the
  * coarse whole of it, and draws it. example_write STORE PICTURE.png */
 #include <math.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CGAL's edge collapses, as peers for quality.
 #pragma once
 

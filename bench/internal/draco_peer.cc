@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/internal/draco_peer.h"
 
 #include <draco/compression/decode.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draco as a peer: how small it makes a mesh, and how fast it gives it back.
 #pragma once
 

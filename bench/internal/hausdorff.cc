@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "bench/internal/hausdorff.h"
 
 #include <CGAL/AABB_traits.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # mtdb_hausdorff: measured distances by CGAL's AABB tree, for tests and benchmarks.
 include_guard(GLOBAL)
 find_package(CGAL REQUIRED)

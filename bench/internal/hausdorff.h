@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measured distance between two meshes, outside of mtdb's own code: CGAL's AABB tree.
 #pragma once
 

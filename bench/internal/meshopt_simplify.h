@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // meshoptimizer's simplification, as a peer for quality and speed.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the benchmarks share: temporary stores, generated meshes, what the process has used.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // zstd as a peer: what a general compressor makes of the plain mesh file.
 #pragma once
 

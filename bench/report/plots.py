@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plots of docs/BENCHMARKS.md, drawn by gnuplot from the raw file."""
 import subprocess
 

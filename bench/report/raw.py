@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What was measured, step by step. To ask for a figure that is not there is an error."""
 import json
 import pathlib

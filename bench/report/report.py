@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the raw file to docs/BENCHMARKS.md, its plots and the README's figures.
 
 The page is page.md.in with {{name}} replaced: a function of tables.py, "plot NAME" of plots.py, or

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs a program and notes what it took, and what machine and sources these are.
 
 A step is one JSON file in the folder of results:

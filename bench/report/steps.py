@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What tools/benchmark measures: each function is a step and returns its rows (runner.py)."""
 import json
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables and the sentences' figures of docs/BENCHMARKS.md, by the name that page.md.in has."""
 import math
 

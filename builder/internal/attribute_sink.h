@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // AttributeSink: rounds attributes to what the build options ask for, on their way to the spool.
 #pragma once
 

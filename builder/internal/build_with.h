@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BuildObjectWith: a build by any decimator, that is, any error measure and filling rule.
 #pragma once
 

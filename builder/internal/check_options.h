@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CheckBuildOptions: what no build accepts, whatever its input.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GatherCorners: looks up the rows of a table for the corners of triangles, out of core.
 #pragma once
 

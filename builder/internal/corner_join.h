@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CornerJoin: gives every triangle of the input its corners' positions, and says what kind of
 // surface it belongs to, in memory that does not depend on the input's size.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decimals: with how many decimals after the point a mesh's coordinates are written.
 #pragma once
 

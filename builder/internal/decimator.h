@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decimator: simplifies one tile by vertex removals, cheapest error first.
 #pragma once
 

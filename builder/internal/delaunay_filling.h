@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DelaunayFilling: the Delaunay triangulation of the ring, of height fields.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DisjointSets: numbers that become members of one set, pair by pair.
 #pragma once
 

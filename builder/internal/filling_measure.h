@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FillingMeasure: how far a filled hole is from the input, and what of that is handed on.
 #pragma once
 

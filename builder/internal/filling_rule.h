@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FillingRule: which triangles fill the hole that a removed vertex leaves.
 #pragma once
 

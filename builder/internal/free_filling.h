@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FreeFilling: the filling with the least errors, of all triangulations of the ring.
 #pragma once
 

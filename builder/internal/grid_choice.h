@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GridChoice: chooses the grid of an object from its input, and counts what the grid does to it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hole: the polygon that a vertex leaves when it is removed, as a filling rule and an error measure
 // see it; Filling: the triangles that are put there, and their errors.
 #pragma once

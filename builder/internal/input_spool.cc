@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "builder/internal/input_spool.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // InputSpool: takes a mesh in, block after block, and keeps it on disk for the passes to come.
 #pragma once
 

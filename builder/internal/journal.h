@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Journal: the finished tiles of a build, so that an interrupted one need not do them again.
 //
 // A build is deterministic, so its journal is just the list of its tiles' results in order. Going

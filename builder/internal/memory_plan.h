@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MemoryPlan: how a build divides its memory, given what a vertex carries.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // NearJoin: finds vertices that lie near each other, out of core.
 #pragma once
 

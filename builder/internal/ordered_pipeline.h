@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OrderedPipeline: jobs done by a few threads, taken back in the order in which they were given.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PackedTriangle: a triangle in few bytes, for temporary files.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ParallelFor: runs a body for each index on a few threads.
 #pragma once
 

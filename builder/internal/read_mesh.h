@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ReadMesh: how a mesh comes in, to be built or only surveyed.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RemovalQueue: which vertex comes next.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RootWriter: what the last round left becomes root pieces; the topology is counted on it.
 #pragma once
 

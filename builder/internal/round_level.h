@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RoundLevel: the error at which the tiles of a round end.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RoundMesh: a tile's input surface, against which the error of every later triangle is measured.
 //
 // A current edge stands for a curve on the input surface: a path from one end to the other that

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JoinSoup, JoinEqualPositions: number points, such as the corners of a triangle soup, by exact
 // position, out of core.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Spool: bytes written once, front to back, and read front to back; in memory while they are few,
 // then in a temporary file without a name, which the system removes however the process ends.
 #pragma once

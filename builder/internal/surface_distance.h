@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SurfaceDistance: the error measure of surfaces in space, a bound on the two-sided distance.
 // HeightDifference: that of height fields.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The unit of the build: a tile's triangles, each with all that the tile may know of it.
 #pragma once
 

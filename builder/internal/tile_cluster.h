@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TileCluster: from a decimated tile to a compressed cluster and the next round's triangles.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TileMesh: the triangles of a tile while vertices are removed from it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TileSurface: the surface that a tile's errors are measured against, when it is not the tile
 // itself, and what of it each of the tile's triangles stands for.
 #pragma once

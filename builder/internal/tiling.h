@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tiling: a round's mesh in runs along a Hilbert curve.
 #pragma once
 

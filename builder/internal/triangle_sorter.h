@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TriangleSorter: an external sort of a round's triangles along its curve.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cluster: a decoded cluster in explicit form, and the patch of triangles that it grows from.
 //
 // A cluster is a set of nodes of the Multi-Triangulation that one tile of one round produced. Its

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The compressed form of a cluster. It is implicit: the decoder replays the updates. Specified in
 // codecs/FORMAT.md. After the implicit coding of De Floriani, Magillo and Puppo, "Compressing
 // triangulated irregular networks" and "VARIANT"; the order of nodes and the sorted arcs are ours.

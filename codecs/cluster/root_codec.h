@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The compressed form of a root piece. Specified in codecs/FORMAT.md.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Attribute rows: prediction from the ring of a hole, and coding of the residuals
 // (codecs/FORMAT.md). Integer arithmetic, or IEEE operations that are correctly rounded, so that
 // every machine predicts alike.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bits without a model, low bits first: what an entropy coder could not make shorter. Reader and
 // writer have the same member functions, as the coders of rans.h do.
 #pragma once

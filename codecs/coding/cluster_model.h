@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The models of a cluster's streams: which contexts each decision has, and how numbers are split
 // into decisions. Templates on the coder (rans.h), so that what is written is what is read.
 // Specified in codecs/FORMAT.md, with the same names.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "codecs/coding/hole_frame.h"
 
 #include "codecs/coding/hole_frame.inc"

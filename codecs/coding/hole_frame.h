@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HoleFrame: where a vertex is expected, given the hole that it fills, and how far off it may be.
 //
 // A vertex's coordinates are coded one after the other: u and v, the two axes that the hole is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Patch: the triangles of a cluster while its updates are replayed, with adjacency and the rough
 // shape that contexts are made of. The encoder and the decoder walk the same patch, so that a code
 // bit means the same to both.

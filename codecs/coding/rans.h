@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entropy coder: adaptive models of bits and of 16 symbols, coded by a range variant of
 // asymmetric numeral systems (J. Duda, "Asymmetric numeral systems", 2013; F. Giesen, "Interleaved
 // entropy coders", 2014; adaptive 16-symbol models as in F. Giesen's "rANS notes"). Specified in

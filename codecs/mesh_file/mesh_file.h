@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesh files: their formats, readers and writers.
 #pragma once
 

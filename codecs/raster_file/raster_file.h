@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterReader: a file of heights on a regular grid, read row by row.
 #pragma once
 

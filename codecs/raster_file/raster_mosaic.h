@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterMosaic: several rasters of one regular grid as one; SendRaster: a raster as a mesh.
 #pragma once
 

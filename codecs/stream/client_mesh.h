@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ClientMesh: the mesh that an update stream is replayed on, with arrays for a GPU. It uses no
 // files and no threads, only standard C++ and store/base, so that it runs in a browser unchanged.
 #pragma once

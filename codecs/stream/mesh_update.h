@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the update stream is encoded from: a base mesh, and batches of vertex insertions and
 // removals in explicit form. The sender numbers vertices and triangles as it likes; these numbers
 // do not travel.

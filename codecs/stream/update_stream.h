@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The update stream: a base mesh, then batches of vertex insertions and removals, coded against the
 // mesh that the client holds; for a client that is clipped to a region, also triangles that enter
 // and leave the region. It serves dynamic updates and progressive transmission. Specified in

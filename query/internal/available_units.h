@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // AvailableUnits: the units that a query holds which takes what is there.
 #pragma once
 

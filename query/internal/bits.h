@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bits: a fixed number of flags, packed.
 #pragma once
 

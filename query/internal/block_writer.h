@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BlockWriter: collects vertices and triangles into blocks for a sink.
 #pragma once
 

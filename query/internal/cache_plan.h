@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What ClusterCache asks its source for, and what a load has yet to do.
 #pragma once
 

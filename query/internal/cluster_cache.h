@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ClusterCache: the decoded units of one surface, shared by its queries.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of ClusterCache that asks a source that answers later.
 #include <algorithm>
 #include <functional>

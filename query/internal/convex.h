@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Convex: a convex polyhedron as half-spaces and edges; distances to triangles.
 #pragma once
 

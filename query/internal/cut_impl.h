@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CutImpl: what stands behind Cut: the selected nodes, the numbering of the output, the emission.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CutState: a cut of the Multi-Triangulation: which nodes are applied, which triangles are present.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Deadlines: what a new query can change in a cut. docs/design.md, "What a new query can change".
 #pragma once
 

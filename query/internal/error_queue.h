@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ErrorQueue: the work of a search with budgets, largest error first.
 #pragma once
 

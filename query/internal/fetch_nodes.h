@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ForEachFetched: works through nodes of a unit without waiting for the memory at each of them.
 #pragma once
 

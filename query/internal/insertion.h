@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Insertion: brings in what a cut needs. docs/design.md, "Refining".
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "query/internal/json_value.h"
 
 #include <cerrno>  // which nlohmann uses and does not include everywhere

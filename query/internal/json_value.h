@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JsonValue: JSON text as a tree.
 #pragma once
 

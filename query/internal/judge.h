@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judge: what a query says of triangles, and of all triangles in a box.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "query/internal/loaded_unit.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LoadedUnit: a decoded unit, and where its in-triangles come from.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MakeRoomForOne: memory for what must not fail later.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a query lacks that takes what is there: which clusters, and in what order they would help.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MovingCut: the least cut of a query, kept up to date as the query changes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "query/internal/moving_units.h"
 
 #include "query/internal/deadlines.h"

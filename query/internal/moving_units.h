@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MovingUnits: what a moving cut keeps of its units, and what those who work on it share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What probes ask of a single triangle, and the part of a ray as a region.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a query promises of triangles whose vertices were rounded; docs/design.md, section 3.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Removal: takes away what a cut no longer needs. docs/design.md, "Taking away".
 #pragma once
 

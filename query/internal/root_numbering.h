@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RootNumbering: output numbers of root vertices, in the order in which the root pieces name them.
 #pragma once
 

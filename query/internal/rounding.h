@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What regions allow for rounding, so that their answers err to the safe side.
 #pragma once
 

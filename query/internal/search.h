@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Search: finds the least cut that satisfies a query, from the root down.
 #pragma once
 

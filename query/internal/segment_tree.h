@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SegmentTree: the segments of a line or polygon, found by place.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Questions to parts of a triangle, for regions that are put together from others.
 #pragma once
 

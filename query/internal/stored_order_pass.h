@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // StoredOrderPass: inserts the refused nodes of a cluster in one pass over its nodes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "query/internal/strength.h"
 
 #include "query/internal/fetch_nodes.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Strength: why a node is in a cut. docs/design.md, "Why a node is there".
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Survey: the active triangles of a cut's mesh.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // UnitPins: the loaded units that a step of work on a cut holds.
 #pragma once
 

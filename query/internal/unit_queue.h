@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // UnitQueue: the units of a cut that have work to do, coarsest first.
 #pragma once
 

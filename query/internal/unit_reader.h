@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // UnitReader: how one query holds units of the cache.
 #pragma once
 

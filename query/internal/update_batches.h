@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // UpdateBatches: the nodes that a step of a session changes, as batches of updates.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VerticalReach: regions and thresholds of a terrain, whose errors are heights.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // WorkMeter: counts what a query's questions cost, and ends them when the query is to end.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The grids that the values of a VertexAttribute may lie on: the multiples of a step, and points of
 // the octahedron. A code is the integer that names a point of a grid. All functions use only
 // operations that IEEE 754 rounds correctly, so that every machine computes the same codes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes that describe an AttributeLayout, the same in every format that has one. Specified in
 // store/FORMAT.md, "Attribute layout".
 #pragma once

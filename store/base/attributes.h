@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The per-vertex values beside the position: colours, normals, scalars.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bounds-checked little-endian readers and writers for every format of mtdb.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MTDB_CHECK: for bugs of a caller, never for bad bytes. Prints where the check failed, and aborts.
 #pragma once
 

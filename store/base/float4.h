@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Four binary32 or int32 numbers at once, in the portable vector types of the compilers. An
 // operation on a vector does the scalar operation in each lane, so that every machine computes the
 // same bits.

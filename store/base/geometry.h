@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Points, boxes, and distances between them, in double and exact up to rounding. Nothing here takes
 // memory.
 #pragma once

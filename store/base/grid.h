@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Grid: how an object's positions and errors become integers. One grid for a whole object.
 #pragma once
 

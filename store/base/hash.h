@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checksums and mixing. XXH3-64 is the checksum of every value in a store.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hilbert order of three-dimensional grid points.
 #pragma once
 

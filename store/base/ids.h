@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Identifiers that do not convert into each other, and the numbers that several layers share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TooDeepAt: where a JSON text nests deeper than its reader's recursion should go.
 #pragma once
 

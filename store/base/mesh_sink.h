@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MeshSink: takes a mesh, block after block. File readers and queries push meshes into a sink; file
 // writers are sinks, and TriangleMeshSink fills a mesh in memory.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OutOfMemory: where a lack of memory becomes a Status.
 //
 // One rule: a public function that returns a Status or a Result returns kNoSpace, "out of memory",

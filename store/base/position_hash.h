@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A hash of positions that does not depend on the machine.
 #pragma once
 

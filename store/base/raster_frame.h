@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterFrame: where the samples of a raster of heights lie, as its file says it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shortfall: where an answer is farther from the input than its query asks.
 #pragma once
 

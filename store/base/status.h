@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Status and Result<T>: what every call of mtdb that can fail returns. Errors are values, also when
 // memory runs out (store/base/out_of_memory.h); functions that return a Status or a Result never
 // throw, and libraries never print or exit. A message is one line that names the object and the

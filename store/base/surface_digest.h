@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SurfaceDigest: two numbers that tell a mesh from others, whatever the order and numbering of its
 // triangles and vertices. The builder computes them of the input, and `verify` of the mesh that the
 // store gives back.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the library has threads: the one place that decides.
 //
 // Without them (WebAssembly as it comes, or MTDB_THREADS=0) locks are empty, nothing waits, and a

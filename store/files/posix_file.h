@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What all layers that have files do with descriptors: go on until all is read or written, make
 // files that have no names, tell which errors mean that there is no room.
 #pragma once

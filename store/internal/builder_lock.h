@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BuilderLock: tells a live builder from a dead one. An operating-system lock on one byte of the
 // store file per object id or name, dropped when its holder dies. See store/FORMAT.md, "Builder's
 // locks".

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Catalog: published, building and garbage objects, and the removal of what nobody wants.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The catalog's small entries: superblock, building and garbage. Object records are in
 // store/object_record.h. Layout in store/FORMAT.md.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Environment: a store file in this process. Reads snapshots through PageReader, with neither LMDB
 // nor a lock, and writes through LmdbEnvironment. Start with Read() and Write().
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HttpAnswer: what came for one range over HTTP, and what that means.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HttpRanges: the RangeReader of a file on a web server, by libcurl.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // URLs of packed files: what is asked of whom, and how messages name it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of the cluster index as bytes. Layout in store/FORMAT.md, "Index".
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the rows of a store's index and of a packed file's pages have in common. Layout in
 // store/FORMAT.md, "Index" and "The packed file".
 #pragma once

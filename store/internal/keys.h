@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keys of the three tables, which share one tree, and the checksum seeds that tie a value to its
 // key. See store/FORMAT.md.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LmdbEnvironment: LMDB on a store file, for whoever writes it, and for pins. Reading does not need
 // it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The two meta pages of a store file, read and checked before LMDB sees the file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // NameClaim: keeps a store file from being opened by LMDB under two names. LMDB's lock file lies
 // beside the name that a store is opened by, so programs that use two names (hard links, bind
 // mounts, containers), or that began before and after the lock file was deleted, would not see each

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ObjectDigest: the order-free sum of 128 bits over an object's content, free of its id and name.
 // See store/FORMAT.md, "Digest of an object".
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Loading an object's index, and finding the keys of its values from it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ObjectReader: the ClusterSource of one object in a store file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // StoreObjectWriter: the ObjectWriter of a store file.
 #pragma once
 

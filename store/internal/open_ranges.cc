@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "store/internal/open_ranges.h"
 
 #include "store/internal/packed_format.h"

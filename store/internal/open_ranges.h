@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a path or URL leads to.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Header, directory and pages of a packed file as bytes. Layout in store/FORMAT.md, "The packed
 // file".
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PackedFile: a packed file that is open. PackedSource: one of its objects.
 #pragma once
 

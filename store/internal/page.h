@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Page: one branch or leaf page of LMDB's B+tree, copied and checked field by field before anybody
 // looks at a node. Layout and legal values: store/FORMAT.md, "What of LMDB's layout".
 #pragma once

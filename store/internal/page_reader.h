@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PageReader: looks keys up in one snapshot of a store file, by reading pages and checking them.
 // It does not use LMDB's tree code, which trusts its pages. A writer may use the snapshot's pages
 // again meanwhile (Environment::Holds tells): results are then errors or anything else that passes

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PageWalker: visits every page that a snapshot reaches, checks the trees and accounts for every
 // page of the file. What is checked: store/FORMAT.md, "What of LMDB's layout".
 #pragma once

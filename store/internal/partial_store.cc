@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "store/internal/partial_store.h"
 
 #include <cerrno>

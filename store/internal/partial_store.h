@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PartialStore: a store file that is being written as a whole, beside the path that it will get.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SnapshotState: what one transaction left behind: its pages and superblock.
 #pragma once
 

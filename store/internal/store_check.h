@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is checked before LMDB may see a store file, since LMDB trusts what it maps.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // StoreFile: the bytes of a store file, read by offset and counted. Never mapped.
 #pragma once
 

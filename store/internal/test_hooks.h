@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Named points in the life of an object, at which a crash test may kill its process.
 #pragma once
 

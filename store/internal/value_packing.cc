@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "store/internal/value_packing.h"
 
 namespace mtdb::internal {

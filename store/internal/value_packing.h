@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a value of clusters or root pieces ends. See store/FORMAT.md, "Where a value ends".
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every check of a packed file that needs no codec.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "store/base/bytes.h"
 
 #include <catch2/catch.hpp>

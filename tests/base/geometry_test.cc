@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distances against dense sampling: a sample is a true point of the object, so that no sample may
 // be nearer than the answer, and the nearest sample is not much farther.
 #include "store/base/geometry.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Attributes that are rounded when they come in: within what was promised, and the same ever after.
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every cut is a mesh of the same surface: conforming, oriented, manifold where the input is, of
 // the same topology.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same mesh and options give the same keys and values, whatever else differs.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The error of a cut is a promise about the distance between surfaces, and not a loose one.
 #include <catch2/catch.hpp>
 

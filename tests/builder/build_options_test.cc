@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What BuildObject refuses, and what a failed or cancelled build leaves behind: nothing.
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A lack of memory at every allocation of a build: an error, and the next build works.
 #include <catch2/catch.hpp>
 #include <cstring>

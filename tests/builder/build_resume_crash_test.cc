@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds that are killed at every stage go on and end as if nothing had happened.
 #include <catch2/catch.hpp>
 #include <csignal>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An interrupted build, any one thing changed, and on with --resume: what comes is what a build
 // from nothing makes of the changed input, or it is refused and the journal is kept.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What goes in comes back: at full resolution, a store gives the triangles that were built into it.
 #include <catch2/catch.hpp>
 #include <cmath>

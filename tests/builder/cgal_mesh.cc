@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/builder/cgal_mesh.h"
 
 #include <CGAL/Polygon_mesh_processing/border.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What CGAL says of a mesh: an oracle that shares nothing with mtdb.
 #pragma once
 

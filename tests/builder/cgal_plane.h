@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CGAL's triangulations in the plane, whose vertices carry a number: the oracle of Delaunay rules.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The corner join against the definitions of input_oracle.h, on random triangle soups, with memory
 // for everything and with next to none.
 #include <algorithm>

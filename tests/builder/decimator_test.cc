@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One tile at a time: what a decimated tile must have in common with what it was.
 #include "builder/internal/decimator.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shared by the builder's tests: stores that go away, meshes built into them, what comes back.
 #pragma once
 

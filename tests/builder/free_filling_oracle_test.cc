@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The free rule against all triangulations of a ring.
 #include <catch2/catch.hpp>
 #include <functional>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The grid that is chosen from the data, against counts by definition.
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // InputOracle: the definitions of what an input mesh is, edge by edge and vertex by vertex, counted
 // naively. The oracle of the corner join, and the source of tiles for tests of the decimator.
 #pragma once

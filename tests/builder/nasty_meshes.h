@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small meshes by hand, each with something that breaks naive mesh code.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a file says of the surface, against the input as it came: the bound counts what the file's
 // format rounds.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a query promises against the input as it came, before it was rounded: measured naively.
 #include <catch2/catch.hpp>
 #include <functional>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries beside a build in the same store: clusters are read while pages change.
 #include <atomic>
 #include <catch2/catch.hpp>

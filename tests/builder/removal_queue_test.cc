@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The queue against a list that is searched through.
 #include "builder/internal/removal_queue.h"
 

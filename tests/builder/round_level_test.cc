@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the tiles of a round end, and that rounds shrink whatever the mesh.
 #include "builder/internal/round_level.h"
 

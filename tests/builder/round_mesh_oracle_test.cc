@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RoundMesh's curves against dense sampling of the surface that they lie on.
 #include <catch2/catch.hpp>
 #include <random>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Another error measure and another filling rule through the builder's seams: heights and Delaunay
 // triangulations, held against brute force and CGAL.
 #include <catch2/catch.hpp>

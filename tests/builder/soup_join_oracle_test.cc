@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Corners of a soup get the numbers that a map of positions gives them, whatever the memory.
 #include <catch2/catch.hpp>
 #include <filesystem>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Terrains against CGAL and brute force: every cut is the Delaunay triangulation of its vertices,
 // and no height is farther off than promised.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A vertical error measure and the Delaunay rule, as plain as can be: what the builder's seams
 // take. Height fields in grid mode only, whose border stays.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The surface beneath a tile: put together from what the clusters of the round before left, and
 // what errors against it promise.
 #include "builder/internal/tile_surface.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The order in which a round's triangles are cut into tiles.
 #include "builder/internal/tiling.h"
 

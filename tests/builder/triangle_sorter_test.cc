@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The external sort of a round's triangles: a permutation in order of the curve, whatever the
 // memory.
 #include "builder/internal/triangle_sorter.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Welding, against its definition.
 #include <catch2/catch.hpp>
 #include <cstring>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the campaigns faults and kills share: a small world of stores, its acts, and what must hold after each."""
 import argparse
 import json

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 // A library to be preloaded (LD_PRELOAD): counts a program's operations on files below a folder,
 // and makes the n-th one fail.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Damages stores at random, and holds what readers and `verify` say of each damaged copy against
 // what is true:
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that appear whole or not at all, and what processes leave that die while they write them.
 #include "codecs/mesh_file/atomic_file.h"
 

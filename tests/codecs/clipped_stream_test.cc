@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The update stream of a client that is clipped to a region: after every call it holds just the
 // triangles of the cut that meet the region, whatever it remembers and wherever the region jumps.
 #include <algorithm>

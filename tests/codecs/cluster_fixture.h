@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small clusters for the codec's tests: a surface is decimated by random legal vertex removals.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draco's own decoder is the oracle of the .drc writer.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading glTF: what mtdb's writer wrote, and files put together here.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binary glTF, taken apart by the specification with another JSON parser. tools/validate_gltf holds
 // such files against the Khronos validator.
 #include <cmath>

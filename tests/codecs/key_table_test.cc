@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The sender's table of keys against std::map, under random use.
 #include "codecs/stream/internal/key_table.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is common to all formats: opening, dispatch, writing whole or not at all, round trips, and
 // the real meshes.
 #include <csignal>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Helpers of the mesh file tests: scratch files, reading into memory, small meshes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is read from pipes and from files compressed by gzip.
 #include <catch2/catch.hpp>
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/codecs/mesh_file_testing.h"
 
 namespace mtdb {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of every stream of a few payloads, as a table in tests/golden/cluster_sizes.txt: a
 // change of the codec is reviewed as a diff of it. MTDB_WRITE_GOLDEN=1 writes it anew.
 #include <catch2/catch.hpp>

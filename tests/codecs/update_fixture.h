@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A cluster's nodes as updates of its in-triangles' mesh, for the tests of the update stream.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The update stream between an encoder and a decoder: the same mesh after every update, whatever
 // the client remembers; every prefix is a mesh; damaged bytes are refused.
 #include "codecs/stream/update_stream.h"

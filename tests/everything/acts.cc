@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The acts. Each reads its parameters from the step, acts on the product and on the model, and
 // compares what both say.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far points are from a mesh, by a box tree of its triangles.
 #pragma once
 

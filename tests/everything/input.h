@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Input: mesh files that a step asks for, and the truth about them.
 //
 // Parameters of a step, all optional:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mesh files written in the plainest way: what a walk's inputs are made of. Shares nothing with
 // mtdb's own writers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // everything: random walks through the whole product, held against a small model. README.md says
 // how to run it and how to teach it something new.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The model: what stores must hold and what an object must be, by the definitions alone.
 #pragma once
 

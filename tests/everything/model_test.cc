@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The model: it says what a mesh is, and notices what is wrong with an answer.
 #include "tests/everything/model.h"
 

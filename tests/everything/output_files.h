@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes that mtdb has written, in every format that it writes, read back.
 #pragma once
 

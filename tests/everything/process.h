@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Child processes of a walk: started, watched, killed, measured.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Question: what a step asks of an object, in every language that there is, and what its region and
 // threshold mean, point by point.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RandomWalk: what to do, from a seed.
 #pragma once
 

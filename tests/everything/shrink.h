@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shrink: a walk that fails, made as short as it goes.
 #pragma once
 

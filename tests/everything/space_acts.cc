@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Acts by which objects and stores move: rename, copy, compact; and verify of what is packed.
 #include <algorithm>
 #include <csignal>

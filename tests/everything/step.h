@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Step, Walk: what a walk through the product does, as text that can be replayed.
 #pragma once
 

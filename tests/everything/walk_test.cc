@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What walks stand on: their text, their seeds, how they are shrunk.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ways of asking. Each gets a question and gives back a mesh and what was said of it.
 #include <algorithm>
 #include <atomic>

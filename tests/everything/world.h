@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // World: what a walk acts on: a folder of stores, servers, sessions, and the model of all that.
 #pragma once
 

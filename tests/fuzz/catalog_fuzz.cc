@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: what the catalog holds, behind its checksums. The first byte chooses the kind
 // of entry.
 #include <cstddef>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: a payload against fixed in-patches, as a reader with a damaged store would
 // meet it. The first byte chooses the patch.
 #include <cstddef>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The clusters whose in-patches the cluster target decodes against.
 #pragma once
 

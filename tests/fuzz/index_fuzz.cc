@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: the body of a value of the cluster index. The first byte chooses the rows
 // before it, none or clusters; the second is the number of rows.
 #include <cstddef>

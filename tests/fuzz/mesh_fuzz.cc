@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: a mesh file. The first byte chooses the reader. What is read without an error
 // must be a mesh: finite positions, as many rows, and no vertex out of range.
 #include <cmath>

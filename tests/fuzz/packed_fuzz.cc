@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: a packed file as a whole, with bytes changed by someone who knows it. The first
 // byte says whether the checksums of the index's pages are made right again (bit 0), and those of
 // directory and header (bit 1), and how many bytes are missing at the end (bits 4..7). Then changes

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs a fuzz target on each file of a folder, without libFuzzer: what a fuzzer once found worth
 // keeping stays tested.
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: the payload of a root piece.
 #include <cstddef>
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes good inputs of every fuzz target: FOLDER/<target>/<seed>. What fuzzing starts from when a
 // format has changed; see README.md.
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: the control messages of a session. The first byte chooses which end reads them.
 #include <cstddef>
 #include <cstdint>

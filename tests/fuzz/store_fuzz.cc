@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: a store file as a whole, with bytes changed by someone who knows it. The first
 // byte says how many pages are missing at the end (bits 0..3) and whether a writer opens the file
 // too (bit 7). Then changes follow: two bytes of offset, one of length, and the bytes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer target: an update stream as a client would meet it. The first byte chooses what comes
 // before, or nothing; the rest is the body of a record (without: the stream itself), whose length
 // and checksum are made right, so that the decoder is reached.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the update target's records are decoded after: the start of each of these meshes, alone or
 // with a record that clips the client to one half of it.
 #pragma once

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # The dynamic symbols of MTDB_LIBRARY, as MTDB_NM lists them, all begin with mtdb_, and there are the
 # functions of the headers in tools/c: no fewer.
 execute_process(COMMAND ${MTDB_NM} -D --defined-only ${MTDB_LIBRARY} OUTPUT_VARIABLE symbols

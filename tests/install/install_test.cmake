@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Installs mtdb into a folder of its own, builds tests/install/consumer against what is there and
 # runs it on a store that the installed program made. Wants MTDB_BINARY_DIR, MTDB_GENERATOR, MTDB_CC,
 # MTDB_CXX and MTDB_SANITIZE.

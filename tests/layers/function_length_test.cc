@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A function fits on a screen: at most 60 lines, its signature included, but for those that a list
 // here names with their reasons.
 #include <algorithm>

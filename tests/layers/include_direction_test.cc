@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The layers of mtdb hold: every #include of the project is read and held against the drawing
 //
 //     base <- files     {base, files} <- {codecs/mesh_file, store, builder}

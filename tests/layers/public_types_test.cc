@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // docs/cpp.md shows every public type of C++, those that `cmake --install` gives.
 #include <catch2/catch.hpp>
 #include <filesystem>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much memory is taken from the heap: operator new is replaced in the program that this is
 // linked into.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What decoders take from the heap, whatever their bytes: a constant, and a factor of the bytes
 // that they are given or that the client holds. Good inputs, mutated ones, and ones that are made
 // to cost much.

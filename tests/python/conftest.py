@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tests share: meshes in memory, and a store of two objects."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes of other libraries, those that are installed."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/python.ipynb runs from its first cell to its last."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Types, and the wheel."""
 from __future__ import annotations
 

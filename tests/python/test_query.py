@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Queries from Python: the same answers as the command line's, arrays, their lives, threads."""
 from __future__ import annotations
 

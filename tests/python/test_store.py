@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stores from Python: ingest, mapping, changes, errors."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries and sessions that take what is there: clusters come late, in any order, twice, or not at
 // all. Each answer is held against the definition, the last against a query that waits.
 #include <algorithm>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* c_api_calls STORE: calls every function of tools/c/mtdb.h from C, on a store of one object, and
  * prints the line of the first call that does not do what the header says. */
 #include <math.h>

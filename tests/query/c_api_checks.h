@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* What the C tests of the C interface say, and how they end, when a call does not do what its
  * header says: the line, the condition and the last error. */
 #ifndef MTDB_TESTS_QUERY_C_API_CHECKS_H_

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The C interface that writes, follows and draws, while memory runs out: an error, and nothing
 // lost.
 #include <array>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* c_api_more_calls FOLDER: calls every function of mtdb_write.h, mtdb_follow.h and mtdb_show.h from
  * C, rightly and wrongly, and prints the line of the first call that does not do what the header
  * says. FOLDER is empty. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The C interface, linked as libmtdb.so: equal to the C++ one, and safe with what callers get
 // wrong.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cut itself, against the plain DAG: what is inserted, taken back, removed, undone and counted.
 #include "query/internal/cut_state.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ExplicitMesh: what a client of a session holds, kept the plain way.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LateSource: a source that answers late, out of order, not at all when cancelled, and with errors
 // where the test wants them; its index has the rows that it has answered for, and no others.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sources that answer late, out of order, with errors, or not at all.
 #include "tests/query/late_source.h"
 

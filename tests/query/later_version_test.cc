@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Payloads with a stream that this program does not know.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random walks of a moving cut, whose cuts are those of a search from the root.
 #include <catch2/catch.hpp>
 #include <random>

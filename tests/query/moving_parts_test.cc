@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parts of a moving cut one by one, each against its definition run naively on the plain DAG.
 #include <catch2/catch.hpp>
 #include <optional>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small Multi-Triangulations for tests, built by random legal vertex removals with random errors,
 // once as a plain DAG in memory and once as clusters behind a ClusterSource.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries and moving cuts on a Multi-Triangulation whose nodes are of no particular shape: each
 // exchanges a set of triangles for another one, and inserts two vertices.
 #include <algorithm>

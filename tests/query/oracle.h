@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The definitions of query/query.h, run naively on the plain DAG; and random queries.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lack of memory at every allocation: an error, nothing lost, and the next query works.
 #include "store/base/out_of_memory.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Probes against brute force over the triangles of the whole mesh, and of the cut that the answer
 // says it comes from.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries in JSON: what docs/query.md says, and what hostile texts get.
 #include "query/query_json.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What questions cost, counted in steps, and how soon a query ends that is cancelled: no times.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random regions of every kind, each with its definition in plain words: functions of points.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Regions against their definitions, on densely sampled triangles.
 #include "query/region.h"
 

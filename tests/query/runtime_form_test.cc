@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The implicit form: payloads are kept, queries decode.
 #include <atomic>
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A session's cuts against those of Surface::Select, and its updates against the meshes of both.
 #include <catch2/catch.hpp>
 #include <random>

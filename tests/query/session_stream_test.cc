@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A client that follows a session over stores that the builder made: what it holds is the cut.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The applied set of a query, node for node, against the definition run naively.
 #include <array>
 #include <catch2/catch.hpp>

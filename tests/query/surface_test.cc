@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Surfaces as their callers see them: streaming, caching, threads, bad sources.
 #include "query/surface.h"
 

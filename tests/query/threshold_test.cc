@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thresholds against samples around triangles.
 #include "query/threshold.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stores that must be refused, each with the reason: made from the golden one, with checksums that
 // are right again, as a newer program or an enemy would write them.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of objects and stores, stores without free space, other names: everything that was there
 // is there afterwards, whoever is killed or writes meanwhile.
 #include "store/copy.h"

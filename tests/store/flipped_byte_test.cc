@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every byte of a small store may be wrong: a reader gives what was written or an error, and
 // verify notices unless the byte carries nothing.
 #include <algorithm>

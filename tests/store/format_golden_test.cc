@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The worked example of store/FORMAT.md: the bytes that the code makes are the ones on the page.
 #include <catch2/catch.hpp>
 #include <sstream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packed files over HTTP, from servers that answer rightly, wrongly, late or not at all: what was
 // packed, or an error that says why, and never anything else.
 #include "store/internal/http_ranges.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A builder is killed, or its disk fills up: the store opens, lists whole objects only, loses no
 // page, and takes the same object again.
 #include <catch2/catch.hpp>

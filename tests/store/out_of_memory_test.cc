@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A lack of memory at every allocation of what a store does: an error, nothing lost, no lock held.
 #include <catch2/catch.hpp>
 

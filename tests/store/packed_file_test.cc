@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packed files: what is packed comes out again, the file does not depend on where it came from, and
 // every byte of it is checked.
 #include "store/packed_file.h"

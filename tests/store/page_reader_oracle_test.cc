@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page reader against two oracles: LMDB's own cursor and a std::map.
 #include <algorithm>
 #include <catch2/catch.hpp>

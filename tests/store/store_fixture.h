@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shared by the store's tests: a directory that goes away, and objects of random payloads whose
 // content is known from their seed.
 #pragma once

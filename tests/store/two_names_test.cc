@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One store under several names: symbolic links lead to the same lock file; programs that come by a
 // hard link, or with a lock file that is not the one in use, are told so, and nothing is lost.
 #include <array>

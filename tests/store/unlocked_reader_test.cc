@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Readers that hold no lock and keep nothing from writers: another user's store, a writer by
 // another name, a file that is written over or cut off while it is read.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh with attributes of each kind that an object can have: lossless ones of every type,
 // colours, rounded normals and scalars, all at once; and positions that are lossless or doubles.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a client's mesh is, apart from slots; and whether its parts agree. For tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FailingAllocation: makes operator new, and the creation of threads, fail at a chosen point.
 //
 // A test program that has failing_allocation.cc among its sources (tests/CMakeLists.txt) has its

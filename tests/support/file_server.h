@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A web server of one file, for tests: it answers ranges, or whatever a test makes of the answer.
 #pragma once
 

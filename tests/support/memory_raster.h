@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MemoryRaster: a raster that a test makes, as files give it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small changes of meshes that many tests make.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CheckMesh: counts what is right and wrong with an indexed triangle mesh, by plain counting. For
 // tests; independent of mtdb's own code.
 #pragma once

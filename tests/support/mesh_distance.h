@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far a point is from a mesh, by its definition.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Disks as a power failure may leave them, made from what tests/support/write_log.cc noted of a
 // program. The model is the strictest that POSIX allows: only what was synced is certain. Of the
 // rest each 4 KiB block of a write may be there or not, in any order; names (made, renamed,

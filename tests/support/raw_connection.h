@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Raw HTTP over TCP, for tests of the server.
 #pragma once
 

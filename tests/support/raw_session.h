@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A WebSocket client that sends what it is told, byte by byte.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh file that must be whole, as a mesh.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A library to preload (LD_PRELOAD): notes what a program does to the files of one folder, so that
 // a test can make the disks that a power failure at any moment may have left
 // (tests/support/power_loss.h).

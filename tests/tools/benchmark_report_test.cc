@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tools/benchmark --report: from raw figures to the page, and nothing by hand.
 #include <regex>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What ingest says of the accuracy that it takes, and `info` and --dry-run before it.
 #include <cstdio>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several processes on one store: killed, and side by side.
 #include <array>
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Damaged inputs and damaged stores: one clear line, nothing written, no crash, no wrong mesh.
 #include <catch2/catch.hpp>
 #include <random>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mtdb fetch, against `mtdb serve` and against servers that misbehave.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mtdb follow, against `mtdb serve`.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `mtdb extract` writes as binary glTF.
 #include <cstring>
 

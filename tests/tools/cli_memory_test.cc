@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The program in an address space that is too small: it works, or says so in one line and leaves
 // nothing behind.
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where meshes are written to, and what is said of requests that cannot be met.
 #include <catch2/catch.hpp>
 #include <sys/stat.h>

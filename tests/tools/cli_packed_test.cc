@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packed files and their URLs where the command line and the C interface take a store.
 #include "tests/support/client_mesh_check.h"
 #include "tests/support/file_server.h"

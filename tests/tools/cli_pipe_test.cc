@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Standard input as a mesh and as a query.
 #include "tests/tools/cli_testing.h"
 

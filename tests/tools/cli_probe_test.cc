@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `mtdb probe` finds and how it refuses.
 #include <limits>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ingests that were killed: what is left, what `list` says of it, and how they go on.
 #include <catch2/catch.hpp>
 #include <chrono>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Objects that are removed, renamed and copied, and stores that are compacted, by the command line.
 #include <catch2/catch.hpp>
 #include <csignal>

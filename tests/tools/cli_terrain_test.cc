@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rasters through the command line: in, what is said of them, and out in their own coordinates.
 #include <cmath>
 #include <map>

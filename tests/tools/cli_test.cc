@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the verbs of mtdb do and print, on files as a user has them.
 #include <array>
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The mtdb binary as a process, for tests of the command line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wrong values of every option of every verb: exit status 2, one line, and nothing is touched.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ingest --weld.
 #include "tests/tools/cli_testing.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whose turn it is: against a simple model, and what it promises, counted in decisions.
 #include "tools/server/internal/fair_queue.h"
 

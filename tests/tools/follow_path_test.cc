@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Paths of `mtdb follow`: keyframes into queries.
 #include "tools/cli/follow_path.h"
 

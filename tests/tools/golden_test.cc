@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stores of the current format version, as files of the tree: what once could be read must go on to
 // be read, byte for byte the same mesh. After a change of the format that is meant:
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The commands of the documents, one after the other, as a reader runs them.
 #include <catch2/catch.hpp>
 #include <fstream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/tools/hostile_clients.h"
 
 #include <catch2/catch.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clients that mean no good, many of them, in a process of their own.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client library against servers that answer wrongly, endlessly, or a little at a time: each
 // exchange ends, with an error that says where.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `mtdb serve` as a process, and raw connections to it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // --memory is a promise on the process, whatever a vertex carries; too little memory from the
 // system is one line.
 #include <catch2/catch.hpp>

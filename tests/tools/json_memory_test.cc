@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON without memory: whichever allocation fails, and all after it, what is asked for is given or
 // std::bad_alloc is thrown. nlohmann's own values end the process.
 #include <atomic>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables of docs/json.md, and answers compared with them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every verb's JSON is what docs/json.md says.
 #include <catch2/catch.hpp>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What pictures show, by statistics of the images: orientation, colours at known places, what is
 // drawn over them.
 #include <array>

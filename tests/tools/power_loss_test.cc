@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A power failure at any moment: what was published stays, and a file that has its name is whole:
 // a mesh, a packed file, a copy, a store that was compacted.
 #include "tests/support/power_loss.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bound and the shortfall of an answer, in every way of asking.
 #include <catch2/catch.hpp>
 #include <cmath>

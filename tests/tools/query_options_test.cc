@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The options that say what is asked for: the queries in JSON that they stand for.
 #include <catch2/catch.hpp>
 #include <set>

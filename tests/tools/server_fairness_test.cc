@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What clients of a server get beside others that want everything: their share, soon. Whose turn it
 // is, counted in decisions: fair_queue_test.cc.
 #include <catch2/catch.hpp>

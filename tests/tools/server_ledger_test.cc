@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who gives way when what all share is used up: against a simple model.
 #include "tools/server/internal/server_ledger.h"
 

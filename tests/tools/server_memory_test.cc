@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server that is short of something: memory, temporary files, room for sessions.
 #include <catch2/catch.hpp>
 #include <sys/resource.h>

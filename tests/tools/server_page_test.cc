@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `mtdb serve` has for the viewer: probes, and the page; and `mtdb view`.
 #include "tests/tools/http_testing.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Targets and parameters of requests to the server.
 #include "tools/server/internal/server_request.h"
 

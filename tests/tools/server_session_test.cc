@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sessions of a server that is a process of its own: clients that follow it, that ask too much,
 // that are slow, hostile, many, or gone.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server for a long time under hostile and honest clients: what it holds must stay flat.
 // tests/campaigns/server_soak runs it.
 #include <atomic>

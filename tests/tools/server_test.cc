@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server as clients meet it: right answers, wrong requests, limits, hostile bytes, many
 // clients, clients that go away, shutdown.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Control messages of sessions: what they say is read back, and what they must not say is refused.
 #include "tools/client/session_message.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program that is linked with this file knows one mesh format more, the toy: text, "toy", the
 // counts of vertices and triangles, and their numbers. This is all that a new format needs.
 #include "codecs/mesh_file/internal/mesh_emitter.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One row more in the table of mesh formats, and the whole program knows the format: it is read,
 // written, served, fetched, and named wherever formats are.
 #include "tests/tools/http_testing.h"

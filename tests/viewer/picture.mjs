@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node tests/viewer/picture.mjs OUT.png [WIDTHxHEIGHT [LINK]]: the picture of the main README, a box of full resolution in a
 // sculpture of 400,000 triangles; or of that store by another link. MTDB_BINARY and MTDB_VIEWER_BUILD as for the tests.
 import {writeFileSync} from 'node:fs';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the tests of the page share: stores, servers, Chromium, and meshes as sets of triangles.
 import {createRequire} from 'node:module';
 import {spawn, execFileSync} from 'node:child_process';

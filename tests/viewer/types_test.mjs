@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The types of the page's sources, which the bundler does not look at.
 import {spawnSync} from 'node:child_process';
 import {existsSync, writeFileSync} from 'node:fs';

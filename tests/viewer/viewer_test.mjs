@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of the viewer in a real browser, against what the command line says. Waits for states,
 // never for times. node viewer_test.mjs [WORD]: the tests whose names have the word.
 import {readFileSync, writeFileSync} from 'node:fs';

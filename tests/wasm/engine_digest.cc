@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // engine_digest < FILE: the query engine over an object that engine_dump wrote, in whatever the
 // engine was compiled to: meshes of a few queries, and a session's moves, as one line of digests.
 // The payloads come late, and nothing waits: what has come is handed in between two tries.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // engine_dump STORE FILE: the first object of a store for engine_digest: record, index and
 // payloads, without zstd, which is not there for WebAssembly.
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What Debian 12's Emscripten lacks of C++20; included first, by tools/wasm_check only.
 #pragma once
 

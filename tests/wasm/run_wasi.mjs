@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node run_wasi.mjs PROGRAM.wasm < INPUT: runs a program that needs standard input and output only.
 import {readFileSync} from 'node:fs';
 import {WASI} from 'node:wasi';

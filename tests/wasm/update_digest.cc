@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Replays an update stream and prints a digest of the client's mesh after every portion: the same
 // on every machine. Built of codecs/client_sources.txt alone, natively and as WebAssembly.
 #include <cstdio>

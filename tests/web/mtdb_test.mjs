@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node mtdb_test.mjs PACKAGE MTDB FOLDER: the package mtdb against `mtdb extract`, over a server of
 // ranges that is late, out of order, or broken.
 import assert from 'node:assert/strict';

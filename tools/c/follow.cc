@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sessions, clients, and what a server is asked from C.
 #include <algorithm>
 #include <chrono>

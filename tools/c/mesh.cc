@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes in memory and in files.
 #include "tools/c/internal/mesh.h"
 

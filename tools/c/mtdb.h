@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* mtdb for C, and for every language that can call C: libmtdb.so. This header reads stores;
  * mtdb_write.h makes them, mtdb_follow.h keeps meshes that follow a query, mtdb_show.h draws and
  * serves.

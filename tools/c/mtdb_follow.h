@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* mtdb for C: meshes that follow a query, of which only what changes travels. Begin with mtdb.h,
  * whose rules hold here.
  *

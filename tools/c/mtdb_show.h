@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* mtdb for C: draws meshes, and serves stores. Begin with mtdb.h, whose rules hold here. */
 #ifndef MTDB_TOOLS_C_MTDB_SHOW_H
 #define MTDB_TOOLS_C_MTDB_SHOW_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* mtdb for C: makes stores, and changes what is in them. Begin with mtdb.h, whose rules hold here.
  *
  *   mtdb_input input;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What C reads with: handles around the C++ objects, and nothing that C++ could not do itself.
 #include <cmath>
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures, and servers in threads of their own, from C.
 #include <string>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What C makes and changes stores with.
 #include <filesystem>
 #include <optional>

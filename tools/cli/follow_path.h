@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The file that `mtdb follow` takes its queries from: keyframes, and how many steps lead to each.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The journals of ingests: where they lie, whose they are.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // LateWriter: an ObjectWriter whose store and object come to be with its first write, so that an
 // input that cannot be stored leaves no trace.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mtdb: the command line. Exit status 0 success, 1 error, 2 usage: a command line that no store
 // and no file could make right.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The manual pages and the completion of bash, made of the verbs and options that --help shows.
 #pragma once
 

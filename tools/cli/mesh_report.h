@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is said of a mesh's survey: the accuracy that an ingest takes, what it costs, and what it
 // loses.
 #pragma once

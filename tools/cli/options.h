@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How options are added to a verb.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A progress line: rewritten in place on a terminal, a line per tenth otherwise.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What extract and render share: the surface that they ask, and what they tell of the answer.
 #pragma once
 

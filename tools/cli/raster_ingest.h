@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterIngest: rasters as the input of an ingest.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterOutput: a terrain as a raster again, in a file.
 #pragma once
 

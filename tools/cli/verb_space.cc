@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which objects a store has, and how much room they take: remove, rename, copy, compact.
 #include <algorithm>
 #include <csignal>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verbs of mtdb as functions. Each prints its result to standard output; an error is returned
 // and printed by main.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client's side of `mtdb serve` (docs/protocol.md): FetchMesh gets one mesh, and a
 // RemoteSession gets what changes from query to query. Link mtdb::client; it needs neither LMDB nor
 // the query library. Queries are JSON texts as in docs/query.md.

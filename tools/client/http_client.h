@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HttpClient: one connection to an HTTP/1.1 server, for the client library (tools/client/client.h).
 #pragma once
 

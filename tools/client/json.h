@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON values. nlohmann's, except that they go away without asking for memory.
 //
 // nlohmann's destructor lists all that is within a value, so that deep values take no deep

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names, times and numbers that the files with sockets share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Printable: texts of others (names of files, journals, what servers say) on a terminal, in a line.
 #pragma once
 

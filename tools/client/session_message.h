@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The control messages of a session (docs/protocol.md): JSON, in both directions. Safe on any
 // bytes; time about linear in their number.
 #pragma once

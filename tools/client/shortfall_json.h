@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A shortfall as JSON and as a line of text. Of the client's side too.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Loads the module when a raster needs it: GDAL and what it links would cost every start of mtdb
 // some 50 ms and 40 MB.
 #include <dlfcn.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OpenGdalRaster: every raster that GDAL reads, for programs that ingest.
 #pragma once
 

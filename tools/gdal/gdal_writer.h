@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GdalWriter: a raster of heights into a GeoTIFF, by GDAL.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes of any size to feed the rest of mtdb: shapes that are rough at every scale, streamed.
 #pragma once
 

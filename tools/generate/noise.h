@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gradient noise and the integer hash under it: lattice gradients come from a hash of the lattice
 // point, so that there is no table, no period and no state. After Perlin, "Improving Noise"
 // (SIGGRAPH 2002); we replace his permutation table by a hash. Only + - * and integer operations:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Builds wheels and source archives of the package (PEP 517), without other packages.
 
 The wheel has the Python files and libmtdb.so, and is for every Python 3 on this kind of machine: the

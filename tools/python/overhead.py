@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """What Python costs over C++: extracts a mesh of some 100,000 triangles from a warm cache, through the
 package, and by the same calls of the library (which are C++). Prints both, and the overhead.
 

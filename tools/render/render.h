@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pictures of meshes, ray-cast by Embree: by default flat-shaded, so that the level of detail is
 // visible.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From where a mesh is looked at: what is up, and the sides that views are named after.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Texts of the command line as values. An error is kInvalidArgument and says what was expected.
 #pragma once
 

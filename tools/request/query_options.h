@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The options of extract and render that say what is asked for, as a query in JSON.
 #pragma once
 

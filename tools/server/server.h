@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The HTTP server of `mtdb serve`: connections, limits, shutdown. What it answers is ServerService.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node build.mjs --build FOLDER --npm NPM --wasm-cxx CLANG++: makes the page into FOLDER/page, and
 // FOLDER/viewer_files.cc, which has its files compressed. Where npm cannot get the packages, the
 // program is built without the page: viewer_files.cc then says so, and so does a warning.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the builds of pages share: packages as locked, C++ to WebAssembly.
 import {execFile, execFileSync} from 'node:child_process';
 import {promisify} from 'node:util';

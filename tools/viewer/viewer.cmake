@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # mtdb_viewer: the files of the page, compressed, as C++ (viewer_files.h). build.mjs makes them; it
 # needs node and npm, npm's registry or its cache for the packages of package-lock.json, and clang
 # with the libraries of wasm32. Without these the library has no files, and says why.

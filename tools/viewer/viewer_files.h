@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The viewer's page, as tools/viewer/build.mjs makes it: files that are embedded in the program.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // node build.mjs --build FOLDER [--npm NPM] [--wasm-cxx CLANG++]: makes the package mtdb into
 // FOLDER/package, where `npm pack` finds it.
 import {execFileSync} from 'node:child_process';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the encoder and the decoder of a cluster share beside the models.
 #pragma once
 

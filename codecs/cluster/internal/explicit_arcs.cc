@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "codecs/cluster/internal/explicit_arcs.h"
 
 namespace mtdb::internal {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stream of explicit arcs, the same for clusters and pieces of the root (codecs/FORMAT.md).
 #pragma once
 

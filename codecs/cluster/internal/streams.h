@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stream directory of a payload: named byte streams, each stored as it is or as a zstd frame.
 // Layout in codecs/FORMAT.md.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DracoMesh: a mesh that Draco has compressed, decoded in memory; and the only way to Draco's
 // decoder.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draco: the whole file and the decoded mesh in memory.
 #include <cmath>
 #include <cstring>

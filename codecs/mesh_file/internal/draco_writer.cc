@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draco: the whole mesh in memory, encoded at End() by its edgebreaker.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reading files in blocks with pread, and writing them so that they appear whole or not at all.
 #pragma once
 

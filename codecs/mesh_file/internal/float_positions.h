@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FloatPositions: positions as float32 offsets from an origin, and what that rounds.
 #pragma once
 

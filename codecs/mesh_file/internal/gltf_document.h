@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GltfDocument: the JSON of a glTF file, and the bytes that it points to.
 #pragma once
 

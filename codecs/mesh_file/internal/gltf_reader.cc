@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF 2.0, binary and JSON: the triangles of the default scene, each mesh where its nodes put it.
 #include <algorithm>
 #include <array>

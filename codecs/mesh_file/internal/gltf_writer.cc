@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binary glTF 2.0 (.glb). The file is a header, a chunk of JSON that describes the mesh, and a
 // chunk of vertices and triangles. The JSON comes first but holds the smallest and largest
 // position: room is left for it, and it is written at the end.

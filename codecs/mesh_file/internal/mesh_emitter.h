@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MeshEmitter: collects single vertices and triangles into blocks for a MeshSink.
 #pragma once
 

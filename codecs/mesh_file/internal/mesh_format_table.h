@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The table of mesh formats. A new format is a reader or a writer and one row: suffixes, content
 // types, help, messages and what a server offers all come from here.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the writers of all mesh file formats share: the order of calls, the counts, the file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OBJ: read twice, as only a first pass over the vertices tells what the header must say (whether
 // all vertices have colours, whether positions need double) and what indices are legal.
 #include <algorithm>

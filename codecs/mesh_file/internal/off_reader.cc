@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OFF, COFF, NOFF and CNOFF in text. The vertices are read twice: first for the kind of their
 // colours and for the precision that their positions need.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OpenInputFile: files as readers want them: regular, and not compressed.
 #pragma once
 

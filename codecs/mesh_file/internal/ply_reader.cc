@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PLY: elements of any order, properties of any order and type. What is common and large (binary
 // vertices of fixed size, binary triangles) has a path of its own; everything else goes value by
 // value through a PlyBinarySource or PlyTextSource.

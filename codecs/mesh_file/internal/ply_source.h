@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the values of a PLY body come from: binary of either byte order, or text. Both classes have
 // the same members, so that what reads elements is written once.
 #pragma once

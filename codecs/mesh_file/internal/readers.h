@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reader of each mesh file format, and how it knows its files. ReadMeshFile
 // (codecs/mesh_file/mesh_file.h) chooses among them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // STL, binary and ASCII: a soup of triangles, whose corners are joined by exact position.
 #include <algorithm>
 #include <array>

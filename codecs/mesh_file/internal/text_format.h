@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers to text: the shortest that reads back as the same value, without a locale.
 #pragma once
 

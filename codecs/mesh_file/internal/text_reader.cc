@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "codecs/mesh_file/internal/text_reader.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buffered reading of text files: by lines, by tokens, and numbers without a locale.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VertexJoiner: gives equal positions the same vertex index.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ESRI ASCII grid: a header of names and numbers, then rows of numbers from north to south.
 #include <algorithm>
 #include <cctype>

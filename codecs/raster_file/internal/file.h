@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RasterInput: a file that is read at any place.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SRTM .hgt: a square of int16, big-endian, rows from north to south. The name says where its
 // south-western sample lies; neighbours share a row or a column.
 #include <cctype>

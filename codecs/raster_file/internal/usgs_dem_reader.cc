@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // USGS DEM: a header of 1024 characters, then profiles from west to east, each from south to north
 // and of a length and beginning of its own. Rows are gathered from the profiles in bands.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a clipped client follows its region: triangles that leave it are dropped, and others are
 // attached to those that are there, edge by edge, as in cut-border compression (S. Gumhold, W.
 // Strasser, "Real time compression of triangle mesh connectivity", 1998). Templates on the coder

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // KeyTable: a sender's numbers for things, and the slots that the things have.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ReplayedMesh: a client's mesh as the two ends of a stream work on it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // UpdateCoder: single updates of a client's mesh, as sender and client replay them. A template on
 // the coder (rans.h), so that what is written is what is read. Specified in codecs/FORMAT.md.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // WholeCut: what the sender of a clipped client keeps beside the client's mesh: the mesh of the
 // whole cut, which of its triangles the client holds, and which updates the client can follow.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // decode_digest FILE...: decodes what decode_dump wrote, and prints a digest of all that comes out,
 // which must be the same on every machine (tools/decode_check). Needs codecs and store/base only.
 #include <cstdio>

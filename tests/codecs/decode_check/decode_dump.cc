@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // decode_dump STORE FILE: the payloads of all objects, for decode_digest. See payload_file.h.
 #include <cstdio>
 

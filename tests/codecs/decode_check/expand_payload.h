@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Payloads for machines that have no zstd.
 #pragma once
 

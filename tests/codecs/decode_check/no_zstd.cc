@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // In zstd's place where there is no zstd for a machine: decode_dump's payloads have no frames.
 #include <cstdlib>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What decode_dump writes and decode_digest reads: the payloads of a store's clusters and root
 // pieces, with zstd's frames expanded and with the triangles that clusters start from. Numbers are
 // varints, positions zigzag.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // consumer_client URL: opens a session of a server, or prints why there is none.
 #include "tools/client/client.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* consumer_c STORE: prints the triangles that the catalog and a query count, which must agree. */
 #include <stdio.h>
 

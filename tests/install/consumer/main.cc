@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // consumer STORE: prints the triangles that the catalog and a query count, which must agree.
 #include <cstdio>
 

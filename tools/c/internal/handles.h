@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The handles of the C interface, and what all of its functions have in common.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes that the library owns, and meshes in the caller's arrays.
 #pragma once
 

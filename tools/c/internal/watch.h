@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Watch: what looks on while something takes long.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/client/internal/blocking_connection.h"
 
 namespace mtdb::internal {

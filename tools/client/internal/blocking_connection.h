@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // BlockingConnection: a TCP connection for one thread, which waits for each operation, but not for
 // ever, however little the server does at a time.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which object of which server a URL means, and what a server's refusal means.
 #pragma once
 

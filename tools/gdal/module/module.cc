@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/gdal/module/module.h"
 
 extern "C" __attribute__((visibility("default"))) const mtdb::GdalEntries* mtdb_gdal_entries() {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the module has: a library of its own that links GDAL, which is loaded when it is needed.
 #pragma once
 

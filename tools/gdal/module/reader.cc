@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reader, by GDAL.
 #include <cmath>
 #include <cpl_conv.h>

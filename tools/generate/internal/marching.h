@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The case table of marching cubes (Lorensen, Cline 1987), made from the enumeration of the 256
 // cases so that the surface is always a manifold: on a face with four crossings the inside corners
 // are kept apart, on both sides of the face alike, and no triangle inside a cube has an edge that

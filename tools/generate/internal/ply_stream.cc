@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/generate/internal/ply_stream.h"
 
 #include <cerrno>

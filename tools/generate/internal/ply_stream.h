@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A sink that writes binary PLY without knowing the counts beforehand.
 #pragma once
 

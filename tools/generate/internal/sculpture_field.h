@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The implicit function of the sculpture: a smooth union of rings, displaced along its normals by
 // many octaves of noise. Negative inside.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Marching cubes over a SculptureField, slab by slab of 8 cells, in memory proportional to the
 // length of the surface's section. Only blocks of 8 x 8 x 8 cells that the surface may enter are
 // looked at.

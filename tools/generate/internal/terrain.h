@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The height field behind GenerateTerrain.
 #pragma once
 

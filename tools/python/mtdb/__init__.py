@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """mtdb: an out-of-core database of triangle meshes. numpy in, numpy out.
 
     import mtdb

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exceptions. Each has a code, as tools/c/mtdb.h pins them."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Meshes of other libraries, which are imported when they are asked for. Arrays are copied: Open3D
 refuses read-only ones."""
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """libmtdb.so by ctypes: tools/c/mtdb*.h word by word, and nothing more."""
 from __future__ import annotations
 

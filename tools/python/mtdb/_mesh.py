@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Mesh: what a query, a session or a file has, as numpy arrays."""
 from __future__ import annotations
 

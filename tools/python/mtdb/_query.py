@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Queries: keyword arguments as the JSON of docs/query.md."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sessions: meshes that follow queries, beside the store or at a server."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work that takes long: progress, and Ctrl-C, while the library runs without the GIL."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What colour each place of a mesh has.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Letters on pictures, and what is explained by them: legends and scale bars.
 #pragma once
 

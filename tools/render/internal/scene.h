@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is drawn: a mesh as float32 in Embree's hands, and rays through it.
 #pragma once
 

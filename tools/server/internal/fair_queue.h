@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // FairQueue: which job of which client runs next. The decisions alone: no threads and no clock.
 #pragma once
 

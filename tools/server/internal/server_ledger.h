@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ServerLedger: who holds how many bytes of something that all clients share, and who gives way
 // when it is used up.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the connections and sessions of a server share: the loop that they live on, and threads for
 // what takes long.
 #pragma once

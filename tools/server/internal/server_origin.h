@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whom a server's client says it is: what keeps web pages of strangers out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The viewer's page (tools/viewer), which the server shows at /.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a server's threads are for: jobs of clients, run in a fair order; and how threads tell the
 // loop of what they did.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a request to `mtdb serve` asks for (docs/protocol.md): its target, and its parameters or
 // body as a query. Safe on any input.
 #pragma once

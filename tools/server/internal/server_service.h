@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `mtdb serve` answers: the catalog, objects, meshes and metrics of one store, without the
 // protocol's transport (server.h). Specified in docs/protocol.md.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ServerSession: what `mtdb serve` keeps for a client between queries, without the transport: a cut
 // and the encoder of the stream that leads the client along.
 #pragma once

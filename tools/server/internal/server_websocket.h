@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A session's connection: WebSocket (RFC 6455) between a client and a ServerSession, as
 // docs/protocol.md has it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colour maps, from low to high. All but "tints" rise evenly in lightness; cividis is made for
 // people who do not tell red from green. Viridis and cividis: matplotlib's, in the public domain (CC0).
 export const colourMaps: Record<string, string[]> = {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The worker of one session: it has the WebSocket and the mesh (decoder.wasm), and tells the page
 // what changes. While the page has not taken an update, further ones are gathered into one.
 import type {MeshUpdate, Slots, ValueChoice} from './source';

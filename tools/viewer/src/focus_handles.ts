@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The region of interest in the scene: its outline, and handles that are dragged.
 import * as three from 'three';
 import {add, cross, dot, length, scale, sub, unit, unitsPerPixel, type Point, type Region} from './query';

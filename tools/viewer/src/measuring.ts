@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines over points of the full-resolution surface: their lengths, labels in the scene, and files.
 import * as three from 'three';
 import type {Navigation} from './navigation';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the camera moves: around a point, or flying; home, side views, going there.
 import CameraControls from 'camera-controls';
 import * as three from 'three';

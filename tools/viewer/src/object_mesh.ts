@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One object's mesh on the graphics card: arrays of slots, of which only what changes is sent there.
 import * as three from 'three';
 import {sub, type Point} from './query';

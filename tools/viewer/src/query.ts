@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries as docs/query.md has them, as far as the page asks them, and what it knows of space.
 // All coordinates here are model units, as doubles; z is up.
 export type Point = [number, number, number];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The objects that are shown, and what is asked for them: the camera's pixels of error, one budget
 // of triangles for all. While the camera moves, the error may be larger; at rest it is what was
 // asked for, unless the budget does not allow that: then it is as much larger as it must be,

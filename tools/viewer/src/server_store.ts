@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A store behind `mtdb serve` (docs/protocol.md): the server cuts, a session brings what changes,
 // and a worker (decoder.ts) keeps the mesh.
 import type {FromDecoder, ToDecoder} from './decoder';

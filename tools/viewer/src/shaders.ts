@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The shaders of all meshes and of their edges.
 import * as three from 'three';
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where meshes come from. The page draws, measures and takes away by these interfaces alone; a
 // server's sessions are one way to fill them (server_store.ts).
 import type {Point, Query} from './query';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a link carries to a colleague: objects, camera, region, style, measured lines.
 import {kindOf, numbersOf, regionOf} from './focus_handles';
 import type {Focus, Point} from './query';

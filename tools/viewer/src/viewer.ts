@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page: puts store, scene, camera and panel together.
 import * as three from 'three';
 import {colourMaps, colourTable} from './colour_maps';

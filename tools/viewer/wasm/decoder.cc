@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The client of an update stream for the page (src/decoder.ts): one session's mesh, with vertex
 // normals, and what changed in it since the page asked last. Compiled to WebAssembly with
 // codecs/client_sources.txt. One instance for each session; nothing here outlives it.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the page gets of a mesh in slots: normals of vertices, and changed slots as ranges.
 #pragma once
 

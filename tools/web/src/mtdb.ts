@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mtdb: reads packed files of mtdb (`mtdb pack`) from any web server that answers ranges, and cuts
 // meshes out of them. Runs in a worker of a page, or in node; calls of update() take the time that
 // they are given, and some milliseconds more.

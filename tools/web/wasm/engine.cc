@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The query engine for a page (../src/mtdb.ts): one object of a packed file, a session that waits
 // for nothing, and its mesh in slots. Whoever holds the event loop hands in the bytes that are
 // asked for. Compiled to WebAssembly with query/engine_sources.txt, without threads and exceptions.

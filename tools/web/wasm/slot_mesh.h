@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SlotMesh: the mesh of a session for a graphics card: triangles and vertices in slots that are
 // used again.
 #pragma once

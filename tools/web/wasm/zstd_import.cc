@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // In zstd's place: frames are expanded by whoever runs the engine (../src/mtdb.ts); nothing is
 // compressed here.
 #include <cstdint>
