@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the page tells: how exact the picture is, scale, axes, legend, figures.
+import * as three from 'three';
+import {colourTable} from './colour_maps';
+import {byId, figure, whole} from './page';
+import {unitsPerPixel} from './query';
+import type {Viewer} from './viewer';
+
+export class Status {
+  private saidLost = false;
+
+  constructor(private readonly viewer: Viewer) {}
+
+  showAxes() {
+    const to = new three.Vector3();
+    for (const [k, axis] of ['x', 'y', 'z'].entries()) {
+      to.set(k === 0 ? 1 : 0, k === 1 ? 1 : 0, k === 2 ? 1 : 0).transformDirection(this.viewer.navigation.camera.matrixWorldInverse);
+      const line = document.getElementById(`axis-${axis}`)!, text = document.getElementById(`text-${axis}`)!;
+      line.setAttribute('x2', String(19 * to.x));
+      line.setAttribute('y2', String(-19 * to.y));
+      text.setAttribute('x', String(25 * to.x));
+      text.setAttribute('y', String(-25 * to.y));
+    }
+  }
+
+  show() {
+    const exact = this.viewer.scene.exactness(), camera = this.viewer.navigation.query(this.viewer.viewport());
+    const pixel = unitsPerPixel(camera, this.viewer.navigation.depth());
+    const objects = [...this.viewer.scene.objects.values()];
+    const lost = objects.find(o => o.state === 'lost') ?? objects.find(o => o.state === 'gone');
+    if (lost) this.viewer.say(lost.sentence);
+    else if (this.saidLost) this.viewer.say('');
+    this.saidLost = lost !== undefined;
+    const failure = objects.map(o => o.failure).find(text => text !== '') ?? '';
+    const promise = `${figure(exact.pixels, 2)} px = ${this.viewer.text(pixel * exact.pixels)}`;
+    const byRegion = this.viewer.scene.focus && this.viewer.scene.focus.outside !== 'view';
+    const budget = exact.limited ? `; the budget of ${whole(this.viewer.scene.budget)} triangles allows no less` : '';
+    byId('exactness').textContent = failure ? failure
+      : exact.kind === 'nothing' ? ''
+      : exact.kind === 'loading' ? `${whole(this.viewer.scene.total(o => o.mesh.triangles))} triangles, refining…`
+      : exact.kind === 'short' ? `off by at most ${this.viewer.text(exact.bound)}${budget || ': nothing better is stored'}`
+      : byRegion ? `in the region exact to ${this.viewer.text(exact.bound)}`
+      : `exact to ${promise}${budget}`;
+    byId('exactness').dataset.kind = exact.kind;
+    this.showScale(camera.viewport[1] / this.viewer.canvas.clientHeight * pixel);
+    this.showLegend();
+    const rows: [string, string][] = [
+      ['triangles', whole(this.viewer.scene.total(o => o.mesh.triangles))], ['vertices', whole(this.viewer.scene.total(o => o.mesh.vertices))],
+      ['of the whole', whole(this.viewer.scene.total(o => o.info.triangles))], ['error bound', this.viewer.text(exact.bound)],
+      ['received', `${figure(this.viewer.scene.total(o => o.source.traffic.bytes) / 1e6)} MB`],
+      ['last answer', `${whole(Math.max(0, ...objects.map(o => o.done?.bytes ?? 0)))} bytes`],
+      ['cut (server)', `${figure(Math.max(0, ...objects.map(o => o.done?.milliseconds ?? 0)), 2)} ms`],
+      ['decode (worker)', `${figure(Math.max(0, ...objects.map(o => o.source.traffic.applyMilliseconds)), 2)} ms`],
+      ['draw', `${figure(this.viewer.drawMilliseconds, 2)} ms`], ['frames in the last second', String(this.viewer.frames.length)],
+    ];
+    byId('figures').replaceChildren(...rows.flatMap(([name, value]) => {
+      const dt = document.createElement('dt'), dd = document.createElement('dd');
+      dt.textContent = name;
+      dd.textContent = value;
+      return [dt, dd];
+    }));
+  }
+
+  // `pixel`: model units of a CSS pixel.
+  showScale(pixel: number) {
+    const most = pixel * 120, power = 10 ** Math.floor(Math.log10(most));
+    const size = [5, 2, 1].map(f => f * power).find(s => s <= most) ?? power;
+    byId('scale-text').textContent = this.viewer.text(size);
+    byId('scale-bar').style.width = `${size / pixel}px`;
+    byId('scale').hidden = this.viewer.scene.objects.size === 0 || !Number.isFinite(size);
+  }
+
+  showLegend() {
+    const range = this.viewer.look.mapRange();
+    byId('legend').hidden = !range;
+    if (!range) return;
+    const context = byId<HTMLCanvasElement>('legend-map').getContext('2d')!;
+    context.putImageData(new ImageData(new Uint8ClampedArray(colourTable(this.viewer.look.style.map)), 256, 1), 0, 0);
+    byId('legend-low').textContent = figure(range[0], 4);
+    byId('legend-high').textContent = figure(range[1], 4);
+    byId('legend-name').textContent = this.viewer.look.style.colour === 'steepness' ? 'steepness in degrees' : this.viewer.look.style.colour.replace(/^a:/, '');
+  }
+}
