@@ -86,7 +86,7 @@ int main(int argc, char** argv) {
   render.height = kHeight;
   render.wireframe = 1;
   check(mtdb_render(mesh, &render, rgb, (size_t)3 * kWidth * kHeight, &error));
-  check(mtdb_write_png(argv[2], rgb, kWidth, kHeight, &error));
+  check(mtdb_write_png(argv[2], rgb, kWidth, kHeight, 3, &error));
 
   mtdb_free_mesh(mesh);
   mtdb_free_cut(cut);

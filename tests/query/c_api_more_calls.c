@@ -549,6 +549,68 @@ static void check_server(void) {
   CHECK(mtdb_server_url(NULL) == NULL);
 }
 
+/* How many of so many bytes differ. */
+static size_t differences(const unsigned char* a, const unsigned char* b, size_t bytes) {
+  size_t i, different = 0;
+  for (i = 0; i < bytes; ++i) different += a[i] != b[i];
+  return different;
+}
+
+/* Every way of drawing gives another picture, and what cannot be drawn is refused. */
+static void check_picture_styles(const mtdb_mesh* mesh) {
+  static unsigned char plain[80 * 60 * 3], drawn[80 * 60 * 4];
+  mtdb_render_options options, with;
+  char file[600];
+  size_t i, clear = 0;
+  MTDB_INIT(options);
+  options.width = 80;
+  options.height = 60;
+  OK(mtdb_render(mesh, &options, plain, sizeof(plain), &error));
+#define DIFFERS(change)                                       \
+  with = options;                                             \
+  with.change;                                                \
+  OK(mtdb_render(mesh, &with, drawn, sizeof(plain), &error)); \
+  CHECK(differences(plain, drawn, sizeof(plain)) > 100);
+  DIFFERS(view = "top")
+  DIFFERS(view = "left")
+  DIFFERS(up[1] = 1)
+  DIFFERS(smooth = 1)
+  DIFFERS(draft = 1)
+  DIFFERS(colours = MTDB_COLOURS_NORMAL)
+  DIFFERS(scale_bar = 1)
+  DIFFERS(has_background = 1)
+  with = options;
+  with.transparent = 1;
+  FAILS(MTDB_BUDGET_EXCEEDED, "pixels", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  OK(mtdb_render(mesh, &with, drawn, sizeof(drawn), &error));
+  for (i = 3; i < sizeof(drawn); i += 4) clear += drawn[i] == 0;
+  CHECK(clear > 100 && clear < 4000);
+  OK(mtdb_write_png(path(file, "clear.png"), drawn, 80, 60, 4, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "channels", mtdb_write_png(file, drawn, 80, 60, 2, &error));
+  with = options;
+  with.colours = MTDB_COLOURS_DISTANCE;
+  FAILS(MTDB_INVALID_ARGUMENT, "reference", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with.reference = mesh;
+  with.has_range = 1;
+  with.range[1] = 1;
+  OK(mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  CHECK(differences(plain, drawn, sizeof(plain)) > 100);
+  with.colours = MTDB_COLOURS_ATTRIBUTE;
+  FAILS(MTDB_INVALID_ARGUMENT, "attribute", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with.attribute = "nothing";
+  FAILS(MTDB_INVALID_ARGUMENT, "nothing", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with.colours = 5;
+  FAILS(MTDB_INVALID_ARGUMENT, "colours", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with = options;
+  with.view = "behind";
+  FAILS(MTDB_INVALID_ARGUMENT, "behind", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  options.has_frame = 1; /* triangles far larger than pixels */
+  options.frame_max[0] = options.frame_max[1] = 2;
+  OK(mtdb_render(mesh, &options, plain, sizeof(plain), &error));
+  DIFFERS(wireframe = 1)
+#undef DIFFERS
+}
+
 static void check_pictures(void) {
   mtdb_input input = whole();
   mtdb_mesh* mesh = NULL;
@@ -563,8 +625,8 @@ static void check_pictures(void) {
   OK(mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
   for (i = 3; i < sizeof(rgb); ++i) different += rgb[i] != rgb[i % 3];
   CHECK(different > 1000);
-  OK(mtdb_write_png(path(file, "picture.png"), rgb, 80, 60, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "width", mtdb_write_png(file, rgb, 0, 60, &error));
+  OK(mtdb_write_png(path(file, "picture.png"), rgb, 80, 60, 3, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "width", mtdb_write_png(file, rgb, 0, 60, 3, &error));
   options.has_camera = 1;
   options.eye[2] = 50;
   options.target[0] = 5;
@@ -573,13 +635,14 @@ static void check_pictures(void) {
   options.eye[2] = options.target[2] = 0;
   options.eye[0] = options.target[0];
   FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
-  FAILS(MTDB_BUDGET_EXCEEDED, "rgb", mtdb_render(mesh, NULL, rgb, sizeof(rgb), &error));
+  FAILS(MTDB_BUDGET_EXCEEDED, "pixels", mtdb_render(mesh, NULL, rgb, sizeof(rgb), &error));
   options.has_camera = 0;
   options.has_frame = 1;
   options.frame_min[0] = 1;
   FAILS(MTDB_INVALID_ARGUMENT, "frame", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
   options.width = 100000;
   FAILS(MTDB_INVALID_ARGUMENT, "16384", mtdb_render(mesh, &options, rgb, sizeof(rgb), &error));
+  check_picture_styles(mesh);
   mtdb_free_mesh(mesh);
   FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_render(NULL, NULL, rgb, sizeof(rgb), &error));
 }

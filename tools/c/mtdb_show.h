@@ -11,27 +11,50 @@ extern "C" {
 
 /* NOLINTBEGIN(readability-identifier-naming) */
 
+/* What a picture's colours say. */
+typedef enum mtdb_colours {
+  MTDB_COLOURS_VERTEX =
+      0,                 /* attributes red, green, blue of type uint8; clay where there are none */
+  MTDB_COLOURS_NONE = 1, /* clay */
+  MTDB_COLOURS_NORMAL = 2,    /* x, y, z from -1 to 1 as red, green, blue from 0 to 255 */
+  MTDB_COLOURS_ATTRIBUTE = 3, /* `attribute`, through a colour map */
+  MTDB_COLOURS_DISTANCE = 4   /* of each point from `reference`, through the same map */
+} mtdb_colours;
 typedef struct mtdb_render_options {
   size_t struct_bytes;
   uint32_t width; /* pixels, at most 16384; 0: 1200 and 900 */
   uint32_t height;
   int wireframe; /* not 0: edges are drawn */
+  int smooth;    /* not 0: normals go smoothly over triangles, but for edges of some 50 degrees */
+  int draft;     /* not 0: light from the eye, without shadows, in an eighth of the time */
   int has_frame; /* not 0: this box fills the picture; else the mesh does */
   double frame_min[3];
   double frame_max[3];
-  double view_direction[3]; /* from the eye to the mesh; 0: from the front, left and above */
+  double view_direction[3]; /* from the eye to the mesh; 0: that of `view` */
+  const char* view;         /* front, back, left, right, top, bottom, iso; NULL: auto */
+  double up[3];             /* 0: found from the mesh; with a camera 0 0 1 */
   int has_camera;           /* not 0: what a camera sees instead */
   double eye[3];
   double target[3];
-  double up[3];            /* 0: 0 0 1 */
-  double vertical_fov_rad; /* 0: 0.8 */
+  double vertical_fov_rad;    /* 0: 0.8 */
+  int colours;                /* an mtdb_colours */
+  const char* attribute;      /* of MTDB_COLOURS_ATTRIBUTE */
+  const mtdb_mesh* reference; /* of MTDB_COLOURS_DISTANCE */
+  int has_range; /* not 0: the values of the first and the last colour; else those found */
+  double range[2];
+  int no_legend; /* not 0: no legend of colours that stand for values */
+  int scale_bar; /* not 0: a round length, at the depth of the middle */
+  int has_background;
+  unsigned char background[3]; /* red, green, blue; else a dark gradient */
+  int transparent; /* not 0: no background, and 4 bytes a pixel: red, green, blue, alpha */
 } mtdb_render_options;
-/* Draws into `rgb`: rows from the top, width * height * 3 bytes, which the caller owns. Attributes
- * red, green, blue (uint8) colour the mesh. Uses all cores; some 150 bytes a triangle. */
+/* Draws into `pixels`: rows from the top, width * height * 3 bytes (4, transparent), which the
+ * caller owns. Uses all cores; some 150 bytes a triangle, also of the reference. */
 MTDB_API mtdb_code mtdb_render(const mtdb_mesh* mesh, const mtdb_render_options* options,
-                               unsigned char* rgb, size_t rgb_bytes, mtdb_error* error);
-MTDB_API mtdb_code mtdb_write_png(const char* path, const unsigned char* rgb, uint32_t width,
-                                  uint32_t height, mtdb_error* error);
+                               unsigned char* pixels, size_t pixel_bytes, mtdb_error* error);
+/* `channels`: 3, or 4 with alpha. */
+MTDB_API mtdb_code mtdb_write_png(const char* path, const unsigned char* pixels, uint32_t width,
+                                  uint32_t height, uint32_t channels, mtdb_error* error);
 
 typedef struct mtdb_server mtdb_server;
 typedef struct mtdb_serve_options {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes as C
+import inspect
 import json
 import os
 import threading
@@ -224,19 +225,17 @@ class Object:
         """A mesh that follows queries, of which only what changes is computed."""
         return Session._local(self, remembered_vertices)
 
-    def render(self, size: tuple[int, int] = (1200, 900), *, wireframe: bool = False,
-               direction: Optional[Sequence[float]] = None, **asked: Any) -> npt.NDArray[np.uint8]:
+    def render(self, size: tuple[int, int] = (1200, 900), **asked: Any) -> npt.NDArray[np.uint8]:
         """Draws what `extract` would return: (height, width, 3) uint8. A camera is looked through;
         a region or accuracy goes along as in `extract`. Without: a mesh that is right to a pixel or
-        so."""
+        so. How it is drawn (wireframe, smooth, view, colour, ...) goes along as in `Mesh.render`."""
+        style = {key: asked.pop(key) for key in _STYLES if key in asked}
         camera = asked.get("camera")
         if camera is not None:
             asked["camera"] = {**camera, "viewport": list(size)}
         elif not asked:
             asked["relative"] = 0.5 / max(size)
-        return self.extract(**asked).render(
-            size, camera=camera, direction=direction, wireframe=wireframe
-        )
+        return self.extract(**asked).render(size, camera=camera, **style)
 
     def __repr__(self) -> str:
         return f"<mtdb.Object {self.name!r}: {self.triangles} triangles>"
@@ -244,6 +243,11 @@ class Object:
     def _repr_html_(self) -> str:
         mesh = self.extract(relative=0.002, triangles=200_000)
         return f"<b>{self.name}</b>: {self.triangles:,} triangles" + mesh._repr_html_()
+
+
+# What Mesh.render takes beside the camera.
+_STYLES = tuple(name for name, parameter in inspect.signature(Mesh.render).parameters.items()
+                if parameter.kind == inspect.Parameter.KEYWORD_ONLY and name != "camera")
 
 
 def _hit(hit: L.Hit) -> Optional[Hit]:

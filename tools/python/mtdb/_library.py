@@ -260,15 +260,28 @@ class RenderOptions(Sized):
         ("width", C.c_uint32),
         ("height", C.c_uint32),
         ("wireframe", C.c_int),
+        ("smooth", C.c_int),
+        ("draft", C.c_int),
         ("has_frame", C.c_int),
         ("frame_min", C.c_double * 3),
         ("frame_max", C.c_double * 3),
         ("view_direction", C.c_double * 3),
+        ("view", Text),
+        ("up", C.c_double * 3),
         ("has_camera", C.c_int),
         ("eye", C.c_double * 3),
         ("target", C.c_double * 3),
-        ("up", C.c_double * 3),
         ("vertical_fov_rad", C.c_double),
+        ("colours", C.c_int),
+        ("attribute", Text),
+        ("reference", Pointer),
+        ("has_range", C.c_int),
+        ("range", C.c_double * 2),
+        ("no_legend", C.c_int),
+        ("scale_bar", C.c_int),
+        ("has_background", C.c_int),
+        ("background", C.c_ubyte * 3),
+        ("transparent", C.c_int),
     ]
 
 
@@ -364,22 +377,31 @@ _OTHERS: dict[str, tuple[Any, list[Any]]] = {
 for _kind in "database names object query control cut mesh session client server".split():
     _OTHERS["free_" + _kind] = (None, [_p])
 
-_functions: dict[str, Any] = {}
-for _name, _arguments in _SIGNATURES.items():
-    _function = getattr(library, "mtdb_" + _name)
-    _function.argtypes = _arguments + [_p]
-    _function.restype = C.c_int
-    _functions[_name] = _function
-for _name, (_result, _arguments) in _OTHERS.items():
-    _function = getattr(library, "mtdb_" + _name)
-    _function.argtypes = _arguments
-    _function.restype = _result
-    _functions[_name] = _function
 
+def _functions_of(loaded: C.CDLL) -> dict[str, Any]:
+    """What the package calls. ImportError where the library is of another version."""
+    found: dict[str, Any] = {}
+    signatures: dict[str, tuple[Any, list[Any]]] = {
+        name: (C.c_int, arguments + [_p]) for name, arguments in _SIGNATURES.items()
+    }
+    for name, (result, arguments) in {**_OTHERS, **signatures}.items():
+        try:
+            function = getattr(loaded, "mtdb_" + name)
+        except AttributeError as error:
+            raise ImportError(
+                f"{loaded._name}: is not the libmtdb of this package: it has no mtdb_{name}; "
+                "install libmtdb0 and python3-mtdb of one version"
+            ) from error
+        function.restype, function.argtypes = result, arguments
+        found[name] = function
+    return found
+
+
+_functions = _functions_of(library)
 if _functions["abi_version"]() != ABI_VERSION:
     raise ImportError(
-        f"this package is for libmtdb of the ABI version {ABI_VERSION}, but the library's is "
-        f"{_functions['abi_version']()}"
+        f"{library._name}: this package is for libmtdb of the ABI version {ABI_VERSION}, but the "
+        f"library's is {_functions['abi_version']()}"
     )
 
 

@@ -244,28 +244,56 @@ class Mesh:
         *,
         camera: Optional[Mapping[str, Any]] = None,
         direction: Optional[Sequence[float]] = None,
+        view: str = "auto",
+        up: Optional[Sequence[float]] = None,
         frame: Optional[npt.ArrayLike] = None,
         wireframe: bool = False,
+        smooth: bool = False,
+        draft: bool = False,
+        colour: "str | Mesh | None" = None,
+        colour_range: Optional[tuple[float, float]] = None,
+        legend: bool = True,
+        scale_bar: bool = False,
+        background: "str | Sequence[int] | None" = None,
     ) -> npt.NDArray[np.uint8]:
-        """Draws the mesh, flat-shaded: (height, width, 3) uint8.
+        """Draws the mesh: (height, width, 3) uint8; (height, width, 4) without a background.
 
         camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
-        direction: of view, else; z points up. frame: (2, 3), the box that fills the picture.
+        direction: of view, else; or view: "front", "back", "left", "right", "top", "bottom",
+        "iso", "auto". up: found from the mesh when it is not given. frame: (2, 3), the box that
+        fills the picture. colour: "none", "normal", an attribute's name, or a Mesh to show each
+        point's distance from; without, the mesh's own colours. colour_range: the values of the
+        first and the last colour. background: (red, green, blue), or "transparent".
         """
-        options = L.RenderOptions(width=size[0], height=size[1], wireframe=int(wireframe))
+        options = L.RenderOptions(
+            width=size[0], height=size[1], wireframe=int(wireframe), smooth=int(smooth),
+            draft=int(draft), view=view.encode(), no_legend=int(not legend),
+            scale_bar=int(scale_bar),
+        )
         if size[0] < 1 or size[1] < 1:
             raise InvalidArgument(f"size: expected width and height in pixels, found {size}")
         if direction is not None:
             options.view_direction = triple("direction", direction)
+        if up is not None:
+            options.up = triple("up", up)
         if frame is not None:
             box = np.asarray(frame, float).reshape(2, 3)
             options.has_frame = 1
             options.frame_min, options.frame_max = (triple("frame", b) for b in box)
         if camera is not None:
             put_camera(options, camera)
-        picture = np.empty((size[1], size[0], 3), np.uint8)
+        reference = put_colour(options, colour)
+        if colour_range is not None:
+            options.has_range, options.range = 1, (C.c_double * 2)(*colour_range)
+        if background == "transparent":
+            options.transparent = 1
+        elif background is not None:
+            options.has_background = 1
+            options.background = colour_bytes(background)
+        picture = np.empty((size[1], size[0], 4 if options.transparent else 3), np.uint8)
         mesh = self._c_mesh()
         L.call("render", mesh, C.byref(options), picture.ctypes.data, picture.nbytes)
+        del reference  # lived until here
         return picture
 
     def to_open3d(self) -> "open3d.geometry.TriangleMesh":
@@ -312,16 +340,16 @@ def read_mesh(path: "str | os.PathLike[str]") -> Mesh:
 
 
 def png(picture: npt.NDArray[np.uint8]) -> bytes:
-    """A picture, (height, width, 3) uint8, as the bytes of a PNG file."""
-    height, width, _ = picture.shape
+    """A picture, (height, width, 3 or 4) uint8, as the bytes of a PNG file."""
+    height, width, channels = picture.shape
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         checked = kind + data
         return struct.pack(">I", len(data)) + checked + struct.pack(">I", zlib.crc32(checked))
 
-    lines = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with its filter, none
-    lines[:, 1:] = picture.reshape(height, 3 * width)
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    lines = np.zeros((height, 1 + channels * width), np.uint8)  # each begins with its filter, none
+    lines[:, 1:] = picture.reshape(height, channels * width)
+    header = struct.pack(">IIBBBBB", width, height, 8, 2 if channels == 3 else 6, 0, 0, 0)
     data = zlib.compress(lines.tobytes(), 6)
     signature = b"\x89PNG\r\n\x1a\n"
     return signature + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
@@ -350,6 +378,24 @@ def put_camera(options: L.RenderOptions, camera: Mapping[str, Any]) -> None:
     options.target = triple("camera.target", target)
     options.up = triple("camera.up", camera.get("up", (0, 0, 1)))
     options.vertical_fov_rad = float(np.radians(camera.get("fov", 45)))
+
+
+def put_colour(options: L.RenderOptions, colour: "str | Mesh | None") -> Optional[L.Handle]:
+    """Says what the colours mean. Returns what must live until the picture is drawn."""
+    if isinstance(colour, Mesh):
+        reference = colour._c_mesh()
+        options.colours, options.reference = 4, reference.value
+        return reference
+    if colour is not None:
+        options.colours = {"none": 1, "normal": 2}.get(colour, 3)
+        options.attribute = colour.encode()
+    return None
+
+
+def colour_bytes(colour: "str | Sequence[int]") -> Any:
+    if isinstance(colour, str) or len(colour) != 3 or not all(0 <= c <= 255 for c in colour):
+        raise InvalidArgument(f'background: expected (red, green, blue) or "transparent", found {colour!r}')
+    return (C.c_ubyte * 3)(*colour)
 
 
 @dataclass
