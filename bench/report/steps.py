@@ -5,6 +5,7 @@ import math
 import os
 import pathlib
 import shutil
+import subprocess
 import tarfile
 
 from runner import ROOT, Failed, Unavailable, forget_file, require_space
@@ -29,7 +30,7 @@ FULL = {
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
     "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100,
-    "normal_bits": [0, 8, 10, 12],
+    "normal_bits": [0, 8, 10, 12], "python_rounds": 200,
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
@@ -37,6 +38,7 @@ QUICK = {
     "quality": 20000, "ratios": [0.1, 0.01], "samples": 10000,
     "codec": [50000], "terrain": [50000], "session": 50000, "frames": 10,
     "picture": 60000, "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
+    "python_rounds": 20,
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
 LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
@@ -300,6 +302,19 @@ def picture(runner, data):
     return [{"triangles": drawn["triangles"], "object_triangles": whole["triangles"]}]
 
 
+def python(runner, data):
+    """A mesh of some 100,000 triangles through the Python package, beside the library's own calls."""
+    interpreter = "/usr/bin/python3" if pathlib.Path("/usr/bin/python3").exists() else "python3"
+    if subprocess.run([interpreter, "-c", "import numpy"], capture_output=True).returncode != 0:
+        raise Unavailable(f"{interpreter} has no numpy (package python3-numpy)")
+    script = ["tools/python/overhead.py", "--rounds", data.sizes["python_rounds"]]
+    out, _ = runner.run("env", "PYTHONPATH=" + str(ROOT / "tools" / "python"),
+                        "PYTHONDONTWRITEBYTECODE=1",
+                        "MTDB_LIBRARY=" + str(runner.build / "tools" / "libmtdb.so"), interpreter,
+                        *script, "--json", shown=script)
+    return [json.loads(out)]
+
+
 def large_ingest(runner, data):
     """Goes on where it was stopped; what it took is then what the last part took."""
     triangles, memory = data.sizes["triangles"], data.sizes["memory"]
@@ -351,5 +366,5 @@ def large_verify(runner, data):
 
 
 STEPS = [data_sets, quality, bounds, build, ingest, size, attributes, query, locality, layouts,
-         regions, session, terrain, picture]
+         regions, session, terrain, python, picture]
 LARGE_STEPS = [large_ingest, large_regions, large_locality, large_verify]

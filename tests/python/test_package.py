@@ -59,3 +59,15 @@ def test_a_wheel_brings_its_library(tmp_path: Path) -> None:
     assert told.stdout.split() == [str(tmp_path / "there/mtdb/__init__.py"), backend.version()]
     source = backend.build_sdist(str(tmp_path))
     assert (tmp_path / source).stat().st_size > 500_000
+
+
+def test_another_library_is_refused_with_its_reason() -> None:
+    """A library without the functions of this package is named, with what to do."""
+    told = subprocess.run(
+        [sys.executable, "-c", "import mtdb"], capture_output=True, text=True,
+        env={**os.environ, "MTDB_LIBRARY": "libm.so.6"},
+    )
+    assert told.returncode == 1
+    last = told.stderr.strip().splitlines()[-1]
+    assert last.startswith("ImportError: libm.so.6: is not the libmtdb of this package"), last
+    assert "of one version" in last

@@ -3,13 +3,15 @@
 """What Python costs over C++: extracts a mesh of some 100,000 triangles from a warm cache, through the
 package, and by the same calls of the library (which are C++). Prints both, and the overhead.
 
-    PYTHONPATH=tools/python MTDB_LIBRARY=build/tools/libmtdb.so tools/python/overhead.py [STORE]
+    PYTHONPATH=tools/python MTDB_LIBRARY=build/tools/libmtdb.so tools/python/overhead.py
+
+--json prints one JSON object instead; --rounds N extracts N times (default 200).
 """
 from __future__ import annotations
 
+import argparse
 import json
 import statistics
-import sys
 import tempfile
 import time
 from typing import Callable
@@ -19,7 +21,6 @@ import numpy as np
 from mtdb import _library as L
 
 TRIANGLES = 100_000
-ROUNDS = 200
 
 
 def make_store(path: str) -> None:
@@ -38,10 +39,14 @@ def timed(work: Callable[[], object]) -> float:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--rounds", type=int, default=200, help="how often each is timed (200)")
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        path = sys.argv[1] if len(sys.argv) > 1 else folder + "/a.mtdb"
-        if len(sys.argv) == 1:
-            make_store(path)
+        path = folder + "/a.mtdb"
+        make_store(path)
         surface = mtdb.open(path).open_object(threads=1)
         # An accuracy that gives so many triangles.
         low, high = 0.0, surface.error_max
@@ -69,15 +74,20 @@ def main() -> None:
             "package, empty mesh": lambda: surface.extract(nothing),
         }
         costs: dict[str, list[float]] = {name: [] for name in works}
-        for _ in range(ROUNDS):  # in turn, so that others on the machine disturb all alike
+        for _ in range(arguments.rounds):  # in turn, so that others on the machine disturb all alike
             for name, work in works.items():
                 costs[name].append(timed(work))
         best = {name: 1e6 * min(values) for name, values in costs.items()}
         triangles = len(surface.extract(error=high).faces)
-        print(f"{triangles} triangles, best of {ROUNDS}, microseconds of one processor")
+        around = best["package, empty mesh"] - best["library, empty mesh"]
+        if arguments.json:
+            print(json.dumps({"triangles": triangles, "rounds": arguments.rounds,
+                              "library_us": best["library"], "package_us": best["package"],
+                              "python_us": around}))
+            return
+        print(f"{triangles} triangles, best of {arguments.rounds}, microseconds of one processor")
         for name in costs:
             print(f"  {name:20} {best[name]:9.1f}  (median {1e6 * statistics.median(costs[name]):.1f})")
-        around = best["package, empty mesh"] - best["library, empty mesh"]
         print(f"  Python adds {around:.1f}: {100 * around / best['library']:.2f} %; measured whole: "
               f"{100 * (best['package'] / best['library'] - 1):.2f} %")
 
