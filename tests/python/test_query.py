@@ -317,6 +317,25 @@ elif what == "chunks":
         db.ingest(endless(), name="x", memory=1 << 30)
     except KeyboardInterrupt:
         print("interrupted", "x" in db)
+elif what == "late":
+    # A signal that comes while no work is under way, or as it ends, cancels none that comes later.
+    o = db["hills"]
+    sys.setswitchinterval(0.5)  # the thread that hears of signals runs only while the library works
+    for i in range(50):
+        try:
+            while True:  # Python loses what it raises in a destructor: then another signal
+                threading.Timer(0.002, kill).start()
+                until = time.monotonic() + 0.1
+                while time.monotonic() < until:
+                    o.extract(error=30.0)
+        except KeyboardInterrupt:
+            while True:
+                try:
+                    o.extract(error=30.0)
+                    break
+                except KeyboardInterrupt:  # of one more signal, on a slow machine
+                    pass
+    print("interrupted")
 else:
     o = db["hills"]
     try:
@@ -328,9 +347,9 @@ else:
 """
 
 
-@pytest.mark.parametrize("what", ["ingest", "chunks", "extract"])
+@pytest.mark.parametrize("what", ["ingest", "chunks", "extract", "late"])
 def test_control_c_cancels(store: Path, tmp_path: Path, what: str) -> None:
-    path = store if what == "extract" else tmp_path / "a.mtdb"
+    path = store if what in ("extract", "late") else tmp_path / "a.mtdb"
     told = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, str(path), os.path.dirname(__file__), what],
         capture_output=True, text=True, timeout=300,

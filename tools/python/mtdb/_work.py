@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ctypes as C
 import os
+import select
 import signal
 import threading
 from typing import Any, Callable, Iterator, Optional, Union
 from contextlib import contextmanager
 
+from ._errors import Cancelled
 from ._library import Handle, ProgressFunction, Watch, ask
 
 #: Called with what is done now and 0..1 (negative: nobody knows); False stops the work. True: a
@@ -16,13 +18,22 @@ from ._library import Handle, ProgressFunction, Watch, ask
 Progress = Union[bool, Callable[[str, float], Optional[bool]], None]
 
 
+class _Wait:
+    """What the main thread waits for."""
+
+    def __init__(self, control: Handle) -> None:
+        self.control = control
+        self.interrupted = False
+
+
 class _Interrupts:
     """Cancels what the main thread waits for when Ctrl-C arrives. Python's own handler runs when the
-    library has returned: so a thread reads the byte that Python writes at once for each signal."""
+    library has returned: so a thread reads the byte that Python writes at once for each signal. Who
+    reads a byte holds the lock until it is dealt with: so no later work is cancelled by it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._controls: list[Handle] = []
+        self._waits: list[_Wait] = []
         self._pid = 0
         self._read = self._write = -1
         self._before = -1
@@ -30,24 +41,33 @@ class _Interrupts:
     def _start(self) -> None:
         self._pid = os.getpid()
         self._lock = threading.Lock()
-        self._controls = []
+        self._waits = []
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
+        os.set_blocking(self._read, False)
         threading.Thread(target=self._listen, args=(self._read,), daemon=True).start()
+
+    def _take(self) -> None:
+        """Reads what has come and cancels what is under way; with the lock."""
+        try:
+            numbers = os.read(self._read, 64)
+        except BlockingIOError:  # the other thread was first
+            return
+        if signal.SIGINT in numbers:
+            for wait in self._waits:
+                wait.interrupted = True
+                ask("cancel", wait.control)
+        if self._before >= 0:
+            try:
+                os.write(self._before, numbers)
+            except OSError:
+                pass
 
     def _listen(self, read: int) -> None:
         while True:
-            numbers = os.read(read, 64)
+            select.select([read], [], [])
             with self._lock:
-                if signal.SIGINT in numbers:
-                    for control in self._controls:
-                        ask("cancel", control)
-                before = self._before
-            if before >= 0:
-                try:
-                    os.write(before, numbers)
-                except OSError:
-                    pass
+                self._take()
 
     @contextmanager
     def cancel(self, control: Handle) -> Iterator[None]:
@@ -59,17 +79,25 @@ class _Interrupts:
             return
         if self._pid != os.getpid():
             self._start()
+        wait = _Wait(control)
         with self._lock:
-            self._controls.append(control)
+            self._take()  # of a signal that ended earlier work
+            self._waits.append(wait)
         before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
         if before != self._write:
             self._before = before
         try:
             yield
+        except Cancelled:
+            if wait.interrupted:
+                raise KeyboardInterrupt from None
+            raise
         finally:
             signal.set_wakeup_fd(before)
             with self._lock:
-                self._controls.remove(control)
+                self._waits.remove(wait)
+        if wait.interrupted:  # Python's own was lost in a destructor
+            raise KeyboardInterrupt
 
 
 _interrupts = _Interrupts()
