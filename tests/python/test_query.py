@@ -339,9 +339,11 @@ elif what == "late":
 else:
     o = db["hills"]
     try:
-        threading.Timer(0.3, kill).start()
         while True:
-            o.extract()
+            threading.Timer(0.3, kill).start()
+            until = time.monotonic() + 10
+            while time.monotonic() < until:
+                o.extract()
     except KeyboardInterrupt:
         print("interrupted", len(o.extract(error=1.0).faces) > 0)
 """
