@@ -59,9 +59,10 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
 Surface::Surface(std::shared_ptr<ClusterSource> source, const SurfaceOptions& options)
     : source_(std::move(source)),
       cache_(std::make_unique<ClusterCache>(
-          source_, CacheOptions{options.cache_bytes,
-                                options.threads > 0 ? options.threads : ProcessorCount(),
-                                options.form, options.waits})) {}
+          source_,
+          CacheOptions{options.cache_bytes,
+                       options.threads > 0 ? options.threads : ProcessorCount(), options.form,
+                       options.waits, LoadUnit, options.tmp_directory, options.spill_bytes})) {}
 
 Surface::~Surface() = default;
 

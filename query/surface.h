@@ -15,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "query/cut.h"
 #include "query/query.h"
@@ -51,6 +52,11 @@ struct SurfaceOptions {
   // asked again when that has come, it goes on with what is in the cache. For callers that must
   // never stand still, and where there are no threads.
   bool waits = kThreads;
+  // Where a query whose clusters do not fit the cache puts those that it will want again: a
+  // temporary file without a name, of at most so many bytes, in this folder (empty: the system's).
+  // It is gone with the query. Without it (0, or a full disk) they are decoded again.
+  uint64_t spill_bytes = uint64_t{4} << 30;
+  std::string tmp_directory = {};
 };
 
 // Safe for many threads, which share the cache. After De Floriani, Magillo, Puppo, "Efficient

@@ -157,8 +157,7 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
 // kNotYet: somebody else is at it, or will be.
 Status AvailableUnits::Load(UnitId unit, ClusterCache::Lock& lock) {
   const ClusterCache::Entry& entry = cache_.entries_[unit];
-  const bool there = cache_.at_once_ || entry.payload != nullptr;
-  if (!there || HasWorkers() || entry.state != ClusterCache::State::kEmpty ||
+  if (!cache_.CanLoad(unit) || HasWorkers() || entry.state != ClusterCache::State::kEmpty ||
       (decoded_ && time_is_over())) {
     return NotYet("");
   }
@@ -214,7 +213,7 @@ void AvailableUnits::PushJobs(std::span<const UnitId> order) {
   for (const UnitId u : order) {
     const ClusterCache::Entry& entry = cache_.entries_[u];
     if (entry.state != ClusterCache::State::kEmpty) continue;
-    if (!cache_.at_once_ && entry.payload == nullptr) continue;
+    if (!cache_.CanLoad(u)) continue;
     if (left-- == 0) break;
     cache_.jobs_.push({u, client_});
   }
@@ -235,7 +234,7 @@ void AvailableUnits::Ask(std::span<const UnitId> order, bool all) {
     if (kept + more > most_bytes_) continue;
     kept += more;
     const size_t bytes = index.Has(u) ? index.location(u).length : 0;
-    if (!cache_.at_once_ && entry.payload == nullptr) {
+    if (!cache_.CanLoad(u)) {
       const bool first = on_the_way == 0;
       on_the_way += bytes;
       if (!first && on_the_way > std::min(kAskedBytes, cache_.budget_bytes() / kOtherShare)) break;

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// What ClusterCache asks its source for, and what a load has yet to do.
+// What ClusterCache asks its source for, what leaves it, and what a load has yet to do.
 #pragma once
 
 #include <algorithm>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -34,6 +36,33 @@ class ClusterCache::Batch final : public PayloadReceiver {
   const std::shared_ptr<Door> door_;
 };
 
+// What has left the cache. Units that have not been put into the file when it goes are decoded
+// again. With the cache's mutex held at both ends.
+struct ClusterCache::Dropped {
+  struct Spill {
+    UnitId id;
+    LoadedUnitPtr unit;
+    std::optional<SpillPlace> place;
+  };
+  explicit Dropped(ClusterCache& from) : cache(from) {}
+  ~Dropped() {
+    for (const Spill& spill : spills) cache.entries_[spill.id].spilled = false;
+    Settle();
+  }
+  Dropped(const Dropped&) = delete;
+  Dropped& operator=(const Dropped&) = delete;
+  void Settle() {
+    if (spills.empty()) return;
+    for (const Spill& spill : spills) cache.entries_[spill.id].state = State::kEmpty;
+    spills.clear();
+    cache.loaded_.notify_all();
+  }
+
+  ClusterCache& cache;
+  std::vector<LoadedUnitPtr> units;
+  std::vector<Spill> spills;  // kLoading, and spilled
+};
+
 // What a load has yet to do: the units that are not ready, and pins on those that they come from.
 class ClusterCache::Plan {
  public:
@@ -57,6 +86,7 @@ class ClusterCache::Plan {
       MakeRoomForOne(todo_);
       todo_.push_back(u);
       ++cache_.entries_[u].plans;
+      if (cache_.entries_[u].spilled) from_file_.insert(u);
       for (const UnitId p : Parents(u)) open.push_back(p);
     }
     for (const UnitId u : todo_) {
@@ -65,8 +95,13 @@ class ClusterCache::Plan {
     }
     std::sort(todo_.begin(), todo_.end(), std::greater<>());
   }
-  // True when a unit's parents have become known.
+  // True when a unit's parents have become known, or it is not in the file any more.
   bool outdated() const {
+    if (std::ranges::any_of(from_file_, [&](UnitId u) {
+          return cache_.entries_[u].state == State::kEmpty && !cache_.entries_[u].spilled;
+        })) {
+      return true;
+    }
     return rows_ < std::ranges::count_if(
                        todo_, [&](UnitId u) { return cache_.index_.Has(u); });
   }
@@ -118,8 +153,10 @@ class ClusterCache::Plan {
   }
 
  private:
+  // That it will be decoded from.
   std::span<const UnitId> Parents(UnitId unit) const {
-    return cache_.index_.Has(unit) ? cache_.index_.parents(unit) : std::span<const UnitId>();
+    const bool decodes = cache_.index_.Has(unit) && !from_file_.contains(unit);
+    return decodes ? cache_.index_.parents(unit) : std::span<const UnitId>();
   }
   void Clear() {
     for (const auto& [u, value] : pinned_) cache_.Unpin(u);
@@ -127,6 +164,7 @@ class ClusterCache::Plan {
     pinned_.clear();
     todo_.clear();
     users_.clear();
+    from_file_.clear();
     rows_ = 0;
   }
   void PinUnit(UnitId unit) {
@@ -140,6 +178,7 @@ class ClusterCache::Plan {
   std::ptrdiff_t rows_ = 0;                     // of these, in the index
   std::unordered_map<UnitId, uint32_t> users_;  // units of todo_ that a unit is a parent of
   std::unordered_map<UnitId, LoadedUnitPtr> pinned_;
+  std::unordered_set<UnitId> from_file_;  // of todo_
 };
 
 }  // namespace mtdb::internal

@@ -141,8 +141,9 @@ Result<LoadedUnitPtr> ClusterCache::Load(UnitId unit, LoadRequest& request, Lock
   Result<LoadedUnitPtr> loaded = CatchOutOfMemory(load);
   if (loaded.ok() || !request.exclusive || !request.no_room) return loaded;
   request.no_room = false;
-  std::vector<LoadedUnitPtr> dropped;
+  Dropped dropped(*this);
   MakeRoom(options_.budget_bytes, dropped);
+  LetGo(dropped, lock);
   while (!batches_.empty()) Withdraw(*std::shared_ptr<Batch>(batches_.back()));
   return CatchOutOfMemory(load);
 }
@@ -160,68 +161,92 @@ Result<LoadedUnitPtr> ClusterCache::TryLoad(UnitId unit, LoadRequest& request, L
       return state == State::kReady ||
              (state == State::kEmpty && HasPayload(u, request) && plan.HasParents(u));
     });
+    if (plan.outdated()) {
+      plan.Make();
+      continue;
+    }
     if (next == plan.todo().end()) {
       if (at_once_) {
         MTDB_RETURN_IF_ERROR(Wait(unit, request, lock));
       } else {
         MTDB_RETURN_IF_ERROR(AskForPlan(request, lock));
-        if (plan.outdated()) plan.Make();
       }
       continue;
     }
     const UnitId u = *next;
     if (request.reader != nullptr) MTDB_RETURN_IF_ERROR(request.reader->Check());
     if (entries_[u].state == State::kEmpty) MTDB_RETURN_IF_ERROR(LoadOne(u, request, lock));
-    plan.Finish(u);
+    if (entries_[u].state == State::kReady) plan.Finish(u);
   }
   return plan.Take();
 }
 
-// The unit's parents are ready and pinned.
+// The unit's parents are ready and pinned, or it is in the file; when it cannot be had from there,
+// it is not ready afterwards.
 Status ClusterCache::LoadOne(UnitId unit, LoadRequest& request, Lock& lock) {
-  std::vector<LoadedUnitPtr> dropped;
-  MTDB_RETURN_IF_ERROR(Reserve(unit, request, dropped));
-  const Claim claim(*this, unit);
   Entry& entry = entries_[unit];
+  // That the file goes meanwhile changes nothing.
+  const std::shared_ptr<SpillFile> file = entry.spilled ? spill_ : nullptr;
+  const SpillPlace place = entry.place;
+  Dropped dropped(*this);
+  const Status reserved = Reserve(unit, request, dropped);
+  LetGo(dropped, lock);
+  MTDB_RETURN_IF_ERROR(reserved);
+  const Claim claim(*this, unit);
   LoadStats stats;
   Payload payload = entry.payload;
   const bool trim = dropped_bytes_ >= kTrimBytes;
   if (trim) dropped_bytes_ = 0;
   lock.unlock();
-  dropped.clear();
   if (trim) GiveMemoryBack();
-  Result<LoadedUnitPtr> loaded =
-      CatchOutOfMemory([&] { return ReadAndDecode(unit, request, stats, payload); });
+  Result<LoadedUnitPtr> loaded = CatchOutOfMemory([&]() -> Result<LoadedUnitPtr> {
+    if (file == nullptr) return ReadAndDecode(unit, request, stats, payload);
+    const Stopwatch watch;
+    LoadedUnitPtr restored = file->Read(place);
+    stats.read_seconds = watch.Seconds();
+    return restored;
+  });
   lock.lock();
-  request.client->stats.read_seconds += stats.read_seconds;
-  request.client->stats.decode_seconds += stats.decode_seconds;
-  if (stats.bytes_read > 0) {
-    request.client->stats.bytes_read += stats.bytes_read;
-    ++(index_.unit(unit).nodes == 0 ? request.client->stats.root_pieces_read
-                                    : request.client->stats.clusters_read);
-    request.client->read[unit] = true;
+  const bool lost = loaded.ok() && *loaded == nullptr;
+  CountLoad(unit, stats, *request.client);
+  if (lost) {
+    entry.spilled = false;
+    return Status::Ok();
   }
   if (loaded.ok()) {
-    entry.decoded_bytes = (*loaded)->memory_bytes();
+    // A unit that was restored has arrays without spare room; but it counts like others.
+    if (file == nullptr) entry.decoded_bytes = (*loaded)->memory_bytes();
     if (entry.overhead == 0) entry.overhead = LoadBytes(unit) - entry.decoded_bytes;
   }
   // The guess gives way to what it is.
   bytes_ -= entry.bytes;
-  entry.bytes = loaded.ok() ? (*loaded)->memory_bytes() : 0;
+  entry.bytes = loaded.ok() ? entry.decoded_bytes : 0;
   entry.state = State::kEmpty;
   MTDB_RETURN_IF_ERROR(loaded.status());
   MTDB_RETURN_IF_ERROR(Reserve(unit, request, dropped));
   entry.value = *std::move(loaded);
   entry.state = State::kReady;
-  ++decoded_;
-  if (options_.form == RuntimeForm::kImplicit) {
+  decoded_ += file == nullptr ? 1 : 0;
+  if (options_.form == RuntimeForm::kImplicit && payload != nullptr) {
     KeepPayload(unit, std::move(payload), dropped);
   } else if (entry.payload != nullptr) {
     DropPayload(unit);
   }
   Link(unit);
+  Pin(unit);  // others may look for room meanwhile
+  LetGo(dropped, lock);
+  Unpin(unit);
   if (!at_once_) PushChildren(unit, request.client);
   return Status::Ok();
+}
+
+void ClusterCache::CountLoad(UnitId unit, const LoadStats& load, Client& client) {
+  client.stats.read_seconds += load.read_seconds;
+  client.stats.decode_seconds += load.decode_seconds;
+  if (load.bytes_read == 0) return;
+  client.stats.bytes_read += load.bytes_read;
+  ++(index_.unit(unit).nodes == 0 ? client.stats.root_pieces_read : client.stats.clusters_read);
+  client.read[unit] = true;
 }
 
 Status ClusterCache::NoRoom(UnitId unit, size_t bytes) const {
@@ -255,8 +280,7 @@ size_t ClusterCache::LoadBytes(UnitId unit) const {
 }
 
 // Claims the unit, and entry.bytes for it, or a guess when that is 0.
-Status ClusterCache::Reserve(UnitId unit, LoadRequest& request,
-                             std::vector<LoadedUnitPtr>& dropped) {
+Status ClusterCache::Reserve(UnitId unit, LoadRequest& request, Dropped& dropped) {
   Entry& entry = entries_[unit];
   const size_t bytes = entry.bytes > 0 ? entry.bytes : EstimateBytes(unit);
   if (!MakeRoom(bytes, dropped) &&
@@ -390,8 +414,21 @@ void ClusterCache::Work() {
 #endif
 }
 
+void ClusterCache::AddReader(bool spills) {
+  const MutexLock lock(mutex_);
+  if (spills && options_.spill_bytes > 0) {
+    if (spillers_ == 0) {
+      spill_ = std::make_shared<SpillFile>(options_.tmp_directory, options_.spill_bytes);
+      ++spill_period_;
+    }
+    ++spillers_;
+  }
+  ++readers_;
+}
+
 // What the last reader leaves behind goes back to the system.
-void ClusterCache::RemoveReader(Client& client) {
+void ClusterCache::RemoveReader(Client& client, bool spills) {
+  std::shared_ptr<SpillFile> file;
   std::vector<LoadedUnitPtr> dropped;
   bool trim = false;
   {
@@ -408,6 +445,12 @@ void ClusterCache::RemoveReader(Client& client) {
     }
     TellSource(lock);
     --readers_;
+    if (spills && options_.spill_bytes > 0 && --spillers_ == 0) {
+      file = std::move(spill_);
+      if (!file->empty()) {
+        for (Entry& entry : entries_) entry.spilled = false;
+      }
+    }
     DropIdle(dropped);
     trim = !dropped.empty() && dropped_bytes_ >= kTrimBytes;
     if (trim) dropped_bytes_ = 0;
@@ -446,6 +489,7 @@ void ClusterCache::Leave() {
 
 void ClusterCache::Pin(UnitId unit) {
   ++entries_[unit].pins;
+  entries_[unit].used_in = spill_period_;
   if (newest_ == unit) return;
   Unlink(unit);
   Link(unit);
@@ -466,11 +510,11 @@ void ClusterCache::Unlink(UnitId unit) {
 }
 
 // Decoded units go before payloads, which are smaller and cost a read; then what nobody waits for.
-bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
+bool ClusterCache::MakeRoom(size_t bytes, Dropped& dropped) {
   uint32_t unit = oldest_;
   while (bytes_ + bytes > options_.budget_bytes && unit != kNone32) {
     const uint32_t next = entries_[unit].newer;
-    if (entries_[unit].pins == 0) Drop(unit, dropped);
+    if (entries_[unit].pins == 0) DropOrSpill(unit, dropped);
     unit = next;
   }
   while (bytes_ + bytes > options_.budget_bytes && DropOldestPayload()) {
@@ -484,28 +528,63 @@ bool ClusterCache::MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped) {
   return bytes_ + bytes <= options_.budget_bytes;
 }
 
-void ClusterCache::Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped) {
+LoadedUnitPtr ClusterCache::Drop(UnitId unit) {
   Entry& entry = entries_[unit];
   Unlink(unit);
-  LoadedUnitPtr value = std::move(entry.value);
-  // Without memory it goes here, with mutex_ held.
-  static_cast<void>(TryAllocate([&] { dropped.push_back(std::move(value)); }));
   bytes_ -= entry.bytes;
   dropped_bytes_ += entry.bytes;
   entry.bytes = 0;
   entry.state = State::kEmpty;
+  return std::move(entry.value);
+}
+
+// Without memory it goes here, with mutex_ held.
+void ClusterCache::DropOrSpill(UnitId unit, Dropped& dropped) {
+  LoadedUnitPtr value = Drop(unit);
+  Entry& entry = entries_[unit];
+  const bool wanted = spill_ != nullptr && entry.used_in == spill_period_ && !entry.spilled;
+  static_cast<void>(TryAllocate([&] {
+    if (!wanted || !spill_->open()) {
+      dropped.units.push_back(std::move(value));
+      return;
+    }
+    dropped.spills.push_back({unit, std::move(value), std::nullopt});
+    entry.state = State::kLoading;
+    entry.spilled = true;
+  }));
+}
+
+void ClusterCache::LetGo(Dropped& dropped, Lock& lock) {
+  if (dropped.units.empty() && dropped.spills.empty()) return;
+  const std::shared_ptr<SpillFile> file = spill_;
+  lock.unlock();
+  dropped.units.clear();
+  for (Dropped::Spill& spill : dropped.spills) {
+    if (file != nullptr) spill.place = file->Write(*spill.unit);
+    spill.unit.reset();
+  }
+  lock.lock();
+  for (const Dropped::Spill& spill : dropped.spills) {
+    Entry& entry = entries_[spill.id];
+    entry.spilled = spill.place.has_value() && spill_ == file;
+    if (entry.spilled) entry.place = *spill.place;
+  }
+  dropped.Settle();
 }
 
 void ClusterCache::DropIdle(std::vector<LoadedUnitPtr>& dropped) {
   if (options_.form == RuntimeForm::kExplicit || readers_ > 0) return;
   for (uint32_t unit = oldest_; unit != kNone32;) {
     const uint32_t next = entries_[unit].newer;
-    if (entries_[unit].pins == 0) Drop(unit, dropped);
+    if (entries_[unit].pins == 0) {
+      LoadedUnitPtr value = Drop(unit);
+      static_cast<void>(TryAllocate([&] { dropped.push_back(std::move(value)); }));
+    }
     unit = next;
   }
 }
 
-void ClusterCache::KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped) {
+void ClusterCache::KeepPayload(UnitId unit, Payload payload, Dropped& dropped) {
   const size_t most = options_.budget_bytes / kPayloadShare;
   while (payload_bytes_ > most && DropOldestPayload()) {
   }

@@ -11,9 +11,11 @@
 #include <memory>
 #include <queue>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "query/internal/loaded_unit.h"
+#include "query/internal/spill_file.h"
 #include "query/query_control.h"
 #include "store/base/status.h"
 #include "store/base/threading.h"
@@ -46,6 +48,9 @@ struct CacheOptions {
   // False: what would wait fails with kNotYet. A payload that is on its way comes nevertheless.
   bool waits = kThreads;
   UnitLoader loader = LoadUnit;
+  // Of the file for units that readers will want again; see ReaderLimits::spills.
+  std::string tmp_directory = {};
+  uint64_t spill_bytes = 0;
 };
 
 // Keeps decoded units within a budget of bytes; the least recently used go first. A unit is pinned
@@ -55,8 +60,10 @@ struct CacheOptions {
 // answer at once is asked for all payloads that a load lacks, and for what readers name ahead, in
 // batches; payloads that have come or are on their way count. In the implicit form payloads are
 // kept, within half of the budget, and decoded units only while there is a reader, in what room is
-// left. Safe for many threads; a hit costs one short critical section. Must outlive its readers and
-// the pointers it gave.
+// left. While there are readers whose answers may be larger than the budget, a unit that they used
+// and that has to go is put into a file, and comes back from there without its parents. Safe for
+// many threads; a hit costs one short critical section. Must outlive its readers and the pointers
+// it gave.
 class ClusterCache {
  public:
   ClusterCache(std::shared_ptr<ClusterSource> source, const CacheOptions& options);
@@ -79,7 +86,7 @@ class ClusterCache {
   size_t bytes() const;
   // The most that bytes() has been.
   size_t peak_bytes() const;
-  // Units decoded since the cache was made.
+  // Units decoded since the cache was made; those that came back from a file do not count.
   uint64_t decoded() const;
   // True when nobody holds a unit, decodes one or waits for room.
   bool idle() const;
@@ -103,7 +110,11 @@ class ClusterCache {
     uint32_t plans = 0;        // that will decode it: its payload stays
     uint32_t newer = kNone32;  // neighbours in the list of ready units by last use
     uint32_t older = kNone32;
+    uint32_t used_in = 0;  // the last period of spilling in which it was pinned
     State state = State::kEmpty;
+    // In the file at this place, unless it is kLoading and on its way there.
+    bool spilled = false;
+    SpillPlace place;
   };
   // A query, as the threads see it that work for it.
   struct Client {
@@ -140,6 +151,8 @@ class ClusterCache {
     Plan* plan = nullptr;
   };
   class Claim;
+  // Units that have left the cache and are to be destroyed, or put into the file before.
+  struct Dropped;
   // Where answers of the source find the cache, or nothing when it is gone.
   struct Door {
     Mutex mutex;
@@ -152,7 +165,8 @@ class ClusterCache {
   Result<LoadedUnitPtr> Load(UnitId unit, LoadRequest& request, Lock& lock);
   Result<LoadedUnitPtr> TryLoad(UnitId unit, LoadRequest& request, Lock& lock);
   Status LoadOne(UnitId unit, LoadRequest& request, Lock& lock);
-  Status Reserve(UnitId unit, LoadRequest& request, std::vector<LoadedUnitPtr>& dropped);
+  void CountLoad(UnitId unit, const LoadStats& load, Client& client);
+  Status Reserve(UnitId unit, LoadRequest& request, Dropped& dropped);
   Result<LoadedUnitPtr> ReadAndDecode(UnitId unit, LoadRequest& request, LoadStats& stats,
                                       Payload& payload);
   Status Wait(UnitId unit, LoadRequest& request, Lock& lock);
@@ -164,7 +178,8 @@ class ClusterCache {
   void StartWorkers();
   void PushChildren(UnitId unit, const ClientPtr& client);
   void Work();
-  void RemoveReader(Client& client);
+  void AddReader(bool spills);
+  void RemoveReader(Client& client, bool spills);
 
   // What is not there for the plan can be waited for: asks for it. kBudgetExceeded when there is no
   // room for a single payload, or none may be read.
@@ -182,13 +197,21 @@ class ClusterCache {
   // Tells the source of batches that were withdrawn. Lets go of mutex_.
   void TellSource(Lock& lock);
   bool HasPayload(UnitId unit, const LoadRequest& request) const;
+  // True for a unit that can be loaded, given its parents or the file, without asking the source
+  // for what comes later.
+  bool CanLoad(UnitId unit) const {
+    return at_once_ || entries_[unit].payload != nullptr || entries_[unit].spilled;
+  }
 
   // With mutex_ held.
   void Pin(UnitId unit);
   void Unpin(UnitId unit) { --entries_[unit].pins; }
-  void Drop(UnitId unit, std::vector<LoadedUnitPtr>& dropped);
+  LoadedUnitPtr Drop(UnitId unit);
+  void DropOrSpill(UnitId unit, Dropped& dropped);
+  // Destroys them and fills the file, with mutex_ let go of meanwhile. Needs no memory.
+  void LetGo(Dropped& dropped, Lock& lock);
   // Of a unit that was just decoded, and is not linked yet.
-  void KeepPayload(UnitId unit, Payload payload, std::vector<LoadedUnitPtr>& dropped);
+  void KeepPayload(UnitId unit, Payload payload, Dropped& dropped);
   // Of those that no plan needs; false when there is none.
   bool DropOldestPayload();
   void DropPayload(UnitId unit);
@@ -200,7 +223,7 @@ class ClusterCache {
   void Unlink(UnitId unit);
   // Drops units until `bytes` more fit; false when pinned units do not let it. Like Drop and all
   // that goes with a reader it does not fail for lack of memory.
-  bool MakeRoom(size_t bytes, std::vector<LoadedUnitPtr>& dropped);
+  bool MakeRoom(size_t bytes, Dropped& dropped);
   // Of the payload, where it is counted while it is decoded.
   size_t PayloadBytes(UnitId unit) const;
   // Bytes of the unit when decoded, guessed from the index.
@@ -225,6 +248,9 @@ class ClusterCache {
   std::vector<std::shared_ptr<Batch>> batches_;    // with units on their way, oldest first
   std::vector<std::shared_ptr<Batch>> withdrawn_;  // which the source does not know yet
   uint32_t readers_ = 0;
+  std::shared_ptr<SpillFile> spill_;  // while there are readers that spill
+  uint32_t spillers_ = 0;
+  uint32_t spill_period_ = 0;  // counts the times that there were some
   size_t bytes_ = 0;
   size_t peak_bytes_ = 0;
   uint64_t decoded_ = 0;

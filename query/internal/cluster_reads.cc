@@ -20,8 +20,7 @@ constexpr size_t kAheadShare = 4;
 
 // True for any that can be read now.
 bool ClusterCache::HasPayload(UnitId unit, const LoadRequest& request) const {
-  return at_once_ || entries_[unit].payload != nullptr ||
-         (request.reader != nullptr && request.reader->payloads_.contains(unit));
+  return CanLoad(unit) || (request.reader != nullptr && request.reader->payloads_.contains(unit));
 }
 
 Status ClusterCache::AskForPlan(LoadRequest& request, Lock& lock) {
@@ -61,12 +60,12 @@ std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> u
   const auto batch = std::make_shared<Batch>(door_, client, asking);
   batch->units.reserve(units.size());
   MakeRoomForOne(batches_);
-  std::vector<LoadedUnitPtr> dropped;
+  Dropped dropped(*this);
   const ObjectRecord& record = source_->record();
   const uint64_t typical = record.payload_bytes / std::max(1u, index_.unit_count()) + 1;
   for (const UnitId u : units) {
     Entry& entry = entries_[u];
-    if (entry.state != State::kEmpty || entry.payload != nullptr || entry.asked != nullptr) {
+    if (entry.state != State::kEmpty || CanLoad(u) || entry.asked != nullptr) {
       continue;
     }
     const size_t bytes = index_.Has(u) ? index_.location(u).length : typical;
@@ -92,9 +91,9 @@ std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> u
     const PayloadLocation& at = index_.location(u);
     return std::tuple(at.value, at.offset, u);
   });
+  LetGo(dropped, lock);
   TellSource(lock);
   lock.unlock();
-  dropped.clear();
   const bool asked = TryAllocate([&] { source_->Read(order, batch); });
   lock.lock();
   if (!asked) Withdraw(*batch);
@@ -127,8 +126,9 @@ void ClusterCache::AskAhead(std::span<const UnitId> units, const ClientPtr& clie
 }
 
 void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
-  const MutexLock lock(mutex_);
+  MutexLock lock(mutex_);
   if (unit >= entries_.size() || entries_[unit].asked != &batch) return;  // withdrawn
+  Dropped dropped(*this);
   Entry& entry = entries_[unit];
   const ClientPtr client = batch.client;
   const bool decodes = batch.asking != Asking::kToWait;
@@ -145,7 +145,6 @@ void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
     client->read[unit] = true;
     if (client->control != nullptr) client->control->CountLoad();
     // It was counted, but for a row that came with it.
-    std::vector<LoadedUnitPtr> dropped;
     if (MakeRoom(bytes, dropped)) {
       Payload shared;
       const bool kept = TryAllocate([&] {
@@ -164,9 +163,11 @@ void ClusterCache::Arrive(Batch& batch, UnitId unit, Result<Bytes> payload) {
   }
   if (!status.ok()) static_cast<void>(TryAllocate([&] { client->failures[unit] = status; }));
   loaded_.notify_all();
-  if (!decodes || entry.payload == nullptr || client->stopped) return;
-  static_cast<void>(TryAllocate([&] { jobs_.push({unit, client}); }));
-  work_.notify_all();
+  if (decodes && entry.payload != nullptr && !client->stopped) {
+    static_cast<void>(TryAllocate([&] { jobs_.push({unit, client}); }));
+    work_.notify_all();
+  }
+  LetGo(dropped, lock);
 }
 
 void ClusterCache::Withdraw(UnitId unit) {

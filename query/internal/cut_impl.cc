@@ -28,7 +28,8 @@ CutImpl::CutImpl(std::shared_ptr<const Surface> surface, const Query& query, dou
       clip_(query.clip && query.region != nullptr && !query.region->whole()),
       cut_(*surface_->source(), false),
       root_numbers_(index_.root_vertices()),
-      reader_(surface_->cache(), {query.control, query.max_bytes, query.available_only}) {}
+      reader_(surface_->cache(),
+              {query.control, query.max_bytes, query.available_only, !query.available_only}) {}
 
 MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
   MeshHeader header;

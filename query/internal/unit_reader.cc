@@ -33,10 +33,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
       seen_(cache.entries_.size()) {
   client_->read.resize(cache.entries_.size());
   client_->control = limits.control;
-  {
-    const MutexLock lock(cache.mutex_);
-    ++cache.readers_;
-  }
+  cache.AddReader(limits.spills);
   if (limits.available_only) {
     available_ = std::make_unique<AvailableUnits>(cache, client_);
     return;
@@ -49,7 +46,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
 UnitReader::~UnitReader() {
   Release();
   available_.reset();
-  cache_.RemoveReader(*client_);
+  cache_.RemoveReader(*client_, limits_.spills);
 }
 
 Status UnitReader::Check() {
@@ -267,7 +264,8 @@ uint64_t UnitReader::BytesToRead(UnitId unit) const {
     const UnitId u = open.back();
     open.pop_back();
     if (!visited.insert(u).second) continue;
-    if (cache_.entries_[u].state == ClusterCache::State::kReady) continue;
+    const ClusterCache::Entry& entry = cache_.entries_[u];
+    if (entry.state == ClusterCache::State::kReady || entry.spilled) continue;
     if (cache_.index_.unit(u).nodes > 0 && !payloads_.contains(u) &&
         cache_.entries_[u].payload == nullptr) {
       bytes += cache_.index_.location(u).length;

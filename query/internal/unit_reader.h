@@ -23,6 +23,8 @@ struct ReaderLimits {
   std::optional<uint64_t> max_bytes;
   // Holds what is there, and keeps it; see available().
   bool available_only = false;
+  // Goes over its units several times: what has to leave the cache meanwhile is put into a file.
+  bool spills = false;
 };
 
 // Holds the units that a step of a query works on. One thread. Waits for room only while it holds

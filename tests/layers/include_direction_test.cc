@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layers of mtdb hold: every #include of the project is read and held against the drawing
 //
-//     base <- files     {base, files} <- {codecs/mesh_file, store, builder}
+//     base <- files     {base, files} <- {codecs/mesh_file, store, query, builder}
 //     base <- codecs    base <- store    {store, codecs} <- query    {store, codecs} <- builder
 //     all <- tools, tests, bench
 //
@@ -39,7 +39,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"codecs/mesh_file", {"base", "files"}},
     {"codecs/raster_file", {"base", "files"}},
     {"store", {"base", "files"}},
-    {"query", {"base", "store", "codecs/cluster", "codecs/stream"}},
+    {"query", {"base", "files", "store", "codecs/cluster", "codecs/stream"}},
     {"builder", {"base", "files", "store", "codecs/cluster"}},
     {"tools/client", {"base", "codecs/stream"}},
     {"tools/request", {"base", "store", "query", "builder", "tools/client"}},

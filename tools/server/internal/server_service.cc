@@ -502,6 +502,8 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   SurfaceOptions surface_options;
   surface_options.cache_bytes = options_.cache_bytes;
   surface_options.threads = options_.threads;
+  surface_options.tmp_directory = options_.tmp;
+  surface_options.spill_bytes = std::min(surface_options.spill_bytes, options_.temporary_bytes);
   if (options_.implicit) surface_options.form = RuntimeForm::kImplicit;
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface,
                         Surface::Open(std::move(source), surface_options));

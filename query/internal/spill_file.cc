@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "query/internal/spill_file.h"
+
+#include "query/internal/unit_image.h"
+#include "store/base/out_of_memory.h"
+
+#ifdef __wasm__  // A page has no files.
+
+namespace mtdb::internal {
+
+SpillFile::~SpillFile() = default;
+std::optional<SpillPlace> SpillFile::Take(size_t) { return std::nullopt; }
+std::optional<SpillPlace> SpillFile::Write(const LoadedUnit&) noexcept { return std::nullopt; }
+LoadedUnitPtr SpillFile::Read(const SpillPlace&) const { return nullptr; }
+bool SpillFile::open() const { return false; }
+bool SpillFile::empty() const { return true; }
+
+}  // namespace mtdb::internal
+
+#else
+
+#include <filesystem>
+#include <system_error>
+
+#include "store/files/posix_file.h"
+
+namespace mtdb::internal {
+
+SpillFile::~SpillFile() {
+  if (file_ >= 0) ::close(file_);
+}
+
+bool SpillFile::open() const {
+  const MutexLock lock(mutex_);
+  return !failed_;
+}
+
+bool SpillFile::empty() const {
+  const MutexLock lock(mutex_);
+  return used_ == 0;
+}
+
+std::optional<SpillPlace> SpillFile::Take(size_t bytes) {
+  const MutexLock lock(mutex_);
+  if (failed_) return std::nullopt;
+  if (file_ < 0) {
+    std::error_code error;
+    std::string folder =
+        folder_.empty() ? std::filesystem::temp_directory_path(error).string() : folder_;
+    file_ = OpenNamelessFile(folder.empty() ? "/tmp" : folder, "mtdb-clusters-");
+  }
+  if (file_ < 0 || bytes > limit_ - used_) {
+    failed_ = true;
+    return std::nullopt;
+  }
+  const SpillPlace place{used_, bytes};
+  used_ += bytes;
+  return place;
+}
+
+std::optional<SpillPlace> SpillFile::Write(const LoadedUnit& unit) noexcept {
+  std::optional<SpillPlace> place;
+  const bool enough_memory = TryAllocate([&] {
+    const Bytes image = MakeUnitImage(unit);
+    place = Take(image.size());
+    if (place && !WriteFully(file_, place->offset, image.data(), image.size())) place.reset();
+  });
+  if (enough_memory && place) return place;
+  const MutexLock lock(mutex_);
+  failed_ = true;
+  return std::nullopt;
+}
+
+LoadedUnitPtr SpillFile::Read(const SpillPlace& place) const {
+  Bytes image(place.bytes);
+  const ssize_t n = ReadFully(file_, place.offset, image.data(), image.size());
+  return n == static_cast<ssize_t>(place.bytes) ? UnitFromImage(image) : nullptr;
+}
+
+}  // namespace mtdb::internal
+
+#endif

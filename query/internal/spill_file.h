@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// SpillFile: the decoded units that found no room in memory, in a temporary file.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "query/internal/loaded_unit.h"
+#include "store/base/threading.h"
+
+namespace mtdb::internal {
+
+// Where in the file a unit is.
+struct SpillPlace {
+  uint64_t offset = 0;
+  size_t bytes = 0;
+};
+
+// The file has no name, and is there from the first Write on until the object goes. Whatever fails
+// (no such folder, a full disk, no memory), the unit is not kept, and whoever wants it decodes it
+// again. Safe for many threads.
+class SpillFile {
+ public:
+  // `folder`: empty for the system's. Holds at most `limit` bytes.
+  SpillFile(const std::string& folder, uint64_t limit) : folder_(folder), limit_(limit) {}
+  ~SpillFile();
+  SpillFile(const SpillFile&) = delete;
+  SpillFile& operator=(const SpillFile&) = delete;
+
+  // After a failure nothing more is written.
+  std::optional<SpillPlace> Write(const LoadedUnit& unit) noexcept;
+  // Null when it cannot be read. Throws std::bad_alloc.
+  LoadedUnitPtr Read(const SpillPlace& place) const;
+  // False when Write would fail.
+  bool open() const;
+  // True until something has been written.
+  bool empty() const;
+
+ private:
+  // Room for so many bytes, in a file that is open.
+  std::optional<SpillPlace> Take(size_t bytes);
+
+  const std::string folder_;
+  const uint64_t limit_;
+  mutable Mutex mutex_;
+  int file_ = -1;
+  uint64_t used_ = 0;
+  bool failed_ = false;
+};
+
+}  // namespace mtdb::internal

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// Answers larger than the cache: each cluster is decoded once, whatever the file for those that had
+// to go does.
+#include <array>
+#include <catch2/catch.hpp>
+#include <dirent.h>
+#include <random>
+#include <string>
+
+#include "query/internal/cluster_cache.h"
+#include "query/internal/unit_image.h"
+#include "query/surface.h"
+#include "tests/query/mt_fixture.h"
+#include "tests/query/oracle.h"
+
+namespace mtdb::testing {
+
+using namespace internal;
+
+namespace {
+
+MtFixture Fixture(uint32_t seed) {
+  MtOptions o;
+  o.shape = static_cast<Shape>(seed % 4);
+  o.resolution = 40;
+  o.rounds = 4;
+  o.tiles = 36;
+  o.attributes = seed % 2 == 0;
+  o.coincident = seed % 8 >= 4;
+  o.seed = seed;
+  return MakeMt(o);
+}
+
+std::vector<Query> SomeQueries(const MtFixture& f, std::mt19937& random) {
+  const Box3d& box = f.source->record_.bounds;
+  std::vector<Query> queries(5);  // the first is the whole surface
+  queries[1].threshold = ConstantThreshold(Diagonal(box) / 200);
+  queries[2].region = BoxRegion({box.min, (box.min + box.max) * 0.5});
+  queries[2].clip = true;
+  queries[3].threshold = LinearThreshold(box.min, 0, 0.02);
+  queries[4] = queries[1];
+  queries[4].normals = true;
+  for (int i = 0; i < 4; ++i) queries.push_back(RandomQuery(f, random));
+  return queries;
+}
+
+struct Answer {
+  Status status;
+  TriangleMesh mesh;
+  ExtractStats stats;
+};
+
+Answer Ask(const Surface& surface, const Query& query) {
+  Answer answer;
+  TriangleMeshSink sink(&answer.mesh);
+  Result<ExtractStats> result = surface.Extract(query, sink);
+  answer.status = result.status();
+  UNSCOPED_INFO(answer.status.message());
+  if (result.ok()) answer.stats = *std::move(result);
+  return answer;
+}
+
+bool SameMesh(const Answer& a, const Answer& b) {
+  return a.status.ok() && b.status.ok() && a.mesh.positions == b.mesh.positions &&
+         a.mesh.triangles == b.mesh.triangles && a.mesh.rows == b.mesh.rows;
+}
+
+std::shared_ptr<Surface> Open(const MtFixture& f, const SurfaceOptions& options) {
+  return Surface::Open(f.source, options).value();
+}
+
+// A small cache that suffices for the query.
+size_t SmallCache(const MtFixture& f, const Query& query) {
+  SurfaceOptions options;
+  options.threads = 1;
+  for (options.cache_bytes = 20'000;; options.cache_bytes += options.cache_bytes / 4) {
+    if (Ask(*Open(f, options), query).status.ok()) return options.cache_bytes;
+  }
+}
+
+int OpenFiles() {
+  int count = 0;
+  DIR* const folder = opendir("/proc/self/fd");
+  if (folder == nullptr) return -1;
+  while (readdir(folder) != nullptr) ++count;
+  closedir(folder);
+  return count;
+}
+
+}  // namespace
+
+TEST_CASE("Of an answer larger than the cache each cluster is decoded once") {
+  std::mt19937 random(3);
+  uint64_t decoded = 0, used = 0, without = 0;
+  for (uint32_t seed = 1; seed <= 8; ++seed) {
+    const MtFixture f = Fixture(seed);
+    for (const Query& query : SomeQueries(f, random)) {
+      const auto large = Open(f, {.threads = 1});
+      const Answer expected = Ask(*large, query);
+      const size_t bytes = SmallCache(f, query);
+      for (const unsigned threads : {1u, 3u}) {
+        const auto small = Open(f, {.cache_bytes = bytes, .threads = threads});
+        const Answer answer = Ask(*small, query);
+        INFO("seed " << seed << ", " << bytes << " bytes");
+        REQUIRE(SameMesh(answer, expected));
+        REQUIRE(small->cache().peak_bytes() <= bytes);
+        if (threads > 1) continue;
+        REQUIRE(answer.stats.clusters_read == expected.stats.clusters_read);
+        REQUIRE(small->cache().decoded() == large->cache().decoded());
+        // A second one on a cache that the first has left full.
+        REQUIRE(SameMesh(Ask(*small, query), expected));
+        REQUIRE(small->cache().decoded() <= 2 * large->cache().decoded());
+        if (query.threshold == nullptr || query.region != nullptr) continue;
+        decoded += answer.stats.clusters_read;
+        used += answer.stats.clusters_used;
+        const auto again = Open(f, {.cache_bytes = bytes, .threads = threads, .spill_bytes = 0});
+        without += Ask(*again, query).stats.clusters_read;
+      }
+    }
+  }
+  CHECK(static_cast<double>(decoded) <= 1.05 * static_cast<double>(used));
+  CHECK(without > 2 * used);  // or the caches were not small
+}
+
+TEST_CASE("Without the file clusters are decoded again, and answers are the same") {
+  std::mt19937 random(4);
+  const MtFixture f = Fixture(2);
+  for (const Query& query : SomeQueries(f, random)) {
+    const Answer expected = Ask(*Open(f, {.threads = 1}), query);
+    const size_t bytes = SmallCache(f, query);
+    for (const uint64_t spill_bytes : {0, 1, 10'000, 60'000}) {
+      REQUIRE(SameMesh(Ask(*Open(f, {.cache_bytes = bytes, .spill_bytes = spill_bytes}), query),
+                       expected));
+    }
+    const auto nowhere = Open(f, {.cache_bytes = bytes, .tmp_directory = "/none/such"});
+    REQUIRE(SameMesh(Ask(*nowhere, query), expected));
+  }
+}
+
+TEST_CASE("The file is there as long as its query, and one at a time") {
+  const MtFixture f = Fixture(3);
+  const Query query;
+  const int before = OpenFiles();
+  if (before < 0) return;  // no /proc
+  const auto surface = Open(f, {.cache_bytes = SmallCache(f, query), .threads = 1});
+  const Answer expected = Ask(*Open(f, {.threads = 1}), query);
+  {
+    Result<Cut> first = surface->Select(query);
+    Result<Cut> second = surface->Select(query);
+    for (Cut* cut : {&*first, &*second, &*first}) {
+      Answer answer;
+      TriangleMeshSink sink(&answer.mesh);
+      answer.status = cut->Emit(sink);
+      REQUIRE(SameMesh(answer, expected));
+      REQUIRE(OpenFiles() == before + 1);
+    }
+  }
+  REQUIRE(OpenFiles() == before);
+}
+
+TEST_CASE("The image of a unit is the unit, and damaged bytes are none") {
+  for (uint32_t seed = 1; seed <= 8; ++seed) {
+    const MtFixture f = Fixture(seed);
+    ClusterCache cache(f.source, {size_t{1} << 30});
+    LoadStats stats;
+    for (UnitId u = 0; u < f.source->index().unit_count(); u += 7) {
+      const LoadedUnitPtr unit = cache.Get(u, &stats).value();
+      Bytes image = MakeUnitImage(*unit);
+      const LoadedUnitPtr back = UnitFromImage(image);
+      REQUIRE(back != nullptr);
+      REQUIRE(MakeUnitImage(*back) == image);
+      REQUIRE(back->memory_bytes() <= unit->memory_bytes());
+      REQUIRE(back->removers() == unit->removers());
+      REQUIRE(UnitFromImage(ByteSpan(image).first(image.size() - 1)) == nullptr);
+      REQUIRE(UnitFromImage(ByteSpan(image).first(7)) == nullptr);
+      image[(u * 977) % image.size()] ^= std::byte{4};
+      REQUIRE(UnitFromImage(image) == nullptr);
+    }
+  }
+}
+
+}  // namespace mtdb::testing
