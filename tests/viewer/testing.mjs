@@ -92,12 +92,15 @@ export async function exact(page) {
   }));
 }
 
+// Of the grid that vertices lie on; of a terrain, samples and steps of height.
+export const stepsOf = info => (info.raster ? [Math.abs(info.raster.geotransform[1]), Math.abs(info.raster.geotransform[5]), info.step] : [info.step, info.step, info.step]);
+
 // Triangles as texts of grid coordinates, each beginning with its smallest corner, sorted.
 function normalized(corners, info) {
-  const {min} = info.bounds, step = info.step;
+  const {min} = info.bounds, steps = stepsOf(info);
   const texts = [];
   for (let t = 0; t < corners.length; t += 9) {
-    const points = [0, 3, 6].map(c => [0, 1, 2].map(k => Math.round((corners[t + c + k] - min[k]) / step)).join(' '));
+    const points = [0, 3, 6].map(c => [0, 1, 2].map(k => Math.round((corners[t + c + k] - min[k]) / steps[k])).join(' '));
     const first = points.indexOf([...points].sort()[0]);
     texts.push(`${points[first]},${points[(first + 1) % 3]},${points[(first + 2) % 3]}`);
   }

@@ -2,7 +2,7 @@
 // The page of the viewer in a real browser, against what the command line says. Waits for states,
 // never for times. node viewer_test.mjs [WORD]: the tests whose names have the word.
 import {readFileSync, writeFileSync} from 'node:fs';
-import {check, close, decode, exact, extracted, file, launch, near, open, run, runJson, same, serve, trianglesOfPly, trianglesOnScreen, until} from './testing.mjs';
+import {check, close, decode, exact, extracted, file, launch, near, open, run, runJson, same, serve, stepsOf, trianglesOfPly, trianglesOnScreen, until} from './testing.mjs';
 
 const tests = [];
 const test = (name, f) => tests.push([name, f]);
@@ -88,6 +88,182 @@ test('dragging the box changes the mesh where the box is', async () => {
   const moved = (await region(page)).box;
   near(distance(moved.min, moved.max), distance(last.min, last.max), 1e-6, 'the whole box moves');
   check(distance(moved.min, last.min) > 0.05, 'the box was moved');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+// Drags a handle by mouse events; what `during` makes of the page while it is held.
+async function drag(page, handle, dx, dy, during = async () => {}) {
+  const [x, y] = (await page.evaluate(() => viewer.handles.places()))[handle];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  for (let i = 1; i <= 8; ++i) await page.mouse.move(x + (dx * i) / 8, y + (dy * i) / 8);
+  const result = await during();
+  await page.mouse.up();
+  return result;
+}
+const placesOf = (texts, of) => texts.map(text => text.split(',').map(corner => corner.split(' ').map((n, k) => of.bounds.min[k] + stepsOf(of)[k] * Number(n))));
+
+test('rings turn the box, and what is outside of it is cut away', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=clip&inside=0.01&back=cap`);
+  await exact(page);
+  const straight = await trianglesOnScreen(page, kName, info);
+  await drag(page, 'turnz', 60, 10);
+  await exact(page);
+  const {turned_box: turned} = await region(page);
+  check(turned && Math.abs(turned.angles[0]) > 5, `the box is turned: ${JSON.stringify(await region(page))}`);
+  near(Math.abs(turned.angles[1]) + Math.abs(turned.angles[2]), 0, 1e-9, 'about z only');
+  near(distance(turned.half, [0.35, 0.55, 0.35]), 0, 1e-9, 'its size');
+  near(distance(turned.centre, [0.05, -0.75, 0.45]), 0, 1e-9, 'its centre');
+  const after = await trianglesOnScreen(page, kName, info);
+  same(after, await extracted(page, store, kName, info), 'turned');
+  check(after.length !== straight.length, 'other triangles are there');
+  // All of them reach into the turned box, as computed here.
+  const a = (turned.angles[0] * Math.PI) / 180, to = p => {
+    const [x, y, z] = p.map((c, k) => c - turned.centre[k]);
+    return [Math.cos(a) * x + Math.sin(a) * y, Math.cos(a) * y - Math.sin(a) * x, z];
+  };
+  for (const corners of placesOf(after, info)) {
+    const local = corners.map(to);
+    for (let k = 0; k < 3; ++k) {
+      check(!local.every(p => p[k] > turned.half[k] + 1e-6) && !local.every(p => p[k] < -turned.half[k] - 1e-6), 'no triangle lies beside the box');
+    }
+  }
+  await drag(page, 'maxx', 30, 0);
+  const wider = (await region(page)).turned_box;
+  check(Math.abs(wider.half[0] - turned.half[0]) > 1e-3, 'a face is dragged');
+  near(distance(wider.centre, turned.centre), Math.abs(wider.half[0] - turned.half[0]), 1e-9, 'the face across stays');
+  // The link brings it back.
+  await exact(page);
+  await until(async () => page.url().includes('turned_box'), 'the address has it');
+  const other = await open(page.url());
+  await exact(other);
+  same(await trianglesOnScreen(other, kName, info), await trianglesOnScreen(page, kName, info), 'the linked page');
+  check(page.wrong.length + other.wrong.length === 0, [...page.wrong, ...other.wrong].join('; '));
+  await close(other);
+  await close(page);
+});
+
+test('ball and half-space are dragged', async () => {
+  const page = await open(`${server.url}/#o=${kName}&region=sphere:0,-0.8,0.4,0.5&outside=coarse&inside=0.003`);
+  await exact(page);
+  await drag(page, 'radiusx', 40, 0);
+  await exact(page);
+  const ball = (await region(page)).sphere;
+  check(Math.abs(ball.radius - 0.5) > 0.01 && distance(ball.centre, [0, -0.8, 0.4]) === 0, JSON.stringify(ball));
+  same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), 'the ball');
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  await page.selectOption('#region', 'half_space');
+  await exact(page);
+  const before = (await region(page)).half_space;
+  await drag(page, 'normal', 50, -40);
+  await drag(page, 'centre', 20, 20);
+  await exact(page);
+  const after = (await region(page)).half_space;
+  check(distance(before.normal, after.normal) > 0.05 && distance(before.point, after.point) > 0.01, JSON.stringify(after));
+  same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), 'the half-space');
+  await close(page);
+});
+
+test('while a box of full resolution is dragged, it is at full resolution soon', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=coarse`);
+  await exact(page);
+  const times = [];
+  for (let i = 0; i < 4; ++i) {
+    // From the last move of the mouse, which the page gets, to the answer in its arrays.
+    times.push(await drag(page, 'centre', i % 2 ? -24 : 24, 0, () => page.evaluate(() => new Promise(done => {
+      const begin = performance.now();
+      const look = () => {
+        const object = [...viewer.scene.objects.values()][0];
+        if (object.doneText === object.wantedText) done(performance.now() - begin);
+        else setTimeout(look, 1);
+      };
+      look();
+    }))));
+    same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), 'while it is held');
+  }
+  console.log(`        full resolution in the box after ${times.map(t => t.toFixed(0)).join(', ')} ms`);
+  await close(page);
+});
+
+test('a wedge of a terrain: linear errors from its apex, dragged, and where the camera is', async () => {
+  const page = await open(`${server.url}/#o=terrain&region=wedge:5,0,1,0,50,8&inside=distance&outside=coarse&px=2`);
+  await exact(page);
+  const terrain = JSON.parse(run('info', store, '--name', 'terrain', '--json')).objects[0];
+  const query = await page.evaluate(() => viewer.scene.objects.get('terrain').wanted);
+  check(query.region.wedge.angle === 50 && query.threshold.linear.slope > 0, JSON.stringify(query));
+  same(await trianglesOnScreen(page, 'terrain', terrain), await extracted(page, store, 'terrain', terrain), 'the wedge');
+  await page.evaluate(() => viewer.navigation.view('top', false));
+  await exact(page);
+  await drag(page, 'far', 60, 0);
+  await drag(page, 'left', -20, 0);
+  await drag(page, 'apex', 10, -20);
+  await exact(page);
+  const wedge = (await region(page)).wedge;
+  check(wedge.direction[0] > 0.05 && Math.abs(wedge.angle - 50) > 1 && distance(wedge.apex, [5, 0, 1]) > 0.05, JSON.stringify(wedge));
+  near(wedge.apex[2], 1, 1e-9, 'the apex keeps its height');
+  same(await trianglesOnScreen(page, 'terrain', terrain), await extracted(page, store, 'terrain', terrain), 'dragged');
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  await page.check('#follow');
+  await page.evaluate(() => viewer.navigation.set([2, -1, 2], [5, 5, 0], false));
+  await until(async () => distance((await region(page)).wedge.apex, [2, -1, 2]) < 1e-9, 'the wedge is where the camera is');
+  await exact(page);
+  same(await trianglesOnScreen(page, 'terrain', terrain), await extracted(page, store, 'terrain', terrain), 'the cockpit');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('a terrain in degrees is drawn in metres, as exact as the camera asks, and measured in its own coordinates', async () => {
+  const page = await open(`${server.url}/#o=degrees`);
+  await exact(page);
+  const terrain = JSON.parse(run('info', store, '--name', 'degrees', '--json')).objects[0];
+  const {stretch, size, unit} = await page.evaluate(() => ({stretch: viewer.scene.stretch, size: viewer.navigation.radius(), unit: viewer.unit}));
+  near(stretch[0] / stretch[1], Math.cos((46 * Math.PI) / 180), 0.01, 'a degree of longitude');
+  check(size > 1000 && size < 20000, `${size} metres`);
+  void unit;
+  same(await trianglesOnScreen(page, 'degrees', terrain), await extracted(page, store, 'degrees', terrain), 'degrees');
+  // Each sample of the full surface is drawn at most a pixel from where it belongs: heights of the
+  // page's mesh at the vertices of the full one that are in sight.
+  run('extract', store, file('full.ply'), '--name', 'degrees', '--full');
+  const full = placesOf(trianglesOfPly(file('full.ply'), terrain), terrain).map(t => t[0]);
+  const drawn = placesOf(await trianglesOnScreen(page, 'degrees', terrain), terrain);
+  const worst = await page.evaluate(([samples, triangles, s]) => {
+    const camera = viewer.navigation.query([viewer.canvas.width, viewer.canvas.height]), pixel = (2 * Math.tan((camera.fov * Math.PI) / 360)) / camera.viewport[1];
+    const forward = [0, 1, 2].map(k => camera.target[k] - camera.eye[k]), size = Math.hypot(...forward);
+    let most = 0, found = 0;
+    for (const [x, y, z] of samples) {
+      for (const [a, b, c] of triangles) {
+        const d = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        const u = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / d, v = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / d;
+        if (!(u >= -1e-9 && v >= -1e-9 && u + v <= 1 + 1e-9)) continue;
+        const depth = [x * s[0], y * s[1], z].reduce((sum, q, k) => sum + ((q - camera.eye[k]) * forward[k]) / size, 0);
+        most = Math.max(most, Math.abs(a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]) - z) / (depth * pixel));
+        ++found;
+        break;
+      }
+    }
+    return {most, found};
+  }, [full.filter((_, i) => i % 7 === 0), drawn, stretch]);
+  check(worst.found > 200, `${worst.found} samples`);
+  check(worst.most <= 1, `${worst.most} pixels off`);
+  check(worst.most > 0.05, `${worst.most} pixels: more exact than asked for`);
+  // Points are the terrain's own, lengths metres.
+  await page.keyboard.press('m');
+  for (const x of [380, 420]) {
+    await page.mouse.click(x, 320);
+    await until(() => page.evaluate(n => viewer.measuring.lines.reduce((sum, l) => sum + l.points.length, 0) === n, x === 380 ? 1 : 2), 'the point is there');
+  }
+  const [a, b] = await page.evaluate(() => viewer.measuring.lines[0].points.map(p => p.point));
+  check(a[0] > terrain.bounds.min[0] && a[0] < terrain.bounds.max[0] && a[1] > terrain.bounds.min[1] && a[1] < terrain.bounds.max[1], `${a}`);
+  const metres = Math.hypot(...[0, 1, 2].map(k => stretch[k] * (b[k] - a[k])));
+  check((await page.textContent('#measured')).includes(String(Number(metres.toPrecision(4)))), `${metres} in ${await page.textContent('#measured')}`);
+  // A region in it is a region of the terrain.
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  for (const kind of ['box', 'turned_box', 'sphere', 'wedge']) {
+    await page.selectOption('#region', kind);
+    await exact(page);
+    same(await trianglesOnScreen(page, 'degrees', terrain), await extracted(page, store, 'degrees', terrain), kind);
+  }
   check(page.wrong.length === 0, page.wrong.join('; '));
   await close(page);
 });
@@ -192,7 +368,7 @@ test('measured points are those of mtdb probe', async () => {
   }
   const length = distance(points[0].point, points[1].point) + distance(points[1].point, points[2].point);
   check((await page.textContent('#measured')).includes(`${Number(length.toPrecision(4))} mm over 3 points`), await page.textContent('#measured'));
-  check(await page.locator('.label').count() === 2, 'a label for each segment');
+  check(await page.locator('.label').count() === 3, 'a label for each segment, and for the line');
   const take = async button => {
     const [download] = await Promise.all([page.waitForEvent('download'), page.click(button)]);
     return readFileSync(await download.path(), 'utf8');
@@ -443,12 +619,24 @@ function writeUtm(path) {
   writeFileSync(path, lines.join('\n') + '\n');
 }
 
+// An ESRI ASCII grid of heights, by longitude and latitude.
+function writeDegrees(path) {
+  const n = 60, rows = [];
+  for (let y = 0; y < n; ++y) rows.push(Array.from({length: n}, (_, x) => Math.round(1500 + 900 * Math.exp(-((x - 30) ** 2 + (y - 28) ** 2) / 220) + 60 * Math.sin(x / 2.1) * Math.cos(y / 1.7))).join(' '));
+  writeFileSync(path, `ncols ${n}\nnrows ${n}\nxllcorner -122.25\nyllcorner 46.0\ncellsize 0.0008333333\nNODATA_value -9999\n${rows.join('\n')}\n`);
+  writeFileSync(path.replace(/asc$/, 'prj'), 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]]');
+}
+
 run('generate', 'sculpture', file('sculpture.ply'), '--triangles', '60000');
 run('generate', 'terrain', file('small.ply'), '--triangles', '3000');
 writeUtm(file('utm.ply'));
 run('ingest', file('sculpture.ply'), store, '--quiet', '--name', kName);
 run('ingest', file('utm.ply'), store, '--quiet', '--name', kOdd, '--step', '0.01');
 run('ingest', file('utm.ply'), store, '--quiet', '--name', 'utm', '--step', '0.01');
+run('generate', 'terrain', file('terrain.ply'), '--triangles', '20000');
+run('ingest', file('terrain.ply'), store, '--quiet', '--name', 'terrain');
+writeDegrees(file('degrees.asc'));
+run('ingest', file('degrees.asc'), store, '--quiet', '--name', 'degrees');
 const described = JSON.parse(run('info', store, '--name', kName, '--json'));
 info = described.objects ? described.objects[0] : described;
 void trianglesOfPly;

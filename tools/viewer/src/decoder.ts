@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The worker of one session: it has the WebSocket and the mesh (decoder.wasm), and tells the page
 // what changes. While the page has not taken an update, further ones are gathered into one.
+import type {Point} from './query';
 import type {MeshUpdate, Slots, ValueChoice} from './source';
 
 interface Exports {
@@ -19,10 +20,11 @@ interface Exports {
   normals(): number;
   rows(): number;
   take_changes(): number;
+  stretch(x: number, y: number, z: number): void;
 }
 
 export type ToDecoder =
-  | {kind: 'open'; url: string; remember: number; types: string[]}
+  | {kind: 'open'; url: string; remember: number; types: string[]; stretch: Point}
   | {kind: 'ask'; id: number; query: unknown}
   | {kind: 'choose'; values: ValueChoice}
   | {kind: 'taken'};
@@ -49,6 +51,7 @@ let values: ValueChoice = {kind: 'none'};
 let valuesAll = false; // all vertices are to be told anew
 let valueRange: [number, number] | null = null;
 let remember = 0;
+let stretch: Point = [1, 1, 1];
 
 const post = (message: FromDecoder, transfer: Transferable[] = []) => (self as unknown as Worker).postMessage(message, transfer);
 
@@ -109,6 +112,7 @@ function onText(text: string) {
     opened = true;
     const most = Math.min(hello.max_triangles, 2 ** 26);
     wasm.open(most + kSpareVertices, 3 * most + remember + kSpareVertices);
+    wasm.stretch(...stretch);
     post({kind: 'hello', hello});
     return;
   }
@@ -242,6 +246,7 @@ self.onmessage = (event: MessageEvent<ToDecoder>) => {
     case 'open':
       types = message.types;
       remember = message.remember;
+      stretch = message.stretch;
       void open(message.url);
       break;
     case 'ask':

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Mouse, fingers and keys in the picture. Moving the camera is in navigation.ts, dragging in focus_handles.ts.
 import {byId} from './page';
+import {toPage} from './stretch';
 import type {Viewer} from './viewer';
 
 export class Gestures {
@@ -107,7 +108,7 @@ export class Gestures {
 
   async goTo(x: number, y: number) {
     const hit = await this.viewer.probe(x, y);
-    if (hit) this.viewer.navigation.goTo(hit.point);
+    if (hit) this.viewer.navigation.goTo(toPage(hit.point, this.viewer.scene.stretch));
   }
 
   async addPoint(x: number, y: number) {

@@ -3,11 +3,15 @@
 import * as three from 'three';
 import {colourTable} from './colour_maps';
 import {select} from './page';
+import {planesOf} from './shapes';
 import type {ObjectInfo, ValueChoice} from './source';
 import {plainStyle, type Style} from './view_state';
+import {apexOf, slopeOf} from './wish';
 import type {Viewer} from './viewer';
 
-const kSurface = '#b9b2a6', kBack = '#9a6a4f';
+const kSurface = '#b9b2a6', kBack = '#9a6a4f', kMark = '#f0b429';
+// Of what is shown, the camera's, the sky's, and the eye's share of light.
+const kLights : Record<Style['light'], [number, number, number]> = {camera: [0.62, 0.14, 0.26], northwest: [0.98, 0.06, 0.1]};
 
 export class Look {
   style: Style = {...plainStyle};
@@ -30,10 +34,12 @@ export class Look {
   apply() {
     const u = this.viewer.shared;
     for (const object of this.viewer.scene.objects.values()) object.source.choose(this.choiceFor(object.info));
-    const kinds: Record<string, number> = {plain: 0, vertex: 1, height: 3, steepness: 4};
+    const kinds: Record<string, number> = {plain: 0, vertex: 1, height: 3, steepness: 4, permitted: 5};
     u.colourBy!.value = this.style.colour.startsWith('a:') ? 2 : (kinds[this.style.colour] ?? 0);
     u.flatShading!.value = this.style.shading === 'flat';
-    u.showBack!.value = this.style.back;
+    u.backFaces!.value = ['same', 'colour', 'cap'].indexOf(this.style.back);
+    (u.weights!.value as three.Vector3).set(...kLights[this.style.light]);
+    (u.mark!.value as three.Color).setStyle(kMark, three.LinearSRGBColorSpace);
     (u.surface!.value as three.Color).setStyle(kSurface, three.LinearSRGBColorSpace);
     (u.back!.value as three.Color).setStyle(kBack, three.LinearSRGBColorSpace);
     const map = u.map!.value as three.DataTexture;
@@ -48,12 +54,42 @@ export class Look {
     const kind = this.viewer.shared.colourBy!.value;
     if (kind === 3) return [this.viewer.bounds().min[2], this.viewer.bounds().max[2]];
     if (kind === 4) return [0, 90];
+    if (kind === 5) return this.permittedRange();
     if (kind !== 2) return null;
     let range: [number, number] | null = null;
     for (const {mesh} of this.viewer.scene.objects.values()) {
       if (mesh.valueRange) range = range ? [Math.min(range[0], mesh.valueRange[0]), Math.max(range[1], mesh.valueRange[1])] : [...mesh.valueRange];
     }
     return range;
+  }
+
+  // The least and the most error that the camera asks for in what is shown. The map is logarithmic.
+  private permittedRange(): [number, number] {
+    const {scene, navigation} = this.viewer;
+    const slope = slopeOf(navigation.query(this.viewer.viewport()), scene.exactness().pixels);
+    const most = slope * navigation.camera.far, least = Math.max(slope * navigation.camera.near, most * 1e-3);
+    return [least, most];
+  }
+
+  // What the shaders know of region and permitted errors. To be called before drawing.
+  mark() {
+    const u = this.viewer.shared, {scene, navigation} = this.viewer, focus = scene.focus;
+    const ball = u.ball!.value as three.Vector4, planes = u.planes!.value as three.Vector4[], permitted = u.permitted!.value as three.Vector4;
+    ball.set(0, 0, 0, -1);
+    u.planeCount!.value = 0;
+    u.clips!.value = focus?.outside === 'clip';
+    const camera = navigation.query(this.viewer.viewport()), slope = slopeOf(camera, scene.exactness().pixels);
+    permitted.set(slope, 0, 0, focus && focus.outside !== 'view' ? 1 : 0);
+    if (!focus) return;
+    planesOf(focus.region).forEach((plane, i) => {
+      const normal = new three.Vector3(...plane.normal).normalize();
+      planes[i]!.set(normal.x, normal.y, normal.z, -normal.dot(navigation.toScene(plane.point)));
+      ++(u.planeCount!.value as number);
+    });
+    if ('sphere' in focus.region) ball.set(...navigation.toScene(focus.region.sphere.centre).toArray(), focus.region.sphere.radius);
+    permitted.z = focus.inside === 'view' ? 0 : focus.inside === 'distance' ? 2 : 1;
+    permitted.y = focus.inside === 'distance' ? slope : typeof focus.inside === 'number' ? focus.inside : this.viewer.roundingError();
+    (u.apex!.value as three.Vector3).copy(navigation.toScene(apexOf(focus.region, camera)));
   }
 
   setTheme() {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the camera moves: around a point, or flying; home, side views, going there.
+// How the camera moves: around a point, or flying; home, side views, going there. In the page's
+// coordinates.
 import CameraControls from 'camera-controls';
 import * as three from 'three';
 import {add, cross, dot, length, scale, sub, unit, type Camera, type Point} from './query';
@@ -59,6 +60,10 @@ export class Navigation {
 
   radius() {
     return Math.max(length(sub(this.bounds.max, this.bounds.min)) / 2, 1e-9);
+  }
+
+  lowest() {
+    return this.bounds.min[2];
   }
 
   toScene(p: Point) {

@@ -4,6 +4,7 @@ import * as three from 'three';
 import {sub, type Point} from './query';
 import {edgeMaterial, surfaceMaterial, type Uniforms} from './shaders';
 import type {MeshUpdate, Slots} from './source';
+import {toPage} from './stretch';
 
 const kSpare = 1.4; // how much larger arrays are made than they must be
 
@@ -49,9 +50,9 @@ export class ObjectMesh {
   private readonly surface: three.Mesh;
   private readonly edges: three.LineSegments;
 
-  // `frame`: the point of the model that is the scene's origin. Positions on the card are relative
-  // to points nearby, so that float32 suffices however large the coordinates are.
-  constructor(shared: Uniforms, private readonly frame: Point) {
+  // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
+  // points nearby, so that float32 suffices however large the coordinates are.
+  constructor(shared: Uniforms, private readonly frame: Point, private readonly stretch: Point) {
     this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.place));
     this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.place));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
@@ -69,7 +70,7 @@ export class ObjectMesh {
     this.vertexSlots = update.vertexSlots;
     this.origin = update.origin;
     this.valueRange = update.valueRange;
-    this.group.position.set(...sub(update.origin, this.frame));
+    this.group.position.set(...sub(toPage(update.origin, this.stretch), this.frame));
     this.place.place.value.copy(this.group.position);
     write(this.index, update.indices, 3);
     write(this.attributes.position!, update.positions, 3);
@@ -85,6 +86,8 @@ export class ObjectMesh {
   set wireframe(on: boolean) {
     if (on === this.edges.visible) return;
     this.edges.visible = on;
+    // Room for the edges. Where there are none it would only let what is behind shine through.
+    (this.surface.material as three.Material).polygonOffset = on;
     if (on) {
       this.makeEdges();
     } else {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel beside the picture: its controls say what is shown, and change it.
 import {colourMaps} from './colour_maps';
-import {kindOf, numbersOf, regionOf} from './focus_handles';
 import {lengthError, lineLength, rise} from './measuring';
 import {byId, download, figure, input, select, whole} from './page';
+import {kindOf, numbersOf, shapeOf, titles} from './shapes';
 import type {Style} from './view_state';
+import type {Focus} from './wish';
 import type {Viewer} from './viewer';
 
 export class Panel {
@@ -27,7 +28,7 @@ export class Panel {
     on('colour', 'change', () => this.viewer.look.restyle({colour: select('colour').value, ...(select('colour').value === 'height' && this.viewer.look.style.map === 'viridis' ? {map: 'tints'} : {})}));
     on('map', 'change', () => this.viewer.look.restyle({map: select('map').value}));
     on('light', 'change', () => this.viewer.look.restyle({light: select('light').value as Style['light']}));
-    on('back', 'change', () => this.viewer.look.restyle({back: input('back').checked}));
+    on('back', 'change', () => this.viewer.look.restyle({back: select('back').value as Style['back']}));
     on('unit', 'change', () => {
       this.viewer.unit = select('unit').value;
       this.viewer.measuring.rebuild();
@@ -52,12 +53,12 @@ export class Panel {
       if (!this.viewer.scene.focus) return;
       const inside = select('inside').value, error = Number(input('inside-error').value);
       const usable = error > 0 && Number.isFinite(error) ? error : this.suggestedError();
-      this.viewer.scene.focus = {...this.viewer.scene.focus, inside: inside === 'error' ? usable : (inside as 'full' | 'view'), outside: select('outside').value as 'view' | 'coarse' | 'clip'};
-      this.viewer.applyClip();
+      this.viewer.scene.focus = {...this.viewer.scene.focus, inside: inside === 'error' ? usable : (inside as 'full' | 'view' | 'distance'), outside: select('outside').value as Focus['outside'], follow: input('follow').checked};
+      this.viewer.setHandles();
       this.viewer.scene.restart();
       this.fill();
     };
-    for (const id of ['inside', 'inside-error', 'outside']) on(id, 'change', refocus);
+    for (const id of ['inside', 'inside-error', 'outside', 'follow']) on(id, 'change', refocus);
     on('line-end', 'click', () => this.viewer.measuring.endLine());
     on('line-undo', 'click', () => this.viewer.measuring.undo());
     on('line-clear', 'click', () => this.viewer.measuring.clear());
@@ -93,7 +94,7 @@ export class Panel {
     const style = this.viewer.look.style;
     const infos = this.viewer.shownInfos();
     const attributes = [...new Set(infos.flatMap(i => i.attributes.map(a => a.name)))].filter(name => !['red', 'green', 'blue', 'alpha', 'nx', 'ny', 'nz'].includes(name));
-    const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'colours of the vertices']] : []), ['height', 'height'], ['steepness', 'steepness'],
+    const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'colours of the vertices']] : []), ['height', 'height'], ['steepness', 'steepness'], ['permitted', 'permitted error'],
       ...attributes.map(name => [`a:${name}`, name])];
     if (!colours.some(([value]) => value === style.colour)) style.colour = 'plain';
     select('colour').replaceChildren(...colours.map(([value, text]) => new Option(text!, value!)));
@@ -104,7 +105,7 @@ export class Panel {
     select('shading').value = style.shading;
     input('wireframe').checked = style.wireframe;
     select('light').value = style.light;
-    input('back').checked = style.back;
+    select('back').value = style.back;
     select('unit').value = this.viewer.unit;
     input('pixels').value = String(Math.log2(this.viewer.scene.pixels));
     byId('pixels-text').textContent = `${figure(this.viewer.scene.pixels, 2)} pixel${this.viewer.scene.pixels === 1 ? '' : 's'}`;
@@ -119,6 +120,9 @@ export class Panel {
       byId('inside-row').hidden = typeof focus.inside !== 'number';
       if (typeof focus.inside === 'number') input('inside-error').value = figure(focus.inside, 3);
       select('outside').value = focus.outside;
+      const wedge = kindOf(focus.region) === 'wedge';
+      byId('follow-row').hidden = byId('inside-distance').hidden = !wedge;
+      input('follow').checked = focus.follow;
       this.fillNumbers();
     }
     if (input('take-error').value === '' && infos.length > 0) input('take-error').value = figure(this.suggestedError(), 2);
@@ -129,8 +133,7 @@ export class Panel {
   fillNumbers() {
     const focus = this.viewer.scene.focus;
     if (!focus) return;
-    const kind = kindOf(focus.region), numbers = numbersOf(focus.region), root = byId('region-numbers');
-    const titles: Record<string, string[]> = {box: ['x from', 'y from', 'z from', 'x to', 'y to', 'z to'], sphere: ['x', 'y', 'z', 'radius'], half_space: ['x', 'y', 'z', 'normal x', 'normal y', 'normal z']};
+    const kind = kindOf(focus.region), numbers = numbersOf(focus.region, this.viewer.scene.stretch), root = byId('region-numbers');
     if (root.dataset.kind !== kind) {
       root.dataset.kind = kind;
       root.replaceChildren(...titles[kind]!.map(title => {
@@ -139,7 +142,7 @@ export class Panel {
         box.type = 'number';
         box.step = 'any';
         box.onchange = () => {
-          const region = regionOf(kind, [...root.querySelectorAll('input')].map(i => Number(i.value)));
+          const region = shapeOf(kind, [...root.querySelectorAll('input')].map(i => Number(i.value)), this.viewer.scene.stretch);
           if (region) this.viewer.setRegion(region);
           else this.fillNumbers();
         };
@@ -162,7 +165,7 @@ export class Panel {
       row.className = 'hint';
       row.textContent = line.points.length === 1
         ? `${i + 1}: ${line.points[0]!.point.map(c => this.viewer.coordinate(c)).join('  ')}`
-        : `${i + 1}: ${this.viewer.text(lineLength(line))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line)))}`;
+        : `${i + 1}: ${this.viewer.text(lineLength(line, this.viewer.scene.stretch))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line)))}`;
       return row;
     }));
     if (lines.length === 0) byId('measured').textContent = 'Nothing yet: “Measure”, then click points of the surface.';

@@ -5,9 +5,11 @@
 // everywhere.
 import * as three from 'three';
 import {ObjectMesh} from './object_mesh';
-import {queryFor, type Camera, type Focus, type Point, type Query} from './query';
+import type {Camera, Point, Query} from './query';
 import type {Uniforms} from './shaders';
 import type {Done, MeshListener, MeshSource, ObjectInfo, Store, ValueChoice} from './source';
+import {kNoStretch} from './stretch';
+import {queryFor, type Focus} from './wish';
 
 const kRest = 200; // milliseconds without a movement
 const kWhileMoving = 2.5; // by how much the error rises then
@@ -40,6 +42,7 @@ export class Scene {
   pixels = 1;
   budget = 600_000;
   focus: Focus | null = null;
+  stretch: Point = kNoStretch;
   wireframe = false;
   moving = false;
   changes = 0; // counts what would be drawn otherwise now
@@ -51,7 +54,7 @@ export class Scene {
   constructor(private readonly store: Store, private readonly shared: Uniforms, private readonly changed: () => void) {}
 
   show(info: ObjectInfo, frame: Point, choice: ValueChoice) {
-    const mesh = new ObjectMesh(this.shared, frame);
+    const mesh = new ObjectMesh(this.shared, frame, this.stretch);
     mesh.wireframe = this.wireframe;
     const object: SceneObject = {name: info.object, info, mesh, source: null as unknown as MeshSource, state: 'opening', sentence: '', failure: '',
       wanted: null, wantedText: '', done: null, doneText: ''};
@@ -104,7 +107,7 @@ export class Scene {
     this.changed();
   }
 
-  // Asks for what `camera` wants. To be called once a frame.
+  // Asks for what `camera`, in the page's coordinates, wants. To be called once a frame.
   follow(camera: Camera, now: number) {
     const text = JSON.stringify(camera);
     if (text !== this.cameraText) {
@@ -118,7 +121,7 @@ export class Scene {
     const share = Math.floor(this.budget / Math.max(1, this.objects.size));
     for (const object of this.objects.values()) {
       const wish = {camera, pixels: this.pixels * this.factor * (moving ? kWhileMoving : 1), focus: this.focus,
-        maxTriangles: Math.max(1, Math.min(share, object.source.maxTriangles))};
+        maxTriangles: Math.max(1, Math.min(share, object.source.maxTriangles)), stretch: this.stretch};
       const query = queryFor(wish), wanted = JSON.stringify(query);
       if (wanted === object.wantedText) continue;
       object.wanted = query;
@@ -138,7 +141,7 @@ export class Scene {
 
   // Whether the budget suffices, with the error as it is.
   private weigh() {
-    const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view';
+    const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view' || this.focus.inside === 'distance';
     if (!byCamera) return;
     const all = [...this.objects.values()];
     if (all.some(o => o.done?.limit === 'triangles' && o.doneText === o.wantedText)) {

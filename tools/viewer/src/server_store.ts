@@ -4,6 +4,7 @@
 import type {FromDecoder, ToDecoder} from './decoder';
 import type {Point, Query} from './query';
 import {StoreError} from './source';
+import {stretchOf} from './stretch';
 import type {Done, Hit, MeshListener, MeshSource, ObjectEntry, ObjectInfo, Store, TakenMesh, Traffic, ValueChoice} from './source';
 
 const kRemember = 65536; // removed vertices that need not travel again
@@ -105,7 +106,7 @@ class ServerSession implements MeshSource {
     this.worker = worker;
     worker.onmessage = (event: MessageEvent<FromDecoder>) => this.onMessage(event.data);
     worker.onerror = () => this.lose(new StoreError('The decoder could not be started; load the page anew.', 'decoder'));
-    this.post({kind: 'open', url: this.url.href, remember: kRemember, types: info.attributes.map(a => a.type)});
+    this.post({kind: 'open', url: this.url.href, remember: kRemember, types: info.attributes.map(a => a.type), stretch: stretchOf(info)});
   }
 
   private stop() {

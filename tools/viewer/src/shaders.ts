@@ -10,16 +10,17 @@ in vec4 colour;
 in float scalar;
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
-uniform vec3 place;     // of the mesh in the scene
-uniform int colourBy;   // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness
-uniform vec2 range;     // of what the colour map shows
+uniform vec3 place, stretch; // of the mesh in the scene; see stretch.ts
+uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error
+uniform vec2 range;          // of what the colour map shows
 out vec3 inView, inScene, normalInView, plain;
 out float level;
 void main() {
-  vec4 view = modelViewMatrix * vec4(position, 1.0);
+  vec3 placed = position * stretch;
+  vec4 view = modelViewMatrix * vec4(placed, 1.0);
   gl_Position = projectionMatrix * view;
   inView = view.xyz;
-  inScene = place + position;
+  inScene = place + placed;
   normalInView = normalMatrix * normal.xyz;
   plain = colour.rgb;
   float shown = colourBy == 2 ? scalar : colourBy == 3 ? inScene.z : degrees(acos(clamp(abs(normal.z) / max(length(normal.xyz), 1e-6), 0.0, 1.0)));
@@ -27,13 +28,14 @@ void main() {
 }`;
 
 const clipping = `
-uniform int clipKind;   // 0 none, 1 box, 2 ball, 3 half-space
-uniform vec3 clipA, clipB;
-bool isClipped(vec3 p) {
-  if (clipKind == 1) return any(lessThan(p, clipA)) || any(greaterThan(p, clipB));
-  if (clipKind == 2) return distance(p, clipA) > clipB.x;
-  if (clipKind == 3) return dot(p - clipA, clipB) > 0.0;
-  return false;
+uniform int planeCount;   // of the region
+uniform vec4 planes[6];   // outside: dot(planes[i], vec4(p, 1)) > 0
+uniform vec4 ball;        // centre and radius; a negative radius: none
+uniform bool clips;       // what is outside goes
+float outside(vec3 p) {
+  float result = ball.w < 0.0 ? -1e30 : distance(p, ball.xyz) - ball.w;
+  for (int i = 0; i < planeCount; ++i) result = max(result, dot(planes[i], vec4(p, 1.0)));
+  return result;
 }`;
 
 const fragment = `
@@ -42,30 +44,51 @@ precision highp int;
 in vec3 inView, inScene, normalInView, plain;
 in float level;
 uniform int colourBy;
-uniform bool flatShading, showBack;
-uniform vec3 surface, back, light;   // colours as on screens; the direction to the light, in view
+uniform bool flatShading;
+uniform int backFaces;        // 0 as the front, 1 in a colour of their own, 2 that without light, as the filling of a section
+uniform vec3 surface, back, mark, light;   // colours as on screens; the direction to the light, in view
+uniform vec3 weights;         // of light, sky, and what comes from the eye
+uniform vec4 permitted;       // error a unit of depth; inside of the region: 0 the same, 1 .y, 2 .y a unit of distance from apex; .z: what; .w: outside anything
+uniform vec3 apex;
+uniform vec2 range;
 uniform sampler2D map;
 out vec4 result;
 ${clipping}
+float permittedLevel(float o) {
+  float error = o > 0.0 && permitted.w > 0.0 ? range.y : permitted.x * -inView.z;
+  if (o <= 0.0 && permitted.z == 1.0) error = permitted.y;
+  if (o <= 0.0 && permitted.z == 2.0) error = permitted.y * distance(inScene, apex);
+  return log(max(error, 1e-30) / range.x) / log(range.y / range.x);
+}
 void main() {
-  if (isClipped(inScene)) discard;
-  vec3 facet = normalize(cross(dFdx(inView), dFdy(inView)));
-  vec3 n = facet;
-  if (!flatShading && dot(normalInView, normalInView) > 0.0) {
+  float o = outside(inScene);
+  if (clips && o > 0.0) discard;
+  vec3 toEye = normalize(-inView), n;
+  if (flatShading || dot(normalInView, normalInView) == 0.0) {
+    n = normalize(cross(dFdx(inView), dFdy(inView)));
+  } else {
     n = normalize(normalInView);
     if (!gl_FrontFacing) n = -n;
     // A normal that looks away from the eye is that of a silhouette or of a crease.
-    if (dot(n, facet) < 0.0) n = normalize(n - 2.0 * dot(n, facet) * facet);
+    float away = dot(n, toEye);
+    if (away < 0.0) n = normalize(n - away * toEye);
   }
-  vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(level, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
-  if (showBack && !gl_FrontFacing) base = back;
+  float shown = colourBy == 5 ? permittedLevel(o) : level;
+  vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+  if (backFaces > 0 && !gl_FrontFacing) base = back;
+  if (backFaces == 2 && clips && !gl_FrontFacing) {
+    result = vec4(back, 1.0);
+    return;
+  }
+  // Where the region's border meets the surface.
+  if (!clips && abs(o) < 1.3 * fwidth(o)) base = mark;
   base = pow(base, vec3(2.2));
   float key = max(dot(n, light), 0.0);
   float fill = 0.5 + 0.5 * n.y;
-  float head = max(dot(n, normalize(-inView)), 0.0);
-  vec3 halfway = normalize(light + normalize(-inView));
+  float head = max(dot(n, toEye), 0.0);
+  vec3 halfway = normalize(light + toEye);
   float shine = 0.12 * pow(max(dot(n, halfway), 0.0), 30.0);
-  vec3 lit = base * (0.62 * key + 0.14 * fill + 0.26 * head) + shine;
+  vec3 lit = base * dot(weights, vec3(key, fill, head)) + shine;
   result = vec4(pow(lit, vec3(1.0 / 2.2)), 1.0);
 }`;
 
@@ -78,7 +101,7 @@ uniform float edgeOpacity;
 out vec4 result;
 ${clipping}
 void main() {
-  if (isClipped(inScene)) discard;
+  if (clips && outside(inScene) > 0.0) discard;
   result = vec4(edge, edgeOpacity);
 }`;
 
@@ -89,9 +112,10 @@ export function sharedUniforms(): Uniforms {
   const map = new three.DataTexture(new Uint8Array(4 * 256), 256, 1);
   map.magFilter = map.minFilter = three.LinearFilter;
   return {
-    colourBy: {value: 0}, range: {value: new three.Vector2(0, 1)}, clipKind: {value: 0}, clipA: {value: new three.Vector3()},
-    clipB: {value: new three.Vector3()}, flatShading: {value: false}, showBack: {value: false}, surface: {value: new three.Color()},
-    back: {value: new three.Color()}, light: {value: new three.Vector3(0, 0, 1)}, map: {value: map}, edge: {value: new three.Color()},
+    colourBy: {value: 0}, range: {value: new three.Vector2(0, 1)}, stretch: {value: new three.Vector3(1, 1, 1)}, planeCount: {value: 0},
+    planes: {value: Array.from({length: 6}, () => new three.Vector4())}, ball: {value: new three.Vector4(0, 0, 0, -1)}, clips: {value: false},
+    flatShading: {value: false}, backFaces: {value: 0}, surface: {value: new three.Color()}, mark: {value: new three.Color()},
+    weights: {value: new three.Vector3()}, permitted: {value: new three.Vector4()}, apex: {value: new three.Vector3()}, back: {value: new three.Color()}, light: {value: new three.Vector3(0, 0, 1)}, map: {value: map}, edge: {value: new three.Color()},
     edgeOpacity: {value: 0.55},
   };
 }
@@ -99,7 +123,7 @@ export function sharedUniforms(): Uniforms {
 export function surfaceMaterial(shared: Uniforms, own: Uniforms) {
   return new three.RawShaderMaterial({
     glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment, uniforms: {...shared, ...own} as never,
-    side: three.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    side: three.DoubleSide, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
   });
 }
 

@@ -14,6 +14,7 @@ export interface ObjectInfo extends ObjectEntry {
   diagonal: number;
   rounding_error: number;
   attributes: {name: string; type: string}[];
+  raster?: {crs: string; height_units: string}; // of a terrain
 }
 
 // Elements of some slots: `data` has them one range after the other; range i is

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the user takes along: meshes, pictures, a link to the view.
 import {byId, download, figure, input, select, whole} from './page';
+import {regionOf} from './shapes';
 import type {Viewer} from './viewer';
 
 export class TakingAway {
@@ -18,7 +19,7 @@ export class TakingAway {
     for (const name of this.viewer.scene.objects.keys()) {
       said.textContent = `${name}: the server cuts…`;
       try {
-        const mesh = await this.viewer.store.mesh(name, {threshold: error === 0 ? 'full' : error, ...(focus ? {region: focus.region, clip: true} : {})}, format);
+        const mesh = await this.viewer.store.mesh(name, {threshold: error === 0 ? 'full' : error, ...(focus ? {region: regionOf(focus.region, this.viewer.scene.stretch), clip: true} : {})}, format);
         download(mesh.blob, `${name}.${format}`);
         said.textContent = `${name}: ${whole(mesh.triangles)} triangles, off by at most ${this.viewer.text(mesh.errorBound)}, ${figure(mesh.blob.size / 1e6)} MB.`;
       } catch (failure) {

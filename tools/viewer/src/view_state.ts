@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a link carries to a colleague: objects, camera, region, style, measured lines.
-import {kindOf, numbersOf, regionOf} from './focus_handles';
-import type {Focus, Point} from './query';
+import type {Point} from './query';
+import {titles} from './shapes';
+import type {Focus} from './wish';
 
 export interface Style {
   shading: 'smooth' | 'flat';
   wireframe: boolean;
-  colour: string; // plain, vertex, height, steepness, or a:NAME
+  colour: string; // plain, vertex, height, steepness, permitted, or a:NAME
   map: string;
   light: 'camera' | 'northwest';
-  back: boolean;
+  back: 'same' | 'colour' | 'cap'; // how back faces look
 }
 
+// As a link has it; see numbersOf().
+export interface FocusState extends Omit<Focus, 'region'> {
+  kind: string;
+  numbers: number[];
+}
+
+// Points are in the model's coordinates.
 export interface ViewState {
   objects: string[];
   eye: Point | null;
@@ -19,12 +27,12 @@ export interface ViewState {
   pixels: number;
   triangles: number;
   style: Style;
-  focus: Focus | null;
+  focus: FocusState | null;
   unit: string;
   lines: Point[][]; // measured
 }
 
-export const plainStyle: Style = {shading: 'smooth', wireframe: false, colour: 'plain', map: 'viridis', light: 'camera', back: true};
+export const plainStyle: Style = {shading: 'smooth', wireframe: false, colour: 'plain', map: 'viridis', light: 'camera', back: 'colour'};
 
 const point = (text: string | null): Point | null => {
   const n = (text ?? '').split(',').map(Number);
@@ -44,9 +52,10 @@ export function writeView(view: ViewState, defaults: ViewState): string {
     if (view.style[key] !== defaults.style[key]) p.set(key, String(view.style[key]));
   }
   if (view.focus) {
-    p.set('region', kindOf(view.focus.region) + ':' + numbersOf(view.focus.region).join(','));
+    p.set('region', view.focus.kind + ':' + view.focus.numbers.join(','));
     p.set('inside', String(view.focus.inside));
     p.set('outside', view.focus.outside);
+    if (view.focus.follow) p.set('follow', 'true');
   }
   if (view.unit) p.set('unit', view.unit);
   for (const line of view.lines) if (line.length > 0) p.append('line', line.flat().join(','));
@@ -58,11 +67,11 @@ export function readView(hash: string, defaults: ViewState): ViewState {
   const p = new URLSearchParams(hash.replace(/^#/, ''));
   const oneOf = <T extends string>(key: string, values: readonly T[], otherwise: T): T => (values.includes(p.get(key) as T) ? (p.get(key) as T) : otherwise);
   const number = (key: string, otherwise: number) => (p.has(key) && Number(p.get(key)) > 0 && Number.isFinite(Number(p.get(key))) ? Number(p.get(key)) : otherwise);
-  const [kind, numbers] = (p.get('region') ?? '').split(':');
-  const region = kind && numbers ? regionOf(kind, numbers.split(',').map(Number)) : null;
+  const [kind = '', text = ''] = (p.get('region') ?? '').split(':');
+  const numbers = text.split(',').map(Number);
+  const usable = numbers.length === titles[kind]?.length && numbers.every(x => Number.isFinite(x));
   const inside = p.get('inside') ?? 'full';
   const error = Number(inside);
-  const flag = (key: 'wireframe' | 'back') => (p.has(key) ? p.get(key) === 'true' : defaults.style[key]);
   const lines = p.getAll('line').map(text => {
     const n = text.split(',').map(Number);
     const points: Point[] = [];
@@ -71,9 +80,10 @@ export function readView(hash: string, defaults: ViewState): ViewState {
   }).filter(line => line.length > 0);
   return {
     objects: p.getAll('o'), eye: point(p.get('eye')), target: point(p.get('look')), pixels: number('px', defaults.pixels), triangles: number('triangles', defaults.triangles),
-    style: {shading: oneOf('shading', ['smooth', 'flat'], defaults.style.shading), wireframe: flag('wireframe'), colour: p.get('colour') ?? defaults.style.colour,
-      map: p.get('map') ?? defaults.style.map, light: oneOf('light', ['camera', 'northwest'], defaults.style.light), back: flag('back')},
-    focus: region ? {region, inside: inside === 'full' || inside === 'view' ? inside : error > 0 && Number.isFinite(error) ? error : 'full', outside: oneOf('outside', ['view', 'coarse', 'clip'], 'view')} : null,
+    style: {shading: oneOf('shading', ['smooth', 'flat'], defaults.style.shading), wireframe: p.has('wireframe') ? p.get('wireframe') === 'true' : defaults.style.wireframe, colour: p.get('colour') ?? defaults.style.colour,
+      map: p.get('map') ?? defaults.style.map, light: oneOf('light', ['camera', 'northwest'], defaults.style.light), back: oneOf('back', ['same', 'colour', 'cap'], defaults.style.back)},
+    focus: usable ? {kind, numbers, inside: inside === 'view' || inside === 'distance' ? inside : error > 0 && Number.isFinite(error) ? error : 'full', outside: oneOf('outside', ['view', 'coarse', 'clip'], 'view'),
+      follow: kind === 'wedge' && p.get('follow') === 'true'} : null,
     unit: oneOf('unit', ['', 'mm', 'cm', 'm', 'km'], ''), lines,
   };
 }

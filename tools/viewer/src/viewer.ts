@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: puts store, scene, camera and panel together, and draws.
 import * as three from 'three';
-import {FocusHandles, regionFor} from './focus_handles';
+import {FocusHandles} from './focus_handles';
 import {Gestures} from './gestures';
 import {Look} from './look';
 import {Measuring} from './measuring';
 import {Navigation} from './navigation';
 import {byId, figure, whole} from './page';
 import {Panel} from './panel';
-import {add, length, scale, sub, type Point, type Region} from './query';
+import {add, length, scale, sub, type Camera, type Point} from './query';
 import {Scene} from './scene';
 import {ServerStore} from './server_store';
 import {sharedUniforms} from './shaders';
 import {StoreError, type Hit, type ObjectEntry, type ObjectInfo, type Store} from './source';
+import {kindOf, newShape, numbersOf, shapeOf, type Shape} from './shapes';
 import {Status} from './status';
+import {inDegrees, stretchOf, toModel, toPage} from './stretch';
 import {TakingAway} from './taking_away';
 import {plainStyle, readView, writeView, type ViewState} from './view_state';
 
@@ -33,7 +35,6 @@ export class Viewer {
   readonly taking = new TakingAway(this);
   readonly status = new Status(this);
   entries: ObjectEntry[] = [];
-  private readonly infos = new Map<string, ObjectInfo>();
   frame: Point | null = null;
   unit = '';
   defaults: ViewState;
@@ -51,8 +52,11 @@ export class Viewer {
     this.scene = new Scene(this.store, this.shared, () => (this.panelDirty = true));
     this.scene.budget = matchMedia('(max-width: 700px)').matches ? 200_000 : 600_000;
     this.defaults = {objects: [], eye: null, target: null, pixels: 1, triangles: this.scene.budget, style: plainStyle, focus: null, unit: '', lines: []};
-    this.navigation = new Navigation(this.canvas, async (x, y) => (await this.probe(x, y))?.point ?? null);
-    this.handles = new FocusHandles(this.canvas, this.navigation, region => this.setRegion(region, false));
+    this.navigation = new Navigation(this.canvas, async (x, y) => {
+      const hit = await this.probe(x, y);
+      return hit && toPage(hit.point, this.scene.stretch);
+    });
+    this.handles = new FocusHandles(this.canvas, this.navigation, shape => this.setRegion(shape, false));
     this.measuring = new Measuring(byId('labels'), this.navigation, units => this.text(units), () => this.panel.showMeasured());
     this.world.add(this.scene.root, this.handles.root, this.measuring.root);
     this.handles.set(null);
@@ -107,13 +111,17 @@ export class Viewer {
     for (const name of [...this.scene.objects.keys()]) if (!view.objects.includes(name)) this.hide(name);
     for (const name of view.objects) await this.show(name);
     if (this.scene.objects.size === 0) return this.showStart();
-    if (view.eye && view.target) this.navigation.set(view.eye, view.target, false);
+    const stretch = this.scene.stretch;
+    if (view.eye && view.target) this.navigation.set(toPage(view.eye, stretch), toPage(view.target, stretch), false);
     else this.navigation.view('home', false);
-    if (view.focus) this.scene.focus = view.focus;
-    this.setRegion(view.focus?.region ?? null);
+    const region = view.focus && shapeOf(view.focus.kind, view.focus.numbers, stretch);
+    this.scene.focus = view.focus && region && {region, inside: view.focus.inside, outside: view.focus.outside, follow: view.focus.follow};
+    this.setRegion(region);
     if (view.lines.length > 0 || this.measuring.lines.length > 0) {
       this.measuring.replace(view.lines.map(points => ({points: points.map(point => ({point, error_bound: this.roundingError()}))})));
     }
+    const terrain = this.shownInfos().every(i => i.raster) && !view.eye && JSON.stringify(view.style) === JSON.stringify(plainStyle);
+    if (terrain) this.look.style = {...this.look.style, colour: 'height', map: 'tints', light: 'northwest'};
     this.look.apply();
     this.scene.restart();
     this.panel.fill();
@@ -130,15 +138,27 @@ export class Viewer {
       this.say(sentence, 8000);
       return;
     }
-    this.infos.set(name, info);
-    if (this.scene.objects.size === 0) this.frame = null;
-    this.frame ??= scale(add(info.bounds.min, info.bounds.max), 0.5);
+    const others = this.shownInfos();
+    if (others.length > 0 && inDegrees(others[0]!) !== inDegrees(info)) {
+      this.say(`“${name}” is not in the same coordinates as “${others[0]!.object}”: one of them is in degrees. Switch the other off first.`, 8000);
+      return this.panel.fill();
+    }
+    if (others.length === 0) {
+      this.frame = null;
+      this.setStretch(stretchOf(info));
+      if (info.raster?.height_units === 'm' && !this.unit) this.unit = 'm';
+    }
+    this.frame ??= toPage(scale(add(info.bounds.min, info.bounds.max), 0.5), this.scene.stretch);
     this.scene.show(info, this.frame, this.look.choiceFor(info));
     this.placeAll();
     // They are where they were, in a scene that may have another origin.
     this.measuring.rebuild();
-    this.handles.set(this.scene.focus?.region ?? null);
-    this.applyClip();
+    this.setHandles();
+  }
+
+  private setStretch(stretch: Point) {
+    this.scene.stretch = this.measuring.stretch = stretch;
+    (this.shared.stretch!.value as three.Vector3).set(...stretch);
   }
 
   hide(name: string) {
@@ -151,17 +171,14 @@ export class Viewer {
   }
 
   private placeAll() {
-    const infos = this.shownInfos();
-    if (infos.length > 0) {
-      const extreme = (pick: (...n: number[]) => number, key: 'min' | 'max') => [0, 1, 2].map(k => pick(...infos.map(i => i.bounds[key][k]!))) as Point;
-      this.navigation.place(this.frame!, {min: extreme(Math.min, 'min'), max: extreme(Math.max, 'max')});
-    }
+    if (this.scene.objects.size > 0) this.navigation.place(this.frame!, this.bounds());
     this.panel.fill();
   }
 
+  // Of what is shown.
   bounds() {
     const infos = this.shownInfos();
-    const extreme = (pick: (...n: number[]) => number, key: 'min' | 'max') => [0, 1, 2].map(k => pick(...infos.map(i => i.bounds[key][k]!))) as Point;
+    const extreme = (pick: (...n: number[]) => number, key: 'min' | 'max') => toPage([0, 1, 2].map(k => pick(...infos.map(i => i.bounds[key][k]!))) as Point, this.scene.stretch);
     return infos.length > 0 ? {min: extreme(Math.min, 'min'), max: extreme(Math.max, 'max')} : {min: [-1, -1, -1] as Point, max: [1, 1, 1] as Point};
   }
 
@@ -171,55 +188,55 @@ export class Viewer {
 
   // ---- region ----
 
-  setRegion(region: Region | null, fill = true) {
-    this.scene.focus = region ? {inside: 'full', outside: 'view', ...this.scene.focus, region} : null;
-    if (fill || !region) this.handles.set(region);
-    this.applyClip();
+  setRegion(region: Shape | null, fill = true) {
+    this.scene.focus = region ? {inside: 'full', outside: 'view', follow: false, ...this.scene.focus, region} : null;
+    if (this.scene.focus && kindOf(this.scene.focus.region) !== 'wedge') {
+      this.scene.focus.follow = false;
+      if (this.scene.focus.inside === 'distance') this.scene.focus.inside = 'full';
+    }
+    if (fill || !region) this.setHandles();
     if (fill) this.panel.fill();
     else this.panel.fillNumbers();
     ++this.scene.changes;
   }
 
-  applyClip() {
-    const u = this.shared, focus = this.scene.focus;
-    const a = u.clipA!.value as three.Vector3, b = u.clipB!.value as three.Vector3;
-    u.clipKind!.value = 0;
-    if (!focus || focus.outside !== 'clip') return;
-    const region = focus.region;
-    if ('box' in region) {
-      u.clipKind!.value = 1;
-      a.copy(this.navigation.toScene(region.box.min));
-      b.copy(this.navigation.toScene(region.box.max));
-    } else if ('sphere' in region) {
-      u.clipKind!.value = 2;
-      a.copy(this.navigation.toScene(region.sphere.centre));
-      b.set(region.sphere.radius, 0, 0);
-    } else {
-      u.clipKind!.value = 3;
-      a.copy(this.navigation.toScene(region.half_space.point));
-      b.set(...region.half_space.normal);
-    }
+  setHandles() {
+    this.handles.set(this.scene.focus?.follow ? null : (this.scene.focus?.region ?? null));
   }
 
-  newRegion(kind: string): Region | null {
+  newRegion(kind: string): Shape | null {
     const {min, max} = this.bounds();
     const size = length(sub(max, min)) * 0.12;
     // Around what the camera turns around, when that is in the scene.
     const target = this.navigation.target();
     const inside = target.every((x, k) => x >= min[k]! && x <= max[k]!);
-    return regionFor(kind, inside ? target : scale(add(min, max), 0.5), size);
+    return newShape(kind, inside ? target : scale(add(min, max), 0.5), size, sub(target, this.navigation.eye()));
+  }
+
+  // A wedge that follows is what the camera sees of the ground.
+  private followCamera(camera: Camera) {
+    const focus = this.scene.focus;
+    if (!focus?.follow || !('wedge' in focus.region)) return;
+    const forward = sub(camera.target, camera.eye), flat = Math.hypot(forward[0], forward[1]);
+    if (!(flat > 1e-9)) return;
+    const wide = 2 * Math.atan((Math.tan((camera.fov * Math.PI) / 360) * camera.viewport[0]) / camera.viewport[1]);
+    const region: Shape = {wedge: {...focus.region.wedge, apex: camera.eye, direction: [forward[0] / flat, forward[1] / flat], angle: Math.min(170, (wide * 180) / Math.PI)}};
+    if (JSON.stringify(region) === JSON.stringify(focus.region)) return;
+    this.scene.focus = {...focus, region};
+    ++this.scene.changes;
   }
 
   // ---- the surface under a place ----
 
   // The nearest hit of what is shown, at full resolution.
   async probe(x: number, y: number, signal?: AbortSignal): Promise<Hit | null> {
-    const {origin, direction} = this.navigation.ray(x, y);
+    const ray = this.navigation.ray(x, y), stretch = this.scene.stretch;
+    const origin = toModel(ray.origin, stretch), direction = toModel(ray.direction, stretch);
     try {
       const shown = [...this.scene.objects.values()].filter(o => o.state === 'open');
       const hits = await Promise.all(shown.map(o => this.store.probe(o.name, origin, direction, signal)));
       let best: Hit | null = null;
-      for (const hit of hits) if (hit && (!best || length(sub(hit.point, origin)) < length(sub(best.point, origin)))) best = hit;
+      for (const hit of hits) if (hit && (!best || length(toPage(sub(hit.point, origin), stretch)) < length(toPage(sub(best.point, origin), stretch)))) best = hit;
       return best;
     } catch (error) {
       if ((error as Error).name !== 'AbortError' && (error as StoreError).code !== 'unreachable') this.say((error as Error).message, 5000);
@@ -227,7 +244,7 @@ export class Viewer {
     }
   }
 
-  // A number of model units.
+  // A length.
   text(units: number) {
     return figure(units, 4) + (this.unit ? ' ' + this.unit : '');
   }
@@ -248,8 +265,9 @@ export class Viewer {
   // ---- the view as a link ----
 
   view(): ViewState {
-    return {objects: [...this.scene.objects.keys()], eye: this.navigation.eye(), target: this.navigation.target(), pixels: this.scene.pixels, triangles: this.scene.budget,
-      style: this.look.style, focus: this.scene.focus, unit: this.unit, lines: this.measuring.lines.map(line => line.points.map(p => p.point))};
+    const focus = this.scene.focus, stretch = this.scene.stretch;
+    return {objects: [...this.scene.objects.keys()], eye: toModel(this.navigation.eye(), stretch), target: toModel(this.navigation.target(), stretch), pixels: this.scene.pixels, triangles: this.scene.budget,
+      style: this.look.style, focus: focus && {kind: kindOf(focus.region), numbers: numbersOf(focus.region, stretch), inside: focus.inside, outside: focus.outside, follow: focus.follow}, unit: this.unit, lines: this.measuring.lines.map(line => line.points.map(p => p.point))};
   }
 
   saveView() {
@@ -279,6 +297,7 @@ export class Viewer {
     const light = this.shared.light!.value as three.Vector3;
     if (this.look.style.light === 'camera') light.set(-0.35, 0.5, 0.8).normalize();
     else light.set(-1, 1, 1.4).normalize().transformDirection(this.navigation.camera.matrixWorldInverse);
+    this.look.mark();
     const range = this.look.mapRange(), shift = this.shared.colourBy!.value === 3 ? (this.frame?.[2] ?? 0) : 0;
     if (range) (this.shared.range!.value as three.Vector2).set(range[0] - shift, range[1] - shift);
     this.handles.update();
@@ -294,7 +313,11 @@ export class Viewer {
     const seconds = Math.min(0.1, (now - this.lastFrame) / 1000);
     this.lastFrame = now;
     this.navigation.update(seconds);
-    if (this.scene.objects.size > 0) this.scene.follow(this.navigation.query(this.viewport()), now);
+    if (this.scene.objects.size > 0) {
+      const camera = this.navigation.query(this.viewport());
+      this.followCamera(camera);
+      this.scene.follow(camera, now);
+    }
     const state = JSON.stringify([this.scene.changes, this.navigation.camera.position, this.navigation.camera.quaternion, this.canvas.width, this.handles.dragging, this.look.style]);
     if (state !== this.drawn) {
       this.drawn = state;

@@ -29,6 +29,7 @@ struct State {
   std::string error;
   std::vector<Normal> normals;  // a vertex slot
   std::vector<float> sums;      // of the normals of triangles, by area
+  std::array<float, 3> stretch{1, 1, 1};
   std::array<uint32_t, 5> counts{};
   std::array<double, 3> origin{};
   // How many ranges of triangles, vertices and normals there are, then their bounds.
@@ -50,6 +51,11 @@ uint32_t AddRanges(std::span<const ClientMesh::Range> ranges, std::vector<uint32
 // A new mesh, of at most so many triangles and vertices.
 MTDB_EXPORT("open") extern "C" void Open(uint32_t triangles, uint32_t vertices) {
   state = std::make_unique<State>(UpdateDecoder::Limits{triangles, vertices});
+}
+
+// Positions are drawn times this; normals are those of what is drawn.
+MTDB_EXPORT("stretch") extern "C" void Stretch(double x, double y, double z) {
+  state->stretch = {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
 }
 
 // Where the next `size` bytes of the stream go.
@@ -110,7 +116,8 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   const uint32_t vertices = AddRanges(changes.vertices, &list);
   const ClientMesh& mesh = state->decoder.mesh();
   const uint32_t normals =
-      UpdateNormals(mesh.positions(), mesh.indices(), &state->sums, &state->normals, &list);
+      UpdateNormals(mesh.positions(), mesh.indices(), state->stretch, &state->sums,
+                    &state->normals, &list);
   list[0] = triangles;
   list[1] = vertices;
   list[2] = normals;

@@ -16,18 +16,19 @@ inline constexpr uint32_t kGap = 256;
 
 using Normal = std::array<int16_t, 4>;  // x, y, z in steps of 1/32767, and 0
 
-// Of the triangles at each vertex, times their areas. Three floats a vertex.
+// Of the triangles at each vertex, times their areas, when positions are stretched so. Three floats
+// a vertex.
 inline void SumNormals(std::span<const float> positions, std::span<const uint32_t> indices,
-                       std::vector<float>* sums) {
+                       const std::array<float, 3>& stretch, std::vector<float>* sums) {
   sums->assign(positions.size(), 0.0F);
   const float* const p = positions.data();
   for (size_t i = 0; i + 2 < indices.size(); i += 3) {
     const uint32_t a = indices[i], b = indices[i + 1], c = indices[i + 2];
     if (a == b) continue;  // an empty slot
     float u[3], v[3];
-    for (int k = 0; k < 3; ++k) {
-      u[k] = p[3 * size_t{b} + k] - p[3 * size_t{a} + k];
-      v[k] = p[3 * size_t{c} + k] - p[3 * size_t{a} + k];
+    for (size_t k = 0; k < 3; ++k) {
+      u[k] = stretch[k] * (p[3 * size_t{b} + k] - p[3 * size_t{a} + k]);
+      v[k] = stretch[k] * (p[3 * size_t{c} + k] - p[3 * size_t{a} + k]);
     }
     const float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
                         u[0] * v[1] - u[1] * v[0]};
@@ -59,9 +60,9 @@ inline void AddSlot(uint32_t slot, size_t first, std::vector<uint32_t>* ranges) 
 // Brings the normals up to date, and appends the slots whose normals changed; returns how many
 // ranges these are.
 inline uint32_t UpdateNormals(std::span<const float> positions, std::span<const uint32_t> indices,
-                              std::vector<float>* sums, std::vector<Normal>* normals,
-                              std::vector<uint32_t>* changes) {
-  SumNormals(positions, indices, sums);
+                              const std::array<float, 3>& stretch, std::vector<float>* sums,
+                              std::vector<Normal>* normals, std::vector<uint32_t>* changes) {
+  SumNormals(positions, indices, stretch, sums);
   const size_t first = changes->size();
   normals->resize(positions.size() / 3);
   for (uint32_t v = 0; v < normals->size(); ++v) {

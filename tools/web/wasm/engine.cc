@@ -128,6 +128,7 @@ struct State {
   double insertions = 0, removals = 0;  // of the call
   std::vector<Normal> normals;
   std::vector<float> sums;
+  std::array<float, 3> stretch{1, 1, 1};  // normals are those of positions times this
   std::vector<uint32_t> changes;
 };
 State state;
@@ -369,6 +370,10 @@ MTDB_EXPORT("normals") extern "C" const int16_t* Normals() {
 }
 MTDB_EXPORT("rows") extern "C" const std::byte* Rows() { return state.mesh->rows().data(); }
 
+MTDB_EXPORT("stretch") extern "C" void Stretch(double x, double y, double z) {
+  state.stretch = {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
+}
+
 // Brings the normals up to date. How many ranges of triangle slots, vertex slots and normals have
 // changed since the last call, then their bounds.
 MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
@@ -377,7 +382,7 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   const uint32_t triangles = state.mesh->TakeTriangles(&list);
   const uint32_t vertices = state.mesh->TakeVertices(&list);
   const uint32_t normals = UpdateNormals(state.mesh->positions(), state.mesh->indices(),
-                                         &state.sums, &state.normals, &list);
+                                         state.stretch, &state.sums, &state.normals, &list);
   list[0] = triangles;
   list[1] = vertices;
   list[2] = normals;
