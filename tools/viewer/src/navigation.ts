@@ -27,6 +27,7 @@ export class Navigation {
   readonly controls: CameraControls;
   flying = false;
   speed = 1; // of flying, as a factor
+  onSpeed: (speed: number) => void = () => {};
   private frame: Point = [0, 0, 0];
   private bounds: Bounds = {min: [-1, -1, -1], max: [1, 1, 1]};
   private readonly pressed = new Set<string>();
@@ -136,6 +137,11 @@ export class Navigation {
     this.controls.touches.one = on ? NONE : CameraControls.ACTION.TOUCH_ROTATE;
   }
 
+  private hasten(factor: number) {
+    this.speed = Math.max(0.02, Math.min(50, this.speed * factor));
+    this.onSpeed(this.speed);
+  }
+
   // Whether it moves still.
   update(seconds: number): boolean {
     this.flyOn(seconds);
@@ -205,7 +211,8 @@ export class Navigation {
       } else if (event.key === 'Shift') {
         this.pressed.add('Shift');
       } else if (event.key === '+' || event.key === '-') {
-        void this.controls.dolly(this.depth() * (event.key === '+' ? 0.2 : -0.25), this.smooth);
+        if (this.flying) this.hasten(event.key === '+' ? 1.25 : 0.8);
+        else void this.controls.dolly(this.depth() * (event.key === '+' ? 0.2 : -0.25), this.smooth);
       }
     });
     addEventListener('keyup', event => {
@@ -223,6 +230,7 @@ export class Navigation {
       if (!this.controls.enabled) return;
       event.preventDefault();
       const scrolled = event.deltaY * [1, 16, 400][event.deltaMode]!;
+      if (this.flying) return this.hasten(Math.exp(-0.0016 * Math.max(-400, Math.min(400, scrolled))));
       pixels += Math.max(-400, Math.min(400, scrolled));
       const begins = event.timeStamp - last.time > 400 || Math.hypot(event.clientX - last.x, event.clientY - last.y) > 4;
       last = {time: event.timeStamp, x: event.clientX, y: event.clientY};

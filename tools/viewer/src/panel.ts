@@ -65,6 +65,7 @@ export class Panel {
     on('csv', 'click', () => download(new Blob([this.viewer.measuring.csv()], {type: 'text/csv'}), 'measured.csv'));
     on('geojson', 'click', () => download(new Blob([this.viewer.measuring.geoJson()], {type: 'application/geo+json'}), 'measured.geojson'));
     on('take', 'click', () => void this.viewer.taking.takeMesh());
+    on('picture-size', 'change', () => (byId('picture-own').hidden = select('picture-size').value !== 'own'));
     on('picture', 'click', () => void this.viewer.taking.takePicture());
     on('link', 'click', () => void this.viewer.taking.copyLink());
     select('map').replaceChildren(...Object.keys(colourMaps).map(name => new Option(name, name)));
@@ -150,7 +151,7 @@ export class Panel {
         return label;
       }));
     }
-    root.querySelectorAll('input').forEach((box, i) => (box.value = this.viewer.coordinate(numbers[i]!)));
+    root.querySelectorAll('input').forEach((box, i) => (box.value = String(Number(this.viewer.coordinate(numbers[i]!)))));
   }
 
   // A thousandth of the diagonal.

@@ -61,11 +61,18 @@ export class Status {
     }));
   }
 
-  // `pixel`: model units of a CSS pixel.
+  private legendName() {
+    const {colour} = this.viewer.look.style, unit = this.viewer.unit && `, ${this.viewer.unit}`;
+    const names: Record<string, string> = {steepness: 'steepness in degrees', height: `height${unit}`, permitted: `permitted error${unit}`};
+    return names[colour] ?? colour.replace(/^a:/, '');
+  }
+
+  // `pixel`: what a CSS pixel covers.
   showScale(pixel: number) {
     const most = pixel * 120, power = 10 ** Math.floor(Math.log10(most));
     const size = [5, 2, 1].map(f => f * power).find(s => s <= most) ?? power;
-    byId('scale-text').textContent = this.viewer.text(size);
+    const far = this.viewer.unit === 'm' && size >= 1000;
+    byId('scale-text').textContent = far ? `${figure(size / 1000)} km` : this.viewer.text(size);
     byId('scale-bar').style.width = `${size / pixel}px`;
     byId('scale').hidden = this.viewer.scene.objects.size === 0 || !Number.isFinite(size);
   }
@@ -78,6 +85,6 @@ export class Status {
     context.putImageData(new ImageData(new Uint8ClampedArray(colourTable(this.viewer.look.style.map)), 256, 1), 0, 0);
     byId('legend-low').textContent = figure(range[0], 4);
     byId('legend-high').textContent = figure(range[1], 4);
-    byId('legend-name').textContent = this.viewer.look.style.colour === 'steepness' ? 'steepness in degrees' : this.viewer.look.style.colour.replace(/^a:/, '');
+    byId('legend-name').textContent = this.legendName();
   }
 }

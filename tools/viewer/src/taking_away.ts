@@ -31,8 +31,13 @@ export class TakingAway {
   async takePicture() {
     const choice = select('picture-size').value, said = byId('take-said');
     const ratio = this.viewer.renderer.getPixelRatio(), w = this.viewer.canvas.clientWidth, h = this.viewer.canvas.clientHeight;
-    const size: [number, number] = choice.includes('x') ? (choice.split('x').map(Number) as [number, number]) : [w * ratio * Number(choice), h * ratio * Number(choice)];
+    const own: [number, number] = [Number(input('picture-width').value), Number(input('picture-height').value)];
+    const size: [number, number] = choice === 'own' ? own : choice.includes('x') ? (choice.split('x').map(Number) as [number, number]) : [w * ratio * Number(choice), h * ratio * Number(choice)];
     const most = this.viewer.renderer.capabilities.maxTextureSize;
+    if (size.some(n => !(n >= 1))) {
+      said.textContent = 'Width and height are to be whole numbers of pixels.';
+      return;
+    }
     if (size.some(n => n > most)) {
       said.textContent = `This graphics card draws at most ${most} pixels a side.`;
       return;

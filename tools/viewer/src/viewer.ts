@@ -56,6 +56,7 @@ export class Viewer {
       const hit = await this.probe(x, y);
       return hit && toPage(hit.point, this.scene.stretch);
     });
+    this.navigation.onSpeed = speed => this.say(`Flying ${figure(speed, 2)} times as fast`, 1200);
     this.handles = new FocusHandles(this.canvas, this.navigation, shape => this.setRegion(shape, false));
     this.measuring = new Measuring(byId('labels'), this.navigation, units => this.text(units), () => this.panel.showMeasured());
     this.world.add(this.scene.root, this.handles.root, this.measuring.root);
