@@ -14,6 +14,8 @@ namespace {
 
 // Relative to the numbers that enter: what rounding may move a place by.
 constexpr double kSlack = 1e-12;
+constexpr uint64_t kBandSamples = uint64_t{1} << 18;  // that are asked for at a time
+constexpr double kMostSide = 1 << 28;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 Status CheckTerrain(const Surface& surface, const HeightOptions& options) {
@@ -277,6 +279,71 @@ Result<std::vector<double>> SampleHeights(const Surface& surface, const HeightRa
                                           uint32_t begin, uint32_t end,
                                           const HeightOptions& options, HeightCost* cost) {
   return CatchOutOfMemory([&] { return SampleRows(surface, raster, begin, end, options, cost); });
+}
+
+Result<HeightRaster> RasterSamples(const ObjectRecord& record,
+                                   const std::optional<std::array<double, 4>>& window,
+                                   const std::optional<std::array<double, 2>>& spacing) {
+  if (!record.raster) {
+    return InvalidArgument(record.name + ": is no terrain, so it is no raster either");
+  }
+  const RasterFrame& f = *record.raster;
+  const auto& g = f.geotransform;
+  const double half = f.transform_of_samples ? 0 : 0.5;
+  HeightRaster own{g[0] + half * g[1], g[3] + half * g[5], g[1], g[5], f.columns, f.rows};
+  const bool turned = g[2] != 0 || g[4] != 0 || !(g[1] > 0 && g[5] < 0);
+  if (turned && !spacing) {
+    return InvalidArgument(record.name +
+                           ": its rows do not run from west to east and from north to south; name "
+                           "a spacing, and samples that do are computed");
+  }
+  HeightRaster r = own;
+  const Box3d& b = record.bounds;
+  if (spacing) {
+    if (!((*spacing)[0] > 0 && (*spacing)[1] > 0 && std::isfinite((*spacing)[0]) &&
+          std::isfinite((*spacing)[1]))) {
+      return InvalidArgument("spacing: expected two numbers above 0");
+    }
+    r.dx = (*spacing)[0];
+    r.dy = -(*spacing)[1];
+    if (turned) r.x0 = b.min.x, r.y0 = b.max.y;
+  }
+  const std::array<double, 4> wanted =
+      window.value_or(std::array<double, 4>{b.min.x, b.min.y, b.max.x, b.max.y});
+  constexpr double kRound = 1e-6;
+  const bool all = !window && !spacing;
+  const double first_column = all ? 0 : std::ceil((wanted[0] - r.x0) / r.dx - kRound);
+  const double first_row = all ? 0 : std::ceil((wanted[3] - r.y0) / r.dy - kRound);
+  const double columns =
+      all ? f.columns : std::floor((wanted[2] - r.x0) / r.dx + kRound) - first_column + 1;
+  const double rows = all ? f.rows : std::floor((wanted[1] - r.y0) / r.dy + kRound) - first_row + 1;
+  if (!(columns >= 1 && rows >= 1)) {
+    return InvalidArgument("window: no sample lies in it");
+  }
+  if (!(columns <= kMostSide && rows <= kMostSide)) {
+    return InvalidArgument(
+        "the raster would have more than 2^28 columns or rows; choose a larger "
+        "spacing");
+  }
+  r.x0 += first_column * r.dx;
+  r.y0 += first_row * r.dy;
+  r.columns = static_cast<uint32_t>(columns);
+  r.rows = static_cast<uint32_t>(rows);
+  return r;
+}
+
+Status VisitHeights(const Surface& surface, const HeightRaster& raster,
+                    const HeightOptions& options, HeightCost* cost,
+                    const std::function<Status(std::span<const double> rows)>& visit) {
+  const uint64_t band = std::max<uint64_t>(1, kBandSamples / std::max(1u, raster.columns));
+  for (uint64_t begin = 0; begin < raster.rows; begin += band) {
+    const uint64_t end = std::min<uint64_t>(raster.rows, begin + band);
+    MTDB_ASSIGN_OR_RETURN(const std::vector<double> heights,
+                          SampleHeights(surface, raster, static_cast<uint32_t>(begin),
+                                        static_cast<uint32_t>(end), options, cost));
+    MTDB_RETURN_IF_ERROR(visit(heights));
+  }
+  return Status::Ok();
 }
 
 }  // namespace mtdb

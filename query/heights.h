@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -60,10 +61,22 @@ struct HeightRaster {
   double dx = 1, dy = -1;
   uint32_t columns = 0, rows = 0;
 };
+// The samples of the raster that was ingested, or others, `spacing` apart in x and y, that lie in
+// `window` (least x and y, largest x and y). Columns go east, rows south. Errors: kInvalidArgument
+// (no terrain of a raster; no sample in the window; more than 2^28 columns or rows; rows that run
+// another way, without a spacing).
+Result<HeightRaster> RasterSamples(const ObjectRecord& record,
+                                   const std::optional<std::array<double, 4>>& window,
+                                   const std::optional<std::array<double, 2>>& spacing);
+
 // The heights of rows `begin` to `end` - 1, row after row; NaN where there is none. Memory: these
 // heights and the triangles over them. Errors: as FindHeight.
 Result<std::vector<double>> SampleHeights(const Surface& surface, const HeightRaster& raster,
                                           uint32_t begin, uint32_t end,
                                           const HeightOptions& options, HeightCost* cost);
+// Likewise all rows, band after band: `visit` takes whole rows. Errors: also those of `visit`.
+Status VisitHeights(const Surface& surface, const HeightRaster& raster,
+                    const HeightOptions& options, HeightCost* cost,
+                    const std::function<Status(std::span<const double> rows)>& visit);
 
 }  // namespace mtdb

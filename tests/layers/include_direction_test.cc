@@ -49,15 +49,15 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
      {"base", "files", "store", "codecs/mesh_file", "codecs/stream", "query", "tools/client",
       "tools/request", "tools/viewer"}},
     {"tools/viewer", {"codecs/stream"}},
-    {"tools/gdal", {"base", "codecs/raster_file"}},
+    {"tools/gdal", {"base", "codecs/mesh_file", "codecs/raster_file", "builder"}},
     {"tools/web", {"base", "store", "codecs/stream", "query", "tools/viewer"}},
     {"tools/cli",
      {"base", "store", "codecs/cluster", "codecs/mesh_file", "codecs/raster_file", "query",
       "builder", "tools/client", "tools/gdal", "tools/request", "tools/generate", "tools/render",
       "tools/server"}},
     {"tools/c",
-     {"base", "store", "codecs/mesh_file", "codecs/stream", "query", "builder", "tools/client",
-      "tools/request", "tools/render", "tools/server"}},
+     {"base", "store", "codecs/mesh_file", "codecs/raster_file", "codecs/stream", "query",
+      "builder", "tools/client", "tools/gdal", "tools/request", "tools/render", "tools/server"}},
     {"tools", {"base", "store", "query", "builder", "tools/c"}},  // the examples
 };
 // These may include all of them, and each other.

@@ -11,6 +11,7 @@
 #include "tools/c/mtdb.h"
 #include "tools/c/mtdb_follow.h"
 #include "tools/c/mtdb_show.h"
+#include "tools/c/mtdb_terrain.h"
 #include "tools/c/mtdb_write.h"
 
 enum { kSide = 60, kVertices = kSide * kSide, kTriangles = 2 * (kSide - 1) * (kSide - 1) };
@@ -647,6 +648,131 @@ static void check_pictures(void) {
   FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_render(NULL, NULL, rgb, sizeof(rgb), &error));
 }
 
+enum { kColumns = 30, kRows = 20 };
+static double input_heights[kRows * kColumns], read_heights[kRows * kColumns];
+
+/* A file of the same heights, as .asc, whose rows go from north to south. */
+static void write_grid(const char* file) {
+  FILE* out = fopen(file, "w");
+  int i;
+  CHECK(out != NULL);
+  fprintf(out, "ncols %d\nnrows %d\nxllcenter 100\nyllcenter 200\ncellsize 2\n", kColumns, kRows);
+  fprintf(out, "NODATA_value -9999\n");
+  for (i = 0; i < kRows * kColumns; ++i) {
+    fprintf(out, "%g ", isnan(input_heights[i]) ? -9999 : input_heights[i]);
+  }
+  CHECK(fclose(out) == 0);
+}
+
+/* All heights come back as they were, by samples, by places and along a line. */
+static void check_heights(mtdb_object* terrain) {
+  mtdb_height_options options;
+  mtdb_height_cost cost;
+  mtdb_raster raster;
+  mtdb_profile* profile = NULL;
+  double places[4] = {100, 200, 0, 0}, found[2], window[4] = {100, 200, 104, 204}, spacing[2] = {1, 1};
+  int i;
+  MTDB_INIT(options);
+  MTDB_INIT(cost);
+  MTDB_INIT(raster);
+  OK(mtdb_terrain_raster(terrain, NULL, NULL, &raster, &error));
+  CHECK(raster.columns == kColumns && raster.rows == kRows && raster.dx == 2 && raster.dy == -2);
+  CHECK(raster.x0 == 100 && raster.y0 == 200 + 2 * (kRows - 1));
+  OK(mtdb_sample_heights(terrain, &raster, NULL, read_heights, kRows * kColumns, &cost, &error));
+  CHECK(cost.error_bound == 0 && cost.clusters_read > 0);
+  for (i = 0; i < kRows * kColumns; ++i) {
+    CHECK(isnan(input_heights[i]) ? isnan(read_heights[i]) : read_heights[i] == input_heights[i]);
+  }
+  options.largest_error = 3;
+  OK(mtdb_sample_heights(terrain, &raster, &options, read_heights, kRows * kColumns, &cost,
+                         &error));
+  CHECK(cost.error_bound > 0 && cost.error_bound <= 3);
+  for (i = 0; i < kRows * kColumns; ++i) {
+    CHECK(isnan(read_heights[i]) || fabs(read_heights[i] - input_heights[i]) <= 3);
+  }
+  FAILS(MTDB_BUDGET_EXCEEDED, "600",
+        mtdb_sample_heights(terrain, &raster, NULL, read_heights, 599, &cost, &error));
+  OK(mtdb_terrain_raster(terrain, window, spacing, &raster, &error));
+  CHECK(raster.columns == 5 && raster.rows == 5);
+  window[0] = 1000;
+  FAILS(MTDB_INVALID_ARGUMENT, "window",
+        mtdb_terrain_raster(terrain, window, NULL, &raster, &error));
+  OK(mtdb_heights_at(terrain, places, 2, NULL, found, &cost, &error));
+  CHECK(found[0] == input_heights[(kRows - 1) * kColumns] && isnan(found[1]));
+  options.largest_error = -1;
+  FAILS(MTDB_INVALID_ARGUMENT, "largest_error",
+        mtdb_heights_at(terrain, places, 2, &options, found, NULL, &error));
+  places[2] = 106, places[3] = 200; /* three samples on */
+  OK(mtdb_find_profile(terrain, places, 2, NULL, &profile, &cost, &error));
+  CHECK(mtdb_profile_count(profile) >= 4);
+  for (i = 0; i < 4; ++i) {
+    size_t at;
+    int seen = 0;
+    for (at = 0; at < mtdb_profile_count(profile); ++at) {
+      const double* point = mtdb_profile_points(profile) + 4 * at;
+      seen |= fabs(point[0] - 2 * i) < 1e-9 && point[2] == 200 &&
+              fabs(point[3] - input_heights[(kRows - 1) * kColumns + i]) < 1e-9;
+    }
+    CHECK(seen);
+  }
+  mtdb_free_profile(profile);
+  FAILS(MTDB_INVALID_ARGUMENT, "",
+        mtdb_find_profile(terrain, places, 1, NULL, &profile, NULL, &error));
+}
+
+static void check_terrains(mtdb_database* database, mtdb_object* mesh) {
+  mtdb_height_array array;
+  mtdb_ingest_options options;
+  mtdb_object* terrain = NULL;
+  mtdb_raster raster;
+  char file[600];
+  const char* files[2];
+  const double step[6] = {100, 2, 0, 200 + 2 * (kRows - 1), 0, -2};
+  int i;
+  for (i = 0; i < kRows * kColumns; ++i) {
+    input_heights[i] = floor(20 * sin(i % kColumns * 0.3) + (i / kColumns) * 1.7);
+  }
+  input_heights[5 * kColumns + 7] = input_heights[5 * kColumns + 8] = NAN;
+  MTDB_INIT(array);
+  MTDB_INIT(options);
+  MTDB_INIT(raster);
+  array.columns = kColumns;
+  array.rows = kRows;
+  array.heights = input_heights;
+  memcpy(array.geotransform, step, sizeof(step));
+  array.height_units = "m";
+  OK(mtdb_ingest_heights(database, "array", &array, NULL, NULL, &error));
+  OK(mtdb_open_object(database, "array", 0, &terrain, &error));
+  check_heights(terrain);
+  mtdb_free_object(terrain);
+  files[0] = files[1] = path(file, "grid.asc");
+  write_grid(file);
+  OK(mtdb_ingest_rasters(database, "joined", files, 2, NULL, NULL, &error));
+  OK(mtdb_open_object(database, "joined", 0, &terrain, &error));
+  check_heights(terrain);
+  mtdb_free_object(terrain);
+  OK(mtdb_ingest_file(database, "file", file, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "no raster",
+        mtdb_ingest_rasters(database, "x", files, 0, NULL, NULL, &error));
+  options.bits = 16;
+  FAILS(MTDB_INVALID_ARGUMENT, "height_step",
+        mtdb_ingest_heights(database, "x", &array, &options, NULL, &error));
+  options.bits = 0;
+  input_heights[0] += 0.25;
+  FAILS(MTDB_BAD_INPUT, "height_step",
+        mtdb_ingest_heights(database, "x", &array, NULL, NULL, &error));
+  options.height_step = 0.25;
+  OK(mtdb_ingest_heights(database, "quarters", &array, &options, NULL, &error));
+  array.rows = 1;
+  FAILS(MTDB_INVALID_ARGUMENT, "rows",
+        mtdb_ingest_heights(database, "x", &array, &options, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "raster", mtdb_terrain_raster(mesh, NULL, NULL, &raster, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "terrain",
+        mtdb_heights_at(mesh, step, 1, NULL, read_heights, NULL, &error));
+  CHECK(mtdb_profile_count(NULL) == 0 && mtdb_profile_points(NULL) == NULL);
+  mtdb_free_profile(NULL);
+}
+
 int main(int argc, char** argv) {
   mtdb_database* database = NULL;
   mtdb_object* object = NULL;
@@ -658,6 +784,7 @@ int main(int argc, char** argv) {
   check_wrong_input(database);
   check_objects(database);
   OK(mtdb_open_object(database, "a", 0, &object, &error));
+  check_terrains(database, object);
   mtdb_free_database(database);
   check_meshes(object);
   check_session(object);

@@ -384,7 +384,8 @@ TEST_CASE("A program in C calls every function there is, and each does what it s
   // The headers have no other functions than those, and those of c_api_more_calls.c.
   const std::string root = MTDB_SOURCE_DIR;
   std::string header;
-  for (const char* name : {"mtdb.h", "mtdb_write.h", "mtdb_follow.h", "mtdb_show.h"}) {
+  for (const char* name :
+       {"mtdb.h", "mtdb_write.h", "mtdb_follow.h", "mtdb_show.h", "mtdb_terrain.h"}) {
     header += ReadText(root + "/tools/c/" + name);
   }
   const std::string program = ReadText(root + "/tests/query/c_api_calls.c") +

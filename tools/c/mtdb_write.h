@@ -65,6 +65,9 @@ typedef struct mtdb_ingest_options {
   const char* tmp_directory; /* of temporary files; NULL: the store's folder */
   const char* journal_path;  /* the file by which an ingest that is killed can go on; NULL: none */
   int resume;                /* not 0: goes on with the journal, if there is one of this input */
+  double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
+                         where one is known. Rasters take no bits, step, lossless, weld,
+                         normal_bits and steps */
 } mtdb_ingest_options;
 
 /* A mesh in the caller's arrays, which are read during the call. */
@@ -110,7 +113,8 @@ MTDB_API mtdb_code mtdb_ingest_source(mtdb_database* database, const char* name,
  * ingest ends with that error. */
 MTDB_API mtdb_code mtdb_ingest_part(mtdb_ingest* ingest, const mtdb_input* part, mtdb_error* error);
 
-/* A mesh file, as `mtdb ingest` reads it, compressed by gzip or not. */
+/* A mesh file, as `mtdb ingest` reads it, compressed by gzip or not; or a raster
+ * (mtdb_ingest_rasters). */
 MTDB_API mtdb_code mtdb_ingest_file(mtdb_database* database, const char* name, const char* path,
                                     const mtdb_ingest_options* options, const mtdb_watch* watch,
                                     mtdb_error* error);

@@ -13,9 +13,11 @@
 #include "store/object_name.h"
 #include "store/packed_file.h"
 #include "tools/c/internal/handles.h"
+#include "tools/c/internal/ingest.h"
 #include "tools/c/internal/mesh.h"
 #include "tools/c/internal/watch.h"
 #include "tools/c/mtdb_write.h"
+#include "tools/gdal/raster_input.h"
 
 // NOLINTNEXTLINE(readability-identifier-naming)
 struct mtdb_ingest {
@@ -69,25 +71,6 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
   return options;
 }
 
-// What all ingests have in common.
-Status Ingest(mtdb_database* database, const char* name, const MeshProducer& input,
-              const mtdb_ingest_options* options, const mtdb_watch* watch) {
-  MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {name, "name"}}));
-  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
-  MTDB_ASSIGN_OR_RETURN(const mtdb_ingest_options given, Take(options, "options"));
-  MTDB_ASSIGN_OR_RETURN(const Watch watcher, Watch::Of(watch));
-  Database& store = *database->database;
-  MTDB_ASSIGN_OR_RETURN(const BuildOptions build, OptionsOf(given, store.path()));
-  MTDB_ASSIGN_OR_RETURN(const auto writer, store.Create(name, given.replace != 0));
-  return BuildObject(input, build, *writer,
-                     [&](const BuildProgress& p) {
-                       const std::string stage =
-                           p.round == 0 ? p.stage : "round " + std::to_string(p.round);
-                       return watcher.Look(stage.c_str(), p.overall);
-                     })
-      .status();
-}
-
 // The packed file's objects: the given ones, or all.
 Result<ObjectSources> SourcesOf(const Database& database, const char* const* names, size_t count) {
   ObjectSources sources;
@@ -119,6 +102,29 @@ CopyProgress CopyWatch(const Watch& watch, const char* stage) {
 }
 
 }  // namespace
+
+Status Ingest(mtdb_database* database, const char* name, const MeshProducer& input,
+              const mtdb_ingest_options* options, const mtdb_watch* watch,
+              std::optional<TerrainInput> terrain) {
+  MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {name, "name"}}));
+  MTDB_RETURN_IF_ERROR(CheckObjectName(name));
+  MTDB_ASSIGN_OR_RETURN(const mtdb_ingest_options given, Take(options, "options"));
+  MTDB_ASSIGN_OR_RETURN(const Watch watcher, Watch::Of(watch));
+  Database& store = *database->database;
+  MTDB_ASSIGN_OR_RETURN(BuildOptions build, OptionsOf(given, store.path()));
+  if (!terrain && given.height_step != 0) {
+    return InvalidArgument("options.height_step: is for rasters of heights");
+  }
+  build.terrain = std::move(terrain);
+  MTDB_ASSIGN_OR_RETURN(const auto writer, store.Create(name, given.replace != 0));
+  return BuildObject(input, build, *writer,
+                     [&](const BuildProgress& p) {
+                       const std::string stage =
+                           p.round == 0 ? p.stage : "round " + std::to_string(p.round);
+                       return watcher.Look(stage.c_str(), p.overall);
+                     })
+      .status();
+}
 
 Result<Watch> Watch::Of(const mtdb_watch* watch) {
   MTDB_ASSIGN_OR_RETURN(const mtdb_watch given, Take(watch, "watch"));
@@ -211,6 +217,9 @@ mtdb_code mtdb_ingest_file(mtdb_database* database, const char* name, const char
                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}}));
+    if (mtdb::IsRaster(path)) {
+      return mtdb::internal::IngestRasters(database, name, &path, 1, options, watch);
+    }
     MTDB_ASSIGN_OR_RETURN(const mtdb::MeshInput input, mtdb::MeshInput::Open(path));
     const auto read = [&](mtdb::MeshSink& sink) {
       mtdb::MeshReadReport report;

@@ -7,16 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "builder/build.h"
-#include "codecs/raster_file/raster_mosaic.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/json.h"
+#include "tools/gdal/raster_input.h"
 
 namespace mtdb {
-
-// Whether the path names a raster: by its suffix, of mtdb's own formats or of common ones that GDAL
-// reads; and it is no mesh.
-bool IsRaster(const std::string& path);
 
 // The joined raster of the inputs, while it is read. Stays where it is.
 class RasterIngest {
@@ -29,8 +24,8 @@ class RasterIngest {
                                                     uint64_t memory_bytes);
 
   // What the builder needs to know. The raster must outlive the build.
-  TerrainInput terrain();
-  Status Read(MeshSink& sink) { return SendRaster(mosaic_, mesh_, sink, &report_); }
+  TerrainInput terrain() { return input_->terrain(); }
+  Status Read(MeshSink& sink) { return input_->Read(sink); }
   // After Read(): how many holes, and where files disagree.
   std::vector<std::string> Notes() const;
   Json ReportJson() const;
@@ -39,13 +34,9 @@ class RasterIngest {
   Json InfoJson() const;
 
  private:
-  RasterIngest(RasterMosaic mosaic, RasterMeshOptions mesh, size_t files)
-      : mosaic_(std::move(mosaic)), mesh_(mesh), files_(files) {}
+  explicit RasterIngest(std::unique_ptr<RasterInput> input) : input_(std::move(input)) {}
 
-  RasterMosaic mosaic_;
-  const RasterMeshOptions mesh_;
-  const size_t files_;
-  RasterMeshReport report_;
+  const std::unique_ptr<RasterInput> input_;
 };
 
 }  // namespace mtdb

@@ -20,8 +20,6 @@ namespace mtdb {
 namespace {
 
 constexpr double kNodata = -32768;
-constexpr uint64_t kBandSamples = uint64_t{1} << 18;  // that are asked for at a time
-constexpr double kMostSide = 1 << 28;
 
 std::string SuffixOf(const std::string& path) {
   std::string suffix = std::filesystem::path(path).extension().string();
@@ -108,53 +106,6 @@ class TiffRows final : public RowWriter {
   std::unique_ptr<GdalWriter> file_;
 };
 
-// The samples that are asked for: the raster's own, or others, within the window. Columns go east,
-// rows south.
-Result<HeightRaster> SamplesOf(const ObjectRecord& record, const RasterOutputOptions& options) {
-  if (!record.raster) {
-    return InvalidArgument(record.name + ": is no terrain, so it is no raster either");
-  }
-  const RasterFrame& f = *record.raster;
-  const auto& g = f.geotransform;
-  const double half = f.transform_of_samples ? 0 : 0.5;
-  HeightRaster own{g[0] + half * g[1], g[3] + half * g[5], g[1], g[5], f.columns, f.rows};
-  const bool turned = g[2] != 0 || g[4] != 0 || !(g[1] > 0 && g[5] < 0);
-  if (turned && !options.spacing) {
-    return InvalidArgument(record.name +
-                           ": its rows do not run from west to east and from north to south; name "
-                           "a --spacing, and samples that do are computed");
-  }
-  HeightRaster r = own;
-  const Box3d& b = record.bounds;
-  if (options.spacing) {
-    r.dx = (*options.spacing)[0];
-    r.dy = -(*options.spacing)[1];
-    if (turned) r.x0 = b.min.x, r.y0 = b.max.y;
-  }
-  std::array<double, 4> window{b.min.x, b.min.y, b.max.x, b.max.y};
-  if (options.window) window = *options.window;
-  constexpr double kRound = 1e-6;
-  const bool all = !options.window && !options.spacing;
-  const double first_column = all ? 0 : std::ceil((window[0] - r.x0) / r.dx - kRound);
-  const double first_row = all ? 0 : std::ceil((window[3] - r.y0) / r.dy - kRound);
-  const double columns =
-      all ? f.columns : std::floor((window[2] - r.x0) / r.dx + kRound) - first_column + 1;
-  const double rows = all ? f.rows : std::floor((window[1] - r.y0) / r.dy + kRound) - first_row + 1;
-  if (!(columns >= 1 && rows >= 1)) {
-    return InvalidArgument("window: no sample lies in it");
-  }
-  if (!(columns <= kMostSide && rows <= kMostSide)) {
-    return InvalidArgument(
-        "the raster would have more than 2^28 columns or rows; choose a larger "
-        "spacing");
-  }
-  r.x0 += first_column * r.dx;
-  r.y0 += first_row * r.dy;
-  r.columns = static_cast<uint32_t>(columns);
-  r.rows = static_cast<uint32_t>(rows);
-  return r;
-}
-
 // True when the raster is what a .hgt file of this name holds.
 bool IsHgtTile(const HeightRaster& r, const std::string& path) {
   const double south = r.y0 + (r.rows - 1) * r.dy;
@@ -208,29 +159,27 @@ bool IsRasterOutput(const std::string& path) {
 Result<RasterOutputReport> WriteRaster(const Surface& surface, const std::string& path,
                                        const RasterOutputOptions& options) {
   const ObjectRecord& record = surface.record();
-  MTDB_ASSIGN_OR_RETURN(const HeightRaster r, SamplesOf(record, options));
+  MTDB_ASSIGN_OR_RETURN(const HeightRaster r,
+                        RasterSamples(record, options.window, options.spacing));
   const bool exact = !options.spacing && options.heights.error_model < 0;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RowWriter> writer, OpenRows(record, path, r, exact));
   RasterOutputReport report;
   report.columns = r.columns;
   report.rows = r.rows;
   const bool whole = SuffixOf(path) == ".hgt";
-  const auto band = static_cast<uint32_t>(std::max<uint64_t>(1, kBandSamples / r.columns));
-  for (uint32_t begin = 0; begin < r.rows; begin += band) {
-    const uint32_t end = std::min(r.rows, begin + band);
-    MTDB_ASSIGN_OR_RETURN(const std::vector<double> heights,
-                          SampleHeights(surface, r, begin, end, options.heights, &report.cost));
-    for (const double h : heights) {
+  const auto write = [&](std::span<const double> rows) -> Status {
+    for (const double h : rows) {
       report.holes += std::isnan(h);
       if (whole && !std::isnan(h)) {
         report.rounding = std::max(report.rounding, std::abs(h - std::round(h)));
       }
     }
-    for (uint32_t row = begin; row < end; ++row) {
-      MTDB_RETURN_IF_ERROR(
-          writer->Add(std::span(heights).subspan(size_t{row - begin} * r.columns, r.columns)));
+    for (size_t begin = 0; begin < rows.size(); begin += r.columns) {
+      MTDB_RETURN_IF_ERROR(writer->Add(rows.subspan(begin, r.columns)));
     }
-  }
+    return Status::Ok();
+  };
+  MTDB_RETURN_IF_ERROR(VisitHeights(surface, r, options.heights, &report.cost, write));
   MTDB_RETURN_IF_ERROR(writer->End());
   return report;
 }

@@ -15,13 +15,24 @@ namespace {
 
 constexpr char kModule[] = "libmtdb_gdal_module.so";
 
-// Beside the program, as it is built, or where it is installed; empty: nowhere.
+// Beside the program or the library that this is a part of, as they are built, or where it is
+// installed; empty: nowhere.
 std::string ModulePath() {
+  std::vector<std::filesystem::path> folders;
   std::error_code error;
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  if (error) return "";
-  for (const std::filesystem::path& folder :
-       {program.parent_path(), program.parent_path() / ".." / MTDB_GDAL_FOLDER}) {
+  if (!error) {
+    folders = {program.parent_path(), program.parent_path() / ".." / MTDB_GDAL_FOLDER};
+  }
+  Dl_info self;
+  if (dladdr(&kModule, &self) != 0 && self.dli_fname != nullptr) {
+    const std::filesystem::path library = std::filesystem::canonical(self.dli_fname, error);
+    if (!error) {
+      folders.push_back(library.parent_path());
+      folders.push_back(library.parent_path() / "mtdb");
+    }
+  }
+  for (const std::filesystem::path& folder : folders) {
     if (std::filesystem::exists(folder / kModule, error)) return (folder / kModule).string();
   }
   return "";

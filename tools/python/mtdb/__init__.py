@@ -31,6 +31,7 @@ from ._errors import (
 from ._library import version as _version
 from ._mesh import ExtractStats, Mesh, Shortfall, png, read_mesh
 from ._session import Session, Update, connect, fetch
+from ._terrain import HeightGrid, Profile
 
 __version__: str = _version()
 
@@ -44,6 +45,7 @@ __all__ = [
     "Corrupt",
     "Database",
     "ExtractStats",
+    "HeightGrid",
     "Hit",
     "InvalidArgument",
     "IoError",
@@ -53,6 +55,7 @@ __all__ = [
     "NotFound",
     "NotYet",
     "Object",
+    "Profile",
     "Server",
     "Session",
     "Shortfall",

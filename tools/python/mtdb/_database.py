@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _library as L
-from . import _query
+from . import _query, _terrain
 from ._errors import InvalidArgument, NotFound
 from ._mesh import (
     LIMITS,
@@ -29,6 +29,7 @@ from ._mesh import (
     triple,
 )
 from ._session import Session
+from ._terrain import HeightGrid, Profile
 from ._work import Progress, Watched, interruptible
 
 #: vertices, faces, and attributes of the vertices. Either may be empty; a face may name a vertex that
@@ -212,6 +213,23 @@ class Object:
                C.byref(hit))
         return _hit(hit)
 
+    def heights(self, window: Optional[Sequence[float]] = None,
+                spacing: Union[float, Sequence[float], None] = None, *,
+                error: Optional[float] = None) -> HeightGrid:
+        """The heights of a terrain on a grid: the samples of its raster, or others, `spacing` apart
+        (one number, or x and y), in `window` (least x, y, largest x, y); exact, or within `error`
+        in units of height."""
+        return _terrain.heights(self, window, spacing, error)
+
+    def heights_at(self, points: npt.ArrayLike, *,
+                   error: Optional[float] = None) -> npt.NDArray[np.float64]:
+        """The heights of a terrain at points (n, 2): (n,) float64, NaN where there is none."""
+        return _terrain.heights_at(self, points, error)
+
+    def profile(self, line: npt.ArrayLike, *, error: Optional[float] = None) -> Profile:
+        """The heights of a terrain along the line through corners (n, 2)."""
+        return _terrain.profile(self, line, error)
+
     def verify(self, level: str = "fast") -> list[str]:
         """What is wrong, a line each; nothing when the list is empty. fast: pages and checksums of
         the file; full: also decodes every cluster; global: also rebuilds the whole surface and
@@ -361,24 +379,57 @@ class Database(Mapping[str, Object]):
         tmp: Optional[str] = None,
         journal: Optional[str] = None,
         resume: bool = False,
+        height_step: Optional[float] = None,
         progress: Progress = None,
     ) -> Object:
         """Stores a mesh at every level of detail.
 
         vertices (n, 3) and faces (m, 3): arrays; or instead of both a `Mesh`, the path of a mesh
-        file, or an iterable of chunks (vertices, faces) or (vertices, faces, attributes), of which
+        file or of a raster of heights, a list of paths of rasters that adjoin, or an iterable of chunks (vertices, faces) or (vertices, faces, attributes), of which
         one is in memory at a time: the ingest is out of core.
         attributes: by name, (n,) each; names as in PLY ("red", "nx"), or anything.
         lossless: float32 positions bit for bit; else they are rounded to a grid that suits the mesh,
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance.
         normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
+        height_step: heights of rasters are rounded to its multiples.
         journal, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
         with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
                     normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
-                    journal=journal, resume=resume) as ingest:
+                    journal=journal, resume=resume, height_step=height_step) as ingest:
             ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
+        self._forget(name)
+        return self[name]
+
+    def ingest_heights(
+        self,
+        heights: npt.ArrayLike,
+        *,
+        name: str,
+        transform: Optional[Sequence[float]] = None,
+        step: Optional[float] = None,
+        crs: Optional[str] = None,
+        units: Optional[str] = None,
+        replace: bool = False,
+        memory: int = 1 << 30,
+        threads: int = 0,
+        tmp: Optional[str] = None,
+        progress: Progress = None,
+    ) -> Object:
+        """Stores heights (rows, columns) as a terrain; NaN: a hole. Errors are vertical then.
+
+        transform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
+        the next column and row, in the order of GDAL; without, x is the column and y the row.
+        step: heights are rounded to its multiples; integers need none. crs: of x and y. units: of
+        heights. The rest: as in `ingest`.
+        """
+        given, kept = _terrain.height_array(heights, transform, crs, units)
+        with Ingest(name, replace=replace, lossless=False, bits=None, step=None, weld=None,
+                    normal_bits=None, steps=None, memory=memory, threads=threads, tmp=tmp,
+                    journal=None, resume=False, height_step=step) as ingest:
+            ingest.run_heights(self._write(), given, Watched(progress))
+        del kept  # the struct pointed to it
         self._forget(name)
         return self[name]
 
@@ -462,13 +513,14 @@ class Ingest:
     def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
                  step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
-                 journal: Optional[str], resume: bool) -> None:
+                 journal: Optional[str], resume: bool, height_step: Optional[float]) -> None:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
             *(L.AttributeStep(n, s) for n, s in listed)
         )
-        for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits)):
+        for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits),
+                           ("height_step", height_step)):
             if value is not None and value <= 0:
                 raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
         self._options = L.IngestOptions(
@@ -477,6 +529,7 @@ class Ingest:
             steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
+            height_step=height_step or 0.0,
         )
 
     def __enter__(self) -> "Ingest":
@@ -492,6 +545,12 @@ class Ingest:
             watched.run(lambda watch: L.call("ingest_file", database, self._name, path,
                                              C.byref(self._options), watch))
             return
+        if isinstance(vertices, (list, tuple)) and vertices and all(
+                isinstance(v, (str, os.PathLike)) for v in vertices):
+            paths = (L.Text * len(vertices))(*(L.path_bytes(v) for v in vertices))
+            watched.run(lambda watch: L.call("ingest_rasters", database, self._name, paths,
+                                             len(vertices), C.byref(self._options), watch))
+            return
         origin: Any = (0.0, 0.0, 0.0)
         if isinstance(vertices, Mesh):
             mesh = vertices
@@ -503,6 +562,10 @@ class Ingest:
         else:
             chunks = _parts(_chunk((vertices, faces, attributes or {})))
         self._ingest(database, chunks, origin, watched)
+
+    def run_heights(self, database: L.Handle, array: L.HeightArray, watched: Watched) -> None:
+        watched.run(lambda watch: L.call("ingest_heights", database, self._name, C.byref(array),
+                                         C.byref(self._options), watch))
 
     def _ingest(self, database: L.Handle, chunks: Iterator[_Arrays], origin: Any,
                 watched: Watched) -> None:

@@ -149,6 +149,7 @@ class IngestOptions(Sized):
         ("tmp_directory", Text),
         ("journal_path", Text),
         ("resume", C.c_int),
+        ("height_step", C.c_double),
     ]
 
 
@@ -254,6 +255,47 @@ class Changes(Sized):
     ]
 
 
+class HeightArray(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("columns", C.c_uint32),
+        ("rows", C.c_uint32),
+        ("heights", Pointer),
+        ("geotransform", C.c_double * 6),
+        ("crs", Text),
+        ("height_units", Text),
+    ]
+
+
+class HeightOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("largest_error", C.c_double),
+        ("control", Pointer),
+    ]
+
+
+class HeightCost(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("error_bound", C.c_double),
+        ("clusters_read", C.c_uint64),
+        ("bytes_read", C.c_uint64),
+    ]
+
+
+class Raster(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("x0", C.c_double),
+        ("y0", C.c_double),
+        ("dx", C.c_double),
+        ("dy", C.c_double),
+        ("columns", C.c_uint32),
+        ("rows", C.c_uint32),
+    ]
+
+
 class RenderOptions(Sized):
     _fields_ = [
         ("struct_bytes", C.c_size_t),
@@ -344,6 +386,12 @@ _SIGNATURES: dict[str, list[Any]] = {
     "ingest_source": [_p, Text, _p, _p, _p],
     "ingest_part": [_p, _p],
     "ingest_file": [_p, Text, Text, _p, _p],
+    "ingest_rasters": [_p, Text, C.POINTER(Text), C.c_size_t, _p, _p],
+    "ingest_heights": [_p, Text, _p, _p, _p],
+    "heights_at": [_p, _p, C.c_size_t, _p, _p, _p],
+    "terrain_raster": [_p, _p, _p, _p],
+    "sample_heights": [_p, _p, _p, _p, C.c_size_t, _p],
+    "find_profile": [_p, _p, C.c_size_t, _p, _p, _p],
     "remove_object": [_p, Text],
     "rename_object": [_p, Text, Text],
     "copy_object": [_p, _p, Text, C.c_int, _p],
@@ -373,8 +421,10 @@ _OTHERS: dict[str, tuple[Any, list[Any]]] = {
     "object_name": (Text, [_p]),
     "cancel": (None, [_p]),
     "server_url": (Text, [_p]),
+    "profile_count": (C.c_size_t, [_p]),
+    "profile_points": (_p, [_p]),
 }
-for _kind in "database names object query control cut mesh session client server".split():
+for _kind in "database names object query control cut mesh session client server profile".split():
     _OTHERS["free_" + _kind] = (None, [_p])
 
 

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/gdal/raster_input.h"
+
+#include <cctype>
+#include <filesystem>
+#include <set>
+
+#include "codecs/mesh_file/mesh_file.h"
+#include "codecs/raster_file/raster_file.h"
+#include "tools/gdal/gdal_raster.h"
+
+namespace mtdb {
+
+namespace {
+
+// Files that are rasters by their names, whoever reads them.
+bool HasRasterSuffix(const std::string& path) {
+  static const std::set<std::string> kSuffixes{
+      ".hgt", ".asc", ".dem", ".tif", ".tiff", ".vrt", ".img", ".adf", ".bil", ".flt",
+      ".dt0", ".dt1", ".dt2", ".grd", ".nc",   ".bag", ".jp2", ".bt",  ".ter"};
+  std::string suffix = std::filesystem::path(path).extension().string();
+  for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return kSuffixes.contains(suffix);
+}
+
+}  // namespace
+
+bool IsRaster(const std::string& path) {
+  return path != "-" && HasRasterSuffix(path) && !IsMeshFile(path);
+}
+
+Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes) {
+  Result<std::unique_ptr<RasterReader>> own = OpenOwnRaster(path);
+  if (own.status().code() != StatusCode::kUnsupported) return own;
+  return OpenGdalRaster(path, cache_bytes);
+}
+
+Result<std::unique_ptr<RasterInput>> RasterInput::Join(
+    std::vector<std::unique_ptr<RasterReader>> files, std::optional<double> height_step) {
+  if (files.empty()) return InvalidArgument("no raster is given");
+  const size_t count = files.size();
+  const std::string first = files[0]->path();
+  MTDB_ASSIGN_OR_RETURN(RasterMosaic mosaic, RasterMosaic::Join(std::move(files)));
+  const RasterInfo& info = mosaic.info();
+  RasterMeshOptions mesh;
+  mesh.height_step = height_step.value_or(info.height_step);
+  mesh.height_origin = info.height_origin;
+  if (!(mesh.height_step > 0)) {
+    return BadInput(first + ": heights of type " + info.frame.sample_type +
+                    " are rounded to multiples of a step, which --step-z (height_step) names, e.g. "
+                    "0.01; they may be so exact, and no more");
+  }
+  return std::unique_ptr<RasterInput>(new RasterInput(std::move(mosaic), mesh, count));
+}
+
+TerrainInput RasterInput::terrain() {
+  TerrainInput terrain;
+  terrain.frame = mosaic_.info().frame;
+  terrain.crs = mosaic_.info().crs;
+  terrain.grid = GridOf(terrain.frame, mesh_.height_step, mesh_.height_origin);
+  terrain.rounding = [this] { return report_.rounding; };
+  return terrain;
+}
+
+}  // namespace mtdb

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// RasterInput: rasters of heights as the input of an ingest.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "builder/build.h"
+#include "codecs/raster_file/raster_mosaic.h"
+
+namespace mtdb {
+
+// Whether the path names a raster: by its suffix, of mtdb's own formats or of common ones that GDAL
+// reads; and it is no mesh.
+bool IsRaster(const std::string& path);
+// Opens a raster that mtdb reads by itself, or GDAL. GDAL's cache takes at most `cache_bytes`.
+Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes);
+
+// Joined rasters, while they are ingested. Stays where it is.
+class RasterInput {
+ public:
+  // `height_step`: heights are rounded to its multiples; none: that of the files. Errors: kBadInput
+  // when the rasters cannot be joined, or when no step is known.
+  static Result<std::unique_ptr<RasterInput>> Join(std::vector<std::unique_ptr<RasterReader>> files,
+                                                   std::optional<double> height_step);
+
+  // What the builder needs to know. The input must outlive the build.
+  TerrainInput terrain();
+  Status Read(MeshSink& sink) { return SendRaster(mosaic_, mesh_, sink, &report_); }
+
+  const RasterInfo& info() const { return mosaic_.info(); }
+  double height_step() const { return mesh_.height_step; }
+  size_t files() const { return files_; }
+  // After Read().
+  const RasterMeshReport& report() const { return report_; }
+  const RasterDisagreement& disagreement() const { return mosaic_.disagreement(); }
+
+ private:
+  RasterInput(RasterMosaic mosaic, RasterMeshOptions mesh, size_t files)
+      : mosaic_(std::move(mosaic)), mesh_(mesh), files_(files) {}
+
+  RasterMosaic mosaic_;
+  const RasterMeshOptions mesh_;
+  const size_t files_;
+  RasterMeshReport report_;
+};
+
+}  // namespace mtdb
