@@ -23,6 +23,7 @@
 
 #include "store/base/out_of_memory.h"
 #include "tools/client/network.h"
+#include "tools/server/internal/freed_memory.h"
 #include "tools/server/internal/server_connection.h"
 #include "tools/server/internal/server_loop.h"
 #include "tools/server/internal/server_origin.h"
@@ -105,6 +106,7 @@ class Server {
   void Abort();
 
   ServerLoop loop_;
+  FreedMemory freed_memory_{loop_.catalog};
   Tcp::acceptor acceptor_{loop_.io};
   asio::posix::stream_descriptor wake_{loop_.io};
   bool accepting_ = false;
@@ -232,6 +234,7 @@ void Server::Tick() {
   const Clock::time_point now = Clock::now();
   loop_.queries.Tick();
   loop_.catalog.Tick();
+  freed_memory_.Tick(now);
   // A peer may go when it is looked at.
   for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {
     ServerPeer* const peer = *at++;

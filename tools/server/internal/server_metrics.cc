@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "tools/server/internal/freed_memory.h"
+
 namespace mtdb::internal {
 
 namespace {
@@ -61,6 +63,11 @@ std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
   add("mtdb_cache_decodes_total", counter, "Clusters and root pieces decoded.", cache.decoded);
   add("mtdb_cache_bytes", gauge, "Bytes of decoded clusters in memory.", cache.bytes);
   add("mtdb_objects_open", gauge, "Objects that are open.", cache.objects_open);
+
+  const ProcessMemory memory = ReadProcessMemory();
+  add("process_resident_memory_bytes", gauge, "Resident memory.", memory.resident_bytes);
+  add("mtdb_heap_bytes", gauge, "Memory that is allocated; 0 where that is not known.",
+      memory.heap_bytes);
 
   add("mtdb_temporary_bytes", gauge, "Bytes of answers in temporary files.", temporary.bytes);
   add("mtdb_temporary_limit_bytes", gauge, "The most that they may be.", temporary.limit);
