@@ -161,7 +161,7 @@ Result<uint64_t> Database::FreeBytes() const {
 }
 
 bool Database::IsOutdated() const {
-  if (packed_ != nullptr) return false;
+  if (packed_ != nullptr) return packed_->ranges().IsOutdated();
   struct stat info {};
   const StoreFile& file = environment_->file();
   return ::stat(path().c_str(), &info) != 0 || info.st_dev != file.device() ||

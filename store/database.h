@@ -77,8 +77,8 @@ class Database {
   Result<std::vector<std::shared_ptr<ClusterSource>>> OpenAll() const;
   // Bytes of the file that no object uses, which the next objects will fill.
   Result<uint64_t> FreeBytes() const;
-  // Whether the path leads to another file by now, or to none, as after CompactStore(). What was
-  // opened goes on reading the old file; to write, and to see what is new, open the path anew.
+  // Whether the path leads to another file by now, as after CompactStore(), or to none; of a URL,
+  // whether a read has said so. What was opened goes on with the old file: open the path anew.
   bool IsOutdated() const;
 
   // Begins an object in the state "building", after removing what a dead builder left of that name.

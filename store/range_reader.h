@@ -35,6 +35,8 @@ class RangeReader {
   virtual Ticket Read(ByteRange range, Answer answer) = 0;
   // Nobody wants the answer any more. It may come nevertheless. Does not wait.
   virtual void Cancel(Ticket ticket) { static_cast<void>(ticket); }
+  // Whether name() leads to another file by now, or to none; of a URL, whether an answer said so.
+  virtual bool IsOutdated() const { return false; }
   // True when Read answers during the call.
   virtual bool answers_at_once() const = 0;
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The file system's RangeReader.
 #include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <sys/stat.h>
 
 #include "store/base/out_of_memory.h"
 #include "store/internal/store_file.h"
@@ -13,11 +16,19 @@ namespace {
 
 class FileRanges final : public RangeReader {
  public:
-  FileRanges(std::unique_ptr<StoreFile> file, uint64_t size)
-      : file_(std::move(file)), size_(size) {}
+  FileRanges(std::unique_ptr<StoreFile> file, const struct stat& opened)
+      : file_(std::move(file)), opened_(opened) {}
 
   const std::string& name() const override { return file_->path(); }
-  uint64_t size() const override { return size_; }
+  uint64_t size() const override { return static_cast<uint64_t>(opened_.st_size); }
+  // Also when it was written over, which nobody should do: what is there now may be whole.
+  bool IsOutdated() const override {
+    struct stat now {};
+    return ::stat(file_->path().c_str(), &now) != 0 || now.st_dev != opened_.st_dev ||
+           now.st_ino != opened_.st_ino || now.st_size != opened_.st_size ||
+           now.st_mtim.tv_sec != opened_.st_mtim.tv_sec ||
+           now.st_mtim.tv_nsec != opened_.st_mtim.tv_nsec;
+  }
   Ticket Read(ByteRange range, Answer answer) override {
     ++requests_;
     answer(CatchOutOfMemory([&]() -> Result<Bytes> {
@@ -33,7 +44,7 @@ class FileRanges final : public RangeReader {
 
  private:
   const std::unique_ptr<StoreFile> file_;
-  const uint64_t size_;
+  const struct stat opened_;
   std::atomic<uint64_t> requests_{0};
 };
 
@@ -41,8 +52,11 @@ class FileRanges final : public RangeReader {
 
 Result<std::unique_ptr<RangeReader>> OpenFileRanges(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(path, StoreFile::Access::kRead));
-  MTDB_ASSIGN_OR_RETURN(const uint64_t size, file->Size());
-  return std::unique_ptr<RangeReader>(new FileRanges(std::move(file), size));
+  struct stat opened {};
+  if (::fstat(file->descriptor(), &opened) != 0) {
+    return IoError(path + ": cannot stat: " + std::strerror(errno));
+  }
+  return std::unique_ptr<RangeReader>(new FileRanges(std::move(file), opened));
 }
 
 }  // namespace mtdb

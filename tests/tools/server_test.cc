@@ -438,6 +438,34 @@ TEST_CASE("a store that is written over or cut off while it is served harms no s
   CHECK(last.body == first.body);
 }
 
+TEST_CASE("a packed file that is replaced or written over while it is served is served anew",
+          "[server]") {
+  const Folder folder;
+  const std::string packed = folder.File("served.mtdbp");
+  std::array<std::string, 2> files, meshes;
+  for (const size_t i : {size_t{0}, size_t{1}}) {
+    const std::string mesh = folder.File("mesh.ply"), store = folder.File("store.mtdb");
+    RunOk({"generate", "sculpture", mesh, "--triangles", "3000", "--seed", std::to_string(i)});
+    RunOk({"ingest", mesh, store, "--name", "x", "--quiet", "--force"});
+    RunOk({"pack", store, packed});
+    files[i] = ReadText(packed);
+    meshes[i] = Extracted(store, {});
+  }
+  const std::string target = "/objects/x/mesh";
+  const ServerProcess server(packed);
+  CHECK(server.Get(target).body == meshes[1]);
+  for (const size_t i : {size_t{0}, size_t{1}, size_t{1}, size_t{0}}) {
+    const std::string next = folder.File("next.mtdbp");
+    WriteText(next, files[i]);
+    std::filesystem::rename(next, packed);
+    CHECK(server.Get(target).body == meshes[i]);
+    CopyOver(files[1 - i], packed);
+    CHECK(server.Get(target).body == meshes[1 - i]);
+  }
+  std::filesystem::remove(packed);  // what is open is served on
+  CHECK(server.Get(target).body == meshes[1]);
+}
+
 TEST_CASE("a server that is told to stop finishes what runs", "[server]") {
   ServerProcess server(TheExample().store);
   RawConnection idle(server.port());

@@ -157,12 +157,17 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
 }
 
 std::shared_ptr<Database> ServerService::CurrentDatabase() {
+  std::vector<std::shared_ptr<Surface>> closed;  // after the locks
   const std::lock_guard lock(database_mutex_);
-  if (database_->IsOutdated()) {
-    // Where there is no store now, what was open is served on.
-    auto opened = Database::Open(database_->path());
-    if (opened.ok()) database_ = *std::move(opened);
-  }
+  if (!database_->IsOutdated()) return database_;
+  // Where there is no store now, what was open is served on.
+  auto opened = Database::Open(database_->path());
+  if (!opened.ok()) return database_;
+  database_ = *std::move(opened);
+  // Surfaces of the old file may be equal to those of the new one, but may not find their bytes.
+  const std::lock_guard surfaces_lock(mutex_);
+  for (const auto& surface : surfaces_) decoded_before_ += surface->cache_use().decoded;
+  closed.swap(surfaces_);
   return database_;
 }
 
@@ -507,7 +512,9 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   if (options_.implicit) surface_options.form = RuntimeForm::kImplicit;
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<Surface> surface,
                         Surface::Open(std::move(source), surface_options));
-  std::vector<std::shared_ptr<Surface>> closed;  // outside of the lock
+  std::vector<std::shared_ptr<Surface>> closed;  // after the locks
+  const std::lock_guard database_lock(database_mutex_);
+  if (database != database_) return surface;  // for this one request
   const std::lock_guard lock(mutex_);
   surfaces_.push_back(surface);
   const auto close = [&](size_t i) {

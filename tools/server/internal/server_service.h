@@ -149,7 +149,7 @@ class ServerService {
   const ServiceOptions options_;
   // Of the file that the path leads to by now: the store may be compacted, or replaced by another.
   std::shared_ptr<Database> CurrentDatabase();
-  std::mutex database_mutex_;
+  std::mutex database_mutex_;           // taken before mutex_
   std::shared_ptr<Database> database_;  // guarded by database_mutex_
   std::string folder_;                  // of temporary files
   ServerLedger temporary_;
