@@ -126,6 +126,10 @@ Status HttpAnswer::CheckCode(const FileVersion* version, const std::string& name
                               : Corrupt(answer + " (range not satisfiable): the file is empty");
   }
   if (code_ == 404 || code_ == 410) return NotFound(answer + ": no such file");
+  if (code_ >= 300 && code_ < 400) {
+    return IoError(answer + ", a redirect, which a signed request does not follow; check " +
+                   "AWS_REGION and AWS_ENDPOINT_URL");
+  }
   if (code_ == 401 || code_ == 403 || code_ == 407) {
     return IoError(answer + ": no access; check the URL, credentials and clock");
   }

@@ -104,6 +104,7 @@ class Loop : public std::enable_shared_from_this<Loop> {
   bool ok() const { return multi_ != nullptr; }
   const HttpPlace& place() const { return place_; }
   const FileVersion& version() const { return version_; }
+  bool outdated() const { return outdated_; }
   uint64_t bytes_read() const { return bytes_read_; }
   uint64_t requests() const { return requests_; }
 
@@ -276,7 +277,8 @@ class Loop : public std::enable_shared_from_this<Loop> {
     set(CURLOPT_WRITEDATA, static_cast<void*>(&r));
     set(CURLOPT_PRIVATE, static_cast<void*>(&r));
     set(CURLOPT_NOSIGNAL, 1L);
-    set(CURLOPT_FOLLOWLOCATION, 1L);
+    // Whom a redirect names must not learn the session's token; nor would the signature hold there.
+    set(CURLOPT_FOLLOWLOCATION, place_.signature_scope.empty() ? 1L : 0L);
     set(CURLOPT_MAXREDIRS, 5L);
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_REDIR_PROTOCOLS_STR, place_.url.starts_with("https") ? "https" : "http,https");
@@ -345,6 +347,11 @@ class Loop : public std::enable_shared_from_this<Loop> {
           bytes_read_ += body.size();
           return body;
         }
+        // It has changed, or it is gone.
+        if (known_ &&
+            (status.code() == StatusCode::kCorrupt || status.code() == StatusCode::kNotFound)) {
+          outdated_ = true;
+        }
         if (status.code() != StatusCode::kNotYet) return status;
       } else {
         status = NotYet(place_.shown + ": the server answered " + std::to_string(r.http.code()));
@@ -375,6 +382,7 @@ class Loop : public std::enable_shared_from_this<Loop> {
   std::atomic<bool> known_{false};  // that there is a version
   FileVersion version_;
   FileVersion found_;
+  std::atomic<bool> outdated_{false};
   std::atomic<bool> stopping_{false};
   std::atomic<uint64_t> bytes_read_{0};
   std::atomic<uint64_t> requests_{0};
@@ -424,6 +432,7 @@ class HttpRanges final : public RangeReader {
     return 0;
   }
   void Cancel(Ticket ticket) override { loop_->Cancel(ticket); }
+  bool IsOutdated() const override { return loop_->outdated(); }
   bool answers_at_once() const override { return false; }
   uint64_t bytes_read() const override { return loop_->bytes_read(); }
   uint64_t requests() const override { return loop_->requests(); }

@@ -249,6 +249,18 @@ TEST_CASE("requests to an object store are signed when there are keys", "[http]"
                                            Catch::Contains("/us-east-1/s3/aws4_request"));
   CHECK(headers["x-amz-content-sha256"].size() == 64);
   CHECK(headers["x-amz-security-token"] == "token");
+  // Another host learns nothing.
+  headers.clear();
+  const FileServer sends_away(ThePacked().file, [&](const FileRequest&, FileReply* reply) {
+    reply->status = "307 Temporary Redirect";
+    reply->headers = {{"Location", server.url()}};
+  });
+  ::setenv("AWS_ENDPOINT_URL", ("http://127.0.0.1:" + std::to_string(sends_away.port())).c_str(),
+           1);
+  const Status away = ReadAll("s3://bucket/a/file.mtdbp");
+  CHECK(away.code() == StatusCode::kIoError);
+  CHECK_THAT(away.message(), Catch::Contains("307") && Catch::Contains("redirect"));
+  CHECK(headers.empty());
   for (const char* name :
        {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_ENDPOINT_URL"}) {
     ::unsetenv(name);
