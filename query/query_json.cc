@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "query/internal/json_value.h"
+#include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -18,8 +19,7 @@ using namespace internal;
 
 namespace {
 
-constexpr int kDeepest = 64;             // braces and brackets within each other
-constexpr double kLargestNumber = 1e30;  // its eighth power, which distances need, is finite
+constexpr int kDeepest = 64;  // braces and brackets within each other
 constexpr size_t kExcerpt = 40;
 constexpr int kMostParts = 4096;  // regions and thresholds; each may be asked for each triangle
 constexpr int kLargestViewport = 1 << 20;
@@ -83,7 +83,7 @@ Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
 Result<double> Number(const Node& node) {
   if (node.json.is_number()) {
     const double value = node.json.number();
-    if (std::abs(value) <= kLargestNumber) return value;
+    if (IsCoordinate(value)) return value;
     return Unexpected(node, "a number from -1e30 to 1e30");
   }
   return Unexpected(node, "a number");

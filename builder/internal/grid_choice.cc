@@ -114,9 +114,6 @@ class GridChoice {
       : input_(input), options_(options), survey_(*survey), bounds_(input.bounds()) {}
 
   Status Choose(const SpoolSpace* space, size_t memory_bytes) {
-    if (!std::isfinite(LongestSide(bounds_))) {
-      return BadInput("the bounds are too large for double precision; scale the mesh");
-    }
     MTDB_RETURN_IF_ERROR(ListCandidates());
     MTDB_RETURN_IF_ERROR(Measure(space, memory_bytes));
     survey_.edges = lengths_.Lengths();

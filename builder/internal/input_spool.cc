@@ -10,6 +10,7 @@
 #include "builder/internal/corner_gather.h"
 #include "builder/internal/near_join.h"
 #include "builder/internal/soup_join.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
 
@@ -63,8 +64,8 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
   for (size_t i = 0; i < positions.size(); ++i) {
     const Vec3d p = positions[i];
     const auto where = [&] { return "vertex " + std::to_string(report_.vertices); };
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
-      return BadInput(where() + ": coordinates are not finite");
+    if (!AreCoordinates(p)) {
+      return BadInput(where() + ": coordinates are not numbers from -1e30 to 1e30");
     }
     const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
     const Vec3d single{f.x, f.y, f.z};

@@ -5,12 +5,14 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <string_view>
 
 #include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/internal/open_input.h"
 #include "codecs/mesh_file/internal/readers.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb {
 
@@ -199,7 +201,9 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options) {
   MTDB_ASSIGN_OR_RETURN(const MeshFormatRow* const row, RowOfFile(path));
-  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer, row->create_writer(path, options));
+  const size_t named = options.descriptor >= 0 ? path.rfind('.') : path.size();
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer,
+                        row->create_writer(path.substr(0, named), options));
   if (options.descriptor >= 0) writer->WriteInto(options.descriptor);
   return std::unique_ptr<MeshFileWriter>(std::move(writer));
 }
@@ -209,15 +213,14 @@ bool internal::StartsWithWord(std::string_view text, std::string_view word) {
                                     std::isspace(static_cast<unsigned char>(text[word.size()])));
 }
 
-std::string internal::NonFinite(Vec3d p) {
+std::string internal::CoordinateFault(Vec3d p) {
   constexpr const char* kNames[3] = {"x", "y", "z"};
   for (int axis = 0; axis < 3; ++axis) {
-    if (std::isfinite(p[axis])) continue;
-    return std::string(kNames[axis]) + " is " +
-           (std::isnan(p[axis]) ? "nan"
-            : p[axis] > 0       ? "inf"
-                                : "-inf") +
-           ", expected a finite number";
+    if (IsCoordinate(p[axis])) continue;
+    char value[32];
+    std::snprintf(value, sizeof(value), "%.9g", std::isnan(p[axis]) ? std::abs(p[axis]) : p[axis]);
+    return std::string(kNames[axis]) + " is " + value + ", expected a " +
+           (std::isfinite(p[axis]) ? "number from -1e30 to 1e30" : "finite number");
   }
   return "";
 }

@@ -96,8 +96,8 @@ bool IsMeshFile(const std::string& path);
 struct MeshWriteOptions {
   int draco_position_bits = 20;  // .drc
   int draco_level = 7;           // .drc: 0 fast .. 10 small
-  // The descriptor of an open, empty file: the mesh is written to it, and `path` only names it in
-  // messages. The file stays open; it has no mesh in it unless End() succeeded.
+  // The descriptor of an open, empty file: the mesh is written to it. `path` names it in messages,
+  // without the suffix. The file stays open; it has no mesh in it unless End() succeeded.
   int descriptor = -1;
 };
 

@@ -142,7 +142,7 @@ const Change kChanges[] = {
      [](Work& w) { w.mesh.triangles.push_back(w.mesh.triangles[w.Triangle()]); }},
     {"a vertex more, of no triangle", true,
      [](Work& w) {
-       w.mesh.positions.push_back({1e12, -1e300, 0});
+       w.mesh.positions.push_back({1e12, -1e30, 0});
        w.mesh.rows.resize(w.mesh.rows.size() + kRowBytes);
      }},
     {"an attribute's name", true,

@@ -27,7 +27,7 @@ struct Place {
 constexpr Place kPlaces[] = {{"at the origin", {0, 0, 0}, 1},
                              {"tiny", {0, 0, 0}, 1e-12},
                              {"huge", {-3e11, 2e11, 0}, 4e11},
-                             {"beyond float32", {0, 0, 0}, 1e39},
+                             {"as large as can be", {0, 0, 0}, 1e30},
                              {"UTM", {418322.37, 4181100.61, 213.2}, 830},
                              {"negative", {-17, -5000, -0.25}, 3},
                              {"far away", {1e9, -1e9, 1e9}, 1}};
@@ -129,11 +129,8 @@ TEST_CASE("Files of every format are as close to the input as is said, wherever 
           const std::string path = folder.path() + "/out" + extension;
           const auto writer = CreateMeshFileWriter(path).value();
           const Result<ExtractStats> stats = built.surface->Extract(query, *writer);
-          const bool fits = place.size < 1e38 || extension == std::string(".ply") ||
-                            extension == std::string(".obj") || extension == std::string(".off");
           INFO(stats.status().message());
-          REQUIRE(stats.ok() == fits);
-          if (!fits) continue;
+          REQUIRE(stats.ok());
           CHECK((stats->error_bound <= asked) == !stats->shortfall.any());
           const TriangleMesh back = ReadBack(path);
           REQUIRE(back.triangles.size() == stats->triangles);

@@ -88,7 +88,7 @@ Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report) 
   for (uint32_t v = 0; v < mesh->points(); ++v) {
     const std::array<double, 4> p = mesh->Value(positions, v);
     const Vec3d position{p[0], p[1], p[2]};
-    if (const std::string problem = NonFinite(position); !problem.empty()) {
+    if (const std::string problem = CoordinateFault(position); !problem.empty()) {
       return BadInput(file.path() + ": vertex " + std::to_string(v) + ": " + problem);
     }
     std::byte* at = row.data();

@@ -359,7 +359,7 @@ class GltfReader {
       std::array<double, 4> value;
       MTDB_RETURN_IF_ERROR(ValueOf(position, v, &value));
       const Vec3d p = placement({value[0], value[1], value[2]});
-      if (const std::string problem = NonFinite(p); !problem.empty()) {
+      if (const std::string problem = CoordinateFault(p); !problem.empty()) {
         return BadInput(file_.path() + ": " + primitive.where + ", vertex " + std::to_string(v) +
                         ": " + problem);
       }

@@ -197,7 +197,7 @@ class ObjReader {
   Status EmitVertex(const ObjLines& lines, LineTokens tokens) {
     Vertex vertex;
     MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
-    if (std::string problem = NonFinite(vertex.position); !problem.empty()) {
+    if (std::string problem = CoordinateFault(vertex.position); !problem.empty()) {
       return Error(lines, problem);
     }
     std::array<std::byte, 3> row{};

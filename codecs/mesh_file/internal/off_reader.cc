@@ -194,7 +194,8 @@ class OffReader {
         return Error(text, "expected a number, found " + Quoted(values[axis]));
       }
     }
-    if (std::string problem = NonFinite(position); !problem.empty()) return Error(text, problem);
+    if (std::string problem = CoordinateFault(position); !problem.empty())
+      return Error(text, problem);
     std::byte row[kNormalValues * sizeof(float) + 4];
     size_t row_bytes = 0;
     size_t next = 3;

@@ -13,6 +13,7 @@
 #include "codecs/mesh_file/internal/ply_header.h"
 #include "codecs/mesh_file/internal/ply_source.h"
 #include "codecs/mesh_file/internal/readers.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
 namespace {
@@ -87,9 +88,7 @@ template <typename T, bool kSwap>
 bool DecodePositions(const std::byte* rows, size_t n, size_t stride,
                      const std::array<size_t, kAxes>& offsets, Vec3d* out) {
   using Bits = std::conditional_t<sizeof(T) == 4, uint32_t, uint64_t>;
-  constexpr Bits kExponent =
-      sizeof(T) == 4 ? static_cast<Bits>(0x7f800000u) : static_cast<Bits>(0x7ff0000000000000ull);
-  bool finite = true;
+  bool fit = true;
   for (size_t i = 0; i < n; ++i, rows += stride) {
     for (int axis = 0; axis < kAxes; ++axis) {
       Bits bits;
@@ -98,11 +97,12 @@ bool DecodePositions(const std::byte* rows, size_t n, size_t stride,
         bits = sizeof(T) == 4 ? static_cast<Bits>(__builtin_bswap32(static_cast<uint32_t>(bits)))
                               : static_cast<Bits>(__builtin_bswap64(bits));
       }
-      finite &= (bits & kExponent) != kExponent;
-      out[i][axis] = static_cast<double>(std::bit_cast<T>(bits));
+      const double value = static_cast<double>(std::bit_cast<T>(bits));
+      fit &= std::abs(value) <= kMaxCoordinate;
+      out[i][axis] = value;
     }
   }
-  return finite;
+  return fit;
 }
 
 // Gathers attributes of n rows: one run of bytes, or one value when the byte order is to be turned.
@@ -262,14 +262,10 @@ class PlyBody {
           std::memcpy(row.data() + column.row_offset, value.bytes, ScalarSize(property.type));
         }
       }
-      if (!IsFinite(position)) return ErrorAt(i, NonFinite(position));
+      if (!AreCoordinates(position)) return ErrorAt(i, CoordinateFault(position));
       MTDB_RETURN_IF_ERROR(emitter_.AddVertex(position, row));
     }
     return Status::Ok();
-  }
-
-  static bool IsFinite(Vec3d p) {
-    return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
   }
 
   // The type of the coordinates when they share one.
@@ -316,8 +312,8 @@ class PlyBody {
           std::min<uint64_t>({element_->count - done, reader.available() / stride, block}));
       if (!DecodePositions<T, kSwap>(reader.data(), n, stride, offsets, positions.data())) {
         size_t bad = 0;
-        while (IsFinite(positions[bad])) ++bad;
-        return ErrorAt(done + bad, NonFinite(positions[bad]));
+        while (AreCoordinates(positions[bad])) ++bad;
+        return ErrorAt(done + bad, CoordinateFault(positions[bad]));
       }
       for (const RowCopy& copy : copies) {
         CopyRows(copy, reader.data(), stride, rows.data(), row_bytes, n, kSwap);

@@ -46,9 +46,9 @@ MeshFileFit RecogniseGltfJson(const MeshFileStart& start);
 // True when `text` begins with the word, and white space or nothing behind it.
 bool StartsWithWord(std::string_view text, std::string_view word);
 
-// "y is nan, expected a finite number" for the first coordinate of `p` that is not finite; "" when
-// all are.
-std::string NonFinite(Vec3d p);
+// "y is nan, expected a finite number" for the first coordinate of `p` that is none
+// (coordinate_limit.h); "" when all are.
+std::string CoordinateFault(Vec3d p);
 
 // Adds a line to report->ignored unless it is there.
 void AddIgnored(MeshReadReport* report, std::string what);

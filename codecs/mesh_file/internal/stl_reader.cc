@@ -76,7 +76,7 @@ class SoupEmitter {
   VertexJoiner<Position> joiner_;
 };
 
-std::string NonFiniteCorner(Vec3f p) { return NonFinite({p.x, p.y, p.z}); }
+std::string CornerFault(Vec3f p) { return CoordinateFault({p.x, p.y, p.z}); }
 
 bool IsZero(Vec3f p) { return p.x == 0 && p.y == 0 && p.z == 0; }
 
@@ -196,7 +196,7 @@ class AsciiStlReader {
     for (Vec3d& corner : corners) {
       if (!NextLine() || word_ != "vertex") return Expected("'vertex X Y Z'");
       MTDB_RETURN_IF_ERROR(ReadVector(&corner));
-      if (std::string problem = NonFinite(corner); !problem.empty()) {
+      if (std::string problem = CoordinateFault(corner); !problem.empty()) {
         return BadInput(file_.path() + ": line " + std::to_string(text_.line()) + ": " + problem);
       }
     }
@@ -286,7 +286,7 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
     if (!IsZero(normal)) AddIgnored(report, "facet normals");
     if (attribute != 0) AddIgnored(report, "facet attribute bytes");
     for (const Vec3f& corner : corners) {
-      if (std::string problem = NonFiniteCorner(corner); !problem.empty()) {
+      if (std::string problem = CornerFault(corner); !problem.empty()) {
         return BadInput(file.path() + ": facet " + std::to_string(i) + ": " + problem);
       }
     }
