@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "store/base/coordinate_limit.h"
+
 namespace mtdb {
 
 namespace {
@@ -36,9 +38,27 @@ std::string Mismatch(const RasterInfo& a, const RasterInfo& b) {
   return "";
 }
 
+// Its corners are coordinates of a mesh.
+Status CheckCorners(const RasterReader& file) {
+  const RasterFrame& f = file.info().frame;
+  const auto& g = f.geotransform;
+  for (const double column : {0.0, static_cast<double>(f.columns)}) {
+    for (const double row : {0.0, static_cast<double>(f.rows)}) {
+      const double x = g[0] + g[1] * column + g[2] * row;
+      const double y = g[3] + g[4] * column + g[5] * row;
+      if (IsCoordinate(x) && IsCoordinate(y)) continue;
+      return BadInput(file.path() +
+                      ": geotransform: a corner lies beyond 1e30; expected coordinates from -1e30 "
+                      "to 1e30");
+    }
+  }
+  return Status::Ok();
+}
+
 }  // namespace
 
 Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader>> files) {
+  for (const auto& file : files) MTDB_RETURN_IF_ERROR(CheckCorners(*file));
   RasterMosaic joined;
   joined.info_ = files.at(0)->info();
   RasterInfo& info = joined.info_;
@@ -134,7 +154,9 @@ class RasterMesh {
 
   Status Send() {
     const RasterFrame& f = raster_.info().frame;
-    MTDB_RETURN_IF_ERROR(sink_.Begin({}));
+    MeshHeader header;
+    header.double_positions = true;  // steps of heights may have more digits than float32
+    MTDB_RETURN_IF_ERROR(sink_.Begin(header));
     std::vector<double> heights(f.columns);
     std::vector<uint32_t> above(f.columns, kNoSample);
     std::vector<uint32_t> below(f.columns, kNoSample);

@@ -131,6 +131,21 @@ TEST_CASE("an ASCII grid keeps its decimals, its place and its holes", "[cli]") 
         1.0001);
 }
 
+TEST_CASE("heights of so many steps that float32 cannot count them come back", "[cli]") {
+  const Folder folder;
+  const std::string file = folder.File("dem.asc");
+  const std::string rows = "1695.7391 -1682.6271\n107374.1823 0.0001\n";
+  WriteText(file, "ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 1\n" + rows);
+  const Json report = RunJson({"ingest", file, folder.File("s.mtdb"), "--name", "t"});
+  CHECK(report.at("rounding_error") <= 1e-10);
+  RunOk({"extract", folder.File("s.mtdb"), folder.File("out.asc")});
+  CHECK_THAT(ReadText(folder.File("out.asc")),
+             Catch::Contains("1695.7391 -1682.6271") && Catch::Contains("107374.1823 0.0001"));
+  RunOk({"extract", folder.File("s.mtdb"), folder.File("out.ply")});
+  const auto heights = HeightsOf(folder.File("out.ply"));
+  CHECK(heights.at({0, 0}) == Approx(107374.1823).epsilon(1e-12));
+}
+
 TEST_CASE("rasters that are none, or not of one grid, are refused with the reason", "[cli]") {
   const Folder folder;
   const std::string store = folder.File("s.mtdb");

@@ -58,7 +58,7 @@ class AsciiRows final : public RowWriter {
     line_.clear();
     for (const double h : heights) {
       char text[40];
-      std::snprintf(text, sizeof(text), "%s%.9g", line_.empty() ? "" : " ",
+      std::snprintf(text, sizeof(text), "%s%.12g", line_.empty() ? "" : " ",
                     std::isnan(h) ? nodata_ : h);
       line_ += text;
     }
