@@ -44,8 +44,7 @@ class NearJoin {
   NearJoin(const NearJoinInput& input, const SpoolSpace* space, size_t memory_bytes)
       : input_(input), space_(space), memory_bytes_(memory_bytes) {
     const uint64_t vertices = input.vertices->size() / input.vertex_bytes;
-    const uint64_t room = std::max<uint64_t>(memory_bytes / 2, 1 << 20);
-    parts_ = std::min(kMaxParts, vertices * kRecordMemory / room + 1);
+    parts_ = std::min(kMaxParts, vertices * kRecordMemory / room() + 1);
     for (uint64_t p = 0; p < parts_; ++p) records_.emplace_back(space, memory_bytes / 4 / parts_);
   }
 
@@ -60,6 +59,9 @@ class NearJoin {
   }
 
  private:
+  // Bytes that a part should take.
+  uint64_t room() const { return std::max<uint64_t>(memory_bytes_ / 2, 1 << 20); }
+
   // An edge between vertices of one set.
   struct Near {
     uint32_t first, second;  // numbers; first < second
@@ -120,8 +122,10 @@ class NearJoin {
   }
 
   Status Search(const Spool& part) {
-    const uint64_t count = part.size() / sizeof(Record);
-    if (count == 0) return Status::Ok();
+    const uint64_t all = part.size() / sizeof(Record);
+    if (all == 0) return Status::Ok();
+    // Of a tolerance far too large, all of the mesh is one part: so many tell as much.
+    const uint64_t count = std::min(all, 2 * room() / kRecordMemory);
     std::vector<Record> records(count);
     MTDB_RETURN_IF_ERROR(part.Read(0, records.data(), count * sizeof(Record)));
     std::unordered_map<Cell, std::pair<uint32_t, uint32_t>, CellHash> cells;  // last, how many
@@ -153,6 +157,12 @@ class NearJoin {
     for (uint32_t i = 0; i < count; ++i) {
       const uint32_t first = sets.Find(i);
       if (first != i) near_.push_back({records[first].number, records[i].number});
+    }
+    if (count < all) {
+      return Status(StatusCode::kBudgetExceeded,
+                    "a tolerance of " + Short(input_.tolerance) + " has to compare " +
+                        std::to_string(all) +
+                        " vertices in one place; allow more --memory, or choose a smaller one");
     }
     if (near_.size() * (sizeof(Near) + sizeof(Record) + 12) > memory_bytes_ / 2) {
       return Status(StatusCode::kBudgetExceeded,

@@ -170,6 +170,26 @@ TEST_CASE("A tolerance far above the edges, or below the coordinates' precision,
   };
   CHECK(status(10, 1000).code() == StatusCode::kInvalidArgument);
   CHECK_THAT(status(10, 1000).message(), Catch::Contains("below the lengths of the mesh's edges"));
+  // Much of the mesh in one place, nothing near another: it does not fit the memory.
+  std::vector<Point> lattice;
+  for (uint32_t i = 0; i < 60 * 60 * 60; ++i) {
+    const Vec3i cell{static_cast<int>(i % 60), static_cast<int>(i / 60 % 60),
+                     static_cast<int>(i / 3600)};
+    lattice.push_back({ToDouble(cell) * 1.001, i, 0});
+  }
+  const SpoolSpace space{"."};
+  Spool vertices(&space, 1 << 16), left(&space, 0), numbers(&space, 0);
+  Fill(lattice, &vertices);
+  const NearJoinInput input{&vertices, sizeof(Point),
+                            [](const std::byte* bytes) {
+                              Vec3d p;
+                              std::memcpy(&p, bytes, sizeof(p));
+                              return p;
+                            },
+                            1};
+  const Status much = JoinNear(input, &space, 1 << 20, &left, &numbers).status();
+  CHECK(much.code() == StatusCode::kBudgetExceeded);
+  CHECK_THAT(much.message(), Catch::Contains("--memory"));
   CHECK(status(1e6, 1e-12).code() == StatusCode::kInvalidArgument);
   CHECK_THAT(status(1e6, 1e-12).message(), Catch::Contains("precision"));
 }
