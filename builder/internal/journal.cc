@@ -211,7 +211,11 @@ Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const Jo
         return journal;
     }
   }
-  MTDB_RETURN_IF_ERROR(journal->Begin(key, note));
+  const Status begun = journal->Begin(key, note);
+  if (!begun.ok()) {
+    (void)unlink(path.c_str());  // there is nothing in it to go on with
+    return begun;
+  }
   return journal;
 }
 

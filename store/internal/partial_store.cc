@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -28,6 +29,14 @@ void RemoveLockFile(const std::string& store) { (void)::unlink((store + "-lock")
 
 Result<std::unique_ptr<PartialStore>> PartialStore::Create(const std::string& path) {
   const std::string partial = path + ".partial";
+  std::error_code error;
+  const auto folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty() && !std::filesystem::is_directory(folder, error)) {
+    return NotFound(path + ": " + folder.string() + " is not a folder; make it first");
+  }
+  if (!std::filesystem::path(path).has_filename()) {
+    return InvalidArgument(path + ": is a folder; give the name of a file in it");
+  }
   for (int i = 0; i < kTries; ++i) {
     MTDB_ASSIGN_OR_RETURN(auto file, StoreFile::Open(partial, StoreFile::Access::kCreate));
     struct flock lock {};

@@ -54,9 +54,6 @@ Status Pack(const PackArguments& arguments) {
   for (const std::string& name : names) {
     MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
   }
-  if (Database::IsUrl(arguments.to)) {
-    return InvalidArgument(arguments.to + ": expected a file, which you then upload");
-  }
   MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.to));
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<AtomicFile> file, AtomicFile::Create(arguments.to));
   MTDB_ASSIGN_OR_RETURN(const PackReport report,
@@ -85,15 +82,27 @@ Status Unpack(const PackArguments& arguments) {
     return InvalidArgument(arguments.from + ": expected a packed file, found a store");
   }
   MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names, NamesOf(*database, arguments.names));
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> store,
-                        Database::Open(arguments.to, {.writable = true}));
-  Json objects = Json::array();
+  ObjectSources sources;
   for (const std::string& name : names) {
-    MTDB_ASSIGN_OR_RETURN(const auto source, database->OpenObject(name, true));
-    MTDB_ASSIGN_OR_RETURN(const ObjectRecord record,
-                          CopyObject(*source, *store, source->record().name, arguments.force));
-    objects.push_back({{"object", name}, {"digest", record.digest_hex()}});
-    if (!arguments.json) std::printf("%s: digest %s\n", name.c_str(), record.digest_hex().c_str());
+    MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
+  }
+  std::error_code error;
+  if (std::filesystem::exists(std::filesystem::symlink_status(arguments.to, error))) {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> store,
+                          Database::Open(arguments.to, {.writable = true}));
+    for (const auto& source : sources) {
+      MTDB_RETURN_IF_ERROR(
+          CopyObject(*source, *store, source->record().name, arguments.force).status());
+    }
+  } else {
+    MTDB_RETURN_IF_ERROR(CopyToNewStore(sources, arguments.to));
+  }
+  Json objects = Json::array();
+  for (const auto& source : sources) {
+    const ObjectRecord& record = source->record();
+    objects.push_back({{"object", record.name}, {"digest", record.digest_hex()}});
+    if (arguments.json) continue;
+    std::printf("%s: digest %s\n", record.name.c_str(), record.digest_hex().c_str());
   }
   if (arguments.json) PrintAnswer("unpack", {{"store", arguments.to}, {"objects", objects}});
   return Status::Ok();
