@@ -40,6 +40,10 @@ Status CheckObjectName(const std::string& name) {
     return InvalidArgument("object name: expected 1 to " + std::to_string(kMaxNameBytes) +
                            " bytes, found " + std::to_string(name.size()));
   }
+  if (name == "." || name == "..") {
+    return InvalidArgument("object name: '" + name +
+                           "' stands for a folder in paths and URLs; choose another name");
+  }
   if (const auto bad = FirstBadByte(name)) {
     return InvalidArgument("object name: expected UTF-8 without control characters, found byte " +
                            std::to_string(static_cast<unsigned char>(name[*bad])) + " at " +

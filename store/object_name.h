@@ -8,7 +8,8 @@
 
 namespace mtdb {
 
-// 1..500 bytes of UTF-8 without control characters. Errors: kInvalidArgument.
+// 1..500 bytes of UTF-8 without control characters; not "." and "..", which no URL can have.
+// Errors: kInvalidArgument.
 Status CheckObjectName(const std::string& name);
 
 }  // namespace mtdb

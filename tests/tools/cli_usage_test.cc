@@ -160,6 +160,37 @@ TEST_CASE("wrong names of outputs, and empty arguments, are usage errors", "[cli
   }
 }
 
+TEST_CASE("URLs are not written to", "[cli]") {
+  const Example& e = SmallExample();
+  for (const std::string place : {"http://x/", "https://x/", "s3://x/"}) {
+    const std::vector<Arguments> commands{
+        {"extract", e.store, place + "a.ply"},
+        {"render", e.store, place + "a.png"},
+        {"fetch", "http://x", place + "a.ply"},
+        {"generate", "terrain", place + "a.ply", "--triangles", "100"},
+        {"ingest", e.mesh, place + "a.mtdb"},
+        {"copy", e.store, place + "a.mtdb"},
+        {"pack", e.store, place + "a.mtdbp"},
+        {"unpack", e.store, place + "a.mtdb"},
+        {"compact", place + "a.mtdb"},
+        {"remove", place + "a.mtdb", "a"},
+        {"rename", place + "a.mtdb", "a", "b"}};
+    for (const Arguments& command : commands) RunFails(2, command, {place, "a URL cannot be"});
+  }
+}
+
+TEST_CASE("messages tell what is wrong with numbers, and name standard output", "[cli]") {
+  const Example& e = SmallExample();
+  RunFails(2, {"probe", e.store, "--point", "1,2"}, {"3 numbers X,Y,Z"});
+  RunFails(2, {"probe", e.store, "--point", "1,2,1e31"}, {"3 numbers X,Y,Z", "-1e30 to 1e30"});
+  const Folder folder;
+  const std::string said = folder.File("said");
+  const std::string line =
+      std::string(MTDB_BINARY) + " extract " + e.store + " - --format ply >/dev/full 2>" + said;
+  CHECK(std::system(line.c_str()) != 0);
+  CHECK_THAT(ReadText(said), Catch::StartsWith("mtdb: standard output: cannot be written: "));
+}
+
 TEST_CASE("wrong values of all other options are usage errors", "[cli]") {
   const Folder folder;
   const std::string none = folder.File("none.mtdb");
@@ -168,7 +199,7 @@ TEST_CASE("wrong values of all other options are usage errors", "[cli]") {
   Arguments memory = kNoSize;
   memory.insert(memory.end(), {"100M", "255M", "1", "268435455"});
   RequireUsage({"ingest", folder.File("a.ply"), none},
-               {{"--name", {"", "a\tb", "\xff", std::string(501, 'n')}},
+               {{"--name", {"", ".", "..", "a\tb", "\xff", std::string(501, 'n')}},
                 {"--bits", bits},
                 {"--step", kNoPositive},
                 {"--normals", {"", "x", "3", "17", "-1", "nan"}},

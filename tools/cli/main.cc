@@ -158,10 +158,10 @@ void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
 // `may_be_raster`: a terrain's.
 void AddOutput(CLI::App* verb, std::string* output, bool may_be_standard,
                bool may_be_raster = false) {
-  verb->add_option("OUTPUT", *output,
-                   "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()) +
-                       (may_be_standard ? ", or - for standard output (see --format)" : "") +
-                       (may_be_raster ? "; of a terrain also a raster: .tif, .asc, .hgt" : ""))
+  const std::string what = "the mesh file: " + mtdb::SuffixesOf(mtdb::WrittenMeshFormats()) +
+                           (may_be_standard ? ", or - for standard output (see --format)" : "") +
+                           (may_be_raster ? "; of a terrain also a raster: .tif, .asc, .hgt" : "");
+  mtdb::IsWritten(verb->add_option("OUTPUT", *output, what))
       ->required()
       ->check([=](const std::string& text) {
         if (may_be_standard && text == "-") return std::string();
@@ -447,6 +447,9 @@ void CommandLine::AddIngestVerb() {
     if (count == 0 && !ingest_.format.empty()) {
       throw CLI::ValidationError("--format", "goes with - only; files are known by their names");
     }
+    if (mtdb::Database::IsUrl(paths_.back())) {
+      throw CLI::ValidationError(paths_.back(), "a URL cannot be written to; give a file");
+    }
     if (count == 1 && ingest_.resume) {
       throw CLI::ValidationError("--resume", "cannot read standard input again; copy it to a file");
     }
@@ -455,6 +458,10 @@ void CommandLine::AddIngestVerb() {
 
 void AddStore(CLI::App* verb, std::string* store) {
   verb->add_option("STORE", *store, "the store file, or a packed file or its URL")->required();
+}
+
+void AddWrittenStore(CLI::App* verb, std::string* store) {
+  mtdb::IsWritten(verb->add_option("STORE", *store, "the store file"))->required();
 }
 
 void CommandLine::AddInspectVerbs() {
@@ -527,7 +534,7 @@ void CommandLine::AddRenderVerb() {
               "triangles whose orientation\nis wrong in the input. More: docs/guide.md",
               [this](bool*) { return mtdb::RenderVerb(query_); });
   AddStore(verb, &query_.store);
-  verb->add_option("OUT.png", query_.output, "the picture")
+  mtdb::IsWritten(verb->add_option("OUT.png", query_.output, "the picture"))
       ->required()
       ->check([](const std::string& text) {
         return text.ends_with(".png") ? "" : text + ": expected a name that ends in .png";
@@ -597,13 +604,13 @@ void CommandLine::AddSpaceVerbs() {
       "The file keeps its size: the next objects fill the room, or 'mtdb compact' gives it back.\n"
       "Example: mtdb remove scans.mtdb statue vase",
       [this](bool*) { return mtdb::Remove(space_); });
-  AddStore(remove, &space_.store);
+  AddWrittenStore(remove, &space_.store);
   remove->add_option("NAME", space_.names, "the objects")->required()->expected(1, 1 << 20);
   AddJson(remove, &space_.json);
   CLI::App* rename = AddVerb("rename", "give an object another name",
                              "Example: mtdb rename scans.mtdb scan statue",
                              [this](bool*) { return mtdb::Rename(space_); });
-  AddStore(rename, &space_.store);
+  AddWrittenStore(rename, &space_.store);
   rename->add_option("OLD NEW", space_.names, "the object's name, and its new name")
       ->required()
       ->expected(2)
@@ -618,7 +625,7 @@ void CommandLine::AddSpaceVerbs() {
       "          mtdb copy scans.mtdb museum.mtdb statue vase",
       [this](bool*) { return mtdb::Copy(space_); });
   AddStore(copy, &space_.store);
-  copy->add_option("TARGET", space_.target, "the other store")->required();
+  mtdb::IsWritten(copy->add_option("TARGET", space_.target, "the other store"))->required();
   copy->add_option("NAME", space_.names, "the objects (default: all)")->expected(0, 1 << 20);
   copy->add_flag("--force", space_.force, "replace objects of TARGET that differ");
   AddJson(copy, &space_.json);
@@ -628,7 +635,7 @@ void CommandLine::AddSpaceVerbs() {
       "have\nroom for both. Nobody may write to the store meanwhile.\n"
       "Example: mtdb compact scans.mtdb",
       [this](bool*) { return mtdb::Compact(space_); });
-  AddStore(compact, &space_.store);
+  AddWrittenStore(compact, &space_.store);
   AddJson(compact, &space_.json);
 }
 
@@ -647,13 +654,16 @@ void CommandLine::AddPackVerbs() {
                            "More: docs/packed.md",
                            [this](bool*) { return mtdb::Pack(pack_); });
   AddStore(pack, &pack_.from);
-  pack->add_option("FILE", pack_.to, "the packed file; one of that name is replaced")->required();
+  mtdb::IsWritten(
+      pack->add_option("FILE", pack_.to, "the packed file; one of that name is replaced"))
+      ->required();
   add_names(pack);
   CLI::App* unpack = AddVerb("unpack", "put a packed file's objects into a store",
                              "Example: mtdb unpack statue.mtdbp scans.mtdb",
                              [this](bool*) { return mtdb::Unpack(pack_); });
   unpack->add_option("FILE", pack_.from, "the packed file, or its URL")->required();
-  unpack->add_option("STORE", pack_.to, "the store; made if it is not there")->required();
+  mtdb::IsWritten(unpack->add_option("STORE", pack_.to, "the store; made if it is not there"))
+      ->required();
   add_names(unpack);
   unpack->add_flag("--force", pack_.force, "replace objects of the same names");
 }

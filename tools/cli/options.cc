@@ -5,11 +5,18 @@
 #include <string_view>
 
 #include "query/query_json.h"
+#include "store/database.h"
 #include "tools/render/view.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
 
 namespace mtdb {
+
+CLI::Option* IsWritten(CLI::Option* option) {
+  return option->check([](const std::string& text) {
+    return Database::IsUrl(text) ? text + ": a URL cannot be written to; give a file" : "";
+  });
+}
 
 void AddName(CLI::App* verb, std::string* name, const char* description) {
   verb->add_option("--name", *name, description)->type_name("NAME");

@@ -47,6 +47,8 @@ CLI::Option* AddParsedList(CLI::App* verb, const std::string& name, const std::s
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 }
 
+// The option names what is written, which no URL is.
+CLI::Option* IsWritten(CLI::Option* option);
 void AddName(CLI::App* verb, std::string* name, const char* description);
 void AddJson(CLI::App* verb, bool* json);
 void AddVerbose(CLI::App* verb, bool* verbose);

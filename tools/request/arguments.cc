@@ -14,12 +14,13 @@
 #include <string_view>
 #include <vector>
 
+#include "store/base/coordinate_limit.h"
+
 namespace mtdb {
 
 namespace {
 
 constexpr int kLargestExtent = 16384;
-constexpr double kLargestNumber = 1e30;  // of a query: docs/query.md
 constexpr double kLargestSeconds = 1e9;
 constexpr uint64_t kLeastMemory = uint64_t{256} << 20;  // of BuildOptions
 
@@ -75,7 +76,7 @@ Result<std::vector<double>> ParseList(const std::string& text, const std::string
     const size_t end = std::min(text.find(',', begin), text.size());
     double value = 0;
     if (!ParseWhole(std::string_view(text).substr(begin, end - begin), &value) ||
-        !(std::abs(value) <= kLargestNumber)) {
+        !IsCoordinate(value)) {
       return Unexpected(text, "numbers from -1e30 to 1e30 " + form);
     }
     numbers.push_back(value);
@@ -88,12 +89,13 @@ Result<std::vector<double>> ParseNumbers(const std::string& text, size_t count,
                                          const std::string& form) {
   Result<std::vector<double>> numbers = ParseList(text, form);
   if (numbers.ok() && numbers->size() == count) return numbers;
-  return Unexpected(text, std::to_string(count) + " numbers " + form);
+  return Unexpected(text, std::to_string(count) + " numbers " + form +
+                              (numbers.ok() ? "" : ", each from -1e30 to 1e30"));
 }
 
 Result<double> ParseNonNegative(const std::string& text) {
   double value = 0;
-  if (!ParseWhole(text, &value) || !(value >= 0 && value <= kLargestNumber)) {
+  if (!ParseWhole(text, &value) || !(value >= 0 && value <= kMaxCoordinate)) {
     return Unexpected(text, "a number that is not negative, at most 1e30");
   }
   return value;
@@ -101,7 +103,7 @@ Result<double> ParseNonNegative(const std::string& text) {
 
 Result<double> ParsePositive(const std::string& text) {
   double value = 0;
-  if (!ParseWhole(text, &value) || !(value > 0 && value <= kLargestNumber)) {
+  if (!ParseWhole(text, &value) || !(value > 0 && value <= kMaxCoordinate)) {
     return Unexpected(text, "a positive number, at most 1e30");
   }
   return value;
