@@ -157,7 +157,9 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
 // kNotYet: somebody else is at it, or will be.
 Status AvailableUnits::Load(UnitId unit, ClusterCache::Lock& lock) {
   const ClusterCache::Entry& entry = cache_.entries_[unit];
-  if (!cache_.CanLoad(unit) || HasWorkers() || entry.state != ClusterCache::State::kEmpty ||
+  // What a thread decodes goes again with it, unless it stays decoded between queries.
+  const bool others_decode = HasWorkers() && cache_.options_.form == RuntimeForm::kExplicit;
+  if (!cache_.CanLoad(unit) || others_decode || entry.state != ClusterCache::State::kEmpty ||
       (decoded_ && time_is_over())) {
     return NotYet("");
   }

@@ -152,6 +152,10 @@ class Client {
   std::unique_ptr<ExplicitMesh> mesh_;
 };
 
+RuntimeForm FormOf(uint32_t seed) {
+  return seed % 3 == 0 ? RuntimeForm::kImplicit : RuntimeForm::kExplicit;
+}
+
 }  // namespace
 
 TEST_CASE(
@@ -170,7 +174,7 @@ TEST_CASE(
           };
         }
         const auto source = std::make_shared<LateSource>(f.source, options);
-        const auto surface = *Surface::Open(source, {.threads = threads});
+        const auto surface = *Surface::Open(source, {.form = FormOf(seed), .threads = threads});
         Client client(f, surface);
         for (int q = 0; q < 6; ++q) {
           Query query = RandomQuery(f, random);
@@ -187,10 +191,11 @@ TEST_CASE(
 }
 
 TEST_CASE("a session that takes what is there of a store does so too") {
-  for (const unsigned threads : {1u, 2u}) {
-    const MtFixture f = Fixture(5);
-    std::mt19937 random(5);
-    const auto surface = *Surface::Open(f.source, {.threads = threads});
+  for (const unsigned seed : {5u, 6u, 7u, 9u}) {
+    const MtFixture f = Fixture(seed);
+    std::mt19937 random(seed);
+    const auto surface =
+        *Surface::Open(f.source, {.form = FormOf(seed), .threads = 1 + seed / 2 % 2});
     Client client(f, surface);
     for (int q = 0; q < 12; ++q) {
       Query query = RandomQuery(f, random);
@@ -212,7 +217,7 @@ TEST_CASE("a query that takes what is there has the least cut through that") {
     std::mt19937 random(seed);
     const auto source =
         std::make_shared<LateSource>(f.source, LateOptions{.seed = seed, .own_thread = false});
-    const auto surface = *Surface::Open(source, {.threads = 1 + seed % 2});
+    const auto surface = *Surface::Open(source, {.form = FormOf(seed), .threads = 1 + seed % 2});
     for (int q = 0; q < 5; ++q) {
       Query query = RandomQuery(f, random);
       query.available_only = true;
