@@ -171,7 +171,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     }
     i += 3 + length;
   }
-  bytes.resize(bytes.size() - (data[0] >> 4));
+  bytes.erase(bytes.end() - (data[0] >> 4), bytes.end());
   if ((data[0] & 1) != 0) SealPages(kGood, &bytes);
   if ((data[0] & 2) != 0) SealHeader(kGood, &bytes);
 

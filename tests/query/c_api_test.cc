@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C interface, linked as libmtdb.so: equal to the C++ one, and safe with what callers get
 // wrong.
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include <limits>
 #include <regex>
 #include <set>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -102,7 +104,7 @@ void CheckSame(const Arrays& arrays, const TriangleMesh& mesh) {
     REQUIRE(arrays.indices[i] == mesh.triangles[i / 3][i % 3]);
   }
   REQUIRE(arrays.rows.size() == mesh.rows.size());
-  REQUIRE(std::memcmp(arrays.rows.data(), mesh.rows.data(), mesh.rows.size()) == 0);
+  REQUIRE(std::ranges::equal(std::as_bytes(std::span(arrays.rows)), std::span(mesh.rows)));
 }
 
 }  // namespace
