@@ -315,6 +315,23 @@ def python(runner, data):
     return [json.loads(out)]
 
 
+def viewer(runner, data):
+    """The page in Chromium, over two networks, beside one that downloads the whole as Draco."""
+    build = runner.build / "viewer"
+    if not (build / "page" / "index.html").exists():
+        raise Unavailable("mtdb was built without the viewer (tools/viewer/README.md)")
+    if not pathlib.Path("/usr/bin/chromium").exists():
+        raise Unavailable("Chromium is not installed (package chromium)")
+    stores = [data.store(data.generated("sculpture", triangles))[0]
+              for triangles in (data.sizes["sculpture"], data.sizes["dense"])]
+    script = ["tests/viewer/figures.mjs", "--json", *stores]
+    out, _ = runner.run("env", f"MTDB_BINARY={runner.build / 'tools' / 'mtdb'}",
+                        f"MTDB_VIEWER_BUILD={build}", "node", *script,
+                        shown=["node", "tests/viewer/figures.mjs", *(store.name for store in stores)])
+    answer = json.loads(out)
+    return [{"chromium": answer["chromium"], **row} for row in answer["rows"]]
+
+
 def large_ingest(runner, data):
     """Goes on where it was stopped; what it took is then what the last part took."""
     triangles, memory = data.sizes["triangles"], data.sizes["memory"]
@@ -366,5 +383,5 @@ def large_verify(runner, data):
 
 
 STEPS = [data_sets, quality, bounds, build, ingest, size, attributes, query, locality, layouts,
-         regions, session, terrain, python, picture]
+         regions, session, terrain, python, viewer, picture]
 LARGE_STEPS = [large_ingest, large_regions, large_locality, large_verify]

@@ -484,6 +484,37 @@ def python(raw):
             f"{sig(add)} µs more, which is Python's share of any extraction")
 
 
+@figure
+def viewer(raw):
+    lines = []
+    for row in raw.rows("viewer"):
+        if "drag_ms" in row:
+            continue
+        draco = row["way"] == "Draco"
+        pairs = [] if draco else [row["cut_ms"], row["worker_ms"], row["arrays_ms"]]
+        lines.append([whole(row["triangles"]), "the whole as Draco" if draco else row["way"],
+                      row["network"], "" if draco else sig(row["first_seconds"]),
+                      sig(row["exact_seconds"]), "" if draco else whole(row["exact_triangles"]),
+                      sig(row["mesh_bytes"] / 1e6),
+                      *(f"{sig(middle, 2)}, {sig(most, 2)}" for middle, most in pairs),
+                      *([""] * (3 - len(pairs)))])
+    return table(["triangles", "way", "network", "first mesh, s", "exact to a pixel, s",
+                  "triangles then", "MB of mesh", "cut, ms", "worker, ms", "arrays, ms"], lines)
+
+
+@figure
+def viewer_drag(raw):
+    return " ".join(
+        f"Of {whole(row['triangles'])} triangles, {whole(row['drag_triangles'])} of which are shown "
+        f"then: {sig(sorted(row['drag_ms'])[len(row['drag_ms']) // 2])} ms, at most "
+        f"{sig(max(row['drag_ms']))}." for row in raw.rows("viewer") if "drag_ms" in row)
+
+
+@figure
+def viewer_browser(raw):
+    return raw.rows("viewer")[0]["chromium"]
+
+
 # The large model.
 
 @figure
