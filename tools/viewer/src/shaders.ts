@@ -13,8 +13,10 @@ uniform mat3 normalMatrix;
 uniform vec3 place, stretch; // of the mesh in the scene; see stretch.ts
 uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error
 uniform vec2 range;          // of what the colour map shows
-out vec3 inView, inScene, normalInView, plain;
-out float level;
+out vec3 inView, inScene;
+// Not beyond the triangle: of a triangle that is seen from its side, that would be far off.
+centroid out vec3 normalInView, plain;
+centroid out float level;
 void main() {
   vec3 placed = position * stretch;
   vec4 view = modelViewMatrix * vec4(placed, 1.0);
@@ -41,8 +43,9 @@ float outside(vec3 p) {
 const fragment = `
 precision highp float;
 precision highp int;
-in vec3 inView, inScene, normalInView, plain;
-in float level;
+in vec3 inView, inScene;
+centroid in vec3 normalInView, plain;
+centroid in float level;
 uniform int colourBy;
 uniform bool flatShading;
 uniform int backFaces;        // 0 as the front, 1 in a colour of their own, 2 that without light, as the filling of a section
@@ -64,19 +67,22 @@ void main() {
   float o = outside(inScene);
   if (clips && o > 0.0) discard;
   vec3 toEye = normalize(-inView), n;
+  bool behind = !gl_FrontFacing;
   if (flatShading || dot(normalInView, normalInView) == 0.0) {
     n = normalize(cross(dFdx(inView), dFdy(inView)));
   } else {
     n = normalize(normalInView);
-    if (!gl_FrontFacing) n = -n;
-    // A normal that looks away from the eye is that of a silhouette or of a crease.
+    // Slivers behind a crest, whose normals are the crest's, are shaded as the crest.
+    if (dot(n, toEye) > 0.0) behind = false;
+    else if (behind) n = -n;
+    // A normal of the front that looks away from the eye is that of a silhouette or of a crease.
     float away = dot(n, toEye);
     if (away < 0.0) n = normalize(n - away * toEye);
   }
   float shown = colourBy == 5 ? permittedLevel(o) : level;
   vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
-  if (backFaces > 0 && !gl_FrontFacing) base = back;
-  if (backFaces == 2 && clips && !gl_FrontFacing) {
+  if (backFaces > 0 && behind) base = back;
+  if (backFaces == 2 && clips && behind) {
     result = vec4(back, 1.0);
     return;
   }
