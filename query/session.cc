@@ -121,7 +121,7 @@ Result<BaseMesh> Session::ReadBase() const {
   for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) {
     reader.Release();
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader.Get(id));
-    const InPatch& piece = unit->cluster.in;
+    const CompactCluster& piece = unit->cluster;
     std::vector<uint32_t> number_of(piece.vertices.size());
     for (size_t v = 0; v < piece.vertices.size(); ++v) {
       const auto next = static_cast<uint32_t>(base.vertices.size());

@@ -41,7 +41,7 @@ struct SurfaceOptions {
   // docs/design.md.
   size_t cache_bytes = size_t{256} << 20;
   // What the cache keeps between queries. The implicit form takes some 4 bytes a node and the
-  // attributes, instead of 120; but each query decodes clusters anew, which takes 6 to 20 times as
+  // attributes, instead of 60; but each query decodes clusters anew, which takes 6 to 20 times as
   // long (docs/BENCHMARKS.md). It is for many open surfaces with few queries each. Answers do not
   // depend on it.
   RuntimeForm form = RuntimeForm::kExplicit;

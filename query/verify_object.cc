@@ -120,7 +120,7 @@ class Verifier {
   }
 
   void CountRemovers(const LoadedUnit& unit) {
-    const std::vector<uint32_t>& removers = unit.removers();
+    const LocalRemovers& removers = unit.removers();
     for (uint32_t slot = unit.first_own_slot(); slot < removers.size(); ++slot) {
       if (removers[slot] == kDrain) {
         ++drain_;
@@ -131,7 +131,7 @@ class Verifier {
   }
 
   void CheckBounds(const LoadedUnit& unit, const Box3i& bounds) {
-    for (const Vec3i& p : unit.positions()) {
+    for (const Vec3i& p : unit.positions().All()) {
       bounds_.Add(record_.grid.Position(p));
       if (!bounds.Contains(p)) {
         report_->failures.push_back(UnitName(record_, unit.id) +
@@ -142,7 +142,7 @@ class Verifier {
   }
 
   void CheckUnit(const LoadedUnit& unit) {
-    const Cluster& c = unit.cluster;
+    const CompactCluster& c = unit.cluster;
     CheckBounds(unit, index_.unit(unit.id).bounds);
     root_triangles_ += c.listed() - c.in_triangles();
     nodes_ += c.nodes();
@@ -154,8 +154,8 @@ class Verifier {
       for (const uint32_t slot : c.hole(i)) {
         if (slot >= c.in_triangles()) {
           above = std::max(above, depth[unit.creator(slot)]);
-        } else if (const SlotOrigin& o = unit.origins[slot]; o.creator != kNone32) {
-          above = std::max(above, depths_[unit.parents[o.parent]][o.creator]);
+        } else if (const SlotOrigin& o = unit.origins[slot]; o.creator() != kNone32) {
+          above = std::max(above, depths_[unit.parents[o.parent]][o.creator()]);
         }
       }
       depth[i] = above + 1;
@@ -171,8 +171,8 @@ class Verifier {
   }
 
   void AddToDigest(const LoadedUnit& unit) {
-    const std::vector<uint32_t>& removers = unit.removers();
-    const std::vector<Vec3i>& positions = unit.positions();
+    const LocalRemovers& removers = unit.removers();
+    const LocalPositions& positions = unit.positions();
     root_triangles_ += unit.cluster.listed() - unit.cluster.in_triangles();
     for (NodeIndex i = 0; i < unit.nodes(); ++i) boundary_nodes_ += unit.cluster.boundary(i);
     for (uint32_t slot = unit.first_own_slot(); slot < removers.size(); ++slot) {

@@ -623,11 +623,11 @@ size_t ClusterCache::PayloadBytes(UnitId unit) const {
   return counted ? index_.location(unit).length : 0;
 }
 
-// Some 120 bytes a node are usual.
+// Some 60 bytes a node are usual.
 size_t ClusterCache::TypicalBytes() const {
   const ObjectRecord& record = source_->record();
   return sizeof(LoadedUnit) +
-         (120 + record.attributes.row_bytes()) * (record.nodes / std::max(1u, record.clusters));
+         (60 + record.attributes.row_bytes()) * (record.nodes / std::max(1u, record.clusters));
 }
 
 // Six star triangles a node are usual.
@@ -636,9 +636,9 @@ size_t ClusterCache::EstimateBytes(UnitId unit) const {
   const UnitEntry& entry = index_.unit(unit);
   const size_t stars = size_t{6} * entry.nodes;
   const size_t listed = entry.nodes > 0 ? 0 : entry.out_triangles;
-  return sizeof(LoadedUnit) + entry.in_triangles * size_t{32} + stars * size_t{12} +
-         listed * size_t{17} + entry.nodes * (sizeof(Vec3i) + 13 + row_bytes) +
-         entry.external_vertices * (sizeof(Vec3i) + sizeof(VertexIndex) + 4 + row_bytes);
+  return sizeof(LoadedUnit) + entry.in_triangles * size_t{16} + stars * size_t{6} +
+         listed * size_t{9} + entry.nodes * (size_t{13} + row_bytes) +
+         entry.external_vertices * (size_t{6} + sizeof(VertexIndex) + 4 + row_bytes);
 }
 
 }  // namespace mtdb::internal

@@ -169,7 +169,7 @@ Status CutImpl::MarkClipped() {
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
     Output& out = output(id);
     out.kept = Bits(unit->own_slots());
-    const std::vector<Vec3i>& positions = unit->positions();
+    const LocalPositions& positions = unit->positions();
     u.active.ForEach([&](uint32_t own) {
       const uint32_t slot = own + u.first_own;
       const std::array<uint32_t, 3> corners = unit->corners(slot, unit->creator(slot));
@@ -203,7 +203,7 @@ Status CutImpl::NumberVertices() {
     reader_.Release();
     MTDB_RETURN_IF_ERROR(reader_.Check());
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(id));
-    for (const VertexIndex v : unit->cluster.in.vertices) {
+    for (const VertexIndex v : unit->cluster.vertices) {
       if (!clip_ || root_used_.Test(static_cast<uint32_t>(v))) root_numbers_.Add(v);
     }
   }
@@ -342,7 +342,7 @@ Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
 
 // A vertex that several pieces share is emitted with the first of them.
 void CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const {
-  const InPatch& piece = unit.cluster.in;
+  const CompactCluster& piece = unit.cluster;
   const size_t row_bytes = surface_->record().attributes.row_bytes();
   out.ReserveVertices(piece.vertices.size());
   for (size_t i = 0; i < piece.vertices.size(); ++i) {
@@ -357,25 +357,26 @@ void CutImpl::EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_
 void CutImpl::EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const {
   const size_t row_bytes = surface_->record().attributes.row_bytes();
   const uint32_t external = unit.cluster.external_vertices();
-  const Vec3i* positions = unit.cluster.in.positions.data() + external;
-  const std::byte* rows = unit.cluster.in.rows.data() + external * row_bytes;
+  const std::byte* rows = unit.cluster.rows.data() + external * row_bytes;
   out.ReserveVertices(unit.nodes());
-  ForEachNode(unit, [&](NodeIndex i) { out.AddVertex(positions[i], rows + i * row_bytes); });
+  ForEachNode(unit, [&](NodeIndex i) {
+    out.AddVertex(unit.cluster.position(external + i), rows + i * row_bytes);
+  });
 }
 
 template <typename F>
 void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> slots, F&& f) {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   const uint32_t external = cluster.external_vertices();
   const uint32_t first_own = unit.first_own_slot();
   for (uint32_t slot = first_own; slot < cluster.listed(); ++slot) {
-    if (!slots.empty() && BitsAt(slots, slot - first_own, 1) != 0) f(cluster.in.triangles[slot]);
+    if (!slots.empty() && BitsAt(slots, slot - first_own, 1) != 0) f(cluster.listed_triangle(slot));
   }
   if (unit.nodes() == 0) return;
   FindCreators(unit);
-  const uint32_t* const ring_begin = cluster.ring_begin.data();
-  const uint32_t* const star_begin = cluster.star_begin.data();
-  const uint32_t* const ring = cluster.ring_vertices.data();
+  const LocalNumber* const ring_begin = cluster.ring_begin.data();
+  const LocalNumber* const star_begin = cluster.star_begin.data();
+  const LocalNumber* const ring = cluster.ring_vertices.data();
   for (uint32_t w = 0; w < slots.size(); ++w) {
     for (uint64_t rest = slots[w]; rest != 0; rest &= rest - 1) {
       const uint32_t own = w * 64 + static_cast<uint32_t>(std::countr_zero(rest));
@@ -389,7 +390,7 @@ void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> 
 }
 
 void CutImpl::FindCreators(const LoadedUnit& unit) {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   const uint32_t first_own = unit.first_own_slot();
   creators_.resize(std::max<size_t>(creators_.size(), unit.own_slots() + kLongStar));
   const auto fill = [&](NodeIndex i) {
@@ -442,7 +443,7 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
       [&](const LoadedUnit& unit) {
         NumberOwn(unit);
         const uint32_t external = unit.cluster.external_vertices();
-        const std::vector<Vec3i>& positions = unit.positions();
+        const LocalPositions& positions = unit.positions();
         const std::span<const uint64_t> slots = everything_ ? std::span<const uint64_t>(unit.drain)
                                                             : cut_.Find(unit.id)->present.words();
         ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {

@@ -41,7 +41,7 @@ void CutState::Size(CutUnit& u, const LoadedUnit& unit) const {
 }
 
 bool CutState::AnyPresent(const CutUnit& u, const LoadedUnit& unit, NodeIndex node) const {
-  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   return std::any_of(hole.begin(), hole.end(),
                      [&](uint32_t slot) { return Present(u, unit, slot); });
 }
@@ -49,14 +49,16 @@ bool CutState::AnyPresent(const CutUnit& u, const LoadedUnit& unit, NodeIndex no
 CutState::NodeRef CutState::CreatorOf(CutUnit& u, const LoadedUnit& unit, uint32_t slot) {
   if (slot >= u.first_own) return {&u, unit.creator(slot)};
   const SlotOrigin& origin = unit.origins[slot];
-  return {origin.creator == kNone32 ? nullptr : &Open(unit.parents[origin.parent]), origin.creator};
+  return {origin.creator() == kNone32 ? nullptr : &Open(unit.parents[origin.parent]),
+          origin.creator()};
 }
 
 void CutState::InsertRoot(CutUnit& u, const LoadedUnit& unit) {
   u.present.SetRange(0, unit.own_slots());
   counts_.triangles += unit.own_slots();
   if (!remembers_) return;
-  for (const uint32_t remover : unit.removers()) {
+  for (uint32_t slot = 0; slot < unit.removers().size(); ++slot) {
+    const uint32_t remover = unit.removers()[slot];
     ++counts_.by_code[remover == kDrain ? 0 : LargestCode(unit.children()[ChildOrdinal(remover)])];
   }
 }
@@ -106,8 +108,8 @@ void CutState::TakeBack(std::span<const NodeRef> inserted) {
 
 void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool apply) {
   Save(u);
-  const Cluster& cluster = unit.cluster;
-  const std::span<const uint32_t> hole = cluster.hole(node);
+  const CompactCluster& cluster = unit.cluster;
+  const std::span<const LocalNumber> hole = cluster.hole(node);
   const uint64_t n = apply ? 1 : ~uint64_t{0};  // modulo 2^64 this also takes away
   uint32_t entering = 0;                        // of the hole's triangles
   for (const uint32_t slot : hole) {
@@ -132,7 +134,7 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   u.applied.Put(node, apply);
   u.applied_count += static_cast<uint32_t>(n);
   counts_.applied += n;
-  counts_.vertices += n * cluster.shape(node).vertices.size();
+  counts_.vertices += n * cluster.created_vertices(node).size();
   counts_.triangles += n * (end - begin - hole.size());
   if (!remembers_) return;
   const uint8_t* const codes = cluster.error_codes.data();

@@ -135,7 +135,7 @@ Deadlines::Verdict Deadlines::Look(const MovingUnit& u, const LoadedUnit& unit, 
 Deadlines::Verdict Deadlines::LookAtTriangles(const LoadedUnit& unit, NodeIndex node,
                                               bool all_active) {
   const double bound = judge_.Bound(unit.cluster.error_codes[node]);
-  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   refused_.assign(hole.size(), false);
   Verdict verdict{false, true, kInfinity, kInfinity};
   for (size_t i = 0; i < hole.size(); ++i) {

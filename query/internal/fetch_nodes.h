@@ -23,7 +23,7 @@ template <typename F>
 void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, Fetch what, F&& f) {
   const bool stars = what == Fetch::kStars;
   constexpr size_t kAtOnce = 32;
-  const Cluster& c = unit.cluster;
+  const CompactCluster& c = unit.cluster;
   while (!nodes.empty()) {
     const std::span<const NodeIndex> some = nodes.first(std::min(kAtOnce, nodes.size()));
     nodes = nodes.subspan(some.size());
@@ -36,11 +36,11 @@ void ForEachFetched(const LoadedUnit& unit, std::span<const NodeIndex> nodes, Fe
     for (const NodeIndex n : some) {
       if (!stars) __builtin_prefetch(c.ring_vertices.data() + c.ring_begin[n]);
       __builtin_prefetch(c.hole_slots.data() + c.hole_begin[n]);
-      if (stars) __builtin_prefetch(c.removers.data() + c.star_begin[n]);
+      if (stars) __builtin_prefetch(c.removers.codes().data() + c.star_begin[n]);
     }
     for (const NodeIndex n : some) {
       if (!stars) {
-        for (const uint32_t local : c.ring(n)) __builtin_prefetch(&c.in.positions[local]);
+        for (const uint32_t local : c.ring(n)) c.positions.Prefetch(local);
       }
       for (const uint32_t slot : c.hole(n)) {
         if (slot < unit.first_own_slot()) {

@@ -272,7 +272,7 @@ void Insertion::Want(MovingUnit& u, NodeIndex node, uint8_t code) {
 
 // Applies the node if it removes a present refused triangle, after its missing ancestors.
 Status Insertion::Insert(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
-  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   const uint32_t begin = unit.cluster.hole_begin[node];
   bool refused = false;
   for (uint32_t i = 0; i < hole.size() && !refused; ++i) {
@@ -289,7 +289,7 @@ Status Insertion::Insert(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) 
 // Parents come first.
 void Insertion::FollowInsertion(MovingUnit& u, NodeIndex node) {
   const LoadedUnit& unit = *u.pin;
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   if (!u.known.Test(node) || Deadlines::Waits(u, node)) {
     units_.Save(u);
     u.known.Set(node);

@@ -43,7 +43,7 @@ void Judge::SetQuery(const Query& query) {
 
 bool Judge::RefusesAny(const LoadedUnit& unit, NodeIndex node) const {
   const uint8_t code = unit.cluster.error_codes[node];
-  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   return std::any_of(hole.begin(), hole.end(), [&](uint32_t slot) {
     return Refused(unit, slot, by_code() ? 0 : unit.creator(slot), code);
   });
@@ -57,7 +57,7 @@ Activity Judge::ActivityIn(const Box3d& box, double bound) const {
 
 Triangle3d Judge::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const {
   const std::array<uint32_t, 3> corners = unit.corners(slot, creator);
-  const std::vector<Vec3i>& positions = unit.positions();
+  const LocalPositions& positions = unit.positions();
   return {grid_.Position(positions[corners[0]]), grid_.Position(positions[corners[1]]),
           grid_.Position(positions[corners[2]])};
 }

@@ -37,8 +37,9 @@ class Gatherer {
       return Corrupt(name_ + ": unit " + std::to_string(parent.id) +
                      " is a parent in the index, but does not name it as a child; rebuild");
     }
-    const uint32_t wanted = kChildFlag | static_cast<uint32_t>(it - children.begin());
-    const std::vector<uint32_t>& removers = parent.removers();
+    const auto ordinal_there = static_cast<uint32_t>(it - children.begin());
+    const auto wanted = static_cast<LocalNumber>(kLocalChildFlag | ordinal_there);
+    const std::vector<LocalNumber>& removers = parent.removers().codes();
     const size_t before = triangles_.size();
 
     NodeIndex creator = kNone32;
@@ -66,7 +67,7 @@ class Gatherer {
         AddTriangle(ordinal, parent, found[i], creator);
       }
     }
-    if (entry_.explicit_arcs) return AddArcs(parent, wanted, before);
+    if (entry_.explicit_arcs) return AddArcs(parent, kChildFlag | ordinal_there, before);
     return Status::Ok();
   }
 
@@ -111,7 +112,7 @@ class Gatherer {
   void AddTriangle(uint32_t ordinal, const LoadedUnit& parent, uint32_t slot, NodeIndex creator) {
     InTriangle& t = triangles_.emplace_back();
     t.parent_vertices = parent.corners(slot, creator);
-    const std::vector<Vec3i>& positions = parent.positions();
+    const LocalPositions& positions = parent.positions();
     for (int c = 0; c < 3; ++c) {
       const uint32_t local = t.parent_vertices[c];
       t.positions[c] = positions[local];
@@ -120,12 +121,13 @@ class Gatherer {
                                        : index_.first_vertex(parent.id) + (local - external);
     }
     t.origin = static_cast<uint32_t>(origins_.size());
-    origins_.push_back({ordinal, slot, creator});
+    origins_.push_back({static_cast<LocalNumber>(ordinal), static_cast<LocalNumber>(slot),
+                        static_cast<LocalNumber>(creator)});
   }
 
   // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
   Status AddArcs(const LoadedUnit& parent, uint32_t wanted, size_t before) {
-    const std::vector<uint32_t>& removers = parent.removers();
+    const LocalRemovers& removers = parent.removers();
     for (const ExplicitArc& arc : parent.explicit_arcs()) {
       if (arc.slot >= removers.size() || removers[arc.slot] != wanted) continue;
       const size_t i = arcs_.size();
@@ -176,11 +178,11 @@ Status Mismatch(const std::string& name, const char* what, uint64_t expected, ui
                  ", the payload has " + std::to_string(found));
 }
 
-Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t expected_out) {
-  const std::vector<uint32_t>& removers = unit.removers();
-  const uint32_t first_own = unit.first_own_slot();
-  const uint32_t nodes = unit.nodes();
-  const auto children = static_cast<uint32_t>(unit.children().size());
+Status CheckRemovers(const std::string& name, const Cluster& c, uint32_t expected_out) {
+  const std::vector<uint32_t>& removers = c.removers;
+  const uint32_t first_own = c.first_own_slot;
+  const uint32_t nodes = c.nodes();
+  const auto children = static_cast<uint32_t>(c.children.size());
   const auto by_child = [&](uint32_t r) { return r - kChildFlag < children; };
   const auto legal = [&](uint32_t slot, uint32_t r) {
     return r < nodes || (slot >= first_own && (r == kDrain || by_child(r)));
@@ -204,9 +206,9 @@ Status CheckRemovers(const std::string& name, const LoadedUnit& unit, uint32_t e
   return Status::Ok();
 }
 
-Status CheckUnit(const std::string& name, const ClusterIndex& index, const LoadedUnit& unit) {
-  const UnitEntry& entry = index.unit(unit.id);
-  const Cluster& c = unit.cluster;
+Status CheckUnit(const std::string& name, const ClusterIndex& index, UnitId unit,
+                 const Cluster& c) {
+  const UnitEntry& entry = index.unit(unit);
   if (c.nodes() != entry.nodes) return Mismatch(name, "nodes", entry.nodes, c.nodes());
   if (c.in_triangles() != entry.in_triangles) {
     return Mismatch(name, "in-triangles", entry.in_triangles, c.in_triangles());
@@ -221,28 +223,29 @@ Status CheckUnit(const std::string& name, const ClusterIndex& index, const Loade
                      std::to_string(entry.error_code_max));
     }
   }
-  if (!std::ranges::equal(index.children(unit.id), c.children)) {
+  if (!std::ranges::equal(index.children(unit), c.children)) {
     return Corrupt(name + ": its children differ from those in the index");
   }
-  return CheckRemovers(name, unit, entry.out_triangles);
+  return CheckRemovers(name, c, entry.out_triangles);
 }
 
 std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
   std::vector<uint64_t> drain((unit.own_slots() + 63) / 64, 0);
-  const uint32_t* removers = unit.removers().data() + unit.first_own_slot();
+  const LocalNumber* removers = unit.removers().codes().data() + unit.first_own_slot();
   for (uint32_t i = 0; i < unit.own_slots(); ++i) {
-    drain[i >> 6] |= uint64_t{removers[i] == kDrain} << (i & 63);
+    drain[i >> 6] |= uint64_t{removers[i] == kLocalDrain} << (i & 63);
   }
   return drain;
 }
 
-std::vector<NodeIndex> FindCreators(const LoadedUnit& unit) {
-  std::vector<NodeIndex> creators;
+std::vector<LocalNumber> FindCreators(const LoadedUnit& unit) {
+  std::vector<LocalNumber> creators;
+  creators.reserve(unit.own_slots() / LoadedUnit::kCreatorStep + 1);
   NodeIndex node = 0;
   const uint32_t end = unit.cluster.slots();
   for (uint32_t slot = unit.cluster.listed(); slot < end; slot += LoadedUnit::kCreatorStep) {
     while (unit.cluster.star_begin[node + 1] <= slot) ++node;
-    creators.push_back(node);
+    creators.push_back(static_cast<LocalNumber>(node));
   }
   return creators;
 }
@@ -251,9 +254,9 @@ std::vector<NodeIndex> FindCreators(const LoadedUnit& unit) {
 
 uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
   const auto p = std::find(parents.begin(), parents.end(), parent);
-  const std::pair key(static_cast<uint32_t>(p - parents.begin()), parent_slot);
+  const std::pair<uint32_t, uint32_t> key(p - parents.begin(), parent_slot);
   const auto origin_of = [&](uint32_t slot) {
-    return std::pair(origins[slot].parent, origins[slot].slot);
+    return std::pair<uint32_t, uint32_t>(origins[slot].parent, origins[slot].slot);
   };
   const auto it =
       std::lower_bound(by_origin.begin(), by_origin.end(), key,
@@ -273,11 +276,14 @@ std::string UnitName(const ObjectRecord& record, UnitId unit) {
 namespace {
 
 // Gathers the in-triangles from the parents and replays the payload on them.
-Status DecodeFromParents(const ObjectRecord& record, const ClusterIndex& index,
-                         const std::string& name, ByteSpan payload,
-                         std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
+Result<Cluster> DecodeFromParents(const ObjectRecord& record, const ClusterIndex& index,
+                                  const std::string& name, ByteSpan payload,
+                                  std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
   const UnitEntry& entry = index.unit(unit.id);
   unit.parents.assign(index.parents(unit.id).begin(), index.parents(unit.id).end());
+  if (parents.size() > kMostLocalNumbers) {
+    return Corrupt(name + ": " + std::to_string(parents.size()) + " parents");
+  }
   Gatherer gatherer(index, unit.id, name, parents);
   for (uint32_t i = 0; i < parents.size(); ++i) {
     MTDB_RETURN_IF_ERROR(gatherer.Add(i, *parents[i]));
@@ -288,16 +294,14 @@ Status DecodeFromParents(const ObjectRecord& record, const ClusterIndex& index,
     return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
   }
   AskParents(triangles, gatherer, parents, record.attributes.row_bytes(), patch, unit.owners);
-  MTDB_ASSIGN_OR_RETURN(
-      unit.cluster, DecodeCluster(payload, std::move(patch), record.attributes, entry.nodes, name));
   // The triangles were gathered in ascending order of their origins.
   unit.origins.resize(triangles.size());
   unit.by_origin.resize(triangles.size());
   for (uint32_t i = 0; i < triangles.size(); ++i) {
     unit.origins[i] = gatherer.origin(triangles[i].origin);
-    unit.by_origin[triangles[i].origin] = i;
+    unit.by_origin[triangles[i].origin] = static_cast<LocalNumber>(i);
   }
-  return Status::Ok();
+  return DecodeCluster(payload, std::move(patch), record.attributes, entry.nodes, name);
 }
 
 }  // namespace
@@ -307,14 +311,14 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   const std::string name = UnitName(record, unit);
   auto loaded = std::make_shared<LoadedUnit>();
   loaded->id = unit;
-  if (index.unit(unit).round == kRootRound) {
-    MTDB_ASSIGN_OR_RETURN(loaded->cluster,
-                          DecodeRootPiece(payload, record.attributes, index.root_vertices(), name));
-    loaded->owners.assign(loaded->cluster.external_vertices(), kNone32);
-  } else {
-    MTDB_RETURN_IF_ERROR(DecodeFromParents(record, index, name, payload, parents, *loaded));
-  }
-  MTDB_RETURN_IF_ERROR(CheckUnit(name, index, *loaded));
+  const bool root = index.unit(unit).round == kRootRound;
+  MTDB_ASSIGN_OR_RETURN(
+      Cluster cluster,
+      root ? DecodeRootPiece(payload, record.attributes, index.root_vertices(), name)
+           : DecodeFromParents(record, index, name, payload, parents, *loaded));
+  MTDB_RETURN_IF_ERROR(CheckUnit(name, index, unit, cluster));
+  MTDB_ASSIGN_OR_RETURN(loaded->cluster, MakeCompact(std::move(cluster), name));
+  if (root) loaded->owners.assign(loaded->cluster.external_vertices(), kNone32);
   loaded->drain = FindDrain(*loaded);
   loaded->creators = FindCreators(*loaded);
   return LoadedUnitPtr(std::move(loaded));

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "codecs/cluster/cluster.h"
+#include "query/internal/compact_cluster.h"
 #include "query/runtime_form.h"
 #include "store/base/attributes.h"
 #include "store/base/status.h"
@@ -18,9 +19,13 @@ namespace mtdb::internal {
 
 // What an in-triangle of a cluster is to the unit that creates it.
 struct SlotOrigin {
-  uint32_t parent = 0;   // ordinal in LoadedUnit::parents
-  uint32_t slot = 0;     // of the parent
-  uint32_t creator = 0;  // as LoadedUnit::creator() says
+  LocalNumber parent = 0;  // ordinal in LoadedUnit::parents
+  LocalNumber slot = 0;    // of the parent
+  LocalNumber made_by = kNobody;
+
+  // As LoadedUnit::creator() says of the parent.
+  NodeIndex creator() const { return made_by == kNobody ? kNone32 : made_by; }
+  static constexpr LocalNumber kNobody = 0xffff;
 };
 
 constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
@@ -28,21 +33,21 @@ constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
 // Immutable once loaded; safe for many threads.
 struct LoadedUnit {
   UnitId id = 0;
-  Cluster cluster;
-  std::vector<UnitId> parents;      // ascending
-  std::vector<SlotOrigin> origins;  // per in-triangle
-  std::vector<uint32_t> by_origin;  // in-slots, ascending by their origin's parent and slot
+  CompactCluster cluster;
+  std::vector<UnitId> parents;         // ascending
+  std::vector<SlotOrigin> origins;     // per in-triangle
+  std::vector<LocalNumber> by_origin;  // in-slots, ascending by their origin's parent and slot
   std::vector<UnitId> owners;   // per external vertex: the cluster that inserts it; kNone32: root
   std::vector<uint64_t> drain;  // a bit per own slot: part of the full-resolution mesh
-  std::vector<NodeIndex> creators;  // of every kCreatorStep-th star slot, for creator()
+  std::vector<LocalNumber> creators;  // of every kCreatorStep-th star slot, for creator()
 
-  const std::vector<uint32_t>& removers() const { return cluster.removers; }
+  const LocalRemovers& removers() const { return cluster.removers; }
   const std::vector<UnitId>& children() const { return cluster.children; }
   const std::vector<ExplicitArc>& explicit_arcs() const { return cluster.explicit_arcs; }
-  const std::vector<Vec3i>& positions() const { return cluster.in.positions; }
-  const Bytes& rows() const { return cluster.in.rows; }
+  const LocalPositions& positions() const { return cluster.positions; }
+  const Bytes& rows() const { return cluster.rows; }
   // Of an external vertex: its number in the object, and the cluster that inserts it, or kNone32.
-  VertexIndex vertex(uint32_t local) const { return cluster.in.vertices[local]; }
+  VertexIndex vertex(uint32_t local) const { return cluster.vertices[local]; }
   UnitId owner(uint32_t local) const { return owners[local]; }
   uint32_t nodes() const { return cluster.nodes(); }
   // Slots below this one are in-triangles; the unit creates the others.
@@ -58,7 +63,7 @@ struct LoadedUnit {
   }
   // The local vertices of a slot, which `creator_node` creates.
   std::array<uint32_t, 3> corners(uint32_t slot, NodeIndex creator_node) const {
-    if (slot < cluster.listed()) return cluster.in.triangles[slot];
+    if (slot < cluster.listed()) return cluster.listed_triangle(slot);
     return cluster.created_triangle(creator_node, slot);
   }
   // The bounds of what a node removes, and of that and what it creates.
@@ -69,7 +74,7 @@ struct LoadedUnit {
   }
   Box3i star_bounds(NodeIndex node) const {
     Box3i bounds = hole_bounds(node);
-    for (const uint32_t local : cluster.shape(node).vertices) bounds.Add(cluster.position(local));
+    for (const uint32_t local : cluster.created_vertices(node)) bounds.Add(cluster.position(local));
     return bounds;
   }
   // The in-slot that a parent's slot arrives at, or kNone32.

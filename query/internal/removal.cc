@@ -43,10 +43,10 @@ Status Removal::SuspendAll() {
 }
 
 void Removal::SuspendAround(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   const NodeKey key = KeyOf(u.id, node);
   const uint32_t hole_begin = cluster.hole_begin[node];
-  const std::span<const uint32_t> hole = cluster.hole(node);
+  const std::span<const LocalNumber> hole = cluster.hole(node);
   for (uint32_t i = 0; i < hole.size(); ++i) {
     const CutState::NodeRef creator = units_.CreatorOf(u, unit, hole[i]);
     if (creator.unit == nullptr || creator.unit->strong.Test(creator.node)) continue;
@@ -126,7 +126,7 @@ Status Removal::RemoveSuspended() {
 
 void Removal::Remove(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   units_.Remove(u, unit, node);
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {
     const uint32_t remover = cluster.removers[slot];
     if (!RemovedByChild(remover)) continue;

@@ -206,7 +206,7 @@ void Search::ExamineOutSlots(const LoadedUnit& unit, CutUnit& u) {
 void Search::ExamineStar(NodeRef node) {
   CutUnit& u = *node.unit;
   const LoadedUnit& unit = *u.pin;
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[node.node]; slot < cluster.star_begin[node.node + 1];
        ++slot) {
     if (u.present.Test(slot - u.first_own)) ExamineSlot(unit, u, slot, node.node);

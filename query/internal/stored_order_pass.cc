@@ -10,7 +10,7 @@ uint64_t StoredOrderPass::Run(CutUnit& u, const LoadedUnit& unit) {
   u_ = &u;
   unit_ = &unit;
   forced_ = nodes_ = vertices_ = triangles_ = 0;
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   const Box3i& bounds = cut_.index().unit(u.id).bounds;
   if (!judge_.MayRefuse(bounds, cut_.LargestCode(u.id))) return 0;
   const bool by_code =
@@ -26,7 +26,7 @@ uint64_t StoredOrderPass::Run(CutUnit& u, const LoadedUnit& unit) {
   }
   for (size_t i = 0; i < count; ++i) {
     const NodeIndex node = candidates_[i];
-    const std::span<const uint32_t> hole = cluster.hole(node);
+    const std::span<const LocalNumber> hole = cluster.hole(node);
     uint32_t present = 0;
     for (const uint32_t slot : hole) present += present_[slot];
     if (present == 0 || (!by_code && !Wanted(node))) continue;
@@ -73,7 +73,7 @@ void StoredOrderPass::Store() {
 
 // The bounds of the hole decide most cases.
 bool StoredOrderPass::Wanted(NodeIndex node) const {
-  const Cluster& cluster = unit_->cluster;
+  const CompactCluster& cluster = unit_->cluster;
   const uint8_t code = cluster.error_codes[node];
   if (!judge_.whole()) {
     const Box3d box = judge_.ModelBox(unit_->hole_bounds(node));
@@ -90,8 +90,8 @@ bool StoredOrderPass::Wanted(NodeIndex node) const {
 
 // The hole is present.
 void StoredOrderPass::Apply(NodeIndex node) {
-  const Cluster& cluster = unit_->cluster;
-  const std::span<const uint32_t> hole = cluster.hole(node);
+  const CompactCluster& cluster = unit_->cluster;
+  const std::span<const LocalNumber> hole = cluster.hole(node);
   for (const uint32_t slot : hole) present_[slot] = 0;
   const uint32_t begin = cluster.star_begin[node];
   const uint32_t size = cluster.star_begin[node + 1] - begin;
@@ -105,12 +105,12 @@ void StoredOrderPass::Apply(NodeIndex node) {
   u_->applied.Set(node);
   ++u_->applied_count;
   ++nodes_;
-  vertices_ += unit_->cluster.shape(node).vertices.size();
+  vertices_ += unit_->cluster.created_vertices(node).size();
   triangles_ += size - hole.size();
 }
 
 void StoredOrderPass::ApplyAfterAncestors(NodeIndex target) {
-  const Cluster& cluster = unit_->cluster;
+  const CompactCluster& cluster = unit_->cluster;
   missing_.assign(1, target);
   while (!missing_.empty()) {
     const NodeIndex node = missing_.back();

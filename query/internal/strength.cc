@@ -35,7 +35,7 @@ Status Strength::Run(std::vector<NodeKey>* weakened) {
 }
 
 void Strength::RecheckRemovers(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {
     if (u.present.Test(slot - u.first_own)) continue;
     const uint32_t remover = cluster.removers[slot];
@@ -55,7 +55,7 @@ void Strength::Find(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
 bool Strength::IsStrong(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
   if (!u.refusing.Test(node)) return false;
   const uint32_t begin = unit.cluster.hole_begin[node];
-  const std::span<const uint32_t> hole = unit.cluster.hole(node);
+  const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   for (uint32_t i = 0; i < hole.size(); ++i) {
     if (!u.refused.Test(begin + i)) continue;
     const CutState::NodeRef creator = units_.CreatorOf(u, unit, hole[i]);

@@ -116,7 +116,7 @@ void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
 
 // Star by star, whose bounds decide most cases.
 void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, double least) {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   u.applied.ForEach([&](NodeIndex node) {
     star_.clear();
     uint8_t largest = 0;

@@ -13,17 +13,18 @@ namespace {
 template <typename Unit, typename F>
 void ForEachArray(Unit& unit, F&& f) {
   auto& cluster = unit.cluster;
-  f(cluster.in.triangles);
-  f(cluster.in.positions);
-  f(cluster.in.vertices);
-  f(cluster.in.rows);
+  f(cluster.triangles);
+  f(cluster.positions.parts().near);
+  f(cluster.positions.parts().far);
+  f(cluster.vertices);
+  f(cluster.rows);
   f(cluster.error_codes);
   f(cluster.ring_begin);
   f(cluster.ring_vertices);
   f(cluster.star_begin);
   f(cluster.hole_begin);
   f(cluster.hole_slots);
-  f(cluster.removers);
+  f(cluster.removers.codes());
   f(cluster.children);
   f(cluster.explicit_arcs);
   f(cluster.vertex_begin);
@@ -40,6 +41,8 @@ struct Head {
   uint64_t checksum = 0;  // of all that follows it
   UnitId id = 0;
   uint32_t first_own_slot = 0;
+  Vec3i base{};  // of the positions
+  uint32_t unused = 0;
 };
 
 template <typename Array>
@@ -67,7 +70,7 @@ Bytes MakeUnitImage(const LoadedUnit& unit) {
   ForEachArray(unit, [&](const auto& array) {
     put(array.data(), array.size() * sizeof(ElementOf<decltype(array)>));
   });
-  Head head{0, unit.id, unit.cluster.first_own_slot};
+  Head head{0, unit.id, unit.cluster.first_own_slot, unit.cluster.positions.parts().base, 0};
   std::memcpy(image.data(), &head, sizeof(head));
   head.checksum = Hash64(ByteSpan(image).subspan(sizeof(head.checksum)));
   std::memcpy(image.data(), &head.checksum, sizeof(head.checksum));
@@ -82,6 +85,7 @@ LoadedUnitPtr UnitFromImage(ByteSpan image) {
   const auto unit = std::make_shared<LoadedUnit>();
   unit->id = head.id;
   unit->cluster.first_own_slot = head.first_own_slot;
+  unit->cluster.positions.parts().base = head.base;
   const std::byte* lengths = image.data() + sizeof(head);
   const std::byte* at = lengths;
   ForEachArray(*unit, [&](const auto&) { at += sizeof(uint64_t); });

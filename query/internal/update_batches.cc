@@ -59,7 +59,7 @@ void UpdateBatches::FindLevels(Unit& u, const LoadedUnit& unit) {
         [&](const Unit& a, UnitId id) { return insert_ ? a.unit > id : a.unit < id; });
     parents_.push_back(at != units_.end() && at->unit == p ? &*at : nullptr);
   }
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   const uint32_t first_own = unit.first_own_slot();
   size_t n = 0;
   creators_.clear();
@@ -73,9 +73,9 @@ void UpdateBatches::FindLevels(Unit& u, const LoadedUnit& unit) {
         __builtin_prefetch(&cluster.ring_begin[creators_.back()]);
         parent = Level(&u, creators_.back());
       } else {
-        __builtin_prefetch(&cluster.in.triangles[slot]);
-        if (const SlotOrigin& origin = unit.origins[slot]; origin.creator != kNone32) {
-          parent = Level(parents_[origin.parent], origin.creator);
+        __builtin_prefetch(&cluster.triangles[slot]);
+        if (const SlotOrigin& origin = unit.origins[slot]; origin.creator() != kNone32) {
+          parent = Level(parents_[origin.parent], origin.creator());
         }
       }
       if (parent == nullptr) continue;
@@ -86,10 +86,10 @@ void UpdateBatches::FindLevels(Unit& u, const LoadedUnit& unit) {
 }
 
 void UpdateBatches::PrefetchShapes(const LoadedUnit& unit) const {
-  const Cluster& cluster = unit.cluster;
+  const CompactCluster& cluster = unit.cluster;
   for (const NodeIndex node : nodes_) {
     __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[node]);
-    __builtin_prefetch(&cluster.in.positions[cluster.external_vertices() + node]);
+    cluster.positions.Prefetch(cluster.external_vertices() + node);
   }
   for (const NodeIndex creator : creators_) {
     __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator]);
@@ -106,7 +106,7 @@ void UpdateBatches::Reserve(UpdateBatch& batch) const {
 
 void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
                             std::span<const NodeIndex> creators, UpdateBatch& batch) const {
-  const Cluster& c = unit.cluster;
+  const CompactCluster& c = unit.cluster;
   const uint32_t external = c.external_vertices();
   const VertexIndex first_vertex = index_.first_vertex(unit.id);
   const uint32_t local = external + node;
@@ -116,14 +116,14 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
   out.boundary = c.boundary(node);
   out.first_star = TriangleKeyOf(unit.id, c.star_begin[node]);
   out.ring_begin = static_cast<uint32_t>(batch.ring.size());
-  const std::span<const uint32_t> ring = c.ring(node);
+  const std::span<const LocalNumber> ring = c.ring(node);
   out.ring_count = static_cast<uint32_t>(ring.size());
   batch.ring.resize(batch.ring.size() + ring.size());
   std::transform(ring.begin(), ring.end(), batch.ring.begin() + out.ring_begin, [&](uint32_t v) {
-    return v < external ? c.in.vertices[v] : first_vertex + (v - external);
+    return v < external ? c.vertices[v] : first_vertex + (v - external);
   });
   out.hole_begin = static_cast<uint32_t>(batch.holes.size());
-  const std::span<const uint32_t> hole = c.hole(node);
+  const std::span<const LocalNumber> hole = c.hole(node);
   batch.holes.resize(batch.holes.size() + hole.size());
   for (size_t h = 0; h < hole.size(); ++h) {
     const uint32_t slot = hole[h];
@@ -143,7 +143,7 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
     }
   }
   if (row_bytes_ == 0) return;
-  const auto row = c.in.rows.begin() + static_cast<std::ptrdiff_t>(local * row_bytes_);
+  const auto row = c.rows.begin() + static_cast<std::ptrdiff_t>(local * row_bytes_);
   batch.rows.insert(batch.rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
 }
 

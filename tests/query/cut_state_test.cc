@@ -149,7 +149,7 @@ TEST_CASE("Two nodes that remove one triangle are found, and nothing has changed
             .ok());
     // As if another node had removed all that the parent created.
     CutUnit& of = *holder.cut.Find(parent.cluster);
-    const Cluster& cluster = holder.Loaded(parent.cluster).cluster;
+    const CompactCluster& cluster = holder.Loaded(parent.cluster).cluster;
     of.present.ClearRange(cluster.star_begin[parent.index] - of.first_own,
                           cluster.star_begin[parent.index + 1] - of.first_own);
     const std::vector<bool> before = holder.Applied();

@@ -111,7 +111,7 @@ struct Parts {
   // What is known of a node's triangles is what the definition says.
   bool Right(const Oracle& oracle, const InMemoryMt::Node& node) {
     const MovingUnit& u = *units.Find(node.cluster);
-    const Cluster& cluster = pins.Pin(*units.Find(node.cluster)).value()->cluster;
+    const CompactCluster& cluster = pins.Pin(*units.Find(node.cluster)).value()->cluster;
     uint32_t refused = 0;
     for (const uint32_t id : node.hole) refused += oracle.wanted(id) ? 1 : 0;
     return u.refusing.Test(node.index) == (refused > 0) &&

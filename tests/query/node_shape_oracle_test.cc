@@ -142,7 +142,7 @@ class ShapelessMt {
     auto unit = std::make_shared<LoadedUnit>();
     units[id] = unit;
     unit->id = id;
-    Cluster& c = unit->cluster;
+    Cluster c;
     std::vector<uint32_t> nodes;
     for (uint32_t n = 0; n < mt.nodes.size(); ++n) {
       if (mt.nodes[n].cluster == id && id != root) nodes.push_back(n);
@@ -224,9 +224,11 @@ class ShapelessMt {
                                ? node.index
                                : kChildFlag | static_cast<uint32_t>(child - c.children.begin()));
     }
+    unit->cluster = MakeCompact(c, "unit").value();
     FillOrigins(*unit, listed, unit_of, slot_of, units);
     for (uint32_t s = c.listed(); s < slots.size(); s += LoadedUnit::kCreatorStep) {
-      unit->creators.push_back(mt.nodes[static_cast<size_t>(mt.triangles[slots[s]].creator)].index);
+      const auto creator = static_cast<size_t>(mt.triangles[slots[s]].creator);
+      unit->creators.push_back(static_cast<LocalNumber>(mt.nodes[creator].index));
     }
     UnitEntry& entry = entries[id];
     entry.round = id == root ? kRootRound : 1;
@@ -251,9 +253,11 @@ class ShapelessMt {
     for (uint32_t s = 0; s < in_triangles; ++s) {
       const UnitId parent = unit_of[listed[s]];
       const auto at = std::lower_bound(unit.parents.begin(), unit.parents.end(), parent);
-      unit.origins.push_back({static_cast<uint32_t>(at - unit.parents.begin()), slot_of[listed[s]],
-                              units[parent]->creator(slot_of[listed[s]])});
-      unit.by_origin.push_back(s);
+      unit.origins.push_back(
+          {static_cast<LocalNumber>(at - unit.parents.begin()),
+           static_cast<LocalNumber>(slot_of[listed[s]]),
+           static_cast<LocalNumber>(units[parent]->creator(slot_of[listed[s]]))});
+      unit.by_origin.push_back(static_cast<LocalNumber>(s));
     }
     std::sort(unit.by_origin.begin(), unit.by_origin.end(), [&](uint32_t a, uint32_t b) {
       return std::pair(unit.origins[a].parent, unit.origins[a].slot) <

@@ -32,8 +32,15 @@ void DumpObject(const Surface& surface, ByteWriter& out) {
         });
     MTDB_CHECK(status.ok(), status.message().c_str());
     if (root) continue;
-    InPatch in = loaded->cluster.in;
+    InPatch in;
+    const internal::CompactCluster& c = loaded->cluster;
+    for (uint32_t slot = 0; slot < c.listed(); ++slot) {
+      in.triangles.push_back(c.listed_triangle(slot));
+    }
+    in.vertices = c.vertices;
+    in.positions = c.positions.All();
     in.positions.resize(in.vertices.size());
+    in.rows = c.rows;
     in.rows.resize(in.vertices.size() * row);
     PutInPatch(out, in);
   }
