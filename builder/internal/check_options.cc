@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "codecs/cluster/cluster_limits.h"
 #include "store/base/attribute_grid.h"
 
 namespace mtdb::internal {
@@ -35,8 +36,10 @@ Status CheckBuildOptions(const BuildOptions& options) {
     return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
                            ": must be 4 to 16");
   }
-  if (options.tile_triangles < 64 || options.tile_triangles > 65536 || options.reduction < 2) {
-    return InvalidArgument("tiles: 64 to 65536 triangles, reduced at least twofold");
+  if (options.tile_triangles < 64 || options.tile_triangles > kMostTileTriangles ||
+      options.reduction < 2) {
+    return InvalidArgument("tiles: 64 to " + std::to_string(kMostTileTriangles) +
+                           " triangles, reduced at least twofold");
   }
   if (options.normal_bits &&
       (*options.normal_bits < kMinNormalBits || *options.normal_bits > kMaxNormalBits)) {

@@ -20,6 +20,7 @@
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
 #include "builder/internal/tile_surface.h"
+#include "codecs/cluster/cluster_limits.h"
 #include "store/base/grid.h"
 #include "store/object_record.h"
 
@@ -138,7 +139,12 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
       queue_.Push(v, measure_.FirstGuess(v));
     }
   }
-  while (mesh_.live_triangles() > options.target_triangles) {
+  // All triangles that ever were are slots of the cluster; a ring at the border has one corner
+  // more.
+  const auto has_room = [&] {
+    return mesh_.triangles() + removals_.size() + Hole::kMaxRing <= kMostSlots;
+  };
+  while (mesh_.live_triangles() > options.target_triangles && has_room()) {
     const std::optional<uint32_t> v = queue_.Pop();
     if (!v) break;
     if (!IsReady(*v) || filling_.error > options.largest_error) continue;

@@ -76,7 +76,7 @@ size_t CompactCluster::memory_bytes() const {
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
   const size_t most = std::max({cluster.removers.size(), cluster.ring_vertices.size(),
                                 cluster.hole_slots.size(), cluster.in.positions.size()});
-  if (most > kMostLocalNumbers || cluster.nodes() > kMostNodes ||
+  if (most > kMostSlots || cluster.nodes() > kMostNodes ||
       cluster.children.size() > kMostChildren) {
     return Corrupt(where + ": " + std::to_string(cluster.nodes()) + " nodes with " +
                    std::to_string(cluster.slots()) + " triangles and " +

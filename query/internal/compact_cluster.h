@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "codecs/cluster/cluster.h"
+#include "codecs/cluster/cluster_limits.h"
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
@@ -19,9 +20,6 @@ namespace mtdb::internal {
 
 // A number inside a unit: of a slot, a node, a local vertex.
 using LocalNumber = uint16_t;
-inline constexpr uint32_t kMostLocalNumbers = 65535;
-inline constexpr uint32_t kMostNodes = 0x7fff;
-inline constexpr uint32_t kMostChildren = 0x7ffe;
 
 // Who removes the triangle in a slot, in 16 bits: a node, or with this bit the ordinal of a child;
 // with all bits nobody does.
@@ -139,7 +137,7 @@ struct CompactCluster {
   size_t memory_bytes() const;
 };
 
-// kCorrupt, with `where`, for a cluster that is larger than these numbers count.
+// kCorrupt, with `where`, for a cluster that is larger than it may be.
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where);
 
 }  // namespace mtdb::internal

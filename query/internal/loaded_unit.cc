@@ -281,7 +281,7 @@ Result<Cluster> DecodeFromParents(const ObjectRecord& record, const ClusterIndex
                                   std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
   const UnitEntry& entry = index.unit(unit.id);
   unit.parents.assign(index.parents(unit.id).begin(), index.parents(unit.id).end());
-  if (parents.size() > kMostLocalNumbers) {
+  if (parents.size() > kMostSlots) {
     return Corrupt(name + ": " + std::to_string(parents.size()) + " parents");
   }
   Gatherer gatherer(index, unit.id, name, parents);

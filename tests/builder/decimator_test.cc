@@ -457,4 +457,20 @@ TEST_CASE("A vertex of more neighbours than the limit is counted and stays") {
   for (const Removal& removal : r.removals) REQUIRE(removal.boundary());
 }
 
+TEST_CASE("A tile of any size leaves a cluster that is not too large") {
+  const Tiles tiles = MakeTiles(MakeSculpture(80'000), 2);
+  size_t most = 0;
+  for (const std::vector<TileTriangle>& tile : tiles.tiles) {
+    REQUIRE(tile.size() > 2 * kMostTileTriangles);
+    const TileResult r = SurfaceDecimator().Decimate(tile, tiles.grid, To(0));
+    most = std::max(most, r.triangles.size());
+    size_t rings = 0;
+    for (const Removal& removal : r.removals) rings += removal.star_count + removal.boundary();
+    REQUIRE(r.triangles.size() <= kMostSlots);
+    REQUIRE(rings <= kMostSlots);
+    REQUIRE(r.removals.size() <= kMostNodes);
+  }
+  REQUIRE(most > kMostSlots - 100);  // or the limit was not met
+}
+
 }  // namespace mtdb::testing

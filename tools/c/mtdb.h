@@ -108,7 +108,7 @@ MTDB_API mtdb_code mtdb_open_object(mtdb_database* database, const char* name, s
 /* What the cache keeps between queries. Answers do not depend on it. */
 typedef enum mtdb_form {
   MTDB_FORM_EXPLICIT = 0, /* decoded clusters */
-  MTDB_FORM_IMPLICIT = 1 /* clusters as in the store: some 30 times smaller, but every query decodes
+  MTDB_FORM_IMPLICIT = 1 /* clusters as in the store: some 15 times smaller, but every query decodes
                             what it needs. For many objects with few queries each. */
 } mtdb_form;
 typedef struct mtdb_object_options {

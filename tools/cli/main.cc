@@ -83,7 +83,7 @@ class HelpFormatter : public CLI::Formatter {
 
 void AddImplicit(CLI::App* verb, bool* implicit) {
   verb->add_flag("--implicit", *implicit,
-                 "keep clusters in memory as in the store, some 30 times smaller than decoded, and "
+                 "keep clusters in memory as in the store, some 15 times smaller than decoded, and "
                  "decode what a query needs each time anew; the answers are the same");
 }
 

@@ -343,7 +343,7 @@ class Database(Mapping[str, Object]):
     def open_object(self, name: Optional[str] = None, *, cache_bytes: Optional[int] = None,
                     threads: Optional[int] = None, implicit: bool = False) -> Object:
         """Opens an object anew, with a cache of its own; without a name, the only one. implicit: the
-        cache keeps clusters as in the store, some 30 times smaller, and every query decodes."""
+        cache keeps clusters as in the store, some 15 times smaller, and every query decodes."""
         return Object(self._read(), name,
                       self._cache_bytes if cache_bytes is None else cache_bytes,
                       self._threads if threads is None else threads, implicit)

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a cluster or a piece of the root may have at most, so that numbers inside it fit 16 bits
+// (codecs/FORMAT.md, "Limits"). Builders keep below, readers refuse what is beyond.
+#pragma once
+
+#include <cstdint>
+
+namespace mtdb {
+
+inline constexpr uint32_t kMostSlots = 65535;  // likewise local vertices, and corners of all rings
+inline constexpr uint32_t kMostNodes = 32767;
+inline constexpr uint32_t kMostChildren = 32766;
+// Of tiles that keep below in any case.
+inline constexpr uint32_t kMostTileTriangles = 16384;
+
+}  // namespace mtdb
