@@ -66,7 +66,7 @@ size_t LocalPositions::memory_bytes() const {
 }
 
 size_t CompactCluster::memory_bytes() const {
-  return sizeof(*this) + VectorBytes(triangles) + positions.memory_bytes() + VectorBytes(vertices) +
+  return VectorBytes(triangles) + positions.memory_bytes() + VectorBytes(vertices) +
          VectorBytes(rows) + VectorBytes(error_codes) + VectorBytes(ring_begin) +
          VectorBytes(ring_vertices) + VectorBytes(star_begin) + VectorBytes(hole_begin) +
          VectorBytes(hole_slots) + VectorBytes(removers.codes()) + VectorBytes(children) +

@@ -134,7 +134,7 @@ struct CompactCluster {
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
   }
-  size_t memory_bytes() const;
+  size_t memory_bytes() const;  // of the arrays
 };
 
 // kCorrupt, with `where`, for a cluster that is larger than it may be.

@@ -240,10 +240,11 @@ std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
 
 std::vector<LocalNumber> FindCreators(const LoadedUnit& unit) {
   std::vector<LocalNumber> creators;
-  creators.reserve(unit.own_slots() / LoadedUnit::kCreatorStep + 1);
   NodeIndex node = 0;
   const uint32_t end = unit.cluster.slots();
-  for (uint32_t slot = unit.cluster.listed(); slot < end; slot += LoadedUnit::kCreatorStep) {
+  constexpr uint32_t kStep = LoadedUnit::kCreatorStep;
+  creators.reserve((end - unit.cluster.listed() + kStep - 1) / kStep);
+  for (uint32_t slot = unit.cluster.listed(); slot < end; slot += kStep) {
     while (unit.cluster.star_begin[node + 1] <= slot) ++node;
     creators.push_back(static_cast<LocalNumber>(node));
   }
