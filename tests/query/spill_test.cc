@@ -3,9 +3,13 @@
 // to go does.
 #include <array>
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <dirent.h>
 #include <random>
+#include <set>
 #include <string>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "query/internal/cluster_cache.h"
 #include "query/internal/unit_image.h"
@@ -78,13 +82,17 @@ size_t SmallCache(const MtFixture& f, const Query& query) {
   }
 }
 
-int OpenFiles() {
-  int count = 0;
+// Descriptors; none without /proc.
+std::set<int> OpenFiles() {
+  std::set<int> files;
   DIR* const folder = opendir("/proc/self/fd");
-  if (folder == nullptr) return -1;
-  while (readdir(folder) != nullptr) ++count;
+  if (folder == nullptr) return files;
+  while (const dirent* const entry = readdir(folder)) {
+    const int file = std::atoi(entry->d_name);
+    if (entry->d_name[0] != '.' && file != dirfd(folder)) files.insert(file);
+  }
   closedir(folder);
-  return count;
+  return files;
 }
 
 }  // namespace
@@ -140,8 +148,8 @@ TEST_CASE("Without the file clusters are decoded again, and answers are the same
 TEST_CASE("The file is there as long as its query, and one at a time") {
   const MtFixture f = Fixture(3);
   const Query query;
-  const int before = OpenFiles();
-  if (before < 0) return;  // no /proc
+  const size_t before = OpenFiles().size();
+  if (before == 0) return;  // no /proc
   const auto surface = Open(f, {.cache_bytes = SmallCache(f, query), .threads = 1});
   const Answer expected = Ask(*Open(f, {.threads = 1}), query);
   {
@@ -152,10 +160,42 @@ TEST_CASE("The file is there as long as its query, and one at a time") {
       TriangleMeshSink sink(&answer.mesh);
       answer.status = cut->Emit(sink);
       REQUIRE(SameMesh(answer, expected));
-      REQUIRE(OpenFiles() == before + 1);
+      REQUIRE(OpenFiles().size() == before + 1);
     }
   }
-  REQUIRE(OpenFiles() == before);
+  REQUIRE(OpenFiles().size() == before);
+}
+
+TEST_CASE("What the file has lost or changed is decoded again") {
+  for (const bool cut_off : {true, false}) {
+    for (uint32_t seed = 1; seed <= 4; ++seed) {
+      const MtFixture f = Fixture(seed);
+      Query query;
+      query.threshold = ConstantThreshold(Diagonal(f.source->record_.bounds) / 200);
+      const Answer expected = Ask(*Open(f, {.threads = 1}), query);
+      const std::set<int> before = OpenFiles();
+      if (before.empty()) return;  // no /proc
+      const auto surface = Open(f, {.cache_bytes = SmallCache(f, query), .threads = 1 + seed % 2});
+      Cut cut = surface->Select(query).value();
+      const uint64_t decoded = surface->cache().decoded();
+      for (const int file : OpenFiles()) {
+        struct stat info {};
+        if (before.contains(file) || fstat(file, &info) != 0 || !S_ISREG(info.st_mode)) continue;
+        const off_t half = info.st_size / 2;
+        REQUIRE(half > 0);
+        if (cut_off) REQUIRE(ftruncate(file, half) == 0);
+        for (off_t at = 100; at < half; at += 1000) {
+          const char byte = '?';
+          REQUIRE(pwrite(file, &byte, 1, at) == 1);
+        }
+      }
+      Answer answer;
+      TriangleMeshSink sink(&answer.mesh);
+      answer.status = cut.Emit(sink);
+      REQUIRE(SameMesh(answer, expected));
+      REQUIRE(surface->cache().decoded() > decoded);
+    }
+  }
 }
 
 TEST_CASE("The image of a unit is the unit, and damaged bytes are none") {
