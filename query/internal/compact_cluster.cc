@@ -65,6 +65,16 @@ size_t LocalPositions::memory_bytes() const {
   return VectorBytes(parts_.near) + VectorBytes(parts_.far);
 }
 
+InPatch CompactCluster::in_patch(size_t row_bytes) const {
+  InPatch in;
+  for (uint32_t slot = 0; slot < listed(); ++slot) in.triangles.push_back(listed_triangle(slot));
+  in.vertices = vertices;
+  for (uint32_t v = 0; v < external_vertices(); ++v) in.positions.push_back(position(v));
+  const size_t bytes = external_vertices() * row_bytes;
+  in.rows.assign(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(bytes));
+  return in;
+}
+
 size_t CompactCluster::memory_bytes() const {
   return VectorBytes(triangles) + positions.memory_bytes() + VectorBytes(vertices) +
          VectorBytes(rows) + VectorBytes(error_codes) + VectorBytes(ring_begin) +

@@ -134,6 +134,8 @@ struct CompactCluster {
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
   }
+  // What it was decoded from, with rows of so many bytes.
+  InPatch in_patch(size_t row_bytes) const;
   size_t memory_bytes() const;  // of the arrays
 };
 

@@ -32,17 +32,7 @@ void DumpObject(const Surface& surface, ByteWriter& out) {
         });
     MTDB_CHECK(status.ok(), status.message().c_str());
     if (root) continue;
-    InPatch in;
-    const internal::CompactCluster& c = loaded->cluster;
-    for (uint32_t slot = 0; slot < c.listed(); ++slot) {
-      in.triangles.push_back(c.listed_triangle(slot));
-    }
-    in.vertices = c.vertices;
-    in.positions = c.positions.All();
-    in.positions.resize(in.vertices.size());
-    in.rows = c.rows;
-    in.rows.resize(in.vertices.size() * row);
-    PutInPatch(out, in);
+    PutInPatch(out, loaded->cluster.in_patch(row));
   }
   out.Put(kNothing);
 }
