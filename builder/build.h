@@ -81,9 +81,9 @@ struct BuildOptions {
   // input (triangles, attributes and their order), with the same options; threads, memory and the
   // temporary folder may be others.
   bool resume = false;
-  uint32_t degree_limit = 12;  // of a removed vertex; 4..16
+  uint32_t degree_limit = 12;      // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;  // 64..16384
-  uint32_t reduction = 4;  // a round leaves about 1 / reduction of a tile's triangles
+  uint32_t reduction = 4;          // a round leaves about 1 / reduction of a tile's triangles
 };
 
 struct BuildProgress {
