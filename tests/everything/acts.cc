@@ -561,12 +561,20 @@ struct NamedAct {
   const char* name;
   Act act;
 };
-constexpr NamedAct kActs[] = {{"ingest", Ingest},     {"pair", Pair},
-                              {"remove", Remove},     {"copy", Copy},
-                              {"verify", Verify},     {"restart", Restart},
-                              {"ask", Ask},           {"probe", ProbeAct},
-                              {"rename", RenameAct},  {"copy-into", CopyIntoAct},
-                              {"compact", CompactAct}};
+constexpr NamedAct kActs[] = {{"ingest", Ingest},
+                              {"pair", Pair},
+                              {"remove", Remove},
+                              {"copy", Copy},
+                              {"verify", Verify},
+                              {"restart", Restart},
+                              {"ask", Ask},
+                              {"probe", ProbeAct},
+                              {"rename", RenameAct},
+                              {"copy-into", CopyIntoAct},
+                              {"compact", CompactAct},
+                              {"terrain", TerrainAct},
+                              {"picture", PictureAct},
+                              {"pack-onto", PackOntoAct}};
 
 }  // namespace
 

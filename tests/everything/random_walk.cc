@@ -62,7 +62,16 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 17)) {
+    switch (Between(0, 21)) {
+      case 21: return Picture();
+      case 20: {
+        Step& step = Add("pack-onto");
+        if (Chance(0.5)) step.Set("itself", 1);
+        if (Chance(0.3)) step.Set("by", OneOf(kAliases));
+        return;
+      }
+      case 19:
+      case 18: return Terrain();
       case 17:
       case 16: return Rename();
       case 15: return CopyInto();
@@ -83,6 +92,38 @@ class Maker {
       case 7: Add("restart"); return;
       default: return Ingest(Chance(0.4));
     }
+  }
+
+  void Picture() {
+    Step& step = Add("picture");
+    step.Set("view", OneOf(std::initializer_list<const char*>{"auto", "front", "top", "iso"}));
+    step.Set("error", Short(Scaled(1e-4, 0.3)));
+    for (const char* key : {"draft", "smooth", "wireframe", "scale-bar"}) {
+      if (Chance(0.4)) step.Set(key, 1);
+    }
+  }
+
+  void Terrain() {
+    Step& step = Add("terrain");
+    step.Set("seed", Between(1, 100000));
+    step.Set("columns", static_cast<int64_t>(Scaled(2, 70)));
+    step.Set("rows", static_cast<int64_t>(Scaled(1, 70)));
+    if (Chance(0.3)) step.Set("format", std::string("hgt"));
+    if (Chance(0.3)) step.Set("tiles", Between(2, 3));
+    for (const char* key : {"overlap", "order", "centre", "tmp"}) {
+      if (Chance(0.3)) step.Set(key, 1);
+    }
+    if (Chance(0.5)) step.Set("holes", Short(Scaled(0.001, 0.9)));
+    if (Chance(0.6)) step.Set("decimals", Between(0, 4));
+    if (Chance(0.6)) step.Set("cell", Short(Scaled(0.0002, 100)));
+    if (Chance(0.5)) {
+      step.Set("x", Between(-600000, 600000));
+      step.Set("y", Between(-5000000, 5000000));
+    }
+    if (Chance(0.3)) step.Set("step-z", Short(Scaled(0.001, 50)));
+    step.Set("error", Short(Scaled(1e-4, 0.5)));
+    if (Chance(0.3)) step.Set("operation", Between(1, 110));
+    if (Chance(0.2)) step.Set("threads", Between(1, 4));
   }
 
   std::string Name() { return Chance(0.5) ? "a" : OneOf(kNames); }
@@ -195,6 +236,7 @@ class Maker {
     if (Chance(0.6)) next.Set("resume", 1);
     if (Chance(0.3)) next.Set("force", next.Flag("force") ? 0 : 1);
     if (Chance(0.2)) Ask();
+    if (Chance(0.2)) Rename();
     walk_.steps.push_back(next);
   }
 
@@ -222,8 +264,9 @@ class Maker {
     Step next = killed;
     next.with.erase("kill");
     next.Set("resume", 1);
-    switch (Between(0, 6)) {
+    switch (Between(0, 7)) {
       case 0: break;
+      case 7: next.Set("weld", Chance(0.4) ? "0" : Short(Scaled(1e-6, 0.03))); break;
       case 1:
       case 2: next.Set("attrseed", 2); break;
       case 3: next.Set("order", next.Flag("order") ? 0 : 1); break;
@@ -287,6 +330,7 @@ class Maker {
     if (Chance(0.07)) step.Set("bytes", static_cast<int64_t>(Scaled(100, 100000)));
     if (Chance(0.2)) step.Set("normals", 1);
     if (Chance(0.2)) step.Set("implicit", 1);
+    if (Chance(0.15)) step.Set("python", 1);
     if (Chance(0.6)) step.Set("output", OneOf(kOutputFormats).extension);
     if (Chance(0.1)) step.Set("by", OneOf(kAliases));
     if (Chance(0.25)) {

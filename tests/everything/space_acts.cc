@@ -30,7 +30,8 @@ bool HasSeveralNames(const StorePlace& place) {
   return fs::hard_link_count(place.path, error) > 1 && !error;
 }
 
-// Runs mtdb, killed at an operation on files where the step says so.
+}  // namespace
+
 Ran RunOrKill(World& world, const Step& step, Arguments arguments) {
   RunOptions run;
   if (step.has("operation") && !world.options().faults.empty()) {
@@ -45,6 +46,8 @@ Ran RunOrKill(World& world, const Step& step, Arguments arguments) {
   ran.killed = step.has("operation") && ran.signal == SIGKILL;
   return world.Checked(std::move(ran), "mtdb " + verb);
 }
+
+namespace {
 
 // What a copy that was killed left is removed by the next one to the same path.
 void ExpectPartial(World& world, const StorePlace& place) {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ways of asking. Each gets a question and gives back a mesh and what was said of it.
+#include "tests/everything/ways.h"
+
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -18,14 +20,16 @@
 
 namespace mtdb::everything {
 
-namespace {
-
 std::string NewFile(const Asked& asked, const std::string& extension) {
   static std::atomic<int> next{0};
   return asked.world->Folder("out/o" + std::to_string(next++) + "." + extension);
 }
 
+namespace {
+
 std::string Format(const Asked& asked) { return asked.step->Text("output", "ply"); }
+
+}  // namespace
 
 // ---- in this process ----
 
@@ -40,7 +44,6 @@ void Take(const ExtractStats& stats, Answer* answer) {
   answer->limit = kLimits[static_cast<size_t>(stats.limit)];
 }
 
-// What a client of an update stream holds.
 void TakeClientMesh(const ClientMesh& client, Answer* answer) {
   const std::string fault = mtdb::testing::ClientMeshFault(client);
   if (!fault.empty()) answer->refused = "the client's mesh: " + fault;
@@ -56,6 +59,8 @@ void TakeClientMesh(const ClientMesh& client, Answer* answer) {
   answer->exact = true;
   answer->any_bound = true;
 }
+
+namespace {
 
 void FromCpp(const Asked& asked, const Result<Query>& query, Answer* answer) {
   const auto fail = [&](const Status& status) { answer->refused = status.message(); };
@@ -119,10 +124,14 @@ Query Unknown(double error) {
   return query;
 }
 
+}  // namespace
+
 MeetsRegion MeetsOf(const Query& query) {
   if (!query.clip || query.region == nullptr) return {};
   return [region = query.region](const Triangle3d& t) { return region->Within(t, 0); };
 }
+
+namespace {
 
 // An update stream, from question to question: sender and client, without a server.
 bool AskStream(const Asked& asked, Answer* answer) {
@@ -246,6 +255,8 @@ bool AskC(const Asked& asked, Answer* answer) {
 
 // ---- the command line ----
 
+}  // namespace
+
 void ReadAnswerFile(const std::string& path, Answer* answer) {
   const OutputFormat& format = OutputFormatOf(path.substr(path.rfind('.') + 1));
   answer->format = format.extension;
@@ -259,9 +270,13 @@ void ReadAnswerFile(const std::string& path, Answer* answer) {
   std::filesystem::remove(path, error);
 }
 
+namespace {
+
 double ExcessOf(const nlohmann::json& shortfall) {
   return shortfall.is_object() ? shortfall.value("excess", 0.0) : 0.0;
 }
+
+}  // namespace
 
 void ReadAnswerJson(const std::string& text, Answer* answer) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
@@ -274,6 +289,8 @@ void ReadAnswerJson(const std::string& text, Answer* answer) {
   answer->limit = json.value("limit", "");
   answer->excess = ExcessOf(json.value("shortfall", nlohmann::json()));
 }
+
+namespace {
 
 // What ended the refinement, from what `extract --verbose` says; "" when it does not.
 std::string LimitOfText(const std::string& text) {
@@ -671,6 +688,10 @@ const std::vector<NamedWay>& Ways() {
       {"fetch-library", AskFetchLibrary},
       {"late", AskLate},
       {"stream", AskStream},
+      {"available", AskAvailable},
+      {"available-stream", AskAvailableStream},
+      {"python", AskPython},
+      {"pipe", AskPipe},
       {"session", AskSession},
       {"frames", AskFrames},
       {"follow", AskFollow},

@@ -125,6 +125,14 @@ void CopyIntoAct(World& world, const Step& step);
 void CompactAct(World& world, const Step& step);
 // A packed file of the store, by its path and by its URL: verified, and given up in the middle.
 void VerifyPacked(World& world, const Step& step);
+// Runs mtdb, killed at an operation on files where the step says so.
+Ran RunOrKill(World& world, const Step& step, Arguments arguments);
+
+// output_acts.cc: pictures by every attribute; a packed file where a store is.
+void PictureAct(World& world, const Step& step);
+void PackOntoAct(World& world, const Step& step);
+// terrain_acts.cc: rasters of heights, from the files to every answer.
+void TerrainAct(World& world, const Step& step);
 
 // What a way of asking has brought.
 struct Answer {
