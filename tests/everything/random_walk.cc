@@ -227,7 +227,8 @@ class Maker {
   void Killed() {
     Ingest(Chance(0.5));
     Step& killed = walk_.steps.back();
-    for (const char* key : {"via", "tile", "wide", "memory", "spoilt"}) killed.with.erase(key);
+    for (const char* key : {"via", "tile", "wide", "memory", "spoilt", "stdin"})
+      killed.with.erase(key);
     killed.Set("size", Between(50, 2500));
     killed.Set("operation", Between(1, 110));
     if (Chance(0.3)) killed.Set("list", 1);
@@ -253,6 +254,7 @@ class Maker {
       killed.Set("tile", Between(100, 600));
       killed.Set("kill", Between(3, 14));
     } else {
+      killed.with.erase("stdin");  // which cannot be read again
       killed.Set("size", Between(18000, 30000));
       killed.Set("kill", Between(1, 25));
     }
