@@ -31,7 +31,7 @@ Tiles MakeTiles(const TriangleMesh& mesh, size_t count, int bits = 12, float err
   for (const Vec3d& p : mesh.positions) bounds.Add(p);
   const Vec3d size = bounds.max - bounds.min;
   result.grid.origin = bounds.min;
-  result.grid.step = std::max({size.x, size.y, size.z}) / ((1 << bits) - 1);
+  result.grid.step = std::max({size.x, size.y, size.z, 1e-300}) / ((1 << bits) - 1);
   std::vector<TileTriangle> triangles = ClassifiedTriangles(mesh, result.grid);
   for (TileTriangle& t : triangles) t.error = error;
   const RoundCurve curve(bounds, 1);
