@@ -15,6 +15,7 @@ namespace mtdb::test {
 namespace {
 
 struct Maxima {
+  int looks = 0;
   uint64_t resident_bytes = 0;
   size_t descriptors = 0;
   double temporary_bytes = 0;
@@ -103,6 +104,7 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
     std::this_thread::sleep_for(std::chrono::seconds(1));
     passed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     Maxima& m = passed < begun ? beginning : halves[2 * passed < begun + seconds ? 0 : 1];
+    ++m.looks;
     m.resident_bytes = std::max(m.resident_bytes, server.resident_bytes());
     size_t open = 0;
     for (const auto& entry : std::filesystem::directory_iterator(descriptors)) {
@@ -150,10 +152,10 @@ TEST_CASE("a server under hostile clients holds no more as time goes by", "[.soa
   CHECK(wrong == 0);
   CHECK(server.Get("/healthz").status == 200);
   CHECK(answers > 0);
-  if (seconds >= 240) {
+  if (std::min(halves[0].looks, halves[1].looks) >= 60) {
     CHECK(halves[1].resident_bytes < halves[0].resident_bytes * 9 / 8 + (64 << 20));
   } else {
-    std::printf("shorter than 240 s: whether memory stays flat is not looked at\n");
+    std::printf("too short, or too busy, to tell whether memory stays flat\n");
   }
   CHECK(halves[1].descriptors <= 2 * 400 + 100);
   CHECK(halves[1].temporary_bytes <= 256 << 20);
