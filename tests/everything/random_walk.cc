@@ -332,7 +332,7 @@ class Maker {
     if (Chance(0.07)) step.Set("bytes", static_cast<int64_t>(Scaled(100, 100000)));
     if (Chance(0.2)) step.Set("normals", 1);
     if (Chance(0.2)) step.Set("implicit", 1);
-    if (Chance(0.15)) step.Set("python", 1);
+    if (Chance(0.05)) step.Set("python", 1);
     if (Chance(0.6)) step.Set("output", OneOf(kOutputFormats).extension);
     if (Chance(0.1)) step.Set("by", OneOf(kAliases));
     if (Chance(0.25)) {
