@@ -262,6 +262,34 @@ def test_a_server_in_this_process(db: mtdb.Database, tmp_path: Path) -> None:
         mtdb.connect(url)
 
 
+def test_what_cannot_be_fetched_leaves_the_file(db: mtdb.Database, tmp_path: Path) -> None:
+    kept = tmp_path / "part.ply"
+    kept.write_bytes(b"before")
+    with db.serve() as server:
+        for url, query in ((f"{server.url}/objects/none", None), (f"{server.url}/objects/small", "{")):
+            with pytest.raises(mtdb.MtdbError):
+                mtdb.fetch(url, query, path=kept)
+            assert kept.read_bytes() == b"before" and list(tmp_path.iterdir()) == [kept]
+        mtdb.fetch(f"{server.url}/objects/small", path=kept)
+    assert len(mtdb.read_mesh(kept).faces) == db["small"].triangles
+    assert list(tmp_path.iterdir()) == [kept]
+
+
+def test_a_child_leaves_the_parents_server_alone(db: mtdb.Database) -> None:
+    server = db.serve()
+    child = os.fork()
+    if child == 0:
+        try:
+            server.close()
+            os._exit(1)
+        except mtdb.InvalidArgument:
+            del server
+            os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+    assert len(mtdb.connect(f"{server.url}/objects/small").mesh().faces) >= 0
+    server.close()
+
+
 def test_pictures(db: mtdb.Database) -> None:
     hill = db["hills"]
     picture = hill.render((160, 120))

@@ -136,6 +136,72 @@ def test_what_makes_no_sense_is_refused(tmp_path: Path) -> None:
     assert len(db) == 0
 
 
+def test_what_c_would_cut_is_refused(tmp_path: Path) -> None:
+    """Zero bytes in names and paths, and numbers that do not fit."""
+    vertices, faces, _ = hills(12)
+    heat = np.zeros(len(vertices), np.float32)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    db.ingest(vertices, faces, name="a")
+    mesh = db["a"].extract()
+    for call in (
+        lambda: mtdb.open(f"{tmp_path}/a.mtdb\0b"),
+        lambda: db.ingest(vertices, faces, name="b\0c"),
+        lambda: db.ingest(vertices, faces, name="b", attributes={"a\0b": heat}),
+        lambda: db.ingest(vertices, faces, name="b", tmp=f"{tmp_path}\0b"),
+        lambda: db.ingest(vertices, faces, name="b", steps={"a\0b": 1}),
+        lambda: db.__delitem__("a\0b"),
+        lambda: db.rename("a", "b\0c"),
+        lambda: db.pack(tmp_path / "a.mtdbp", ["a\0b"]),
+        lambda: mesh.save(f"{tmp_path}/x.ply\0.obj"),
+        lambda: db.ingest(vertices, faces, name="b", memory=-1),
+        lambda: db.ingest(vertices, faces, name="b", threads=2**32 + 1),
+        lambda: db.open_object("a", cache_bytes=-1),
+        lambda: db.open_object("a", cache_bytes=2**64 + 1),
+        lambda: mesh.render((2**32 + 8, 8)),
+        lambda: mtdb.Mesh(vertices, faces.astype(np.int64) + 2**32),
+        lambda: mtdb.Mesh(vertices, faces.astype(np.uint64) + 2**63),
+        lambda: db.ingest(vertices, faces.astype(np.uint64) + 2**63, name="b"),
+    ):
+        with pytest.raises(ValueError):
+            call()
+    assert list(db) == ["a"]
+
+
+def test_a_mesh_is_what_its_arrays_are(tmp_path: Path) -> None:
+    vertices, faces, attributes = hills(12)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    db.ingest(vertices, faces, name="a", attributes=attributes)
+    for mesh in (db["a"].extract(), db["a"].extract(dtype=np.float32, origin=(1, 2, 3))):
+        bounds = mesh.bounds
+        mesh.vertices = mesh.vertices + np.float32(8)
+        mesh.save(tmp_path / "x.ply")
+        assert np.allclose(mtdb.read_mesh(tmp_path / "x.ply").bounds, bounds + 8)
+        mesh.faces = mesh.faces[::2]
+        mesh.attributes = {"heat": mesh.attributes["heat"] * 2}
+        assert mesh.colors is None
+        mesh.save(tmp_path / "x.ply")
+        saved = mtdb.read_mesh(tmp_path / "x.ply")
+        assert (saved.faces == mesh.faces).all() and list(saved.attributes) == ["heat"]
+        assert (saved.attributes["heat"] == mesh.attributes["heat"]).all()
+    for name, wrong in (
+        ("vertices", vertices[:, :2]),
+        ("vertices", vertices.ravel()),
+        ("vertices", vertices[:5]),
+        ("vertices", vertices + 1j),
+        ("vertices", vertices.astype(str)),
+        ("faces", faces[:, :2]),
+        ("faces", faces + 0.5),
+        ("faces", faces.astype(np.int64) + 2**32),
+    ):
+        mesh = db["a"].extract()
+        setattr(mesh, name, wrong)
+        for use in (lambda: mesh.save(tmp_path / "x.ply"), lambda: mesh.render((32, 32)),
+                    lambda: db.ingest(mesh, name="b")):
+            with pytest.raises(ValueError):
+                use()
+    assert list(db) == ["a"]
+
+
 def test_chunks_must_agree_and_their_errors_arrive(tmp_path: Path) -> None:
     vertices, faces, attributes = hills(12)
     db = mtdb.open(tmp_path / "a.mtdb", create=True)

@@ -288,6 +288,7 @@ Status RunServer(const ServerOptions& options,
 
 struct BackgroundServer::Impl {
   StopOrders orders;
+  const pid_t process = getpid();  // after a fork the thread is the parent's
   std::string url;
   std::promise<void> begun;  // it listens, or it has ended
   Status ended;
@@ -326,11 +327,19 @@ Result<std::unique_ptr<BackgroundServer>> BackgroundServer::Start(const ServerOp
   });
 }
 
-BackgroundServer::~BackgroundServer() { (void)Stop(0); }
+BackgroundServer::~BackgroundServer() {
+  (void)Stop(0);
+  // There is no thread here that could be joined, and no lock that is surely free.
+  if (impl_->process != getpid()) (void)impl_.release();
+}
 
 const std::string& BackgroundServer::url() const { return impl_->url; }
 
 Status BackgroundServer::Stop(double grace_seconds) {
+  if (impl_->process != getpid()) {
+    return InvalidArgument(
+        "the server runs in the parent of this process, which alone can stop it");
+  }
   const std::lock_guard lock(impl_->stopping);
   impl_->orders.grace_seconds = grace_seconds;
   ++impl_->orders.count;

@@ -60,14 +60,15 @@ class BackgroundServer {
  public:
   // Returns when clients can connect. Errors: those of RunServer.
   static Result<std::unique_ptr<BackgroundServer>> Start(const ServerOptions& options);
-  // Stops at once.
+  // Stops at once. In a child that was forked it leaves the parent's server alone.
   ~BackgroundServer();
   BackgroundServer(const BackgroundServer&) = delete;
   BackgroundServer& operator=(const BackgroundServer&) = delete;
 
   const std::string& url() const;
   // Lets running requests finish for so long, cancels what is left, and waits for it. Again: the
-  // same answer. Threads may call it at once. Returns how the server ended.
+  // same answer. Threads may call it at once. Returns how the server ended. Errors:
+  // kInvalidArgument in a child that was forked, too.
   Status Stop(double grace_seconds);
 
  private:

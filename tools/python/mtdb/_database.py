@@ -24,7 +24,7 @@ from ._mesh import (
     Layout,
     Mesh,
     Packed,
-    check_shape,
+    checked,
     shortfall_of,
     triple,
 )
@@ -472,7 +472,7 @@ class Database(Mapping[str, Object]):
     def pack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
              progress: Progress = None) -> int:
         """One file of the objects for any web server (docs/packed.md). Returns its bytes."""
-        chosen = [] if names is None else [n.encode() for n in names]
+        chosen = [] if names is None else [L.without_zero(n.encode()) for n in names]
         if names is not None and not chosen:
             raise InvalidArgument("names: is empty")
         array = (C.c_char_p * max(1, len(chosen)))(*chosen)
@@ -606,17 +606,12 @@ def _chunk(chunk: Any) -> _Arrays:
     if not isinstance(chunk, (tuple, list)) or len(chunk) not in (2, 3):
         raise InvalidArgument("expected chunks (vertices, faces) or (vertices, faces, attributes)")
     points = np.asarray(chunk[0])
-    if points.dtype != np.float32:
-        points = points.astype(np.float64, copy=False)
     corners = np.asarray(chunk[1])
     if corners.size == 0:
         corners = corners.reshape(0, 3).astype(np.int32)
     if points.size == 0:
         points = points.reshape(0, 3)
-    check_shape("vertices", points, 3)
-    check_shape("faces", corners, 3)
-    if corners.dtype.kind not in "iu":
-        raise InvalidArgument(f"faces: expected integers, found {corners.dtype}")
+    points, corners = checked(points, corners)
     values = {n: np.asarray(a) for n, a in (chunk[2] if len(chunk) == 3 else {}).items()}
     for name, array in values.items():
         if array.shape != (len(points),):

@@ -6,7 +6,7 @@ import ctypes as C
 import os
 from typing import Any
 
-from ._errors import make_error
+from ._errors import InvalidArgument, make_error
 
 Pointer = C.c_void_p
 Text = C.c_char_p
@@ -18,11 +18,31 @@ class Error(C.Structure):
     _fields_ = [("message", C.c_char * 1024)]
 
 
-class ObjectOptions(C.Structure):
+def without_zero(text: bytes) -> bytes:
+    """C would take what comes before a zero byte for the whole."""
+    if b"\0" in text:
+        raise InvalidArgument(f"{text!r}: a name or path cannot hold a zero byte")
+    return text
+
+
+class Struct(C.Structure):
+    """Refuses what C would cut: numbers that a member has no room for, and zero bytes in texts."""
+
+    def __init__(self, *members: Any, **named: Any) -> None:
+        super().__init__(*members, **named)
+        for name, value in [*zip((field[0] for field in self._fields_), members), *named.items()]:
+            held = getattr(self, name)
+            if isinstance(value, bytes):
+                without_zero(value)
+            elif isinstance(held, int) and hasattr(value, "__index__") and held != value:
+                raise InvalidArgument(f"{name}: {value} is out of range")
+
+
+class ObjectOptions(Struct):
     _fields_ = [("cache_bytes", C.c_size_t), ("threads", C.c_uint32), ("form", C.c_uint32)]
 
 
-class Info(C.Structure):
+class Info(Struct):
     _fields_ = [
         ("vertices", C.c_uint64),
         ("triangles", C.c_uint64),
@@ -37,11 +57,11 @@ class Info(C.Structure):
     ]
 
 
-class Attribute(C.Structure):
+class Attribute(Struct):
     _fields_ = [("name", Text), ("type", C.c_int), ("offset", C.c_uint32)]
 
 
-class Stats(C.Structure):
+class Stats(Struct):
     _fields_ = [
         ("vertices", C.c_uint64),
         ("triangles", C.c_uint64),
@@ -52,7 +72,7 @@ class Stats(C.Structure):
     ]
 
 
-class Shortfall(C.Structure):
+class Shortfall(Struct):
     _fields_ = [
         ("triangles", C.c_uint64),
         ("excess", C.c_double),
@@ -61,7 +81,7 @@ class Shortfall(C.Structure):
     ]
 
 
-class Details(C.Structure):
+class Details(Struct):
     _fields_ = [
         ("limit", C.c_int),
         ("row_bytes", C.c_uint32),
@@ -80,7 +100,7 @@ class Details(C.Structure):
     ]
 
 
-class Hit(C.Structure):
+class Hit(Struct):
     _fields_ = [
         ("found", C.c_int),
         ("front", C.c_int),
@@ -92,7 +112,7 @@ class Hit(C.Structure):
     ]
 
 
-class Sized(C.Structure):
+class Sized(Struct):
     """A struct that begins with its size, which is set here."""
 
     def __init__(self, **members: Any) -> None:
@@ -128,7 +148,7 @@ class Watch(Sized):
     ]
 
 
-class AttributeStep(C.Structure):
+class AttributeStep(Struct):
     _fields_ = [("name", Text), ("step", C.c_double)]
 
 
@@ -463,6 +483,9 @@ def version() -> str:
 
 def call(name: str, *arguments: Any) -> None:
     """Calls a function that can fail; its error becomes an exception. The GIL is released."""
+    for argument in arguments:
+        if isinstance(argument, bytes):
+            without_zero(argument)
     error = Error()
     code = _functions[name](*arguments, C.byref(error))
     if code:

@@ -138,14 +138,10 @@ class Mesh:
         *,
         origin: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        points = np.asarray(vertices)
-        if points.dtype != np.float32:
-            points = points.astype(np.float64, copy=False)
-        corners = np.asarray(faces)
-        check_shape("vertices", points, 3)
-        check_shape("faces", corners, 3)
-        if corners.size and corners.dtype.kind not in "iu":
-            raise InvalidArgument(f"faces: expected integers, found {corners.dtype}")
+        points, corners = checked(vertices, faces)
+        limits = np.iinfo(np.int32)
+        if corners.size and not limits.min <= corners.min() <= corners.max() <= limits.max:
+            raise InvalidArgument(f"faces: {corners.max()} is no vertex that int32 can number")
         self.vertices: Array = points
         self.faces: Array = corners.astype(np.int32, copy=False)
         self.origin: Array = np.asarray(origin, np.float64)
@@ -158,6 +154,11 @@ class Mesh:
         self._normals: Optional[Array] = None
         self._colors: Optional[Array] = None
         self._handle: Optional[L.Handle] = None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+        if name in ("vertices", "faces", "origin", "attributes"):  # no longer what the library has
+            self._handle = self._normals = self._colors = None
 
     @classmethod
     def _of(cls, handle: L.Handle) -> "Mesh":
@@ -172,17 +173,16 @@ class Mesh:
         mesh.origin = np.array(look.origin)
         mesh.faces = view(look.indices, (m, 3), "<i4", handle)
         mesh.error_bound = 0.0
-        mesh.stats = mesh.shortfall = mesh._normals = mesh._colors = None
-        mesh._handle = handle
+        mesh.stats = mesh.shortfall = None
         dtype = layout("mesh_attribute", handle, look.attributes, look.row_bytes)
-        found: dict[str, Array] = {}
+        mesh.attributes = MappingProxyType({})
         if dtype is not None and dtype.names is not None:
             rows = view(look.rows, (n, look.row_bytes), "|u1", handle)
             table = rows.view(dtype)[:, 0] if n else np.empty(0, dtype)
-            found = {name: table[name] for name in dtype.names}
+            mesh.attributes = MappingProxyType({name: table[name] for name in dtype.names})
             mesh._normals = columns(table, ("nx", "ny", "nz"), "<f4")
             mesh._colors = columns(table, ("red", "green", "blue"), "u1")
-        mesh.attributes = MappingProxyType(found)
+        mesh._handle = handle
         return mesh
 
     @property
@@ -367,6 +367,20 @@ def check_shape(name: str, array: Array, width: int) -> None:
         raise InvalidArgument(f"{name}: expected the shape (n, {width}), found {array.shape}")
 
 
+def checked(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> tuple[Array, Array]:
+    """Both as arrays that the library can read: (n, 3) float32 or float64, (m, 3) integers."""
+    points, corners = np.asarray(vertices), np.asarray(faces)
+    if points.dtype.kind not in "fiub":
+        raise InvalidArgument(f"vertices: expected real numbers, found {points.dtype}")
+    if points.dtype != np.float32:
+        points = points.astype(np.float64, copy=False)
+    check_shape("vertices", points, 3)
+    check_shape("faces", corners, 3)
+    if corners.size and corners.dtype.kind not in "iu":
+        raise InvalidArgument(f"faces: expected integers, found {corners.dtype}")
+    return points, corners
+
+
 def put_camera(options: L.RenderOptions, camera: Mapping[str, Any]) -> None:
     unknown = set(camera) - {"eye", "target", "up", "fov", "viewport", "near", "far", "direction"}
     if unknown or "eye" not in camera or not ("target" in camera or "direction" in camera):
@@ -455,12 +469,13 @@ class Packed:
 
     def __init__(
         self,
-        vertices: Array,
-        faces: Array,
+        vertices: npt.ArrayLike,
+        faces: npt.ArrayLike,
         attributes: Mapping[str, Array],
         origin: Any = (0.0, 0.0, 0.0),
         layout_: Optional[Layout] = None,
     ) -> None:
+        vertices, faces = checked(vertices, faces)
         self.layout = layout_ or Layout.of(attributes)
         self.struct = L.Input()
         struct = self.struct

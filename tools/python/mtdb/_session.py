@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ctypes as C
+import os
+import threading
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Union
+from typing import IO, TYPE_CHECKING, Any, Callable, Iterator, Mapping, Optional, Union
 
 import numpy as np
 
@@ -183,17 +186,17 @@ def connect(url: str, *, name: Optional[str] = None, remembered_vertices: int = 
     return Session(L.Handle("client", "connect", url.encode(), C.byref(options)), None, None)
 
 
-def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *, path: str,
-          name: Optional[str] = None, timeout: float = 600.0, **asked: Any) -> Update:
-    """Gets one mesh of a server into a file, in the format of its suffix (.ply, .glb ...).
-    `read_mesh` reads it."""
+def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
+          path: "str | os.PathLike[str]", name: Optional[str] = None, timeout: float = 600.0, **asked: Any) -> Update:
+    """Gets one mesh of a server into a file, in the format of its suffix (.ply, .glb ...). The file
+    appears when it is complete. `read_mesh` reads it."""
     raised: list[BaseException] = []
     options = L.FetchOptions(
         name=None if name is None else name.encode(), timeout_seconds=timeout,
-        format=path.rsplit(".", 1)[-1].lower().encode(),
+        format=os.fspath(path).rsplit(".", 1)[-1].lower().encode(),
     )
     made = L.Update()
-    with open(path, "wb") as file:
+    with _complete(path) as file:
 
         def receive(_user: Any, data: Any, size: int) -> int:
             try:
@@ -215,3 +218,17 @@ def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *, path: 
     return Update(made.triangles, made.vertices, made.active_triangles, 0, 0, made.bytes,
                   made.error_bound, 0.0, LIMITS[made.limit], shortfall_of(made.shortfall), none,
                   none)
+
+
+@contextmanager
+def _complete(path: "str | os.PathLike[str]") -> Iterator[IO[bytes]]:
+    """A file that appears, or replaces the one that is there, when nothing went wrong."""
+    partial = f"{os.fspath(path)}.{os.getpid()}.{threading.get_ident()}.tmp"
+    try:
+        with open(partial, "wb") as file:
+            yield file
+        os.replace(partial, path)
+    except BaseException:
+        with suppress(OSError):
+            os.remove(partial)
+        raise
