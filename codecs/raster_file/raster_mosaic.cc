@@ -15,12 +15,35 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMostOff = 1e-3;  // of a cell, that a file's samples may lie off the grid
 constexpr double kMostCells = 1 << 30;
+// The least size of a cell beside its coordinates: ten times what questions about places leave to
+// rounding.
+constexpr double kLeastCell = 1e-11;
 
 // Where the first sample lies.
 std::array<double, 2> FirstSample(const RasterFrame& f) {
   const auto& g = f.geotransform;
   const double half = f.transform_of_samples ? 0 : 0.5;
   return {g[0] + half * (g[1] + g[2]), g[3] + half * (g[4] + g[5])};
+}
+
+// Why samples of the frame have no places of their own; empty: they have.
+std::string Misplaced(const RasterFrame& f) {
+  const auto& g = f.geotransform;
+  if (!std::all_of(g.begin(), g.end(), [](double v) { return std::isfinite(v); })) {
+    return "geotransform: expected finite numbers";
+  }
+  const double area = std::abs(g[1] * g[5] - g[2] * g[4]);
+  if (!(area > 0) || !std::isfinite(area)) {
+    return "geotransform: columns and rows run in one direction";
+  }
+  const double cell = area / std::max(std::hypot(g[1], g[4]), std::hypot(g[2], g[5]));
+  const double farthest =
+      std::max(std::abs(g[0]) + std::abs(g[1]) * f.columns + std::abs(g[2]) * f.rows,
+               std::abs(g[3]) + std::abs(g[4]) * f.columns + std::abs(g[5]) * f.rows);
+  if (!(cell > kLeastCell * farthest)) {
+    return "geotransform: its samples lie closer together than their coordinates can tell apart";
+  }
+  return "";
 }
 
 // Why two rasters cannot be one; empty: they can.
@@ -64,8 +87,9 @@ Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader
   RasterInfo& info = joined.info_;
   const auto& g = info.frame.geotransform;
   const double determinant = g[1] * g[5] - g[2] * g[4];
-  if (!(std::abs(determinant) > 0) || !std::isfinite(determinant)) {
-    return BadInput(files[0]->path() + ": geotransform: columns and rows run in one direction");
+  for (const auto& file : files) {
+    const std::string why = Misplaced(file->info().frame);
+    if (!why.empty()) return BadInput(file->path() + ": " + why);
   }
   const auto origin = FirstSample(info.frame);
   std::vector<std::array<double, 2>> places;
@@ -92,9 +116,12 @@ Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader
     if (own.height_step != info.height_step) {
       info.height_step = std::min(own.height_step, info.height_step);
     }
+    // What is a hole in one file may be a height in another.
+    if (own.frame.nodata != info.frame.nodata) info.frame.nodata.reset();
+    if (own.frame.sample_type != info.frame.sample_type) info.frame.sample_type = "float64";
   }
   if (right - left > kMostCells || bottom - top > kMostCells) {
-    return BadInput(files[0]->path() + ": the files lie more than 2^30 samples apart");
+    return BadInput(files[0]->path() + ": more than 2^30 columns or rows");
   }
   info.frame.columns = static_cast<uint32_t>(right - left);
   info.frame.rows = static_cast<uint32_t>(bottom - top);

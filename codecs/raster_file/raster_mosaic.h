@@ -25,10 +25,12 @@ struct RasterDisagreement {
 class RasterMosaic {
  public:
   // kBadInput, naming both files, when their samples are not on one grid, or when their coordinate
-  // systems or the units of heights differ.
+  // systems or the units of heights differ; also for a geotransform that gives samples no places of
+  // their own.
   static Result<RasterMosaic> Join(std::vector<std::unique_ptr<RasterReader>> files);
 
-  // Of the whole: the first file's, but for size, geotransform and height step.
+  // Of the whole: the first file's, but for size, geotransform and height step. Where the files'
+  // nodata values differ it has none, and where their types do it is of float64.
   const RasterInfo& info() const { return info_; }
   // As RasterReader::ReadRow.
   Status ReadRow(uint32_t row, std::span<double> heights);

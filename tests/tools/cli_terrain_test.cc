@@ -332,6 +332,156 @@ TEST_CASE("a GeoTIFF goes in, and comes back sample by sample", "[cli]") {
   CHECK(ReadText(t.folder.File("out/N09E007.hgt")) == ReadText(t.hgt));
 }
 
+// A virtual raster of GDAL: a window of type `type` on another file, or on none.
+void WriteVrt(const std::string& path, const std::string& size, const std::string& geotransform,
+              const std::string& type, const std::string& band) {
+  WriteText(path, "<VRTDataset " + size + "><GeoTransform>" + geotransform +
+                      "</GeoTransform><VRTRasterBand dataType=\"" + type + "\" band=\"1\">" + band +
+                      "</VRTRasterBand></VRTDataset>");
+}
+constexpr const char* kFourByFour = "rasterXSize=\"4\" rasterYSize=\"4\"";
+
+// The numbers of an ASCII grid: NaN where there is none.
+std::vector<double> GridOf(const std::string& path) {
+  std::ifstream in(path);
+  std::string word;
+  while (in >> word && word != "NODATA_value") {
+  }
+  double nodata = 0;
+  in >> nodata;
+  std::vector<double> heights;
+  for (double h = 0; in >> h;) heights.push_back(h == nodata ? kHole : h);
+  return heights;
+}
+
+bool Same(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double u, double v) {
+    return std::isnan(u) ? std::isnan(v) : std::abs(u - v) < 1e-9;
+  });
+}
+
+TEST_CASE("a GeoTIFF has all heights and holes, whatever type and nodata value the files had",
+          "[cli]") {
+  if (MTDB_TEST_GDAL == 0) {
+    WARN("skipped: without GDAL");
+    return;
+  }
+  const Folder folder;
+  const auto f = [&](const std::string& name) { return folder.File(name); };
+  const auto header = [](int x, int y) {
+    return "ncols 4\nnrows 4\nxllcorner " + std::to_string(x) + "\nyllcorner " + std::to_string(y) +
+           "\ncellsize 1\n";
+  };
+  const std::string rows = "1 2 3 4\n5 6 7 8\n9 10 11 12\n13 14 15 123\n";
+  const std::string source =
+      "<SimpleSource><SourceFilename relativeToVRT=\"1\">whole.asc</SourceFilename>"
+      "<SourceBand>1</SourceBand></SimpleSource>";
+  WriteText(f("whole.asc"), header(0, 0) + rows);
+  WriteText(f("decimals.asc"), header(4, 0) + "1 2 3.25 4\n5 6 7 8\n9 1 1 12\n13 14 15 12.34\n");
+  WriteText(f("apart.asc"), header(4, 4) + "NODATA_value 7\n" + rows);
+  WriteText(f("zero.asc"), header(0, 0) + "NODATA_value 0\n-1 0 -1 2\n2 2 2 2\n2 2 2 2\n2 2 2 2\n");
+  WriteText(f("zeroes.asc"), header(4, 0) + "0 2 2 2\n2 2 2 2\n2 2 2 2\n2 2 2 -2\n");
+  WriteVrt(f("scaled.vrt"), kFourByFour, "0,1,0,4,0,-1", "Int16",
+           "<Scale>0.1</Scale><Offset>0.5</Offset><NoDataValue>7</NoDataValue>" + source);
+  WriteVrt(f("byte.vrt"), kFourByFour, "0,1,0,4,0,-1", "Byte", source);
+  WriteVrt(f("byte2.vrt"), kFourByFour, "4,1,0,0,0,-1", "Byte", source);
+  const auto trip = [&](Arguments inputs, const std::string& type, size_t holes,
+                        const Arguments& more = {}) {
+    INFO(inputs.at(0));
+    const std::string store = f("s.mtdb");
+    const std::string again = f("again.mtdb");
+    const auto extract = [&](const std::string& from, const std::string& to) {
+      Arguments arguments{"extract", from, f(to)};
+      if (from == store) arguments.insert(arguments.end(), more.begin(), more.end());
+      RunOk(arguments);
+    };
+    for (std::string& name : inputs) name = f(name);
+    inputs.insert(inputs.begin(), "ingest");
+    inputs.push_back(store);
+    RunOk(inputs);
+    extract(store, "direct.asc");
+    extract(store, "dem.tif");
+    const Json report = RunJson({"ingest", f("dem.tif"), again, "--step-z", "0.01"});
+    extract(again, "indirect.asc");
+    CHECK(report.at("raster").at("sample_type") == type);
+    CHECK(report.at("raster_input").at("holes") == holes);
+    const std::vector<double> direct = GridOf(f("direct.asc"));
+    CHECK(Same(direct, GridOf(f("indirect.asc"))));
+    CHECK(std::count_if(direct.begin(), direct.end(), [](double h) { return std::isnan(h); }) ==
+          static_cast<std::ptrdiff_t>(holes));
+    std::filesystem::remove(store);
+    std::filesystem::remove(again);
+  };
+  trip({"whole.asc"}, "int32", 0);
+  trip({"byte.vrt"}, "byte", 0);
+  trip({"byte.vrt", "byte2.vrt"}, "byte", 32);
+  trip({"scaled.vrt"}, "float64", 1);
+  trip({"whole.asc", "decimals.asc"}, "float64", 0);
+  trip({"whole.asc", "apart.asc"}, "int32", 33);
+  trip({"zero.asc", "zeroes.asc"}, "int32", 1);
+  trip({"zeroes.asc", "zero.asc"}, "int32", 1);
+  trip({"zero.asc"}, "float32", 4, {"--spacing", "0.5"});
+  trip({"whole.asc"}, "float32", 7 + 7 + 1, {"--spacing", "0.5", "--window", "0,0.5,3.5,4"});
+
+  // A type without room for a nodata value.
+  WriteText(f("whole.asc"), header(0, 0) + "0 1 2 3\n5 6 7 8\n9 10 11 12\n13 14 15 255\n");
+  trip({"byte.vrt"}, "byte", 0);
+  trip({"byte.vrt", "byte2.vrt"}, "float64", 32);
+
+  // What float32 rounds is in the bound that is told.
+  WriteText(f("whole.asc"), header(0, 0) + "8848.123 1 2 3\n5 6 7 8\n9 1 1 1\n13 14 15 25\n");
+  RunOk({"ingest", f("whole.asc"), f("s.mtdb")});
+  const Json told = RunJson({"extract", f("s.mtdb"), f("dem.tif"), "--spacing", "1"});
+  CHECK(told.at("error_bound") > std::abs(8848.123 - double{8848.123F}) - 1e-9);
+}
+
+TEST_CASE("rasters whose samples have no places, or no end, are refused", "[cli]") {
+  const Folder folder;
+  const auto f = [&](const std::string& name) { return folder.File(name); };
+  const auto refused = [&](const Arguments& inputs, const std::string& why) {
+    Arguments arguments{"ingest"};
+    for (const std::string& name : inputs) arguments.push_back(f(name));
+    arguments.insert(arguments.end(), {f("s.mtdb"), "--memory", "1G"});
+    const Outcome outcome = Run(arguments);
+    INFO(inputs.at(0));
+    CHECK(outcome.exit_code == 1);
+    CHECK_THAT(outcome.err, Catch::Contains(f(inputs.back())) && Catch::Contains(why));
+    CHECK(!Exists(f("s.mtdb")));
+  };
+  const std::string rows = "\n1 2\n3 4\n";
+  WriteText(f("far.asc"), "ncols 2\nnrows 2\nxllcorner 1e15\nyllcorner 0\ncellsize 1e-3" + rows);
+  refused({"far.asc"}, "closer together");
+  WriteText(f("long.asc"), "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3 " +
+                               std::string(5000, '4'));
+  refused({"long.asc"}, "without a space");
+  std::string names;
+  for (int i = 0; i < 200; ++i) names += "name" + std::to_string(i) + " 1\n";
+  WriteText(f("names.asc"), "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n" + names);
+  refused({"names.asc"}, "names");
+  if (MTDB_TEST_GDAL == 0) {
+    WARN("skipped: without GDAL");
+    return;
+  }
+  WriteVrt(f("good.vrt"), kFourByFour, "0, 1, 0, 0, 0, -1", "Byte", "");
+  const std::string large = "rasterXSize=\"500000\" rasterYSize=\"4\"";
+  for (const char* transform : {"nan, 1, 0, 0, 0, -1", "0, 1, 0, inf, 0, -1", "0, nan, 0, 0, 0, -1",
+                                "0, 1, nan, 0, 0, -1", "-inf, 1, 0, 0, 0, -1"}) {
+    WriteVrt(f("bad.vrt"), large, transform, "Byte", "");
+    refused({"bad.vrt"}, "finite");
+    refused({"good.vrt", "bad.vrt"}, "finite");
+  }
+  WriteVrt(f("bad.vrt"), large, "1e308, 1, 0, 1e308, 0, -1", "Byte", "");
+  refused({"bad.vrt"}, "closer together");
+  WriteVrt(f("bad.vrt"), large, "0, 1, 1, 0, 1, 1", "Byte", "");
+  refused({"bad.vrt"}, "one direction");
+  WriteVrt(f("bad.vrt"), "rasterXSize=\"1000000000\" rasterYSize=\"4\"", "0, 1, 0, 0, 0, -1",
+           "Byte", "");
+  refused({"bad.vrt"}, "--memory");
+  WriteVrt(f("bad.vrt"), "rasterXSize=\"2000000000\" rasterYSize=\"4\"", "0, 1, 0, 0, 0, -1",
+           "Byte", "");
+  refused({"bad.vrt"}, "2^30");
+}
+
 TEST_CASE("what has no heights is told so", "[cli]") {
   const Example& example = TheExample();
   for (const Arguments& arguments : {Arguments{"probe", example.store, "--height", "1,2"},

@@ -95,6 +95,10 @@ class ArrayReader final : public RasterReader {
   const double* const heights_;
 };
 
+uint64_t MemoryOf(const mtdb_ingest_options& options) {
+  return options.memory_bytes != 0 ? options.memory_bytes : BuildOptions().memory_bytes;
+}
+
 // Joins the rasters and stores them.
 Status IngestOpened(mtdb_database* database, const char* name,
                     std::vector<std::unique_ptr<RasterReader>> files,
@@ -114,7 +118,7 @@ Status IngestOpened(mtdb_database* database, const char* name,
     step = given.height_step;
   }
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterInput> input,
-                        RasterInput::Join(std::move(files), step));
+                        RasterInput::Join(std::move(files), step, MemoryOf(given)));
   return Ingest(
       database, name, [&](MeshSink& sink) { return input->Read(sink); }, options, watch,
       input->terrain());
@@ -126,12 +130,11 @@ Status IngestRasters(mtdb_database* database, const char* name, const char* cons
                      size_t count, const mtdb_ingest_options* options, const mtdb_watch* watch) {
   MTDB_RETURN_IF_ERROR(NeedAll({{paths, "paths"}}));
   MTDB_ASSIGN_OR_RETURN(const mtdb_ingest_options given, Take(options, "options"));
-  const uint64_t memory =
-      given.memory_bytes != 0 ? given.memory_bytes : BuildOptions().memory_bytes;
   std::vector<std::unique_ptr<RasterReader>> files;
   for (size_t i = 0; i < count; ++i) {
     MTDB_RETURN_IF_ERROR(NeedAll({{paths[i], "paths"}}));
-    MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterReader> file, OpenRaster(paths[i], memory / 8));
+    MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterReader> file,
+                          OpenRaster(paths[i], MemoryOf(given) / 8));
     files.push_back(std::move(file));
   }
   return IngestOpened(database, name, std::move(files), options, watch);

@@ -58,7 +58,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
     files.push_back(std::move(file));
   }
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterInput> input,
-                        RasterInput::Join(std::move(files), arguments.step_z));
+                        RasterInput::Join(std::move(files), arguments.step_z, memory_bytes));
   return std::unique_ptr<RasterIngest>(new RasterIngest(std::move(input)));
 }
 

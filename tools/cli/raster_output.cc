@@ -33,6 +33,8 @@ class RowWriter {
   virtual ~RowWriter() = default;
   virtual Status Add(std::span<const double> heights) = 0;
   virtual Status End() = 0;
+  // What the file has for a height.
+  virtual double Written(double height) const { return height; }
 };
 
 class AsciiRows final : public RowWriter {
@@ -90,6 +92,7 @@ class HgtRows final : public RowWriter {
     return file_->Append(line_);
   }
   Status End() override { return file_->Commit(); }
+  double Written(double height) const override { return std::round(height); }
 
  private:
   std::unique_ptr<AtomicFile> file_;
@@ -98,12 +101,17 @@ class HgtRows final : public RowWriter {
 
 class TiffRows final : public RowWriter {
  public:
-  explicit TiffRows(std::unique_ptr<GdalWriter> file) : file_(std::move(file)) {}
+  TiffRows(std::unique_ptr<GdalWriter> file, bool is_float)
+      : file_(std::move(file)), is_float_(is_float) {}
   Status Add(std::span<const double> heights) override { return file_->Add(heights); }
   Status End() override { return file_->End(); }
+  double Written(double height) const override {
+    return is_float_ ? double{static_cast<float>(height)} : height;
+  }
 
  private:
   std::unique_ptr<GdalWriter> file_;
+  const bool is_float_;
 };
 
 // True when the raster is what a .hgt file of this name holds.
@@ -120,9 +128,63 @@ bool IsHgtTile(const HeightRaster& r, const std::string& path) {
          std::filesystem::path(path).stem() == name;
 }
 
+// The least and the largest whole number of a type; none: it has fractions.
+std::optional<std::array<double, 2>> LimitsOf(const std::string& type) {
+  if (type == "byte") return {{0, 255}};
+  if (type == "int16") return {{-32768, 32767}};
+  if (type == "uint16") return {{0, 65535}};
+  if (type == "int32") return {{-2147483648.0, 2147483647.0}};
+  if (type == "uint32") return {{0, 4294967295.0}};
+  return std::nullopt;
+}
+
+// The value of a type that stands for holes: the raster's own, or another one, that no height has.
+std::optional<double> NodataOf(const ObjectRecord& record, const std::string& type) {
+  const double low = record.bounds.min.z;
+  const double high = record.bounds.max.z;
+  const auto limits = LimitsOf(type);
+  // Heights with fractions are rounded on their way.
+  const double margin = limits ? 0 : 1e-6 * std::max(std::abs(low), std::abs(high));
+  constexpr double kLeast = -std::numeric_limits<float>::max();
+  for (const double v : {record.raster->nodata.value_or(kNodata), kNodata, -9999.0, 0.0, 255.0,
+                         65535.0, -2147483648.0, 4294967295.0, kLeast}) {
+    const bool fits = limits ? v == std::floor(v) && v >= (*limits)[0] && v <= (*limits)[1]
+                             : std::abs(v) <= -kLeast;
+    if (fits && (v < low - margin || v > high + margin)) return v;
+  }
+  return std::nullopt;
+}
+
+// True when each sample of r is a sample of the raster that has a height.
+bool IsFull(const ObjectRecord& record, const HeightRaster& r) {
+  const Box3d& b = record.bounds;
+  return record.vertices == uint64_t{record.raster->columns} * record.raster->rows &&
+         r.x0 > b.min.x - 0.5 * r.dx && r.x0 + (r.columns - 1) * r.dx < b.max.x + 0.5 * r.dx &&
+         r.y0 < b.max.y - 0.5 * r.dy && r.y0 + (r.rows - 1) * r.dy > b.min.y + 0.5 * r.dy;
+}
+
+// Chooses a type that holds all heights, and a value of it that stands for holes. `exact`: the
+// raster's samples at full resolution, with the raster's type if that can be.
+void ChooseType(const ObjectRecord& record, const HeightRaster& r, bool exact, GdalRaster* raster) {
+  raster->sample_type = exact ? record.raster->sample_type : "float32";
+  const Grid& grid = record.grid;
+  const bool whole =
+      grid.step == std::floor(grid.step) && grid.origin.z == std::floor(grid.origin.z);
+  if (const auto limits = LimitsOf(raster->sample_type)) {
+    const bool fits = record.bounds.min.z >= (*limits)[0] && record.bounds.max.z <= (*limits)[1];
+    if (!whole || !fits) raster->sample_type = "float64";
+  }
+  raster->nodata = NodataOf(record, raster->sample_type);
+  const bool needed = record.raster->nodata || !exact || !IsFull(record, r);
+  if (!needed) raster->nodata.reset();
+  if (needed && !raster->nodata) {
+    raster->sample_type = "float64";
+    raster->nodata = NodataOf(record, raster->sample_type);
+  }
+}
+
 Result<std::unique_ptr<RowWriter>> OpenRows(const ObjectRecord& record, const std::string& path,
                                             const HeightRaster& r, bool exact) {
-  const double nodata = record.raster->nodata.value_or(kNodata);
   const std::string suffix = SuffixOf(path);
   if (suffix == ".tif" || suffix == ".tiff") {
     GdalRaster raster;
@@ -130,12 +192,12 @@ Result<std::unique_ptr<RowWriter>> OpenRows(const ObjectRecord& record, const st
     raster.rows = r.rows;
     raster.geotransform = {r.x0 - 0.5 * r.dx, r.dx, 0, r.y0 - 0.5 * r.dy, 0, r.dy};
     raster.is_area = record.raster->is_area;
-    raster.sample_type = exact ? record.raster->sample_type : "float32";
     raster.height_units = record.raster->height_units;
     raster.crs = record.georeference;
-    raster.nodata = nodata;
+    ChooseType(record, r, exact, &raster);
     MTDB_ASSIGN_OR_RETURN(std::unique_ptr<GdalWriter> file, CreateGeoTiff(path, raster));
-    return std::unique_ptr<RowWriter>(new TiffRows(std::move(file)));
+    return std::unique_ptr<RowWriter>(
+        new TiffRows(std::move(file), raster.sample_type == "float32"));
   }
   if (suffix == ".hgt" && !IsHgtTile(r, path)) {
     return InvalidArgument(path +
@@ -144,7 +206,8 @@ Result<std::unique_ptr<RowWriter>> OpenRows(const ObjectRecord& record, const st
   }
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<AtomicFile> file, AtomicFile::Create(path));
   if (suffix == ".hgt") return std::unique_ptr<RowWriter>(new HgtRows(std::move(file)));
-  auto rows = std::make_unique<AsciiRows>(std::move(file), nodata);
+  auto rows =
+      std::make_unique<AsciiRows>(std::move(file), NodataOf(record, "float64").value_or(kNodata));
   MTDB_RETURN_IF_ERROR(rows->Begin(r));
   return std::unique_ptr<RowWriter>(std::move(rows));
 }
@@ -166,13 +229,11 @@ Result<RasterOutputReport> WriteRaster(const Surface& surface, const std::string
   RasterOutputReport report;
   report.columns = r.columns;
   report.rows = r.rows;
-  const bool whole = SuffixOf(path) == ".hgt";
   const auto write = [&](std::span<const double> rows) -> Status {
     for (const double h : rows) {
       report.holes += std::isnan(h);
-      if (whole && !std::isnan(h)) {
-        report.rounding = std::max(report.rounding, std::abs(h - std::round(h)));
-      }
+      if (std::isnan(h)) continue;
+      report.rounding = std::max(report.rounding, std::abs(h - writer->Written(h)));
     }
     for (size_t begin = 0; begin < rows.size(); begin += r.columns) {
       MTDB_RETURN_IF_ERROR(writer->Add(rows.subspan(begin, r.columns)));

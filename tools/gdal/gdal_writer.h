@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -19,7 +20,7 @@ struct GdalRaster {
   std::string sample_type;  // as RasterFrame::sample_type; others: float64
   std::string height_units;
   std::string crs;  // WKT; empty: none
-  double nodata = 0;
+  std::optional<double> nodata;  // none: no height is a hole
 };
 
 // Takes rows from the first to the last. The file has its name when End() has succeeded.

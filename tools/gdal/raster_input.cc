@@ -13,6 +13,9 @@ namespace mtdb {
 
 namespace {
 
+// Of a row: heights as they come and as they are joined, two rows of vertex numbers, a mask.
+constexpr uint64_t kSampleBytes = 32;
+
 // Files that are rasters by their names, whoever reads them.
 bool HasRasterSuffix(const std::string& path) {
   static const std::set<std::string> kSuffixes{
@@ -36,12 +39,19 @@ Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64
 }
 
 Result<std::unique_ptr<RasterInput>> RasterInput::Join(
-    std::vector<std::unique_ptr<RasterReader>> files, std::optional<double> height_step) {
+    std::vector<std::unique_ptr<RasterReader>> files, std::optional<double> height_step,
+    uint64_t memory_bytes) {
   if (files.empty()) return InvalidArgument("no raster is given");
   const size_t count = files.size();
   const std::string first = files[0]->path();
   MTDB_ASSIGN_OR_RETURN(RasterMosaic mosaic, RasterMosaic::Join(std::move(files)));
   const RasterInfo& info = mosaic.info();
+  const uint64_t row_bytes = info.frame.columns * kSampleBytes;
+  if (row_bytes > memory_bytes / 4) {
+    return InvalidArgument(first + ": rows of " + std::to_string(info.frame.columns) +
+                           " samples do not fit --memory (memory_bytes); allow at least " +
+                           std::to_string((row_bytes >> 18) + 1) + "M");
+  }
   RasterMeshOptions mesh;
   mesh.height_step = height_step.value_or(info.height_step);
   mesh.height_origin = info.height_origin;

@@ -23,9 +23,11 @@ Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64
 class RasterInput {
  public:
   // `height_step`: heights are rounded to its multiples; none: that of the files. Errors: kBadInput
-  // when the rasters cannot be joined, or when no step is known.
+  // when the rasters cannot be joined, or when no step is known; kInvalidArgument when their rows
+  // take more than a quarter of `memory_bytes`.
   static Result<std::unique_ptr<RasterInput>> Join(std::vector<std::unique_ptr<RasterReader>> files,
-                                                   std::optional<double> height_step);
+                                                   std::optional<double> height_step,
+                                                   uint64_t memory_bytes);
 
   // What the builder needs to know. The input must outlive the build.
   TerrainInput terrain();

@@ -21,6 +21,8 @@ namespace {
 
 constexpr size_t kBlock = size_t{1} << 16;
 constexpr int kMostDecimals = 9;
+constexpr size_t kLongestWord = 1024;
+constexpr size_t kMostNames = 100;  // of the header
 
 // The words of a text, block by block, from any place.
 class Words {
@@ -46,6 +48,11 @@ class Words {
       const char c = block_[at_];
       const bool is_space = c == ' ' || (c >= '\t' && c <= '\r');
       if (is_space && !word->empty()) return Status::Ok();
+      if (word->size() == kLongestWord) {
+        return BadInput(file_->path() + ": byte " + std::to_string(offset()) +
+                        ": expected a number or a name, found more than " +
+                        std::to_string(kLongestWord) + " characters without a space");
+      }
       ++at_;
       if (!is_space) word->push_back(c);
     }
@@ -118,6 +125,9 @@ class AsciiGridReader final : public RasterReader {
       std::string name = word;
       for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
       MTDB_RETURN_IF_ERROR(words_.Next(&word));
+      if (values.size() == kMostNames) {
+        return BadInput(path_ + ": header: more than " + std::to_string(kMostNames) + " names");
+      }
       if (!ParseNumber(word, &values[name])) {
         return BadInput(path_ + ": header: " + name + ": expected a number, found '" +
                         word.substr(0, 40) + "'");

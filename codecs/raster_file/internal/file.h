@@ -17,6 +17,7 @@ class RasterInput {
   RasterInput& operator=(RasterInput&& other) noexcept;
   ~RasterInput();
 
+  const std::string& path() const { return path_; }
   uint64_t size() const { return size_; }
   // Reads `bytes` bytes at `offset`. kIoError; kBadInput when the file ends before.
   Status Read(uint64_t offset, void* to, size_t bytes) const;

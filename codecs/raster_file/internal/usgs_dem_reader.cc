@@ -102,7 +102,9 @@ class UsgsDemReader final : public RasterReader {
     // Old files do not name their datum; they are of NAD27.
     const double given = NumberIn(header, 890, 2);
     const int datum = given >= 1 && given <= 4 ? static_cast<int>(given) : 1;
-    if (system == 1 && plane_unit == 2) info_.crs = UtmWkt(static_cast<int>(zone), datum);
+    if (system == 1 && plane_unit == 2 && std::abs(zone) <= 60) {
+      info_.crs = UtmWkt(static_cast<int>(zone), datum);
+    }
     if (system == 0 && plane_unit == 3) {
       seconds_ = 3600;
       if (datum == 3) info_.crs = Wgs84Wkt();

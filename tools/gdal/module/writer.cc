@@ -68,7 +68,7 @@ class GeoTiffWriter final : public GdalWriter {
     }
     band_ = GDALGetRasterBand(dataset_, 1);
     nodata_ = raster.nodata;
-    good = good && GDALSetRasterNoDataValue(band_, nodata_) == CE_None;
+    if (nodata_) good = good && GDALSetRasterNoDataValue(band_, *nodata_) == CE_None;
     if (!raster.height_units.empty()) GDALSetRasterUnitType(band_, raster.height_units.c_str());
     return good ? Status::Ok() : Failed();
   }
@@ -76,7 +76,9 @@ class GeoTiffWriter final : public GdalWriter {
   Status Add(std::span<const double> heights) override {
     row_.assign(heights.begin(), heights.end());
     for (double& h : row_) {
-      if (std::isnan(h)) h = nodata_;
+      if (!std::isnan(h)) continue;
+      if (!nodata_) return InvalidArgument(path_ + ": a hole, but no value that stands for it");
+      h = *nodata_;
     }
     const int columns = static_cast<int>(row_.size());
     if (GDALRasterIO(band_, GF_Write, 0, next_++, columns, 1, row_.data(), columns, 1, GDT_Float64,
@@ -104,7 +106,7 @@ class GeoTiffWriter final : public GdalWriter {
   const std::string path_, temporary_;
   GDALDatasetH dataset_ = nullptr;
   GDALRasterBandH band_ = nullptr;
-  double nodata_ = 0;
+  std::optional<double> nodata_;
   int next_ = 0;
   bool done_ = false;
   std::vector<double> row_;
