@@ -29,9 +29,6 @@ std::array<double, 2> FirstSample(const RasterFrame& f) {
 // Why samples of the frame have no places of their own; empty: they have.
 std::string Misplaced(const RasterFrame& f) {
   const auto& g = f.geotransform;
-  if (!std::all_of(g.begin(), g.end(), [](double v) { return std::isfinite(v); })) {
-    return "geotransform: expected finite numbers";
-  }
   const double area = std::abs(g[1] * g[5] - g[2] * g[4]);
   if (!(area > 0) || !std::isfinite(area)) {
     return "geotransform: columns and rows run in one direction";

@@ -49,9 +49,9 @@ class AsciiRows final : public RowWriter {
                   r.columns, r.rows, r.x0, south);
     MTDB_RETURN_IF_ERROR(file_->Append(text));
     if (r.dx == -r.dy) {
-      std::snprintf(text, sizeof(text), "cellsize %.17g\nNODATA_value %.9g\n", r.dx, nodata_);
+      std::snprintf(text, sizeof(text), "cellsize %.17g\nNODATA_value %.12g\n", r.dx, nodata_);
     } else {
-      std::snprintf(text, sizeof(text), "dx %.17g\ndy %.17g\nNODATA_value %.9g\n", r.dx, -r.dy,
+      std::snprintf(text, sizeof(text), "dx %.17g\ndy %.17g\nNODATA_value %.12g\n", r.dx, -r.dy,
                     nodata_);
     }
     return file_->Append(text);
