@@ -16,11 +16,11 @@
 #include "store/base/status.h"
 #include "store/cluster_source.h"
 #include "store/object_record.h"
+#include "store/range_reader.h"
 
 namespace mtdb {
 
 class Database;
-class RangeReader;
 
 namespace internal {
 class PackedFile;
@@ -40,6 +40,28 @@ using AppendBytes = std::function<Status(ByteSpan)>;
 // and some payloads. Errors: kInvalidArgument, those of the sources and of `append`.
 Result<PackReport> PackObjects(std::span<const std::shared_ptr<ClusterSource>> sources,
                                const AppendBytes& append);
+
+// The packed file of one object, byte for byte as PackObjects would write it, without writing it:
+// what lies in a range is put together when it is asked for. Some 16 bytes of memory a unit and the
+// source's index. Safe for many threads.
+class PackedImage {
+ public:
+  // All rows of the source's index are there; reads them twice. Errors: as for PackObjects.
+  static Result<std::shared_ptr<const PackedImage>> Open(std::shared_ptr<ClusterSource> source);
+  ~PackedImage();
+
+  const ObjectRecord& record() const;  // the source's
+  uint64_t size() const;
+  const std::string& content_hash() const;  // 32 hexadecimal digits
+  // Reads the payloads that the range touches. Errors: kInvalidArgument (not in the file), those of
+  // the source.
+  Result<Bytes> Read(ByteRange range) const;
+
+ private:
+  struct Impl;
+  explicit PackedImage(std::unique_ptr<const Impl> impl);
+  const std::unique_ptr<const Impl> impl_;
+};
 
 // The objects of a packed file over a carrier that the caller has; Database::Open makes its own.
 // Immutable; safe for many threads.

@@ -125,6 +125,7 @@ Status HttpAnswer::CheckCode(const FileVersion* version, const std::string& name
     return version != nullptr ? Changed(name)
                               : Corrupt(answer + " (range not satisfiable): the file is empty");
   }
+  if (code_ == 412 && version != nullptr) return Changed(name);
   if (code_ == 404 || code_ == 410) return NotFound(answer + ": no such file");
   if (code_ >= 300 && code_ < 400) {
     return IoError(answer + ", a redirect, which a signed request does not follow; check " +
@@ -132,6 +133,10 @@ Status HttpAnswer::CheckCode(const FileVersion* version, const std::string& name
   }
   if (code_ == 401 || code_ == 403 || code_ == 407) {
     return IoError(answer + ": no access; check the URL, credentials and clock");
+  }
+  if (code_ >= 300 && code_ < 400) {
+    return IoError(answer + ": another place; signed requests are not sent on, check AWS_REGION " +
+                   "and AWS_ENDPOINT_URL");
   }
   return IoError(answer + ", expected 206");
 }

@@ -286,6 +286,7 @@ class Loop : public std::enable_shared_from_this<Loop> {
     set(CURLOPT_PIPEWAIT, 1L);
     set(CURLOPT_NETRC, static_cast<long>(CURL_NETRC_OPTIONAL));
     set(CURLOPT_USERAGENT, "mtdb");
+    if (!place_.certificates.empty()) set(CURLOPT_CAINFO, place_.certificates.c_str());
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(1e3 * options_.connect_seconds));
     set(CURLOPT_LOW_SPEED_LIMIT, 1L);
     set(CURLOPT_LOW_SPEED_TIME, std::max(1L, static_cast<long>(options_.stall_seconds)));

@@ -91,10 +91,14 @@ Result<HttpPlace> PlaceOfUrl(const std::string& url) {
       return InvalidArgument("a URL has no spaces or control characters; write %20 for a space");
     }
   }
-  if (url.starts_with("s3://")) return PlaceInS3(url);
   HttpPlace place;
-  place.url = url;
-  place.shown = Shown(url);
+  if (url.starts_with("s3://")) {
+    MTDB_ASSIGN_OR_RETURN(place, PlaceInS3(url));
+  } else {
+    place.url = url;
+    place.shown = Shown(url);
+  }
+  place.certificates = Variable({"CURL_CA_BUNDLE", "SSL_CERT_FILE"});
   return place;
 }
 

@@ -1,16 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/internal/open_ranges.h"
 
+#include <array>
+#include <cstdio>
+#include <mutex>
+#include <utility>
+
+#include "store/base/out_of_memory.h"
 #include "store/internal/packed_format.h"
+#include "store/internal/range_cache.h"
+#include "store/kept_ranges.h"
 
 namespace mtdb::internal {
+
+namespace {
+
+std::mutex setting;
+std::shared_ptr<RangeCache> range_cache;  // guarded by it
+
+std::shared_ptr<RangeCache> CurrentRangeCache() {
+  const std::lock_guard lock(setting);
+  return range_cache;
+}
+
+// What the header says is proved by the directory's hash; a false one finds nothing of use.
+Result<std::unique_ptr<RangeReader>> WithCache(std::unique_ptr<RangeReader> ranges,
+                                               std::shared_ptr<RangeCache> cache) {
+  if (ranges->size() < kPackedHeaderBytes) return ranges;
+  MTDB_ASSIGN_OR_RETURN(const Bytes bytes, ReadRange(*ranges, {0, kPackedHeaderBytes}));
+  const auto header = DecodePackedHeader(bytes, ranges->size(), ranges->name());
+  if (!header.ok()) return ranges;
+  std::array<char, 40> hash;
+  std::snprintf(hash.data(), hash.size(), "%016llx%016llx",
+                static_cast<unsigned long long>(header->hash_high),
+                static_cast<unsigned long long>(header->hash_low));
+  return KeepRanges(std::move(ranges), std::move(cache), hash.data());
+}
+
+}  // namespace
 
 bool IsUrl(const std::string& path) {
   return path.starts_with("http://") || path.starts_with("https://") || path.starts_with("s3://");
 }
 
 Result<std::unique_ptr<RangeReader>> OpenPackedRanges(const std::string& path) {
-  if (IsUrl(path)) return OpenHttpRanges(path);
+  if (IsUrl(path)) {
+    auto remote = OpenHttpRanges(path);
+    std::shared_ptr<RangeCache> cache = CurrentRangeCache();
+    if (!remote.ok() || cache == nullptr) return remote;
+    return WithCache(*std::move(remote), std::move(cache));
+  }
   auto ranges = OpenFileRanges(path);
   // The store's own messages tell what is wrong.
   if (!ranges.ok() || (*ranges)->size() < kPackedHeaderBytes) return std::unique_ptr<RangeReader>();
@@ -27,3 +66,19 @@ Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url) {
 #endif
 
 }  // namespace mtdb::internal
+
+namespace mtdb {
+
+Status KeepRangesIn(const std::string& folder, uint64_t limit_bytes) {
+  return CatchOutOfMemory([&]() -> Status {
+    std::shared_ptr<internal::RangeCache> cache;
+    if (!folder.empty()) {
+      MTDB_ASSIGN_OR_RETURN(cache, internal::RangeCache::Open(folder, limit_bytes));
+    }
+    const std::lock_guard lock(internal::setting);
+    internal::range_cache = std::move(cache);
+    return Status::Ok();
+  });
+}
+
+}  // namespace mtdb

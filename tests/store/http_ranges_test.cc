@@ -182,6 +182,7 @@ TEST_CASE("a file that changes under way is noticed", "[http]") {
         }),
         StatusCode::kCorrupt, changed);
   Fails(Later(Answers("416 Range Not Satisfiable")), StatusCode::kCorrupt, changed);
+  Fails(Later(Answers("412 Precondition Failed")), StatusCode::kCorrupt, changed);
   Fails(Later(Answers("404 Not Found")), StatusCode::kNotFound, "404");
   // Without a word from the server, by its bytes.
   Fails(

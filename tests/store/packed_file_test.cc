@@ -276,6 +276,33 @@ TEST_CASE("what is packed is read and unpacked as it was", "[packed]") {
   }
 }
 
+TEST_CASE("an image of an object has the bytes of its packed file, in any range") {
+  const TempDir dir;
+  const uint32_t clusters = GENERATE(1, 40, 700);
+  const SyntheticObject object = MakeObject({.seed = 7, .clusters = clusters, .max_payload = 900});
+  const auto store = OpenWritable(dir.File("store.mtdb"));
+  REQUIRE(WriteObject(*store, "one", object).ok());
+  const Bytes file = PackAll(*store, {"one"});
+  const auto image = PackedImage::Open(store->OpenObject("one", true).value());
+  REQUIRE(image.status().message() == "");
+  REQUIRE((*image)->size() == file.size());
+  const auto same = [&](uint64_t offset, uint64_t bytes) {
+    const auto part = (*image)->Read({offset, bytes});
+    return part.ok() && std::ranges::equal(*part, ByteSpan(file).subspan(offset, bytes));
+  };
+  REQUIRE(same(0, file.size()));
+  REQUIRE(same(file.size(), 0));
+  std::mt19937_64 random(clusters);
+  for (int i = 0; i < 500; ++i) {
+    const uint64_t offset = random() % file.size();
+    REQUIRE(same(offset, random() % (file.size() - offset + 1)));
+    REQUIRE(same(offset, std::min<uint64_t>(file.size() - offset, random() % 40)));
+  }
+  REQUIRE((*image)->Read({file.size(), 1}).status().code() == StatusCode::kInvalidArgument);
+  REQUIRE((*image)->Read({0, file.size() + 1}).status().code() == StatusCode::kInvalidArgument);
+  REQUIRE((*image)->Read({1, ~uint64_t{0}}).status().code() == StatusCode::kInvalidArgument);
+}
+
 TEST_CASE("a packed file is not written to", "[packed]") {
   const TempDir dir;
   const Packed packed = MakePacked(dir, 20, 100);

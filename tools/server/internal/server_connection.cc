@@ -210,9 +210,10 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     if (websocket::is_upgrade(message) && ServerService::IsSession(std::string(message.target()))) {
       return OpenSession(std::move(message));
     }
-    request_ = std::make_shared<ServerRequest>(ServerRequest{std::string(message.method_string()),
-                                                             std::string(message.target()),
-                                                             std::move(message.body())});
+    request_ = std::make_shared<ServerRequest>(
+        ServerRequest{std::string(message.method_string()), std::string(message.target()),
+                      std::move(message.body()), std::string(message[http::field::range]),
+                      std::string(message[http::field::if_range])});
     effort_ = ServerService::EffortOf(request_->target);
     if (effort_ == ServerService::Effort::kNone) {
       ServerCall call;
@@ -340,7 +341,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     state_ = State::kSending;
     answer_ = std::move(answer);
     // An error has its time, also when it is that the time is over.
-    if (answer_.status != 200) {
+    if (answer_.status >= 400) {
       deadline_ = Clock::now() + Seconds(loop_.options.idle_seconds);
     }
     const uint64_t size = answer_.file.is_open() ? answer_.file.size_bytes() : answer_.body.size();

@@ -13,6 +13,7 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "query/query_json.h"
+#include "store/files/posix_file.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
@@ -115,13 +116,41 @@ Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options
   return Status::Ok();
 }
 
+// Small parts in memory, others in a temporary file.
+Status FillPacked(const PackedImage& image, ByteRange range, const std::string& folder,
+                  ServerCall& call, ServerAnswer* answer) {
+  constexpr uint64_t kBlock = uint64_t{1} << 20;
+  const uint64_t end = range.offset + range.bytes;
+  for (uint64_t at = range.offset; at < end;) {
+    if (call.control.cancelled()) return {StatusCode::kCancelled, "cancelled"};
+    MTDB_ASSIGN_OR_RETURN(const Bytes block, image.Read({at, std::min(kBlock, end - at)}));
+    if (range.bytes <= kBlock) {
+      answer->body.assign(reinterpret_cast<const char*>(block.data()), block.size());
+      return Status::Ok();
+    }
+    if (!answer->file.is_open()) {
+      MTDB_ASSIGN_OR_RETURN(answer->file, AnonymousFile::Create(folder));
+    }
+    if (!call.temporary->Set(at - range.offset + block.size())) {
+      call.Cancel(ServerCall::Stop::kNoRoom);
+      continue;
+    }
+    if (!WriteFully(answer->file.descriptor(), at - range.offset, block.data(), block.size())) {
+      return errno == ENOSPC ? Status(StatusCode::kNoSpace, "no space for a temporary file")
+                             : Status(StatusCode::kIoError, "a temporary file cannot be written");
+    }
+    at += block.size();
+  }
+  return Status::Ok();
+}
+
 ServerError NoMemory() { return {503, "no_space", "the server is out of memory; try again later"}; }
 
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
       404, "no_such_path",
-      "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/probe, "
-      "/objects/NAME/session, /healthz and /metrics");
+      "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/packed, "
+      "/objects/NAME/probe, /objects/NAME/session, /healthz and /metrics");
 }
 
 }  // namespace
@@ -174,7 +203,8 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
 ServerService::Effort ServerService::EffortOf(const std::string& text) {
   const Result<RequestTarget> target = ParseTarget(text);
   if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
-  return target->path.size() == 3 ? Effort::kQuery : Effort::kCatalog;
+  return target->path.size() == 3 && target->path[2] != "packed" ? Effort::kQuery
+                                                                 : Effort::kCatalog;
 }
 
 ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& call) {
@@ -201,9 +231,12 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   }
   const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
   const bool probe = objects && path.size() == 3 && path[2] == "probe";
+  const bool packed = objects && path.size() == 3 && path[2] == "packed";
   const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
   const bool page = path.size() == 1 && IsPagePath(path[0]);
-  if (!alone && !page && !mesh && !probe && !(objects && path.size() < 3)) return NoSuchPath();
+  if (!alone && !page && !mesh && !probe && !packed && !(objects && path.size() < 3)) {
+    return NoSuchPath();
+  }
   const bool reads = request.method == "GET" || request.method == "HEAD";
   if (!reads && !(mesh && request.method == "POST")) {
     ServerAnswer answer = ErrorAnswer(405, "method_not_allowed",
@@ -228,7 +261,9 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
                        : ErrorAnswer(Failure(answer.status(), name, call, false));
   }
   if (!mesh) {
-    Result<ServerAnswer> answer = path.size() == 1 ? Catalog() : Info(name);
+    Result<ServerAnswer> answer = packed             ? Packed(*target, request, call)
+                                  : path.size() == 1 ? Catalog()
+                                                     : Info(name);
     return answer.ok() ? *std::move(answer)
                        : ErrorAnswer(Failure(answer.status(), name, call, false));
   }
@@ -300,6 +335,42 @@ Result<ServerAnswer> ServerService::Probe(const std::string& name, const ProbeRe
   return answer;
 }
 
+Result<ServerAnswer> ServerService::Packed(const RequestTarget& target,
+                                           const ServerRequest& request, ServerCall& call) {
+  PackedRequest asked{request.range, request.if_range, ""};
+  for (const auto& [name, value] : target.parameters) {
+    if (name != "hash") return InvalidArgument(name + ": no such parameter; known is hash");
+    asked.hash = value;
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<const PackedImage> image,
+                        images_.Open(*CurrentDatabase(), target.path[1]));
+  const PackedPart part = FindPackedPart(*image, asked);
+  if (part.status == 412) {
+    return ErrorAnswer(412, "gone", "the object '" + target.path[1] + "' was replaced meanwhile");
+  }
+  const std::string size = std::to_string(image->size());
+  ServerAnswer answer;
+  if (part.status == 416) {
+    answer = ErrorAnswer(416, "bad_query", "range: the file has " + size + " bytes");
+    answer.headers.emplace_back("Content-Range", "bytes */" + size);
+    return answer;
+  }
+  answer.status = part.status;
+  answer.content_type = "application/octet-stream";
+  // What a URL with the hash gives never changes.
+  answer.headers = {
+      {"ETag", '"' + image->content_hash() + '"'},
+      {"Accept-Ranges", "bytes"},
+      {"Cache-Control", asked.hash.empty() ? "no-store" : "private, max-age=31536000, immutable"}};
+  if (part.status == 206) {
+    answer.headers.emplace_back(
+        "Content-Range", "bytes " + std::to_string(part.range.offset) + "-" +
+                             std::to_string(part.range.offset + part.range.bytes - 1) + "/" + size);
+  }
+  MTDB_RETURN_IF_ERROR(FillPacked(*image, part.range, folder_, call, &answer));
+  return answer;
+}
+
 ServerAnswer ServerService::Metrics() {
   ServerMetrics::Cache cache;
   {
@@ -336,6 +407,8 @@ ServerError ServerService::Failure(const Status& status, const std::string& name
       }
       return ServerError{404, "no_such_object", "no object '" + name + "'; see /objects"};
     case StatusCode::kCancelled: break;
+    case StatusCode::kNotYet:
+      return ServerError{503, "not_yet", "the coarsest mesh is on its way; ask again"};
     case StatusCode::kBudgetExceeded:
       return ServerError{503, "budget_exceeded",
                          "the query does not fit the cache or its max_bytes: " + text};

@@ -21,6 +21,7 @@
 #include "tools/server/internal/anonymous_file.h"
 #include "tools/server/internal/server_ledger.h"
 #include "tools/server/internal/server_metrics.h"
+#include "tools/server/internal/server_packed.h"
 #include "tools/server/internal/server_request.h"
 #include "tools/server/internal/server_session.h"
 #include "tools/server/server.h"
@@ -31,6 +32,7 @@ struct ServerRequest {
   std::string method;  // "GET"
   std::string target;
   std::string body;
+  std::string range, if_range;  // the headers
 };
 
 struct ServerAnswer {
@@ -129,6 +131,7 @@ class ServerService {
  private:
   explicit ServerService(const ServiceOptions& options)
       : options_(options),
+        images_(options.objects),
         temporary_(options.temporary_bytes),
         session_memory_(options.session_memory_bytes) {}
   ServerAnswer Route(const ServerRequest& request, ServerCall& call);
@@ -137,6 +140,8 @@ class ServerService {
   Result<ServerAnswer> Mesh(const std::string& name, const MeshRequest& request, ServerCall& call);
   Result<ServerAnswer> Probe(const std::string& name, const ProbeRequest& request,
                              ServerCall& call);
+  Result<ServerAnswer> Packed(const RequestTarget& target, const ServerRequest& request,
+                              ServerCall& call);
   ServerAnswer Metrics();
   ServerError Failure(const Status& status, const std::string& name, const ServerCall& call,
                       bool opened);
@@ -152,6 +157,7 @@ class ServerService {
   std::mutex database_mutex_;           // taken before mutex_
   std::shared_ptr<Database> database_;  // guarded by database_mutex_
   std::string folder_;                  // of temporary files
+  PackedImages images_;
   ServerLedger temporary_;
   ServerLedger session_memory_;
   ServerMetrics metrics_;

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// Objects of `mtdb serve` as packed files, by ranges.
+#include <random>
+
+#include "tests/tools/http_testing.h"
+
+namespace mtdb::test {
+namespace {
+
+HttpAnswer GetPart(const ServerProcess& server, const std::string& target,
+                   const std::string& headers) {
+  RawConnection connection(server.port());
+  connection.Send(RequestText("GET", target, "", headers));
+  return connection.ReceiveAnswer(false);
+}
+
+std::string Packed(const std::string& store, const std::string& name, const Folder& folder) {
+  const std::string path = folder.File(name + ".mtdbp");
+  RunOk({"pack", store, path, "--name", name});
+  return path;
+}
+
+TEST_CASE("the server offers an object as the packed file that mtdb pack writes", "[server]") {
+  const Example& example = TheExample();
+  const Folder folder;
+  const std::string path = Packed(example.store, "sculpture", folder), file = ReadText(path);
+  const std::string target = "/objects/sculpture/packed";
+  // From a store, and from a packed file.
+  for (const std::string& served : {example.store, path}) {
+    INFO(served);
+    const ServerProcess server(served);
+    const HttpAnswer whole = server.Get(target);
+    REQUIRE(whole.status == 200);
+    CHECK(whole.body == file);
+    CHECK(whole.header("Cache-Control") == "no-store");
+    const std::string etag = whole.header("ETag"), hash = etag.substr(1, etag.size() - 2);
+    REQUIRE(hash.size() == 32);
+    const auto part = [&](const std::string& range, int status, const std::string& bytes) {
+      INFO(range);
+      const HttpAnswer answer = GetPart(server, target, "Range: bytes=" + range + "\r\n");
+      CHECK(answer.status == status);
+      CHECK(answer.header("ETag") == etag);
+      CHECK(answer.body == bytes);
+    };
+    part("0-0", 206, file.substr(0, 1));
+    part("100-4711", 206, file.substr(100, 4612));
+    part("100-", 206, file.substr(100));
+    part("-77", 206, file.substr(file.size() - 77));
+    part("100-99999999999", 206, file.substr(100));
+    part("-99999999999", 206, file);
+    for (const char* odd :
+         {"7-3", "1-2,5-6", "a-b", "-", "1-2-3", "+1-2", "99999999999999999999-"}) {
+      part(odd, 200, file);
+    }
+    std::mt19937 random(1);
+    for (int i = 0; i < 40; ++i) {
+      const size_t from = random() % file.size(), size = 1 + random() % (file.size() - from);
+      part(std::to_string(from) + "-" + std::to_string(from + size - 1), 206,
+           file.substr(from, size));
+    }
+    CHECK(GetPart(server, target, "Range: bytes=5-6\r\n").header("Content-Range") ==
+          "bytes 5-6/" + std::to_string(file.size()));
+    const std::string behind = "Range: bytes=" + std::to_string(file.size()) + "-\r\n";
+    CHECK(GetPart(server, target, behind).status == 416);
+    CHECK(GetPart(server, target, behind).header("Content-Range") ==
+          "bytes */" + std::to_string(file.size()));
+    // Answers that may be kept for good, and the file that it no longer is.
+    CHECK_THAT(
+        GetPart(server, target + "?hash=" + hash, "Range: bytes=0-9\r\n").header("Cache-Control"),
+        Catch::Contains("immutable"));
+    CHECK(GetPart(server, target + "?hash=0" + hash.substr(1), "Range: bytes=0-9\r\n").status ==
+          (hash[0] == '0' ? 206 : 412));
+    CHECK(GetPart(server, target, "Range: bytes=0-9\r\nIf-Range: " + etag + "\r\n").status == 206);
+    CHECK(GetPart(server, target, "Range: bytes=0-9\r\nIf-Range: \"1\"\r\n").status == 412);
+    CHECK(server.Get(target + "?colour=red").status == 400);
+    CHECK(server.Get("/objects/nothing/packed").status == 404);
+    CHECK(server.Ask("POST", target, "{}").status == 405);
+    CHECK(server.Ask("HEAD", target).status == 200);
+    CHECK(server.temporary_files() == 0);
+  }
+}
+
+TEST_CASE("a client with the engine reads from a server of mtdb as from any", "[server]") {
+  const Example& example = TheExample();
+  const Folder folder;
+  const ServerProcess server(example.store);
+  const std::string url = server.url() + "/objects/sculpture/packed";
+  RunOk({"extract", example.store, folder.File("a.ply"), "--name", "sculpture", "--error-rel",
+         "0.002"});
+  RunOk({"extract", url, folder.File("b.ply"), "--error-rel", "0.002"});
+  CHECK(ReadText(folder.File("a.ply")) == ReadText(folder.File("b.ply")));
+  RunOk({"verify", url});
+}
+
+TEST_CASE("what replaces an object is another packed file", "[server]") {
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb");
+  for (const char* triangles : {"3000", "5000"}) {
+    RunOk({"generate", "terrain", folder.File(triangles) + ".ply", "--triangles", triangles});
+  }
+  RunOk({"ingest", folder.File("3000.ply"), store, "--name", "a", "--quiet"});
+  const ServerProcess server(store);
+  const std::string target = "/objects/a/packed";
+  const HttpAnswer first = server.Get(target);
+  CHECK(first.body == ReadText(Packed(store, "a", folder)));
+  RunOk({"ingest", folder.File("5000.ply"), store, "--name", "a", "--force", "--quiet"});
+  const std::string etag = first.header("ETag");
+  CHECK(GetPart(server, target + "?hash=" + etag.substr(1, 32), "Range: bytes=0-9\r\n").status ==
+        412);
+  const HttpAnswer second = server.Get(target);
+  CHECK(second.header("ETag") != etag);
+  CHECK(second.body == ReadText(Packed(store, "a", folder)));
+  RunOk({"remove", store, "a"});
+  CHECK(server.Get(target).status == 404);
+}
+
+}  // namespace
+}  // namespace mtdb::test
