@@ -516,7 +516,7 @@ Result<Query> ReadQuery(std::string_view text, double diagonal) {
   const auto entry = [&](const char* key) { return Node{json.at(key), key, &parts}; };
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
-                                  "max_milliseconds", "clip", "normals"}));
+                                  "max_milliseconds", "clip", "normals", "available_only"}));
   Query query;
   if (node.has("region")) {
     MTDB_ASSIGN_OR_RETURN(query.region, RegionOf(entry("region"), 0));
@@ -546,6 +546,7 @@ Result<Query> ReadQuery(std::string_view text, double diagonal) {
   }
   MTDB_RETURN_IF_ERROR(flag("clip", &query.clip));
   MTDB_RETURN_IF_ERROR(flag("normals", &query.normals));
+  MTDB_RETURN_IF_ERROR(flag("available_only", &query.available_only));
   if (query.clip && query.region == nullptr) return InvalidArgument("clip: needs a region");
   return query;
 }

@@ -172,6 +172,7 @@ static void check_queries(void) {
   CHECK(ask(same, &details).triangles == all.triangles);
   FAILS(MTDB_INVALID_ARGUMENT, "query", mtdb_query_set_max_bytes(NULL, 1, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "query", mtdb_query_set_normals(NULL, 1, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "query", mtdb_query_set_available_only(NULL, 1, &error));
 
   mtdb_free_query(query);
   OK(mtdb_create_query(&query, &error));
@@ -196,6 +197,43 @@ static void check_bytes(void) {
   OK(mtdb_cut_details(cut, &details, &error));
   CHECK(stats.clusters_read == 0 && stats.triangles < info.triangles);
   CHECK(details.limit == MTDB_LIMIT_BYTES);
+  mtdb_free_cut(cut);
+  mtdb_free_query(query);
+  mtdb_free_object(cold);
+}
+
+/* What is in memory, again and again, of an object of its own: at the end all of it. */
+static void check_available(const char* json) {
+  mtdb_object* cold = NULL;
+  mtdb_query* query = NULL;
+  mtdb_cut* cut = NULL;
+  mtdb_stats stats;
+  mtdb_details details;
+  uint64_t triangles = 0;
+  OK(mtdb_open_object(database, NULL, 0, &cold, &error));
+  OK(mtdb_create_query(&query, &error));
+  if (json != NULL) {
+    OK(mtdb_query_set_json(query, cold, json, &error));
+  } else {
+    OK(mtdb_query_set_available_only(query, 1, &error));
+  }
+  do {
+    const mtdb_code code = mtdb_select(cold, query, &cut, &error);
+    details.limit = MTDB_LIMIT_MISSING;
+    if (code == MTDB_NOT_YET) continue;
+    CHECK(code == MTDB_OK);
+    OK(mtdb_cut_stats(cut, &stats, &error));
+    OK(mtdb_cut_details(cut, &details, &error));
+    CHECK(stats.triangles >= triangles && stats.triangles <= info.triangles);
+    triangles = stats.triangles;
+    mtdb_free_cut(cut);
+    cut = NULL;
+  } while (details.limit == MTDB_LIMIT_MISSING);
+  CHECK(details.limit == MTDB_LIMIT_THRESHOLD && triangles == info.triangles);
+  OK(mtdb_query_set_max_bytes(query, 1000, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "limit of bytes", mtdb_select(cold, query, &cut, &error));
+  OK(mtdb_query_set_available_only(query, 0, &error));
+  OK(mtdb_select(cold, query, &cut, &error));
   mtdb_free_cut(cut);
   mtdb_free_query(query);
   mtdb_free_object(cold);
@@ -383,6 +421,8 @@ int main(int argc, char** argv) {
   check_object();
   check_queries();
   check_bytes();
+  check_available(NULL);
+  check_available("{\"available_only\": true}");
   check_arrays();
   check_controls();
   check_probes();

@@ -221,6 +221,13 @@ MTDB_API mtdb_code mtdb_query_set_max_milliseconds(mtdb_query* query, double mil
 MTDB_API mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error);
 /* Not 0: each vertex has the mesh's unit normal, three floats nx ny nz, at the end of its row. */
 MTDB_API mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* error);
+/* Not 0: mtdb_select never waits for clusters. The answer is the least cut through those that are
+ * in memory, with the error bound that it has; when some are missing, mtdb_details.limit is
+ * MTDB_LIMIT_MISSING, and they come meanwhile: ask again. MTDB_NOT_YET while the coarsest mesh is
+ * on its way. Not with max_bytes (MTDB_INVALID_ARGUMENT). What the cut uses stays in memory until
+ * mtdb_free_cut. */
+MTDB_API mtdb_code mtdb_query_set_available_only(mtdb_query* query, int available_only,
+                                                 mtdb_error* error);
 
 /* Controls. One serves one query and its cut, or one mtdb_verify. */
 

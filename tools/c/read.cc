@@ -406,6 +406,13 @@ mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* err
   });
 }
 
+mtdb_code mtdb_query_set_available_only(mtdb_query* query, int available_only, mtdb_error* error) {
+  return Set(query, error, [&] {
+    query->rest.available_only = available_only != 0;
+    return Status::Ok();
+  });
+}
+
 mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{control, "control"}}));
