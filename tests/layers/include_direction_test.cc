@@ -80,7 +80,7 @@ const std::map<std::string, std::set<std::string>> kLibraryUsers{
       "codecs/mesh_file/internal/gltf_document.h", "tests/", "bench/"}},
     {"boost/", {"tools/client/", "tools/server/", "tests/tools/"}},
     {"meshoptimizer", {"codecs/mesh_file/", "tests/", "bench/"}},
-    {"zlib", {"codecs/mesh_file/", "tests/"}},
+    {"zlib", {"codecs/mesh_file/", "tools/server/internal/server_page", "tests/"}},
     {"gdal", {"tools/gdal/"}},
     {"cpl_", {"tools/gdal/"}},
     {"ogr_", {"tools/gdal/"}},

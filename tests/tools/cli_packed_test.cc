@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packed files and their URLs where the command line and the C interface take a store.
+#include <sys/stat.h>
+
 #include "tests/support/client_mesh_check.h"
 #include "tests/support/file_server.h"
 #include "tests/tools/http_testing.h"
@@ -178,6 +180,65 @@ TEST_CASE("a packed file that changes under a server is an error of one request,
     CHECK(second.status == 200);
     CHECK(second.body == ReadText(mesh));
   }
+}
+
+TEST_CASE("what came of a URL is kept on disk, and need not come again") {
+  const Example large(160000);
+  const std::string packed = large.folder.File("sculpture.mtdbp");
+  const std::string kept = large.folder.File("kept/deep");
+  RunOk({"pack", large.store, packed});
+  std::atomic<uint64_t> bytes{0};
+  const auto count = [&](const mtdb::testing::FileRequest&, mtdb::testing::FileReply* reply) {
+    bytes += reply->body.size();
+  };
+  const FileServer files(ReadText(packed), count);
+  // The same content from another place.
+  const FileServer others(ReadText(packed), count);
+  const auto extract = [&](const std::string& url, const std::string& size) {
+    bytes = 0;
+    const std::string out = large.folder.File("out.ply");
+    RunOk({"extract", url, out, "--cache-dir", kept, "--cache-dir-size", size});
+    CHECK(ReadText(out) == ReadText(large.full));
+    return bytes.load();
+  };
+  constexpr uint64_t kHead = 64 << 10;
+  CHECK(extract(files.url(), "1G") > 256 << 10);
+  CHECK(extract(files.url(), "1G") == kHead);
+  CHECK(extract(others.url(), "1G") == kHead);
+  const auto entries = [&] {
+    std::vector<std::filesystem::path> paths;
+    for (const auto& entry : std::filesystem::directory_iterator(kept)) paths.push_back(entry);
+    return paths;
+  };
+  REQUIRE(!entries().empty());
+  // Whatever is damaged comes again, and once only.
+  const uint64_t end = std::filesystem::file_size(entries()[0]);
+  for (const uint64_t at : {uint64_t{8 * 40}, uint64_t{200 << 10}, end - 1}) {
+    INFO(at);
+    std::fstream file(entries()[0], std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(at));
+    const int byte = file.get();
+    file.seekp(static_cast<std::streamoff>(at));
+    file.put(static_cast<char>(byte ^ 1));
+    file.close();
+    CHECK(extract(files.url(), "1G") > kHead);
+    CHECK(extract(files.url(), "1G") == kHead);
+  }
+  std::filesystem::resize_file(entries()[0], end / 2);
+  CHECK(extract(files.url(), "1G") > kHead);
+  CHECK(extract(files.url(), "1G") == kHead);
+  // The limit holds, also for what others left.
+  extract(files.url(), "100K");
+  uint64_t left = 0;
+  for (const auto& entry : entries()) {
+    struct stat s {};
+    REQUIRE(::stat(entry.c_str(), &s) == 0);
+    left += static_cast<uint64_t>(s.st_blocks) * 512;
+  }
+  CHECK(left <= 100 << 10);
+  const std::string file = large.folder.File("sculpture.ply");
+  RunFails(1, {"info", files.url(), "--cache-dir", file}, {"cannot keep ranges"});
+  RunFails(2, {"info", files.url(), "--cache-dir-size", "1G"}, {"--cache-dir"});
 }
 
 TEST_CASE("the C interface opens URLs") {

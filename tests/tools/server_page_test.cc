@@ -75,8 +75,8 @@ TEST_CASE("the server shows the viewer, or says why not", "[server]") {
     RunFails(1, {"view", TheExample().store, "--no-browser"}, {"built without the viewer"});
     return;
   }
-  for (const std::string path :
-       {"/", "/index.html", "/viewer.js", "/decoder.js", "/decoder.wasm"}) {
+  for (const std::string path : {"/", "/index.html", "/viewer.js", "/decoder.js", "/decoder.wasm",
+                                 "/engine.js", "/engine.wasm"}) {
     INFO(path);
     const HttpAnswer file = server.Get(path);
     CHECK(file.status == 200);
@@ -95,6 +95,37 @@ TEST_CASE("the server shows the viewer, or says why not", "[server]") {
   CHECK(server.Get("/decoder.wasm").header("Content-Type") == "application/wasm");
   CHECK(server.Get("/").body == server.Get("/index.html").body);
   CHECK(server.Get("/other.js").status == 404);
+}
+
+TEST_CASE("view writes the page for any web server", "[server]") {
+  const Folder folder;
+  const std::string www = folder.File("deep/www");
+  const std::string store = TheExample().store;
+  const ServerProcess server(store);
+  if (!HasPage(server)) {
+    RunFails(1, {"view", "--write-page", www}, {"built without the viewer"});
+    return;
+  }
+  RunOk({"view", "--write-page", www});
+  for (const char* name : {"index.html", "viewer.css", "viewer.js", "engine.js", "engine.wasm"}) {
+    CHECK(Exists(www + "/" + name));
+  }
+  CHECK(ReadText(www + "/engine.wasm").starts_with(std::string("\0asm", 4)));
+  const std::string page = ReadText(www + "/index.html");
+  CHECK_THAT(page, Catch::Contains("connect-src 'self';"));
+  CHECK_THAT(page, Catch::EndsWith("</html>\n"));
+  RunOk({"view", "--write-page", www, "--allow-source", "https://a.example:8443", "--allow-source",
+         "http://[::1]"});
+  CHECK_THAT(ReadText(www + "/index.html"),
+             Catch::Contains("connect-src 'self' https://a.example:8443 http://[::1];"));
+  for (const char* odd : {"a.example", "https://", "https://a.example/path",
+                          "https://a; script-src *", "https://a\"", "*", "ftp://a"}) {
+    RunFails(1, {"view", "--write-page", www, "--allow-source", odd}, {"no origin"});
+  }
+  RunFails(2, {"view"}, {"STORE"});
+  RunFails(2, {"view", store, "--write-page", www}, {"--write-page"});
+  RunFails(2, {"view", store, "--allow-source", "https://a"}, {"--write-page"});
+  RunFails(1, {"view", "--write-page", store + "/www"}, {"cannot be made"});
 }
 
 TEST_CASE("view serves on a free port and asks the desktop for a browser", "[server]") {

@@ -2,7 +2,8 @@
 // What the tests of the page share: stores, servers, Chromium, and meshes as sets of triangles.
 import {createRequire} from 'node:module';
 import {spawn, execFileSync} from 'node:child_process';
-import {existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {existsSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync} from 'node:fs';
+import {createServer} from 'node:http';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 
@@ -29,7 +30,7 @@ export function near(a, b, tolerance, what) {
   check(Math.abs(a - b) <= tolerance, `${what}: ${a} and ${b} differ by more than ${tolerance}`);
 }
 
-export async function until(f, what, seconds = 240) {
+export async function until(f, what, seconds = 900) {
   const end = Date.now() + 1000 * seconds;
   for (;;) {
     const value = await f();
@@ -56,6 +57,55 @@ export async function serve(store, port = 0) {
   })};
 }
 
+// A web server of a folder that knows nothing of mtdb: nginx, or one of a few lines. `origin`: of other pages that may read from it.
+export async function serveFolder(folder, {nginx = false, origin = ''} = {}) {
+  if (nginx) return await serveByNginx(folder);
+  const kinds = {html: 'text/html', js: 'text/javascript', css: 'text/css', wasm: 'application/wasm', svg: 'image/svg+xml'};
+  const server = createServer((request, response) => {
+    const path = join(folder, decodeURIComponent(new URL(request.url, 'http://x').pathname));
+    if (!existsSync(path) || statSync(path).isDirectory()) return response.writeHead(404).end('no such file');
+    const bytes = readFileSync(path), headers = {'Content-Type': kinds[path.split('.').at(-1)] ?? 'application/octet-stream', ETag: `"${statSync(path).mtimeMs}-${bytes.length}"`};
+    if (origin) Object.assign(headers, {'Access-Control-Allow-Origin': origin, 'Access-Control-Expose-Headers': 'Content-Range, ETag', 'Access-Control-Allow-Headers': 'Range'});
+    if (request.method === 'OPTIONS') return response.writeHead(204, headers).end();
+    const range = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    if (!range) return response.writeHead(200, headers).end(bytes);
+    const body = bytes.subarray(Number(range[1]), Number(range[2]) + 1);
+    response.writeHead(206, {...headers, 'Content-Range': `bytes ${range[1]}-${Number(range[1]) + body.length - 1}/${bytes.length}`}).end(body);
+  });
+  await new Promise(done => server.listen(0, '127.0.0.1', done));
+  return {url: `http://127.0.0.1:${server.address().port}`, stop: async () => {
+    server.closeAllConnections();
+    await new Promise(done => server.close(done));
+  }};
+}
+
+export const nginxPath = ['/usr/sbin/nginx', '/usr/bin/nginx'].find(path => existsSync(path));
+async function serveByNginx(folder) {
+  const port = await new Promise(done => {
+    const probe = createServer().listen(0, '127.0.0.1', () => {
+      const {port: free} = probe.address();
+      probe.close(() => done(free));
+    });
+  });
+  const own = mkdtempSync(join(tmpdir(), 'mtdb-nginx-'));
+  const user = process.getuid() === 0 ? 'user root;' : '';
+  const temporary = ['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(kind => `${kind}_temp_path ${own}/${kind};`).join(' ');
+  writeFileSync(join(own, 'nginx.conf'), `${user} worker_processes 1; pid ${own}/pid; error_log ${own}/error.log; daemon off;
+    events {} http { access_log off; ${temporary} include /etc/nginx/mime.types; server { listen 127.0.0.1:${port}; location / { root ${folder}; gzip off; } } }`);
+  const nginx = spawn(nginxPath, ['-p', own, '-e', join(own, 'error.log'), '-c', join(own, 'nginx.conf')], {stdio: ['ignore', 'ignore', 'inherit']});
+  servers.add(nginx);
+  const url = `http://127.0.0.1:${port}`;
+  await until(async () => await fetch(`${url}/index.html`).then(r => r.ok, () => false), 'nginx answers', 60);
+  return {url, stop: () => new Promise(done => {
+    servers.delete(nginx);
+    nginx.once('exit', () => {
+      rmSync(own, {recursive: true, force: true});
+      done();
+    });
+    nginx.kill('SIGQUIT');
+  })};
+}
+
 let browser;
 export async function launch() {
   if (!existsSync(chromiumPath)) skip('chromium is not installed');
@@ -69,7 +119,7 @@ export async function launch() {
 export async function open(url, options = {}) {
   const context = await browser.newContext({viewport: {width: 800, height: 600}, acceptDownloads: true, reducedMotion: 'reduce', ...options});
   const page = await context.newPage();
-  page.setDefaultTimeout(240000);
+  page.setDefaultTimeout(900000);
   page.wrong = [];
   page.bytes = {};
   page.on('console', m => ['error', 'warning'].includes(m.type()) && !/GPU stall|GL Driver|swiftshader/i.test(m.text()) && page.wrong.push(m.text()));

@@ -2,7 +2,7 @@
 // The page of the viewer in a real browser, against what the command line says. Waits for states,
 // never for times. node viewer_test.mjs [WORD]: the tests whose names have the word.
 import {readFileSync, writeFileSync} from 'node:fs';
-import {check, close, decode, exact, extracted, file, launch, near, open, run, runJson, same, serve, stepsOf, trianglesOfPly, trianglesOnScreen, until} from './testing.mjs';
+import {check, close, decode, exact, extracted, file, launch, near, nginxPath, open, run, runJson, same, serve, serveFolder, stepsOf, trianglesOfPly, trianglesOnScreen, until} from './testing.mjs';
 
 const tests = [];
 const test = (name, f) => tests.push([name, f]);
@@ -16,13 +16,14 @@ const camera = page => page.evaluate(() => ({eye: viewer.navigation.eye(), targe
 const region = page => page.evaluate(() => viewer.scene.focus?.region);
 const box = '&region=box:-0.3,-1.3,0.1,0.4,-0.2,0.8';
 
-test('the page draws an object, in less than 250 kB', async () => {
-  const page = await open(`${server.url}/#o=${kName}`);
+for (const way of ['thick', 'thin']) test(`the page draws an object, in less than 250 kB (${way})`, async () => {
+  const page = await open(`${server.url}/?way=${way}#o=${kName}`);
   await exact(page);
   check((await status(page)).startsWith('exact to 1 px = '), await status(page));
-  const bytes = Object.entries(page.bytes).filter(([path]) => !path.startsWith('/objects'));
-  check(bytes.some(([path]) => path === '/decoder.wasm'), 'the decoder was not loaded');
-  check(bytes.reduce((sum, [, n]) => sum + n, 0) < 250000, `the page has ${JSON.stringify(bytes)} bytes`);
+  const {'/engine.wasm': engine, ...bytes} = Object.fromEntries(Object.entries(page.bytes).filter(([path]) => !path.startsWith('/objects')));
+  check((way === 'thick') === (engine !== undefined) && (way === 'thin') === ('/decoder.wasm' in bytes), `the wrong way: ${Object.keys(page.bytes)}`);
+  check(Object.values(bytes).reduce((sum, n) => sum + n, 0) < 250000, `the page has ${JSON.stringify(bytes)} bytes`);
+  check((engine ?? 0) < 300000, `the engine has ${engine} bytes`);
   const picture = await decode(await page.locator('#canvas').screenshot());
   const levels = new Set();
   for (let i = 0; i < picture.data.length; i += 4) levels.add(picture.data[i]);
@@ -31,10 +32,10 @@ test('the page draws an object, in less than 250 kB', async () => {
   await close(page);
 });
 
-test('what is on the screen is what mtdb extract gives', async () => {
+for (const way of ['thick', 'thin']) test(`what is on the screen is what mtdb extract gives (${way})`, async () => {
   for (const more of ['', '&px=3', `${box}&outside=view&px=4`, `${box}&outside=coarse`, `${box}&outside=clip`, '&region=sphere:0,-0.8,0.4,0.5&outside=coarse&inside=0.003',
     '&region=half_space:0,0,0,1,0,0&outside=clip&inside=view', '&triangles=20000']) {
-    const page = await open(`${server.url}/#o=${kName}${more}`);
+    const page = await open(`${server.url}/?way=${way}#o=${kName}${more}`);
     await exact(page);
     const onScreen = await trianglesOnScreen(page, kName, info);
     same(onScreen, await extracted(page, store, kName, info), more);
@@ -43,8 +44,24 @@ test('what is on the screen is what mtdb extract gives', async () => {
   }
 });
 
-test('a budget that does not suffice raises the error everywhere, and the page says to what', async () => {
-  const page = await open(`${server.url}/#o=${kName}&triangles=3000`);
+test('the switch changes the way, and nothing that is seen', async () => {
+  const page = await open(`${server.url}/#o=${kName}${box}&outside=view&px=4`);
+  await exact(page);
+  const thick = await trianglesOnScreen(page, kName, info);
+  check(await page.evaluate(() => viewer.loading.way) === 'thick', 'the engine in the page is the default');
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  for (const way of ['thin', 'thick']) {
+    await page.selectOption('#way', way);
+    await exact(page);
+    check((new URL(page.url()).searchParams.get('way') ?? 'thick') === way, page.url());
+    same(await trianglesOnScreen(page, kName, info), thick, way);
+  }
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+for (const way of ['thick', 'thin']) test(`a budget that does not suffice raises the error everywhere, and the page says to what (${way})`, async () => {
+  const page = await open(`${server.url}/?way=${way}#o=${kName}&triangles=3000`);
   await exact(page);
   check(/^exact to [0-9.]+ px = .*budget of 3,000 triangles/.test(await status(page)), await status(page));
   const figures = await page.evaluate(() => [viewer.scene.exactness().pixels, viewer.scene.total(o => o.mesh.triangles)]);
@@ -535,21 +552,107 @@ test('coordinates of UTM keep their digits', async () => {
   await close(page);
 });
 
-test('a lost server is said, and found again with the same view', async () => {
+for (const way of ['thick', 'thin']) test(`a lost server is said, and found again with the same view (${way})`, async () => {
   let own = await serve(store);
-  const page = await open(`${own.url}/#o=${kName}&px=3`);
+  const page = await open(`${own.url}/?way=${way}#o=${kName}&px=3`);
   await exact(page);
   const before = await trianglesOnScreen(page, kName, info), view = await camera(page);
   await own.stop('SIGKILL');
+  // The engine in the page notices when it wants more.
+  const pixels = p => page.evaluate(x => (viewer.scene.pixels = x, viewer.scene.restart()), p);
+  if (way === 'thick') await pixels(0.1);
   await until(async () => await page.isVisible('#banner') && /lost|reached/.test(await page.textContent('#banner')), 'the page says that the server is lost');
-  check(await page.evaluate(() => viewer.scene.total(o => o.mesh.triangles)) === before.length, 'the mesh is still there');
+  check(await page.evaluate(() => viewer.scene.total(o => o.mesh.triangles)) >= before.length, 'the mesh is still there');
   own = await serve(store, own.port);
   await until(async () => !(await page.isVisible('#banner')), 'the server is found again');
+  if (way === 'thick') {
+    await exact(page);
+    same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), 'the finer mesh');
+    await pixels(3);
+  }
   await exact(page);
   same(await trianglesOnScreen(page, kName, info), before, 'the mesh of the same view');
   near(distance((await camera(page)).eye, view.eye), 0, 1e-9, 'the camera');
   await close(page);
   await own.stop('SIGTERM');
+});
+
+// The page and a packed file in a folder, for web servers without mtdb.
+let www = null;
+function writeSite() {
+  if (www) return www;
+  www = file('www');
+  run('view', '--write-page', www);
+  run('pack', store, `${www}/scan.mtdbp`, '--name', kName, '--name', 'utm');
+  return www;
+}
+
+for (const nginx of [false, true]) test(`a packed file is shown from any web server (${nginx ? 'nginx' : 'one of a few lines'})`, async () => {
+  if (nginx && !nginxPath) return console.log('skipped: nginx is not installed');
+  const web = await serveFolder(writeSite(), {nginx});
+  for (const more of ['&px=1', `${box}&outside=view&px=4`, `${box}&outside=clip`]) {
+    const page = await open(`${web.url}/index.html?src=scan.mtdbp#o=${kName}${more}`);
+    await exact(page);
+    same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), more);
+    check(page.wrong.length === 0, page.wrong.join('; '));
+    await close(page);
+  }
+  const page = await open(`${web.url}/index.html?src=scan.mtdbp&way=thin#o=${kName}${box}&outside=view&px=4`);
+  await exact(page);
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  check(await page.locator('#way-row').isHidden(), 'there is no server that could cut');
+  const [ray, hit] = await page.evaluate(async () => [viewer.navigation.ray(400, 300), await viewer.probe(400, 300)]);
+  const found = runJson('probe', store, '--name', kName, `--ray=${[...ray.origin, ...ray.direction]}`);
+  check(hit !== null && distance(hit.point, found.point) === 0 && hit.error_bound === found.error_bound, JSON.stringify([hit, found]));
+  for (const format of ['ply', 'obj']) {
+    await page.selectOption('#format', format);
+    await page.fill('#take-error', '0.002');
+    const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
+    run('ingest', await download.path().then(path => (writeFileSync(file(`taken.${format}`), readFileSync(path)), file(`taken.${format}`))), file('taken.mtdb'), '--name', format, '--quiet', '--force');
+    run('extract', store, file(`cut.${format}`), '--name', kName, '--error', '0.002', '--box=-0.3,-1.3,0.1,0.4,-0.2,0.8', '--clip');
+    run('ingest', file(`cut.${format}`), file('taken.mtdb'), '--name', `cut ${format}`, '--quiet', '--force');
+    const digests = [format, `cut ${format}`].map(name => runJson('info', file('taken.mtdb'), '--name', name).objects[0]);
+    check(digests[0].triangles > 500 && digests[0].triangles === digests[1].triangles && digests[0].vertices === digests[1].vertices, JSON.stringify(digests));
+    near(Math.max(...digests[0].bounds.min.map((x, k) => Math.abs(x - digests[1].bounds.min[k]))), 0, 1e-6, 'the bounds');
+  }
+  check(await page.evaluate(() => document.querySelector('#format option[value=drc]').disabled), 'what only mtdb writes is not offered');
+  await page.locator('#objects label').filter({hasText: 'utm'}).locator('input').check();
+  await exact(page);
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+  await web.stop();
+});
+
+test('a page on a web server says what it cannot show, and shows what it may', async () => {
+  const site = writeSite(), web = await serveFolder(site), other = await serveFolder(site, {origin: web.url});
+  const said = async (search, words, wrong = /404|Failed to load/) => {
+    const page = await open(`${web.url}/index.html${search}`);
+    await until(async () => (await page.textContent('#banner')).includes(words), `the page says "${words}"`);
+    check(page.wrong.every(text => wrong.test(text)), page.wrong.join('; '));
+    await close(page);
+  };
+  await said('?src=none.mtdbp', 'There is no file “none.mtdbp”');
+  await said('?src=viewer.css', 'packed file');
+  await said('', 'There is no mtdb behind this page.');
+  await said(`?src=${other.url}/scan.mtdbp`, 'files of its own server only');
+  await said('?src=file:///etc/passwd', 'files of its own server only');
+  await said('?src=data:,x', 'files of its own server only');
+  await said('?src=http://[', 'is no address');
+  run('view', '--write-page', site, '--allow-source', other.url);
+  const page = await open(`${web.url}/index.html?src=${other.url}/scan.mtdbp#o=${kName}&px=3`);
+  await exact(page);
+  same(await trianglesOnScreen(page, kName, info), await extracted(page, store, kName, info), 'from another origin');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  // A file that is replaced under the page.
+  run('ingest', file('small.ply'), file('second.mtdb'), '--quiet', '--name', kName);
+  run('pack', file('second.mtdb'), `${site}/scan.mtdbp`);
+  await page.evaluate(() => (viewer.scene.pixels = 0.2, viewer.scene.restart()));
+  const triangles = runJson('info', file('second.mtdb')).objects[0].triangles;
+  await until(() => page.evaluate(n => viewer.scene.total(o => o.mesh.triangles) <= n && viewer.scene.exactness().kind !== 'loading', triangles), 'the file that replaced it is shown');
+  await close(page);
+  www = null;
+  await web.stop();
+  await other.stop();
 });
 
 test('what cannot be shown is a sentence', async () => {
@@ -578,26 +681,34 @@ test('what cannot be shown is a sentence', async () => {
   await own.stop('SIGTERM');
 });
 
-test('a flight leaves no errors, and takes no more memory the second time', async () => {
-  const page = await open(`${server.url}/#o=${kName}&px=2`);
+for (const way of ['thick', 'thin']) test(`a flight leaves no errors, and takes no more memory the second time (${way})`, async () => {
+  const page = await open(`${server.url}/?way=${way}#o=${kName}&px=2`);
   await exact(page);
   const cdp = await page.context().newCDPSession(page);
   const flight = async () => {
-    await page.evaluate(async rounds => {
-      const centre = viewer.navigation.target(), size = viewer.navigation.radius();
+    const times = await page.evaluate(async rounds => {
+      const centre = viewer.navigation.target(), size = viewer.navigation.radius(), tasks = [];
+      const observer = new PerformanceObserver(list => tasks.push(...list.getEntries().map(e => e.duration)));
+      observer.observe({entryTypes: ['longtask']});
       for (let i = 0; i <= 90 * rounds; ++i) {
         const a = (i / 90) * 2 * Math.PI, r = size * (1.6 + Math.cos(3 * a));
         viewer.navigation.set([centre[0] + r * Math.sin(a), centre[1] - r * Math.cos(a), centre[2] + 0.4 * r], centre, false);
         await new Promise(done => requestAnimationFrame(done));
       }
+      observer.disconnect();
+      return tasks;
     }, Number(process.env.MTDB_VIEWER_ROUNDS ?? 1));
     await exact(page);
     await cdp.send('HeapProfiler.collectGarbage');
-    return {heap: (await cdp.send('Runtime.getHeapUsage')).usedSize, ...(await page.evaluate(() => ({...viewer.renderer.info.memory, programs: viewer.renderer.info.programs.length})))};
+    // A figure for people, not a test: it depends on the machine, and drawing without a graphics card is in it.
+    if (process.env.MTDB_VIEWER_ROUNDS) console.log(`        ${times.length} tasks of 50 ms or more on the main thread, the longest ${Math.round(Math.max(0, ...times))} ms`);
+    return {heap: (await cdp.send('Runtime.getHeapUsage')).usedSize, ...(await page.evaluate(() => ({...viewer.renderer.info.memory, programs: viewer.renderer.info.programs.length,
+      engine: viewer.scene.total(o => o.source.traffic.load?.engineBytes ?? 0)})))};
   };
   await flight();
   const first = await flight(), second = await flight();
   check(second.heap < 1.2 * first.heap + 2e6, `heap ${first.heap}, then ${second.heap}`);
+  check(second.engine <= 1.2 * first.engine && (way === 'thin' || first.engine > 0), `engine ${first.engine}, then ${second.engine}`);
   check(second.geometries === first.geometries && second.textures === first.textures && second.programs === first.programs, JSON.stringify([first, second]));
   check(page.wrong.length === 0, page.wrong.join('; '));
   await close(page);

@@ -116,6 +116,62 @@ const queries = [
 console.log('the same triangles as mtdb extract');
 
 {
+  // What a ray meets, and meshes that are clipped, beside a mesh that is shown.
+  const object = await (await open()).open('a');
+  object.update(queries[1], 0);
+  const rays = [[camera.eye, [0, 1, 0]], [max, min.map((x, k) => x - max[k])], [[0.1 * max[0], 0.2 * min[1], 2 * max[2]], [0, 0, -1]], [camera.eye, [0, -1, 0]]];
+  const hits = await Promise.all(rays.map(([origin, direction]) => object.castRay(origin, direction)));
+  rays.forEach(([origin, direction], i) => {
+    const found = JSON.parse(run('probe', 'a.mtdb', `--ray=${[...origin, ...direction]}`, '--json').toString());
+    assert.equal(hits[i] !== null, found.hit);
+    if (!hits[i]) return;
+    assert.deepEqual(hits[i].point, found.point);
+    assert.equal(hits[i].errorBound, found.error_bound);
+  });
+  assert.ok(hits.some(h => h) && hits.some(h => !h));
+  const clipped = {...queries[2], clip: true};
+  const expected = extracted(clipped);
+  const mesh = await object.extract(clipped);
+  const corner = v => [...mesh.positions.subarray(3 * v, 3 * v + 3)];
+  const triangles = Array.from({length: mesh.indices.length / 3}, (_, t) => [0, 1, 2].map(k => corner(mesh.indices[3 * t + k])));
+  assert.equal(triangles.length, expected.length);
+  assertSame(triangles, expected);
+  // Clipped and not, in turn: slots of what is cut away are empty.
+  for (const query of [clipped, queries[2], queries[3], {...clipped, region: {sphere: {centre: min, radius: 0.5 * info.diagonal}}}, clipped, queries[1]]) {
+    const frame = await object.settle(query);
+    const shown = trianglesOf(object);
+    assert.equal(shown.length, frame.triangles);
+    assertSame(shown, extracted(query));
+  }
+  await assert.rejects(object.castRay([0, 0, 0], [0, 0, 0]), {code: 'invalid_argument'});
+  const aborted = new AbortController();
+  aborted.abort();
+  await assert.rejects(object.extract({}, aborted.signal), {code: 'aborted'});
+  object.close();
+  await assert.rejects(object.castRay([0, 0, 0], [1, 0, 0]), {code: 'closed'});
+}
+{
+  // A limit of bytes a second: the requests are spread over the time that they take.
+  const lengths = [], begin = performance.now();
+  const spy = (u, o) => {
+    const [a, b] = o.headers.Range.slice(6).split('-').map(Number);
+    lengths.push(b - a + 1);
+    return fetch(u, o);
+  };
+  const slow = await (await open({bytesPerSecond: 300000, fetch: spy})).open();
+  await slow.settle({});
+  const seconds = (performance.now() - begin) / 1000, before = lengths.slice(0, -1).reduce((a, b) => a + b, 0);
+  assert.ok(lengths.length > 1 && seconds > 0.95 * before / 300000, `${lengths} bytes in ${seconds} s`);
+  slow.close();
+  // Further ranges from a URL that the ETag names.
+  const asked = [];
+  const other = await (await openFile(url, {wasm, urlOf: tag => `${url}?hash=${tag.replaceAll('"', '')}`, fetch: (u, o) => { asked.push(String(u)); return fetch(u, o); }})).open();
+  await other.settle({});
+  assert.ok(asked[0] === url && asked.length > 1 && asked.slice(1).every(u => u === `${url}?hash=1`), asked.join());
+  other.close();
+}
+
+{
   // A coarse mesh at once, and a finer one as clusters come; errors on the way are tried again.
   let count = 0;
   rule = () => (++count % 3 === 0 ? response => { response.writeHead(503); response.end(); } : null);

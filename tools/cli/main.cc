@@ -18,6 +18,7 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "codecs/raster_file/raster_file.h"
+#include "store/kept_ranges.h"
 #include "store/object_name.h"
 #include "tools/cli/did_you_mean.h"
 #include "tools/cli/follow_path.h"
@@ -365,6 +366,7 @@ class CommandLine {
   void AddVerifyVerb();
   void AddRenderVerb();
   void AddServerVerbs();
+  void AddViewVerb();
   void AddFollowVerb();
   void AddPackVerbs();
   void AddSpaceVerbs();
@@ -384,6 +386,7 @@ class CommandLine {
   mtdb::ProfileArguments profile_;
   mtdb::ServerOptions serve_;
   mtdb::ViewArguments view_;
+  mtdb::KeptRangesArguments kept_;
   mtdb::FollowArguments follow_;
   mtdb::GenerateArguments generate_;
 };
@@ -413,10 +416,15 @@ CommandLine::CommandLine() {
                            [this](bool*) { return mtdb::ProfileVerb(profile_); }),
                    &profile_);
   AddServerVerbs();
+  AddViewVerb();
   AddFollowVerb();
   AddPackVerbs();
   AddSpaceVerbs();
   AddGenerateVerb();
+  for (const char* verb : {"info", "list", "extract", "render", "probe", "profile", "verify",
+                           "unpack", "serve", "view"}) {
+    mtdb::AddKeptRanges(app_.get_subcommand(verb), &kept_);
+  }
 }
 
 CLI::App* CommandLine::AddVerb(const char* name, const char* description, const char* footer,
@@ -544,6 +552,41 @@ void CommandLine::AddRenderVerb() {
   AddPictureOptions(verb, &query_);
 }
 
+void CommandLine::AddViewVerb() {
+  CLI::App* view = AddVerb("view", "look at a store's objects in the browser",
+                           "Serves STORE on this machine alone, prints the URL, and opens it by "
+                           "xdg-open. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
+                           "Example: mtdb view scans.mtdb\n"
+                           "To choose limits, or to let others look: mtdb serve, whose URL shows "
+                           "the same page.\n"
+                           "For web servers without mtdb: mtdb view --write-page www; mtdb pack "
+                           "scans.mtdb www/scan.mtdbp; then index.html?src=scan.mtdbp",
+                           [this](bool*) { return mtdb::View(view_); });
+  CLI::Option* store =
+      view->add_option("STORE", view_.store, "the store file, or a packed file or its URL");
+  CLI::Option* page =
+      view->add_option("--write-page", view_.page,
+                       "only write the page's files into DIR, for any web server: beside them, "
+                       "index.html?src=FILE shows a packed file")
+          ->type_name("DIR")
+          ->excludes(store);
+  view->add_option("--allow-source", view_.sources,
+                   "let the page of --write-page also read files of ORIGIN, as "
+                   "https://example.org (repeatable)")
+      ->type_name("ORIGIN")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->needs(page);
+  view->callback([store, page] {
+    if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
+  });
+  view->add_option("--port", view_.port, "listen on this port (default: any free one)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 65535));
+  view->add_flag_callback(
+      "--no-browser", [this] { view_.browser = false; }, "only print the URL");
+}
+
 void CommandLine::AddServerVerbs() {
   CLI::App* serve =
       AddVerb("serve", "give meshes and sessions to clients over HTTP",
@@ -555,19 +598,6 @@ void CommandLine::AddServerVerbs() {
               "More: docs/protocol.md",
               [this](bool*) { return mtdb::Serve(serve_); });
   AddServe(serve, &serve_);
-  CLI::App* view = AddVerb("view", "look at a store's objects in the browser",
-                           "Serves STORE on this machine alone, prints the URL, and opens it by "
-                           "xdg-open. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
-                           "Example: mtdb view scans.mtdb\n"
-                           "To choose limits, or to let others look: mtdb serve, whose URL shows "
-                           "the same page",
-                           [this](bool*) { return mtdb::View(view_); });
-  AddStore(view, &view_.store);
-  view->add_option("--port", view_.port, "listen on this port (default: any free one)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 65535));
-  view->add_flag_callback(
-      "--no-browser", [this] { view_.browser = false; }, "only print the URL");
   CLI::App* fetch =
       AddVerb("fetch", "extract from a server (mtdb serve)",
               "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
@@ -738,7 +768,10 @@ int CommandLine::Run(int argc, char** argv) {
   bool ok = true;
   for (const auto& [verb, run] : verbs_) {
     if (!verb->parsed()) continue;
-    if (const mtdb::Status status = run(&ok); !status.ok()) {
+    mtdb::Status status;
+    if (!kept_.folder.empty()) status = mtdb::KeepRangesIn(kept_.folder, kept_.bytes);
+    if (status.ok()) status = run(&ok);
+    if (!status.ok()) {
       // Whoever reads our pipe has had enough, as `head` has.
       if (status.code() == mtdb::StatusCode::kCancelled &&
           status.message().ends_with(std::generic_category().message(EPIPE)))

@@ -26,6 +26,18 @@ void AddJson(CLI::App* verb, bool* json) {
   verb->add_flag("--json", *json, "print the result as JSON");
 }
 
+void AddKeptRanges(CLI::App* verb, KeptRangesArguments* arguments) {
+  CLI::Option* folder =
+      verb->add_option("--cache-dir", arguments->folder,
+                       "keep what is read of a URL in DIR, so that it need not come again; "
+                       "processes may share DIR")
+          ->type_name("DIR");
+  AddParsed(verb, "--cache-dir-size", "SIZE", &arguments->bytes, ParseSize,
+            "keep at most so much there; what was not used for longest goes first")
+      ->default_str("4G")
+      ->needs(folder);
+}
+
 void AddVerbose(CLI::App* verb, bool* verbose) {
   verb->add_flag("--verbose", *verbose, "tell all that is known of the work that was done");
 }

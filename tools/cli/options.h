@@ -52,6 +52,12 @@ CLI::Option* IsWritten(CLI::Option* option);
 void AddName(CLI::App* verb, std::string* name, const char* description);
 void AddJson(CLI::App* verb, bool* json);
 void AddVerbose(CLI::App* verb, bool* verbose);
+// What is read of URLs may be kept on disk.
+struct KeptRangesArguments {
+  std::string folder;  // empty: not
+  uint64_t bytes = uint64_t{4} << 30;
+};
+void AddKeptRanges(CLI::App* verb, KeptRangesArguments* arguments);
 // Which region, how accurate, which camera: what extract, render and fetch share. `draws`: the
 // camera alone is of use.
 void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);

@@ -28,6 +28,7 @@ void OpenBrowser(const std::string& url) {
 }  // namespace
 
 Status View(const ViewArguments& arguments) {
+  if (!arguments.page.empty()) return WritePage(arguments.page, arguments.sources);
   MTDB_RETURN_IF_ERROR(CheckViewer());
   ServerOptions options;
   options.service.store = arguments.store;

@@ -129,8 +129,10 @@ struct ViewArguments {
   std::string store;
   uint16_t port = 0;  // 0: any free one
   bool browser = true;
+  std::string page;                  // the folder, to write the page only
+  std::vector<std::string> sources;  // origins of files that it may read then, beside its own
 };
-// Serves the store on this machine, and has the desktop's browser show it.
+// Serves the store on this machine, and has the desktop's browser show it; or writes the page.
 Status View(const ViewArguments& arguments);
 
 struct ProbeArguments {

@@ -80,4 +80,10 @@ class BackgroundServer {
 // Whether this server has a page to show at / (tools/viewer). kUnsupported says why not.
 Status CheckViewer();
 
+// Writes the page's files into `folder`, which is made if need be, for any web server: beside a
+// packed file, index.html?src=FILE shows it. The page reads files of its own origin, and of those
+// in `sources` ("https://example.org:8443"). Files of the same names are replaced, one by one.
+// Errors: kInvalidArgument (no origin), those of CheckViewer and of writing.
+Status WritePage(const std::string& folder, const std::vector<std::string>& sources);
+
 }  // namespace mtdb

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// node build.mjs --build FOLDER --npm NPM --wasm-cxx CLANG++: makes the page into FOLDER/page, and
+// node build.mjs --build FOLDER --npm NPM --wasm-cxx CLANG++ [--launcher CCACHE]: makes the page into FOLDER/page, and
 // FOLDER/viewer_files.cc, which has its files compressed. Where npm cannot get the packages, the
 // program is built without the page: viewer_files.cc then says so, and so does a warning.
 import {createRequire} from 'node:module';
@@ -7,6 +7,7 @@ import {copyFileSync, mkdirSync, readFileSync, readdirSync, rmSync, writeFileSyn
 import {dirname, join} from 'node:path';
 import {fileURLToPath} from 'node:url';
 import {gzipSync} from 'node:zlib';
+import {compileEngine} from '../web/engine.mjs';
 import {compileWasm, installPackages, readLines, readOptions} from './steps.mjs';
 
 const source = dirname(fileURLToPath(import.meta.url));
@@ -19,7 +20,7 @@ const types = {html: 'text/html; charset=utf-8', css: 'text/css; charset=utf-8',
 async function bundle() {
   const esbuild = createRequire(join(build, 'package.json'))('esbuild');
   await esbuild.build({
-    entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts')},
+    entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts'), engine: join(source, 'src/engine.ts')},
     outdir: page, bundle: true, minify: true, format: 'esm', target: 'es2022', legalComments: 'eof',
     nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {},
   });
@@ -27,7 +28,7 @@ async function bundle() {
 }
 
 const compileDecoder = () => compileWasm({
-  root, build, cxx: options['wasm-cxx'], out: join(page, 'decoder.wasm'), stackBytes: 262144,
+  root, build: join(build, 'decoder'), cxx: options['wasm-cxx'], launcher: options.launcher, out: join(page, 'decoder.wasm'), stackBytes: 262144,
   sources: [...readLines(join(root, 'codecs/client_sources.txt')), 'tools/viewer/wasm/decoder.cc'],
   headers: ['xxhash.h'], flags: [],
 });
@@ -61,6 +62,8 @@ try {
   writeFiles([], 'npm could not get its packages when it was built');
 }
 if (packages) {
-  await Promise.all([bundle(), compileDecoder()]);
+  await bundle();
+  await compileDecoder();
+  await compileEngine({build: join(build, 'engine'), cxx: options['wasm-cxx'], launcher: options.launcher, out: join(page, 'engine.wasm')});
   writeFiles(readdirSync(page).sort(), '');
 }

@@ -26,9 +26,9 @@ export function installPackages(source, build, npm) {
   writeFileSync(installed, lock);
 }
 
-// Compiles `sources`, which lie in `root`, into `out`, a module without main(). `headers` of /usr/include are those
+// Compiles `sources`, which lie in `root`, into `out`, a module without main(). `launcher`: of the compiler, as ccache. `headers` of /usr/include are those
 // that do not depend on the machine.
-export async function compileWasm({root, build, cxx, sources, headers, flags, optimize = () => ['-O2'], stackBytes, out}) {
+export async function compileWasm({root, build, cxx, launcher, sources, headers, flags, optimize = () => ['-O2'], stackBytes, out}) {
   const include = join(build, 'include');
   const objects = join(build, 'objects');
   for (const folder of [include, objects]) mkdirSync(folder, {recursive: true});
@@ -40,7 +40,10 @@ export async function compileWasm({root, build, cxx, sources, headers, flags, op
   const queue = sources.map(file => [join(root, file), join(objects, file.replaceAll('/', '_') + '.o'), optimize(file)]);
   const made = queue.map(([, object]) => object);
   const worker = async () => {
-    for (let job; (job = queue.pop());) await run(cxx, [...all, ...job[2], '-c', job[0], '-o', job[1]]);
+    for (let job; (job = queue.pop());) {
+      const command = [...(launcher ? [launcher] : []), cxx, ...all, ...job[2], '-c', job[0], '-o', job[1]];
+      await run(command[0], command.slice(1));
+    }
   };
   const threads = Math.min(4, availableParallelism ? availableParallelism() : cpus().length);
   await Promise.all(Array.from({length: threads}, worker));

@@ -34,18 +34,30 @@ else()
   set(MTDB_VIEWER_BUILT ON CACHE INTERNAL "")
   file(GLOB viewer_sources CONFIGURE_DEPENDS ${viewer_source}/src/*.ts ${viewer_source}/static/*
     ${viewer_source}/wasm/*.cc ${viewer_source}/wasm/*.h)
-  file(STRINGS ${PROJECT_SOURCE_DIR}/codecs/client_sources.txt viewer_client_sources)
+  file(GLOB viewer_engine CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tools/web/*.mjs
+    ${PROJECT_SOURCE_DIR}/tools/web/*.txt ${PROJECT_SOURCE_DIR}/tools/web/src/*.ts
+    ${PROJECT_SOURCE_DIR}/tools/web/wasm/*)
+  set(viewer_client_sources "")
+  foreach(list codecs/client_sources.txt query/engine_sources.txt tools/web/engine_sources.txt)
+    file(STRINGS ${PROJECT_SOURCE_DIR}/${list} sources)
+    list(APPEND viewer_client_sources ${sources})
+  endforeach()
+  list(REMOVE_DUPLICATES viewer_client_sources)
   list(TRANSFORM viewer_client_sources PREPEND ${PROJECT_SOURCE_DIR}/)
   file(GLOB viewer_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/codecs/stream/*.h
     ${PROJECT_SOURCE_DIR}/codecs/stream/internal/*.h ${PROJECT_SOURCE_DIR}/codecs/coding/*.h
-    ${PROJECT_SOURCE_DIR}/codecs/coding/*.inc ${PROJECT_SOURCE_DIR}/store/base/*.h)
+    ${PROJECT_SOURCE_DIR}/codecs/coding/*.inc ${PROJECT_SOURCE_DIR}/codecs/cluster/*.h
+    ${PROJECT_SOURCE_DIR}/codecs/cluster/internal/*.h ${PROJECT_SOURCE_DIR}/query/*.h
+    ${PROJECT_SOURCE_DIR}/query/internal/*.h ${PROJECT_SOURCE_DIR}/store/*.h
+    ${PROJECT_SOURCE_DIR}/store/internal/*.h ${PROJECT_SOURCE_DIR}/store/base/*.h)
   add_custom_command(OUTPUT ${viewer_files}
     COMMAND ${MTDB_NODE} ${viewer_source}/build.mjs --build ${viewer_build}
       --npm ${MTDB_NPM} --wasm-cxx ${MTDB_WASM_CXX}
+      "$<$<BOOL:${CMAKE_CXX_COMPILER_LAUNCHER}>:--launcher;${CMAKE_CXX_COMPILER_LAUNCHER}>"
     DEPENDS ${viewer_source}/build.mjs ${viewer_source}/steps.mjs ${viewer_source}/package.json
       ${viewer_source}/package-lock.json ${viewer_sources} ${viewer_client_sources}
-      ${viewer_headers}
-    COMMENT "The viewer's page" VERBATIM)
+      ${viewer_engine} ${viewer_headers}
+    COMMENT "The viewer's page" VERBATIM COMMAND_EXPAND_LISTS)
 endif()
 add_library(mtdb_viewer STATIC ${viewer_files})
 target_compile_features(mtdb_viewer PUBLIC cxx_std_20)

@@ -7,10 +7,10 @@ import {copyFileSync, mkdirSync, readFileSync, rmSync, writeFileSync} from 'node
 import {dirname, join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
 import {gzipSync} from 'node:zlib';
-import {compileWasm, installPackages, readLines, readOptions} from '../viewer/steps.mjs';
+import {installPackages, readOptions} from '../viewer/steps.mjs';
+import {compileEngine} from './engine.mjs';
 
 const source = dirname(fileURLToPath(import.meta.url));
-const root = join(source, '../..');
 const options = readOptions();
 const build = resolve(options.build);
 const made = join(build, 'package');
@@ -20,14 +20,7 @@ mkdirSync(made);
 installPackages(source, build, options.npm ?? 'npm');
 const require = createRequire(join(build, 'package.json'));
 
-await compileWasm({
-  root, build, cxx: options['wasm-cxx'] ?? 'clang++-16', out: join(made, 'engine.wasm'), stackBytes: 1048576,
-  sources: [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))],
-  headers: ['xxhash.h', 'zstd.h', 'zstd_errors.h', 'nlohmann'], 
-  // Small, and fast where a cluster's bits are decoded.
-  optimize: file => (file.startsWith('codecs/c') ? ['-O2', '-msimd128'] : ['-Os']),
-  flags: ['-DJSON_HAS_FILESYSTEM=0', '-DJSON_HAS_EXPERIMENTAL_FILESYSTEM=0', '-DJSON_NOEXCEPTION', '-DJSON_NO_IO'],
-});
+await compileEngine({build, cxx: options['wasm-cxx'] ?? 'clang++-16', launcher: options.launcher, out: join(made, 'engine.wasm')});
 await require('esbuild').build({
   entryPoints: [join(source, 'src/mtdb.ts')], outdir: made, bundle: true, minify: true, format: 'esm', target: 'es2022',
   legalComments: 'eof', nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {},

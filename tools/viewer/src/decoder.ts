@@ -2,7 +2,9 @@
 // The worker of one session: it has the WebSocket and the mesh (decoder.wasm), and tells the page
 // what changes. While the page has not taken an update, further ones are gathered into one.
 import type {Point} from './query';
-import type {MeshUpdate, Slots, ValueChoice} from './source';
+import {buffersOf, gather, ValueReader} from './slots';
+import type {MeshUpdate} from './source';
+import type {Answer, FromWorker, ToWorker} from './worker_session';
 
 interface Exports {
   memory: WebAssembly.Memory;
@@ -23,18 +25,6 @@ interface Exports {
   stretch(x: number, y: number, z: number): void;
 }
 
-export type ToDecoder =
-  | {kind: 'open'; url: string; remember: number; types: string[]; stretch: Point}
-  | {kind: 'ask'; id: number; query: unknown}
-  | {kind: 'choose'; values: ValueChoice}
-  | {kind: 'taken'};
-
-export type FromDecoder =
-  | {kind: 'hello'; hello: {max_triangles: number; triangles: number}}
-  | {kind: 'update'; update: MeshUpdate | null; answers: unknown[]; bytes: number; milliseconds: number}
-  | {kind: 'closed'; opened: boolean; code: number; sentence: string};
-
-const sizes: Record<string, number> = {int8: 1, uint8: 1, int16: 2, uint16: 2, int32: 4, uint32: 4, float32: 4, float64: 8};
 const kSpareVertices = 1024;
 
 let wasm: Exports;
@@ -43,17 +33,14 @@ let opened = false;
 let fresh = true;
 let dirty = false;
 let taken = true;
-let answers: unknown[] = [];
+let answers: Answer[] = [];
 let bytes = 0;
 let milliseconds = 0;
-let types: string[] = [];
-let values: ValueChoice = {kind: 'none'};
-let valuesAll = false; // all vertices are to be told anew
-let valueRange: [number, number] | null = null;
+let values = new ValueReader([]);
 let remember = 0;
 let stretch: Point = [1, 1, 1];
 
-const post = (message: FromDecoder, transfer: Transferable[] = []) => (self as unknown as Worker).postMessage(message, transfer);
+const post = (message: FromWorker, transfer: Transferable[] = []) => (self as unknown as Worker).postMessage(message, transfer);
 
 function close(sentence: string, code = 0) {
   if (socket) {
@@ -134,74 +121,6 @@ function onBytes(data: ArrayBuffer) {
   flush();
 }
 
-// The elements of ranges of slots, `count` a slot.
-function gather<T extends Uint32Array | Float32Array | Int16Array>(Kind: new (length: number) => T, all: T, ranges: Uint32Array, count: number): Slots<T> {
-  let size = 0;
-  for (let i = 0; i < ranges.length; i += 2) size += ranges[i + 1]! - ranges[i]!;
-  const data = new Kind(size * count);
-  for (let i = 0, at = 0; i < ranges.length; i += 2) {
-    data.set(all.subarray(ranges[i]! * count, ranges[i + 1]! * count) as never, at);
-    at += (ranges[i + 1]! - ranges[i]!) * count;
-  }
-  return {ranges, data};
-}
-
-function offsetOf(attribute: number) {
-  let offset = 0;
-  for (let i = 0; i < attribute; ++i) offset += sizes[types[i]!]!;
-  return offset;
-}
-
-function reader(view: DataView, type: string): (at: number) => number {
-  switch (type) {
-    case 'int8': return at => view.getInt8(at);
-    case 'uint8': return at => view.getUint8(at);
-    case 'int16': return at => view.getInt16(at, true);
-    case 'uint16': return at => view.getUint16(at, true);
-    case 'int32': return at => view.getInt32(at, true);
-    case 'uint32': return at => view.getUint32(at, true);
-    case 'float32': return at => view.getFloat32(at, true);
-    default: return at => view.getFloat64(at, true);
-  }
-}
-
-// A colour's component as 0 .. 255.
-const components: Record<string, (value: number) => number> = {uint8: v => v, uint16: v => v / 257, float32: v => v * 255, float64: v => v * 255};
-
-function gatherValues(ranges: Uint32Array, rowBytes: number, slots: number): MeshUpdate['values'] {
-  if (values.kind === 'none' || rowBytes === 0) return null;
-  const all = valuesAll ? new Uint32Array([0, slots]) : ranges;
-  valuesAll = false;
-  let size = 0;
-  for (let i = 0; i < all.length; i += 2) size += all[i + 1]! - all[i]!;
-  const view = new DataView(wasm.memory.buffer, wasm.rows(), slots * rowBytes);
-  if (values.kind === 'colour') {
-    const data = new Uint8Array(4 * size);
-    const read = values.attributes.map(a => ({get: reader(view, types[a]!), offset: offsetOf(a), level: components[types[a]!] ?? ((v: number) => v)}));
-    for (let i = 0, at = 0; i < all.length; i += 2) {
-      for (let v = all[i]!; v < all[i + 1]!; ++v, at += 4) {
-        for (let k = 0; k < 3; ++k) data[at + k] = Math.max(0, Math.min(255, read[k]!.level(read[k]!.get(v * rowBytes + read[k]!.offset))));
-        data[at + 3] = 255;
-      }
-    }
-    return {ranges: all, data};
-  }
-  const data = new Float32Array(size);
-  const get = reader(view, types[values.attribute]!);
-  const offset = offsetOf(values.attribute);
-  let [low, high] = valueRange ?? [Infinity, -Infinity];
-  for (let i = 0, at = 0; i < all.length; i += 2) {
-    for (let v = all[i]!; v < all[i + 1]!; ++v, ++at) {
-      const value = get(v * rowBytes + offset);
-      data[at] = value;
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-  }
-  valueRange = low <= high ? [low, high] : null;
-  return {ranges: all, data};
-}
-
 function makeUpdate(): MeshUpdate {
   const list = wasm.take_changes();
   const buffer = wasm.memory.buffer;
@@ -221,7 +140,7 @@ function makeUpdate(): MeshUpdate {
     indices: gather(Uint32Array, new Uint32Array(buffer, wasm.indices(), 3 * counts[2]!), triangles, 3),
     positions: gather(Float32Array, new Float32Array(buffer, wasm.positions(), 3 * slots), vertices, 3),
     normals: gather(Int16Array, new Int16Array(buffer, wasm.normals(), 4 * slots), changedNormals, 4),
-    values: gatherValues(vertices, counts[4]!, slots), valueRange,
+    values: values.gather(new Uint8Array(buffer, wasm.rows(), slots * counts[4]!), counts[4]!, slots, vertices), valueRange: values.range,
   };
   fresh = false;
   return update;
@@ -233,18 +152,17 @@ function flush() {
   const update = dirty && wasm.started() ? makeUpdate() : null;
   dirty = false;
   milliseconds += performance.now() - begin;
-  const transfer = update ? [update.indices, update.positions, update.normals, ...(update.values ? [update.values] : [])].map(s => s.data.buffer) : [];
   taken = false;
-  post({kind: 'update', update, answers, bytes, milliseconds}, transfer);
+  post({kind: 'update', update, answers, bytes, milliseconds, load: null}, update ? buffersOf(update) : []);
   answers = [];
   milliseconds = 0;
 }
 
-self.onmessage = (event: MessageEvent<ToDecoder>) => {
+self.onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   switch (message.kind) {
     case 'open':
-      types = message.types;
+      values = new ValueReader(message.types);
       remember = message.remember;
       stretch = message.stretch;
       void open(message.url);
@@ -253,9 +171,7 @@ self.onmessage = (event: MessageEvent<ToDecoder>) => {
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({id: message.id, query: message.query}));
       break;
     case 'choose':
-      values = message.values;
-      valuesAll = true;
-      valueRange = null;
+      values.choose(message.values);
       dirty = opened;
       if (opened) flush();
       break;

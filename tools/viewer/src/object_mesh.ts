@@ -38,6 +38,7 @@ export class ObjectMesh {
   triangleSlots = 0;
   origin: Point = [0, 0, 0];
   valueRange: [number, number] | null = null;
+  applyMilliseconds = 0; // of the last update
   private vertexSlots = 0;
   private triangleRoom = 0;
   private vertexRoom = 0;
@@ -62,6 +63,7 @@ export class ObjectMesh {
   }
 
   apply(update: MeshUpdate) {
+    const begin = performance.now();
     if (update.fresh) this.triangleRoom = this.vertexRoom = 0;
     this.makeRoom(update);
     this.triangles = update.triangles;
@@ -81,6 +83,7 @@ export class ObjectMesh {
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);
     if (this.edgeIndex) this.writeEdges(update.indices.ranges);
+    this.applyMilliseconds = performance.now() - begin;
   }
 
   set wireframe(on: boolean) {

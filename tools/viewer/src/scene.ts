@@ -7,7 +7,7 @@ import * as three from 'three';
 import {ObjectMesh} from './object_mesh';
 import type {Camera, Point, Query} from './query';
 import type {Uniforms} from './shaders';
-import type {Done, MeshListener, MeshSource, ObjectInfo, Store, ValueChoice} from './source';
+import type {Done, Limits, MeshListener, MeshSource, ObjectInfo, Store, ValueChoice, Way} from './source';
 import {kNoStretch} from './stretch';
 import {queryFor, type Focus} from './wish';
 
@@ -34,6 +34,7 @@ export interface Exactness {
   pixels: number; // that are promised; when "short", that could not be kept
   bound: number; // the largest of the objects' error bounds
   limited: boolean; // the budget raised the error
+  limit: 'triangles' | 'memory'; // which, then
 }
 
 export class Scene {
@@ -43,21 +44,33 @@ export class Scene {
   budget = 600_000;
   focus: Focus | null = null;
   stretch: Point = kNoStretch;
+  limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity}; // of all objects together
   wireframe = false;
   moving = false;
   changes = 0; // counts what would be drawn otherwise now
   private factor = 1;
   private refused = 0; // a factor that was too small for this camera
+  private limit: Exactness['limit'] = 'triangles'; // that raised the factor last
   private cameraText = '';
   private lastMove = 0;
 
-  constructor(private readonly store: Store, private readonly shared: Uniforms, private readonly changed: () => void) {}
+  constructor(private readonly store: Store, private way: Way, private readonly shared: Uniforms, private readonly changed: () => void) {}
 
   show(info: ObjectInfo, frame: Point, choice: ValueChoice) {
     const mesh = new ObjectMesh(this.shared, frame, this.stretch);
     mesh.wireframe = this.wireframe;
     const object: SceneObject = {name: info.object, info, mesh, source: null as unknown as MeshSource, state: 'opening', sentence: '', failure: '',
       wanted: null, wantedText: '', done: null, doneText: ''};
+    this.objects.set(info.object, object);
+    this.open(object);
+    object.source.choose(choice);
+    this.root.add(mesh.group);
+    this.shareLimits();
+    this.restart();
+  }
+
+  private open(object: SceneObject) {
+    const {mesh} = object;
     const listener: MeshListener = {
       changed: update => {
         mesh.apply(update);
@@ -76,11 +89,35 @@ export class Scene {
         this.changed();
       },
     };
-    object.source = this.store.open(info.object, listener);
-    object.source.choose(choice);
-    this.objects.set(info.object, object);
-    this.root.add(mesh.group);
+    object.source = this.store.open(object.name, this.way, listener);
+    object.wantedText = object.doneText = '';
+    object.done = null;
+  }
+
+  // Cuts are made elsewhere from now on; what is shown stays until the first mesh from there. The
+  // new sources know no choice of values yet.
+  setWay(way: Way) {
+    if (way === this.way) return;
+    this.way = way;
+    for (const object of this.objects.values()) {
+      object.source.close();
+      this.open(object);
+    }
+    this.shareLimits();
     this.restart();
+  }
+
+  setLimits(limits: Limits) {
+    this.limits = limits;
+    this.shareLimits();
+    this.restart();
+  }
+
+  private shareLimits() {
+    const n = Math.max(1, this.objects.size);
+    for (const object of this.objects.values()) {
+      object.source.limit({cacheBytes: Math.floor(this.limits.cacheBytes / n), bytesPerSecond: this.limits.bytesPerSecond / n});
+    }
   }
 
   hide(name: string) {
@@ -90,6 +127,7 @@ export class Scene {
     this.root.remove(object.mesh.group);
     object.mesh.dispose();
     this.objects.delete(name);
+    this.shareLimits();
     this.restart();
   }
 
@@ -144,7 +182,9 @@ export class Scene {
     const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view' || this.focus.inside === 'distance';
     if (!byCamera) return;
     const all = [...this.objects.values()];
-    if (all.some(o => o.done?.limit === 'triangles' && o.doneText === o.wantedText)) {
+    const short = all.find(o => (o.done?.limit === 'triangles' || o.done?.limit === 'memory') && o.doneText === o.wantedText);
+    if (short) {
+      this.limit = short.done!.limit as Exactness['limit'];
       if (this.factor > 200) return;
       this.refused = Math.max(this.refused, this.factor);
       this.factor *= kStep;
@@ -157,7 +197,7 @@ export class Scene {
 
   exactness(): Exactness {
     const shown = [...this.objects.values()].filter(o => o.state !== 'gone');
-    const result: Exactness = {kind: 'nothing', pixels: this.pixels * this.factor, bound: 0, limited: this.factor > 1.001};
+    const result: Exactness = {kind: 'nothing', pixels: this.pixels * this.factor, bound: 0, limited: this.factor > 1.001, limit: this.limit};
     if (shown.length === 0) return result;
     const ready = !this.moving && shown.every(o => o.done && o.state === 'open' && o.doneText === o.wantedText);
     result.kind = ready ? 'exact' : 'loading';

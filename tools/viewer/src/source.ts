@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where meshes come from. The page draws, measures and takes away by these interfaces alone; a
-// server's sessions are one way to fill them (server_store.ts).
+// Where meshes come from. The page draws, measures and takes away by these interfaces alone. Two
+// ways fill them: thin, by a session of a server, which cuts and sends what changes; and thick, by
+// the engine in a worker of this page, which reads ranges of a packed file.
 import type {Point, Query} from './query';
+
+export type Way = 'thin' | 'thick';
 
 export interface ObjectEntry {
   object: string;
@@ -52,7 +55,7 @@ export interface Done {
   vertices: number;
   error_bound: number;
   shortfall: {triangles: number; excess: number} | null;
-  limit: 'accuracy' | 'triangles' | 'bytes' | 'time';
+  limit: 'accuracy' | 'triangles' | 'bytes' | 'time' | 'memory';
   messages: number;
   bytes: number;
   milliseconds: number;
@@ -72,12 +75,31 @@ export interface MeshListener {
 export interface Traffic {
   bytes: number; // received so far
   applyMilliseconds: number; // of the last update
+  load: Load | null; // of the thick way
+}
+
+// What the engine in the page does.
+export interface Load {
+  clusters: number; // decoded so far
+  cacheBytes: number; // of those in memory
+  engineBytes: number; // all memory of the engine
+  requests: number; // under way, or waiting
+  requestBytes: number; // that they ask for
+  missing: number; // clusters that the query lacks
+  cutMilliseconds: number; // the longest call since the last update
+}
+
+// What the thick way may take.
+export interface Limits {
+  cacheBytes: number; // of decoded clusters
+  bytesPerSecond: number; // Infinity: no limit
 }
 
 export interface MeshSource {
   // Makes the mesh the answer to this query. The latest counts.
   ask(query: Query): void;
   choose(values: ValueChoice): void;
+  limit(limits: Limits): void;
   readonly maxTriangles: number; // that a query may ask for
   readonly traffic: Traffic;
   close(): void;
@@ -102,9 +124,11 @@ export class StoreError extends Error {
 }
 
 export interface Store {
+  readonly ways: readonly Way[]; // that there are; the first is the default
+  readonly formats: readonly string[]; // of mesh()
   objects(): Promise<ObjectEntry[]>;
   info(name: string): Promise<ObjectInfo>;
-  open(name: string, listener: MeshListener): MeshSource;
+  open(name: string, way: Way, listener: MeshListener): MeshSource;
   // Where a ray first meets the surface, at full resolution; null when it does not.
   probe(name: string, origin: Point, direction: Point, signal?: AbortSignal): Promise<Hit | null>;
   mesh(name: string, query: Query, format: string): Promise<TakenMesh>;

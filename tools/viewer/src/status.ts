@@ -34,10 +34,12 @@ export class Status {
     const failure = objects.map(o => o.failure).find(text => text !== '') ?? '';
     const promise = `${figure(exact.pixels, 2)} px = ${this.viewer.text(pixel * exact.pixels)}`;
     const byRegion = this.viewer.scene.focus && this.viewer.scene.focus.outside !== 'view';
-    const budget = exact.limited ? `; the budget of ${whole(this.viewer.scene.budget)} triangles allows no less` : '';
+    const budget = !exact.limited ? '' : exact.limit === 'memory' ? `; the memory of ${whole(this.viewer.scene.limits.cacheBytes / 2 ** 20)} MiB allows no less`
+      : `; the budget of ${whole(this.viewer.scene.budget)} triangles allows no less`;
+    const onTheWay = this.viewer.loading.progress();
     byId('exactness').textContent = failure ? failure
       : exact.kind === 'nothing' ? ''
-      : exact.kind === 'loading' ? `${whole(this.viewer.scene.total(o => o.mesh.triangles))} triangles, refining…`
+      : exact.kind === 'loading' ? `${whole(this.viewer.scene.total(o => o.mesh.triangles))} triangles, refining…${onTheWay && ` ${onTheWay}`}`
       : exact.kind === 'short' ? `off by at most ${this.viewer.text(exact.bound)}${budget || ': nothing better is stored'}`
       : byRegion ? `in the region exact to ${this.viewer.text(exact.bound)}`
       : `exact to ${promise}${budget}`;
@@ -47,10 +49,7 @@ export class Status {
     const rows: [string, string][] = [
       ['triangles', whole(this.viewer.scene.total(o => o.mesh.triangles))], ['vertices', whole(this.viewer.scene.total(o => o.mesh.vertices))],
       ['of the whole', whole(this.viewer.scene.total(o => o.info.triangles))], ['error bound', this.viewer.text(exact.bound)],
-      ['received', `${figure(this.viewer.scene.total(o => o.source.traffic.bytes) / 1e6)} MB`],
-      ['last answer', `${whole(Math.max(0, ...objects.map(o => o.done?.bytes ?? 0)))} bytes`],
-      ['cut (server)', `${figure(Math.max(0, ...objects.map(o => o.done?.milliseconds ?? 0)), 2)} ms`],
-      ['decode (worker)', `${figure(Math.max(0, ...objects.map(o => o.source.traffic.applyMilliseconds)), 2)} ms`],
+      ...this.viewer.loading.figures(),
       ['draw', `${figure(this.viewer.drawMilliseconds, 2)} ms`], ['frames in the last second', String(this.viewer.frames.length)],
     ];
     byId('figures').replaceChildren(...rows.flatMap(([name, value]) => {

@@ -17,7 +17,7 @@ export class TakingAway {
     }
     const focus = this.viewer.scene.focus;
     for (const name of this.viewer.scene.objects.keys()) {
-      said.textContent = `${name}: the server cuts…`;
+      said.textContent = `${name}: cutting…`;
       try {
         const mesh = await this.viewer.store.mesh(name, {threshold: error === 0 ? 'full' : error, ...(focus ? {region: regionOf(focus.region, this.viewer.scene.stretch), clip: true} : {})}, format);
         download(mesh.blob, `${name}.${format}`);

@@ -3,9 +3,11 @@
 import * as three from 'three';
 import {FocusHandles} from './focus_handles';
 import {Gestures} from './gestures';
+import {Loading, wayOf} from './loading';
 import {Look} from './look';
 import {Measuring} from './measuring';
 import {Navigation} from './navigation';
+import {PackedStore, sourceOf} from './packed_store';
 import {byId, figure, whole} from './page';
 import {Panel} from './panel';
 import {add, length, scale, sub, type Camera, type Point} from './query';
@@ -20,13 +22,13 @@ import {TakingAway} from './taking_away';
 import {plainStyle, readView, writeView, type ViewState} from './view_state';
 
 export class Viewer {
-  readonly store: Store = new ServerStore(new URL('.', location.href));
   readonly canvas = byId<HTMLCanvasElement>('canvas');
   readonly renderer: three.WebGLRenderer;
   readonly world = new three.Scene();
   readonly shared = sharedUniforms();
   readonly navigation: Navigation;
   readonly scene: Scene;
+  readonly loading: Loading;
   readonly handles: FocusHandles;
   readonly measuring: Measuring;
   readonly look = new Look(this);
@@ -46,10 +48,12 @@ export class Viewer {
   private savedHash = '';
   private lastStatus = 0;
 
-  constructor(context: WebGL2RenderingContext) {
+  constructor(context: WebGL2RenderingContext, readonly store: Store) {
     this.renderer = new three.WebGLRenderer({canvas: this.canvas, context, antialias: true});
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.scene = new Scene(this.store, this.shared, () => (this.panelDirty = true));
+    const way = wayOf(location.search, store);
+    this.scene = new Scene(store, way, this.shared, () => (this.panelDirty = true));
+    this.loading = new Loading(store, way, this.scene, () => this.look.apply());
     this.scene.budget = matchMedia('(max-width: 700px)').matches ? 200_000 : 600_000;
     this.defaults = {objects: [], eye: null, target: null, pixels: 1, triangles: this.scene.budget, style: plainStyle, focus: null, unit: '', lines: []};
     this.navigation = new Navigation(this.canvas, async (x, y) => {
@@ -78,8 +82,10 @@ export class Viewer {
     try {
       this.entries = await this.store.objects();
     } catch (error) {
-      this.say((error as Error).message + ' Trying again…');
-      setTimeout(() => void this.begin(), 2000);
+      const {message, code} = error as StoreError;
+      const lasting = ['not_found', 'corrupt', 'unsupported'].includes(code);
+      this.say(lasting ? message : message.replace(/\.$/, '') + '. Trying again…');
+      if (!lasting) setTimeout(() => void this.begin(), 2000);
       return;
     }
     this.say('');
@@ -349,7 +355,15 @@ function begin() {
     banner.textContent = 'This browser has no WebGL 2, which drawing needs; another browser may have it, or its settings may allow it.';
     return;
   }
-  const viewer = new Viewer(context);
+  const policy = document.querySelector<HTMLMetaElement>('meta[http-equiv="Content-Security-Policy"]')?.content ?? '';
+  const source = sourceOf(location.search, new URL(location.href), policy);
+  if (source instanceof StoreError) {
+    const banner = byId('banner');
+    banner.hidden = false;
+    banner.textContent = source.message;
+    return;
+  }
+  const viewer = new Viewer(context, source ? new PackedStore(source) : new ServerStore(new URL('.', location.href)));
   (window as unknown as {viewer: Viewer}).viewer = viewer;
   void viewer.begin();
 }

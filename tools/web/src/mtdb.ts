@@ -33,6 +33,8 @@ export interface ObjectInfo {
   rounding_error: number;
   bounds: {min: Point; max: Point};
   attributes: {name: string; type: string}[];
+  /** Of a terrain that was a raster. */
+  raster?: {crs: string; height_units: string};
 }
 
 export interface FileOptions {
@@ -42,6 +44,12 @@ export interface FileOptions {
   requests?: number;
   /** At most so many bytes are read; what is missing then stays missing. Default: no limit. */
   maxBytes?: number;
+  /** So many bytes are asked for in a second at most; may be changed later (PackedFile.bytesPerSecond).
+   * Default: no limit. */
+  bytesPerSecond?: number;
+  /** Of further ranges, once the first answer has told the ETag (as the header has it): a URL that never leads to another
+   * file, whose answers may be kept. Default: the same URL. */
+  urlOf?: (etag: string) => string | URL;
   /** Milliseconds without an answer after which a request is tried again; default 15000. */
   timeout?: number;
   /** In place of the global fetch. */
@@ -49,9 +57,32 @@ export interface FileOptions {
   signal?: AbortSignal;
 }
 
+/** What a ray meets first, at full resolution. */
+export interface Hit {
+  point: Point;
+  errorBound: number;
+  /** The point is origin + parameter * direction. */
+  parameter: number;
+}
+
+/** A mesh in arrays of its own. */
+export interface Mesh {
+  /** Three a vertex, model units. */
+  positions: Float64Array;
+  /** Three a triangle, counter-clockwise from outside. */
+  indices: Uint32Array;
+  /** The attributes of each vertex, `rowBytes` each, in the order of ObjectInfo.attributes. */
+  rows: Uint8Array;
+  rowBytes: number;
+  errorBound: number;
+  limit: Frame['limit'];
+}
+
 export interface ObjectOptions {
   /** Most memory of decoded clusters; default 256 MiB. What has no room leaves the mesh coarser. */
   cacheBytes?: number;
+  /** Normals are those of the positions times this: for coordinates whose units differ, as degrees and metres. */
+  stretch?: Point;
 }
 
 /** Slots [begin, end), one after the other in an array: begin, end, begin, end, ... */
@@ -68,6 +99,8 @@ export interface Frame {
   /** accuracy: the query is met. missing: clusters are on their way, failed, or have no room. time:
    * update() goes on with the same query. triangles: its limit was reached. */
   limit: 'accuracy' | 'triangles' | 'bytes' | 'time' | 'missing';
+  /** Triangles whose bound is above the threshold around them, and by how much at most, model units. */
+  shortfall: {triangles: number; excess: number} | null;
   missing: number;
   /** The largest error of what is missing over the threshold there. */
   worst: number;
@@ -119,6 +152,13 @@ interface Exports {
   update(milliseconds: number): number;
   report(): number;
   retry(): void;
+  cast_ray(): number;
+  extract(): number;
+  found(): number;
+  mesh_positions(): number;
+  mesh_triangles(): number;
+  mesh_rows(): number;
+  mesh_free(): void;
   triangle_slots(): number;
   vertex_slots(): number;
   row_bytes(): number;
@@ -126,6 +166,7 @@ interface Exports {
   indices(): number;
   positions(): number;
   normals(): number;
+  stretch(x: number, y: number, z: number): void;
   rows(): number;
   take_changes(): number;
 }
@@ -146,11 +187,22 @@ class FileRanges {
   size = 0;
   bytes = 0;
   requests = 0;
+  bytesPerSecond: number;
+  replaced = false;
   private etag: string | null = null;
+  private from: string; // where the next range is asked for
   private readonly get: typeof fetch;
+  private free = 0; // when more may be asked for; performance.now()
 
   constructor(readonly url: string, private readonly options: FileOptions) {
     this.get = options.fetch ?? ((input, init) => fetch(input, init));
+    this.bytesPerSecond = options.bytesPerSecond ?? Infinity;
+    this.from = url;
+  }
+
+  /** Milliseconds until more may be asked for. */
+  wait() {
+    return this.bytesPerSecond < Infinity ? Math.max(0, this.free - performance.now()) : 0;
   }
 
   /** The first bytes; learns the size. */
@@ -161,6 +213,7 @@ class FileRanges {
   async read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array> {
     const most = this.options.maxBytes ?? Infinity;
     if (this.bytes + length > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached`, 'budget');
+    this.free = Math.max(this.free, performance.now()) + (1000 * length) / this.bytesPerSecond;
     for (let tries = 1, pause = 250; ; ++tries, pause *= 2) {
       try {
         return await this.tryRead(offset, length, signal);
@@ -173,6 +226,11 @@ class FileRanges {
     }
   }
 
+  private otherFile() {
+    this.replaced = true;
+    return new MtdbError(`${this.url}: the file was replaced; open it anew`, 'corrupt');
+  }
+
   private async tryRead(offset: number, length: number, outer?: AbortSignal): Promise<Uint8Array> {
     const control = new AbortController();
     const stop = () => control.abort();
@@ -180,10 +238,11 @@ class FileRanges {
     const timer = setTimeout(stop, this.options.timeout ?? 15000);
     try {
       ++this.requests;
-      const response = await this.get(this.url, {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal: control.signal});
+      const response = await this.get(this.from, {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal: control.signal});
       const where = `${this.url}: bytes ${offset} to ${offset + length}`;
       if (response.status !== 206) {
         stop(); // a body may be the whole file
+        if (this.size > 0 && [410, 412, 416].includes(response.status)) throw this.otherFile();
         const code: ErrorCode = transient.has(response.status) ? 'io' : response.status === 404 ? 'not_found' : 'unsupported';
         const why = response.status === 200 ? 'the server ignores Range' : `the server answers ${response.status} ${response.statusText}`;
         throw new MtdbError(`${where}: ${why}`, code);
@@ -194,8 +253,9 @@ class FileRanges {
       if (this.size === 0) {
         this.size = size;
         this.etag = etag;
+        if (etag !== null && this.options.urlOf) this.from = String(this.options.urlOf(etag));
       } else if (size !== this.size || (etag !== null && this.etag !== null && etag !== this.etag)) {
-        throw new MtdbError(`${this.url}: the file was replaced; open it anew`, 'corrupt');
+        throw this.otherFile();
       }
       const expected = Math.min(offset + length, size) - offset;
       const bytes = new Uint8Array(await response.arrayBuffer());
@@ -333,6 +393,14 @@ export class PackedFile {
   constructor(private readonly module: WebAssembly.Module, private readonly ranges: FileRanges, private readonly parts: [number, Uint8Array][],
     readonly objects: ObjectInfo[], private readonly options: FileOptions) {}
 
+  /** So many bytes are asked for in a second at most, by all objects. */
+  get bytesPerSecond() {
+    return this.ranges.bytesPerSecond;
+  }
+  set bytesPerSecond(bytes: number) {
+    this.ranges.bytesPerSecond = bytes;
+  }
+
   /** Opens an object; default: the first. Each has an engine of its own. */
   async open(name?: string, options: ObjectOptions = {}): Promise<MeshObject> {
     const info = name === undefined ? this.objects[0] : this.objects.find(o => o.object === name);
@@ -344,6 +412,7 @@ export class PackedFile {
       engine.putText(info.object);
       return engine.wasm.open_object(options.cacheBytes ?? 256 * 2 ** 20);
     }, this.options.signal);
+    engine.wasm.stretch(...(options.stretch ?? [1, 1, 1]));
     return new MeshObject(engine, this.ranges, info, this.options);
   }
 }
@@ -354,6 +423,8 @@ export class MeshObject {
   onprogress: (() => void) | null = null;
   private readonly waiting: {ticket: number; offset: number; bytes: number}[] = [];
   private readonly underWay = new Map<number, AbortController>();
+  private bytesUnderWay = 0;
+  private timer: ReturnType<typeof setTimeout> | null = null; // until more may be asked for
   private closed = false;
 
   constructor(private readonly engine: Engine, private readonly ranges: FileRanges, readonly info: ObjectInfo, private readonly options: FileOptions) {}
@@ -370,11 +441,12 @@ export class MeshObject {
       this.serve();
       if (code === kNotYet) return null;
       if (code !== 0) throw engine.error(code);
-      const r = new Float64Array(engine.wasm.memory.buffer, engine.wasm.report(), 14);
+      const r = new Float64Array(engine.wasm.memory.buffer, engine.wasm.report(), 16);
       return {
         triangles: r[0]!, vertices: r[1]!, errorBound: r[2]!, limit: kLimits[r[3]!] ?? 'missing', missing: r[4]!, worst: r[5]!,
         failed: r[6]!, failure: r[6]! > 0 ? engine.failure() : '', noRoom: r[7]!, insertions: r[8]!, removals: r[9]!,
         cacheBytes: r[10]!, decodedClusters: r[11]!, bytesRead: this.ranges.bytes, requests: this.ranges.requests,
+        shortfall: r[14]! > 0 ? {triangles: r[14]!, excess: r[15]!} : null,
         triangleSlots: engine.wasm.triangle_slots(), vertexSlots: engine.wasm.vertex_slots(),
       };
     });
@@ -423,6 +495,55 @@ export class MeshObject {
     };
   }
 
+  /** Where the ray first meets the surface at full resolution; null when it does not. */
+  async castRay(origin: Point, direction: Point, signal?: AbortSignal): Promise<Hit | null> {
+    const {wasm} = this.engine;
+    return await this.untilAnswered(signal, () => {
+      this.engine.put(new Uint8Array(Float64Array.from([...origin, ...direction]).buffer));
+      return wasm.cast_ray();
+    }, () => {
+      const f = new Float64Array(wasm.memory.buffer, wasm.found(), 6);
+      return f[0] === 1 ? {point: [f[1]!, f[2]!, f[3]!] as Point, errorBound: f[4]!, parameter: f[5]!} : null;
+    });
+  }
+
+  /** The mesh of a query, as `mtdb extract` makes it, clipping included; update() shows another one, and goes on beside it. */
+  async extract(query: Query, signal?: AbortSignal): Promise<Mesh> {
+    const {wasm} = this.engine;
+    return await this.untilAnswered(signal, () => {
+      this.engine.putText(JSON.stringify(query));
+      return wasm.extract();
+    }, () => {
+      const {buffer} = wasm.memory;
+      const [vertices, triangles, rowBytes, errorBound, limit] = new Float64Array(buffer, wasm.found(), 5) as unknown as [number, number, number, number, number];
+      const mesh: Mesh = {
+        positions: new Float64Array(buffer, wasm.mesh_positions(), 3 * vertices).slice(),
+        indices: new Uint32Array(buffer, wasm.mesh_triangles(), 6 * triangles).filter((_, i) => i % 2 === 0), // the low halves
+        rows: new Uint8Array(buffer, wasm.mesh_rows(), rowBytes * vertices).slice(), rowBytes, errorBound, limit: kLimits[limit] ?? 'missing',
+      };
+      wasm.mesh_free();
+      return mesh;
+    });
+  }
+
+  // Calls until all is there that the call needs, and takes what it found. Throws what failed for good.
+  private async untilAnswered<T>(signal: AbortSignal | undefined, call: () => number, take: () => T): Promise<T> {
+    for (;;) {
+      if (this.closed) throw new MtdbError('the object was closed', 'closed');
+      if (signal?.aborted) throw new MtdbError('cancelled', 'aborted');
+      const failures = this.failures;
+      const code = this.engine.guard(call);
+      if (code === 0) return this.engine.guard(take);
+      if (code !== kNotYet) throw this.engine.error(code);
+      this.serve();
+      if (this.pending === 0) throw new MtdbError(this.lastFailure || 'nothing is on its way', 'io');
+      await this.arrival(signal);
+      if (this.failures !== failures) throw new MtdbError(this.lastFailure, 'io');
+    }
+  }
+  private failures = 0;
+  private lastFailure = '';
+
   /** What failed is asked for again by the next update. */
   retry() {
     this.engine.wasm.retry();
@@ -432,6 +553,23 @@ export class MeshObject {
   get pending() {
     return this.waiting.length + this.underWay.size;
   }
+  /** Bytes that they ask for. */
+  get pendingBytes() {
+    return this.waiting.reduce((sum, wish) => sum + wish.bytes, this.bytesUnderWay);
+  }
+
+  /** The file is not what it was: open it anew. */
+  get replaced() {
+    return this.ranges.replaced;
+  }
+  /** Why the last request failed; empty: none did. */
+  get failure() {
+    return this.lastFailure;
+  }
+  /** All memory of the object's engine; it never shrinks. */
+  get memoryBytes() {
+    return this.engine.wasm.memory.buffer.byteLength;
+  }
 
   /** Cancels what is on its way. */
   close() {
@@ -439,6 +577,7 @@ export class MeshObject {
     this.waiting.length = 0;
     for (const control of this.underWay.values()) control.abort();
     this.underWay.clear();
+    if (this.timer !== null) clearTimeout(this.timer);
     this.wake();
   }
 
@@ -464,12 +603,27 @@ export class MeshObject {
       this.underWay.get(ticket)?.abort();
       this.underWay.delete(ticket);
     }
-    while (this.waiting.length > 0 && this.underWay.size < (this.options.requests ?? 6)) void this.fetch(this.waiting.shift()!);
+    this.send();
+  }
+
+  private send() {
+    while (this.waiting.length > 0 && this.underWay.size < (this.options.requests ?? 6)) {
+      const wait = this.ranges.wait();
+      if (wait > 0) {
+        this.timer ??= setTimeout(() => {
+          this.timer = null;
+          this.send();
+        }, wait);
+        return;
+      }
+      void this.fetch(this.waiting.shift()!);
+    }
   }
 
   private async fetch(wish: {ticket: number; offset: number; bytes: number}) {
     const control = new AbortController();
     this.underWay.set(wish.ticket, control);
+    this.bytesUnderWay += wish.bytes;
     let bytes: Uint8Array | null = null;
     let failure = '';
     try {
@@ -477,8 +631,13 @@ export class MeshObject {
     } catch (error) {
       failure = (error as Error).message;
     }
+    this.bytesUnderWay -= wish.bytes;
     if (this.closed || this.underWay.get(wish.ticket) !== control) return;
     this.underWay.delete(wish.ticket);
+    if (!bytes) {
+      ++this.failures;
+      this.lastFailure = failure;
+    }
     this.engine.guard(() => {
       if (bytes) this.engine.put(bytes);
       else this.engine.putText(failure);

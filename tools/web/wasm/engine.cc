@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <map>
 #include <memory>
 #include <optional>
@@ -16,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "query/probe.h"
 #include "query/query_json.h"
 #include "query/session.h"
 #include "query/surface.h"
@@ -123,13 +125,16 @@ struct State {
   std::optional<SlotMesh> mesh;
   std::string query_text;
   Query query;
+  bool clips = false;  // the mesh is clipped as the query has it
   std::vector<double> wishes;
-  std::array<double, 14> report{};
+  std::array<double, 16> report{};
   double insertions = 0, removals = 0;  // of the call
   std::vector<Normal> normals;
   std::vector<float> sums;
   std::array<float, 3> stretch{1, 1, 1};  // normals are those of positions times this
   std::vector<uint32_t> changes;
+  std::array<double, 6> found{};  // by the last ray or extraction
+  TriangleMesh extracted;
 };
 State state;
 
@@ -199,7 +204,15 @@ void AddObject(const ObjectRecord& record, std::string* json) {
     AddString(a.name, json);
     *json += std::string(",\"type\":\"") + kScalarNames.at(static_cast<size_t>(a.type)) + "\"}";
   }
-  *json += "]}";
+  *json += ']';
+  if (record.raster) {
+    *json += ",\"raster\":{\"crs\":";
+    AddString(record.georeference, json);
+    *json += ",\"height_units\":";
+    AddString(record.raster->height_units, json);
+    *json += '}';
+  }
+  *json += '}';
 }
 
 // The worst of what failed, into state.error.
@@ -224,7 +237,7 @@ double CountRoomless(const std::vector<MissingCluster>& missing) {
 void Report(const SessionUpdate& update) {
   const ExtractStats& s = update.stats;
   const bool any = !s.missing.empty();
-  state.report = {static_cast<double>(s.triangles),
+  state.report = {static_cast<double>(state.mesh->shown_triangles()),
                   static_cast<double>(s.vertices),
                   s.error_bound,
                   static_cast<double>(s.limit),
@@ -237,7 +250,9 @@ void Report(const SessionUpdate& update) {
                   static_cast<double>(state.surface->cache_use().bytes),
                   static_cast<double>(state.surface->cache_use().decoded),
                   static_cast<double>(state.ranges->bytes_read()),
-                  static_cast<double>(s.clusters_used)};
+                  static_cast<double>(s.clusters_used),
+                  static_cast<double>(s.shortfall.triangles),
+                  s.shortfall.excess};
 }
 
 Status OpenObject(const std::string& name, double cache_bytes) {
@@ -251,14 +266,22 @@ Status OpenObject(const std::string& name, double cache_bytes) {
   return Status::Ok();
 }
 
+// What a session of a server sends to a client that is clipped.
+MeetsRegion ClipOf(const Query& query) {
+  if (!query.clip || query.region == nullptr || query.region->whole()) return nullptr;
+  return [region = query.region](const Triangle3d& t) { return region->Within(t, 0); };
+}
+
 Status UpdateOnce() {
   if (!state.mesh) {
     MTDB_ASSIGN_OR_RETURN(const BaseMesh base, state.session->Base());
     state.mesh.emplace(state.surface->record(), base);
   }
+  if (!std::exchange(state.clips, true)) state.mesh->Clip(ClipOf(state.query));
   std::vector<UpdateBatch> batches;
   MTDB_ASSIGN_OR_RETURN(const SessionUpdate update, state.session->Update(state.query, &batches));
   for (const UpdateBatch& batch : batches) state.mesh->Apply(batch);
+  state.mesh->ShowWritten();
   Report(update);
   return Status::Ok();
 }
@@ -267,6 +290,7 @@ Status Update(double milliseconds) {
   if (std::string text = Input(); text != state.query_text || text.empty()) {
     MTDB_ASSIGN_OR_RETURN(state.query, ParseQuery(text, state.surface->record().diagonal()));
     state.query_text = std::move(text);
+    state.clips = false;
   }
   state.query.max_milliseconds.reset();
   if (milliseconds >= 0) state.query.max_milliseconds = milliseconds;
@@ -277,6 +301,49 @@ Status Update(double milliseconds) {
     const bool more = state.ranges->answered_here() != before;
     if (!more || (!status.ok() && status.code() != StatusCode::kNotYet)) return status;
   }
+}
+
+// Again and again, as long as what was lacking was here.
+template <typename F>
+Status WhileAnswered(F&& call) {
+  for (;;) {
+    const uint64_t before = state.ranges->answered_here();
+    const Status status = call();
+    const bool more = state.ranges->answered_here() != before;
+    if (!more || status.code() != StatusCode::kNotYet) return status;
+  }
+}
+
+Status Cast() {
+  if (state.input.size() != 6 * sizeof(double)) return InvalidArgument("a ray has six numbers");
+  std::array<double, 6> ray;
+  std::memcpy(ray.data(), state.input.data(), sizeof(ray));
+  return WhileAnswered([&]() -> Status {
+    MTDB_ASSIGN_OR_RETURN(
+        const ProbeAnswer answer,
+        CastRay(*state.surface, {ray[0], ray[1], ray[2]}, {ray[3], ray[4], ray[5]}));
+    state.found = {};
+    if (!answer.hit) return Status::Ok();
+    const Vec3d p = answer.hit->point;
+    state.found = {1, p.x, p.y, p.z, answer.error_bound, answer.hit->distance};
+    return Status::Ok();
+  });
+}
+
+Status Extract() {
+  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(Input(), state.surface->record().diagonal()));
+  return WhileAnswered([&]() -> Status {
+    state.extracted = {};
+    TriangleMeshSink sink(&state.extracted);
+    MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, state.surface->Extract(query, sink));
+    state.found = {static_cast<double>(stats.vertices),
+                   static_cast<double>(stats.triangles),
+                   static_cast<double>(state.extracted.header.attributes.row_bytes()),
+                   stats.error_bound,
+                   static_cast<double>(stats.limit),
+                   0};
+    return Status::Ok();
+  });
 }
 
 }  // namespace
@@ -361,7 +428,7 @@ MTDB_EXPORT("row_bytes") extern "C" uint32_t RowBytes() {
   return static_cast<uint32_t>(state.surface->record().attributes.row_bytes());
 }
 MTDB_EXPORT("origin") extern "C" const double* Origin() { return state.mesh->origin().data(); }
-MTDB_EXPORT("indices") extern "C" const uint32_t* Indices() { return state.mesh->indices().data(); }
+MTDB_EXPORT("indices") extern "C" const uint32_t* Indices() { return state.mesh->shown().data(); }
 MTDB_EXPORT("positions") extern "C" const float* Positions() {
   return state.mesh->positions().data();
 }
@@ -388,5 +455,25 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   list[2] = normals;
   return list.data();
 }
+
+// The first hit of the ray in the input, six numbers, with the surface at full resolution: see
+// found(): 1 or 0, point, error bound, parameter of the ray. kNotYet: hand in what the wishes ask
+// for, and call again.
+MTDB_EXPORT("cast_ray") extern "C" uint32_t CastRayHere() { return Code(Cast()); }
+// The mesh of the query in the input, as `mtdb extract` makes it; found(): vertices, triangles,
+// bytes of a vertex's attributes, error bound, limit. Likewise.
+MTDB_EXPORT("extract") extern "C" uint32_t ExtractHere() { return Code(Extract()); }
+MTDB_EXPORT("found") extern "C" const double* Found() { return state.found.data(); }
+// Three doubles a vertex, three indices of 64 bits a triangle, and the attributes.
+MTDB_EXPORT("mesh_positions") extern "C" const double* MeshPositions() {
+  return reinterpret_cast<const double*>(state.extracted.positions.data());
+}
+MTDB_EXPORT("mesh_triangles") extern "C" const VertexIndex* MeshTriangles() {
+  return state.extracted.triangles.data()->data();
+}
+MTDB_EXPORT("mesh_rows") extern "C" const std::byte* MeshRows() {
+  return state.extracted.rows.data();
+}
+MTDB_EXPORT("mesh_free") extern "C" void MeshFree() { state.extracted = {}; }
 
 }  // namespace mtdb

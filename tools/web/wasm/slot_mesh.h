@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "codecs/stream/mesh_update.h"
@@ -36,7 +38,10 @@ class SlotMesh {
     }
   }
 
-  std::span<const uint32_t> indices() const { return indices_; }   // three a triangle slot
+  // Three a triangle slot. `indices`: of the whole mesh; `shown`: of what the clip leaves.
+  std::span<const uint32_t> indices() const { return indices_; }
+  std::span<const uint32_t> shown() const { return clip_ ? shown_ : indices_; }
+  size_t shown_triangles() const { return clip_ ? shown_triangles_ : triangles_.size(); }
   std::span<const float> positions() const { return positions_; }  // likewise a vertex slot
   const Bytes& rows() const { return rows_; }
   const std::array<double, 3>& origin() const { return origin_; }  // of the positions
@@ -65,6 +70,31 @@ class SlotMesh {
     }
   }
 
+  // From now on only triangles that meet the region are shown; null: all.
+  void Clip(MeetsRegion meets) {
+    if (!clip_ && !meets) return;
+    clip_ = std::move(meets);
+    shown_.clear();
+    shown_triangles_ = 0;
+    written_triangles_.resize(indices_.size() / 3);
+    std::iota(written_triangles_.begin(), written_triangles_.end(), 0U);
+  }
+  // Brings `shown` up to date.
+  void ShowWritten() {
+    if (!clip_) return;
+    shown_.resize(indices_.size());
+    for (const uint32_t slot : written_triangles_) {
+      const uint32_t* const corners = &indices_[3 * size_t{slot}];
+      uint32_t* const out = &shown_[3 * size_t{slot}];
+      if (out[0] != out[1]) --shown_triangles_;
+      const bool some = corners[0] != corners[1];
+      const bool is_shown =
+          some && clip_({PositionOf(corners[0]), PositionOf(corners[1]), PositionOf(corners[2])});
+      if (is_shown) ++shown_triangles_;
+      for (int i = 0; i < 3; ++i) out[i] = is_shown ? corners[i] : 0;
+    }
+  }
+
   // Appends the slots that were written since the last call, as ranges; returns how many.
   uint32_t TakeTriangles(std::vector<uint32_t>* ranges) {
     return TakeSlots(&written_triangles_, ranges);
@@ -74,6 +104,7 @@ class SlotMesh {
   }
 
  private:
+  Vec3d PositionOf(uint32_t slot) const { return grid_.Position(places_[slot]); }
   static uint32_t TakeSlots(std::vector<uint32_t>* slots, std::vector<uint32_t>* ranges) {
     const size_t first = ranges->size();
     std::ranges::sort(*slots);
@@ -94,9 +125,11 @@ class SlotMesh {
     const uint32_t slot = TakeSlot(&free_vertices_, positions_.size() / 3);
     if (3 * size_t{slot} == positions_.size()) {
       positions_.resize(positions_.size() + 3);
+      places_.resize(places_.size() + 1);
       rows_.resize(rows_.size() + row_bytes_);
     }
     const Vec3d p = grid_.Position(position);
+    places_[slot] = position;
     for (int i = 0; i < 3; ++i) {
       positions_[3 * size_t{slot} + static_cast<size_t>(i)] =
           static_cast<float>(p[i] - origin_[static_cast<size_t>(i)]);
@@ -125,6 +158,10 @@ class SlotMesh {
   std::array<double, 3> origin_{};
   std::vector<uint32_t> indices_;
   std::vector<float> positions_;
+  std::vector<Vec3i> places_;  // of the vertices, on the grid
+  MeetsRegion clip_;
+  std::vector<uint32_t> shown_;
+  size_t shown_triangles_ = 0;
   Bytes rows_;
   std::unordered_map<TriangleKey, uint32_t> triangles_;
   std::unordered_map<VertexIndex, uint32_t> vertices_;

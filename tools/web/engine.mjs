@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Compiles the engine, for the package and for the viewer's page.
+import {dirname, join} from 'node:path';
+import {fileURLToPath} from 'node:url';
+import {compileWasm, readLines} from '../viewer/steps.mjs';
+
+const source = dirname(fileURLToPath(import.meta.url));
+const root = join(source, '../..');
+
+export const engineSources = () => [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))];
+
+// What runs seldom is made small.
+const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc/.test(file);
+
+export const compileEngine = ({build, cxx, launcher, out}) => compileWasm({
+  root, build, cxx, launcher, out, stackBytes: 1048576, sources: engineSources(),
+  headers: ['xxhash.h', 'zstd.h', 'zstd_errors.h', 'nlohmann'],
+  // Fast where a cluster's bits are decoded.
+  optimize: file => (file.startsWith('codecs/c') ? ['-O2', '-msimd128'] : isSeldom(file) ? ['-Oz'] : ['-Os']),
+  flags: ['-DJSON_HAS_FILESYSTEM=0', '-DJSON_HAS_EXPERIMENTAL_FILESYSTEM=0', '-DJSON_NOEXCEPTION', '-DJSON_NO_IO'],
+});
