@@ -44,6 +44,22 @@ for (const way of ['thick', 'thin']) test(`what is on the screen is what mtdb ex
   }
 });
 
+test('the memory that the engine may take holds: the error rises, and the page says to what', async () => {
+  const page = await open(`${server.url}/#o=${kName}&px=0.25`);
+  await exact(page);
+  const ample = await page.evaluate(() => viewer.scene.total(o => o.mesh.triangles));
+  const most = 2 ** 20 * 1.5;
+  await page.evaluate(bytes => viewer.scene.setLimits({cacheBytes: bytes, bytesPerSecond: 1e6}), most);
+  await until(async () => /px = .*; the memory of 2 MiB allows no less/.test(await status(page)), 'the page says what the memory allows');
+  await exact(page);
+  const [triangles, load, pixels] = await page.evaluate(() => [viewer.scene.total(o => o.mesh.triangles), [...viewer.scene.objects.values()][0].source.traffic.load, viewer.scene.exactness().pixels]);
+  check(triangles < ample && triangles > 100 && load.cacheBytes <= most && pixels > 0.25, JSON.stringify([triangles, ample, load, pixels]));
+  await page.evaluate(() => viewer.scene.setLimits({cacheBytes: 2 ** 28, bytesPerSecond: Infinity}));
+  await until(async () => (await page.evaluate(() => viewer.scene.total(o => o.mesh.triangles))) === ample, 'with more memory the mesh is as fine as before');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
 test('the switch changes the way, and nothing that is seen', async () => {
   const page = await open(`${server.url}/#o=${kName}${box}&outside=view&px=4`);
   await exact(page);
