@@ -77,6 +77,7 @@ class Decimator final : public TileDecimator {
     std::array<Hole::Triangle, Hole::kMaxRing - 2> triangles;
     std::array<double, Hole::kMaxRing - 2>
         edge_errors;  // of triangle t's edge (first, last); t > 0
+    std::array<float, Hole::kMaxRing - 2> edge_reaches;
   };
 
   void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
@@ -262,7 +263,9 @@ void Decimator<Measure, Rule>::Keep(uint32_t v) {
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {
     const Hole::Triangle triangle = filling_.triangles[t];
     kept.triangles[t] = triangle;
-    if (t > 0) kept.edge_errors[t] = hole_.edge_error[triangle[0]][triangle[2]];
+    if (t == 0) continue;
+    kept.edge_errors[t] = hole_.edge_error[triangle[0]][triangle[2]];
+    kept.edge_reaches[t] = hole_.edge_reach[triangle[0]][triangle[2]];
   }
 }
 
@@ -277,7 +280,9 @@ bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {
     const Hole::Triangle triangle = kept.triangles[t];
     filling_.triangles[t] = triangle;
-    if (t > 0) hole_.edge_error[triangle[0]][triangle[2]] = kept.edge_errors[t];
+    if (t == 0) continue;
+    hole_.edge_error[triangle[0]][triangle[2]] = kept.edge_errors[t];
+    hole_.edge_reach[triangle[0]][triangle[2]] = kept.edge_reaches[t];
   }
   measure_.Measure(hole_, filling_);
   return true;

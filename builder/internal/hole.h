@@ -48,6 +48,9 @@ struct Hole {
   // Of the edge (i, j), i < j; negative where there can be none. edge_error[0][k - 1] is the new
   // border edge's.
   PerEdge<double> edge_error;
+  // What the edge stands for lies so far beside it at most, where its error is known; for measures
+  // that ask for it.
+  PerEdge<float> edge_reach{};
 
   // The two ends of side c of a triangle, in its orientation.
   static std::pair<uint32_t, uint32_t> Edge(const Triangle& t, uint32_t c) {

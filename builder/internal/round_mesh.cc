@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace mtdb::internal {
 
@@ -114,9 +115,45 @@ bool RoundMesh::Faces(uint32_t vertex, Vec3d n) const {
   return true;
 }
 
-// Long, since the search for the path's first triangle and the walk along it share six variables.
+// Finds the input triangle at `a` through which a path leaves along a line, seen along n; points
+// right of the line have a positive product with `right`. Where there are several, or some that
+// are turned away, only one with a corner that is_near will do. False when that leaves none, or
+// several.
+bool RoundMesh::FindStart(uint32_t a, Vec3d right, Vec3d n, const VertexMarks& is_near,
+                          Start* start) const {
+  const Vec3d pa = vertices_[a].position;
+  start->across = kNone32;
+  uint32_t sheets = 0;
+  uint32_t near = 0;
+  uint32_t last = kNone32;
+  Vec3d last_position{};
+  double last_side = 0;
+  for (const Spoke& spoke : spokes(a)) {
+    const bool shared = spoke.right == last;
+    const Vec3d first = shared ? last_position : vertices_[spoke.right].position;
+    const double first_side = shared ? last_side : Dot(right, first - pa);
+    last = spoke.left;
+    last_position = vertices_[last].position;
+    last_side = Dot(right, last_position - pa);
+    if ((first_side > 0) == (last_side > 0)) continue;
+    const bool faces = Dot(Cross(first - pa, last_position - pa), n) > 0;
+    // A convex angle is below 180 degrees, so that the other two kinds lie behind a.
+    if (faces != (first_side > 0)) continue;
+    ++sheets;
+    if (!faces) continue;
+    const bool is_meant = is_near(spoke.right) || is_near(spoke.left);
+    near += is_meant;
+    if (is_meant || near == 0) {
+      *start = {Next(spoke.half_edge), first, last_position, first_side, last_side};
+    }
+  }
+  start->only = sheets == 1 && start->across != kNone32;
+  return start->only || near == 1;
+}
+
 template <ErrorMeasure kKind>
-double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
+RoundMesh::Curve RoundMesh::CurveOf(uint32_t a, uint32_t b, Vec3d n,
+                                    const VertexMarks& is_near) const {
   const std::span<const Spoke> around = spokes(a);
   for (const Spoke& spoke : around) {
     if (spoke.right != b && spoke.left != b) continue;
@@ -124,53 +161,35 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
     const uint32_t edge = spoke.right == b ? spoke.half_edge : Next(Next(spoke.half_edge));
     const uint32_t across = opposite(edge);
     const float error = triangles_[edge / 3].error;
-    return across == kNone32 ? error : std::max(error, triangles_[across / 3].error);
+    return {across == kNone32 ? error : std::max(error, triangles_[across / 3].error), 0};
   }
   const Vec3d pa = vertices_[a].position;
   const Vec3d pb = vertices_[b].position;
   const Vec3d ab = pb - pa;
   const Vec3d right = Cross(ab, n);  // points right of ab have a positive side
   const double ab2 = SquaredLength(ab);
-  // The input triangle at a through which the path leaves, between q (left) and p (right).
-  uint32_t h = kNone32;
-  Vec3d pp{}, pq{};
-  double side_p = 0, side_q = 0;
-  uint32_t last = kNone32;
-  Vec3d last_position{};
-  double last_side = 0;
-  for (const Spoke& spoke : around) {
-    const Vec3d first = spoke.right == last ? last_position : vertices_[spoke.right].position;
-    const double first_side = spoke.right == last ? last_side : Dot(right, first - pa);
-    last = spoke.left;
-    last_position = vertices_[last].position;
-    last_side = Dot(right, last_position - pa);
-    if (first_side > 0 && last_side <= 0 && Dot(Cross(first - pa, last_position - pa), n) > 0) {
-      // Between p and q; forwards, since the triangle faces n and a convex angle is below 180.
-      h = Next(spoke.half_edge);
-      pp = first;
-      pq = last_position;
-      side_p = first_side;
-      side_q = last_side;
-    }
-  }
-  if (h == kNone32) return -1;
+  Start start;
+  if (!FindStart(a, right, n, is_near, &start)) return {};
+  auto [h, pp, pq, side_p, side_q, only] = start;
   double error = 0;
   const double inverse_ab2 = 1 / ab2;
+  double least = std::numeric_limits<double>::infinity();
   double before = triangles_[h / 3].error;  // of the triangle that the path leaves
   const double inverse_flat2 = 1 / (ab.x * ab.x + ab.y * ab.y);
   for (int step = 0; step < kMaxSteps; ++step) {
     const uint32_t o = opposite(h);
-    if (o == kNone32) return -1;
+    if (o == kNone32) return {};
     const Triangle& next = triangles_[o / 3];  // (q, p, x), from corner o % 3 on
     const uint32_t x = next.corners[Next(Next(o)) % 3];
     const Vec3d px = vertices_[x].position;
-    if (!(Dot(Cross(pp - pq, px - pq), n) > 0)) return -1;
+    if (!(Dot(Cross(pp - pq, px - pq), n) > 0)) return {};
     // The path crosses h, from p (right) to q (left), at c; w * (c - a) needs no division.
     const double w = side_p - side_q;
     const Vec3d wac = (pp - pa) * w + (pq - pp) * side_p;
     const double after = next.error;
     const double accumulated = std::max(before, after);
     before = after;
+    least = std::min(least, accumulated);
     if constexpr (kKind == ErrorMeasure::kVertical) {
       const double at_edge = ab.z * ((wac.x * ab.x + wac.y * ab.y) * inverse_flat2);
       error = std::max(error, std::abs(wac.z - at_edge) / w + accumulated);
@@ -183,7 +202,14 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
       const double known = (error - accumulated) * w;
       if (known < 0 || d2 > known * known) error = std::sqrt(d2) / w + accumulated;
     }
-    if (x == b) return error;
+    if (x == b) {
+      // Seen from b, a vertex on the line is passed on its other side.
+      const bool meant =
+          kKind == ErrorMeasure::kVertical ||
+          (FindStart(b, right * -1, n, is_near, &start) && (start.only || start.across == o));
+      if (!meant) return {};
+      return {error, error - least};
+    }
     const double side = Dot(right, px - pa);
     if (side > 0) {
       h = Next(Next(o));  // x -> q: x is on the right
@@ -195,11 +221,12 @@ double RoundMesh::CurveError(uint32_t a, uint32_t b, Vec3d n) const {
       side_q = side;
     }
   }
-  return -1;
+  return {};
 }
 
-template double RoundMesh::CurveError<ErrorMeasure::kTwoSidedDistance>(uint32_t, uint32_t,
-                                                                       Vec3d) const;
-template double RoundMesh::CurveError<ErrorMeasure::kVertical>(uint32_t, uint32_t, Vec3d) const;
+template RoundMesh::Curve RoundMesh::CurveOf<ErrorMeasure::kTwoSidedDistance>(
+    uint32_t, uint32_t, Vec3d, const VertexMarks&) const;
+template RoundMesh::Curve RoundMesh::CurveOf<ErrorMeasure::kVertical>(uint32_t, uint32_t, Vec3d,
+                                                                      const VertexMarks&) const;
 
 }  // namespace mtdb::internal

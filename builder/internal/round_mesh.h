@@ -22,6 +22,13 @@
 
 namespace mtdb::internal {
 
+// Vertices that were marked with a number.
+struct VertexMarks {
+  std::span<const uint32_t> marks;
+  uint32_t mark = 0;
+  bool operator()(uint32_t vertex) const { return !marks.empty() && marks[vertex] == mark; }
+};
+
 class RoundMesh {
  public:
   // Half-edge 3 * triangle + i leaves corner i; `opposites`: see PairHalfEdges. `positions` in work
@@ -38,12 +45,19 @@ class RoundMesh {
   // True when every input triangle at `vertex` faces the unit vector `n`.
   bool Faces(uint32_t vertex, Vec3d n) const;
 
-  // Bound on the distance between the segment ab and its curve: the path from a to b in the plane
-  // through both that contains `n`, seen along `n`. Negative when there is no such path within the
-  // tile, or it meets a triangle turned away from n. Cost: one step per input edge crossed. Of the
-  // vertical measure n is (0, 0, 1), and the distance that of heights.
+  // The curve of an edge: the path from one end to the other in the plane through both that
+  // contains a direction n, seen along n.
+  struct Curve {
+    double error = -1;  // of its distance to the edge, with what was accumulated; negative: no path
+    double reach = 0;   // bound on the distance alone
+  };
+  // `error` is negative when there is no such path within the tile, or it meets a triangle turned
+  // away from n, or it may run on another sheet of the surface than the one meant: where several
+  // triangles at an end lie one over the other, the one meant has a corner that `is_near` says is
+  // meant. Cost: one step per input edge crossed. Of the vertical measure n is (0, 0, 1), and the
+  // distance that of heights.
   template <ErrorMeasure kKind = ErrorMeasure::kTwoSidedDistance>
-  double CurveError(uint32_t a, uint32_t b, Vec3d n) const;
+  Curve CurveOf(uint32_t a, uint32_t b, Vec3d n, const VertexMarks& is_near = {}) const;
 
  private:
   // Walks are short and go anywhere: what a step reads of a triangle or a vertex lies together.
@@ -71,6 +85,14 @@ class RoundMesh {
     return std::span(spokes_).subspan(spokes_begin_[vertex],
                                       spokes_begin_[vertex + 1] - spokes_begin_[vertex]);
   }
+  // Where a path leaves a vertex: between p on its right and q on its left.
+  struct Start {
+    uint32_t across = kNone32;  // half-edge from p to q
+    Vec3d p, q;
+    double side_p = 0, side_q = 0;
+    bool only = false;  // nothing else of the surface lies there
+  };
+  bool FindStart(uint32_t a, Vec3d right, Vec3d n, const VertexMarks& is_near, Start* start) const;
   Vec3d Normal(uint32_t t) const;
   void SortFans();
   void MeasureVertices();

@@ -15,7 +15,12 @@ namespace mtdb::internal {
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUnknown = -2;      // of a diagonal's error
+constexpr double kSlack = 1e-9;      // of a hole's size: what rounding may move a sample by
 constexpr double kFirstGuess = 0.4;  // of a vertex's error, by its height over its neighbours
+
+float RoundedUp(double x) {
+  return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::infinity());
+}
 
 // The nearest triangle of a filling, and the square of its distance.
 std::pair<uint32_t, double> Nearest(const Hole& hole, const Hole::Triangles& triangles, Vec3d p) {
@@ -39,15 +44,6 @@ double HeightOver(Vec3d p, Vec3d a, Vec3d b, Vec3d c) {
   const double wb = Hole::Side(c, a, p);
   const double wc = Hole::Side(a, b, p);
   return std::abs((wa * (p.z - a.z) + wb * (p.z - b.z) + wc * (p.z - c.z)) / (wa + wb + wc));
-}
-
-// The triangle of a filling that p lies over, on whose edges as well; coordinates are integers.
-uint32_t TriangleOver(const Hole& hole, const Hole::Triangles& triangles, Vec3d p) {
-  for (uint32_t t = 0; t < hole.k - 2; ++t) {
-    const auto [i, m, j] = triangles[t];
-    if (!hole.IsRightOf(p, i, m) && !hole.IsRightOf(p, m, j) && !hole.IsRightOf(p, j, i)) return t;
-  }
-  return 0;
 }
 
 // Likewise over the line ab, above which p lies.
@@ -93,18 +89,21 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
   for (size_t t = 0; t < n; ++t) errors_[t] = tile[t].error;
   positions_.assign(mesh.positions().begin(), mesh.positions().end());
   chain_head_.assign(3 * n, kNone32);
-  sample_head_.assign(n, kNone32);
+  held_head_.assign(n, kNone32);
+  held_.clear();
+  free_held_ = kNone32;
   curve_error_.resize(3 * n);
   if (surface != nullptr && !surface->empty()) {
     LoadSurface(*surface, grid);
     MeasureHeights();
   } else {
     for (size_t h = 0; h < 3 * n; ++h) curve_error_[h] = errors_[h / 3];
+    curve_reach_.assign(3 * n, 0);
     own_.assign(n, 1);
     conservative_.assign(n, 0);
     heights_.clear();
     if (kIsVertical) MeasureHeights();
-    next_sample_.assign(positions_.size(), kNone32);
+    next_on_chain_.assign(positions_.size(), kNone32);
     round_.Build(mesh.corners(), mesh.opposites(), positions_, errors_);
   }
   // A curve bounds both of its triangles' parts.
@@ -112,8 +111,11 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
   for (uint32_t h = 0; h < 3 * n; ++h) {
     if (const uint32_t o = opposites[h]; o != kNone32 && o > h) {
       curve_error_[h] = curve_error_[o] = std::max(curve_error_[h], curve_error_[o]);
+      curve_reach_[h] = curve_reach_[o] = std::max(curve_reach_[h], curve_reach_[o]);
     }
   }
+  opened_in_.assign(positions_.size(), 0);
+  opened_ = 0;
 }
 
 // The surface's triangles are the tile's own ones and those of `surface`, in the mesh's numbering
@@ -122,8 +124,10 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& grid) {
   own_ = surface.own;
   conservative_ = surface.conservative;
+  curve_reach_.resize(curve_error_.size());
   for (size_t h = 0; h < curve_error_.size(); ++h) {
     curve_error_[h] = surface.curve_errors[h / 3][h % 3];
+    curve_reach_[h] = own_[h / 3] ? 0 : surface.curve_errors[h / 3][h % 3];
   }
   std::unordered_map<uint32_t, uint32_t> in_mesh;
   for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.emplace(mesh_->vertex(v), v);
@@ -152,13 +156,41 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
   std::vector<uint32_t> opposites;
   PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), opposites);
   round_.Build(triangles, opposites, positions_, errors);
-  next_sample_.assign(positions_.size(), kNone32);
+  next_on_chain_.assign(positions_.size(), kNone32);
   for (const HeldVertex& held : surface.held) {
-    uint32_t& head =
-        held.edge == 3 ? sample_head_[held.triangle] : chain_head_[3 * held.triangle + held.edge];
-    next_sample_[number[held.vertex]] = head;
+    if (held.edge == 3) {
+      HoldIn(held.triangle, number[held.vertex]);
+      continue;
+    }
+    uint32_t& head = chain_head_[3 * held.triangle + held.edge];
+    next_on_chain_[number[held.vertex]] = head;
     head = number[held.vertex];
   }
+}
+
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::HoldIn(uint32_t triangle, uint32_t vertex) {
+  uint32_t entry = free_held_;
+  if (entry == kNone32) {
+    entry = static_cast<uint32_t>(held_.size());
+    held_.emplace_back();
+  } else {
+    free_held_ = held_[entry].next;
+  }
+  held_[entry] = {vertex, held_head_[triangle]};
+  held_head_[triangle] = entry;
+}
+
+// Of a triangle that is gone.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::FreeHeld(uint32_t triangle) {
+  uint32_t& head = held_head_[triangle];
+  if (head == kNone32) return;
+  uint32_t last = head;
+  while (held_[last].next != kNone32) last = held_[last].next;
+  held_[last].next = free_held_;
+  free_held_ = head;
+  head = kNone32;
 }
 
 // How far the mesh's vertices stand off the mean of their neighbours, along the mean normal.
@@ -195,16 +227,15 @@ void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
   result.conservative = conservative_;
   result.curve_errors.resize(curve_error_.size());
   for (size_t h = 0; h < curve_error_.size(); ++h) {
-    result.curve_errors[h] =
-        std::nextafter(static_cast<float>(curve_error_[h]), std::numeric_limits<float>::infinity());
+    result.curve_errors[h] = RoundedUp(curve_error_[h]);
   }
-  for (uint32_t t = 0; t < sample_head_.size(); ++t) {
+  for (uint32_t t = 0; t < held_head_.size(); ++t) {
     if (!result.alive[t]) continue;
-    for (uint32_t w = sample_head_[t]; w != kNone32; w = next_sample_[w]) {
-      result.held.push_back({w, t, 3});
+    for (uint32_t e = held_head_[t]; e != kNone32; e = held_[e].next) {
+      result.held.push_back({held_[e].vertex, t, 3});
     }
     for (uint32_t c = 0; c < 3; ++c) {
-      for (uint32_t w = chain_head_[3 * t + c]; w != kNone32; w = next_sample_[w]) {
+      for (uint32_t w = chain_head_[3 * t + c]; w != kNone32; w = next_on_chain_[w]) {
         result.held.push_back({w, t, c});
       }
     }
@@ -218,11 +249,17 @@ double SurfaceMeasure<kKind>::FirstGuess(uint32_t v) const {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Open(Hole& hole) {
-  if (hole.boundary) hole.edge_error[0][hole.k - 1] = BorderCurveError(hole);
+  if (hole.boundary) MeasureBorder(hole);
   samples_.clear();
+  ++opened_;
+  for (const uint32_t v : hole.ring) opened_in_[v] = opened_;
   Vec3d normal{};
   for (const uint32_t t : hole.star) {
-    for (uint32_t w = sample_head_[t]; w != kNone32; w = next_sample_[w]) samples_.push_back(w);
+    for (uint32_t e = held_head_[t]; e != kNone32; e = held_[e].next) {
+      if (std::exchange(opened_in_[held_[e].vertex], opened_) != opened_) {
+        samples_.push_back(held_[e].vertex);
+      }
+    }
     const auto& c = mesh_->corners()[t];
     const Vec3d first = mesh_->position(c[0]);
     normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
@@ -239,21 +276,24 @@ void SurfaceMeasure<kKind>::Open(Hole& hole) {
 // The curve of the new border edge is the chain of border vertices removed between its ends; the
 // accumulated error along it is that of the vertices on it.
 template <ErrorMeasure kKind>
-double SurfaceMeasure<kKind>::BorderCurveError(const Hole& hole) const {
+void SurfaceMeasure<kKind>::MeasureBorder(Hole& hole) const {
   const Vec3d a = hole.positions[hole.k - 1];
   const Vec3d b = hole.positions[0];
   double error = 0;
+  double reach = 0;
   const auto add = [&](uint32_t w) {
     const double distance = kIsVertical
                                 ? HeightOverEdge(positions_[w], a, b)
                                 : std::sqrt(SquaredDistancePointSegment(positions_[w], a, b));
     error = std::max(error, distance + round_.vertex_error(w));
+    reach = std::max(reach, distance);
   };
   add(hole.vertex);
   for (const uint32_t h : {hole.border_out, hole.border_in}) {
-    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_sample_[w]) add(w);
+    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_on_chain_[w]) add(w);
   }
-  return error;
+  hole.edge_error[0][hole.k - 1] = error;
+  hole.edge_reach[0][hole.k - 1] = RoundedUp(reach);
 }
 
 template <ErrorMeasure kKind>
@@ -297,7 +337,10 @@ bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
-  hole.edge_error[i][j] = round_.CurveError<kKind>(hole.ring[i], hole.ring[j], hole.normal);
+  const RoundMesh::Curve curve =
+      round_.CurveOf<kKind>(hole.ring[i], hole.ring[j], hole.normal, {opened_in_, opened_});
+  hole.edge_error[i][j] = curve.error;
+  hole.edge_reach[i][j] = RoundedUp(curve.reach);
 }
 
 // From the samples that lie near an edge.
@@ -365,6 +408,7 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
     const double length2 = SquaredLength(d);
     double& error = hole.edge_error[i][j];
     error = 0;
+    double least = kInfinity;
     // The ring beyond the edge, seen from the apex.
     const bool left = apex_side >= 0;
     const uint32_t begin = left ? i + 1 : j + 1;
@@ -377,6 +421,7 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
         error = kUnknown;
         return;
       }
+      least = std::min(least, spoke_error[m]);
       // The crossing c; w * (c - origin) needs no division.
       const double w = std::abs(apex_side - ring_side);
       const Vec3d wc = to_apex * w + (to_ring - to_apex) * std::abs(apex_side);
@@ -389,6 +434,7 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
       const Vec3d offset = t <= 0 ? wc : t >= length2 * w ? wc - d * w : wc - d * (t / length2);
       error = std::max(error, Length(offset) / w + spoke_error[m]);
     }
+    hole.edge_reach[i][j] = RoundedUp(error - least);
   });
 }
 
@@ -404,41 +450,97 @@ void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
     const auto [i, m, j] = filling.triangles[t];
     filling.errors[t] = std::max({curve(i, m), curve(m, j), curve(i, j)});
   }
-  // Each sample goes to the triangle in whose projection it lies, from the first triangle across
-  // diagonals. The triangles form a tree, listed from its root, so that this ends.
-  sample_triangle_.resize(samples_.size());
-  for (size_t s = 0; s < samples_.size(); ++s) {
-    const Vec3d p = points_[s];
-    uint32_t t = 0;
-    for (;;) {
-      const auto [i, m, j] = filling.triangles[t];
-      const auto beyond = [&](uint32_t a, uint32_t b) {
-        return b >= a + 2 && hole.IsRightOf(p, a, b);
-      };
-      const bool first = beyond(i, m);
-      if (kIsVertical && first && beyond(m, j)) {
-        // Behind the one edge, and only on the far side of the other's line.
-        t = TriangleOver(hole, filling.triangles, p);
-        break;
-      }
-      const bool second = !first && beyond(m, j);
-      if (!first && !second) break;
-      const uint32_t from = first ? i : m;
-      const uint32_t to = first ? m : j;
-      do {
-        ++t;
-      } while (filling.triangles[t][0] != from || filling.triangles[t][2] != to);
-    }
-    sample_triangle_[s] = static_cast<uint8_t>(t);
-    const auto [i, m, j] = filling.triangles[t];
-    const double distance = kIsVertical
-                                ? HeightOver(p, hole.points[i], hole.points[m], hole.points[j])
-                                : std::sqrt(SquaredDistancePointTriangle(
-                                      p, hole.points[i], hole.points[m], hole.points[j]));
-    filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
-  }
+  ChargeSamples(hole, filling);
   filling.error = 0;
   for (uint32_t t = 0; t < count; ++t) filling.error = std::max(filling.error, filling.errors[t]);
+}
+
+// How far the part of S that a triangle stands for may reach beyond it, seen along the normal: as
+// far as the curves of its ring edges and of a new border edge. Those of diagonals lie over these.
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::Reach(const Hole& hole, const Hole::Triangle& triangle) const {
+  if (kIsVertical) return 0;
+  float reach = 0;
+  for (uint32_t c = 0; c < 3; ++c) {
+    const auto [a, b] = Hole::Edge(triangle, c);
+    if (hole.OnRing(a, b)) reach = std::max(reach, curve_reach_[hole.ring_edges[a]]);
+    if (hole.IsNewBorder(a, b)) reach = std::max(reach, hole.edge_reach[b][a]);
+  }
+  return reach;
+}
+
+// Each sample is charged to every triangle whose part may hold it: to those that it lies over, or
+// not farther beside than the part may reach.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::ChargeSamples(const Hole& hole, Filling& filling) {
+  const size_t count = samples_.size();
+  const size_t groups = (count + 3) / 4;
+  x_.resize(4 * groups);
+  y_.resize(4 * groups);
+  for (size_t s = 0; s < 4 * groups; ++s) {
+    const Vec3d& p = points_[std::min(s, count - 1)];
+    x_[s] = static_cast<float>(p.x);
+    y_[s] = static_cast<float>(p.y);
+  }
+  double size = 0;
+  for (uint32_t i = 0; i < hole.k; ++i) {
+    size = std::max({size, std::abs(hole.points[i].x), std::abs(hole.points[i].y)});
+  }
+  charges_.clear();
+  is_charged_.assign(count, 0);
+  for (uint32_t t = 0; t + 2 < hole.k; ++t) {
+    const Hole::Triangle& triangle = filling.triangles[t];
+    const double reach = Reach(hole, triangle) + (kIsVertical ? 0 : kSlack * size);
+    // Four samples at once, in binary32, find those that may be meant.
+    const auto allowed = static_cast<float>(reach + 1e-5 * size);
+    std::array<Float4, 3> nx, ny, n0;
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto [a, b] = Hole::Edge(triangle, c);
+      const Vec3d from = hole.points[a];
+      const Vec3d d = hole.points[b] - from;
+      const double length = std::sqrt(d.x * d.x + d.y * d.y);
+      nx[c] = Splat4(static_cast<float>(-d.y / length));
+      ny[c] = Splat4(static_cast<float>(d.x / length));
+      n0[c] = Splat4(static_cast<float>((d.y * from.x - d.x * from.y) / length));
+    }
+    for (size_t g = 0; g < groups; ++g) {
+      const Float4 x = Load4<Float4>(&x_[4 * g]);
+      const Float4 y = Load4<Float4>(&y_[4 * g]);
+      const Float4 least = Min4(Min4(nx[0] * x + ny[0] * y + n0[0], nx[1] * x + ny[1] * y + n0[1]),
+                                nx[2] * x + ny[2] * y + n0[2]);
+      for (size_t s = 4 * g; s < std::min(4 * g + 4, count); ++s) {
+        if (least[static_cast<int>(s - 4 * g)] >= -allowed) {
+          Charge(hole, filling, t, static_cast<uint32_t>(s), reach);
+        }
+      }
+    }
+  }
+  for (uint32_t s = 0; s < count; ++s) {
+    if (is_charged_[s]) continue;  // beside all of them: only where curves are not what they seem
+    const uint32_t t = Nearest(hole, filling.triangles, positions_[samples_[s]]).first;
+    Charge(hole, filling, t, s, kInfinity);
+  }
+}
+
+// Unless sample s lies farther beside triangle t than `reach`.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s,
+                                   double reach) {
+  const auto [i, m, j] = filling.triangles[t];
+  const Vec3d p = points_[s];
+  const Vec3d& a = hole.points[i];
+  const Vec3d& b = hole.points[m];
+  const Vec3d& c = hole.points[j];
+  if (Hole::Side(a, b, p) < 0 || Hole::Side(b, c, p) < 0 || Hole::Side(c, a, p) < 0) {
+    if (kIsVertical) return;
+    const auto flat = [](Vec3d v) { return Vec3d{v.x, v.y, 0}; };
+    if (SquaredDistancePointTriangle(flat(p), flat(a), flat(b), flat(c)) > reach * reach) return;
+  }
+  const double distance =
+      kIsVertical ? HeightOver(p, a, b, c) : std::sqrt(SquaredDistancePointTriangle(p, a, b, c));
+  filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
+  charges_.push_back({static_cast<uint8_t>(t), s});
+  is_charged_[s] = 1;
 }
 
 template <ErrorMeasure kKind>
@@ -451,10 +553,10 @@ void SurfaceMeasure<kKind>::MeasureFolded(const Hole& hole, Filling& filling) {
   filling.error = DistanceToStar(hole, filling.triangles) + star_error;
   if (hole.boundary) filling.error = std::max(filling.error, hole.edge_error[0][hole.k - 1]);
   filling.errors.fill(filling.error);
-  sample_triangle_.resize(samples_.size());
-  for (size_t s = 0; s < samples_.size(); ++s) {
-    sample_triangle_[s] =
-        static_cast<uint8_t>(Nearest(hole, filling.triangles, positions_[samples_[s]]).first);
+  charges_.clear();
+  for (uint32_t s = 0; s < samples_.size(); ++s) {
+    const uint32_t t = Nearest(hole, filling.triangles, positions_[samples_[s]]).first;
+    charges_.push_back({static_cast<uint8_t>(t), s});
   }
 }
 
@@ -466,41 +568,41 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
   const uint32_t new_chain = hole.boundary ? JoinBorderChains(hole) : kNone32;
   errors_.resize(first + count);
   conservative_.resize(first + count, conservative);
-  sample_head_.resize(first + count, kNone32);
+  held_head_.resize(first + count, kNone32);
   curve_error_.resize(3 * (first + count));
+  curve_reach_.resize(3 * (first + count));
   chain_head_.resize(3 * (first + count), kNone32);
   for (uint32_t t = 0; t < count; ++t) {
-    errors_[first + t] = std::nextafter(static_cast<float>(filling.errors[t]),
-                                        std::numeric_limits<float>::infinity());
+    errors_[first + t] = RoundedUp(filling.errors[t]);
     for (uint32_t c = 0; c < 3; ++c) {
       const uint32_t h = 3 * (first + t) + c;
       const auto [a, b] = Hole::Edge(filling.triangles[t], c);
       if (hole.OnRing(a, b)) {  // takes over what the star's half-edge had
         curve_error_[h] = curve_error_[hole.ring_edges[a]];
+        curve_reach_[h] = curve_reach_[hole.ring_edges[a]];
         chain_head_[h] = chain_head_[hole.ring_edges[a]];
       } else if (hole.IsNewBorder(a, b)) {
         curve_error_[h] = hole.edge_error[b][a];
+        curve_reach_[h] = hole.edge_reach[b][a];
         chain_head_[h] = new_chain;
       } else {
         curve_error_[h] =
             hole.folded ? filling.error : hole.edge_error[std::min(a, b)][std::max(a, b)];
+        curve_reach_[h] = hole.edge_reach[std::min(a, b)][std::max(a, b)];
       }
     }
   }
-  for (size_t s = 0; s < samples_.size(); ++s) {
-    const uint32_t id = first + sample_triangle_[s];
-    next_sample_[samples_[s]] = sample_head_[id];
-    sample_head_[id] = samples_[s];
-  }
+  for (const uint32_t t : hole.star) FreeHeld(t);
+  for (const auto& [triangle, s] : charges_) HoldIn(first + triangle, samples_[s]);
 }
 
 // The new border edge's chain: both old ones and the vertex that goes.
 template <ErrorMeasure kKind>
 uint32_t SurfaceMeasure<kKind>::JoinBorderChains(const Hole& hole) {
-  next_sample_[hole.vertex] = chain_head_[hole.border_out];
+  next_on_chain_[hole.vertex] = chain_head_[hole.border_out];
   uint32_t tail = hole.vertex;
-  while (next_sample_[tail] != kNone32) tail = next_sample_[tail];
-  next_sample_[tail] = chain_head_[hole.border_in];
+  while (next_on_chain_[tail] != kNone32) tail = next_on_chain_[tail];
+  next_on_chain_[tail] = chain_head_[hole.border_in];
   return hole.vertex;
 }
 

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "builder/internal/filling_measure.h"
@@ -54,11 +55,16 @@ class SurfaceMeasure {
  private:
   void LoadSurface(const TileSurface& surface, const Grid& grid);
   void MeasureHeights();
-  double BorderCurveError(const Hole& hole) const;
+  void MeasureBorder(Hole& hole) const;
   // True when the star is the round's input, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   void MeasureOverSpokes(Hole& hole) const;
   void GuessEdges(Hole& hole) const;
+  double Reach(const Hole& hole, const Hole::Triangle& triangle) const;
+  void ChargeSamples(const Hole& hole, Filling& filling);
+  void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
+  void HoldIn(uint32_t triangle, uint32_t vertex);
+  void FreeHeld(uint32_t triangle);
   uint32_t JoinBorderChains(const Hole& hole);
 
   const TileMesh* mesh_ = nullptr;
@@ -68,19 +74,31 @@ class SurfaceMeasure {
   std::vector<float> errors_;
   std::vector<uint8_t> own_;           // of the tile's: it is one of the surface's
   std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
-  std::vector<uint32_t> sample_head_;  // removed vertices that the triangle stands for
+  // The removed vertices that the triangle may stand for: all that it does, and some near by.
+  std::vector<uint32_t> held_head_;
+  struct Held {
+    uint32_t vertex, next;
+  };
+  std::vector<Held> held_;
+  uint32_t free_held_ = kNone32;
   // Half-edges.
   std::vector<double> curve_error_;
+  std::vector<float> curve_reach_;    // how far the curve may be from the edge, less than its error
   std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
   // Vertices: the mesh's, then others of the surface.
   std::vector<Vec3d> positions_;
-  std::vector<uint32_t> next_sample_;  // list of removed ones
-  std::vector<double> heights_;        // of the mesh's, when the surface is not the tile
+  std::vector<uint32_t> next_on_chain_;
+  std::vector<uint32_t> opened_in_;  // the last hole that had it in its ring or as a sample
+  std::vector<double> heights_;      // of the mesh's, when the surface is not the tile
 
   // Of the open hole.
-  std::vector<uint32_t> samples_;         // removed vertices of its star, and the one that goes
-  std::vector<Vec3d> points_;             // their places in the hole's frame
-  std::vector<uint8_t> sample_triangle_;  // of the filling
+  std::vector<uint32_t> samples_;    // removed vertices of its star, and the one that goes
+  std::vector<Vec3d> points_;        // their places in the hole's frame
+  uint32_t opened_ = 0;              // its number
+  std::vector<float> x_, y_;         // of the points; room for whole groups of four
+  std::vector<uint8_t> is_charged_;  // of the samples
+  // A triangle of the filling, and a sample that it may stand for.
+  std::vector<std::pair<uint8_t, uint32_t>> charges_;
 };
 using SurfaceDistance = SurfaceMeasure<ErrorMeasure::kTwoSidedDistance>;
 using HeightDifference = SurfaceMeasure<ErrorMeasure::kVertical>;

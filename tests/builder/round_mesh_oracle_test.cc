@@ -104,7 +104,7 @@ TEST_CASE("The curve error of an edge is the largest distance along its curve") 
       const auto a = static_cast<uint32_t>(random() % s.positions.size());
       const auto b = static_cast<uint32_t>(random() % s.positions.size());
       if (a == b) continue;
-      const double bound = mesh.CurveError(a, b, up);
+      const double bound = mesh.CurveOf(a, b, up).error;
       const double sampled = SampledCurveError(s, a, b, up, 400);
       if (bound < 0) continue;  // the outline is not convex: no path, or one that leaves it
       REQUIRE(sampled >= 0);
@@ -130,8 +130,8 @@ TEST_CASE("An edge of the input has no distance to itself, but its triangles' er
     if (const uint32_t o = opposites[h]; o != kNone32) {
       expected = std::max(expected, static_cast<double>(s.errors[o / 3]));
     }
-    REQUIRE(mesh.CurveError(a, b, {0, 0, 1}) == expected);
-    REQUIRE(mesh.CurveError(b, a, {0, 0, 1}) == expected);
+    REQUIRE(mesh.CurveOf(a, b, {0, 0, 1}).error == expected);
+    REQUIRE(mesh.CurveOf(b, a, {0, 0, 1}).error == expected);
   }
 }
 
@@ -141,12 +141,12 @@ TEST_CASE("There is no curve across a hole, out of the tile, or through a turned
   const auto at = [](uint32_t i, uint32_t j) { return j * 9 + i; };
   RoundMesh mesh;
   Build(mesh, s);
-  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) >= 0);
-  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, -1}) < 0);  // everything is turned away
+  REQUIRE(mesh.CurveOf(at(0, 4), at(8, 4), {0, 0, 1}).error >= 0);
+  REQUIRE(mesh.CurveOf(at(0, 4), at(8, 4), {0, 0, -1}).error < 0);  // everything is turned away
   Surface3 fold = s;
   fold.positions[at(4, 4)] += Vec3d{3, 0, 2};  // hangs over
   Build(mesh, fold);
-  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) < 0);
+  REQUIRE(mesh.CurveOf(at(0, 4), at(8, 4), {0, 0, 1}).error < 0);
   REQUIRE(!mesh.Faces(at(4, 4), {0, 0, 1}));
   REQUIRE(mesh.Faces(at(1, 1), {0, 0, 1}));
   REQUIRE(!mesh.Faces(at(1, 1), {0, 0, -1}));
@@ -156,11 +156,11 @@ TEST_CASE("There is no curve across a hole, out of the tile, or through a turned
   });
   hole.errors.resize(hole.triangles.size());
   Build(mesh, hole);
-  REQUIRE(mesh.CurveError(at(0, 4), at(8, 4), {0, 0, 1}) < 0);
+  REQUIRE(mesh.CurveOf(at(0, 4), at(8, 4), {0, 0, 1}).error < 0);
   Surface3 bay = s;
   for (uint32_t i = 0; i <= 8; ++i) bay.positions[at(i, 0)].y = i == 0 || i == 8 ? -0.3 : 0.3;
   Build(mesh, bay);
-  REQUIRE(mesh.CurveError(at(0, 0), at(8, 0), {0, 0, 1}) < 0);  // leaves at once
+  REQUIRE(mesh.CurveOf(at(0, 0), at(8, 0), {0, 0, 1}).error < 0);  // leaves at once
 }
 
 TEST_CASE("A vertex faces a direction when all of its triangles do") {

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// The error of each triangle that a removal ever made, against brute force: what it bounds is near,
+// all of it.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+
+#include "builder/internal/decimator.h"
+#include "builder/internal/tile_cluster.h"
+#include "builder/internal/tile_surface.h"
+#include "builder/internal/tiling.h"
+#include "tests/builder/fixture.h"
+#include "tests/builder/input_oracle.h"
+#include "tests/builder/terrain_seams.h"
+
+namespace mtdb::testing {
+
+using namespace internal;
+
+namespace {
+
+using Triangle3 = std::array<Vec3d, 3>;
+
+const SpoolSpace& Space() {
+  static const SpoolSpace kSpace{std::filesystem::temp_directory_path().string()};
+  return kSpace;
+}
+
+Triangle3 Corners(const TileResult& r, size_t t) {
+  const auto& c = r.triangles[t];
+  return {ToDouble(r.positions[c[0]]), ToDouble(r.positions[c[1]]), ToDouble(r.positions[c[2]])};
+}
+
+// A lattice of heights, as triangles.
+TriangleMesh Lattice(uint32_t columns, uint32_t rows, int relief, double trend,
+                     std::mt19937& random) {
+  TriangleMesh mesh;
+  for (uint32_t r = 0; r < rows; ++r) {
+    for (uint32_t c = 0; c < columns; ++c) {
+      const double wave = trend * (std::sin(0.7 * c + 0.2 * r) + std::cos(0.5 * r));
+      mesh.positions.push_back({static_cast<double>(c), static_cast<double>(r),
+                                std::floor(wave) + static_cast<double>(random() % relief)});
+    }
+  }
+  for (uint32_t r = 0; r + 1 < rows; ++r) {
+    for (uint32_t c = 0; c + 1 < columns; ++c) {
+      const VertexIndex a = r * columns + c;
+      mesh.triangles.push_back({a, a + 1, a + columns});
+      mesh.triangles.push_back({a + 1, a + columns + 1, a + columns});
+    }
+  }
+  return mesh;
+}
+
+// Requires of each triangle that the removals made that nothing above or below it is farther off
+// than its error, less that of the input triangle.
+void RequireHeights(const std::vector<TileTriangle>& input, const TileResult& r, size_t first) {
+  for (size_t t = first; t < r.triangles.size(); ++t) {
+    const Triangle3 made = Corners(r, t);
+    for (const TileTriangle& s : input) {
+      const double off = HeightDifference(
+          made, {ToDouble(s.positions[0]), ToDouble(s.positions[1]), ToDouble(s.positions[2])});
+      if (off < 0) continue;
+      if (off + s.error > r.errors[t] * (1 + 1e-6) + 1e-6) {
+        CAPTURE(t, off, s.error, r.errors[t]);
+        REQUIRE(off + s.error <= r.errors[t]);
+      }
+    }
+  }
+}
+
+template <typename TheDecimator>
+void CheckTerrains(int runs) {
+  std::mt19937 random(1);
+  TheDecimator decimator;
+  for (int run = 0; run < runs; ++run) {
+    const int relief = 1 + static_cast<int>(random() % 12);
+    const TriangleMesh mesh = Lattice(12, 11, relief, random() % 3 * 3.0, random);
+    Grid grid;
+    std::vector<TileTriangle> tile = ClassifiedTriangles(mesh, grid);
+    const bool with_errors = run % 2 == 1;
+    if (with_errors) {
+      for (TileTriangle& t : tile) t.error = static_cast<float>(random() % 50) * 0.1f;
+    }
+    DecimateOptions options;
+    options.largest_error = 1e9;
+    options.goes_on = true;
+    options.target_triangles = static_cast<uint32_t>(tile.size() / (1 + random() % 8) - 1);
+    CAPTURE(run);
+    TriangleBlock block;
+    block.triangles = tile;
+    const TileResult result = decimator.Decimate(tile, grid, options);
+    RequireHeights(tile, result, tile.size());
+    if (result.removals.empty()) continue;
+    TileCluster cluster = MakeTileCluster(block, result, grid, {});
+    SurfaceSpool spool(&Space(), 1 << 20);
+    REQUIRE(spool.Add(5, cluster.surface).ok());
+    REQUIRE(spool.Finish().ok());
+    std::vector<TileTriangle>& left = cluster.left.triangles;
+    for (TileTriangle& t : left) {
+      if (t.child == TileCluster::kOwnCluster) t.child = 5;
+    }
+    const TileSurface surface = spool.Gather(left).value();
+    options.target_triangles = 2;
+    options.surface = &surface;
+    const TileResult second = decimator.Decimate(left, grid, options);
+    RequireHeights(tile, second, left.size());
+  }
+}
+
+// A sheet of cells that are jittered along all three axes, so that stars are far from convex.
+TriangleMesh RoughSheet(int n, double jitter, double relief, std::mt19937& random) {
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  TriangleMesh mesh;
+  for (int j = 0; j <= n; ++j) {
+    for (int i = 0; i <= n; ++i) {
+      mesh.positions.push_back({i + jitter * uniform(random), j + jitter * uniform(random),
+                                relief * (uniform(random) + std::sin(0.9 * i + 0.3 * j))});
+    }
+  }
+  const auto at = [n](int i, int j) { return static_cast<VertexIndex>(j * (n + 1) + i); };
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      if (random() % 2 == 0) {
+        mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+        mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      } else {
+        mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i, j + 1)});
+        mesh.triangles.push_back({at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
+      }
+    }
+  }
+  return mesh;
+}
+
+// Points of a triangle, its corners among them.
+template <typename F>
+void ForEachPoint(const Triangle3& t, int parts, F&& f) {
+  for (int i = 0; i <= parts; ++i) {
+    for (int j = 0; i + j <= parts; ++j) {
+      f((t[0] * i + t[1] * j + t[2] * (parts - i - j)) * (1.0 / parts));
+    }
+  }
+}
+
+// How much farther `p` is from the triangles than they allow, at least; at most 0: it is near one.
+double Beyond(Vec3d p, const std::vector<Triangle3>& triangles,
+              const std::vector<double>& allowed) {
+  double least = 1e300;
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    const auto& [a, b, c] = triangles[t];
+    const double d = std::sqrt(SquaredDistancePointTriangle(p, a, b, c)) - allowed[t];
+    least = std::min(least, d);
+    if (least <= 0) return least;
+  }
+  return least;
+}
+
+// How far a triangle that a removal made goes beyond its error from the input, at most, or, after
+// some of the removals, a point of the input from all triangles beyond theirs.
+double LargestBreach(const std::vector<TileTriangle>& input, const TileResult& r, size_t first) {
+  std::vector<Triangle3> original;
+  for (const TileTriangle& s : input) {
+    original.push_back(
+        {ToDouble(s.positions[0]), ToDouble(s.positions[1]), ToDouble(s.positions[2])});
+  }
+  double breach = 0;
+  for (size_t t = first; t < r.triangles.size(); ++t) {
+    const std::vector<double> allowed(original.size(), static_cast<double>(r.errors[t]));
+    ForEachPoint(Corners(r, t), 6,
+                 [&](Vec3d p) { breach = std::max(breach, Beyond(p, original, allowed)); });
+  }
+  std::vector<bool> there(r.triangles.size(), false);
+  std::fill_n(there.begin(), first, true);
+  for (size_t i = 0; i < r.removals.size(); ++i) {
+    const Removal& removal = r.removals[i];
+    for (uint32_t j = 0; j < removal.star_count; ++j)
+      there[r.stars[removal.star_begin + j]] = false;
+    for (uint32_t j = 0; j < removal.hole_count; ++j) there[r.holes[removal.hole_begin + j]] = true;
+    if (i % 4 != 3 && i + 1 != r.removals.size()) continue;
+    std::vector<Triangle3> now;
+    std::vector<double> allowed;
+    for (size_t t = 0; t < there.size(); ++t) {
+      if (!there[t]) continue;
+      now.push_back(Corners(r, t));
+      allowed.push_back(r.errors[t]);
+    }
+    for (const Triangle3& s : original) {
+      ForEachPoint(s, 3, [&](Vec3d p) { breach = std::max(breach, Beyond(p, now, allowed)); });
+    }
+  }
+  return breach;
+}
+
+}  // namespace
+
+// More of them: MTDB_TRIANGLE_RUNS=10000 build-test/tests/builder_test "each triangle of a
+// surface*"
+TEST_CASE("each triangle of a surface is as near to the input as it says, and the input to it") {
+  const char* more = std::getenv("MTDB_TRIANGLE_RUNS");
+  const int runs = more != nullptr ? std::atoi(more) : 160;
+  SurfaceDecimator decimator;
+  Grid grid;
+  grid.origin = {-1, -1, -10};
+  grid.step = 1e-4;
+  for (int run = 0; run < runs; ++run) {
+    std::mt19937 random(static_cast<uint32_t>(run));
+    const double jitter = 0.2 + 0.1 * (run % 7);
+    const double relief = 0.05 * (1 << run % 5);
+    const std::vector<TileTriangle> tile =
+        ClassifiedTriangles(RoughSheet(8, jitter, relief, random), grid);
+    DecimateOptions options;
+    options.largest_error = 1e9;
+    options.target_triangles = 2;
+    const TileResult result = decimator.Decimate(tile, grid, options);
+    const double breach = LargestBreach(tile, result, tile.size());
+    CAPTURE(run, jitter, relief);
+    REQUIRE(breach < 1e-3);  // of a grid step
+  }
+}
+
+TEST_CASE("each triangle of a terrain is as near to what lies above and below it as it says") {
+  SECTION("free") { CheckTerrains<FreeTerrainDecimator>(400); }
+  SECTION("Delaunay") { CheckTerrains<internal::TerrainDecimator>(400); }
+}
+
+}  // namespace mtdb::testing
