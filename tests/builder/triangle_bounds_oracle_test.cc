@@ -201,7 +201,7 @@ double LargestBreach(const std::vector<TileTriangle>& input, const TileResult& r
 // surface*"
 TEST_CASE("each triangle of a surface is as near to the input as it says, and the input to it") {
   const char* more = std::getenv("MTDB_TRIANGLE_RUNS");
-  const int runs = more != nullptr ? std::atoi(more) : 160;
+  const int runs = more != nullptr ? std::atoi(more) : 340;
   SurfaceDecimator decimator;
   Grid grid;
   grid.origin = {-1, -1, -10};
