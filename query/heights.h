@@ -13,6 +13,14 @@
 
 namespace mtdb {
 
+// Whether the object is one: its errors are differences in height.
+bool IsTerrain(const ObjectRecord& record);
+
+// How long a unit of x and one of y are in units that heights can be compared with: 1 and 1, but of
+// a terrain in degrees the metres of a degree of longitude and of latitude at the middle of its
+// bounds, on a sphere.
+std::array<double, 2> MetresOfUnit(const ObjectRecord& record);
+
 struct HeightOptions {
   // The largest difference in height from the input that is good enough, in units of height.
   // Negative: only the full resolution is.

@@ -538,8 +538,10 @@ TEST_CASE("a picture of a terrain in degrees shows it as long and as wide as it 
   const double ratio = static_cast<double>(std::min(columns.size(), rows.size())) /
                        static_cast<double>(std::max(columns.size(), rows.size()));
   CHECK(ratio == Approx(0.5).margin(0.04));
-  RunFails(1, {"render", store, folder.File("e.png"), "--eye", "7,59,900", "--target", "7,60,0"},
-           {"degrees", "--view"});
+  RunFails(1,
+           {"render", store, folder.File("e.png"), "--eye", "7,59,900", "--target", "7,60,0",
+            "--frustum"},
+           {"degrees"});
 }
 
 }  // namespace

@@ -76,6 +76,8 @@ void SetColouring(const std::string& text, RenderOptions* picture) {
     picture->colour_by = ColourBy::kNothing;
   } else if (text == "normal") {
     picture->colour_by = ColourBy::kNormal;
+  } else if (text == "height") {
+    picture->colour_by = ColourBy::kHeight;
   } else if (text == "error") {
     picture->colour_by = ColourBy::kDistance;
   } else {
@@ -196,7 +198,8 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
       ->group(group);
   verb->add_option("--view", a->view,
                    "without a camera, look from: front, back, left, right, top, bottom, iso, or "
-                   "auto, which shows the broader side from above; --up says what is up "
+                   "auto, which shows the broader side from above, and a terrain as a map; --up "
+                   "says what is up "
                    "(default: found from the shape)")
       ->type_name("SIDE")
       ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
@@ -204,8 +207,9 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
       ->group(group);
   verb->add_option_function<std::string>(
           "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
-          "colour by: an attribute's name; error, the distance from the surface at full "
-          "resolution; normal; or none (default: the scan's red, green, blue). attribute:NAME is "
+          "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
+          "the surface at full resolution; normal; or none (default: the scan's red, green, blue; "
+          "of a terrain height). attribute:NAME is "
           "an attribute, whatever its name")
       ->type_name("WHAT")
       ->group(group);
@@ -228,6 +232,12 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
   const auto flag = [&](const char* name, bool* value, const char* description) {
     verb->add_flag(name, *value, description)->group(group);
   };
+  AddParsed(verb, "--exaggerate", "F", &a->exaggerate, ParsePositive,
+            "draw heights (z) F times as high; what is asked for, legends and errors stay as they "
+            "are (default: 1)")
+      ->group(group);
+  flag("--hillshade", &a->picture.hillshade,
+       "light as of maps, from the north-west (default for a terrain without --colour)");
   flag("--wireframe", &a->picture.wireframe, "draw the edges of the triangles");
   flag("--smooth", &a->picture.smooth, "shade triangles as parts of a smooth surface");
   flag("--scale-bar", &a->picture.scale_bar,

@@ -7,6 +7,7 @@
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/heights.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
 #include "store/database.h"
@@ -66,6 +67,10 @@ void PrintRaster(const ObjectRecord& r) {
   if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
   if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
   std::printf(", rounded by up to %.6g\n", r.rounding_error);
+  const std::array<double, 2> unit = MetresOfUnit(r);
+  if (unit[1] != 1) {
+    std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);
+  }
   std::printf("  crs          %s\n",
               r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
   std::printf("  errors       vertical: differences in height\n");

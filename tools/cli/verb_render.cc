@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
-#include <numbers>
 
+#include "query/heights.h"
 #include "query/surface.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
@@ -33,27 +32,49 @@ Vec3d PointOf(const QueryJson& json) {
 
 Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
-// What a picture multiplies coordinates by: of a terrain in degrees, metres a degree at its middle,
-// on a sphere; else 1.
-Vec3d PictureScale(const ObjectRecord& record) {
-  const std::string& crs = record.georeference;
-  if (!record.raster || !(crs.starts_with("GEOG") || crs.starts_with("GEODCRS"))) return {1, 1, 1};
-  constexpr double kMetres = 111'195;
-  const double latitude = (record.bounds.min.y + record.bounds.max.y) / 2;
-  return {kMetres * std::cos(latitude * std::numbers::pi / 180), kMetres, 1};
+constexpr double kMapAngle = 0.02;  // radians: as if seen from far above
+
+// What a picture multiplies coordinates by.
+Vec3d PictureScale(const ObjectRecord& record, const QueryArguments& arguments) {
+  const std::array<double, 2> unit = MetresOfUnit(record);
+  return {unit[0], unit[1], arguments.exaggerate};
 }
 
+Vec3d Scaled(Vec3d p, Vec3d scale) { return {p.x * scale.x, p.y * scale.y, p.z * scale.z}; }
+
 void Stretch(Vec3d scale, TriangleMesh* mesh) {
-  for (Vec3d& p : mesh->positions) p = {p.x * scale.x, p.y * scale.y, p.z * scale.z};
+  for (Vec3d& p : mesh->positions) p = Scaled(p, scale);
+}
+
+// Terrains without a colouring of their own are drawn as maps: tints, a light from the north-west,
+// and without a view or a camera from above.
+void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
+               RenderOptions* options) {
+  if (IsTerrain(record) && options->colour_by == ColourBy::kVertexColours) {
+    options->colour_by = ColourBy::kHeight;
+    options->hillshade = true;
+  }
+  if (options->colour_by != ColourBy::kHeight) return;
+  options->height_scale = arguments.exaggerate;
+  if (record.raster) options->height_units = record.raster->height_units;
+  if (!options->range) options->range = {record.bounds.min.z, record.bounds.max.z};
+}
+
+Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
+  MTDB_ASSIGN_OR_RETURN(Camera camera,
+                        ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+  camera.eye = Scaled(camera.eye, scale);
+  camera.direction = Scaled(camera.direction, scale);
+  options->camera = camera;
+  return Status::Ok();
 }
 
 // Pictures of one object share what is up, and their frame, but for clipped ones.
 Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool clipped,
                   RenderOptions* options) {
+  const Vec3d scale = PictureScale(surface.record(), arguments);
   if (arguments.query.has_camera() && !arguments.overview) {
-    MTDB_ASSIGN_OR_RETURN(options->camera,
-                          ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
-    return Status::Ok();
+    return ChooseCamera(arguments, scale, options);
   }
   // A surface of its own: what the picture's query reads is counted apart.
   SurfaceOptions own;
@@ -65,9 +86,12 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   TriangleMesh mesh;
   TriangleMeshSink sink(&mesh);
   MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
-  Stretch(PictureScale(surface.record()), &mesh);
+  Stretch(scale, &mesh);
   options->up = arguments.query.up ? PointOf(*arguments.query.up) : EstimateUp(mesh);
-  options->view_direction = ViewDirection(arguments.view, options->up, mesh.positions);
+  const bool map = options->hillshade && arguments.view == "auto";
+  options->view_direction =
+      ViewDirection(map ? "top" : arguments.view, options->up, mesh.positions);
+  if (map) options->view_angle_rad = kMapAngle;
   if (!clipped) options->frame = std::move(mesh.positions);
   return Status::Ok();
 }
@@ -115,12 +139,16 @@ Status RenderVerb(const QueryArguments& arguments) {
   options.width = arguments.size.width;
   options.height = arguments.size.height;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  const Vec3d scale = PictureScale(surface->record());
-  if (scale.x != 1 && arguments.query.has_camera() && !arguments.overview) {
-    return Unsupported(surface->record().name +
-                       ": is a terrain in degrees, where --eye would mix degrees with heights; "
-                       "--view says from where to look, at metres");
+  const Vec3d scale = PictureScale(surface->record(), arguments);
+  if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
+    return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
   }
+  if (scale.x != 1 && (arguments.query.frustum || arguments.query.pixels)) {
+    return Unsupported(surface->record().name +
+                       ": is a terrain in degrees, where --frustum and --pixels would mix degrees "
+                       "with heights; --eye draws at metres, --error and --box say what");
+  }
+  DrawAsMap(arguments, surface->record(), &options);
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
   const double open_seconds = SecondsSince(begin);
   TriangleMesh mesh, reference;

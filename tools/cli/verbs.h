@@ -94,6 +94,7 @@ struct QueryArguments {
   Extent size{1200, 900};        // render
   RenderOptions picture;         // render: but for its size, frame, direction and up
   std::string view = "auto";     // render: of kViewNames
+  double exaggerate = 1;         // render: z is drawn so many times as high
   bool overview = false;         // render: not what the camera sees
   double timeout_seconds = 600;  // fetch: without progress
   // Extract: of a raster that a terrain becomes.

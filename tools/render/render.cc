@@ -26,7 +26,6 @@ constexpr int kMaxPixels = 16384;
 constexpr int kSubpixels = 3;         // along each axis
 constexpr int kAmbientRays = 3;       // a sample
 constexpr float kKeyRadius = 0.11f;   // of the light, at distance 1
-constexpr double kViewAngle = 0.42;   // radians, across the shorter side
 constexpr double kFill = 0.90;        // share of the picture that the frame fills
 constexpr float kEdgePixels = 0.55f;  // half the width of a line
 constexpr float kFadedPixels = 2.5f;  // lines of triangles of this size have faded ...
@@ -79,7 +78,7 @@ View ViewOf(const Scene& scene, const Camera& camera, const RenderOptions& optio
 // balanced: on each side the point that binds tells where the eye may be.
 View FittedView(const Scene& scene, Vec3d forward, Vec3d right, Vec3d up,
                 const RenderOptions& options) {
-  const double tangent = std::tan(kViewAngle / 2) * kFill;
+  const double tangent = std::tan(options.view_angle_rad / 2) * kFill;
   const double shorter = std::min(options.width, options.height);
   const double tangent_x = tangent * options.width / shorter;
   const double tangent_y = tangent * options.height / shorter;
@@ -101,7 +100,7 @@ View FittedView(const Scene& scene, Vec3d forward, Vec3d right, Vec3d up,
   view.forward = ToFloat(forward);
   view.right = ToFloat(right);
   view.up = ToFloat(up);
-  view.pixel = static_cast<float>(2 * std::tan(kViewAngle / 2) / shorter);
+  view.pixel = static_cast<float>(2 * std::tan(options.view_angle_rad / 2) / shorter);
   return view;
 }
 
@@ -255,6 +254,9 @@ class Painter {
       return {true, ToneMap(albedo * (0.12f + 1.0f * facing * facing))};
     }
     lifted += face * (2e-6f * (1 + hit->distance));
+    if (options_.hillshade && !back) {
+      return {true, Shaded(albedo, MapLight(lifted, normal, face, sample, pixel_seed))};
+    }
     return {true,
             ToneMap(Scaled(albedo, Light(lifted, normal, face, direction, sample, pixel_seed)))};
   }
@@ -322,6 +324,56 @@ class Painter {
     return light;
   }
 
+  // A map's light on level ground is 1. North is along y, up along z. After Mark,
+  // "Multidirectional, oblique-weighted, shaded-relief image of the Island of Hawaii" (USGS, 1992),
+  // mixed with one light from the north-west.
+  float MapLight(Vec3f at, Vec3f normal, Vec3f face, int sample, uint32_t pixel_seed) const {
+    constexpr float kHigh = std::numbers::sqrt2_v<float> / 2;  // all stand at 45 degrees
+    constexpr float kEighth = std::numbers::pi_v<float> / 4;
+    const float aspect = std::atan2(normal.x, normal.y);
+    float several = 0, one = 0;
+    for (int i = -3; i <= 0; ++i) {  // south-west, west, north-west, north
+      const float azimuth = kEighth * static_cast<float>(i);
+      const Vec3f light{std::sin(azimuth) * kHigh, std::cos(azimuth) * kHigh, kHigh};
+      const float facing = std::max(0.0f, Dot(normal, light));
+      const float weight = std::sin(aspect - azimuth);
+      several += 0.5f * weight * weight * facing;
+      if (i == -1) one = facing;
+    }
+    const float lit = (0.4f * several + 0.6f * one) / kHigh;
+    return std::max(0.06f, lit) * (0.45f + 0.55f * Sky(at, face, sample, pixel_seed));
+  }
+
+  // The share of the sky in sight from there, which level ground has all of.
+  float Sky(Vec3f at, Vec3f face, int sample, uint32_t pixel_seed) const {
+    constexpr int kCount = kSubpixels * kSubpixels * kAmbientRays;
+    constexpr float kGolden = 0.61803399f, kTurn = 2 * std::numbers::pi_v<float>;
+    const float turn = UnitFloat(static_cast<uint32_t>(MixBits(pixel_seed)));
+    Vec3f u, v;
+    Complete(face, &u, &v);
+    int free = 0;
+    for (int i = 0; i < kAmbientRays; ++i) {
+      const auto number = static_cast<float>(i * kSubpixels * kSubpixels + sample);
+      const float along = (number + UnitFloat(pixel_seed)) / static_cast<float>(kCount);
+      const float radius = std::sqrt(along), angle = kTurn * (number * kGolden + turn);
+      const Vec3f d = u * (radius * std::cos(angle)) + v * (radius * std::sin(angle)) +
+                      face * std::sqrt(std::max(0.0f, 1 - along));
+      free += scene_.Occluded(at, d, 0.3f) ? 0 : 1;
+    }
+    return static_cast<float>(free) / kAmbientRays;
+  }
+
+  // Paper under a map's light: shadows turn blue, and slopes that face the light pale.
+  static Vec3f Shaded(Vec3f albedo, float light) {
+    const float dark = std::clamp(1 - light, 0.0f, 1.0f), pale = std::clamp(light - 1, 0.0f, 0.6f);
+    const Vec3f tinted = Scaled(albedo, Mix({1, 1, 1}, {0.72f, 0.84f, 1.12f}, dark));
+    const Vec3f shown = Mix(tinted * std::min(light * light * 0.7f + light * 0.3f, 1.0f),
+                            Vec3f{1.0f, 0.98f, 0.93f}, pale);
+    Vec3f display;
+    for (int c = 0; c < 3; ++c) display[c] = std::pow(std::clamp(shown[c], 0.0f, 1.0f), 1 / 2.2f);
+    return display;
+  }
+
   // How much of the sample the triangle's edges cover, 0..1, from distances on the screen.
   float EdgeInk(const Hit& hit, Vec3f direction) const {
     const Vec3f a = scene_.Vertex(hit.triangle, 0);
@@ -367,8 +419,13 @@ void ForEachRow(int rows, Work work) {
   go();
 }
 
-std::string LegendTitle(const RenderOptions& options) {
-  return options.colour_by == ColourBy::kDistance ? "error" : options.attribute;
+Legend LegendOf(const RenderOptions& options, std::array<double, 2> range) {
+  Legend legend{options.attribute, "", range[0], range[1]};
+  if (options.colour_by == ColourBy::kDistance) legend.title = "error";
+  if (options.colour_by == ColourBy::kHeight) {
+    legend = {"height", options.height_units, range[0], range[1], TintOfHeight};
+  }
+  return legend;
 }
 
 void Paint(const Scene& scene, Colours& colours, const View& view, const RenderOptions& options,
@@ -397,7 +454,7 @@ void Paint(const Scene& scene, Colours& colours, const View& view, const RenderO
   });
   image->range = colours.range();
   if (colours.range() && options.legend) {
-    DrawLegend(image, LegendTitle(options), (*colours.range())[0], (*colours.range())[1]);
+    DrawLegend(image, LegendOf(options, *colours.range()));
   }
   if (options.scale_bar && view.middle > 0) {
     DrawScaleBar(image, scene.frame().scale / (double{view.pixel} * view.middle));

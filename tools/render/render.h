@@ -25,6 +25,7 @@ enum class ColourBy : uint8_t {
   kNormal,         // the normal's x, y, z from -1 to 1 as red, green, blue from 0 to 255
   kAttribute,      // RenderOptions::attribute, by ColourOfValue
   kDistance,       // of each point from RenderOptions::reference, by ColourOfValue
+  kHeight,         // z by TintOfHeight, as maps have it
 };
 
 struct RenderOptions {
@@ -35,6 +36,10 @@ struct RenderOptions {
   bool smooth = false;
   // One ray a pixel and light from the eye: no shadows, no soft edges, an eighth of the time.
   bool draft = false;
+  // Lit as maps are: from the north-west of x and y, and less from the directions beside it, so
+  // that no slope lies in the dark, whatever way it faces; with the sky's share of valleys and
+  // ridges.
+  bool hillshade = false;
 
   // What fills the picture: these points; none: the mesh. Pass the same for pictures that are
   // compared.
@@ -42,6 +47,8 @@ struct RenderOptions {
   // From the eye to the mesh; need not have length 1.
   Vec3d view_direction{-0.42, 0.86, -0.34};
   Vec3d up{0, 0, 1};
+  // Across the shorter side. Small angles look from far away, as maps do.
+  double view_angle_rad = 0.42;
   // Draws what it sees instead; its viewport, near and far do not matter.
   std::optional<Camera> camera;
 
@@ -51,6 +58,10 @@ struct RenderOptions {
   // The values with the first and the last colour; none: the least and the largest of the mesh, or
   // of the picture's distances, from 0 on.
   std::optional<std::array<double, 2>> range;
+
+  // kHeight: what the mesh's z was multiplied by, so that legends and the range have heights.
+  double height_scale = 1;
+  std::string height_units;
 
   std::optional<Rgb> background;  // none: a dark gradient
   bool transparent = false;       // no background: the image has alpha
@@ -80,6 +91,10 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
 
 // The colour of a value in pictures and legends, at `t` of the range, 0 .. 1.
 Rgb ColourOfValue(double t);
+
+// Hypsometric tints: the colour of a height at `t` of the range, 0 .. 1, from green lowlands over
+// browns to white.
+Rgb TintOfHeight(double t);
 
 // Writes `image` to `path`, which appears when it is complete. Errors: kIoError, kNoSpace.
 Status WritePng(const std::string& path, const RenderImage& image);

@@ -3,6 +3,8 @@
 
 #include <cstdio>
 
+#include "query/heights.h"
+
 namespace mtdb {
 
 namespace {
@@ -110,7 +112,10 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
                                                 static_cast<double>(r.vertices)},
       {"error_max", r.grid.Error(r.error_code_max)},
   };
-  if (r.raster) json["raster"] = RasterJson(*r.raster, r.georeference);
+  if (r.raster) {
+    json["raster"] = RasterJson(*r.raster, r.georeference);
+    json["raster"]["metres_of_unit"] = MetresOfUnit(r);
+  }
   return json;
 }
 

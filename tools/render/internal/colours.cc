@@ -15,6 +15,10 @@ namespace {
 constexpr Rgb kStops[] = {{68, 1, 84},    {71, 44, 122},  {59, 81, 139},
                           {44, 113, 142}, {33, 144, 141}, {39, 173, 129},
                           {92, 200, 99},  {170, 220, 50}, {253, 231, 37}};
+// The tints of the viewer's map of that name.
+constexpr Rgb kTints[] = {{59, 107, 79},   {111, 154, 95}, {169, 191, 118}, {220, 211, 154},
+                          {201, 166, 115}, {169, 124, 90}, {148, 115, 95},  {179, 162, 154},
+                          {216, 208, 204}, {255, 255, 255}};
 constexpr Rgb kUnknown{128, 128, 128};
 
 template <typename T>
@@ -38,20 +42,25 @@ double ReadScalar(ScalarType type, const std::byte* at) {
   return 0;
 }
 
-}  // namespace
-
-Rgb ColourOfValue(double t) {
-  constexpr size_t kLast = std::size(kStops) - 1;
+// The colour at `t` of the stops, which lie at equal distances.
+template <size_t kCount>
+Rgb Between(const Rgb (&stops)[kCount], double t) {
+  constexpr size_t kLast = kCount - 1;
   const double x = std::clamp(t, 0.0, 1.0) * static_cast<double>(kLast);
   const size_t i = std::min(static_cast<size_t>(x), kLast - 1);
   Rgb colour;
   for (size_t c = 0; c < 3; ++c) {
     const double part = x - static_cast<double>(i);
     colour[c] =
-        static_cast<uint8_t>(std::lround(kStops[i][c] * (1 - part) + kStops[i + 1][c] * part));
+        static_cast<uint8_t>(std::lround(stops[i][c] * (1 - part) + stops[i + 1][c] * part));
   }
   return colour;
 }
+
+}  // namespace
+
+Rgb ColourOfValue(double t) { return Between(kStops, t); }
+Rgb TintOfHeight(double t) { return Between(kTints, t); }
 
 namespace internal {
 
@@ -64,6 +73,10 @@ Status Colours::Load(const TriangleMesh& mesh, const RenderOptions& options) {
   switch (by_) {
     case ColourBy::kNothing:
     case ColourBy::kNormal: range_.reset(); break;
+    case ColourBy::kHeight:
+      height_scale_ = options.height_scale;
+      LoadHeights();
+      break;
     case ColourBy::kVertexColours:
       range_.reset();
       LoadVertexColours(mesh);
@@ -108,6 +121,19 @@ Status Colours::LoadAttribute(const TriangleMesh& mesh, const std::string& name)
                          (known.empty() ? "none" : known));
 }
 
+void Colours::LoadHeights() {
+  if (range_) return;
+  double least = INFINITY, most = -INFINITY;
+  scene_.ForEachCorner([&](Vec3d p) {
+    least = std::min(least, p.z);
+    most = std::max(most, p.z);
+  });
+  const auto height = [&](double z) {
+    return (z / scene_.frame().scale + scene_.frame().centre.z) / height_scale_;
+  };
+  range_ = {height(least), height(most)};
+}
+
 void Colours::LoadVertexColours(const TriangleMesh& mesh) {
   const size_t row = mesh.header.attributes.row_bytes();
   std::optional<size_t> at[3];
@@ -130,10 +156,25 @@ void Colours::LoadVertexColours(const TriangleMesh& mesh) {
 }
 
 Vec3f Colours::Albedo(const Hit& hit) const {
+  if (by_ == ColourBy::kHeight) {
+    const double size = (*range_)[1] - (*range_)[0];
+    const Rgb tint = TintOfHeight(size > 0 ? (Height(hit) - (*range_)[0]) / size : 0);
+    Vec3f linear;
+    for (int c = 0; c < 3; ++c) {
+      linear[c] = std::pow(static_cast<float>(tint[static_cast<size_t>(c)]) / 255, 2.2f);
+    }
+    return linear;
+  }
   if (colours_.empty()) return Vec3f{0.66f, 0.60f, 0.52f};
   return colours_[scene_.VertexOf(hit.triangle, 0)] * (1 - hit.u - hit.v) +
          colours_[scene_.VertexOf(hit.triangle, 1)] * hit.u +
          colours_[scene_.VertexOf(hit.triangle, 2)] * hit.v;
+}
+
+double Colours::Height(const Hit& hit) const {
+  const auto corner = [&](size_t c) { return double{scene_.Vertex(hit.triangle, c).z}; };
+  const double z = corner(0) * (1 - double{hit.u} - hit.v) + corner(1) * hit.u + corner(2) * hit.v;
+  return (z / scene_.frame().scale + scene_.frame().centre.z) / height_scale_;
 }
 
 double Colours::Value(const Hit& hit, Vec3f at) const {

@@ -20,7 +20,7 @@ class Colours {
   Status Load(const TriangleMesh& mesh, const RenderOptions& options);
 
   // Colours stand for values: light must not change their hue.
-  bool plain() const { return by_ >= ColourBy::kNormal; }
+  bool plain() const { return by_ >= ColourBy::kNormal && by_ != ColourBy::kHeight; }
   ColourBy by() const { return by_; }
   bool vertex_colours() const { return !colours_.empty(); }
   const std::optional<std::array<double, 2>>& range() const { return range_; }
@@ -30,11 +30,14 @@ class Colours {
   Vec3f Albedo(const Hit& hit) const;
   // kAttribute and kDistance: the value at a hit, in its own units.
   double Value(const Hit& hit, Vec3f at) const;
+  // kHeight: of a hit.
+  double Height(const Hit& hit) const;
   // Where values are colours; values that are not finite are grey.
   Rgb OfValue(double value) const;
 
  private:
   Status LoadAttribute(const TriangleMesh& mesh, const std::string& name);
+  void LoadHeights();
   void LoadVertexColours(const TriangleMesh& mesh);
 
   const Scene& scene_;
@@ -43,6 +46,7 @@ class Colours {
   std::vector<double> values_;
   Scene reference_;
   std::optional<std::array<double, 2>> range_;
+  double height_scale_ = 1;
 };
 
 }  // namespace mtdb::internal

@@ -100,20 +100,21 @@ void DrawText(RenderImage* image, int x, int y, int dot, std::string_view text) 
   });
 }
 
-void DrawLegend(RenderImage* image, const std::string& title, double least, double most) {
+void DrawLegend(RenderImage* image, const Legend& legend) {
   const int dot = DotSize(image->height);
-  const std::string low = Number(least), high = Number(most);
+  const std::string units = legend.units.empty() ? "" : " " + legend.units;
+  const std::string low = Number(legend.least) + units, high = Number(legend.most) + units;
   const int margin = 10 * dot, width = 10 * dot, height = image->height * 2 / 5;
   const int right = image->width - margin, top = (image->height - height) / 2;
   Fill(image, right - width - dot, top - dot, width + 2 * dot, height + 2 * dot, kRim);
   for (int y = 0; y < height; ++y) {
     const double t = height > 1 ? 1 - static_cast<double>(y) / (height - 1) : 1;
-    Fill(image, right - width, top + y, width, 1, ColourOfValue(t));
+    Fill(image, right - width, top + y, width, 1, legend.colour(t));
   }
   const auto write = [&](int y, const std::string& text) {
     DrawText(image, right - TextWidth(text) * dot, y, dot, text);
   };
-  write(top - 22 * dot, title);
+  write(top - 22 * dot, legend.title);
   write(top - 11 * dot, high);
   write(top + height + 4 * dot, low);
 }

@@ -17,8 +17,14 @@ int TextWidth(std::string_view text);
 // image is left out; bytes that are no ASCII become '?'.
 void DrawText(RenderImage* image, int x, int y, int dot, std::string_view text);
 
-// A bar of the colours of values at the right, with the ends of the range and what they are of.
-void DrawLegend(RenderImage* image, const std::string& title, double least, double most);
+// What a legend says: the colours from the least to the largest value, and what they are of.
+struct Legend {
+  std::string title, units;
+  double least = 0, most = 0;
+  Rgb (*colour)(double t) = ColourOfValue;
+};
+// A bar of the colours at the right, with the ends of the range.
+void DrawLegend(RenderImage* image, const Legend& legend);
 // At the lower left: a length of 1, 2 or 5 times a power of ten, where a model unit takes so many
 // pixels.
 void DrawScaleBar(RenderImage* image, double pixels_per_unit);
