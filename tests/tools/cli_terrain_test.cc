@@ -2,6 +2,7 @@
 // Rasters through the command line: in, what is said of them, and out in their own coordinates.
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <png.h>
 #include <set>
 
@@ -542,6 +543,57 @@ TEST_CASE("a picture of a terrain in degrees shows it as long and as wide as it 
            {"render", store, folder.File("e.png"), "--eye", "7,59,900", "--target", "7,60,0",
             "--frustum"},
            {"degrees"});
+}
+
+TEST_CASE("a terrain in degrees looks from --eye as the same terrain in metres does", "[cli]") {
+  const Folder folder;
+  constexpr uint32_t kSide = 61;
+  const std::vector<double> heights = MakeHeights(kSide, kSide, 4);
+  WriteHgt(folder.File("N60E007.hgt"), heights);
+  // A degree is 111,195 m along y, and cos 60.5 of that along x.
+  char header[200];
+  std::snprintf(header, sizeof(header),
+                "ncols 61\nnrows 61\nxllcenter 0\nyllcenter 0\ndx %.12g\ndy %.12g\n"
+                "NODATA_value -9999\n",
+                111195 * std::cos(60.5 * std::numbers::pi / 180) / 60, 111195.0 / 60);
+  WriteGrid(folder.File("m.asc"), header, kSide, heights);
+  RunOk({"ingest", folder.File("N60E007.hgt"), folder.File("d.mtdb")});
+  RunOk({"ingest", folder.File("m.asc"), folder.File("m.mtdb")});
+  const double metres = 111195 * std::cos(60.5 * std::numbers::pi / 180);
+  const auto place = [&](double x, double y, double z, bool degrees) {
+    char text[100];
+    std::snprintf(text, sizeof(text), "%.12g,%.12g,%g", degrees ? x + 7 : x * metres,
+                  degrees ? y + 60 : y * 111195, z);
+    return std::string(text);
+  };
+  const auto picture = [&](bool degrees, const std::string& exaggerate) {
+    const std::string path = folder.File(degrees ? "d.png" : "m.png");
+    RunOk({"render", folder.File(degrees ? "d.mtdb" : "m.mtdb"), path, "--size", "120x90",
+           "--eye=" + place(0.5, -0.5, 40000, degrees), "--target=" + place(0.5, 0.5, 500, degrees),
+           "--exaggerate", exaggerate, "--no-legend"});
+    png_image png{};
+    png.version = PNG_IMAGE_VERSION;
+    REQUIRE(png_image_begin_read_from_file(&png, path.c_str()) != 0);
+    png.format = PNG_FORMAT_RGB;
+    std::vector<uint8_t> pixels(PNG_IMAGE_SIZE(png));
+    REQUIRE(png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr) != 0);
+    return pixels;
+  };
+  const auto difference = [](const std::vector<uint8_t>& a, const std::vector<uint8_t>& b) {
+    double sum = 0;
+    for (size_t i = 0; i < a.size(); ++i) sum += std::abs(double{1} * a[i] - b[i]);
+    return sum / static_cast<double>(a.size());
+  };
+  const std::vector<uint8_t> flat = picture(true, "1");
+  CHECK(difference(flat, picture(false, "1")) < 0.5);
+  const std::vector<uint8_t> high = picture(true, "8");
+  CHECK(difference(high, picture(false, "8")) < 0.5);
+  CHECK(difference(flat, high) > 2);
+  const Json info = RunJson({"info", folder.File("d.mtdb")});
+  CHECK(info.at("raster").at("metres_of_unit").at(1) == 111195);
+  CHECK(info.at("raster").at("metres_of_unit").at(0).get<double>() == Approx(metres));
+  CHECK_THAT(RunOk({"render", folder.File("d.mtdb"), folder.File("map.png"), "--size", "80x80"}),
+             Catch::Contains("colours: height in m"));
 }
 
 }  // namespace

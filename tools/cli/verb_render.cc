@@ -101,6 +101,8 @@ std::string ColourText(const RenderOptions& options, const std::array<double, 2>
                        const ExtractStats& reference) {
   char line[400];
   std::string what = options.attribute;
+  if (options.colour_by == ColourBy::kHeight)
+    what = options.height_units.empty() ? "height" : "height in " + options.height_units;
   if (options.colour_by == ColourBy::kDistance) {
     std::snprintf(line, sizeof(line),
                   "how far the picture's surface is from the best one of %llu triangles",
