@@ -167,6 +167,7 @@ class KeptRanges final : public RangeReader {
   uint64_t bytes_read() const override { return inner_->bytes_read(); }
   uint64_t requests() const override { return inner_->requests(); }
   void Cancel(Ticket ticket) override { inner_->Cancel(ticket); }
+  bool IsOutdated() const override { return inner_->IsOutdated(); }
 
   // What is there at the beginning and at the end of the range is taken from the cache; the rest is
   // asked for as one range, in whole blocks.

@@ -95,6 +95,8 @@ def test_rasters_are_files_too(tmp_path: Path) -> None:
     with mtdb.open(tmp_path / "t.mtdb", create=True) as db:
         assert same(db.ingest([west, east], name="both").heights().heights, heights)
         assert same(db.ingest(west, name="west").heights().heights, heights[:, :3])
+        plain = db.ingest_heights(heights, name="plain").heights()
+        assert same(plain.heights, heights) and list(plain.y) == [0, -1, -2]
         with pytest.raises(ValueError, match="height_step"):
             db.ingest(west, name="x", bits=16)
         with pytest.raises(ValueError, match="height_step"):

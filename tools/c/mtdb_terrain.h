@@ -29,7 +29,7 @@ typedef struct mtdb_height_array {
   uint32_t columns, rows;
   const double* heights; /* row after row; NAN: a hole */
   /* x = g[0] + g[1] * column + g[2] * row, y = g[3] + g[4] * column + g[5] * row, of a sample; all
-   * 0: column and row */
+   * 0: x is the column, y the row less than 0, as rows of pictures go down */
   double geotransform[6];
   const char* crs;          /* WKT2, or anything; NULL: not known */
   const char* height_units; /* NULL: not known */

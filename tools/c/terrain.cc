@@ -74,7 +74,7 @@ class ArrayReader final : public RasterReader {
     f.rows = array.rows;
     std::copy(array.geotransform, array.geotransform + 6, f.geotransform.begin());
     if (std::all_of(array.geotransform, array.geotransform + 6, [](double v) { return v == 0; })) {
-      f.geotransform = {0, 1, 0, 0, 0, 1};
+      f.geotransform = {0, 1, 0, 0, 0, -1};
     }
     f.transform_of_samples = true;
     f.is_area = false;

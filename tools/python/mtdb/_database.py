@@ -420,7 +420,8 @@ class Database(Mapping[str, Object]):
         """Stores heights (rows, columns) as a terrain; NaN: a hole. Errors are vertical then.
 
         transform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
-        the next column and row, in the order of GDAL; without, x is the column and y the row.
+        the next column and row, in the order of GDAL; without, x is the column
+        and y minus the row.
         step: heights are rounded to its multiples; integers need none. crs: of x and y. units: of
         heights. The rest: as in `ingest`.
         """

@@ -63,6 +63,12 @@ Result<std::shared_ptr<const PackedImage>> PackedImages::Open(const Database& da
   return image;
 }
 
+void PackedImages::Clear() {
+  std::vector<std::shared_ptr<const PackedImage>> dropped;  // outside of the lock
+  const std::lock_guard lock(mutex_);
+  dropped.swap(images_);
+}
+
 std::shared_ptr<const PackedImage> PackedImages::Find(const ObjectRecord& record) {
   const std::lock_guard lock(mutex_);
   const auto at = std::ranges::find_if(

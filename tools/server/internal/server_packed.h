@@ -22,6 +22,8 @@ class PackedImages {
   // Of the object of that name as it is now. Errors: those of opening it, kNotFound.
   Result<std::shared_ptr<const PackedImage>> Open(const Database& database,
                                                   const std::string& name);
+  // Forgets those that were made; who has one keeps it.
+  void Clear();
 
  private:
   std::shared_ptr<const PackedImage> Find(const ObjectRecord& record);

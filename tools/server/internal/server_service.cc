@@ -197,6 +197,7 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
   const std::lock_guard surfaces_lock(mutex_);
   for (const auto& surface : surfaces_) decoded_before_ += surface->cache_use().decoded;
   closed.swap(surfaces_);
+  images_.Clear();  // likewise
   return database_;
 }
 
