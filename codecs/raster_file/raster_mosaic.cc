@@ -95,8 +95,7 @@ Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader
     const RasterInfo& own = file->info();
     std::string why = Mismatch(info, own);
     const auto first = FirstSample(own.frame);
-    const double x = first[0] - origin[0];
-    const double y = first[1] - origin[1];
+    const double x = first[0] - origin[0], y = first[1] - origin[1];
     const double column = (x * g[5] - y * g[2]) / determinant;
     const double row = (y * g[1] - x * g[4]) / determinant;
     const bool off = std::abs(column - std::round(column)) > kMostOff ||

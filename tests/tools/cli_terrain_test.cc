@@ -521,7 +521,7 @@ TEST_CASE("a picture of a terrain in degrees shows it as long and as wide as it 
   const std::string store = folder.File("s.mtdb"), picture = folder.File("s.png");
   RunOk({"ingest", folder.File("N60E007.hgt"), store, "--name", "t"});
   RunOk({"render", store, picture, "--view", "top", "--size", "200x200", "--background",
-         "transparent", "--full"});
+         "transparent", "--full", "--no-legend"});
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   REQUIRE(png_image_begin_read_from_file(&png, picture.c_str()) != 0);
@@ -590,8 +590,9 @@ TEST_CASE("a terrain in degrees looks from --eye as the same terrain in metres d
   CHECK(difference(high, picture(false, "8")) < 0.5);
   CHECK(difference(flat, high) > 2);
   const Json info = RunJson({"info", folder.File("d.mtdb")});
-  CHECK(info.at("raster").at("metres_of_unit").at(1) == 111195);
-  CHECK(info.at("raster").at("metres_of_unit").at(0).get<double>() == Approx(metres));
+  CHECK(info.at("objects").at(0).at("raster").at("metres_of_unit").at(1) == 111195);
+  CHECK(info.at("objects").at(0).at("raster").at("metres_of_unit").at(0).get<double>() ==
+        Approx(metres));
   CHECK_THAT(RunOk({"render", folder.File("d.mtdb"), folder.File("map.png"), "--size", "80x80"}),
              Catch::Contains("colours: height in m"));
 }

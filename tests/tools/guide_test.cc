@@ -43,7 +43,8 @@ void RunAsPrinted(const Folder& folder, std::string command) {
   std::string script = "cd " + folder.File("") +
                        " && export PATH=" + program.substr(0, program.rfind('/')) +
                        ":$PATH && set -e -o pipefail\n";
-  if (command.starts_with("mtdb serve") || command.starts_with("mtdb view")) {
+  if (command.starts_with("mtdb serve") ||
+      (command.starts_with("mtdb view") && command.find("--write-page") == std::string::npos)) {
     command = command.substr(0, command.find(" #"));
     Replace(&command, " --listen 127.0.0.1:8080", "");
     command += command.starts_with("mtdb view") ? " --no-browser" : " --listen 127.0.0.1:0";

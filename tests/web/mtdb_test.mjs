@@ -203,9 +203,9 @@ rule = () => null;
   await assert.rejects(object.settle({}), {code: 'budget'});
   const frame = object.update({});
   assert.ok(frame.triangles > 0 && frame.triangles < info.triangles && frame.bytesRead <= most && frame.limit === 'missing' && frame.errorBound > 0);
-  const small = await (await open()).open(undefined, {cacheBytes: 2 ** 21});
+  const small = await (await open()).open(undefined, {cacheBytes: 2 ** 20});
   const coarse = await small.settle({});
-  assert.ok(coarse.limit === 'missing' && coarse.cacheBytes <= 2 ** 21 && coarse.triangles > 0 && coarse.triangles < info.triangles);
+  assert.ok(coarse.limit === 'missing' && coarse.cacheBytes <= 2 ** 20 && coarse.triangles > 0 && coarse.triangles < info.triangles);
   const limited = await small.settle({threshold: 0, max_triangles: 5000});
   assert.ok(limited.triangles <= 5000);
 }

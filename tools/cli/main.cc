@@ -562,29 +562,7 @@ void CommandLine::AddViewVerb() {
                            "For web servers without mtdb: mtdb view --write-page www; mtdb pack "
                            "scans.mtdb www/scan.mtdbp; then index.html?src=scan.mtdbp",
                            [this](bool*) { return mtdb::View(view_); });
-  CLI::Option* store =
-      view->add_option("STORE", view_.store, "the store file, or a packed file or its URL");
-  CLI::Option* page =
-      view->add_option("--write-page", view_.page,
-                       "only write the page's files into DIR, for any web server: beside them, "
-                       "index.html?src=FILE shows a packed file")
-          ->type_name("DIR")
-          ->excludes(store);
-  view->add_option("--allow-source", view_.sources,
-                   "let the page of --write-page also read files of ORIGIN, as "
-                   "https://example.org (repeatable)")
-      ->type_name("ORIGIN")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-      ->needs(page);
-  view->callback([store, page] {
-    if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
-  });
-  view->add_option("--port", view_.port, "listen on this port (default: any free one)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 65535));
-  view->add_flag_callback(
-      "--no-browser", [this] { view_.browser = false; }, "only print the URL");
+  mtdb::AddView(view, &view_);
 }
 
 void CommandLine::AddServerVerbs() {

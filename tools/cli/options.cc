@@ -281,6 +281,32 @@ void AddProbe(CLI::App* verb, ProbeArguments* a) {
   });
 }
 
+void AddView(CLI::App* verb, ViewArguments* a) {
+  CLI::Option* store =
+      verb->add_option("STORE", a->store, "the store file, or a packed file or its URL");
+  CLI::Option* page =
+      verb->add_option("--write-page", a->page,
+                       "only write the page's files into DIR, for any web server: beside them, "
+                       "index.html?src=FILE shows a packed file")
+          ->type_name("DIR")
+          ->excludes(store);
+  verb->add_option("--allow-source", a->sources,
+                   "let the page of --write-page also read files of ORIGIN, as "
+                   "https://example.org (repeatable)")
+      ->type_name("ORIGIN")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->needs(page);
+  verb->callback([store, page] {
+    if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
+  });
+  verb->add_option("--port", a->port, "listen on this port (default: any free one)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 65535));
+  verb->add_flag_callback(
+      "--no-browser", [a] { a->browser = false; }, "only print the URL");
+}
+
 void AddProfile(CLI::App* verb, ProfileArguments* a) {
   verb->add_option("STORE", a->store, "the store file")->required();
   AddName(verb, &a->name, "which object; needed when the store has several");

@@ -66,6 +66,7 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* arguments);
 
 // All options of these verbs.
 void AddProbe(CLI::App* verb, ProbeArguments* arguments);
+void AddView(CLI::App* verb, ViewArguments* arguments);
 void AddProfile(CLI::App* verb, ProfileArguments* arguments);
 
 }  // namespace mtdb

@@ -29,9 +29,10 @@ struct RasterOutputReport {
 // Writes the heights of `surface`, a terrain, to `path`, band after band. With the raster's own
 // spacing samples are those of the raster, and at full resolution they have its heights and type
 // (float64 where that cannot hold them); else heights are float32 (.tif) or decimals (.asc). Holes
-// have the raster's nodata value, or another one where heights lie around that. .hgt is for one tile of whole degrees. The
-// file appears when it is whole. Errors: kInvalidArgument (no terrain; a window without samples;
-// what .hgt cannot hold), kUnsupported, kIoError, kNoSpace, those of reading clusters.
+// have the raster's nodata value, or another one where heights lie around that. .hgt is for one
+// tile of whole degrees. The file appears when it is whole. Errors: kInvalidArgument (no terrain; a
+// window without samples; what .hgt cannot hold), kUnsupported, kIoError, kNoSpace, those of
+// reading clusters.
 Result<RasterOutputReport> WriteRaster(const Surface& surface, const std::string& path,
                                        const RasterOutputOptions& options);
 

@@ -19,7 +19,7 @@ struct GdalRaster {
   bool is_area = true;
   std::string sample_type;  // as RasterFrame::sample_type; others: float64
   std::string height_units;
-  std::string crs;  // WKT; empty: none
+  std::string crs;               // WKT; empty: none
   std::optional<double> nodata;  // none: no height is a hole
 };
 
