@@ -301,6 +301,7 @@ def test_pictures(db: mtdb.Database) -> None:
     assert "data:image/png" in hill._repr_html_() and "<table>" in db._repr_html_()
     mesh = hill.extract(error=1)
     for style in ({"view": "top"}, {"up": [0, 1, 0]}, {"smooth": True}, {"draft": True},
+                  {"hillshade": True}, {"colour": "height"},
                   {"colour": "normal"}, {"colour": hill.extract(error=3)}, {"scale_bar": True},
                   {"background": (255, 0, 0)}):
         drawn = mesh.render((160, 120), **style)

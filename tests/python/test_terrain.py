@@ -83,6 +83,13 @@ def test_points_and_profiles(terrain: mtdb.Object) -> None:
             terrain.profile(bad)
 
 
+def test_pictures_are_maps(terrain: mtdb.Object) -> None:
+    size = (120, 90)
+    drawn = terrain.render(size)
+    assert np.any(drawn != terrain.render(size, colour="none"))
+    assert np.array_equal(drawn, terrain.render(size, hillshade=True, colour="height"))
+
+
 def test_rasters_are_files_too(tmp_path: Path) -> None:
     heights = np.arange(12.0).reshape(3, 4)
 

@@ -550,7 +550,6 @@ static void check_server(void) {
   CHECK(mtdb_server_url(NULL) == NULL);
 }
 
-/* How many of so many bytes differ. */
 static size_t differences(const unsigned char* a, const unsigned char* b, size_t bytes) {
   size_t i, different = 0;
   for (i = 0; i < bytes; ++i) different += a[i] != b[i];
@@ -573,10 +572,11 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   OK(mtdb_render(mesh, &with, drawn, sizeof(plain), &error)); \
   CHECK(differences(plain, drawn, sizeof(plain)) > 100);
   DIFFERS(view = "top")
-  DIFFERS(view = "left")
   DIFFERS(up[1] = 1)
   DIFFERS(smooth = 1)
   DIFFERS(draft = 1)
+  DIFFERS(hillshade = 1)
+  DIFFERS(colours = MTDB_COLOURS_HEIGHT)
   DIFFERS(colours = MTDB_COLOURS_NORMAL)
   DIFFERS(scale_bar = 1)
   DIFFERS(has_background = 1)
@@ -600,7 +600,7 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   FAILS(MTDB_INVALID_ARGUMENT, "attribute", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with.attribute = "nothing";
   FAILS(MTDB_INVALID_ARGUMENT, "nothing", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
-  with.colours = 5;
+  with.colours = 6;
   FAILS(MTDB_INVALID_ARGUMENT, "colours", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with = options;
   with.view = "behind";
@@ -651,7 +651,6 @@ static void check_pictures(void) {
 enum { kColumns = 30, kRows = 20 };
 static double input_heights[kRows * kColumns], read_heights[kRows * kColumns];
 
-/* A file of the same heights, as .asc, whose rows go from north to south. */
 static void write_grid(const char* file) {
   FILE* out = fopen(file, "w");
   int i;
@@ -670,7 +669,8 @@ static void check_heights(mtdb_object* terrain) {
   mtdb_height_cost cost;
   mtdb_raster raster;
   mtdb_profile* profile = NULL;
-  double places[4] = {100, 200, 0, 0}, found[2], window[4] = {100, 200, 104, 204}, spacing[2] = {1, 1};
+  double places[4] = {100, 200, 0, 0}, found[2], window[4] = {100, 200, 104, 204},
+         spacing[2] = {1, 1};
   int i;
   MTDB_INIT(options);
   MTDB_INIT(cost);

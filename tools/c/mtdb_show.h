@@ -18,7 +18,8 @@ typedef enum mtdb_colours {
   MTDB_COLOURS_NONE = 1, /* clay */
   MTDB_COLOURS_NORMAL = 2,    /* x, y, z from -1 to 1 as red, green, blue from 0 to 255 */
   MTDB_COLOURS_ATTRIBUTE = 3, /* `attribute`, through a colour map */
-  MTDB_COLOURS_DISTANCE = 4   /* of each point from `reference`, through the same map */
+  MTDB_COLOURS_DISTANCE = 4,  /* of each point from `reference`, through the same map */
+  MTDB_COLOURS_HEIGHT = 5     /* z as maps have it, from green to white */
 } mtdb_colours;
 typedef struct mtdb_render_options {
   size_t struct_bytes;
@@ -26,6 +27,7 @@ typedef struct mtdb_render_options {
   uint32_t height;
   int wireframe; /* not 0: edges are drawn */
   int smooth;    /* not 0: normals go smoothly over triangles, but for edges of some 50 degrees */
+  int hillshade; /* not 0: lit as maps are, from the north-west of x and y */
   int draft;     /* not 0: light from the eye, without shadows, in an eighth of the time */
   int has_frame; /* not 0: this box fills the picture; else the mesh does */
   double frame_min[3];
@@ -40,6 +42,8 @@ typedef struct mtdb_render_options {
   int colours;                /* an mtdb_colours */
   const char* attribute;      /* of MTDB_COLOURS_ATTRIBUTE */
   const mtdb_mesh* reference; /* of MTDB_COLOURS_DISTANCE */
+  double height_scale;        /* of MTDB_COLOURS_HEIGHT: what z was multiplied by; 0: 1 */
+  const char* height_units;   /* in its legend; NULL: none */
   int has_range; /* not 0: the values of the first and the last colour; else those found */
   double range[2];
   int no_legend; /* not 0: no legend of colours that stand for values */

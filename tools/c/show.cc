@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures, and servers in threads of their own, from C.
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <string>
 
@@ -71,8 +72,16 @@ Result<RenderOptions> StyleOf(const mtdb_render_options& given, const TriangleMe
   if (given.height != 0) options.height = static_cast<int>(given.height);
   options.wireframe = given.wireframe != 0;
   options.smooth = given.smooth != 0;
+  options.hillshade = given.hillshade != 0;
   options.draft = given.draft != 0;
-  if (given.colours < MTDB_COLOURS_VERTEX || given.colours > MTDB_COLOURS_DISTANCE) {
+  if (given.height_scale != 0) {
+    if (!(given.height_scale > 0) || !std::isfinite(given.height_scale)) {
+      return InvalidArgument("options.height_scale: expected a number above 0");
+    }
+    options.height_scale = given.height_scale;
+  }
+  if (given.height_units != nullptr) options.height_units = given.height_units;
+  if (given.colours < MTDB_COLOURS_VERTEX || given.colours > MTDB_COLOURS_HEIGHT) {
     return InvalidArgument("options.colours: is no mtdb_colours");
   }
   options.colour_by = static_cast<ColourBy>(given.colours);
@@ -95,7 +104,8 @@ static_assert(static_cast<int>(ColourBy::kVertexColours) == MTDB_COLOURS_VERTEX 
               static_cast<int>(ColourBy::kNothing) == MTDB_COLOURS_NONE &&
               static_cast<int>(ColourBy::kNormal) == MTDB_COLOURS_NORMAL &&
               static_cast<int>(ColourBy::kAttribute) == MTDB_COLOURS_ATTRIBUTE &&
-              static_cast<int>(ColourBy::kDistance) == MTDB_COLOURS_DISTANCE);
+              static_cast<int>(ColourBy::kDistance) == MTDB_COLOURS_DISTANCE &&
+              static_cast<int>(ColourBy::kHeight) == MTDB_COLOURS_HEIGHT);
 
 // The image as pixels of 3 bytes, or of 4 where it has alpha.
 void CopyPixels(const RenderImage& image, bool alpha, unsigned char* pixels) {

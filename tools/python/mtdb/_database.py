@@ -246,8 +246,11 @@ class Object:
     def render(self, size: tuple[int, int] = (1200, 900), **asked: Any) -> npt.NDArray[np.uint8]:
         """Draws what `extract` would return: (height, width, 3) uint8. A camera is looked through;
         a region or accuracy goes along as in `extract`. Without: a mesh that is right to a pixel or
-        so. How it is drawn (wireframe, smooth, view, colour, ...) goes along as in `Mesh.render`."""
+        so. How it is drawn (wireframe, smooth, view, colour, ...) goes along as in `Mesh.render`;
+        terrains are drawn as maps."""
         style = {key: asked.pop(key) for key in _STYLES if key in asked}
+        if "raster" in self.info and "colour" not in style:
+            style = {"hillshade": True, "colour": "height", **style}
         camera = asked.get("camera")
         if camera is not None:
             asked["camera"] = {**camera, "viewport": list(size)}

@@ -249,6 +249,7 @@ class Mesh:
         frame: Optional[npt.ArrayLike] = None,
         wireframe: bool = False,
         smooth: bool = False,
+        hillshade: bool = False,
         draft: bool = False,
         colour: "str | Mesh | None" = None,
         colour_range: Optional[tuple[float, float]] = None,
@@ -261,13 +262,13 @@ class Mesh:
         camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
         direction: of view, else; or view: "front", "back", "left", "right", "top", "bottom",
         "iso", "auto". up: found from the mesh when it is not given. frame: (2, 3), the box that
-        fills the picture. colour: "none", "normal", an attribute's name, or a Mesh to show each
+        fills the picture. colour: "none", "normal", "height", an attribute's name, or a Mesh to show each
         point's distance from; without, the mesh's own colours. colour_range: the values of the
-        first and the last colour. background: (red, green, blue), or "transparent".
+        first and the last colour. hillshade: lit as maps are. background: (red, green, blue), or "transparent".
         """
         options = L.RenderOptions(
             width=size[0], height=size[1], wireframe=int(wireframe), smooth=int(smooth),
-            draft=int(draft), view=view.encode(), no_legend=int(not legend),
+            hillshade=int(hillshade), draft=int(draft), view=view.encode(), no_legend=int(not legend),
             scale_bar=int(scale_bar),
         )
         if size[0] < 1 or size[1] < 1:
@@ -401,7 +402,7 @@ def put_colour(options: L.RenderOptions, colour: "str | Mesh | None") -> Optiona
         options.colours, options.reference = 4, reference.value
         return reference
     if colour is not None:
-        options.colours = {"none": 1, "normal": 2}.get(colour, 3)
+        options.colours = {"none": 1, "normal": 2, "height": 5}.get(colour, 3)
         options.attribute = colour.encode()
     return None
 
