@@ -51,10 +51,11 @@ Result<std::shared_ptr<const PackedImage>> PackedImages::Open(const Database& da
                         PackedImage::Open(std::move(source)));
   std::vector<std::shared_ptr<const PackedImage>> dropped;  // outside of the lock
   const std::lock_guard lock(mutex_);
-  const auto old = std::ranges::stable_partition(
-      images_, [&](const auto& other) { return other->record().name != name; });
-  dropped.assign(old.begin(), old.end());
-  images_.erase(old.begin(), old.end());
+  const auto old = std::stable_partition(images_.begin(), images_.end(), [&](const auto& other) {
+    return other->record().name != name;
+  });
+  dropped.assign(old, images_.end());
+  images_.erase(old, images_.end());
   if (images_.size() >= most_ && !images_.empty()) {
     dropped.push_back(std::move(images_.front()));
     images_.erase(images_.begin());
