@@ -282,8 +282,10 @@ class Builder {
     record_.input.nonmanifold_edges = totals.nonmanifold_edges;
     record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
     record_.rounding_error = totals.rounding_error + input.rounding();
-    if (options_.terrain && options_.terrain->rounding) {
-      record_.rounding_error += options_.terrain->rounding();
+    if (options_.terrain && options_.terrain->reading) {
+      const TerrainInput::Reading reading = options_.terrain->reading();
+      record_.rounding_error += reading.rounding;
+      record_.raster->filled = reading.filled;
     }
     record_.vertices = totals.vertices;
     record_.triangles = totals.triangles;

@@ -37,8 +37,12 @@ struct TerrainInput {
   RasterFrame frame;
   std::string crs;
   Triangulation triangulation = Triangulation::kDelaunay;
-  // How far heights were moved to be integers, at most; asked when the input was read.
-  std::function<double()> rounding;
+  // What was done to heights while they were read.
+  struct Reading {
+    double rounding = 0;  // how far they were moved to be integers, at most
+    uint64_t filled = 0;  // samples that got one
+  };
+  std::function<Reading()> reading;  // asked when the input was read
 };
 
 struct BuildOptions {

@@ -318,6 +318,7 @@ ByteWriter PutRaster(const ObjectRecord& o) {
   for (const std::string* s : {&f.sample_type, &f.height_units, &f.vertical_datum}) {
     w.PutString(*s);
   }
+  w.PutVarint(f.filled);
   return w;
 }
 void GetRaster(RecordReader* r, ObjectRecord* o) {
@@ -334,6 +335,7 @@ void GetRaster(RecordReader* r, ObjectRecord* o) {
   f.sample_type = r->GetString();
   f.height_units = r->GetString();
   f.vertical_datum = r->GetString();
+  f.filled = r->Get64();
   const auto& p = o->grid.plane;
   constexpr uint32_t kMost = uint32_t{1} << 30;
   if (r->ok() && (f.columns == 0 || f.rows == 0 || f.columns > kMost || f.rows > kMost)) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "store/base/coordinate_limit.h"
 
@@ -183,8 +184,17 @@ class RasterMesh {
     std::vector<double> heights(f.columns);
     std::vector<uint32_t> above(f.columns, kNoSample);
     std::vector<uint32_t> below(f.columns, kNoSample);
+    const auto read = [this](uint32_t row, std::span<double> into) {
+      return raster_.ReadRow(row, into);
+    };
+    std::optional<HoleFiller> filler;
+    if (options_.fill != 0) {
+      filler.emplace(HoleFillOptions{f.columns, f.rows, options_.fill, options_.height_step,
+                                     options_.height_origin},
+                     read);
+    }
     for (uint32_t row = 0; row < f.rows; ++row) {
-      MTDB_RETURN_IF_ERROR(raster_.ReadRow(row, heights));
+      MTDB_RETURN_IF_ERROR(filler ? filler->Next(heights) : read(row, heights));
       std::swap(above, below);
       for (uint32_t c = 0; c < f.columns; ++c) {
         MTDB_RETURN_IF_ERROR(AddSample(c, row, heights[c], &below[c]));
@@ -196,6 +206,10 @@ class RasterMesh {
       }
     }
     MTDB_RETURN_IF_ERROR(Flush());
+    if (filler) {
+      report_.filled = filler->report();
+      report_.samples -= report_.filled.samples;
+    }
     if (triangles_sent_ == 0) {
       return BadInput("the raster has no three heights beside each other, so no surface: " +
                       std::to_string(report_.samples) + " of " + std::to_string(f.columns) + " x " +

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "codecs/raster_file/hole_filler.h"
 #include "codecs/raster_file/raster_file.h"
 #include "store/base/mesh_sink.h"
 
@@ -51,11 +52,13 @@ class RasterMosaic {
 struct RasterMeshOptions {
   double height_step = 1;  // > 0
   double height_origin = 0;
+  uint32_t fill = 0;  // closes holes of up to so many columns and rows (HoleFiller); 0: none
 };
 struct RasterMeshReport {
   uint64_t samples = 0;  // that have a height
   uint64_t holes = 0;    // that have none
-  double rounding = 0;   // how far a height was moved to a multiple of the step, at most
+  HoleFillReport filled;
+  double rounding = 0;  // how far a height was moved to a multiple of the step, at most
 };
 
 // Sends the triangles between the raster's samples through `sink`: the Delaunay triangulation of

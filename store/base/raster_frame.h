@@ -25,6 +25,7 @@ struct RasterFrame {
   std::string sample_type;       // "int16", "float32"
   std::string height_units;      // "m"
   std::string vertical_datum;
+  uint64_t filled = 0;  // samples that had no height, and that ingest gave one
 
   // True when the raster's first row is its last in the store, as where y falls from row to row:
   // stored triangles run counter-clockwise seen from above.

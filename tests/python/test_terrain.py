@@ -115,3 +115,10 @@ def test_rasters_are_files_too(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match="terrain"):
             db["mesh"].profile([[0, 0], [1, 1]])
         assert "x" not in db
+        heights[1, 1] = np.nan
+        closed = db.ingest_heights(heights, name="closed", fill=1, step=1).heights().heights
+        assert closed[1, 1] == 5 and same(np.delete(closed, 5), np.delete(heights, 5))
+        with pytest.raises(ValueError, match="fill"):
+            db.ingest_heights(heights, name="x", fill=-1)
+        with pytest.raises(ValueError, match="fill"):
+            db.ingest(np.eye(3), [[0, 1, 2]], name="x", fill=1)

@@ -61,6 +61,7 @@ ObjectRecord RasterRecord() {
   f.sample_type = "int16";
   f.height_units = "m";
   f.vertical_datum = "EGM96";
+  f.filled = 300;
   o.raster = f;
   o.grid = GridOf(f, 0.5, 100);
   return o;

@@ -213,6 +213,49 @@ struct Tile {
   static std::string Y(double row) { return std::to_string(10 - row / (kSide - 1)); }
 };
 
+TEST_CASE("ingest --fill closes small holes, and says how many", "[cli]") {
+  const Folder folder;
+  constexpr uint32_t kSide = 40;
+  std::vector<double> heights = MakeHeights(kSide, kSide, 6);
+  const auto hole = [&](uint32_t row, uint32_t column, uint32_t rows, uint32_t columns) {
+    for (uint32_t r = row; r < row + rows; ++r) {
+      for (uint32_t c = column; c < column + columns; ++c) heights[r * kSide + c] = kHole;
+    }
+  };
+  hole(5, 5, 3, 2);
+  hole(20, 10, 1, 1);
+  hole(25, 20, 8, 3);
+  hole(0, 30, 2, 2);
+  // Across the files of a mosaic.
+  const std::string store = folder.File("s.mtdb");
+  const auto part = [&](const char* name, uint32_t begin, uint32_t end) {
+    const std::string header = "ncols 40\nnrows " + std::to_string(end - begin) +
+                               "\nxllcenter 0\nyllcenter " + std::to_string(kSide - end) +
+                               "\ncellsize 1\nNODATA_value -9999\n";
+    WriteGrid(folder.File(name), header, kSide,
+              {heights.begin() + begin * kSide, heights.begin() + end * kSide});
+    return folder.File(name);
+  };
+  const std::string north = part("north.asc", 0, 7), south = part("south.asc", 7, kSide);
+  const Json report = RunJson({"ingest", north, south, store, "--name", "t", "--fill", "3"});
+  CHECK(report.at("raster_input").at("filled") == 7);
+  CHECK(report.at("raster_input").at("filled_holes") == 2);
+  CHECK(report.at("raster_input").at("larger_holes") == 1);
+  CHECK(report.at("raster_input").at("holes") == 28);
+  CHECK(report.at("raster").at("filled") == 7);
+  CHECK(report.at("vertices") == kSide * kSide - 28);
+  CHECK(report.at("rounding_error") == 0);
+  CHECK_THAT(RunOk({"info", store}), Catch::Contains("7 samples that had no height"));
+  CHECK_THAT(RunOk({"ingest", north, south, store, "--name", "again", "--fill", "3"}),
+             Catch::Contains("7 samples of 2 holes got a height; 1 larger holes were left"));
+  RunOk({"extract", store, folder.File("t.asc"), "--name", "t"});
+  CHECK_THAT(Run({"ingest", north, folder.File("x.mtdb"), "--fill", "0"}).err,
+             Catch::Contains("--fill"));
+  WriteText(folder.File("m.off"), "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  CHECK_THAT(Run({"ingest", folder.File("m.off"), folder.File("x.mtdb"), "--fill", "2"}).err,
+             Catch::Contains("closes holes of rasters"));
+}
+
 TEST_CASE("probe --height gives samples exactly, and what is between them on a straight line",
           "[cli]") {
   const Tile t;

@@ -118,7 +118,7 @@ Status IngestOpened(mtdb_database* database, const char* name,
     step = given.height_step;
   }
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterInput> input,
-                        RasterInput::Join(std::move(files), step, MemoryOf(given)));
+                        RasterInput::Join(std::move(files), {step, given.fill, MemoryOf(given)}));
   return Ingest(
       database, name, [&](MeshSink& sink) { return input->Read(sink); }, options, watch,
       input->terrain());

@@ -115,6 +115,9 @@ Status Ingest(mtdb_database* database, const char* name, const MeshProducer& inp
   if (!terrain && given.height_step != 0) {
     return InvalidArgument("options.height_step: is for rasters of heights");
   }
+  if (!terrain && given.fill != 0) {
+    return InvalidArgument("options.fill: is for rasters of heights");
+  }
   build.terrain = std::move(terrain);
   MTDB_ASSIGN_OR_RETURN(const auto writer, store.Create(name, given.replace != 0));
   return BuildObject(input, build, *writer,

@@ -262,6 +262,11 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   AddParsed(verb, "--step-z", "S", &a->step_z, mtdb::ParsePositive,
             "rasters: round heights to multiples of S (default: as they are written, of integers "
             "and decimals)");
+  verb->add_option("--fill", a->fill,
+                   "rasters: close holes of up to N columns and rows of samples (pixels) with a "
+                   "smooth surface; larger ones and the outside stay")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1 << 20));
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);

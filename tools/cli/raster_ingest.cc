@@ -44,6 +44,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
   const std::vector<std::string>& paths = arguments.inputs;
   const auto rasters = std::count_if(paths.begin(), paths.end(), IsRaster);
   if (rasters == 0) {
+    if (arguments.fill) return InvalidArgument("--fill: closes holes of rasters, not of meshes");
     if (!arguments.step_z) return std::unique_ptr<RasterIngest>();
     return InvalidArgument("--step-z: is for rasters; --step rounds the positions of a mesh");
   }
@@ -57,8 +58,10 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
     MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterReader> file, OpenRaster(path, memory_bytes / 8));
     files.push_back(std::move(file));
   }
-  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterInput> input,
-                        RasterInput::Join(std::move(files), arguments.step_z, memory_bytes));
+  MTDB_ASSIGN_OR_RETURN(
+      std::unique_ptr<RasterInput> input,
+      RasterInput::Join(std::move(files),
+                        {arguments.step_z, arguments.fill.value_or(0), memory_bytes}));
   return std::unique_ptr<RasterIngest>(new RasterIngest(std::move(input)));
 }
 
@@ -75,9 +78,16 @@ std::vector<std::string> RasterIngest::Notes() const {
     }
     notes.push_back(note);
   }
-  if (input_->report().holes > 0) {
-    notes.push_back(Text("%llu of %llu samples have no height: holes", U(input_->report().holes),
-                         U(input_->report().holes + input_->report().samples)));
+  const RasterMeshReport& r = input_->report();
+  if (r.filled.holes > 0 || r.filled.left > 0) {
+    std::string note =
+        Text("%llu samples of %llu holes got a height", U(r.filled.samples), U(r.filled.holes));
+    if (r.filled.left > 0) note += Text("; %llu larger holes were left", U(r.filled.left));
+    notes.push_back(note);
+  }
+  if (r.holes > 0) {
+    notes.push_back(Text("%llu of %llu samples have no height: holes", U(r.holes),
+                         U(r.holes + r.filled.samples + r.samples)));
   }
   return notes;
 }
@@ -87,6 +97,9 @@ Json RasterIngest::ReportJson() const {
   return {{"files", input_->files()},
           {"samples", input_->report().samples},
           {"holes", input_->report().holes},
+          {"filled", input_->report().filled.samples},
+          {"filled_holes", input_->report().filled.holes},
+          {"larger_holes", input_->report().filled.left},
           {"overlapping", d.overlapping},
           {"differing", d.samples},
           {"largest_difference", d.largest},

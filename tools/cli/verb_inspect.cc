@@ -67,6 +67,7 @@ void PrintRaster(const ObjectRecord& r) {
   if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
   if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
   std::printf(", rounded by up to %.6g\n", r.rounding_error);
+  if (f.filled > 0) std::printf("  filled       %llu samples that had no height\n", U(f.filled));
   const std::array<double, 2> unit = MetresOfUnit(r);
   if (unit[1] != 1) {
     std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);

@@ -27,6 +27,7 @@ struct IngestArguments {
   std::optional<int> bits;
   std::optional<double> step;
   std::optional<double> step_z;  // rasters
+  std::optional<uint32_t> fill;  // rasters
   bool lossless = false;
   std::optional<double> weld;
   std::optional<int> normal_bits;

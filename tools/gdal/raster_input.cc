@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/gdal/raster_input.h"
 
+#include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <set>
@@ -39,21 +40,25 @@ Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64
 }
 
 Result<std::unique_ptr<RasterInput>> RasterInput::Join(
-    std::vector<std::unique_ptr<RasterReader>> files, std::optional<double> height_step,
-    uint64_t memory_bytes) {
+    std::vector<std::unique_ptr<RasterReader>> files, const RasterInputOptions& options) {
   if (files.empty()) return InvalidArgument("no raster is given");
   const size_t count = files.size();
   const std::string first = files[0]->path();
   MTDB_ASSIGN_OR_RETURN(RasterMosaic mosaic, RasterMosaic::Join(std::move(files)));
   const RasterInfo& info = mosaic.info();
-  const uint64_t row_bytes = info.frame.columns * kSampleBytes;
-  if (row_bytes > memory_bytes / 4) {
-    return InvalidArgument(first + ": rows of " + std::to_string(info.frame.columns) +
-                           " samples do not fit --memory (memory_bytes); allow at least " +
-                           std::to_string((row_bytes >> 18) + 1) + "M");
+  const uint32_t fill = std::min(options.fill, std::max(info.frame.columns, info.frame.rows));
+  uint64_t row_bytes = info.frame.columns * kSampleBytes;
+  if (fill != 0) row_bytes += HoleFiller::MemoryBytes(info.frame.columns, fill);
+  if (row_bytes > options.memory_bytes / 4) {
+    return InvalidArgument(
+        first + ": rows of " + std::to_string(info.frame.columns) + " samples" +
+        (fill != 0 ? ", " + std::to_string(fill) + " of them at a time for --fill (fill)," : "") +
+        " do not fit --memory (memory_bytes); allow at least " +
+        std::to_string((row_bytes >> 18) + 1) + "M");
   }
   RasterMeshOptions mesh;
-  mesh.height_step = height_step.value_or(info.height_step);
+  mesh.fill = fill;
+  mesh.height_step = options.height_step.value_or(info.height_step);
   mesh.height_origin = info.height_origin;
   if (!(mesh.height_step > 0)) {
     return BadInput(first + ": heights of type " + info.frame.sample_type +
@@ -68,7 +73,7 @@ TerrainInput RasterInput::terrain() {
   terrain.frame = mosaic_.info().frame;
   terrain.crs = mosaic_.info().crs;
   terrain.grid = GridOf(terrain.frame, mesh_.height_step, mesh_.height_origin);
-  terrain.rounding = [this] { return report_.rounding; };
+  terrain.reading = [this] { return TerrainInput::Reading{report_.rounding, report_.filled.samples}; };
   return terrain;
 }
 

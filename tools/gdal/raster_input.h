@@ -19,15 +19,19 @@ bool IsRaster(const std::string& path);
 // Opens a raster that mtdb reads by itself, or GDAL. GDAL's cache takes at most `cache_bytes`.
 Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes);
 
+struct RasterInputOptions {
+  std::optional<double> height_step;  // heights are rounded to its multiples; none: the files'
+  uint32_t fill = 0;                  // RasterMeshOptions::fill
+  uint64_t memory_bytes = 0;          // of the ingest
+};
+
 // Joined rasters, while they are ingested. Stays where it is.
 class RasterInput {
  public:
-  // `height_step`: heights are rounded to its multiples; none: that of the files. Errors: kBadInput
-  // when the rasters cannot be joined, or when no step is known; kInvalidArgument when their rows
-  // take more than a quarter of `memory_bytes`.
+  // Errors: kBadInput when the rasters cannot be joined, or when no step is known; kInvalidArgument
+  // when their rows take more than a quarter of the memory.
   static Result<std::unique_ptr<RasterInput>> Join(std::vector<std::unique_ptr<RasterReader>> files,
-                                                   std::optional<double> height_step,
-                                                   uint64_t memory_bytes);
+                                                   const RasterInputOptions& options);
 
   // What the builder needs to know. The input must outlive the build.
   TerrainInput terrain();

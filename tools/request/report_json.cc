@@ -62,6 +62,7 @@ Json RasterJson(const RasterFrame& f, const std::string& crs) {
                {"sample_type", f.sample_type},
                {"height_units", f.height_units},
                {"vertical_datum", f.vertical_datum},
+               {"filled", f.filled},
                {"crs", crs}};
   if (f.nodata) json["nodata"] = *f.nodata;
   return json;

@@ -383,6 +383,7 @@ class Database(Mapping[str, Object]):
         journal: Optional[str] = None,
         resume: bool = False,
         height_step: Optional[float] = None,
+        fill: int = 0,
         progress: Progress = None,
     ) -> Object:
         """Stores a mesh at every level of detail.
@@ -394,13 +395,14 @@ class Database(Mapping[str, Object]):
         lossless: float32 positions bit for bit; else they are rounded to a grid that suits the mesh,
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance.
         normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
-        height_step: heights of rasters are rounded to its multiples.
+        height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
+        so many columns and rows are closed.
         journal, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
         with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
                     normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
-                    journal=journal, resume=resume, height_step=height_step) as ingest:
+                    journal=journal, resume=resume, height_step=height_step, fill=fill) as ingest:
             ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
@@ -414,6 +416,7 @@ class Database(Mapping[str, Object]):
         step: Optional[float] = None,
         crs: Optional[str] = None,
         units: Optional[str] = None,
+        fill: int = 0,
         replace: bool = False,
         memory: int = 1 << 30,
         threads: int = 0,
@@ -426,12 +429,12 @@ class Database(Mapping[str, Object]):
         the next column and row, in the order of GDAL; without, x is the column
         and y minus the row.
         step: heights are rounded to its multiples; integers need none. crs: of x and y. units: of
-        heights. The rest: as in `ingest`.
+        heights. fill and the rest: as in `ingest`.
         """
         given, kept = _terrain.height_array(heights, transform, crs, units)
         with Ingest(name, replace=replace, lossless=False, bits=None, step=None, weld=None,
                     normal_bits=None, steps=None, memory=memory, threads=threads, tmp=tmp,
-                    journal=None, resume=False, height_step=step) as ingest:
+                    journal=None, resume=False, height_step=step, fill=fill) as ingest:
             ingest.run_heights(self._write(), given, Watched(progress))
         del kept  # the struct pointed to it
         self._forget(name)
@@ -517,7 +520,8 @@ class Ingest:
     def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
                  step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
-                 journal: Optional[str], resume: bool, height_step: Optional[float]) -> None:
+                 journal: Optional[str], resume: bool, height_step: Optional[float],
+                 fill: int) -> None:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
@@ -527,13 +531,15 @@ class Ingest:
                            ("height_step", height_step)):
             if value is not None and value <= 0:
                 raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
+        if not 0 <= fill < 1 << 32:
+            raise InvalidArgument(f"fill: expected a number of columns and rows, found {fill}")
         self._options = L.IngestOptions(
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=int(weld is not None), weld_distance=weld or 0.0, normal_bits=normal_bits or 0,
             steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
-            height_step=height_step or 0.0,
+            height_step=height_step or 0.0, fill=fill,
         )
 
     def __enter__(self) -> "Ingest":
