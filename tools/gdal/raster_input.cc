@@ -73,7 +73,9 @@ TerrainInput RasterInput::terrain() {
   terrain.frame = mosaic_.info().frame;
   terrain.crs = mosaic_.info().crs;
   terrain.grid = GridOf(terrain.frame, mesh_.height_step, mesh_.height_origin);
-  terrain.reading = [this] { return TerrainInput::Reading{report_.rounding, report_.filled.samples}; };
+  terrain.reading = [this] {
+    return TerrainInput::Reading{report_.rounding, report_.filled.samples};
+  };
   return terrain;
 }
 
