@@ -93,8 +93,29 @@ void RoundMesh::MeasureVertices() {
       // A triangle of no area faces nowhere: no cone holds it.
       least = SquaredLength(unit) > 0 ? std::min(least, Dot(unit, cone.axis)) : -1;
     }
-    if (least > 0) cone.sine = std::sqrt(std::max(0.0, 1 - least * least)) + 1e-9;
+    if (least > 0) {
+      cone.sine = std::sqrt(std::max(0.0, 1 - least * least)) + 1e-9;
+      cone.once = GoesAroundOnce(v);
+    }
   }
+}
+
+// Of a vertex whose triangles all face its axis. Seen along that, and along whatever else all of
+// them face, they turn one way around the vertex: as often as they cross a line from left to right.
+bool RoundMesh::GoesAroundOnce(uint32_t vertex) const {
+  const std::span<const Spoke> around = spokes(vertex);
+  const auto back = [](const Spoke& spoke) { return Next(Next(spoke.half_edge)); };
+  const Vec3d at = vertices_[vertex].position;
+  const Vec3d right = Cross(vertices_[around[0].right].position - at, cones_[vertex].axis);
+  int crossings = 0;
+  for (size_t i = 0; i < around.size(); ++i) {
+    // A single closed fan, in order.
+    if (opposite(back(around[i])) != around[i + 1 == around.size() ? 0 : i + 1].half_edge)
+      return false;
+    crossings += Dot(right, vertices_[around[i].right].position - at) > 0 &&
+                 !(Dot(right, vertices_[around[i].left].position - at) > 0);
+  }
+  return crossings == 1;
 }
 
 double RoundMesh::Height(uint32_t vertex) const {
@@ -122,6 +143,7 @@ bool RoundMesh::Faces(uint32_t vertex, Vec3d n) const {
 bool RoundMesh::FindStart(uint32_t a, Vec3d right, Vec3d n, const VertexMarks& is_near,
                           Start* start) const {
   const Vec3d pa = vertices_[a].position;
+  const bool once = IsOnce(a, n);
   start->across = kNone32;
   uint32_t sheets = 0;
   uint32_t near = 0;
@@ -144,7 +166,8 @@ bool RoundMesh::FindStart(uint32_t a, Vec3d right, Vec3d n, const VertexMarks& i
     const bool is_meant = is_near(spoke.right) || is_near(spoke.left);
     near += is_meant;
     if (is_meant || near == 0) {
-      *start = {Next(spoke.half_edge), first, last_position, first_side, last_side};
+      *start = {Next(spoke.half_edge), first, last_position, first_side, last_side, once};
+      if (once) return true;
     }
   }
   start->only = sheets == 1 && start->across != kNone32;
@@ -205,7 +228,7 @@ RoundMesh::Curve RoundMesh::CurveOf(uint32_t a, uint32_t b, Vec3d n,
     if (x == b) {
       // Seen from b, a vertex on the line is passed on its other side.
       const bool meant =
-          kKind == ErrorMeasure::kVertical ||
+          kKind == ErrorMeasure::kVertical || IsOnce(b, n) ||
           (FindStart(b, right * -1, n, is_near, &start) && (start.only || start.across == o));
       if (!meant) return {};
       return {error, error - least};

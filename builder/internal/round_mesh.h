@@ -76,7 +76,8 @@ class RoundMesh {
   };
   struct Cone {
     Vec3d axis;
-    double sine = 2;  // of the widest angle between the axis and a triangle's normal; 2: over 90
+    double sine = 2;    // of the widest angle between the axis and a triangle's normal; 2: over 90
+    bool once = false;  // the triangles go around the vertex once, seen along any n in the cone
   };
 
   uint32_t origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
@@ -93,6 +94,11 @@ class RoundMesh {
     bool only = false;  // nothing else of the surface lies there
   };
   bool FindStart(uint32_t a, Vec3d right, Vec3d n, const VertexMarks& is_near, Start* start) const;
+  // Whether a direction leaves a vertex through one triangle, wherever it goes, seen along n.
+  bool IsOnce(uint32_t vertex, Vec3d n) const {
+    return cones_[vertex].once && Dot(cones_[vertex].axis, n) > cones_[vertex].sine;
+  }
+  bool GoesAroundOnce(uint32_t vertex) const;
   Vec3d Normal(uint32_t t) const;
   void SortFans();
   void MeasureVertices();

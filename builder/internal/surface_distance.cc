@@ -89,16 +89,15 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
   for (size_t t = 0; t < n; ++t) errors_[t] = tile[t].error;
   positions_.assign(mesh.positions().begin(), mesh.positions().end());
   chain_head_.assign(3 * n, kNone32);
-  held_head_.assign(n, kNone32);
+  held_by_.assign(n, {});
   held_.clear();
-  free_held_ = kNone32;
-  curve_error_.resize(3 * n);
+  held_in_use_ = 0;
+  curves_.resize(3 * n);
   if (surface != nullptr && !surface->empty()) {
     LoadSurface(*surface, grid);
     MeasureHeights();
   } else {
-    for (size_t h = 0; h < 3 * n; ++h) curve_error_[h] = errors_[h / 3];
-    curve_reach_.assign(3 * n, 0);
+    for (size_t h = 0; h < 3 * n; ++h) curves_[h] = {errors_[h / 3], 0};
     own_.assign(n, 1);
     conservative_.assign(n, 0);
     heights_.clear();
@@ -110,8 +109,8 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
   const std::span<const uint32_t> opposites = mesh.opposites();
   for (uint32_t h = 0; h < 3 * n; ++h) {
     if (const uint32_t o = opposites[h]; o != kNone32 && o > h) {
-      curve_error_[h] = curve_error_[o] = std::max(curve_error_[h], curve_error_[o]);
-      curve_reach_[h] = curve_reach_[o] = std::max(curve_reach_[h], curve_reach_[o]);
+      curves_[h] = curves_[o] = {std::max(curves_[h].error, curves_[o].error),
+                                 std::max(curves_[h].reach, curves_[o].reach)};
     }
   }
   opened_in_.assign(positions_.size(), 0);
@@ -124,10 +123,9 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& grid) {
   own_ = surface.own;
   conservative_ = surface.conservative;
-  curve_reach_.resize(curve_error_.size());
-  for (size_t h = 0; h < curve_error_.size(); ++h) {
-    curve_error_[h] = surface.curve_errors[h / 3][h % 3];
-    curve_reach_[h] = own_[h / 3] ? 0 : surface.curve_errors[h / 3][h % 3];
+  for (size_t h = 0; h < curves_.size(); ++h) {
+    const float error = surface.curve_errors[h / 3][h % 3];
+    curves_[h] = {error, own_[h / 3] ? 0 : error};
   }
   std::unordered_map<uint32_t, uint32_t> in_mesh;
   for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.emplace(mesh_->vertex(v), v);
@@ -157,40 +155,52 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
   PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), opposites);
   round_.Build(triangles, opposites, positions_, errors);
   next_on_chain_.assign(positions_.size(), kNone32);
+  std::vector<std::pair<uint32_t, uint32_t>> inside;
   for (const HeldVertex& held : surface.held) {
     if (held.edge == 3) {
-      HoldIn(held.triangle, number[held.vertex]);
+      inside.push_back({held.triangle, number[held.vertex]});
       continue;
     }
     uint32_t& head = chain_head_[3 * held.triangle + held.edge];
     next_on_chain_[number[held.vertex]] = head;
     head = number[held.vertex];
   }
+  HoldIn(0, static_cast<uint32_t>(own_.size()), inside);
 }
 
 template <ErrorMeasure kKind>
-void SurfaceMeasure<kKind>::HoldIn(uint32_t triangle, uint32_t vertex) {
-  uint32_t entry = free_held_;
-  if (entry == kNone32) {
-    entry = static_cast<uint32_t>(held_.size());
-    held_.emplace_back();
-  } else {
-    free_held_ = held_[entry].next;
+template <typename Items>
+void SurfaceMeasure<kKind>::HoldIn(uint32_t first, uint32_t triangles, const Items& items) {
+  const std::span<Part> parts = std::span(held_by_).subspan(first, triangles);
+  for (const auto& [t, vertex] : items) ++parts[t].end;
+  auto at = static_cast<uint32_t>(held_.size());
+  for (Part& part : parts) {
+    const uint32_t count = part.end;
+    part = {at, at};
+    at += count;
   }
-  held_[entry] = {vertex, held_head_[triangle]};
-  held_head_[triangle] = entry;
+  held_.resize(at);
+  held_in_use_ += items.size();
+  for (const auto& [t, vertex] : items) held_[parts[t].end++] = vertex;
 }
 
-// Of a triangle that is gone.
+// Of triangles that are gone.
 template <ErrorMeasure kKind>
-void SurfaceMeasure<kKind>::FreeHeld(uint32_t triangle) {
-  uint32_t& head = held_head_[triangle];
-  if (head == kNone32) return;
-  uint32_t last = head;
-  while (held_[last].next != kNone32) last = held_[last].next;
-  held_[last].next = free_held_;
-  free_held_ = head;
-  head = kNone32;
+void SurfaceMeasure<kKind>::FreeHeld(std::span<const uint32_t> triangles) {
+  constexpr size_t kSpare = 1 << 16;
+  for (const uint32_t t : triangles) {
+    const Part gone = std::exchange(held_by_[t], {});
+    held_in_use_ -= gone.end - gone.begin;
+  }
+  if (held_.size() < 4 * held_in_use_ + kSpare) return;
+  std::vector<uint32_t> kept;
+  kept.reserve(held_.size() / 2);
+  for (Part& part : held_by_) {
+    const auto begin = static_cast<uint32_t>(kept.size());
+    kept.insert(kept.end(), held_.begin() + part.begin, held_.begin() + part.end);
+    part = {begin, static_cast<uint32_t>(kept.size())};
+  }
+  held_ = std::move(kept);
 }
 
 // How far the mesh's vertices stand off the mean of their neighbours, along the mean normal.
@@ -225,15 +235,11 @@ void SurfaceMeasure<kKind>::MeasureHeights() {
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
   result.conservative = conservative_;
-  result.curve_errors.resize(curve_error_.size());
-  for (size_t h = 0; h < curve_error_.size(); ++h) {
-    result.curve_errors[h] = RoundedUp(curve_error_[h]);
-  }
-  for (uint32_t t = 0; t < held_head_.size(); ++t) {
+  result.curve_errors.resize(curves_.size());
+  for (size_t h = 0; h < curves_.size(); ++h) result.curve_errors[h] = RoundedUp(curves_[h].error);
+  for (uint32_t t = 0; t < held_by_.size(); ++t) {
     if (!result.alive[t]) continue;
-    for (uint32_t e = held_head_[t]; e != kNone32; e = held_[e].next) {
-      result.held.push_back({held_[e].vertex, t, 3});
-    }
+    for (const uint32_t w : HeldBy(t)) result.held.push_back({w, t, 3});
     for (uint32_t c = 0; c < 3; ++c) {
       for (uint32_t w = chain_head_[3 * t + c]; w != kNone32; w = next_on_chain_[w]) {
         result.held.push_back({w, t, c});
@@ -255,10 +261,8 @@ void SurfaceMeasure<kKind>::Open(Hole& hole) {
   for (const uint32_t v : hole.ring) opened_in_[v] = opened_;
   Vec3d normal{};
   for (const uint32_t t : hole.star) {
-    for (uint32_t e = held_head_[t]; e != kNone32; e = held_[e].next) {
-      if (std::exchange(opened_in_[held_[e].vertex], opened_) != opened_) {
-        samples_.push_back(held_[e].vertex);
-      }
+    for (const uint32_t w : HeldBy(t)) {
+      if (std::exchange(opened_in_[w], opened_) != opened_) samples_.push_back(w);
     }
     const auto& c = mesh_->corners()[t];
     const Vec3d first = mesh_->position(c[0]);
@@ -442,8 +446,8 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
   const uint32_t count = hole.k - 2;
   const auto curve = [&](uint32_t a, uint32_t b) {  // a < b
-    if (b == a + 1) return curve_error_[hole.ring_edges[a]];
-    if (hole.OnRing(b, a)) return curve_error_[hole.ring_edges[b]];
+    if (b == a + 1) return curves_[hole.ring_edges[a]].error;
+    if (hole.OnRing(b, a)) return curves_[hole.ring_edges[b]].error;
     return hole.edge_error[a][b];
   };
   for (uint32_t t = 0; t < count; ++t) {
@@ -463,7 +467,7 @@ double SurfaceMeasure<kKind>::Reach(const Hole& hole, const Hole::Triangle& tria
   float reach = 0;
   for (uint32_t c = 0; c < 3; ++c) {
     const auto [a, b] = Hole::Edge(triangle, c);
-    if (hole.OnRing(a, b)) reach = std::max(reach, curve_reach_[hole.ring_edges[a]]);
+    if (hole.OnRing(a, b)) reach = std::max(reach, curves_[hole.ring_edges[a]].reach);
     if (hole.IsNewBorder(a, b)) reach = std::max(reach, hole.edge_reach[b][a]);
   }
   return reach;
@@ -548,7 +552,7 @@ void SurfaceMeasure<kKind>::MeasureFolded(const Hole& hole, Filling& filling) {
   double star_error = 0;
   for (const uint32_t t : hole.star) {
     star_error = std::max<double>(star_error, errors_[t]);
-    for (uint32_t c = 0; c < 3; ++c) star_error = std::max(star_error, curve_error_[3 * t + c]);
+    for (uint32_t c = 0; c < 3; ++c) star_error = std::max(star_error, curves_[3 * t + c].error);
   }
   filling.error = DistanceToStar(hole, filling.triangles) + star_error;
   if (hole.boundary) filling.error = std::max(filling.error, hole.edge_error[0][hole.k - 1]);
@@ -568,9 +572,8 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
   const uint32_t new_chain = hole.boundary ? JoinBorderChains(hole) : kNone32;
   errors_.resize(first + count);
   conservative_.resize(first + count, conservative);
-  held_head_.resize(first + count, kNone32);
-  curve_error_.resize(3 * (first + count));
-  curve_reach_.resize(3 * (first + count));
+  held_by_.resize(first + count);
+  curves_.resize(3 * (first + count));
   chain_head_.resize(3 * (first + count), kNone32);
   for (uint32_t t = 0; t < count; ++t) {
     errors_[first + t] = RoundedUp(filling.errors[t]);
@@ -578,22 +581,20 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
       const uint32_t h = 3 * (first + t) + c;
       const auto [a, b] = Hole::Edge(filling.triangles[t], c);
       if (hole.OnRing(a, b)) {  // takes over what the star's half-edge had
-        curve_error_[h] = curve_error_[hole.ring_edges[a]];
-        curve_reach_[h] = curve_reach_[hole.ring_edges[a]];
+        curves_[h] = curves_[hole.ring_edges[a]];
         chain_head_[h] = chain_head_[hole.ring_edges[a]];
       } else if (hole.IsNewBorder(a, b)) {
-        curve_error_[h] = hole.edge_error[b][a];
-        curve_reach_[h] = hole.edge_reach[b][a];
+        curves_[h] = {hole.edge_error[b][a], hole.edge_reach[b][a]};
         chain_head_[h] = new_chain;
       } else {
-        curve_error_[h] =
-            hole.folded ? filling.error : hole.edge_error[std::min(a, b)][std::max(a, b)];
-        curve_reach_[h] = hole.edge_reach[std::min(a, b)][std::max(a, b)];
+        const auto [i, j] = std::minmax(a, b);
+        curves_[h] = {hole.folded ? filling.error : hole.edge_error[i][j], hole.edge_reach[i][j]};
       }
     }
   }
-  for (const uint32_t t : hole.star) FreeHeld(t);
-  for (const auto& [triangle, s] : charges_) HoldIn(first + triangle, samples_[s]);
+  FreeHeld(hole.star);
+  for (auto& [triangle, s] : charges_) s = samples_[s];
+  HoldIn(first, count, charges_);
 }
 
 // The new border edge's chain: both old ones and the vertex that goes.

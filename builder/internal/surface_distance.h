@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <ranges>
 #include <span>
 #include <utility>
 #include <vector>
@@ -63,8 +64,15 @@ class SurfaceMeasure {
   double Reach(const Hole& hole, const Hole::Triangle& triangle) const;
   void ChargeSamples(const Hole& hole, Filling& filling);
   void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
-  void HoldIn(uint32_t triangle, uint32_t vertex);
-  void FreeHeld(uint32_t triangle);
+  // The samples of a triangle, the last one that was charged to it first.
+  auto HeldBy(uint32_t triangle) const {
+    const auto [begin, end] = held_by_[triangle];
+    return std::span(held_).subspan(begin, end - begin) | std::views::reverse;
+  }
+  // Gives sample `item[i].second` to triangle first + item[i].first.
+  template <typename Items>
+  void HoldIn(uint32_t first, uint32_t triangles, const Items& items);
+  void FreeHeld(std::span<const uint32_t> triangles);
   uint32_t JoinBorderChains(const Hole& hole);
 
   const TileMesh* mesh_ = nullptr;
@@ -75,15 +83,19 @@ class SurfaceMeasure {
   std::vector<uint8_t> own_;           // of the tile's: it is one of the surface's
   std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
   // The removed vertices that the triangle may stand for: all that it does, and some near by.
-  std::vector<uint32_t> held_head_;
-  struct Held {
-    uint32_t vertex, next;
+  // Parts of held_, which keeps those of triangles that are gone for a while.
+  struct Part {
+    uint32_t begin = 0, end = 0;
   };
-  std::vector<Held> held_;
-  uint32_t free_held_ = kNone32;
+  std::vector<Part> held_by_;
+  std::vector<uint32_t> held_;
+  size_t held_in_use_ = 0;
   // Half-edges.
-  std::vector<double> curve_error_;
-  std::vector<float> curve_reach_;    // how far the curve may be from the edge, less than its error
+  struct Curve {
+    double error = 0;
+    float reach = 0;  // how far the curve may be from the edge, less than its error
+  };
+  std::vector<Curve> curves_;
   std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
   // Vertices: the mesh's, then others of the surface.
   std::vector<Vec3d> positions_;
