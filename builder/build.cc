@@ -20,6 +20,7 @@
 #include "builder/internal/corner_join.h"
 #include "builder/internal/decimator.h"
 #include "builder/internal/grid_choice.h"
+#include "builder/internal/height_field.h"
 #include "builder/internal/input_spool.h"
 #include "builder/internal/journal.h"
 #include "builder/internal/memory_plan.h"
@@ -49,6 +50,7 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 constexpr double kLargestError = 1.0 / 16;
 // Triangles of the surface beneath a tile, for each of its own, beyond which it begins afresh.
 constexpr size_t kMostSurface = 8;
+constexpr int kFinestBits = 24;
 constexpr uint64_t kTerrainVertexBytes = 3;  // about what a vertex takes in the store
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
@@ -185,6 +187,7 @@ class Builder {
       survey.store_bytes = survey.vertices * kTerrainVertexBytes;
     } else {
       MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
+      if (options_.height_field) MTDB_RETURN_IF_ERROR(PrepareHeightField(&input, &survey));
     }
     ReturnFreedMemory();
     record_.grid = survey.grid;
@@ -201,6 +204,8 @@ class Builder {
     if (options_.terrain) {
       record_.raster = options_.terrain->frame;
       record_.georeference = options_.terrain->crs;
+    }
+    if (is_terrain()) {
       // Heights and places have different units: tiles are cut along columns and rows.
       flat_bounds_ = record_.bounds;
       flat_bounds_.min.z = flat_bounds_.max.z = 0;
@@ -209,10 +214,30 @@ class Builder {
     return JoinInput(input, **sorter);
   }
 
+  bool is_terrain() const { return options_.terrain.has_value() || options_.height_field; }
+
+  // Makes all faces of the input look up; on a finer grid where the chosen one folds it.
+  Status PrepareHeightField(InputSpool* input, MeshSurvey* survey) {
+    MTDB_ASSIGN_OR_RETURN(FacesReport faces,
+                          LookAtFaces(*input, survey->grid, &space_, memory_ / 2));
+    if (faces.rounding && !options_.bits && !options_.step) {
+      BuildOptions finest = options_;
+      finest.bits = kFinestBits;
+      MTDB_RETURN_IF_ERROR(ChooseGrid(*input, finest, &space_, memory_ / 2, survey));
+      survey->reason = GridReason::kSlivers;
+      MTDB_ASSIGN_OR_RETURN(faces, LookAtFaces(*input, survey->grid, &space_, memory_ / 2));
+    }
+    if (faces.rounding) return FoldedByGrid(survey->grid);
+    if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver());
+    steepest_ = faces.steepest;
+    border_.emplace(memory_ / 4);
+    return Status::Ok();
+  }
+
   // The grid on which the input's positions lie: a terrain's are the integers of the lattice.
   const Grid& input_grid() const { return options_.terrain ? lattice_ : record_.grid; }
   RoundCurve CurveOf(uint32_t round) const {
-    return RoundCurve(options_.terrain ? flat_bounds_ : record_.bounds, round);
+    return RoundCurve(is_terrain() ? flat_bounds_ : record_.bounds, round);
   }
 
   // Classifies the input's corners, gives its triangles to the sorter, and opens the journal.
@@ -241,6 +266,7 @@ class Builder {
       joined_hash = Mix64(joined_hash ^ joined.hash);
       for (size_t i = 0; i < joined.codes.size(); ++i) {
         level_->Sample(joined.block.triangles[i], joined.codes[i]);
+        if (border_) MTDB_RETURN_IF_ERROR(border_->Add(joined.block.triangles[i]));
       }
       MTDB_RETURN_IF_ERROR(AddAll(joined.block, joined.codes, sorter));
       const uint64_t before = std::exchange(taken, taken + joined.codes.size());
@@ -262,6 +288,11 @@ class Builder {
     };
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
     while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
+    if (border_) {
+      if (totals.nonmanifold_edges > 0) return OverlappingFaces(totals.nonmanifold_edges);
+      MTDB_RETURN_IF_ERROR(border_->Check(record_.grid));
+      border_.reset();
+    }
     RecordInput(input, totals, digest, bounds);
     return OpenJournal(joined_hash);
   }
@@ -272,9 +303,9 @@ class Builder {
     record_.bounds = grid.Bounds(bounds);
     record_.double_positions = !grid.FitsFloat(record_.bounds);
     // Work units. Of a terrain nothing is farther off than its heights are apart.
-    const double largest = options_.terrain ? static_cast<double>(bounds.max.z) - bounds.min.z + 1
-                                            : kLargestError * record_.diagonal() /
-                                                  (grid.is_linear() ? grid.step : 1.0);
+    const double largest =
+        is_terrain() ? static_cast<double>(bounds.max.z) - bounds.min.z + 1
+                     : kLargestError * record_.diagonal() / (grid.is_linear() ? grid.step : 1.0);
     level_->Begin(*decimators_.front(), grid, largest);
     record_.input = input.report();
     record_.input.unreferenced_vertices = totals.unreferenced_vertices;
@@ -282,6 +313,8 @@ class Builder {
     record_.input.nonmanifold_edges = totals.nonmanifold_edges;
     record_.input.nonmanifold_vertices = totals.nonmanifold_vertices;
     record_.rounding_error = totals.rounding_error + input.rounding();
+    // A vertex that moved aside changes heights by as much as the surface is steep.
+    if (options_.height_field) record_.rounding_error *= std::hypot(1, steepest_);
     if (options_.terrain && options_.terrain->reading) {
       const TerrainInput::Reading reading = options_.terrain->reading();
       record_.rounding_error += reading.rounding;
@@ -312,6 +345,7 @@ class Builder {
       o.Put(step.step);
     }
     if (options_.terrain) o.Put(static_cast<uint8_t>(options_.terrain->triangulation));
+    if (options_.height_field) o.PutString("height field");
     for (const uint32_t n : {options_.degree_limit, options_.tile_triangles, options_.reduction}) {
       o.Put(n);
     }
@@ -529,6 +563,9 @@ class Builder {
   ObjectRecord record_;
   const Grid lattice_;
   Box3d flat_bounds_;  // of a terrain's lattice, without heights
+  // Of a mesh that is a height field.
+  double steepest_ = 0;
+  std::optional<BorderSweep> border_;
   std::optional<RoundLevel> level_;
   // What the round before left, when this one goes on from it; what this one leaves for the next.
   std::unique_ptr<SurfaceSpool> beneath_, left_;
@@ -551,6 +588,8 @@ Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& 
                                  ObjectWriter& writer, const ProgressCallback& progress,
                                  BuildReport* report) {
   const auto make = [&]() -> std::unique_ptr<TileDecimator> {
+    // The mesh's own triangles need not be Delaunay's.
+    if (options.height_field) return std::make_unique<FreeTerrainDecimator>();
     if (!options.terrain) return std::make_unique<SurfaceDecimator>();
     if (options.terrain->triangulation == Triangulation::kFree) {
       return std::make_unique<FreeTerrainDecimator>();

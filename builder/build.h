@@ -64,6 +64,10 @@ struct BuildOptions {
   std::optional<int> normal_bits;
   // Rounds the float attributes of these names to multiples of their steps.
   std::vector<AttributeStep> attribute_steps;
+  // The mesh is a height field seen along z, and becomes a terrain: it is built with the vertical
+  // error measure, and keeps its own triangles at full resolution. kBadInput names the place where
+  // it is none. Not lossless.
+  bool height_field = false;
   // When set, the input is a terrain; mode, bits, step and weld are not for it.
   std::optional<TerrainInput> terrain;
   unsigned threads = 0;  // 0: one per core. The result does not depend on it

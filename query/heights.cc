@@ -299,14 +299,18 @@ Result<std::vector<double>> SampleHeights(const Surface& surface, const HeightRa
 Result<HeightRaster> RasterSamples(const ObjectRecord& record,
                                    const std::optional<std::array<double, 4>>& window,
                                    const std::optional<std::array<double, 2>>& spacing) {
-  if (!record.raster) {
+  if (!IsTerrain(record)) {
     return InvalidArgument(record.name + ": is no terrain, so it is no raster either");
   }
-  const RasterFrame& f = *record.raster;
+  if (!record.raster && !spacing) {
+    return InvalidArgument(record.name +
+                           ": was a mesh, so it has no samples of its own; name a spacing");
+  }
+  const RasterFrame f = record.raster.value_or(RasterFrame{});
   const auto& g = f.geotransform;
   const double half = f.transform_of_samples ? 0 : 0.5;
   HeightRaster own{g[0] + half * g[1], g[3] + half * g[5], g[1], g[5], f.columns, f.rows};
-  const bool turned = g[2] != 0 || g[4] != 0 || !(g[1] > 0 && g[5] < 0);
+  const bool turned = !record.raster || g[2] != 0 || g[4] != 0 || !(g[1] > 0 && g[5] < 0);
   if (turned && !spacing) {
     return InvalidArgument(record.name +
                            ": its rows do not run from west to east and from north to south; name "

@@ -71,8 +71,8 @@ struct HeightRaster {
 };
 // The samples of the raster that was ingested, or others, `spacing` apart in x and y, that lie in
 // `window` (least x and y, largest x and y). Columns go east, rows south. Errors: kInvalidArgument
-// (no terrain of a raster; no sample in the window; more than 2^28 columns or rows; rows that run
-// another way, without a spacing).
+// (no terrain; one that was a mesh, or rows that run another way, without a spacing; no sample in
+// the window; more than 2^28 columns or rows).
 Result<HeightRaster> RasterSamples(const ObjectRecord& record,
                                    const std::optional<std::array<double, 4>>& window,
                                    const std::optional<std::array<double, 2>>& spacing);

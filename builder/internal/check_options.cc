@@ -32,6 +32,11 @@ Status CheckBuildOptions(const BuildOptions& options) {
         "a raster's samples lie where they are: it takes no bits, step, welding or float32 "
         "positions; --step-z rounds heights");
   }
+  if (options.height_field && (options.terrain || options.mode != PositionMode::kGrid)) {
+    return InvalidArgument(
+        "a mesh that becomes a terrain (--terrain) lies on a grid: --step or --bits, not "
+        "--lossless");
+  }
   if (options.degree_limit < 4 || options.degree_limit > 16) {
     return InvalidArgument("degree limit " + std::to_string(options.degree_limit) +
                            ": must be 4 to 16");

@@ -207,6 +207,18 @@ Status InputSpool::Renumber(Spool& numbers) {
   return triangle_spool_.Finish();
 }
 
+Status InputSpool::TurnOver() {
+  const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
+  SpoolReader reader(&old);
+  for (uint64_t left = old.size() / kTriangleBytes; left > 0; --left) {
+    std::array<uint32_t, 3> t;
+    if (!reader.Get(&t)) return reader.status();
+    std::swap(t[1], t[2]);
+    MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
+  }
+  return triangle_spool_.Finish();
+}
+
 Vec3d InputSpool::Position(const std::byte* vertex) const {
   if (doubles_) {
     Vec3d p;

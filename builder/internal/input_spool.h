@@ -31,6 +31,9 @@ class InputSpool final : public MeshSink {
   Status End() override;
   bool joins_soup() const override { return true; }
 
+  // After End(): turns all triangles over.
+  Status TurnOver();
+
   const MeshHeader& header() const { return header_; }
   uint64_t vertices() const { return vertices_; }  // less those that were welded
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }

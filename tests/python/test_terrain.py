@@ -118,6 +118,13 @@ def test_rasters_are_files_too(tmp_path: Path) -> None:
         heights[1, 1] = np.nan
         closed = db.ingest_heights(heights, name="closed", fill=1, step=1).heights().heights
         assert closed[1, 1] == 5 and same(np.delete(closed, 5), np.delete(heights, 5))
+        rows, columns = np.mgrid[0:5, 0:5]
+        field = np.stack([columns, rows, columns * rows], -1).reshape(-1, 3).astype(float)
+        faces = [[5 * r + c, 5 * r + c + 1, 5 * r + c + 5] for r in range(4) for c in range(4)]
+        mesh = db.ingest(field, faces, name="field", terrain=True)
+        assert mesh.heights_at([[1.25, 2.25]])[0] == pytest.approx(1.25 * 2 + 0.25)
+        with pytest.raises(mtdb.BadInput, match="upright"):
+            db.ingest(field[:, [0, 2, 1]], faces, name="x", terrain=True)
         with pytest.raises(ValueError, match="fill"):
             db.ingest_heights(heights, name="x", fill=-1)
         with pytest.raises(ValueError, match="fill"):

@@ -256,6 +256,47 @@ TEST_CASE("ingest --fill closes small holes, and says how many", "[cli]") {
              Catch::Contains("closes holes of rasters"));
 }
 
+TEST_CASE("a mesh that is a height field becomes a terrain, and another one is refused", "[cli]") {
+  const Folder folder;
+  constexpr uint32_t kSide = 30;
+  const std::vector<double> heights = MakeHeights(kSide, kSide, 4);
+  WriteGrid(folder.File("dem.asc"), "ncols 30\nnrows 30\nxllcenter 0\nyllcenter 0\ncellsize 2\n",
+            kSide, heights);
+  const std::string raster = folder.File("raster.mtdb"), store = folder.File("mesh.mtdb");
+  RunOk({"ingest", folder.File("dem.asc"), raster});
+  for (const std::string format : {"ply", "obj", "stl", "off", "glb"}) {
+    const std::string mesh = folder.File("m_" + format + "." + format);
+    RunOk({"extract", raster, mesh});
+    const std::string name = "m_" + format;
+    const Json report = RunJson({"ingest", mesh, store, "--terrain"});
+    CHECK(report.at("error_measure") == "vertical");
+    CHECK(report.at("rounding_error") == 0);
+    CHECK(report.at("vertices") == kSide * kSide);
+    const Json probed = RunJson({"probe", store, "--name", name, "--height=7,20"});
+    CHECK(probed.at("heights").at(0).at("height") ==
+          RunJson({"probe", raster, "--height=7,20"}).at("heights").at(0).at("height"));
+    CHECK(RunJson({"extract", store, folder.File("c.ply"), "--name", name, "--error", "20"})
+              .at("error_bound") <= 20);
+  }
+  CHECK_THAT(RunOk({"info", store, "--name", "m_ply"}), Catch::Contains("vertical"));
+  CHECK(RunJson({"profile", store, "--name", "m_ply", "--line=1,1,50,40"}).at("points").size() >
+        30);
+  RunOk({"extract", store, folder.File("again.asc"), "--name", "m_ply", "--spacing", "2"});
+  RunOk({"ingest", folder.File("again.asc"), store});
+  RunOk({"extract", store, folder.File("one.asc"), "--name", "again"});
+  RunOk({"extract", raster, folder.File("two.asc")});
+  CHECK(ReadText(folder.File("one.asc")) == ReadText(folder.File("two.asc")));
+  CHECK_THAT(Run({"extract", store, folder.File("x.asc"), "--name", "m_ply"}).err,
+             Catch::Contains("name a spacing"));
+  RunOk({"generate", "sculpture", folder.File("s.ply"), "--triangles", "2000"});
+  const Outcome folded = Run({"ingest", folder.File("s.ply"), store, "--terrain"});
+  CHECK(folded.exit_code != 0);
+  CHECK_THAT(folded.err, Catch::Contains("s.ply: is no height field") && Catch::Contains("near"));
+  CHECK_THAT(
+      Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--force"}).err,
+      Catch::Contains("--lossless"));
+}
+
 TEST_CASE("probe --height gives samples exactly, and what is between them on a straight line",
           "[cli]") {
   const Tile t;

@@ -68,7 +68,9 @@ typedef struct mtdb_ingest_options {
   double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
                          where one is known. Rasters take no bits, step, lossless, weld,
                          normal_bits and steps */
-  uint32_t fill;      /* rasters: closes holes of up to so many columns and rows; 0: none */
+  int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
+                    vertical errors; MTDB_BAD_INPUT with the place where it is folded */
+  uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
 } mtdb_ingest_options;
 
 /* A mesh in the caller's arrays, which are read during the call. */

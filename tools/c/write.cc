@@ -119,6 +119,7 @@ Status Ingest(mtdb_database* database, const char* name, const MeshProducer& inp
     return InvalidArgument("options.fill: is for rasters of heights");
   }
   build.terrain = std::move(terrain);
+  build.height_field = given.terrain != 0 && !build.terrain;
   MTDB_ASSIGN_OR_RETURN(const auto writer, store.Create(name, given.replace != 0));
   return BuildObject(input, build, *writer,
                      [&](const BuildProgress& p) {

@@ -267,6 +267,9 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
                    "smooth surface; larger ones and the outside stay")
       ->type_name("N")
       ->check(CLI::Range(1, 1 << 20));
+  verb->add_flag("--terrain", a->terrain,
+                 "the mesh is a height field, z above x and y, and becomes a terrain: errors are "
+                 "differences in height; one that is folded is refused");
   auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
   bits->excludes(step)->excludes(lossless);
   step->excludes(lossless);

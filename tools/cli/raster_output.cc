@@ -138,6 +138,9 @@ std::optional<std::array<double, 2>> LimitsOf(const std::string& type) {
   return std::nullopt;
 }
 
+// What the raster was, or nothing of a terrain that was none.
+RasterFrame FrameOf(const ObjectRecord& record) { return record.raster.value_or(RasterFrame{}); }
+
 // The value of a type that stands for holes: the raster's own, or another one, that no height has.
 std::optional<double> NodataOf(const ObjectRecord& record, const std::string& type) {
   const double low = record.bounds.min.z;
@@ -146,7 +149,7 @@ std::optional<double> NodataOf(const ObjectRecord& record, const std::string& ty
   // Heights with fractions are rounded on their way.
   const double margin = limits ? 0 : 1e-6 * std::max(std::abs(low), std::abs(high));
   constexpr double kLeast = -std::numeric_limits<float>::max();
-  for (const double v : {record.raster->nodata.value_or(kNodata), kNodata, -9999.0, 0.0, 255.0,
+  for (const double v : {FrameOf(record).nodata.value_or(kNodata), kNodata, -9999.0, 0.0, 255.0,
                          65535.0, -2147483648.0, 4294967295.0, kLeast}) {
     const bool fits = limits ? v == std::floor(v) && v >= (*limits)[0] && v <= (*limits)[1]
                              : std::abs(v) <= -kLeast;
@@ -158,7 +161,7 @@ std::optional<double> NodataOf(const ObjectRecord& record, const std::string& ty
 // True when each sample of r is a sample of the raster that has a height.
 bool IsFull(const ObjectRecord& record, const HeightRaster& r) {
   const Box3d& b = record.bounds;
-  return record.vertices == uint64_t{record.raster->columns} * record.raster->rows &&
+  return record.vertices == uint64_t{FrameOf(record).columns} * FrameOf(record).rows &&
          r.x0 > b.min.x - 0.5 * r.dx && r.x0 + (r.columns - 1) * r.dx < b.max.x + 0.5 * r.dx &&
          r.y0 < b.max.y - 0.5 * r.dy && r.y0 + (r.rows - 1) * r.dy > b.min.y + 0.5 * r.dy;
 }
@@ -166,7 +169,7 @@ bool IsFull(const ObjectRecord& record, const HeightRaster& r) {
 // Chooses a type that holds all heights, and a value of it that stands for holes. `exact`: the
 // raster's samples at full resolution, with the raster's type if that can be.
 void ChooseType(const ObjectRecord& record, const HeightRaster& r, bool exact, GdalRaster* raster) {
-  raster->sample_type = exact ? record.raster->sample_type : "float32";
+  raster->sample_type = exact ? FrameOf(record).sample_type : "float32";
   const Grid& grid = record.grid;
   const bool whole =
       grid.step == std::floor(grid.step) && grid.origin.z == std::floor(grid.origin.z);
@@ -175,7 +178,7 @@ void ChooseType(const ObjectRecord& record, const HeightRaster& r, bool exact, G
     if (!whole || !fits) raster->sample_type = "float64";
   }
   raster->nodata = NodataOf(record, raster->sample_type);
-  const bool needed = record.raster->nodata || !exact || !IsFull(record, r);
+  const bool needed = FrameOf(record).nodata || !exact || !IsFull(record, r);
   if (!needed) raster->nodata.reset();
   if (needed && !raster->nodata) {
     raster->sample_type = "float64";
@@ -191,8 +194,8 @@ Result<std::unique_ptr<RowWriter>> OpenRows(const ObjectRecord& record, const st
     raster.columns = r.columns;
     raster.rows = r.rows;
     raster.geotransform = {r.x0 - 0.5 * r.dx, r.dx, 0, r.y0 - 0.5 * r.dy, 0, r.dy};
-    raster.is_area = record.raster->is_area;
-    raster.height_units = record.raster->height_units;
+    raster.is_area = FrameOf(record).is_area;
+    raster.height_units = FrameOf(record).height_units;
     raster.crs = record.georeference;
     ChooseType(record, r, exact, &raster);
     MTDB_ASSIGN_OR_RETURN(std::unique_ptr<GdalWriter> file, CreateGeoTiff(path, raster));

@@ -153,6 +153,7 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   BuildOptions options;
   options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
   options.bits = arguments.bits;
+  options.height_field = arguments.terrain;
   options.step = arguments.step;
   options.weld = arguments.weld;
   options.normal_bits = arguments.normal_bits;
@@ -254,6 +255,7 @@ Status Ingest(const IngestArguments& arguments) {
   MeshProducer read;
   if (raster != nullptr) {
     options.terrain = raster->terrain();
+    options.height_field = false;
     read = [&](MeshSink& sink) { return raster->Read(sink); };
   } else {
     MTDB_ASSIGN_OR_RETURN(inputs,

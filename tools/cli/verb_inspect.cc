@@ -74,7 +74,6 @@ void PrintRaster(const ObjectRecord& r) {
   }
   std::printf("  crs          %s\n",
               r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
-  std::printf("  errors       vertical: differences in height\n");
 }
 
 void PrintInfo(const ObjectRecord& r) {
@@ -91,6 +90,9 @@ void PrintInfo(const ObjectRecord& r) {
   } else {
     std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
                 r.rounding_error);
+  }
+  if (r.error_measure == ErrorMeasure::kVertical) {
+    std::printf("  errors       vertical: differences in height\n");
   }
   for (const VertexAttribute& a : r.attributes.attributes) {
     std::printf("  attribute    %s", a.name.c_str());

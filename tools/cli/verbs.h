@@ -29,6 +29,7 @@ struct IngestArguments {
   std::optional<double> step_z;  // rasters
   std::optional<uint32_t> fill;  // rasters
   bool lossless = false;
+  bool terrain = false;  // the meshes are height fields
   std::optional<double> weld;
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;

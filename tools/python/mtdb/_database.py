@@ -384,6 +384,7 @@ class Database(Mapping[str, Object]):
         resume: bool = False,
         height_step: Optional[float] = None,
         fill: int = 0,
+        terrain: bool = False,
         progress: Progress = None,
     ) -> Object:
         """Stores a mesh at every level of detail.
@@ -395,6 +396,7 @@ class Database(Mapping[str, Object]):
         lossless: float32 positions bit for bit; else they are rounded to a grid that suits the mesh,
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance.
         normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
+        terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
         so many columns and rows are closed.
         journal, resume: a file by which an ingest that was killed goes on.
@@ -402,7 +404,8 @@ class Database(Mapping[str, Object]):
         """
         with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
                     normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
-                    journal=journal, resume=resume, height_step=height_step, fill=fill) as ingest:
+                    journal=journal, resume=resume, height_step=height_step, fill=fill,
+                    terrain=terrain) as ingest:
             ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
@@ -521,7 +524,7 @@ class Ingest:
                  step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
                  journal: Optional[str], resume: bool, height_step: Optional[float],
-                 fill: int) -> None:
+                 fill: int, terrain: bool = False) -> None:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
@@ -539,7 +542,7 @@ class Ingest:
             steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
-            height_step=height_step or 0.0, fill=fill,
+            height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
         )
 
     def __enter__(self) -> "Ingest":

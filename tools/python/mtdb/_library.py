@@ -170,6 +170,7 @@ class IngestOptions(Sized):
         ("journal_path", Text),
         ("resume", C.c_int),
         ("height_step", C.c_double),
+        ("terrain", C.c_int),
         ("fill", C.c_uint32),
     ]
 

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a mesh is a height field seen along z: above each place it has one height, or none.
+#pragma once
+
+#include <cstdint>
+#include <queue>
+#include <set>
+#include <vector>
+
+#include "builder/internal/input_spool.h"
+#include "builder/internal/tile.h"
+#include "store/base/grid.h"
+#include "store/base/status.h"
+
+namespace mtdb::internal {
+
+struct FacesReport {
+  bool down = false;      // all faces look down: the mesh is to be turned over
+  double steepest = 0;    // the largest slope, height by distance
+  bool rounding = false;  // a face that looked up does so no more on the grid
+};
+// Looks at each face of the mesh on the grid, which has linear positions of at most 25 bits. All
+// must look up, or all down; kBadInput names the first place where one does not. Where the grid
+// alone is to blame, there is no error, but report.rounding.
+Result<FacesReport> LookAtFaces(const InputSpool& input, const Grid& grid, const SpoolSpace* space,
+                                size_t memory_bytes);
+// The error of report.rounding.
+Status FoldedByGrid(const Grid& grid);
+
+// The error of an edge with more than two faces.
+Status OverlappingFaces(uint64_t edges);
+
+// Whether faces that look up lie above each other. How many faces are above a place is how often
+// the surface's border winds around it; so the border alone is looked at, by a line that sweeps
+// from the least x to the largest (after Shamos and Hoey, 1976). Exact: positions are integers of
+// at most 25 bits. Corners that lie on another edge, and edges that lie on each other, are no
+// folds. Single thread.
+class BorderSweep {
+ public:
+  // Errors beyond so many bytes: kBudgetExceeded.
+  explicit BorderSweep(uint64_t memory_bytes) : memory_bytes_(memory_bytes) {}
+  // The triangle's border edges.
+  Status Add(const TileTriangle& triangle);
+  // After the last one. kBadInput names a place with two heights.
+  Status Check(const Grid& grid);
+
+ private:
+  struct Point {
+    int32_t x = 0, y = 0;
+    friend auto operator<=>(const Point&, const Point&) = default;
+  };
+  // An edge from the left to the right, that adds `winding` to the number of faces above places,
+  // from its right side to its left. An event at `from`; with winding 0 it is where one ends.
+  struct Edge {
+    Point from, to;
+    int32_t winding = 0;
+    mutable int32_t above = 0;  // faces on its left side
+  };
+  static int64_t Side(const Point& a, const Point& b, const Point& p);
+  struct Below {
+    using is_transparent = void;
+    bool operator()(const Edge& a, const Edge& b) const;
+    bool operator()(const Edge& a, const Point& p) const { return Side(a.from, a.to, p) > 0; }
+  };
+  struct Later {
+    bool operator()(const Edge& a, const Edge& b) const { return a.from > b.from; }
+  };
+  using Active = std::set<Edge, Below>;
+
+  void Cancel();
+  // Takes all events of the next point; the edges that begin there.
+  std::vector<Edge> TakeEvents(Point* at);
+  // Adds the edges that begin at a point, and looks at their neighbours. False: a fold there.
+  bool Begin(std::vector<Edge> edges, Active::iterator next, int32_t faces, Point* fold);
+  static bool Cross(const Edge& a, const Edge& b);
+  static Point Crossing(const Edge& a, const Edge& b);
+
+  const uint64_t memory_bytes_;
+  std::vector<Edge> edges_;
+  std::priority_queue<Edge, std::vector<Edge>, Later> events_;
+  Active active_;  // from below to above
+};
+
+}  // namespace mtdb::internal
