@@ -9,6 +9,7 @@
 #include "query/internal/probe_geometry.h"
 #include "query/internal/promise.h"
 #include "query/query_control.h"
+#include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -21,9 +22,9 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRoundUp = 1 + 1e-9;
 constexpr double kFall = 16;  // of the threshold from cut to cut
 
-Status CheckFinite(Vec3d v, const char* name) {
-  if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) return Status::Ok();
-  return InvalidArgument(std::string(name) + ": expected finite numbers");
+Status CheckNumbers(Vec3d v, const char* name) {
+  if (AreCoordinates(v)) return Status::Ok();
+  return InvalidArgument(std::string(name) + ": expected numbers from -1e30 to 1e30");
 }
 
 Status CheckOptions(const ProbeOptions& options) {
@@ -122,7 +123,7 @@ Result<std::optional<ProbeHit>> FirstHit(const TriangleMesh& mesh, const RayCast
 // next threshold of that. Were it not, because the errors of a damaged object lie, the ball would
 // meet nothing, and grows.
 Result<ProbeAnswer> ProbePoint(const Surface& surface, Vec3d point, const ProbeOptions& options) {
-  MTDB_RETURN_IF_ERROR(CheckFinite(point, "point"));
+  MTDB_RETURN_IF_ERROR(CheckNumbers(point, "point"));
   MTDB_RETURN_IF_ERROR(CheckOptions(options));
   const ObjectRecord& record = surface.record();
   double farthest2 = 0;
@@ -156,8 +157,8 @@ Result<ProbeAnswer> ProbePoint(const Surface& surface, Vec3d point, const ProbeO
 
 Result<ProbeAnswer> ProbeRay(const Surface& surface, Vec3d origin, Vec3d direction,
                              const ProbeOptions& options) {
-  MTDB_RETURN_IF_ERROR(CheckFinite(origin, "origin"));
-  MTDB_RETURN_IF_ERROR(CheckFinite(direction, "direction"));
+  MTDB_RETURN_IF_ERROR(CheckNumbers(origin, "origin"));
+  MTDB_RETURN_IF_ERROR(CheckNumbers(direction, "direction"));
   MTDB_RETURN_IF_ERROR(CheckOptions(options));
   const double longest =
       std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});

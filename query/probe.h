@@ -55,7 +55,7 @@ struct ProbeAnswer {
 //
 // How: it makes cuts at falling thresholds. The closest triangle of each cut bounds the ball in
 // which the next cut has to look, so that fine clusters are read only where the answer can be.
-// Memory: the triangles in a ball. Errors: kInvalidArgument (numbers that are not finite, a
+// Memory: the triangles in a ball. Errors: kInvalidArgument (numbers beyond 1e30 or NaN, a
 // negative or NaN limit), those of reading clusters. Safe for many threads.
 Result<ProbeAnswer> FindClosestPoint(const Surface& surface, Vec3d point,
                                      const ProbeOptions& options = {});

@@ -60,6 +60,7 @@ def test_windows_and_spacings(terrain: mtdb.Object) -> None:
     # Between two samples of a row the surface is straight.
     assert np.allclose(twice.heights[0, 1::2], (part.heights[0, 1:] + part.heights[0, :-1]) / 2)
     assert terrain.heights(window, (10, 5)).heights.shape == (21, 11)
+    assert same(terrain.heights(window, np.float32(5)).heights, twice.heights)  # type: ignore[arg-type]
     assert np.all(np.isnan(terrain.heights([0, 0, 20, 20]).heights))  # outside
     for bad in (dict(window=[1, 1, 2, 2]), dict(window=[1, 2]), dict(spacing=0), dict(error=-1),
                 dict(spacing=[1, 2, 3])):

@@ -372,6 +372,8 @@ TEST_CASE("Probes refuse what is no probe") {
     REQUIRE(answer.status().message().find(part) != std::string::npos);
   };
   refused(FindClosestPoint(surface, {nan, 0, 0}), "point");
+  refused(FindClosestPoint(surface, {0, 1e200, 0}), "point");  // no distance to it is finite
+  refused(CastRay(surface, {0, 0, -1e200}, {0, 0, 1}), "origin");
   refused(FindClosestPoint(surface, {0, 0, 0}, {.limit = -1}), "limit");
   refused(FindClosestPoint(surface, {0, 0, 0}, {.limit = nan}), "limit");
   refused(FindClosestPoint(surface, {0, 0, 0}, {.error_model = nan}), "error");

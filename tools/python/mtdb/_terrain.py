@@ -67,8 +67,8 @@ def _places(name: str, points: npt.ArrayLike) -> Floats:
 def heights(terrain: "Object", window: Optional[Sequence[float]],
             spacing: "float | Sequence[float] | None", error: Optional[float]) -> HeightGrid:
     within = None if window is None else _numbers("window", window, 4)
-    if isinstance(spacing, (int, float)):
-        spacing = (spacing, spacing)
+    if spacing is not None and np.ndim(spacing) == 0:
+        spacing = (float(spacing),) * 2  # type: ignore[arg-type]
     apart = None if spacing is None else _numbers("spacing", spacing, 2)
     raster, cost = L.Raster(), L.HeightCost()
     L.call("terrain_raster", terrain._handle, within, apart, C.byref(raster))
