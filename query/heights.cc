@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <string>
 
 #include "store/base/out_of_memory.h"
@@ -18,8 +17,6 @@ constexpr double kSlack = 1e-12;
 constexpr uint64_t kBandSamples = uint64_t{1} << 18;  // that are asked for at a time
 constexpr double kMostSide = 1 << 28;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-constexpr double kMetresOfADegree = 111'195;
 
 Status CheckTerrain(const Surface& surface, const HeightOptions& options) {
   if (!IsTerrain(surface.record())) {
@@ -270,14 +267,6 @@ Result<std::vector<double>> SampleRows(const Surface& surface, const HeightRaste
 
 bool IsTerrain(const ObjectRecord& record) {
   return record.error_measure == ErrorMeasure::kVertical;
-}
-
-std::array<double, 2> MetresOfUnit(const ObjectRecord& record) {
-  const std::string& crs = record.georeference;
-  if (!record.raster || !(crs.starts_with("GEOG") || crs.starts_with("GEODCRS"))) return {1, 1};
-  const double latitude = (record.bounds.min.y + record.bounds.max.y) / 2;
-  const double shrunk = std::max(std::cos(latitude * std::numbers::pi / 180), 1e-3);
-  return {kMetresOfADegree * shrunk, kMetresOfADegree};
 }
 
 Result<HeightAnswer> FindHeight(const Surface& surface, double x, double y,

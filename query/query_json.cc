@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "query/heights.h"
 #include "query/internal/json_value.h"
 #include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
@@ -26,17 +27,23 @@ constexpr int kLargestViewport = 1 << 20;
 
 double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
+// What is the same for all of a query.
+struct Reading {
+  int parts = 0;             // regions and thresholds so far
+  Vec3d metres = {1, 1, 1};  // places are multiplied by it, and what is made of them is scaled back
+};
+
 // A value and where it is.
 struct Node {
   const JsonValue& json;
   std::string path;
-  int* parts;  // regions and thresholds of the query so far
+  Reading* reading;
 
   Node operator[](const char* key) const {
-    return {json.at(key), (path.empty() ? "" : path + ".") + key, parts};
+    return {json.at(key), (path.empty() ? "" : path + ".") + key, reading};
   }
   Node operator[](size_t i) const {
-    return {json.at(i), path + "[" + std::to_string(i) + "]", parts};
+    return {json.at(i), path + "[" + std::to_string(i) + "]", reading};
   }
   bool has(const char* key) const { return json.contains(key); }
 };
@@ -114,7 +121,13 @@ Result<std::vector<double>> Numbers(const Node& node, size_t count, const char* 
 
 Result<Vec3d> Point(const Node& node) {
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(node, 3, "[x, y, z]"));
-  return Vec3d{n[0], n[1], n[2]};
+  return Scaled({n[0], n[1], n[2]}, node.reading->metres);
+}
+
+// [x, y]
+Result<std::array<double, 2>> PointInPlane(const Node& node) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(node, 2, "[x, y]"));
+  return std::array<double, 2>{n[0] * node.reading->metres.x, n[1] * node.reading->metres.y};
 }
 
 // Long enough to be divided by its length.
@@ -156,6 +169,9 @@ Result<HalfSpace> HalfSpaceOf(const Node& node) {
   HalfSpace h;
   MTDB_ASSIGN_OR_RETURN(h.point, Point(node["point"]));
   MTDB_ASSIGN_OR_RETURN(h.normal, Direction(node["normal"]));
+  // The same plane: what a direction is multiplied by, a normal is divided by.
+  const Vec3d m = node.reading->metres;
+  h.normal = Scaled(h.normal, {1 / (m.x * m.x), 1 / (m.y * m.y), 1 / (m.z * m.z)});
   return h;
 }
 
@@ -253,9 +269,8 @@ Result<RegionPtr> FrustumShadowOf(const Node& node, int) {
 
 Result<RegionPtr> WedgeOf(const Node& node, int) {
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {"apex", "direction", "angle"}, {"near", "far"}));
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> apex, Numbers(node["apex"], 2, "[x, y]"));
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> direction,
-                        Numbers(node["direction"], 2, "[x, y]"));
+  MTDB_ASSIGN_OR_RETURN(const auto apex, PointInPlane(node["apex"]));
+  MTDB_ASSIGN_OR_RETURN(const auto direction, PointInPlane(node["direction"]));
   Wedge wedge{apex[0], apex[1], direction[0], direction[1]};
   if (std::max(std::abs(direction[0]), std::abs(direction[1])) < 1e-30) {
     return Wrong(node["direction"], "expected a direction, found one without length");
@@ -271,8 +286,8 @@ Result<RegionPtr> PrismOf(const Node& node, int) {
   MTDB_RETURN_IF_ERROR(CheckList(corners, 3, "corners [x, y]"));
   std::vector<std::array<double, 2>> polygon;
   for (size_t i = 0; i < corners.json.size(); ++i) {
-    MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, Numbers(corners[i], 2, "[x, y]"));
-    polygon.push_back({n[0], n[1]});
+    MTDB_ASSIGN_OR_RETURN(const auto corner, PointInPlane(corners[i]));
+    polygon.push_back(corner);
   }
   double min_z = -std::numeric_limits<double>::infinity();
   double max_z = std::numeric_limits<double>::infinity();
@@ -377,7 +392,7 @@ Result<const Kind*> KindOf(const Node& node, const Kind (&kinds)[kCount], const 
 }
 
 Status CountPart(const Node& node) {
-  if (++*node.parts <= kMostParts) return Status::Ok();
+  if (++node.reading->parts <= kMostParts) return Status::Ok();
   return Wrong(node, "a query has at most " + std::to_string(kMostParts) +
                          " regions and thresholds, those within others counted");
 }
@@ -509,20 +524,22 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   return kind->parse(node[kind->name], diagonal, depth + 1);
 }
 
-Result<Query> ReadQuery(std::string_view text, double diagonal) {
+Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {1, 1, 1}) {
   MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-  int parts = 0;
-  const Node node{json, "query", &parts};
-  const auto entry = [&](const char* key) { return Node{json.at(key), key, &parts}; };
+  Reading reading{0, metres};
+  const Node node{json, "query", &reading};
+  const auto entry = [&](const char* key) { return Node{json.at(key), key, &reading}; };
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
                                   "max_milliseconds", "clip", "normals", "available_only"}));
   Query query;
   if (node.has("region")) {
-    MTDB_ASSIGN_OR_RETURN(query.region, RegionOf(entry("region"), 0));
+    MTDB_ASSIGN_OR_RETURN(RegionPtr region, RegionOf(entry("region"), 0));
+    query.region = ScaledRegion(std::move(region), metres);
   }
   if (node.has("threshold")) {
-    MTDB_ASSIGN_OR_RETURN(query.threshold, ThresholdOf(entry("threshold"), diagonal, 0));
+    MTDB_ASSIGN_OR_RETURN(ThresholdPtr threshold, ThresholdOf(entry("threshold"), diagonal, 0));
+    query.threshold = ScaledThreshold(std::move(threshold), metres);
   }
   const auto count = [&](const char* key, std::optional<uint64_t>* value) -> Status {
     if (!node.has(key)) return Status::Ok();
@@ -557,27 +574,34 @@ Result<Query> ParseQuery(std::string_view text, double diagonal) {
   return CatchOutOfMemory([&] { return ReadQuery(text, diagonal); });
 }
 
+Result<Query> ParseQuery(std::string_view text, const ObjectRecord& record) {
+  const std::array<double, 2> metres = MetresOfUnit(record);
+  return CatchOutOfMemory([&] {
+    return ReadQuery(text, record.diagonal(), {metres[0], metres[1], 1});
+  });
+}
+
 Result<RegionPtr> ParseRegion(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<RegionPtr> {
     MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    int parts = 0;
-    return RegionOf({json, "region", &parts}, 0);
+    Reading reading;
+    return RegionOf({json, "region", &reading}, 0);
   });
 }
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
   return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
     MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    int parts = 0;
-    return ThresholdOf({json, "threshold", &parts}, diagonal, 0);
+    Reading reading;
+    return ThresholdOf({json, "threshold", &reading}, diagonal, 0);
   });
 }
 
 Result<Camera> ParseCamera(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<Camera> {
     MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    int parts = 0;
-    return CameraOf({json, "camera", &parts});
+    Reading reading;
+    return CameraOf({json, "camera", &reading});
   });
 }
 

@@ -109,4 +109,10 @@ RegionPtr IntersectionRegion(std::vector<RegionPtr> regions);
 // What lies outside of `region`, and its border. Answers are as exact as those of `region`.
 RegionPtr ComplementRegion(RegionPtr region);
 
+inline Vec3d Scaled(Vec3d p, Vec3d scale) { return {p.x * scale.x, p.y * scale.y, p.z * scale.z}; }
+// The points p of which Scaled(p, scale) lies in `region`; scales are above 0. Distances are asked
+// after scaling: so it is for terrains, whose errors are heights, and scale.z is 1. Null stays
+// null, and a scale of 1, 1, 1 changes nothing.
+RegionPtr ScaledRegion(RegionPtr region, Vec3d scale);
+
 }  // namespace mtdb

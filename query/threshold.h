@@ -113,4 +113,7 @@ ThresholdPtr MinThreshold(std::vector<ThresholdPtr> thresholds);
 // smallest value around the triangle when not the same threshold is the largest everywhere there.
 ThresholdPtr MaxThreshold(std::vector<ThresholdPtr> thresholds);
 
+// At p what `threshold` is at Scaled(p, scale); as ScaledRegion.
+ThresholdPtr ScaledThreshold(ThresholdPtr threshold, Vec3d scale);
+
 }  // namespace mtdb

@@ -58,7 +58,7 @@ class BorderSweep {
   };
   static int64_t Side(const Point& a, const Point& b, const Point& p);
   struct Below {
-    using is_transparent = void;
+    using is_transparent = void;  // NOLINT(readability-identifier-naming)
     bool operator()(const Edge& a, const Edge& b) const;
     bool operator()(const Edge& a, const Point& p) const { return Side(a.from, a.to, p) > 0; }
   };

@@ -623,38 +623,132 @@ TEST_CASE("a picture of a terrain in degrees shows it as long and as wide as it 
   const double ratio = static_cast<double>(std::min(columns.size(), rows.size())) /
                        static_cast<double>(std::max(columns.size(), rows.size()));
   CHECK(ratio == Approx(0.5).margin(0.04));
-  RunFails(1,
-           {"render", store, folder.File("e.png"), "--eye", "7,59,900", "--target", "7,60,0",
-            "--frustum"},
-           {"degrees"});
+  RunOk({"render", store, folder.File("e.png"), "--eye", "7.5,59,900", "--target", "7.5,60.5,0",
+         "--frustum", "--pixels", "2", "--size", "120x90"});
+}
+
+// A terrain in degrees, and the same one in metres.
+struct TwoUnits {
+  Folder folder;
+  static constexpr uint32_t kSide = 61;
+  // A degree is 111,195 m along y, and cos 60.5 of that along x.
+  const double metres = 111195 * std::cos(60.5 * std::numbers::pi / 180);
+
+  TwoUnits() {
+    const std::vector<double> heights = MakeHeights(kSide, kSide, 4);
+    WriteHgt(folder.File("N60E007.hgt"), heights);
+    char header[200];
+    std::snprintf(header, sizeof(header),
+                  "ncols 61\nnrows 61\nxllcenter 0\nyllcenter 0\ndx %.12g\ndy %.12g\n"
+                  "NODATA_value -9999\n",
+                  metres / 60, 111195.0 / 60);
+    WriteGrid(folder.File("m.asc"), header, kSide, heights);
+    RunOk({"ingest", folder.File("N60E007.hgt"), folder.File("d.mtdb")});
+    RunOk({"ingest", folder.File("m.asc"), folder.File("m.mtdb")});
+  }
+  std::string Store(bool degrees) const { return folder.File(degrees ? "d.mtdb" : "m.mtdb"); }
+  // Of parts of the tile's sides, and metres of height.
+  std::string Place(double x, double y, double z, bool degrees) const {
+    return Flat(x, y, degrees) + "," + std::to_string(z);
+  }
+  std::string Flat(double x, double y, bool degrees) const {
+    char text[100];
+    std::snprintf(text, sizeof(text), "%.12g,%.12g", degrees ? x + 7 : x * metres,
+                  degrees ? y + 60 : y * 111195);
+    return text;
+  }
+};
+
+TEST_CASE("queries over degrees are those over metres: lengths are metres", "[cli]") {
+  const TwoUnits t;
+  const std::string query = t.folder.File("q.json");
+  const auto triangles = [&](bool degrees, const std::function<std::string(bool)>& text) {
+    WriteText(query, text(degrees));
+    RunOk({"extract", t.Store(degrees), t.folder.File("x.ply"), "--query", query});
+    const TriangleMesh mesh = ReadMesh(t.folder.File("x.ply"));
+    std::vector<double> heights;
+    for (const Vec3d& p : mesh.positions) heights.push_back(p.z);
+    std::sort(heights.begin(), heights.end());
+    return std::pair{mesh.triangles.size(), heights};
+  };
+  const auto at = [&](double x, double y, double z, bool d) {
+    return "[" + t.Place(x, y, z, d) + "]";
+  };
+  // A direction in parts of the tile.
+  const auto along = [&](double x, double y, bool d) {
+    return std::to_string(d ? x : x * t.metres) + "," + std::to_string(d ? y : y * 111195);
+  };
+  using Text = std::function<std::string(bool)>;
+  const std::string linear = R"({"linear": {"point": )";
+  const auto camera = [&](bool d) {
+    return R"({"eye": )" + at(0.2, -0.1, 6000, d) + R"(, "target": )" + at(0.6, 0.7, 500, d) +
+           R"(, "fov": 30, "viewport": [400, 300], "far": 60000})";
+  };
+  const std::vector<Text> regions{
+      [&](bool d) {
+        return R"({"sphere": {"centre": )" + at(0.4, 0.6, 700, d) + R"(, "radius": 9000}})";
+      },
+      [&](bool d) { return R"({"frustum": )" + camera(d) + "}"; },
+      [&](bool d) {
+        return R"({"tube": {"line": [)" + at(0.1, 0.2, 800, d) + "," + at(0.8, 0.6, 800, d) +
+               R"(], "radius": 3000}})";
+      },
+      [&](bool d) {
+        return R"({"wedge": {"apex": [)" + t.Flat(0.3, 0.2, d) + R"(], "direction": [)" +
+               along(1, 1, d) + R"(], "angle": 40, "far": 40000}})";
+      },
+      [&](bool d) {
+        return R"({"box": {"min": )" + at(0.21, 0.33, 0, d) + R"(, "max": )" +
+               at(0.47, 0.52, 2000, d) + "}}";
+      },
+      [&](bool d) {
+        return R"({"prism": {"polygon": [[)" + t.Flat(0.1, 0.15, d) + "],[" + t.Flat(0.7, 0.25, d) +
+               "],[" + t.Flat(0.3, 0.8, d) + "]]}}";
+      },
+      // The plane is the same: where directions are longer, normals are shorter.
+      [&](bool d) {
+        return R"({"outside": {"half_space": {"point": )" + at(0.5, 0.5, 0, d) +
+               R"(, "normal": [)" + std::to_string(d ? 1 : 1e5 / t.metres) + "," +
+               std::to_string(d ? 0.5 : 0.5e5 / 111195) + ", 0]}}}";
+      },
+  };
+  const std::vector<Text> thresholds{
+      [](bool) { return "5"; },
+      [&](bool d) { return linear + at(0.3, 0.3, 700, d) + R"(, "base": 1, "slope": 0.002}})"; },
+      [&](bool d) { return R"({"screen": {"pixels": 1.5, "camera": )" + camera(d) + "}}"; },
+  };
+  std::set<size_t> sizes;
+  for (const Text& region : regions) {
+    for (const Text& threshold : thresholds) {
+      const Text text = [&](bool d) {
+        return R"({"region": )" + region(d) + R"(, "threshold": )" + threshold(d) + "}";
+      };
+      CAPTURE(text(true));
+      const auto found = triangles(true, text);
+      CHECK(found == triangles(false, text));
+      sizes.insert(found.first);
+    }
+  }
+  CHECK(sizes.size() > 12);
+  // Options say the same as JSON.
+  const auto seen = [&](bool d) {
+    return RunJson({"extract", t.Store(d), t.folder.File("o.ply"), "--pixels", "1", "--frustum",
+                    "--eye=" + t.Place(0.2, -0.1, 6000, d),
+                    "--target=" + t.Place(0.6, 0.7, 500, d)})
+        .at("triangles");
+  };
+  CHECK(seen(true) == seen(false));
+  CHECK(seen(true) > 100);
 }
 
 TEST_CASE("a terrain in degrees looks from --eye as the same terrain in metres does", "[cli]") {
-  const Folder folder;
-  constexpr uint32_t kSide = 61;
-  const std::vector<double> heights = MakeHeights(kSide, kSide, 4);
-  WriteHgt(folder.File("N60E007.hgt"), heights);
-  // A degree is 111,195 m along y, and cos 60.5 of that along x.
-  char header[200];
-  std::snprintf(header, sizeof(header),
-                "ncols 61\nnrows 61\nxllcenter 0\nyllcenter 0\ndx %.12g\ndy %.12g\n"
-                "NODATA_value -9999\n",
-                111195 * std::cos(60.5 * std::numbers::pi / 180) / 60, 111195.0 / 60);
-  WriteGrid(folder.File("m.asc"), header, kSide, heights);
-  RunOk({"ingest", folder.File("N60E007.hgt"), folder.File("d.mtdb")});
-  RunOk({"ingest", folder.File("m.asc"), folder.File("m.mtdb")});
-  const double metres = 111195 * std::cos(60.5 * std::numbers::pi / 180);
-  const auto place = [&](double x, double y, double z, bool degrees) {
-    char text[100];
-    std::snprintf(text, sizeof(text), "%.12g,%.12g,%g", degrees ? x + 7 : x * metres,
-                  degrees ? y + 60 : y * 111195, z);
-    return std::string(text);
-  };
+  const TwoUnits t;
   const auto picture = [&](bool degrees, const std::string& exaggerate) {
-    const std::string path = folder.File(degrees ? "d.png" : "m.png");
-    RunOk({"render", folder.File(degrees ? "d.mtdb" : "m.mtdb"), path, "--size", "120x90",
-           "--eye=" + place(0.5, -0.5, 40000, degrees), "--target=" + place(0.5, 0.5, 500, degrees),
-           "--exaggerate", exaggerate, "--no-legend"});
+    const std::string path = t.folder.File(degrees ? "d.png" : "m.png");
+    RunOk({"render", t.Store(degrees), path, "--size", "120x90",
+           "--eye=" + t.Place(0.5, -0.5, 40000, degrees),
+           "--target=" + t.Place(0.5, 0.5, 500, degrees), "--exaggerate", exaggerate,
+           "--no-legend"});
     png_image png{};
     png.version = PNG_IMAGE_VERSION;
     REQUIRE(png_image_begin_read_from_file(&png, path.c_str()) != 0);
@@ -673,11 +767,11 @@ TEST_CASE("a terrain in degrees looks from --eye as the same terrain in metres d
   const std::vector<uint8_t> high = picture(true, "8");
   CHECK(difference(high, picture(false, "8")) < 0.5);
   CHECK(difference(flat, high) > 2);
-  const Json info = RunJson({"info", folder.File("d.mtdb")});
+  const Json info = RunJson({"info", t.Store(true)});
   CHECK(info.at("objects").at(0).at("raster").at("metres_of_unit").at(1) == 111195);
   CHECK(info.at("objects").at(0).at("raster").at("metres_of_unit").at(0).get<double>() ==
-        Approx(metres));
-  CHECK_THAT(RunOk({"render", folder.File("d.mtdb"), folder.File("map.png"), "--size", "80x80"}),
+        Approx(t.metres));
+  CHECK_THAT(RunOk({"render", t.Store(true), t.folder.File("map.png"), "--size", "80x80"}),
              Catch::Contains("colours: height in m"));
 }
 

@@ -77,7 +77,7 @@ TEST_CASE("all ways of asking tell the same bound and the same shortfall", "[cli
       const std::string query = "{" + region + rest + "}";
       INFO(query);
       WriteText(file, query);
-      const Query parsed = ParseQuery(query, surface->record().diagonal()).value();
+      const Query parsed = ParseQuery(query, surface->record()).value();
       const ExtractStats stats = surface->Select(parsed)->stats();
       const Json expected = Said(stats.error_bound, stats.shortfall);
       (stats.shortfall.any() ? unmet : met) += 1;

@@ -76,7 +76,7 @@ class LocalObject {
       : surface_(*Surface::Open(*(*Database::Open(store))->OpenObject(name))) {}
   const ObjectRecord& record() const { return surface_->record(); }
   std::multiset<Corners> Extract(const std::string& text, ExtractStats* stats = nullptr) const {
-    const auto query = ParseQuery(text, surface_->record().diagonal());
+    const auto query = ParseQuery(text, surface_->record());
     REQUIRE(query.ok());
     TriangleMesh mesh;
     TriangleMeshSink sink(&mesh);

@@ -356,8 +356,7 @@ mtdb_code mtdb_query_set_json(mtdb_query* query, const mtdb_object* object, cons
                               mtdb_error* error) {
   return Set(query, error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
-    MTDB_ASSIGN_OR_RETURN(mtdb::Query parsed,
-                          mtdb::ParseQuery(json, object->surface->record().diagonal()));
+    MTDB_ASSIGN_OR_RETURN(mtdb::Query parsed, mtdb::ParseQuery(json, object->surface->record()));
     mtdb_query taken;
     if (parsed.region != nullptr) taken.regions.push_back(std::move(parsed.region));
     if (parsed.threshold != nullptr) taken.thresholds.push_back(std::move(parsed.threshold));

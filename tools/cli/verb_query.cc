@@ -76,7 +76,7 @@ Status ExtractVerb(const QueryArguments& arguments) {
       CreateMeshFileWriter(
           standard ? "standard output." + arguments.output_format : arguments.output, write));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));

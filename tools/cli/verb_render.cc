@@ -40,8 +40,6 @@ Vec3d PictureScale(const ObjectRecord& record, const QueryArguments& arguments) 
   return {unit[0], unit[1], arguments.exaggerate};
 }
 
-Vec3d Scaled(Vec3d p, Vec3d scale) { return {p.x * scale.x, p.y * scale.y, p.z * scale.z}; }
-
 void Stretch(Vec3d scale, TriangleMesh* mesh) {
   for (Vec3d& p : mesh->positions) p = Scaled(p, scale);
 }
@@ -145,13 +143,8 @@ Status RenderVerb(const QueryArguments& arguments) {
   if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
     return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
   }
-  if (scale.x != 1 && (arguments.query.frustum || arguments.query.pixels)) {
-    return Unsupported(surface->record().name +
-                       ": is a terrain in degrees, where --frustum and --pixels would mix degrees "
-                       "with heights; --eye draws at metres, --error and --box say what");
-  }
   DrawAsMap(arguments, surface->record(), &options);
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
   TriangleMesh mesh, reference;
   TriangleMeshSink sink(&mesh), reference_sink(&reference);

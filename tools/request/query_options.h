@@ -18,8 +18,8 @@ namespace mtdb {
 using QueryJson = Json;
 
 // As ParseQuery.
-inline Result<Query> QueryFromJson(const QueryJson& json, double diagonal) {
-  return ParseQuery(json.dump(), diagonal);
+inline Result<Query> QueryFromJson(const QueryJson& json, const ObjectRecord& record) {
+  return ParseQuery(json.dump(), record);
 }
 
 // The value of a text that is a query. Errors: those of ParseQuery.

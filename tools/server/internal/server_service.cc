@@ -297,7 +297,7 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
                                          ServerCall& call) {
   if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
-  MTDB_ASSIGN_OR_RETURN(Query query, QueryFromJson(request.query, surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(Query query, QueryFromJson(request.query, surface->record()));
   query.control = &call.control;
   ServerAnswer answer;
   MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::Create(folder_));
@@ -512,7 +512,7 @@ ServerService::SessionOutcome ServerService::Update(OpenedSession& opened,
   SessionOutcome outcome;
   const auto update = [&]() -> Result<ServerSession::End> {
     if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
-    MTDB_ASSIGN_OR_RETURN(Query query, ParseQuery(request.query, record.diagonal()));
+    MTDB_ASSIGN_OR_RETURN(Query query, ParseQuery(request.query, record));
     if (query.normals) {
       return InvalidArgument("normals: a session's client makes them itself; leave it out");
     }

@@ -288,7 +288,7 @@ Status UpdateOnce() {
 
 Status Update(double milliseconds) {
   if (std::string text = Input(); text != state.query_text || text.empty()) {
-    MTDB_ASSIGN_OR_RETURN(state.query, ParseQuery(text, state.surface->record().diagonal()));
+    MTDB_ASSIGN_OR_RETURN(state.query, ParseQuery(text, state.surface->record()));
     state.query_text = std::move(text);
     state.clips = false;
   }
@@ -331,7 +331,7 @@ Status Cast() {
 }
 
 Status Extract() {
-  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(Input(), state.surface->record().diagonal()));
+  MTDB_ASSIGN_OR_RETURN(const Query query, ParseQuery(Input(), state.surface->record()));
   return WhileAnswered([&]() -> Status {
     state.extracted = {};
     TriangleMeshSink sink(&state.extracted);
