@@ -619,6 +619,22 @@ TEST_CASE("a server that is told to stop ends its sessions", "[server]") {
   CHECK(server.errors().empty());
 }
 
+TEST_CASE("a server that stops tells of running queries only when there are any", "[server]") {
+  ServerProcess server(TheExample().store, {"--grace", "0"});
+  RawSession running(server.port(), kSession);
+  CHECK(running.ReceiveText().contains("hello"));
+  running.Send(TextFrame(QueryMessage(4, SlowQuery())));
+  REQUIRE(server.Reaches("mtdb_queries_running", 1));
+  server.Signal(SIGTERM);
+  CHECK(running.ReceiveText().at("code") == "shutting_down");
+  // The query is over. The server wakes when all the time is, too, and the client has not closed.
+  server.Signal(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::milliseconds(2500));
+  server.Signal(SIGCONT);
+  CHECK(server.Finish().exit_code == 0);
+  CHECK(server.errors().empty());
+}
+
 TEST_CASE("a server that is told to stop takes no more queries", "[server]") {
   ServerProcess server(TheExample().store, {"--grace", "600"});
   RawSession running(server.port(), kSession);

@@ -104,6 +104,7 @@ class Server {
   void Tick();
   void Stop(double grace_seconds);
   void Abort();
+  [[noreturn]] static void LeaveProcess(const ServerMetrics& metrics);
 
   ServerLoop loop_;
   FreedMemory freed_memory_{loop_.catalog};
@@ -151,15 +152,23 @@ Status Server::Run(const std::function<void(const std::string& url)>& listening,
     }
     const Clock::time_point now = Clock::now();
     if (loop_.stopping && !loop_.aborting && (told() > 1 || now > abort_at_)) Abort();
-    if (orders == nullptr && loop_.aborting && now > leave_at_) {
-      // They have nothing that must not be lost.
-      std::fprintf(stderr, "mtdb: %llu running queries did not stop in time; left them\n",
-                   static_cast<unsigned long long>(loop_.metrics().query_jobs.running));
-      std::fflush(nullptr);
-      std::_Exit(0);
+    if (loop_.aborting && now > leave_at_) {
+      if (orders == nullptr) LeaveProcess(loop_.metrics());
+      Abort();  // whose client has not taken the last words by now is dropped
     }
   }
   return Status::Ok();
+}
+
+// Neither queries that still run nor clients hold anything that must not be lost.
+void Server::LeaveProcess(const ServerMetrics& metrics) {
+  const uint64_t running = metrics.query_jobs.running + metrics.catalog_jobs.running;
+  if (running > 0) {
+    std::fprintf(stderr, "mtdb: %llu running queries did not stop in time; left them\n",
+                 static_cast<unsigned long long>(running));
+  }
+  std::fflush(nullptr);
+  std::_Exit(0);
 }
 
 void Server::Step() {
