@@ -35,6 +35,12 @@ class RangeReader {
   virtual Ticket Read(ByteRange range, Answer answer) = 0;
   // Nobody wants the answer any more. It may come nevertheless. Does not wait.
   virtual void Cancel(Ticket ticket) { static_cast<void>(ticket); }
+  // What came of the range is not what the file should have. Copies of it that are kept go; true
+  // when there were any, so that asking once more may bring other bytes.
+  virtual bool Forget(ByteRange range) {
+    static_cast<void>(range);
+    return false;
+  }
   // Whether name() leads to another file by now, or to none; of a URL, whether an answer said so.
   virtual bool IsOutdated() const { return false; }
   // True when Read answers during the call.

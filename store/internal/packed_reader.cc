@@ -9,22 +9,39 @@
 
 namespace mtdb::internal {
 
+namespace {
+
+// Reads the range for `take`; once more when it was damaged, and a copy.
+template <typename Take>
+Status ReadChecked(RangeReader& ranges, ByteRange range, Take&& take) {
+  for (bool again = false;; again = true) {
+    MTDB_ASSIGN_OR_RETURN(const Bytes bytes, ReadRange(ranges, range));
+    const Status status = take(ByteSpan(bytes));
+    if (status.code() != StatusCode::kCorrupt || !ranges.Forget(range) || again) return status;
+  }
+}
+
+}  // namespace
+
 Result<std::shared_ptr<PackedFile>> PackedFile::Open(std::shared_ptr<RangeReader> ranges) {
   std::shared_ptr<PackedFile> file(new PackedFile(std::move(ranges)));
   RangeReader& reader = *file->ranges_;
   const std::string& name = reader.name();
   const uint64_t first = std::min(reader.size(), kPackedFirstRead);
-  MTDB_ASSIGN_OR_RETURN(Bytes head, ReadRange(reader, {0, first}));
-  MTDB_ASSIGN_OR_RETURN(file->header_, DecodePackedHeader(head, reader.size(), name));
-  const ByteRange range{kPackedHeaderBytes, file->header_.directory_bytes};
-  Bytes directory;
-  if (range.offset + range.bytes <= head.size()) {
-    directory.assign(head.begin() + static_cast<ptrdiff_t>(range.offset),
-                     head.begin() + static_cast<ptrdiff_t>(range.offset + range.bytes));
-  } else {
-    MTDB_ASSIGN_OR_RETURN(directory, ReadRange(reader, range));
-  }
-  MTDB_ASSIGN_OR_RETURN(file->objects_, DecodePackedDirectory(directory, file->header_, name));
+  const auto take_directory = [&](ByteSpan directory) -> Status {
+    MTDB_ASSIGN_OR_RETURN(file->objects_, DecodePackedDirectory(directory, file->header_, name));
+    return Status::Ok();
+  };
+  bool has_directory = false;
+  MTDB_RETURN_IF_ERROR(ReadChecked(reader, {0, first}, [&](ByteSpan head) -> Status {
+    MTDB_ASSIGN_OR_RETURN(file->header_, DecodePackedHeader(head, reader.size(), name));
+    has_directory = kPackedHeaderBytes + file->header_.directory_bytes <= head.size();
+    if (!has_directory) return Status::Ok();
+    return take_directory(head.subspan(kPackedHeaderBytes, file->header_.directory_bytes));
+  }));
+  if (has_directory) return file;
+  MTDB_RETURN_IF_ERROR(
+      ReadChecked(reader, {kPackedHeaderBytes, file->header_.directory_bytes}, take_directory));
   return file;
 }
 
@@ -53,12 +70,17 @@ Result<std::shared_ptr<ClusterSource>> PackedSource::Open(std::shared_ptr<Packed
 
 Status PackedSource::ReadWholeIndex() {
   for (uint32_t p = 0; p < pages_.size(); ++p) {
-    const PackedPage& page = object_.pages[p];
-    MTDB_ASSIGN_OR_RETURN(const Bytes bytes, ReadRange(file_->ranges(), {page.offset, page.bytes}));
-    const MutexLock lock(mutex_);
-    MTDB_RETURN_IF_ERROR(PutPage(p, bytes));
+    MTDB_RETURN_IF_ERROR(ReadPage(p));
   }
   return Status::Ok();
+}
+
+Status PackedSource::ReadPage(uint32_t page) {
+  const PackedPage& entry = object_.pages[page];
+  return ReadChecked(file_->ranges(), {entry.offset, entry.bytes}, [&](ByteSpan bytes) {
+    const MutexLock lock(mutex_);
+    return PutPage(page, bytes);
+  });
 }
 
 // The first read has them, or most of them.
@@ -72,13 +94,7 @@ Status PackedSource::ReadFirstRows() {
       }
     }
     if (missing.empty()) return Status::Ok();
-    for (const uint32_t p : missing) {
-      const PackedPage& page = object_.pages[p];
-      MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
-                            ReadRange(file_->ranges(), {page.offset, page.bytes}));
-      const MutexLock lock(mutex_);
-      MTDB_RETURN_IF_ERROR(PutPage(p, bytes));
-    }
+    for (const uint32_t p : missing) MTDB_RETURN_IF_ERROR(ReadPage(p));
   }
 }
 
@@ -92,11 +108,11 @@ Status PackedSource::CheckRoot() const {
                  " root vertices, but the root pieces have " + std::to_string(most));
 }
 
-Result<Bytes> PackedSource::CheckPayload(UnitId unit, Bytes payload) const {
+Status PackedSource::CheckPayload(UnitId unit, ByteSpan payload) const {
   const UnitEntry& entry = index_.unit(unit);
   const PayloadLocation& location = index_.location(unit);
   if (Hash64(payload, UnitSeed(unit, entry.round, entry.hilbert)) == location.checksum) {
-    return payload;
+    return Status::Ok();
   }
   return Corrupt(place_ + ": " + UnitLabel(object_.record, unit) + ", offset " +
                  std::to_string(PackedOffset(location)) +
@@ -136,8 +152,7 @@ void PackedSource::Advance(const QuestionPtr& question, std::vector<Part>* wante
     wanted->push_back({{PackedOffset(location), location.length}, 0, question});
   }
   if (!missing.empty() || !question->there) return;
-  deliveries->push_back(
-      {question->receiver, unit, CheckPayload(unit, std::move(question->payload))});
+  deliveries->push_back({question->receiver, unit, std::move(question->payload)});
   std::erase(questions_, question);
 }
 
@@ -282,13 +297,14 @@ void PackedSource::Take(const RequestPtr& request, Result<Bytes> bytes, std::vec
     if (status.ok()) {
       const ByteSpan piece =
           ByteSpan(*bytes).subspan(part.range.offset - request->range.offset, part.range.bytes);
-      if (part.question == nullptr) {
-        status = PutPage(part.page, piece);
-        any_page = true;
-      } else {
-        part.question->payload.assign(piece.begin(), piece.end());
-        part.question->there = true;
+      bool again = false;
+      status = TakePart(part, piece, &again);
+      if (again) {
+        wanted->push_back(part);
+        wanted->back().again = true;
+        continue;
       }
+      any_page |= part.question == nullptr;
     }
     if (!status.ok()) Fail(status, part, deliveries);
   }
@@ -297,6 +313,19 @@ void PackedSource::Take(const RequestPtr& request, Result<Bytes> bytes, std::vec
   for (const QuestionPtr& q : open) {
     if (any_page || q->there) Advance(q, wanted, deliveries);
   }
+}
+
+Status PackedSource::TakePart(const Part& part, ByteSpan bytes, bool* again) {
+  const QuestionPtr& question = part.question;
+  const Status status =
+      question == nullptr ? PutPage(part.page, bytes) : CheckPayload(question->unit, bytes);
+  if (status.code() == StatusCode::kCorrupt) {
+    *again = file_->ranges().Forget(part.range) && !part.again;
+  } else if (status.ok() && question != nullptr) {
+    question->payload.assign(bytes.begin(), bytes.end());
+    question->there = true;
+  }
+  return status;
 }
 
 void PackedSource::FailAll(const Status& status) {

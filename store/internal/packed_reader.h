@@ -65,6 +65,7 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
     ByteRange range;
     uint32_t page = 0;
     QuestionPtr question;  // null: a page
+    bool again = false;    // what came first was damaged, and a copy
   };
   struct Request {
     ByteRange range;
@@ -83,7 +84,8 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
   Status ReadFirstRows();
   // Of rows that are there: that the root's vertices are in its pieces.
   Status CheckRoot() const;
-  Result<Bytes> CheckPayload(UnitId unit, Bytes payload) const;
+  Status CheckPayload(UnitId unit, ByteSpan payload) const;
+  Status ReadPage(uint32_t page);
 
   // With mutex_ held.
   // The pages that the question still needs, as far as one can tell now.
@@ -92,6 +94,8 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
                std::vector<Delivery>* deliveries);
   Status PutPage(uint32_t page, ByteSpan bytes);
   Status PutRow(UnitId unit, const PackedRow& row, VertexIndex first_vertex);
+  // What has come of the part. `again`: it has to be asked for once more.
+  Status TakePart(const Part& part, ByteSpan bytes, bool* again);
   void Fail(const Status& status, const Part& part, std::vector<Delivery>* deliveries);
 
   // Without.

@@ -25,6 +25,8 @@ namespace {
 constexpr uint64_t kBlocks = RangeCache::kSegmentBytes / RangeCache::kBlockBytes;
 constexpr uint64_t kHeaderBytes = kBlocks * sizeof(uint64_t);
 constexpr const char* kEnding = ".mtdbc";
+// The folder may be shared: nobody is waited for, and no link is followed.
+constexpr int kEntryFlags = O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
 // So much may be put between two looks at the folder; a part of the limit where that is small.
 constexpr uint64_t kMostBetweenTrims = 16 << 20;
 
@@ -71,8 +73,7 @@ std::string RangeCache::PathOf(const std::string& hash, uint64_t segment) const 
 }
 
 bool RangeCache::Get(const std::string& hash, uint64_t block, std::span<std::byte> bytes) {
-  const Descriptor file(
-      ::open(PathOf(hash, block / kBlocks).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  const Descriptor file(::open(PathOf(hash, block / kBlocks).c_str(), O_RDONLY | kEntryFlags));
   if (!file.is_open()) return false;
   const uint64_t at = block % kBlocks;
   uint64_t checksum = 0;
@@ -109,8 +110,8 @@ void RangeCache::Put(const std::string& hash, uint64_t first_block, ByteSpan byt
       const ByteSpan one = part.subspan(i, std::min<uint64_t>(kBlockBytes, part.size() - i));
       checksums.push_back(ChecksumOf(one, block + i / kBlockBytes));
     }
-    const Descriptor file(::open(PathOf(hash, block / kBlocks).c_str(),
-                                 O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+    const Descriptor file(
+        ::open(PathOf(hash, block / kBlocks).c_str(), O_RDWR | O_CREAT | kEntryFlags, 0600));
     if (!file.is_open()) return;
     // The checksums follow what they prove.
     if (!WriteFully(file.get(), kHeaderBytes + at * kBlockBytes, part.data(), part.size()) ||
@@ -119,6 +120,15 @@ void RangeCache::Put(const std::string& hash, uint64_t first_block, ByteSpan byt
       return;
     }
   }
+}
+
+bool RangeCache::Forget(const std::string& hash, ByteRange range) {
+  bool any = false;
+  for (uint64_t s = range.offset / kSegmentBytes; s * kSegmentBytes < range.offset + range.bytes;
+       ++s) {
+    any |= ::unlink(PathOf(hash, s).c_str()) == 0;
+  }
+  return any;
 }
 
 void RangeCache::Trim() {
@@ -168,6 +178,7 @@ class KeptRanges final : public RangeReader {
   uint64_t requests() const override { return inner_->requests(); }
   void Cancel(Ticket ticket) override { inner_->Cancel(ticket); }
   bool IsOutdated() const override { return inner_->IsOutdated(); }
+  bool Forget(ByteRange range) override { return kept_->cache->Forget(kept_->hash, range); }
 
   // What is there at the beginning and at the end of the range is taken from the cache; the rest is
   // asked for as one range, in whole blocks.

@@ -18,9 +18,10 @@ namespace mtdb::internal {
 // A file is known by the hash of its content, and has an entry for each 8 MiB of it that something
 // was read of: FOLDER/HASH-SEGMENT.mtdbc, the checksums of its blocks of 4 KiB (0: not there), then
 // the blocks, each where it lies in the segment, with holes between. A block is there when its
-// checksum says so, whoever wrote it and however far he came: what is damaged, half written or of
-// another file is not there, and is read again. Nothing is locked, and the entries that were used
-// last stay. Safe for many threads and processes.
+// checksum says so, whoever wrote it and however far he came: what is damaged or half written
+// is not there, and is read again. What was damaged when it came looks whole here; who finds that
+// it is not says so to Forget. Nothing is locked, and the entries that were used last stay. Safe
+// for many threads and processes.
 class RangeCache {
  public:
   static constexpr uint64_t kBlockBytes = 4 << 10;
@@ -34,6 +35,8 @@ class RangeCache {
   // Keeps whole blocks that follow each other, the last of which may be the file's last. What
   // cannot be kept (a full disk, no permission) is not.
   void Put(const std::string& hash, uint64_t first_block, ByteSpan bytes);
+  // Nothing of the segments of these bytes is there any more. False when nothing was.
+  bool Forget(const std::string& hash, ByteRange range);
 
  private:
   RangeCache(std::string folder, uint64_t limit_bytes)

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packed files and their URLs where the command line and the C interface take a store.
+#include <atomic>
+#include <filesystem>
+#include <string>
 #include <sys/stat.h>
 
 #include "tests/support/client_mesh_check.h"
@@ -239,6 +242,47 @@ TEST_CASE("what came of a URL is kept on disk, and need not come again") {
   const std::string file = large.folder.File("sculpture.ply");
   RunFails(1, {"info", files.url(), "--cache-dir", file}, {"cannot keep ranges"});
   RunFails(2, {"info", files.url(), "--cache-dir-size", "1G"}, {"--cache-dir"});
+}
+
+TEST_CASE("what came damaged once is not kept for ever") {
+  const std::string right = ReadText(PackedExample());
+  const Folder folder;
+  const std::string out = folder.File("out.ply"), whole = folder.File("whole.ply");
+  RunOk({"extract", PackedExample(), whole});
+  std::atomic<uint64_t> wrong{0};  // the byte that comes damaged; 0: none
+  const FileServer files(
+      right, [&](const mtdb::testing::FileRequest& request, mtdb::testing::FileReply* reply) {
+        if (wrong == 0 || wrong < request.first || wrong >= request.first + reply->body.size())
+          return;
+        char& byte = reply->body[wrong - request.first];
+        byte = static_cast<char>(byte ^ 0x10);
+      });
+  for (int i = 1; i < 24; ++i) {
+    wrong = right.size() * static_cast<size_t>(i) / 24;
+    INFO("byte " << wrong);
+    const std::string kept = folder.File("kept" + std::to_string(i));
+    const Arguments arguments{"extract", files.url(), out, "--cache-dir", kept};
+    const Outcome damaged = Run(arguments);
+    CHECK(damaged.exit_code == 1);
+    CHECK_THAT(damaged.err, Catch::Contains("get the file anew"));
+    wrong = 0;
+    // From what is kept of it, and from the server.
+    RunOk(arguments);
+    CHECK(ReadText(out) == ReadText(whole));
+    std::filesystem::remove(out);
+  }
+}
+
+TEST_CASE("no entry of a folder of kept ranges is waited for") {
+  const Folder folder;
+  const FileServer files(ReadText(PackedExample()));
+  const std::string kept = folder.File("kept"), out = folder.File("out.ply");
+  RunOk({"extract", files.url(), out, "--cache-dir", kept});
+  for (const auto& entry : std::filesystem::directory_iterator(kept)) {
+    std::filesystem::remove(entry.path());
+    REQUIRE(::mkfifo(entry.path().c_str(), 0600) == 0);
+  }
+  RunOk({"extract", files.url(), out, "--cache-dir", kept});
 }
 
 TEST_CASE("the C interface opens URLs") {
