@@ -11,27 +11,6 @@ namespace {
 
 __extension__ using Wide = __int128;
 
-// Twice the area of abc: positive when it runs counter-clockwise. Differences below 2^30 give 62
-// bits.
-int64_t Turn(LatticePoint a, LatticePoint b, LatticePoint c) {
-  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-}
-
-// The determinant of the circle test has 4 k + 4 bits when differences are below 2^k.
-template <typename Number>
-int CircleSign(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
-  const auto row = [&](LatticePoint p) {
-    const auto x = static_cast<Number>(p.x - d.x);
-    const auto y = static_cast<Number>(p.y - d.y);
-    return std::array<Number, 3>{x, y, x * x + y * y};
-  };
-  const auto [ax, ay, aw] = row(a);
-  const auto [bx, by, bw] = row(b);
-  const auto [cx, cy, cw] = row(c);
-  const Number det = ax * (by * cw - bw * cy) - ay * (bx * cw - bw * cx) + aw * (bx * cy - by * cx);
-  return det > 0 ? 1 : det < 0 ? -1 : 0;
-}
-
 // True when every difference is below 2^14.
 bool IsNear(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
   const auto [least_x, most_x] = std::minmax({a.x, b.x, c.x, d.x});
@@ -102,20 +81,7 @@ bool IsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) 
   const int sign =
       IsNear(a, b, c, d) ? CircleSign<int64_t>(a, b, c, d) : CircleSign<Wide>(a, b, c, d);
   if (sign != 0) return sign > 0;
-  // The derivative of the determinant by the lift of a point is the turn of the three others; the
-  // largest point whose turn is not 0 decides (Devillers and Teillaud, Perturbations for Delaunay
-  // and weighted Delaunay 3D triangulations, 2011; here in the plane).
-  std::array<LatticePoint, 4> points{a, b, c, d};
-  std::sort(points.begin(), points.end());
-  for (size_t i = points.size(); i-- > 0;) {
-    if (points[i] == d) return false;  // lifted away; abc is not on a line
-    int64_t turn = 0;
-    if (points[i] == c) turn = Turn(a, b, d);
-    if (points[i] == b) turn = Turn(a, d, c);
-    if (points[i] == a) turn = Turn(d, b, c);
-    if (turn != 0) return turn > 0;
-  }
-  return false;
+  return TieIsInCircle(a, b, c, d);
 }
 
 // A ring edge is an edge of the Delaunay triangulation of what is left, so that no point beyond it

@@ -2,23 +2,14 @@
 // DelaunayFilling: the Delaunay triangulation of the ring, of height fields.
 #pragma once
 
-#include <cstdint>
-
 #include "builder/internal/filling_rule.h"
 #include "builder/internal/hole.h"
+#include "store/base/in_circle.h"
 
 namespace mtdb::internal {
 
-// A point of the lattice; differences are below 2^30.
-struct LatticePoint {
-  int64_t x = 0, y = 0;
-  friend auto operator<=>(const LatticePoint&, const LatticePoint&) = default;  // x, then y
-};
-
 // True when d lies inside the circle through a, b and c, which run counter-clockwise, all four
-// different. Exact. Of four points on a circle the symbolic perturbation decides (codecs/FORMAT.md,
-// "The Delaunay rule"): it is as if each point were lifted a little off the paraboloid, the
-// lexicographically largest by far the most.
+// different. Exact. Of four points on a circle the symbolic perturbation decides (TieIsInCircle).
 bool IsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d);
 
 // Fills a hole by the Delaunay triangulation of its ring, seen along z and constrained by the

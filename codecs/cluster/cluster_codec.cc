@@ -8,6 +8,7 @@
 
 #include "codecs/cluster/internal/cluster_payload.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
+#include "codecs/cluster/internal/lattice.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
 #include "codecs/coding/bit_stream.h"
@@ -50,13 +51,15 @@ class ClusterDecoder {
     float deviation;  // along n: slant(), or unevenness()
     uint32_t ring_class;
     uint32_t hole_size, least_code;
-    int32_t residual[3];
+    int32_t residual[3];  // along u and v: coordinates, when the lattice has them
   };
 
   Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
   Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
   Status DecodeGeneration();
   Status DecodeTopology(uint32_t generation_end);
+  Status DecodeLattice(uint32_t generation_end);
+  void KnowNode(const Patch::Hole& hole, bool boundary, uint32_t node);
   void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
   void PlaceVertices(std::span<const Vertex> vertices, uint32_t first);
   void DecodeRow(uint32_t node);
@@ -81,6 +84,7 @@ class ClusterDecoder {
   ClusterModels models_;
 
   std::optional<Patch> patch_;
+  std::optional<Lattice> lattice_;
   uint32_t slot_ = 0;             // the next one to visit
   uint32_t nodes_ = 0;            // with known holes
   std::vector<Vertex> vertices_;  // of the generation, and more
@@ -92,6 +96,7 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
   const uint64_t node_count = head.GetVarint();
   const uint64_t child_count = head.GetVarint();
   if (head.failed() || child_count > head.remaining()) return Corrupted("head: cut short");
+  if ((flags_ & kFlagLattice) && !flat()) return Corrupted("head: a lattice, but no height field");
   if (flags_ & ~kKnownFlags) return Corrupted("head: unknown flags " + std::to_string(flags_));
   if (reference_length_ > kMaxExponent) {
     return Corrupted("head: reference length " + std::to_string(reference_length_) +
@@ -115,6 +120,20 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
   }
   if (head.failed() || head.remaining() != 0) return Corrupted("head: wrong length");
   return Status::Ok();
+}
+
+// Keeps what is known of node `node`'s vertex before its position.
+[[gnu::always_inline]] inline void ClusterDecoder::KnowNode(const Patch::Hole& hole, bool boundary,
+                                                            uint32_t node) {
+  if (node - nodes_ == vertices_.size()) [[unlikely]] {
+    vertices_.resize(2 * vertices_.size() + 64);
+  }
+  Vertex& v = vertices_[node - nodes_];
+  v.frame.Set(*patch_, hole.slot_span(), hole.ring_span(), boundary, flat());
+  v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
+  v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(*patch_, hole.ring_span());
+  v.hole_size = hole.slot_count;
+  v.least_code = hole.least_code;
 }
 
 // Finds the nodes that are anchored below `generation_end`.
@@ -154,15 +173,7 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
       patch.OpenStar(hole);
     }
     // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
-    if (i - nodes_ == vertices_.size()) [[unlikely]] {
-      vertices_.resize(2 * vertices_.size() + 64);
-    }
-    Vertex& v = vertices_[i - nodes_];
-    v.frame.Set(patch, hole.slot_span(), hole.ring_span(), boundary, flat());
-    v.ring_class = static_cast<uint32_t>(PositionModel::RingClass(hole.ring_count, boundary));
-    v.deviation = scaled_by_error() ? v.frame.slant() : v.frame.unevenness(patch, hole.ring_span());
-    v.hole_size = hole.slot_count;
-    v.least_code = hole.least_code;
+    KnowNode(hole, boundary, i);
     c.ring_begin[i + 1] = ring_begin += hole.ring_count;
     c.hole_begin[i + 1] = hole_begin += hole.slot_count;
     c.star_begin[i + 1] = patch.slots();
@@ -174,10 +185,62 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
   return Status::Ok();
 }
 
+// Likewise, and where their vertices lie on the lattice.
+Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
+  Patch& patch = *patch_;
+  Cluster& c = cluster_;
+  uint32_t i = nodes_;
+  Patch::Hole hole{};
+  for (; slot_ < generation_end && i < node_count_; ++slot_) {
+    if (patch.remover(slot_) != kNone32) return Corrupted("a triangle is visited after its removal");
+    if (!CodeLatticeAnchor(topology_.lane<0>(), models_.lattice, patch, *lattice_, slot_, false)) {
+      if (lattice_->exhausted()) return Corrupted("lattice: more points than nodes allow");
+      continue;
+    }
+    if (topology_.overrun()) return Corrupted("topology: cut short");
+    MakeRoom(c.ring_vertices, c.ring_begin[i]);
+    MakeRoom(c.hole_slots, c.hole_begin[i]);
+    hole.ring = c.ring_vertices.data() + c.ring_begin[i];
+    hole.slots = c.hole_slots.data() + c.hole_begin[i];
+    if (!patch.WalkHole(slot_, i, hole, [&](uint32_t, uint32_t other, uint32_t) {
+          const uint32_t inside = lattice_->CountInside(patch, other);
+          const auto count = static_cast<uint32_t>(lattice_->candidates().size());
+          const bool take =
+              models_.lattice.CodeTake(topology_.lane<1>(), inside, count, false);
+          lattice_->Keep(take);
+          return take;
+        })) {
+      return Corrupted("hole of node " + std::to_string(i) + " is too large, or no disc");
+    }
+    lattice_->Exclude(patch, hole, slot_);
+    const std::span<const LatticePoint> left = lattice_->candidates();
+    if (left.empty()) return Corrupted("no point of the lattice fits node " + std::to_string(i));
+    const LatticePoint p = left[models_.lattice.CodeIndex(
+        topology_.lane<1>(), static_cast<uint32_t>(left.size()), 0)];
+    const uint32_t split = (flags_ & kFlagBoundary) ? lattice_->SplitEdge(hole, p) : kNone32;
+    if (split != kNone32) {
+      hole.Rotate(split);
+      patch.OpenStar(hole);
+    }
+    lattice_->AddVertex(p);
+    KnowNode(hole, split != kNone32, i);
+    const LatticePoint at = lattice_->ToGrid(p);
+    vertices_[i - nodes_].residual[0] = static_cast<int32_t>(at.x);
+    vertices_[i - nodes_].residual[1] = static_cast<int32_t>(at.y);
+    c.ring_begin[i + 1] = c.ring_begin[i] + hole.ring_count;
+    c.hole_begin[i + 1] = c.hole_begin[i] + hole.slot_count;
+    c.star_begin[i + 1] = patch.slots();
+    ++i;
+  }
+  nodes_ = i;
+  return Status::Ok();
+}
+
 void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) {
   RansDecoder<4> coder = vertex_stream_;
   BitReader bits = bits_;
   const bool within = scaled_by_error();
+  const bool on_lattice = lattice_.has_value();
   uint8_t code = first == 0 ? 0 : cluster_.error_codes[first - 1];
   uint8_t* codes = cluster_.error_codes.data() + first;
   for (Vertex& v : vertices) {
@@ -185,10 +248,12 @@ void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) 
     code = models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
     *codes++ = code;
     const uint32_t ring_class = v.ring_class;
-    v.residual[0] =
-        models_.positions.CodeScaled(coder.lane<1>(), bits, 0, ring_class, v.frame.variance_u(), 0);
-    v.residual[1] =
-        models_.positions.CodeScaled(coder.lane<2>(), bits, 1, ring_class, v.frame.variance_v(), 0);
+    if (!on_lattice) {
+      v.residual[0] = models_.positions.CodeScaled(coder.lane<1>(), bits, 0, ring_class,
+                                                   v.frame.variance_u(), 0);
+      v.residual[1] = models_.positions.CodeScaled(coder.lane<2>(), bits, 1, ring_class,
+                                                   v.frame.variance_v(), 0);
+    }
     v.residual[2] =
         within ? models_.positions.CodeWithin(coder.lane<3>(), bits, ring_class,
                                               kErrorInCells[code] * v.deviation, 0)
@@ -202,8 +267,9 @@ void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t fi
   uint32_t i = first;
   for (const Vertex& vertex : vertices) {
     const HoleFrame& f = vertex.frame;
-    const int32_t u = Sum(f.ExpectU(), vertex.residual[0]);
-    const int32_t v = Sum(f.ExpectV(u), vertex.residual[1]);
+    const bool known = lattice_.has_value();
+    const int32_t u = known ? vertex.residual[0] : Sum(f.ExpectU(), vertex.residual[0]);
+    const int32_t v = known ? vertex.residual[1] : Sum(f.ExpectV(u), vertex.residual[1]);
     const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
     Vec3i p;
     p[f.axis_u()] = u;
@@ -230,7 +296,7 @@ Status ClusterDecoder::DecodeGeneration() {
   const uint32_t first = nodes_;
   const uint32_t generation_end = patch_->slots();
   if (slot_ == generation_end) return Corrupted("fewer anchors than nodes");
-  MTDB_RETURN_IF_ERROR(DecodeTopology(generation_end));
+  MTDB_RETURN_IF_ERROR(lattice_ ? DecodeLattice(generation_end) : DecodeTopology(generation_end));
   // In blocks that stay in the processor's nearest cache.
   constexpr uint32_t kBlock = 64;
   for (uint32_t begin = first; begin < nodes_; begin += kBlock) {
@@ -298,6 +364,12 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
   patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat());
+  if (flags_ & kFlagLattice) {
+    lattice_ = Lattice::Make(*patch_, c.in.positions, n, (flags_ & kFlagBoundary) != 0);
+    if (!lattice_ || lattice_->exhausted()) {
+      return Corrupted("head: a lattice that is too large for its nodes");
+    }
+  }
 
   while (nodes_ < node_count_) MTDB_RETURN_IF_ERROR(DecodeGeneration());
   c.ring_vertices.resize(c.ring_begin[n]);

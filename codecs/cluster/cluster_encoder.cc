@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/internal/cluster_payload.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
+#include "codecs/cluster/internal/lattice.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
 #include "codecs/coding/cluster_model.h"
@@ -133,7 +135,8 @@ InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
 class Replay {
  public:
   Replay(const ClusterUpdates& updates, const Owners& owners, const AttributeLayout& attributes,
-         const InPatch& in, int reference_length, ClusterModels& models, ModelObserver* observer)
+         const InPatch& in, int reference_length, ClusterModels& models, ModelObserver* observer,
+         bool try_lattice)
       : topology(observer),
         patch(in.triangles, in.positions, reference_length, updates.nodes.size(),
               updates.is_height_field),
@@ -149,10 +152,14 @@ class Replay {
     codes.reserve(updates.nodes.size());
     rows_.reserve(updates.rows.size());
     for (const VertexIndex v : in.vertices) NumberVertex(static_cast<uint32_t>(v));
+    if (try_lattice) {
+      lattice = Lattice::Make(patch, in.positions, updates.nodes.size(), any_boundary);
+    }
   }
 
-  // `in_triangles`: slot by slot.
-  void Run(std::span<const uint32_t> in_triangles);
+  // `in_triangles`: slot by slot. Returns false when the lattice does not tell the holes, as with
+  // updates that were not made by the Delaunay rule.
+  bool Run(std::span<const uint32_t> in_triangles);
 
   std::vector<uint32_t> node_order;     // stored node -> ClusterUpdates::nodes
   std::vector<uint32_t> slot_triangle;  // slot -> ClusterUpdates::triangles
@@ -162,9 +169,12 @@ class Replay {
   RansEncoder attribute_stream;
   Patch patch;
   const bool any_boundary;
+  std::optional<Lattice> lattice;
 
  private:
-  void Insert(uint32_t slot, uint32_t i);
+  bool Insert(uint32_t slot, uint32_t i);
+  bool CodeTake(uint32_t count, uint32_t slot, uint32_t shape, bool take);
+  bool CodeVertex(uint32_t slot, const Patch::Hole& hole, Vec3i p, uint32_t split);
   uint32_t MatchStar(uint32_t i, const Patch::Hole& hole);
   void EncodeRow(uint32_t vertex, std::span<const uint32_t> ring);
   void NumberVertex(uint32_t vertex);
@@ -184,7 +194,7 @@ class Replay {
   std::vector<Vec3i> ring_positions_;
 };
 
-void Replay::Run(std::span<const uint32_t> in_triangles) {
+bool Replay::Run(std::span<const uint32_t> in_triangles) {
   const size_t nodes = updates_.nodes.size();
   slot_triangle.assign(in_triangles.begin(), in_triangles.end());
   std::vector<uint32_t> waiting(nodes);  // hole triangles not visited yet
@@ -198,13 +208,43 @@ void Replay::Run(std::span<const uint32_t> in_triangles) {
     MTDB_CHECK(slot < generation_end, "the updates of a cluster form a cycle");
     const uint32_t i = owners_.removers[slot_triangle[slot]];
     const bool is_anchor = i != kNone32 && --waiting[i] == 0;
-    models_.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
-    if (is_anchor) Insert(slot, i);
+    if (lattice) {
+      const bool coded = CodeLatticeAnchor(topology.lane(0), models_.lattice, patch, *lattice, slot,
+                                           is_anchor);
+      if (coded != is_anchor || lattice->exhausted()) return false;
+    } else {
+      models_.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
+    }
+    if (is_anchor && !Insert(slot, i)) return false;
   }
+  return true;
+}
+
+bool Replay::CodeTake(uint32_t count, uint32_t slot, uint32_t shape, bool take) {
+  if (!lattice) return models_.topology.CodeTake(topology.lane(1), count, shape, take);
+  const auto candidates = static_cast<uint32_t>(lattice->candidates().size());
+  if (candidates == 0) return take;  // the vertex was not among them
+  models_.lattice.CodeTake(topology.lane(1), lattice->CountInside(patch, slot), candidates, take);
+  lattice->Keep(take);
+  return take;
+}
+
+// Of a vertex on the lattice. Returns false when a reader would not find it.
+bool Replay::CodeVertex(uint32_t slot, const Patch::Hole& hole, Vec3i p, uint32_t split) {
+  lattice->Exclude(patch, hole, slot);
+  const LatticePoint vertex = lattice->ToLattice(p);
+  const std::span<const LatticePoint> left = lattice->candidates();
+  const auto at = std::find(left.begin(), left.end(), vertex);
+  if (at == left.end()) return false;
+  models_.lattice.CodeIndex(topology.lane(1), static_cast<uint32_t>(left.size()),
+                            static_cast<uint32_t>(at - left.begin()));
+  if (any_boundary && lattice->SplitEdge(hole, vertex) != split) return false;
+  lattice->AddVertex(vertex);
+  return true;
 }
 
 // Inserts node `i`, whose anchor is visited.
-void Replay::Insert(uint32_t slot, uint32_t i) {
+bool Replay::Insert(uint32_t slot, uint32_t i) {
   const ClusterUpdates::Node& node = updates_.nodes[i];
   uint32_t hole_slots[kHoleEntries];
   uint32_t ring_vertices[kHoleEntries];
@@ -213,11 +253,16 @@ void Replay::Insert(uint32_t slot, uint32_t i) {
   const bool walked =
       patch.WalkHole(slot, stored, hole, [&](uint32_t count, uint32_t other, uint32_t shape) {
         const bool take = owners_.removers[slot_triangle[other]] == i;
-        return models_.topology.CodeTake(topology.lane(1), count, shape, take);
+        return CodeTake(count, other, shape, take);
       });
   MTDB_CHECK(walked && hole.slot_count == node.hole_count, "a hole is not a disc");
   const uint32_t split = MatchStar(i, hole);
-  if (any_boundary) CodeSplitEdge(topology.lane(1), models_.topology, hole, split);
+  const Vec3i p = updates_.positions[node.vertex];
+  if (lattice) {
+    if (!CodeVertex(slot, hole, p, split)) return false;
+  } else if (any_boundary) {
+    CodeSplitEdge(topology.lane(1), models_.topology, hole, split);
+  }
   if (split != kNone32) {
     std::rotate(star_.begin(), star_.begin() + split + 1, star_.begin() + hole.ring_count);
     hole.Rotate(split);
@@ -226,11 +271,11 @@ void Replay::Insert(uint32_t slot, uint32_t i) {
   slot_triangle.insert(slot_triangle.end(), star_.begin(), star_.begin() + node.star_count);
   node_order.push_back(i);
   codes.push_back(node.error_code);
-  const Vec3i p = updates_.positions[node.vertex];
   residuals.push_back(MeasureVertex(patch, hole, node.boundary(), updates_.is_height_field, p));
   if (attribute_coder_.row_bytes() != 0) EncodeRow(node.vertex, hole.ring_span());
   NumberVertex(node.vertex);
   patch.AddPoint(p);
+  return true;
 }
 
 // Sets star_[j] to the star triangle beyond ring edge j. Returns the edge that has none, the one
@@ -324,8 +369,10 @@ void EncodeVertices(const Replay& replay, bool scaled_by_error, ClusterModels& m
     const VertexResidual& r = replay.residuals[i];
     const uint8_t code = replay.codes[i];
     models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, last, code);
-    models.positions.CodeScaled(vertices.lane(1), bits, 0, r.ring_class, r.variance_u, r.u);
-    models.positions.CodeScaled(vertices.lane(2), bits, 1, r.ring_class, r.variance_v, r.v);
+    if (!replay.lattice) {
+      models.positions.CodeScaled(vertices.lane(1), bits, 0, r.ring_class, r.variance_u, r.u);
+      models.positions.CodeScaled(vertices.lane(2), bits, 1, r.ring_class, r.variance_v, r.v);
+    }
     if (scaled_by_error) {
       models.positions.CodeWithin(vertices.lane(3), bits, r.ring_class,
                                   kErrorInCells[code] * r.slant, r.n);
@@ -352,8 +399,15 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   const Owners owners = FindOwners(updates);
   const InPatch in = OrderInTriangles(updates, owners, result);
   const int reference_length = ReferenceLength(updates, owners);
-  Replay replay(updates, owners, attributes, in, reference_length, models, observer);
-  replay.Run(result.in_triangles);
+  const ClusterModels fresh = models;
+  std::optional<Replay> attempt;
+  for (const bool try_lattice : {updates.is_height_field, false}) {
+    models = fresh;
+    attempt.emplace(updates, owners, attributes, in, reference_length, models, observer,
+                    try_lattice);
+    if (attempt->Run(result.in_triangles)) break;
+  }
+  Replay& replay = *attempt;
   const OutArcs arcs = FindArcs(updates, owners, replay, result);
   result.node_order = std::move(replay.node_order);
   const auto child_count = static_cast<uint32_t>(result.children.size());
@@ -375,7 +429,8 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   ByteWriter& head = streams.stream(StreamTag::kHead);
   head.Put<uint8_t>(static_cast<uint8_t>((replay.any_boundary ? kFlagBoundary : 0) |
                                          (scaled_by_error ? kFlagScaledByError : 0) |
-                                         (updates.is_height_field ? kFlagFlat : 0)));
+                                         (updates.is_height_field ? kFlagFlat : 0) |
+                                         (replay.lattice ? kFlagLattice : 0)));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);

@@ -25,6 +25,11 @@ TopologyModel::TopologyModel() {
   Start(boundary_, kBoundaryPriors);
 }
 
+LatticeModel::LatticeModel() {
+  Start(anchor_, kLatticeAnchorPriors);
+  Start(take_, kLatticeTakePriors);
+}
+
 ErrorModel::ErrorModel() { Start(high_, kErrorPriors); }
 
 PositionModel::PositionModel() {

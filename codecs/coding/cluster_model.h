@@ -110,6 +110,58 @@ uint32_t CodeSplitEdge(Coder&& coder, TopologyModel& model, const Patch::Hole& h
   return k;
 }
 
+// ---- topology and places of vertices on a lattice ----
+
+class LatticeModel {
+ public:
+  LatticeModel();
+
+  // Is a triangle the anchor of a node, when `count` points may be its vertex? `later`: how many of
+  // its neighbours were not visited yet.
+  template <typename Coder>
+  bool CodeAnchor(Coder&& coder, uint32_t later, uint32_t count, bool value) {
+    if (count == 0) return false;
+    return coder.Bit(anchor_[later * kCounts + CountClass(count)], value);
+  }
+  // Does the hole take a triangle in whose circle `inside` of `count` > 0 points lie?
+  template <typename Coder>
+  bool CodeTake(Coder&& coder, uint32_t inside, uint32_t count, bool value) {
+    if (inside == 0) return false;
+    if (inside == count) return true;
+    return coder.Bit(
+        take_[std::min(CountClass(count) - 1, kTakeCounts - 1) * kShares + inside * kShares / count],
+        value);
+  }
+  // A number < count, phased in.
+  template <typename Coder>
+  uint32_t CodeIndex(Coder&& coder, uint32_t count, uint32_t value) {
+    const int bits = std::bit_width(count) - 1;
+    const uint32_t cheap = (2u << bits) - count;
+    const uint32_t coded = value < cheap ? value : (value + cheap) >> 1;
+    const uint32_t high = coder.Raw(bits, coded);
+    return high < cheap ? high : (high << 1 | coder.Raw(1, (value + cheap) & 1)) - cheap;
+  }
+
+  template <typename Visit>
+  void ForEachTable(Visit&& visit) {
+    visit("kLatticeAnchorPriors", std::span(anchor_));
+    visit("kLatticeTakePriors", std::span(take_));
+  }
+
+  static constexpr uint32_t kCounts = 16;
+  static constexpr uint32_t kTakeCounts = 4;
+  static constexpr uint32_t kShares = 16;
+
+ private:
+  // 1 .. 8, then by octaves.
+  static uint32_t CountClass(uint32_t count) {
+    return std::min(count <= 8 ? count : static_cast<uint32_t>(std::bit_width(count)) + 5, kCounts - 1);
+  }
+
+  std::array<AdaptiveBit, 4 * kCounts> anchor_;
+  std::array<AdaptiveBit, kTakeCounts * kShares> take_;
+};
+
 // ---- errors ----
 
 class ErrorModel {
@@ -289,6 +341,7 @@ bool ArcModel::Code(Coder&& coder, const Patch& patch, uint32_t first_own, uint3
 // All models of a cluster that start from priors.
 struct ClusterModels {
   TopologyModel topology;
+  LatticeModel lattice;
   ErrorModel errors;
   PositionModel positions;
   ArcModel arcs;
@@ -297,6 +350,7 @@ struct ClusterModels {
   template <typename Visit>
   void ForEachTable(Visit&& visit) {
     topology.ForEachTable(visit);
+    lattice.ForEachTable(visit);
     errors.ForEachTable(visit);
     positions.ForEachTable(visit);
     arcs.ForEachTable(visit);

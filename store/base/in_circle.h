@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Delaunay rule of height fields (codecs/FORMAT.md): exact, with ties broken by a symbolic
+// perturbation. The builder fills holes by it, and the codec derives them by it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <compare>
+#include <cstddef>
+#include <cstdint>
+
+namespace mtdb {
+
+// A point of the lattice; differences are below 2^30.
+struct LatticePoint {
+  int64_t x = 0, y = 0;
+  friend auto operator<=>(const LatticePoint&, const LatticePoint&) = default;  // x, then y
+};
+
+// Twice the area of abc: positive when it runs counter-clockwise. It has 62 bits.
+inline int64_t Turn(LatticePoint a, LatticePoint b, LatticePoint c) {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+// The sign of the determinant of the circle test: positive when d lies inside the circle through
+// a, b and c, which run counter-clockwise; 0 on it. It has 4 k + 4 bits when differences are below
+// 2^k: an int64_t suffices for k = 14.
+template <typename Number>
+int CircleSign(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
+  const auto row = [&](LatticePoint p) {
+    const auto x = static_cast<Number>(p.x - d.x);
+    const auto y = static_cast<Number>(p.y - d.y);
+    return std::array<Number, 3>{x, y, x * x + y * y};
+  };
+  const auto [ax, ay, aw] = row(a);
+  const auto [bx, by, bw] = row(b);
+  const auto [cx, cy, cw] = row(c);
+  const Number det = ax * (by * cw - bw * cy) - ay * (bx * cw - bw * cx) + aw * (bx * cy - by * cx);
+  return det > 0 ? 1 : det < 0 ? -1 : 0;
+}
+
+// Of four different points on a circle, of which a, b and c run counter-clockwise: true when d
+// counts as inside. It is as if each point were lifted a little off the paraboloid, the
+// lexicographically largest by far the most. The derivative of the determinant by the lift of a
+// point is the turn of the three others; the largest point whose turn is not 0 decides (Devillers
+// and Teillaud, Perturbations for Delaunay and weighted Delaunay 3D triangulations, 2011; here in
+// the plane).
+inline bool TieIsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
+  std::array<LatticePoint, 4> points{a, b, c, d};
+  std::sort(points.begin(), points.end());
+  for (size_t i = points.size(); i-- > 0;) {
+    if (points[i] == d) return false;  // lifted away; abc is not on a line
+    int64_t turn = 0;
+    if (points[i] == c) turn = Turn(a, b, d);
+    if (points[i] == b) turn = Turn(a, d, c);
+    if (points[i] == a) turn = Turn(d, b, c);
+    if (turn != 0) return turn > 0;
+  }
+  return false;
+}
+
+}  // namespace mtdb
