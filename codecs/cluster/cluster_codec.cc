@@ -192,7 +192,8 @@ Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
   uint32_t i = nodes_;
   Patch::Hole hole{};
   for (; slot_ < generation_end && i < node_count_; ++slot_) {
-    if (patch.remover(slot_) != kNone32) return Corrupted("a triangle is visited after its removal");
+    if (patch.remover(slot_) != kNone32)
+      return Corrupted("a triangle is visited after its removal");
     if (!CodeLatticeAnchor(topology_.lane<0>(), models_.lattice, patch, *lattice_, slot_, false)) {
       if (lattice_->exhausted()) return Corrupted("lattice: more points than nodes allow");
       continue;
@@ -205,8 +206,7 @@ Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
     if (!patch.WalkHole(slot_, i, hole, [&](uint32_t, uint32_t other, uint32_t) {
           const uint32_t inside = lattice_->CountInside(patch, other);
           const auto count = static_cast<uint32_t>(lattice_->candidates().size());
-          const bool take =
-              models_.lattice.CodeTake(topology_.lane<1>(), inside, count, false);
+          const bool take = models_.lattice.CodeTake(topology_.lane<1>(), inside, count, false);
           lattice_->Keep(take);
           return take;
         })) {
@@ -215,8 +215,8 @@ Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
     lattice_->Exclude(patch, hole, slot_);
     const std::span<const LatticePoint> left = lattice_->candidates();
     if (left.empty()) return Corrupted("no point of the lattice fits node " + std::to_string(i));
-    const LatticePoint p = left[models_.lattice.CodeIndex(
-        topology_.lane<1>(), static_cast<uint32_t>(left.size()), 0)];
+    const LatticePoint p =
+        left[models_.lattice.CodeIndex(topology_.lane<1>(), static_cast<uint32_t>(left.size()), 0)];
     const uint32_t split = (flags_ & kFlagBoundary) ? lattice_->SplitEdge(hole, p) : kNone32;
     if (split != kNone32) {
       hole.Rotate(split);

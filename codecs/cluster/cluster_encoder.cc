@@ -209,8 +209,8 @@ bool Replay::Run(std::span<const uint32_t> in_triangles) {
     const uint32_t i = owners_.removers[slot_triangle[slot]];
     const bool is_anchor = i != kNone32 && --waiting[i] == 0;
     if (lattice) {
-      const bool coded = CodeLatticeAnchor(topology.lane(0), models_.lattice, patch, *lattice, slot,
-                                           is_anchor);
+      const bool coded =
+          CodeLatticeAnchor(topology.lane(0), models_.lattice, patch, *lattice, slot, is_anchor);
       if (coded != is_anchor || lattice->exhausted()) return false;
     } else {
       models_.topology.CodeAnchor(topology.lane(0), patch, slot, is_anchor);
@@ -427,10 +427,9 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   StreamWriter streams;
   EncodeExplicitArcs(arcs.explicit_arcs, streams);
   ByteWriter& head = streams.stream(StreamTag::kHead);
-  head.Put<uint8_t>(static_cast<uint8_t>((replay.any_boundary ? kFlagBoundary : 0) |
-                                         (scaled_by_error ? kFlagScaledByError : 0) |
-                                         (updates.is_height_field ? kFlagFlat : 0) |
-                                         (replay.lattice ? kFlagLattice : 0)));
+  head.Put<uint8_t>(static_cast<uint8_t>(
+      (replay.any_boundary ? kFlagBoundary : 0) | (scaled_by_error ? kFlagScaledByError : 0) |
+      (updates.is_height_field ? kFlagFlat : 0) | (replay.lattice ? kFlagLattice : 0)));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);

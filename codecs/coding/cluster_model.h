@@ -128,9 +128,9 @@ class LatticeModel {
   bool CodeTake(Coder&& coder, uint32_t inside, uint32_t count, bool value) {
     if (inside == 0) return false;
     if (inside == count) return true;
-    return coder.Bit(
-        take_[std::min(CountClass(count) - 1, kTakeCounts - 1) * kShares + inside * kShares / count],
-        value);
+    return coder.Bit(take_[std::min(CountClass(count) - 1, kTakeCounts - 1) * kShares +
+                           inside * kShares / count],
+                     value);
   }
   // A number < count, phased in.
   template <typename Coder>
@@ -155,7 +155,8 @@ class LatticeModel {
  private:
   // 1 .. 8, then by octaves.
   static uint32_t CountClass(uint32_t count) {
-    return std::min(count <= 8 ? count : static_cast<uint32_t>(std::bit_width(count)) + 5, kCounts - 1);
+    return std::min(count <= 8 ? count : static_cast<uint32_t>(std::bit_width(count)) + 5,
+                    kCounts - 1);
   }
 
   std::array<AdaptiveBit, 4 * kCounts> anchor_;

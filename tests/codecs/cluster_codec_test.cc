@@ -36,6 +36,11 @@ const Case kCases[] = {
     {"attributes", {.attributes = true, .seed = 9}, 8365},
     {"rounded attributes", {.rounded_attributes = true, .seed = 12}, 3728},
     {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 83},
+    {"terrain", {.surface = Surface::kTerrain, .side = 24, .seed = 13}, 973},
+    {"full terrain", {.surface = Surface::kTerrain, .side = 24, .keep = 0, .seed = 14}, 1240},
+    {"terrain by another rule",
+     {.surface = Surface::kOtherTerrain, .side = 24, .keep = 0.9, .seed = 15},
+     305},
     {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12444},
 };
 
@@ -66,8 +71,33 @@ TEST_CASE("a decoded cluster encodes to the same bytes") {
     if (encoded.explicit_arcs) continue;  // the order of in-triangles is the first encoder's choice
     const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
     REQUIRE(cluster.ok());
-    REQUIRE(EncodeCluster(UpdatesOf(*cluster), fixture.attributes).payload == encoded.payload);
+    ClusterUpdates updates = UpdatesOf(*cluster);
+    updates.is_height_field = fixture.updates.is_height_field;  // the object's record says so
+    REQUIRE((EncodeCluster(updates, fixture.attributes).payload == encoded.payload));
   }
+}
+
+TEST_CASE("clusters of terrains have holes on the lattice where the Delaunay rule made them") {
+  constexpr uint8_t kLattice = 8;
+  const auto flags = [](const ClusterOptions& options) {
+    const ClusterFixture fixture = MakeCluster(options);
+    const Bytes payload = EncodeCluster(fixture.updates, fixture.attributes).payload;
+    ByteReader reader(payload);
+    uint64_t before = 0;  // bytes of streams that lie before the head
+    bool found = false;
+    for (uint64_t streams = reader.GetVarint(); streams > 0; --streams) {
+      found = found || reader.Get<uint8_t>() == 0x80;
+      const uint64_t raw = reader.GetVarint();
+      const uint64_t frame = reader.GetVarint();
+      if (!found) before += frame == 0 ? raw : frame;
+    }
+    return static_cast<uint8_t>(reader.GetBytes(before + 1)[before]);
+  };
+  REQUIRE((flags({.surface = Surface::kTerrain, .side = 24, .seed = 13}) & kLattice) != 0);
+  // Too few vertices for so many points.
+  REQUIRE((flags({.surface = Surface::kTerrain, .side = 60, .keep = 0.995}) & kLattice) == 0);
+  REQUIRE((flags({.surface = Surface::kOtherTerrain, .side = 24, .keep = 0.9}) & kLattice) == 0);
+  REQUIRE((flags({.surface = Surface::kSheet}) & kLattice) == 0);
 }
 
 TEST_CASE("explicit arcs name slot and rotation of the child") {

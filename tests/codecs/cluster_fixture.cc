@@ -11,6 +11,7 @@
 
 #include "store/base/attribute_grid.h"
 #include "store/base/grid.h"
+#include "store/base/in_circle.h"
 
 namespace mtdb::testing {
 
@@ -207,10 +208,105 @@ void AddRoundedAttributes(ClusterFixture& fixture, uint32_t seed) {
   fixture.updates.rows = w.Take();
 }
 
+// Inserts the vertices of a square one by one, in random order.
+class Insertions {
+ public:
+  Insertions(const ClusterOptions& options, ClusterUpdates& updates)
+      : options_(options), updates_(updates), random_(options.seed) {}
+
+  void Run() {
+    updates_.is_height_field = true;
+    const int side = options_.side;
+    for (const auto& [x, y] : {std::pair(0, 0), {side, 0}, {side, side}, {0, side}}) Add(x, y);
+    updates_.triangles = {{0, 1, 2}, {0, 2, 3}};
+    alive_ = {0, 1};
+    std::vector<std::pair<int, int>> places;
+    for (int x = 0; x <= side; ++x) {
+      for (int y = 0; y <= side; ++y) {
+        if ((x != 0 && x != side) || (y != 0 && y != side)) places.emplace_back(x, y);
+      }
+    }
+    std::shuffle(places.begin(), places.end(), random_);
+    places.resize(static_cast<size_t>(static_cast<double>(places.size()) * (1 - options_.keep)));
+    for (const auto& [x, y] : places) Insert(x, y);
+  }
+
+ private:
+  LatticePoint At(uint32_t v) const {
+    return {updates_.positions[v].x - kWest, updates_.positions[v].y - kSouth};
+  }
+  void Add(int x, int y) {
+    const double height =
+        300 * std::sin(x * 0.2) * std::cos(y * 0.15) + static_cast<double>(random_() % 8);
+    updates_.positions.push_back({x + kWest, y + kSouth, static_cast<int32_t>(height)});
+  }
+  bool IsInHole(uint32_t t, LatticePoint p) const {
+    const auto& c = updates_.triangles[t];
+    const LatticePoint a = At(c[0]), b = At(c[1]), d = At(c[2]);
+    if (options_.surface == Surface::kOtherTerrain) {
+      return Turn(a, b, p) >= 0 && Turn(b, d, p) >= 0 && Turn(d, a, p) >= 0;
+    }
+    const int sign = CircleSign<int64_t>(a, b, d, p);
+    return sign > 0 || (sign == 0 && TieIsInCircle(a, b, d, p));
+  }
+  void Insert(int x, int y) {
+    const auto vertex = static_cast<uint32_t>(updates_.positions.size());
+    Add(x, y);
+    const LatticePoint p = At(vertex);
+    ClusterUpdates::Node node;
+    node.vertex = vertex;
+    node.error_code = static_cast<uint8_t>(100 - std::min(90u, vertex / 8));
+    node.hole_begin = static_cast<uint32_t>(updates_.holes.size());
+    std::set<std::pair<uint32_t, uint32_t>> edges;  // around the hole
+    std::vector<uint32_t> left;
+    for (const uint32_t t : alive_) {
+      if (!IsInHole(t, p)) {
+        left.push_back(t);
+        continue;
+      }
+      updates_.holes.push_back(t);
+      const auto& c = updates_.triangles[t];
+      for (size_t i = 0; i < 3; ++i) {
+        const uint32_t from = c[i], to = c[(i + 1) % 3];
+        if (edges.erase({to, from}) == 0) edges.insert({from, to});
+      }
+    }
+    node.hole_count = static_cast<uint32_t>(updates_.holes.size()) - node.hole_begin;
+    node.star_begin = static_cast<uint32_t>(updates_.stars.size());
+    for (const auto& [from, to] : edges) {
+      if (Turn(At(from), At(to), p) == 0) continue;  // the border's edge that it splits
+      left.push_back(static_cast<uint32_t>(updates_.triangles.size()));
+      updates_.stars.push_back(left.back());
+      updates_.triangles.push_back({vertex, from, to});
+    }
+    node.star_count = static_cast<uint32_t>(updates_.stars.size()) - node.star_begin;
+    updates_.nodes.push_back(node);
+    alive_ = std::move(left);
+  }
+
+  static constexpr int32_t kWest = -40;
+  static constexpr int32_t kSouth = 1000;
+  const ClusterOptions& options_;
+  ClusterUpdates& updates_;
+  std::mt19937 random_;
+  std::vector<uint32_t> alive_;
+};
+
 }  // namespace
 
 ClusterFixture MakeCluster(const ClusterOptions& options) {
   ClusterFixture fixture;
+  if (options.surface == Surface::kTerrain || options.surface == Surface::kOtherTerrain) {
+    Insertions(options, fixture.updates).Run();
+    ClusterUpdates& updates = fixture.updates;
+    updates.consumers.resize(updates.triangles.size());
+    for (uint32_t t = 0; t < updates.triangles.size(); ++t) {
+      const auto column = static_cast<uint32_t>(updates.positions[updates.triangles[t][0]].x + 40);
+      const auto child = static_cast<int>(column) * (options.children + 1) / (options.side + 1);
+      if (child < options.children) updates.consumers[t] = {static_cast<UnitId>(3 + 5 * child), t};
+    }
+    return fixture;
+  }
   Decimator decimator(options, fixture.updates);
   decimator.MakeSurface();
   const auto full = static_cast<uint32_t>(fixture.updates.triangles.size());

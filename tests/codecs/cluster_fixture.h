@@ -9,7 +9,9 @@
 
 namespace mtdb::testing {
 
-enum class Surface { kTorus, kSheet };  // the second has a border
+// The second and third have a border. kTerrain: vertices of a square's lattice, inserted by the
+// Delaunay rule, some of them on the border; kOtherTerrain: by another rule.
+enum class Surface { kTorus, kSheet, kTerrain, kOtherTerrain };
 enum class Numbers { kGrid, kLossless, kWild, kCoincident };
 
 struct ClusterOptions {

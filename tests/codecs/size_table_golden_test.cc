@@ -27,6 +27,7 @@ const Row kRows[] = {
     {"lossless",
      {.surface = Surface::kSheet, .side = 40, .numbers = Numbers::kLossless, .seed = 6}},
     {"coinciding", {.numbers = Numbers::kCoincident, .seed = 8}},
+    {"terrain", {.surface = Surface::kTerrain, .side = 40, .keep = 0.1, .seed = 13}},
     {"attributes", {.side = 40, .attributes = true, .seed = 9}},
 };
 

@@ -11,6 +11,7 @@ inline constexpr ClusterOptions kClusterFuzzTargets[] = {
     {.surface = Surface::kSheet, .side = 8, .pierced = true},
     {.side = 8, .numbers = Numbers::kWild, .attributes = true},
     {.surface = Surface::kSheet, .side = 8, .rounded_attributes = true},
+    {.surface = Surface::kTerrain, .side = 8},
 };
 
 }  // namespace mtdb::testing

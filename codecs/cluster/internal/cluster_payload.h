@@ -18,7 +18,7 @@ namespace mtdb::internal {
 inline constexpr uint8_t kFlagBoundary = 1;       // some node is a boundary node
 inline constexpr uint8_t kFlagScaledByError = 2;  // errors bound the residuals along n
 inline constexpr uint8_t kFlagFlat = 4;           // a height field: seen along z
-inline constexpr uint8_t kFlagLattice = 8;        // holes and places of vertices by the Delaunay rule
+inline constexpr uint8_t kFlagLattice = 8;  // holes and places of vertices by the Delaunay rule
 inline constexpr uint8_t kKnownFlags =
     kFlagBoundary | kFlagScaledByError | kFlagFlat | kFlagLattice;
 

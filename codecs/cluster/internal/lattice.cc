@@ -12,10 +12,20 @@ namespace mtdb::internal {
 namespace {
 
 constexpr int64_t kMaxSide = int64_t{1} << 13;  // so that the circle test fits int64_t
-constexpr int64_t kMaxPointsPerNode = 16;
+constexpr int64_t kMaxPointsPerNode = 64;
 constexpr int64_t kMaxAsked = 4096;  // points, per node
 
 }  // namespace
+
+[[gnu::always_inline]] inline bool Lattice::IsInside(const Circle& circle, LatticePoint p) {
+  if (circle.area <= 0) return false;
+  const int64_t x = p.x - circle.a.x;
+  const int64_t y = p.y - circle.a.y;
+  const int64_t power = circle.area * (x * x + y * y) - circle.u * x - circle.v * y;
+  if (power == 0) [[unlikely]]
+    return TieIsInCircle(circle.a, circle.b, circle.c, p);
+  return power < 0;
+}
 
 std::optional<Lattice> Lattice::Make(const Patch& patch, std::span<const Vec3i> positions,
                                      size_t nodes, bool with_border) {
@@ -92,18 +102,15 @@ Lattice::Circle Lattice::CircleOf(const Patch& patch, uint32_t slot) const {
   return {a, b, c, p.x * q.y - p.y * q.x, q.y * pp - p.y * qq, p.x * qq - q.x * pp};
 }
 
-bool Lattice::IsInside(const Circle& circle, LatticePoint p) {
-  if (circle.area <= 0) return false;
-  const int64_t x = p.x - circle.a.x;
-  const int64_t y = p.y - circle.a.y;
-  const int64_t power = circle.area * (x * x + y * y) - circle.u * x - circle.v * y;
-  return power == 0 ? TieIsInCircle(circle.a, circle.b, circle.c, p) : power < 0;
-}
-
 void Lattice::SetAnchor(const Patch& patch, uint32_t anchor) {
   candidates_.clear();
   const Circle circle = CircleOf(patch, anchor);
   if (circle.area <= 0) return;
+  Circle later[3];
+  size_t later_count = 0;
+  for (const uint32_t o : patch.triangle(anchor).opposite) {
+    if (o != kNone32 && o >> 2 > anchor) later[later_count++] = CircleOf(patch, o >> 2);
+  }
   // A window that holds the circle; which one does not matter.
   const double scale = 0.5 / static_cast<double>(circle.area);
   const double u = static_cast<double>(circle.u) * scale;
@@ -128,17 +135,15 @@ void Lattice::SetAnchor(const Patch& patch, uint32_t anchor) {
       uint64_t bits = free_[static_cast<size_t>(y * words_ + word)];
       if (word == first) bits &= ~uint64_t{0} << (left & 63);
       if (word == last) bits &= ~uint64_t{0} >> (63 - ((right - 1) & 63));
-      budget_ -= std::popcount(bits);
       for (; bits != 0; bits &= bits - 1) {
         const LatticePoint p{word * 64 + std::countr_zero(bits), y};
-        if (IsInside(circle, p)) candidates_.push_back(p);
+        --budget_;
+        if (!IsInside(circle, p)) continue;
+        bool is_later = false;
+        for (size_t i = 0; i < later_count; ++i) is_later = is_later || IsInside(later[i], p);
+        if (!is_later) candidates_.push_back(p);
       }
     }
-  }
-  for (const uint32_t o : patch.triangle(anchor).opposite) {
-    if (o == kNone32 || o >> 2 < anchor || candidates_.empty()) continue;
-    CountInside(patch, o >> 2);
-    Keep(false);
   }
 }
 

@@ -34,8 +34,8 @@ class Lattice {
   LatticePoint ToLattice(Vec3i p) const { return {p.x - origin_.x, p.y - origin_.y}; }
   LatticePoint ToGrid(LatticePoint p) const { return {p.x + origin_.x, p.y + origin_.y}; }
 
-  // The candidates of a node are at first the free points in the circle of its anchor, but for those
-  // in the circles of neighbours that were not visited yet.
+  // The candidates of a node are at first the free points in the circle of its anchor, but for
+  // those in the circles of neighbours that were not visited yet.
   void SetAnchor(const Patch& patch, uint32_t anchor);
   // How many candidates lie in the circle of the triangle in `slot`.
   uint32_t CountInside(const Patch& patch, uint32_t slot);
@@ -60,9 +60,7 @@ class Lattice {
   Circle CircleOf(const Patch& patch, uint32_t slot) const;
   static bool IsInside(const Circle& circle, LatticePoint p);
 
-  uint64_t& Word(LatticePoint p) {
-    return free_[static_cast<size_t>(p.y * words_ + (p.x >> 6))];
-  }
+  uint64_t& Word(LatticePoint p) { return free_[static_cast<size_t>(p.y * words_ + (p.x >> 6))]; }
   uint64_t Word(LatticePoint p) const {
     return free_[static_cast<size_t>(p.y * words_ + (p.x >> 6))];
   }
@@ -73,7 +71,7 @@ class Lattice {
 
   LatticePoint origin_;
   int64_t width_ = 0, height_ = 0, words_ = 0;
-  std::vector<uint64_t> free_;         // rows of bits
+  std::vector<uint64_t> free_;          // rows of bits
   std::vector<LatticePoint> vertices_;  // of the patch
   std::vector<LatticePoint> candidates_;
   std::vector<uint8_t> inside_;  // per candidate, of the circle that was asked last
