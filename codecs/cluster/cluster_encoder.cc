@@ -433,8 +433,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);
-  uint32_t previous = 0;
-  for (const UnitId child : result.children) {
+  for (uint32_t previous = 0; const UnitId child : result.children) {
     head.PutVarint(child - previous);
     previous = child;
   }
