@@ -339,7 +339,9 @@ class Bench {
 
       ClusterModels models;
       counts.Watch(models);
-      const EncodedCluster encoded = EncodeCluster(UpdatesOf(cluster), attributes, models, &counts);
+      const bool terrain = surface.record().grid.mode == PositionMode::kRaster;
+      const EncodedCluster encoded =
+          EncodeCluster(UpdatesOf(cluster, terrain), attributes, models, &counts);
       if (encoded.payload == payload || encoded.explicit_arcs) continue;
       std::fprintf(stderr, "%s: cluster %u encodes to other bytes\n", name.c_str(), unit);
       good = false;

@@ -205,24 +205,25 @@ Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
     hole.slots = c.hole_slots.data() + c.hole_begin[i];
     if (!patch.WalkHole(slot_, i, hole, [&](uint32_t, uint32_t other, uint32_t) {
           const uint32_t inside = lattice_->CountInside(patch, other);
-          const auto count = static_cast<uint32_t>(lattice_->candidates().size());
-          const bool take = models_.lattice.CodeTake(topology_.lane<1>(), inside, count, false);
+          const bool take =
+              models_.lattice.CodeTake(topology_.lane<1>(), inside, lattice_->count(), false);
           lattice_->Keep(take);
           return take;
         })) {
       return Corrupted("hole of node " + std::to_string(i) + " is too large, or no disc");
     }
     lattice_->Exclude(patch, hole, slot_);
-    const std::span<const LatticePoint> left = lattice_->candidates();
-    if (left.empty()) return Corrupted("no point of the lattice fits node " + std::to_string(i));
+    if (lattice_->count() == 0) {
+      return Corrupted("no point of the lattice fits node " + std::to_string(i));
+    }
     const LatticePoint p =
-        left[models_.lattice.CodeIndex(topology_.lane<1>(), static_cast<uint32_t>(left.size()), 0)];
+        lattice_->candidate(models_.lattice.CodeIndex(topology_.lane<1>(), lattice_->count(), 0));
     const uint32_t split = (flags_ & kFlagBoundary) ? lattice_->SplitEdge(hole, p) : kNone32;
     if (split != kNone32) {
       hole.Rotate(split);
       patch.OpenStar(hole);
     }
-    lattice_->AddVertex(p);
+    lattice_->AddVertex(patch, p);
     KnowNode(hole, split != kNone32, i);
     const LatticePoint at = lattice_->ToGrid(p);
     vertices_[i - nodes_].residual[0] = static_cast<int32_t>(at.x);

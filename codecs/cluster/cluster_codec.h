@@ -70,8 +70,9 @@ struct EncodedCluster {
 // Deterministic. Updates that contradict each other are a caller's bug (MTDB_CHECK).
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes);
 
-// The updates that the cluster was encoded from, in the order of the cluster.
-ClusterUpdates UpdatesOf(const Cluster& cluster);
+// The updates that the cluster was encoded from, in the order of the cluster. `is_height_field`: of
+// a terrain, as the object's record says.
+ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field);
 
 // Numbers the corners of `triangles` (in slot order) by first occurrence; leaves rows empty.
 InPatch MakeInPatch(std::span<const InTriangle> triangles);

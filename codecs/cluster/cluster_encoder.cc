@@ -222,9 +222,9 @@ bool Replay::Run(std::span<const uint32_t> in_triangles) {
 
 bool Replay::CodeTake(uint32_t count, uint32_t slot, uint32_t shape, bool take) {
   if (!lattice) return models_.topology.CodeTake(topology.lane(1), count, shape, take);
-  const auto candidates = static_cast<uint32_t>(lattice->candidates().size());
-  if (candidates == 0) return take;  // the vertex was not among them
-  models_.lattice.CodeTake(topology.lane(1), lattice->CountInside(patch, slot), candidates, take);
+  if (lattice->count() == 0) return take;  // the vertex was not among them
+  const uint32_t inside = lattice->CountInside(patch, slot);
+  models_.lattice.CodeTake(topology.lane(1), inside, lattice->count(), take);
   lattice->Keep(take);
   return take;
 }
@@ -233,14 +233,10 @@ bool Replay::CodeTake(uint32_t count, uint32_t slot, uint32_t shape, bool take) 
 bool Replay::CodeVertex(uint32_t slot, const Patch::Hole& hole, Vec3i p, uint32_t split) {
   lattice->Exclude(patch, hole, slot);
   const LatticePoint vertex = lattice->ToLattice(p);
-  const std::span<const LatticePoint> left = lattice->candidates();
-  const auto at = std::find(left.begin(), left.end(), vertex);
-  if (at == left.end()) return false;
-  models_.lattice.CodeIndex(topology.lane(1), static_cast<uint32_t>(left.size()),
-                            static_cast<uint32_t>(at - left.begin()));
-  if (any_boundary && lattice->SplitEdge(hole, vertex) != split) return false;
-  lattice->AddVertex(vertex);
-  return true;
+  const uint32_t number = lattice->NumberOf(vertex);
+  if (number == lattice->count()) return false;
+  models_.lattice.CodeIndex(topology.lane(1), lattice->count(), number);
+  return !any_boundary || lattice->SplitEdge(hole, vertex) == split;
 }
 
 // Inserts node `i`, whose anchor is visited.
@@ -268,6 +264,7 @@ bool Replay::Insert(uint32_t slot, uint32_t i) {
     hole.Rotate(split);
     patch.OpenStar(hole);
   }
+  if (lattice) lattice->AddVertex(patch, lattice->ToLattice(p));
   slot_triangle.insert(slot_triangle.end(), star_.begin(), star_.begin() + node.star_count);
   node_order.push_back(i);
   codes.push_back(node.error_code);
@@ -451,8 +448,9 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   return result;
 }
 
-ClusterUpdates UpdatesOf(const Cluster& cluster) {
+ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
   ClusterUpdates updates;
+  updates.is_height_field = is_height_field;
   updates.positions = cluster.in.positions;
   updates.rows = cluster.in.rows;
   updates.triangles = cluster.in.triangles;

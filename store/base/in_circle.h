@@ -3,10 +3,8 @@
 // perturbation. The builder fills holes by it, and the codec derives them by it.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <compare>
-#include <cstddef>
 #include <cstdint>
 
 namespace mtdb {
@@ -42,21 +40,13 @@ int CircleSign(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
 // Of four different points on a circle, of which a, b and c run counter-clockwise: true when d
 // counts as inside. It is as if each point were lifted a little off the paraboloid, the
 // lexicographically largest by far the most. The derivative of the determinant by the lift of a
-// point is the turn of the three others; the largest point whose turn is not 0 decides (Devillers
-// and Teillaud, Perturbations for Delaunay and weighted Delaunay 3D triangulations, 2011; here in
-// the plane).
+// point is the turn of the three others, which is not 0 on a circle; so the largest point decides
+// (Devillers and Teillaud, Perturbations for Delaunay and weighted Delaunay 3D triangulations,
+// 2011; here in the plane).
 inline bool TieIsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
-  std::array<LatticePoint, 4> points{a, b, c, d};
-  std::sort(points.begin(), points.end());
-  for (size_t i = points.size(); i-- > 0;) {
-    if (points[i] == d) return false;  // lifted away; abc is not on a line
-    int64_t turn = 0;
-    if (points[i] == c) turn = Turn(a, b, d);
-    if (points[i] == b) turn = Turn(a, d, c);
-    if (points[i] == a) turn = Turn(d, b, c);
-    if (turn != 0) return turn > 0;
-  }
-  return false;
+  if (a > b && a > c) return d < a && Turn(b, c, d) > 0;
+  if (b > c) return d < b && Turn(c, a, d) > 0;
+  return d < c && Turn(a, b, d) > 0;
 }
 
 }  // namespace mtdb

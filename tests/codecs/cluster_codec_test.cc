@@ -71,8 +71,7 @@ TEST_CASE("a decoded cluster encodes to the same bytes") {
     if (encoded.explicit_arcs) continue;  // the order of in-triangles is the first encoder's choice
     const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
     REQUIRE(cluster.ok());
-    ClusterUpdates updates = UpdatesOf(*cluster);
-    updates.is_height_field = fixture.updates.is_height_field;  // the object's record says so
+    const ClusterUpdates updates = UpdatesOf(*cluster, fixture.updates.is_height_field);
     REQUIRE((EncodeCluster(updates, fixture.attributes).payload == encoded.payload));
   }
 }

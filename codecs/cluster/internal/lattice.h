@@ -6,11 +6,13 @@
 // "Lattice".
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "codecs/cluster/internal/circle_masks.h"
 #include "codecs/coding/cluster_model.h"
 #include "codecs/coding/patch.h"
 #include "store/base/geometry.h"
@@ -26,56 +28,70 @@ class Lattice {
   static std::optional<Lattice> Make(const Patch& patch, std::span<const Vec3i> positions,
                                      size_t nodes, bool with_border);
 
-  // A new vertex of the patch.
-  void AddVertex(LatticePoint p);
-  bool IsFree(LatticePoint p) const {
-    return p.x >= 0 && p.y >= 0 && p.x < width_ && p.y < height_ && Word(p) >> (p.x & 63) & 1;
-  }
+  // A new vertex of the patch, which has its star.
+  void AddVertex(const Patch& patch, LatticePoint p);
   LatticePoint ToLattice(Vec3i p) const { return {p.x - origin_.x, p.y - origin_.y}; }
   LatticePoint ToGrid(LatticePoint p) const { return {p.x + origin_.x, p.y + origin_.y}; }
 
   // The candidates of a node are at first the free points in the circle of its anchor, but for
   // those in the circles of neighbours that were not visited yet.
   void SetAnchor(const Patch& patch, uint32_t anchor);
-  // How many candidates lie in the circle of the triangle in `slot`.
-  uint32_t CountInside(const Patch& patch, uint32_t slot);
+  // How many candidates there are.
+  uint32_t count() const { return count_; }
+  // How many of them lie in the circle of the triangle in `slot`.
+  uint32_t CountInside(const Patch& patch, uint32_t slot) {
+    const Disc disc = discs_[slot];
+    if (windows_.size() == 1 && !disc.large()) [[likely]]
+      return CountInsideWindow(disc);
+    return CountInsideLarge(patch, slot);
+  }
   // Keeps the candidates that lie (or do not lie) in the circle that was asked last.
   void Keep(bool inside);
   // Drops the candidates in the circles of triangles around the hole that come after its anchor.
   void Exclude(const Patch& patch, const Patch::Hole& hole, uint32_t anchor);
+  // Candidates by their order, by rows, then columns; and the number of one, count() of another
+  // point.
+  LatticePoint candidate(uint32_t number);
+  uint32_t NumberOf(LatticePoint candidate);
   // The open ring edge that p lies on; none: kNone32.
   uint32_t SplitEdge(const Patch::Hole& hole, LatticePoint p) const;
 
-  // In the order of rows, then columns.
-  std::span<const LatticePoint> candidates() const { return candidates_; }
   // More points were asked than the cluster's size allows: no use to go on.
   bool exhausted() const { return budget_ < 0; }
 
  private:
-  // The circle through the corners of a triangle; empty when these do not run counter-clockwise.
-  struct Circle {
-    LatticePoint a, b, c;
-    int64_t area, u, v;  // p inside: area |p - a|^2 < u (p - a).x + v (p - a).y
-  };
   Circle CircleOf(const Patch& patch, uint32_t slot) const;
-  static bool IsInside(const Circle& circle, LatticePoint p);
+  void AddDiscs(const Patch& patch);
+  bool Gather(Window& window) const;
+  void Drop(const Patch& patch, uint32_t slot);
+  uint32_t CountInsideWindow(Disc disc);
+  void GatherLarge(const Circle& circle);
+  uint32_t CountInsideLarge(const Patch& patch, uint32_t slot);
+  void ListCandidates();
 
-  uint64_t& Word(LatticePoint p) { return free_[static_cast<size_t>(p.y * words_ + (p.x >> 6))]; }
-  uint64_t Word(LatticePoint p) const {
-    return free_[static_cast<size_t>(p.y * words_ + (p.x >> 6))];
+  // Points are bits of free_, with a window's size around the box.
+  size_t WordOf(LatticePoint p) const {
+    return static_cast<size_t>((p.y + Window::kSide) * words_ + ((p.x + Window::kSide) >> 6));
   }
-  void SetFree(LatticePoint p) { Word(p) |= uint64_t{1} << (p.x & 63); }
-  void Clear(LatticePoint p) { Word(p) &= ~(uint64_t{1} << (p.x & 63)); }
+  static int BitOf(LatticePoint p) { return (p.x + Window::kSide) & 63; }
+  void SetFree(LatticePoint p) { free_[WordOf(p)] |= uint64_t{1} << BitOf(p); }
+  void Clear(LatticePoint p) { free_[WordOf(p)] &= ~(uint64_t{1} << BitOf(p)); }
   void FreeTriangle(LatticePoint a, LatticePoint b, LatticePoint c);
   void ClearEdge(LatticePoint a, LatticePoint b);
 
   LatticePoint origin_;
   int64_t width_ = 0, height_ = 0, words_ = 0;
-  std::vector<uint64_t> free_;          // rows of bits
+  std::vector<uint64_t> free_;
   std::vector<LatticePoint> vertices_;  // of the patch
-  std::vector<LatticePoint> candidates_;
-  std::vector<uint8_t> inside_;  // per candidate, of the circle that was asked last
-  int64_t budget_ = 0;           // points that may still be asked
+  CircleMasks masks_;
+  std::vector<Disc> discs_;  // per slot
+
+  // The candidates: one window, but for anchors with large circles.
+  std::vector<Window> windows_;
+  std::vector<Window> inside_{1};  // in the circle that was asked last
+  uint32_t count_ = 0, inside_count_ = 0;
+  std::vector<LatticePoint> listed_;
+  int64_t budget_ = 0;  // points that may still be asked
 };
 
 // Is `slot` the anchor of a node? Sets the candidates of its vertex.
@@ -85,7 +101,7 @@ bool CodeLatticeAnchor(Coder&& coder, LatticeModel& model, const Patch& patch, L
   lattice.SetAnchor(patch, slot);
   uint32_t later = 0;
   for (const uint32_t o : patch.triangle(slot).opposite) later += o != kNone32 && o >> 2 > slot;
-  return model.CodeAnchor(coder, later, static_cast<uint32_t>(lattice.candidates().size()), value);
+  return model.CodeAnchor(coder, later, lattice.count(), value);
 }
 
 }  // namespace mtdb::internal
