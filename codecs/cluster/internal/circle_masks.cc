@@ -33,8 +33,8 @@ Circle::Box Circle::box() const {
 }
 
 CircleMasks::CircleMasks() {
-  static const std::vector<CircleMask> small = MakeSmall();
-  small_ = small.data();
+  static const std::vector<CircleMask> kMasks = MakeSmall();
+  small_ = kMasks.data();
   table_.resize(64);
 }
 
