@@ -4,7 +4,8 @@
 //   codec_bench [--sculpture N]... [--terrain N]... [--seed S]... [--bits N] [--no-peers]
 //               [--attributes [--normals BITS]] [--fit FILE] [--json FILE] [MESH]...
 //
-// For each mesh (files; generated ones of N triangles for each seed), of its positions alone (with
+// For each object of stores (*.mtdb, such as terrains; as they are, and without peers), and each
+// mesh (files; generated ones of N triangles for each seed), of its positions alone (with
 // --attributes also of them, and the bits of each; a colour's stand at its red, a normal's on the
 // octahedron at its nx), in a store of its own:
 //   bits a vertex of each stream of its clusters, of the roots, of payloads and of the whole file;
@@ -178,6 +179,7 @@ class Bench {
 
   // False when the mesh cannot be read, or a cluster does not encode to its bytes.
   bool RunFile(const std::string& path) {
+    if (path.ends_with(".mtdb")) return RunStore(path);
     TriangleMesh mesh;
     TriangleMeshSink sink(&mesh);
     if (const Status status = ReadMeshFile(path, sink, nullptr); !status.ok()) {
@@ -206,6 +208,25 @@ class Bench {
   const ModelCounts& counts() const { return all_counts_; }
 
  private:
+  bool RunStore(const std::string& path) {
+    const Result<std::shared_ptr<Database>> database = Database::Open(path, {});
+    if (!database.ok()) {
+      std::fprintf(stderr, "%s\n", database.status().message().c_str());
+      return false;
+    }
+    bool good = true;
+    const std::vector<ObjectRecord> records = (*database)->List().value();
+    for (const ObjectRecord& record : records) {
+      const auto open = [&] {
+        return Surface::Open((*database)->OpenObject(record.name).value(), {}).value();
+      };
+      Json row;
+      good &= Measure(record.name, record, path, open, &row);
+      AddRow(std::move(row));
+    }
+    return good;
+  }
+
   bool Run(const std::string& name, const TriangleMesh& mesh) {
     BenchStore store;
     BuildOptions options;
@@ -213,21 +234,42 @@ class Bench {
     options.tile_triangles = arguments_.tile_triangles;
     if (arguments_.attributes && HasNormals(mesh)) options.normal_bits = arguments_.normal_bits;
     const ObjectRecord record = store.Build("mesh", mesh, options);
+    Json row;
+    const bool good = Measure(
+        name, record, store.path(), [&] { return store.OpenSurface("mesh"); }, &row);
+    if (!arguments_.no_peers) {
+      const auto file_bytes = static_cast<double>(std::filesystem::file_size(store.path()));
+      AddPeers(mesh, record, file_bytes, &row);
+    }
+    AddRow(std::move(row));
+    return good;
+  }
+
+  void AddRow(Json row) {
+    if (arguments_.json.empty()) std::cout << row.dump(2) << std::endl;
+    rows_.push_back(std::move(row));
+  }
+
+  // `open`: the object, with an empty cache.
+  template <typename Open>
+  bool Measure(const std::string& name, const ObjectRecord& record, const std::string& store_path,
+               Open&& open, Json* row_of_it) {
     const auto vertices = static_cast<double>(record.vertices);
     const auto triangles = static_cast<double>(record.triangles);
     const auto per_vertex = [&](double bytes) { return 8 * bytes / vertices; };
 
-    const double load_seconds = TimeLoading(*store.OpenSurface("mesh"));
+    const double load_seconds = TimeLoading(*open());
     ModelCounts counts;
     std::map<std::string, double> streams;
     double decode_seconds = 0;
-    const bool good = Walk(*store.OpenSurface("mesh"), name, counts, streams, decode_seconds);
+    const bool good = Walk(*open(), name, counts, streams, decode_seconds);
     all_counts_.Add(counts, 1e5 / vertices);
 
-    Json row{{"mesh", name},
-             {"vertices", record.vertices},
-             {"triangles", record.triangles},
-             {"clusters", record.clusters}};
+    Json& row = *row_of_it;
+    row = {{"mesh", name},
+           {"vertices", record.vertices},
+           {"triangles", record.triangles},
+           {"clusters", record.clusters}};
     Json& stream_bits = row["stream_bits_per_vertex"];
     double cluster_bytes = 0;
     for (const auto& [stream, bytes] : streams) {
@@ -244,16 +286,13 @@ class Bench {
       models[t.name] = {{"entropy_bits_per_vertex", ModelCounts::Entropy(t) / vertices},
                         {"spent_bits_per_vertex", t.spent_bits / vertices}};
     }
-    const auto file_bytes = static_cast<double>(std::filesystem::file_size(store.path()));
+    const auto file_bytes = static_cast<double>(std::filesystem::file_size(store_path));
     row["payload_bits_per_vertex"] = per_vertex(static_cast<double>(record.payload_bytes));
     row["file_bits_per_vertex"] = per_vertex(file_bytes);
     row["payload_of_file"] = static_cast<double>(record.payload_bytes) / file_bytes;
     row["decode_mtriangles_per_core_second"] = 1e-6 * triangles / decode_seconds;
     row["load_mtriangles_per_core_second"] = 1e-6 * triangles / load_seconds;
     row["decode_ns_per_node"] = 1e9 * decode_seconds / static_cast<double>(record.nodes);
-    if (!arguments_.no_peers) AddPeers(mesh, record, file_bytes, &row);
-    if (arguments_.json.empty()) std::cout << row.dump(2) << std::endl;
-    rows_.push_back(std::move(row));
     return good;
   }
 

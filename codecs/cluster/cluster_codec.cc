@@ -246,7 +246,9 @@ void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) 
   uint8_t* codes = cluster_.error_codes.data() + first;
   for (Vertex& v : vertices) {
     if (coder.overrun() || bits.overrun()) break;
-    code = models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
+    code = on_lattice
+               ? models_.errors.CodeOnLattice(coder.lane<0>(), bits, v.least_code, code, 0)
+               : models_.errors.Code(coder.lane<0>(), bits, v.hole_size, v.least_code, code, 0);
     *codes++ = code;
     const uint32_t ring_class = v.ring_class;
     if (!on_lattice) {
@@ -255,10 +257,17 @@ void ClusterDecoder::DecodeVertices(std::span<Vertex> vertices, uint32_t first) 
       v.residual[1] = models_.positions.CodeScaled(coder.lane<2>(), bits, 1, ring_class,
                                                    v.frame.variance_v(), 0);
     }
-    v.residual[2] =
-        within ? models_.positions.CodeWithin(coder.lane<3>(), bits, ring_class,
-                                              kErrorInCells[code] * v.deviation, 0)
-               : models_.positions.CodeScaled(coder.lane<3>(), bits, 2, ring_class, v.deviation, 0);
+    if (within) {
+      const float limit = kErrorInCells[code] * v.deviation;
+      v.residual[2] =
+          PositionModel::CodeWithin(coder.lane<3>(), bits,
+                                    on_lattice ? models_.positions.HeightOf(code)
+                                               : models_.positions.WithinOf(ring_class, limit),
+                                    limit, 0);
+    } else {
+      v.residual[2] =
+          models_.positions.CodeScaled(coder.lane<3>(), bits, 2, ring_class, v.deviation, 0);
+    }
   }
   vertex_stream_ = coder;
   bits_ = bits;

@@ -365,14 +365,19 @@ void EncodeVertices(const Replay& replay, bool scaled_by_error, ClusterModels& m
   for (size_t i = 0; i < replay.codes.size(); ++i) {
     const VertexResidual& r = replay.residuals[i];
     const uint8_t code = replay.codes[i];
-    models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, last, code);
-    if (!replay.lattice) {
+    if (replay.lattice) {
+      models.errors.CodeOnLattice(vertices.lane(0), bits, r.least_code, last, code);
+    } else {
+      models.errors.Code(vertices.lane(0), bits, r.hole_size, r.least_code, last, code);
       models.positions.CodeScaled(vertices.lane(1), bits, 0, r.ring_class, r.variance_u, r.u);
       models.positions.CodeScaled(vertices.lane(2), bits, 1, r.ring_class, r.variance_v, r.v);
     }
     if (scaled_by_error) {
-      models.positions.CodeWithin(vertices.lane(3), bits, r.ring_class,
-                                  kErrorInCells[code] * r.slant, r.n);
+      const float limit = kErrorInCells[code] * r.slant;
+      PositionModel::CodeWithin(vertices.lane(3), bits,
+                                replay.lattice ? models.positions.HeightOf(code)
+                                               : models.positions.WithinOf(r.ring_class, limit),
+                                limit, r.n);
     } else {
       models.positions.CodeScaled(vertices.lane(3), bits, 2, r.ring_class, r.variance_n, r.n);
     }

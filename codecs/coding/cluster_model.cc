@@ -30,12 +30,18 @@ LatticeModel::LatticeModel() {
   Start(take_, kLatticeTakePriors);
 }
 
-ErrorModel::ErrorModel() { Start(high_, kErrorPriors); }
+ErrorModel::ErrorModel() {
+  Start(high_, kErrorPriors);
+  Start(lattice_high_, kLatticeErrorPriors);
+  Start(lattice_low_, kLatticeErrorLowPriors);
+}
 
 PositionModel::PositionModel() {
   Start(scaled_, kScaledPriors);
   Start(within_, kWithinPriors);
   Start(beyond_, kBeyondPriors);
+  Start(heights_, kLatticeHeightPriors);
+  Start(heights_beyond_, kLatticeBeyondPriors);
 }
 
 ArcModel::ArcModel() {

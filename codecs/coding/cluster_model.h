@@ -184,16 +184,46 @@ class ErrorModel {
     return static_cast<uint8_t>(prediction + kUp - (high << 2 | bits.Raw(2, difference & 3)));
   }
 
+  // Likewise, on a lattice. Errors there are often whole or simple fractions of cells, which only
+  // some codes stand for: groups of four codes are coded by their distance from the group that is
+  // predicted, then which one it is in its group.
+  template <typename Coder, typename BitCoder>
+  [[gnu::always_inline]] uint8_t CodeOnLattice(Coder&& coder, BitCoder& bits, uint32_t least,
+                                               uint8_t last, uint8_t value) {
+    const bool fallback = least == Patch::kMadeElsewhere;
+    const uint32_t prediction = fallback ? last : least;
+    const uint32_t group = prediction >> 2;
+    const size_t context = 2 * std::min<size_t>(group, kGroups - 1) + (fallback ? 1 : 0);
+    const uint32_t difference = group + kGroupsUp - (uint32_t{value} >> 2);
+    const uint32_t high = coder.Symbol(lattice_high_[context], std::min(difference, kEscape));
+    if (high == kEscape) [[unlikely]] {
+      return static_cast<uint8_t>(bits.Raw(8, value));
+    }
+    const uint32_t found = (group + kGroupsUp - high) & 63;
+    const uint32_t where = found == group ? prediction & 3 : found > group ? 4 : 5;
+    AdaptiveBit* low = &lattice_low_[3 * (kWheres * std::min<size_t>(found, kGroups - 1) + where)];
+    const bool upper = coder.Bit(low[0], (value & 2) != 0);
+    const bool odd = coder.Bit(low[upper ? 2 : 1], (value & 1) != 0);
+    return static_cast<uint8_t>(found << 2 | (upper ? 2 : 0) | (odd ? 1 : 0));
+  }
+
   template <typename Visit>
   void ForEachTable(Visit&& visit) {
     visit("kErrorPriors", std::span(high_));
+    visit("kLatticeErrorPriors", std::span(lattice_high_));
+    visit("kLatticeErrorLowPriors", std::span(lattice_low_));
   }
 
   static constexpr size_t kHoleClasses = 6;
   static constexpr uint32_t kEscape = 15;
   static constexpr uint32_t kUp = 24;  // codes may exceed the prediction by so much
+  static constexpr uint32_t kGroupsUp = kUp / 4;
+  static constexpr size_t kGroups = 19;  // with contexts of their own; of less than 32 cells
+  static constexpr size_t kWheres = 6;
 
  private:
+  std::array<AdaptiveSymbol, 2 * kGroups> lattice_high_;
+  std::array<AdaptiveBit, 3 * kWheres * kGroups> lattice_low_;
   std::array<AdaptiveSymbol, 2 * kHoleClasses> high_;
 };
 
@@ -220,21 +250,35 @@ class PositionModel {
         bits.Raw(shift + 1, (magnitude & ((1u << shift) - 1)) << 1 | (value < 0 ? 1u : 0u));
     return Signed(static_cast<uint32_t>(q << shift) | low >> 1, low & 1);
   }
-  // The residual along n of a vertex that is hardly farther than `limit` from its hole.
+  // Of the residual along n of a vertex that is hardly farther than a limit from its hole: which
+  // part of the limit, and whether it is farther.
+  struct Within {
+    AdaptiveSymbol* bins;
+    AdaptiveBit* beyond;
+  };
+  Within WithinOf(size_t ring_class, float limit) {
+    const auto scale = static_cast<size_t>(std::min(ExponentOf(limit + 1), int{kLimits} - 1));
+    return {&within_[ring_class * kLimits + scale], &beyond_[scale]};
+  }
+  // Of a vertex on a lattice, whose error has this code. Errors of few cells are often whole or
+  // simple fractions, and a residual is often as large as the error.
+  Within HeightOf(uint8_t code) {
+    const size_t i = std::clamp<size_t>(code, kLeastHeightCode, kMostHeightCode) - kLeastHeightCode;
+    return {&heights_[i], &heights_beyond_[i]};
+  }
   template <typename Coder, typename BitCoder>
-  [[gnu::always_inline]] int32_t CodeWithin(Coder&& coder, BitCoder& bits, size_t ring_class,
-                                            float limit, int32_t value) {
+  [[gnu::always_inline]] static int32_t CodeWithin(Coder&& coder, BitCoder& bits, Within models,
+                                                   float limit, int32_t value) {
     const float width = limit + 1;
     const auto bound = [&](uint32_t q) {
       return static_cast<uint32_t>(static_cast<int32_t>(width * (static_cast<float>(q) * 0.0625f)));
     };
-    const auto scale = static_cast<size_t>(std::min(ExponentOf(width), int{kLimits} - 1));
     const uint32_t magnitude = Magnitude(value);
     uint32_t bin = kEscape;
     while (bound(bin) > magnitude) --bin;
-    bin = coder.Symbol(within_[ring_class * kLimits + scale], bin);
+    bin = coder.Symbol(*models.bins, bin);
     uint32_t result = bound(bin);
-    if (bin == kEscape && coder.Bit(beyond_[scale], magnitude >= bound(16))) {
+    if (bin == kEscape && coder.Bit(*models.beyond, magnitude >= bound(16))) {
       result = bound(16);
       result += static_cast<uint32_t>(CodeRawNumber(bits, magnitude - result));
     } else {
@@ -248,11 +292,17 @@ class PositionModel {
     visit("kScaledPriors", std::span(scaled_));
     visit("kWithinPriors", std::span(within_));
     visit("kBeyondPriors", std::span(beyond_));
+    visit("kLatticeHeightPriors", std::span(heights_));
+    visit("kLatticeBeyondPriors", std::span(heights_beyond_));
   }
 
   static constexpr size_t kRingClasses = 4;
   static constexpr size_t kScales = 10;
   static constexpr size_t kLimits = 6;
+  // Of half a cell, and of 29; what is below and beyond has no contexts of its own.
+  static constexpr size_t kLeastHeightCode = 25;
+  static constexpr size_t kMostHeightCode = 72;
+  static constexpr size_t kHeightCodes = kMostHeightCode - kLeastHeightCode + 1;
   static constexpr uint32_t kEscape = 15;
   static size_t RingClass(size_t k, bool boundary) {
     static constexpr uint8_t kClass[] = {0, 0, 0, 0, 0, 1, 1, 2};
@@ -270,6 +320,8 @@ class PositionModel {
   std::array<AdaptiveSymbol, 3 * kRingClasses * kScales> scaled_;
   std::array<AdaptiveSymbol, kRingClasses * kLimits> within_;
   std::array<AdaptiveBit, kLimits> beyond_;
+  std::array<AdaptiveSymbol, kHeightCodes> heights_;
+  std::array<AdaptiveBit, kHeightCodes> heights_beyond_;
 };
 
 // ---- arcs ----

@@ -10,12 +10,13 @@ const root = join(source, '../..');
 export const engineSources = () => [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))];
 
 // What runs seldom is made small.
-const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc/.test(file);
+const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|deadlines|session|batches|root_codec|streams|explicit|circle_masks/.test(file);
+// Where a cluster's bits are decoded.
+const isHot = file => file.startsWith('codecs/c') && !/lattice/.test(file);
 
 export const compileEngine = ({build, cxx, launcher, out}) => compileWasm({
   root, build, cxx, launcher, out, stackBytes: 1048576, sources: engineSources(),
   headers: ['xxhash.h', 'zstd.h', 'zstd_errors.h', 'nlohmann'],
-  // Fast where a cluster's bits are decoded.
-  optimize: file => (file.startsWith('codecs/c') ? ['-O2', '-msimd128'] : isSeldom(file) ? ['-Oz'] : ['-Os']),
+  optimize: file => (isSeldom(file) ? ['-Oz'] : isHot(file) ? ['-O2', '-msimd128'] : ['-Os']),
   flags: ['-DJSON_HAS_FILESYSTEM=0', '-DJSON_HAS_EXPERIMENTAL_FILESYSTEM=0', '-DJSON_NOEXCEPTION', '-DJSON_NO_IO'],
 });

@@ -74,7 +74,7 @@ Disc CircleMasks::FindOther(LatticePoint a, LatticePoint b, LatticePoint c) {
 }
 
 const CircleMask& CircleMasks::Add(uint32_t shape, LatticePoint b, LatticePoint c) {
-  CircleMask& added = others_.emplace_back();
+  CircleMask& added = *others_.emplace_back(std::make_unique<CircleMask>());
   added.shape = shape;
   Set({{0, 0}, b, c}, added);
   const auto list = [&](const CircleMask& mask) {
@@ -86,7 +86,7 @@ const CircleMask& CircleMasks::Add(uint32_t shape, LatticePoint b, LatticePoint 
     list(added);
   } else {
     table_.assign(2 * table_.size(), nullptr);
-    for (const CircleMask& mask : others_) list(mask);
+    for (const std::unique_ptr<CircleMask>& mask : others_) list(*mask);
   }
   return added;
 }

@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <deque>
+#include <memory>
 #include <vector>
 
 #include "store/base/ids.h"
@@ -123,7 +123,7 @@ class CircleMasks {
   }
 
   const CircleMask* small_;
-  std::deque<CircleMask> others_;
+  std::vector<std::unique_ptr<CircleMask>> others_;
   std::vector<const CircleMask*> table_;  // others_ by shape, with open addressing
 };
 

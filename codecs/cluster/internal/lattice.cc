@@ -270,12 +270,19 @@ void Lattice::Exclude(const Patch& patch, const Patch::Hole& hole, uint32_t anch
 
 void Lattice::ListCandidates() {
   listed_.clear();
-  for (const Window& window : windows_) {
-    ForEachPoint(window, [&](LatticePoint p, size_t, uint64_t) { listed_.push_back(p); });
+  // Windows beside each other share rows.
+  for (size_t begin = 0, end = 0; begin < windows_.size(); begin = end) {
+    const Window& first = windows_[begin];
+    while (end < windows_.size() && windows_[end].y == first.y) ++end;
+    for (uint32_t y = 0; y < 4 * first.used; ++y) {
+      for (size_t i = begin; i < end; ++i) {
+        auto bits = static_cast<uint16_t>(windows_[i].words[y / 4] >> 16 * (y % 4));
+        for (; bits != 0; bits &= bits - 1) {
+          listed_.push_back({windows_[i].x + std::countr_zero(bits), first.y + int64_t{y}});
+        }
+      }
+    }
   }
-  if (windows_.size() == 1) return;
-  std::sort(listed_.begin(), listed_.end(),
-            [](LatticePoint a, LatticePoint b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
 }
 
 LatticePoint Lattice::candidate(uint32_t number) {
