@@ -157,6 +157,30 @@ void Session::RetryFailed() {
   if (available_ != nullptr) available_->available()->ForgetFailures();
 }
 
+TriangleFacts Session::FactsOf(TriangleKey key) const {
+  MTDB_CHECK(available_ != nullptr, "only a session that does not wait knows of its triangles");
+  const AvailableUnits& units = *available_->available();
+  const auto id = static_cast<UnitId>(key >> 32);
+  const auto slot = static_cast<uint32_t>(key);
+  const ClusterIndex& index = surface_->index();
+  const LoadedUnit* const unit = id < index.unit_count() ? units.Find(id) : nullptr;
+  MTDB_CHECK(unit != nullptr && slot < unit->cluster.slots(), "no such triangle");
+  const ObjectRecord& record = surface_->record();
+  const auto facts = [&](uint8_t code, bool exact) {
+    return TriangleFacts{BoundOf(record.grid, code, record.rounding_error), exact, id};
+  };
+  const uint32_t remover = unit->removers()[slot];
+  if (remover == kDrain) return facts(0, true);
+  if (!RemovedByChild(remover)) return facts(unit->cluster.error_codes[remover], true);
+  const UnitId child_id = unit->children()[ChildOrdinal(remover)];
+  const LoadedUnit* const child = units.Find(child_id);
+  const uint32_t in_slot = child == nullptr ? kNone32 : child->FindInSlot(id, slot);
+  if (in_slot == kNone32) {
+    return facts(index.Has(child_id) ? index.unit(child_id).error_code_max : 255, false);
+  }
+  return facts(child->cluster.error_codes[child->removers()[in_slot]], true);
+}
+
 Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatch>* batches) {
   batches->clear();
   return CatchOutOfMemory([&] {

@@ -43,6 +43,15 @@ struct SessionUpdate {
   ExtractStats stats;
 };
 
+// What is known of a triangle of a session's mesh.
+struct TriangleFacts {
+  // b(t), in model units (query/query.h); or, while the cluster that removes it is not in memory,
+  // the largest that it can be.
+  double error_bound = 0;
+  bool exact = true;   // it is b(t)
+  UnitId cluster = 0;  // that creates the triangle; from ClusterIndex::cluster_count() on: the root
+};
+
 struct SessionOptions {
   // The session never waits: its cuts go through the clusters that are in memory, as with
   // Query::available_only, and refine from call to call as clusters come. Those that its cut uses
@@ -90,6 +99,9 @@ class Session {
 
   // Of a session that does not wait: what failed is asked for again.
   void RetryFailed();
+
+  // Likewise: what is in memory of a triangle that the last update left in the mesh. Reads nothing.
+  TriangleFacts FactsOf(TriangleKey key) const;
 
   bool applied(UnitId cluster, NodeIndex node) const;
   uint64_t applied_count() const { return applied_count_; }

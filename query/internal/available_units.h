@@ -40,6 +40,8 @@ class AvailableUnits {
   // kBudgetExceeded without room for them, kNotYet.
   Status TakeRoot();
   bool taken(UnitId unit) const { return taken_[unit] != nullptr; }
+  // What was taken and is kept; null: not this one.
+  const LoadedUnit* Find(UnitId unit) const { return taken_[unit]; }
   // Lets go of all but these and what they come from.
   void KeepOnly(std::span<const UnitId> units);
 

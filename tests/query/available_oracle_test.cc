@@ -6,6 +6,7 @@
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <map>
 #include <random>
 #include <thread>
 #include <vector>
@@ -98,6 +99,45 @@ void CheckAnswer(const MtFixture& f, const Query& query, const std::vector<bool>
   REQUIRE(stats.error_bound <= most);
 }
 
+// What the session knows of its triangles, against the plain DAG; counts those whose b(t) is known,
+// and those of which only the largest is.
+void CheckFacts(const MtFixture& f, const Session& session, const ExplicitMesh& mesh,
+                const std::vector<bool>& applied, std::array<size_t, 2>* known) {
+  const ClusterIndex& index = f.source->index_;
+  const Oracle oracle(f, {});
+  std::vector<bool> used(index.unit_count());
+  for (size_t n = 0; n < applied.size(); ++n) {
+    if (applied[n]) used[f.mt.nodes[n].cluster] = true;
+  }
+  // Several triangles may lie at one place.
+  std::multimap<std::array<Vec3i, 3>, uint32_t> at;
+  for (const uint32_t id : f.mt.Mesh(applied)) {
+    const auto& v = f.mt.triangles[id].vertices;
+    at.emplace(ExplicitMesh::Smallest(std::array<Vec3i, 3>{
+                   f.mt.positions[v[0]], f.mt.positions[v[1]], f.mt.positions[v[2]]}),
+               id);
+  }
+  mesh.ForEach([&](TriangleKey key, const std::array<Vec3i, 3>& corners) {
+    const TriangleFacts facts = session.FactsOf(key);
+    ++(*known)[facts.exact ? 0 : 1];
+    const auto [begin, end] = at.equal_range(corners);
+    const auto match = std::find_if(begin, end, [&](const auto& entry) {
+      const InMemoryMt::Triangle& t = f.mt.triangles[entry.second];
+      const bool made = t.creator < 0 ? facts.cluster >= index.cluster_count()
+                                      : facts.cluster == f.mt.nodes[t.creator].cluster;
+      if (!made || t.remover < 0)
+        return made && facts.exact && facts.error_bound == oracle.Bound(0);
+      const UnitId remover = f.mt.nodes[t.remover].cluster;
+      if (facts.exact) return facts.error_bound == oracle.bound(entry.second);
+      return !used[remover] &&
+             facts.error_bound == oracle.Bound(index.unit(remover).error_code_max);
+    });
+    REQUIRE(match != end);
+    at.erase(match);
+  });
+  REQUIRE(at.empty());
+}
+
 // A session that takes what is there, and the mesh of its client.
 class Client {
  public:
@@ -123,6 +163,7 @@ class Client {
     const std::vector<bool> applied = AppliedOf(f_, *session_);
     CheckClosed(f_, applied);
     REQUIRE(mesh_->Positions() == CutPositions(f_, applied));
+    CheckFacts(f_, *session_, *mesh_, applied, &known_);
     if (update->stats.limit != QueryLimit::kTime && !query.max_triangles) {
       CheckAnswer(f_, query, applied, update->stats, random);
       REQUIRE((update->stats.limit == QueryLimit::kMissing) == !update->stats.missing.empty());
@@ -145,11 +186,14 @@ class Client {
     waiting.max_milliseconds.reset();
     REQUIRE(AppliedOf(f_, *session_) == AppliedOf(f_, *whole->Select(waiting)));
   }
+  // Of the triangles after all updates: those whose error was known, and others.
+  const std::array<size_t, 2>& known() const { return known_; }
 
  private:
   const MtFixture& f_;
   const std::unique_ptr<Session> session_;
   std::unique_ptr<ExplicitMesh> mesh_;
+  std::array<size_t, 2> known_{};
 };
 
 RuntimeForm FormOf(uint32_t seed) {
@@ -208,6 +252,8 @@ TEST_CASE("a session that takes what is there of a store does so too") {
         client.Update(budget, random);
       }
     }
+    REQUIRE(client.known()[0] > 0);
+    REQUIRE(client.known()[1] > 0);
   }
 }
 

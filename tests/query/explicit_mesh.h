@@ -57,11 +57,16 @@ class ExplicitMesh {
   }
   std::multiset<std::array<Vec3i, 3>> Positions() const {
     std::multiset<std::array<Vec3i, 3>> set;
-    for (const auto& [key, t] : triangles_) {
-      set.insert(Smallest(
-          std::array<Vec3i, 3>{positions_.at(t[0]), positions_.at(t[1]), positions_.at(t[2])}));
-    }
+    ForEach([&](TriangleKey, const std::array<Vec3i, 3>& t) { set.insert(t); });
     return set;
+  }
+  // Calls f(key, positions) for each triangle, the smallest position first.
+  template <typename F>
+  void ForEach(F&& f) const {
+    for (const auto& [key, t] : triangles_) {
+      f(key, Smallest(std::array<Vec3i, 3>{positions_.at(t[0]), positions_.at(t[1]),
+                                           positions_.at(t[2])}));
+    }
   }
   template <typename T>
   static std::array<T, 3> Smallest(const std::array<T, 3>& t) {

@@ -44,6 +44,39 @@ for (const way of ['thick', 'thin']) test(`what is on the screen is what mtdb ex
   }
 });
 
+test('errors of triangles are drawn as colours, as are rounds and clusters; of a server none', async () => {
+  // All of space, so that each triangle counts for the bound of the mesh.
+  const page = await open(`${server.url}/#o=${kName}&region=half_space:100,0,0,1,0,0&inside=0.003&outside=coarse&colour=error`);
+  await exact(page);
+  const values = () => page.evaluate(name => [...viewer.scene.objects.get(name).mesh.readValues()], kName);
+  const errors = await values(), query = await page.evaluate(name => viewer.scene.objects.get(name).wanted, kName);
+  writeFileSync(file('query.json'), JSON.stringify(query));
+  const stats = runJson('extract', store, file('extracted.ply'), '--name', kName, '--query', file('query.json'));
+  check(errors.length === stats.triangles && Math.max(...errors) === Math.fround(stats.error_bound) && new Set(errors).size > 10, `${errors.length} ${Math.max(...errors)} ${JSON.stringify(stats)}`);
+  check(await page.textContent('#legend-high') === String(Number(stats.error_bound.toPrecision(4))), await page.textContent('#legend'));
+  const colours = async () => {
+    const picture = await decode(await page.locator('#canvas').screenshot()), hues = new Set();
+    for (let i = 0; i < picture.data.length; i += 4) hues.add(Math.round((picture.data[i] - picture.data[i + 2]) / 16));
+    return hues.size;
+  };
+  const many = await colours();
+  await page.selectOption('#colour', 'round');
+  await until(async () => new Set(await values()).size < 9, 'the rounds are there');
+  const rounds = await values();
+  check(rounds.every(round => Number.isInteger(round) && round > 0), 'rounds');
+  await page.selectOption('#colour', 'cluster');
+  await until(async () => (await values()).some((cluster, i) => cluster !== rounds[i]), 'the clusters are there');
+  await page.selectOption('#colour', 'plain');
+  await until(async () => await page.evaluate(name => viewer.scene.objects.get(name).mesh.readValues() === null, kName), 'no values any more');
+  const few = await colours();
+  check(many > 2 * few, `${many} hues, ${few} without`);
+  await page.selectOption('#way', 'thin');
+  await exact(page);
+  check(await page.isVisible('#colour-hint') && await page.evaluate(() => document.querySelector('#colour option[value=error]').disabled), 'the panel says what the server does not tell');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
 test('the memory that the engine may take holds: the error rises, and the page says to what', async () => {
   const page = await open(`${server.url}/#o=${kName}&px=0.25`);
   await exact(page);

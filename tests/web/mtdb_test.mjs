@@ -59,9 +59,9 @@ function extracted(query) {
   }
   return triangles;
 }
-// The same triangles, whatever their order, and whichever corner comes first. Positions that are float32 from
+// Makes triangles texts by the vertices of `expected`, whichever corner comes first. Positions that are float32 from
 // different origins differ by less than a hundredth of the grid's step.
-function assertSame(triangles, expected) {
+function namesBy(expected) {
   const step = info.rounding_error, ids = new Map();
   const cells = p => p.map(x => Math.floor(x / step));
   for (const p of expected.flat()) {
@@ -77,11 +77,15 @@ function assertSame(triangles, expected) {
     }
     return assert.fail(`no vertex at ${p}`);
   };
-  const sorted = list => list.map(corners => {
-    const least = corners.indexOf(corners.slice().sort()[0]);
+  return triangles => triangles.map(t => {
+    const corners = t.map(near), least = corners.indexOf(corners.slice().sort()[0]);
     return [0, 1, 2].map(k => corners[(least + k) % 3]).join(', ');
-  }).sort();
-  assert.deepEqual(sorted(triangles.map(t => t.map(near))), sorted(expected.map(t => t.map(p => p.join(' ')))));
+  });
+}
+// The same triangles, whatever their order.
+function assertSame(triangles, expected) {
+  const names = namesBy(expected);
+  assert.deepEqual(names(triangles).sort(), names(expected).sort());
 }
 
 const info = (await open()).objects[0];
@@ -114,6 +118,33 @@ const queries = [
   assert.throws(() => object.update(queries[0]), {code: 'closed'});
 }
 console.log('the same triangles as mtdb extract');
+
+{
+  // What is known of each triangle, against meshes of other thresholds: there is none of which more is wrong than is
+  // asked for, and the largest error is the mesh's.
+  const names = namesBy(extracted({})), object = await (await open()).open('a');
+  const frame = await object.settle({threshold: 0.0005 * info.diagonal});
+  const triangles = names(trianglesOf(object)), {indices} = object.changes(), facts = object.triangleFacts();
+  const slots = Array.from({length: frame.triangleSlots}, (_, i) => i).filter(i => indices[3 * i] !== indices[3 * i + 1]);
+  const all = slots.map((slot, i) => ({name: triangles[i], error: Math.abs(facts.errors[slot]), exact: facts.errors[slot] > 0, cluster: facts.clusters[slot], round: facts.rounds[slot]}));
+  assert.equal(all.length, frame.triangles);
+  assert.equal(Math.max(...all.map(t => t.error)), Math.fround(frame.errorBound));
+  for (const t of all) assert.ok(t.cluster < info.clusters ? t.round >= 1 && t.round <= info.rounds : t.round === 255, JSON.stringify(t));
+  assert.ok(new Set(all.map(t => t.cluster)).size > 1 && new Set(all.map(t => t.round)).size > 1, JSON.stringify([all.length, new Set(all.map(t => t.cluster)).size, all.filter(t => t.exact).length]));
+  const errors = all.filter(t => t.exact).map(t => t.error).sort((a, b) => a - b);
+  let stay = 0, gone = 0;
+  for (const share of [0.2, 0.4, 0.6, 0.8, 0.95]) {
+    const threshold = errors[Math.floor(share * errors.length)] * (1 + 1e-6), there = new Set(names(extracted({threshold})));
+    for (const t of all) {
+      if (t.exact && t.error > threshold * (1 + 1e-6)) assert.ok(!there.has(t.name), `${t.name}: ${t.error}, with ${threshold}`);
+      if (there.has(t.name)) ++stay;
+      else ++gone;
+    }
+  }
+  assert.ok(stay > 1000 && gone > 1000, `${stay} ${gone}`);
+  object.close();
+}
+console.log('the errors of triangles are those of mtdb');
 
 {
   // What a ray meets, and meshes that are clipped, beside a mesh that is shown.

@@ -140,7 +140,7 @@ function makeUpdate(): MeshUpdate {
     indices: gather(Uint32Array, new Uint32Array(buffer, wasm.indices(), 3 * counts[2]!), triangles, 3),
     positions: gather(Float32Array, new Float32Array(buffer, wasm.positions(), 3 * slots), vertices, 3),
     normals: gather(Int16Array, new Int16Array(buffer, wasm.normals(), 4 * slots), changedNormals, 4),
-    values: values.gather(new Uint8Array(buffer, wasm.rows(), slots * counts[4]!), counts[4]!, slots, vertices), valueRange: values.range,
+    values: values.gather(new Uint8Array(buffer, wasm.rows(), slots * counts[4]!), counts[4]!, slots, vertices), triangleValues: null, valueRange: values.range,
   };
   fresh = false;
   return update;

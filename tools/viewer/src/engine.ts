@@ -6,7 +6,7 @@ import {MtdbError, openFile, type Frame, type MeshObject, type ObjectInfo as Fil
 import {meshFile} from './mesh_file';
 import type {Point, Query} from './query';
 import {buffersOf, gather, ValueReader} from './slots';
-import type {Done, Limits, Load, MeshUpdate} from './source';
+import type {Done, Limits, Load, MeshUpdate, TriangleValue} from './source';
 import type {Answer, FromWorker, ToWorker} from './worker_session';
 
 export type Question =
@@ -41,6 +41,8 @@ class Shown {
   private object: MeshObject | null = null;
   private file: PackedFile | null = null;
   private readonly values: ValueReader;
+  private triangleValue: TriangleValue | null = null;
+  private allTriangles = false; // are to be told anew
   private asked: Asked | null = null;
   private limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity};
   private frame: Frame | null = null;
@@ -104,6 +106,8 @@ class Shown {
 
   choose(message: ToWorker & {kind: 'choose'}) {
     this.values.choose(message.values);
+    this.triangleValue = message.values.kind === 'triangle' ? message.values.of : null;
+    this.allTriangles = true;
     this.dirty = this.frame !== null;
     this.flush();
   }
@@ -172,6 +176,8 @@ class Shown {
       post({kind: 'trouble', sentence: ''});
     }
     this.asked = null;
+    // Errors of triangles that have not changed may be known better now.
+    if (this.triangleValue === 'error') this.allTriangles = this.dirty = true;
     this.answers.push({id: asked.id, done: this.doneOf(frame)});
   }
 
@@ -205,14 +211,33 @@ class Shown {
       requestBytes: object.pendingBytes, missing: frame.missing, cutMilliseconds: this.cut};
   }
 
+  // What was chosen of each slot, and what it spans; errors of 0, which no logarithm knows, aside.
+  private trianglesOf(object: MeshObject, frame: Frame): {values: Float32Array; range: [number, number] | null} | null {
+    if (!this.triangleValue) return null;
+    const {errors, clusters, rounds} = object.triangleFacts();
+    const root = object.info.rounds + 1;
+    const value = {error: (slot: number) => Math.abs(errors[slot]!), cluster: (slot: number) => clusters[slot]!, round: (slot: number) => Math.min(rounds[slot]!, root)}[this.triangleValue];
+    const values = new Float32Array(frame.triangleSlots);
+    let low = Infinity, high = -Infinity;
+    for (let slot = 0; slot < values.length; ++slot) {
+      const x = (values[slot] = value(slot));
+      if (rounds[slot] === 0 || x === 0) continue;
+      low = Math.min(low, x);
+      high = Math.max(high, x);
+    }
+    return {values, range: low <= high ? [low, high] : null};
+  }
+
   private makeUpdate(object: MeshObject, frame: Frame): MeshUpdate {
-    const c = object.changes();
+    const triangles = this.trianglesOf(object, frame), c = object.changes();
     const update: MeshUpdate = {
       fresh: this.fresh, triangles: frame.triangles, vertices: frame.vertices, triangleSlots: frame.triangleSlots, vertexSlots: frame.vertexSlots, origin: c.origin,
       indices: gather(Uint32Array, c.indices, c.triangleRanges.slice(), 3), positions: gather(Float32Array, c.positions, c.vertexRanges.slice(), 3),
       normals: gather(Int16Array, c.normals, c.normalRanges.slice(), 4), values: this.values.gather(c.rows, c.rowBytes, frame.vertexSlots, c.vertexRanges.slice()),
-      valueRange: this.values.range,
+      triangleValues: triangles && gather(Float32Array, triangles.values, this.allTriangles ? new Uint32Array([0, frame.triangleSlots]) : c.triangleRanges.slice(), 1),
+      valueRange: triangles ? triangles.range : this.values.range,
     };
+    this.allTriangles = false;
     this.fresh = false;
     return update;
   }

@@ -4,10 +4,13 @@ import * as three from 'three';
 import {colourTable} from './colour_maps';
 import {select} from './page';
 import {planesOf} from './shapes';
-import type {ObjectInfo, ValueChoice} from './source';
+import type {ObjectInfo, TriangleValue, ValueChoice} from './source';
 import {plainStyle, type Style} from './view_state';
 import {apexOf, slopeOf} from './wish';
 import type {Viewer} from './viewer';
+
+// How the shaders take what is known of triangles; see colourBy there.
+const kTriangleValues: Record<TriangleValue, number> = {error: 6, round: 2, cluster: 7};
 
 const kSurface = '#b9b2a6', kBack = '#9a6a4f', kMark = '#f0b429';
 // Of what is shown, the camera's, the sky's, and the eye's share of light.
@@ -24,7 +27,15 @@ export class Look {
     return {colour: colour.every(i => i >= 0) ? (colour as [number, number, number]) : null, at};
   }
 
+  // What is shown of single triangles, if the way of cutting tells it.
+  triangleValue(): TriangleValue | null {
+    const {colour} = this.style;
+    return this.viewer.loading.way === 'thick' && colour in kTriangleValues ? (colour as TriangleValue) : null;
+  }
+
   choiceFor(info: ObjectInfo): ValueChoice {
+    const of = this.triangleValue();
+    if (of) return {kind: 'triangle', of};
     const {colour, at} = this.attributesOf(info);
     if (this.style.colour === 'vertex' && colour) return {kind: 'colour', attributes: colour};
     if (this.style.colour.startsWith('a:') && at(this.style.colour.slice(2)) >= 0) return {kind: 'scalar', attribute: at(this.style.colour.slice(2))};
@@ -33,9 +44,10 @@ export class Look {
 
   apply() {
     const u = this.viewer.shared;
+    const triangles = this.triangleValue();
     for (const object of this.viewer.scene.objects.values()) object.source.choose(this.choiceFor(object.info));
     const kinds: Record<string, number> = {plain: 0, vertex: 1, height: 3, steepness: 4, permitted: 5};
-    u.colourBy!.value = this.style.colour.startsWith('a:') ? 2 : (kinds[this.style.colour] ?? 0);
+    u.colourBy!.value = triangles ? kTriangleValues[triangles] : this.style.colour.startsWith('a:') ? 2 : (kinds[this.style.colour] ?? 0);
     u.flatShading!.value = this.style.shading === 'flat';
     u.backFaces!.value = ['same', 'colour', 'cap'].indexOf(this.style.back);
     (u.weights!.value as three.Vector3).set(...kLights[this.style.light]);
@@ -55,7 +67,7 @@ export class Look {
     if (kind === 3) return [this.viewer.bounds().min[2], this.viewer.bounds().max[2]];
     if (kind === 4) return [0, 90];
     if (kind === 5) return this.permittedRange();
-    if (kind !== 2) return null;
+    if (kind !== 2 && kind !== 6) return null;
     let range: [number, number] | null = null;
     for (const {mesh} of this.viewer.scene.objects.values()) {
       if (mesh.valueRange) range = range ? [Math.min(range[0], mesh.valueRange[0]), Math.max(range[1], mesh.valueRange[1])] : [...mesh.valueRange];

@@ -31,6 +31,39 @@ function release(geometry: three.BufferGeometry, kept: Iterable<three.BufferAttr
   geometry.dispose();
 }
 
+// Triangles with corners of their own, since each has a value; without normals, so they are flat.
+class TriangleFaces {
+  readonly geometry = new three.BufferGeometry();
+  readonly values: Float32Array;
+
+  constructor(readonly room: number, before: TriangleFaces | null) {
+    this.values = new Float32Array(3 * room);
+    if (before) this.values.set(before.values.subarray(0, Math.min(before.values.length, 3 * room)));
+    for (const [name, count, array] of [['position', 3, new Float32Array(9 * room)], ['scalar', 1, this.values]] as const) {
+      const attribute = new three.BufferAttribute(array, count);
+      attribute.setUsage(three.DynamicDrawUsage);
+      this.geometry.setAttribute(name, attribute);
+    }
+  }
+
+  // `changed`: slots whose triangles are others now.
+  write(values: Slots<Float32Array>, changed: Uint32Array, index: ArrayLike<number>, positions: ArrayLike<number>) {
+    const scalar = this.geometry.getAttribute('scalar') as three.BufferAttribute, position = this.geometry.getAttribute('position') as three.BufferAttribute;
+    for (let r = 0, at = 0; r < values.ranges.length; r += 2) {
+      for (let i = values.ranges[r]!; i < values.ranges[r + 1]!; ++i) this.values.fill(values.data[at++]!, 3 * i, 3 * i + 3);
+      scalar.addUpdateRange(3 * values.ranges[r]!, 3 * (values.ranges[r + 1]! - values.ranges[r]!));
+    }
+    const to = position.array as Float32Array;
+    for (let r = 0; r < changed.length; r += 2) {
+      for (let corner = 3 * changed[r]!; corner < 3 * changed[r + 1]!; ++corner) {
+        for (let k = 0; k < 3; ++k) to[3 * corner + k] = positions[3 * index[corner]! + k]!;
+      }
+      position.addUpdateRange(9 * changed[r]!, 9 * (changed[r + 1]! - changed[r]!));
+    }
+    scalar.needsUpdate = position.needsUpdate = true;
+  }
+}
+
 export class ObjectMesh {
   readonly group = new three.Group();
   triangles = 0;
@@ -47,6 +80,7 @@ export class ObjectMesh {
   private geometry = new three.BufferGeometry();
   private edgeIndex: three.BufferAttribute | null = null;
   private edgeGeometry: three.BufferGeometry | null = null;
+  private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
   private readonly place = {place: {value: new three.Vector3()}};
   private readonly surface: three.Mesh;
   private readonly edges: three.LineSegments;
@@ -83,6 +117,8 @@ export class ObjectMesh {
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);
     if (this.edgeIndex) this.writeEdges(update.indices.ranges);
+    if (update.triangleValues) this.writeFaces(update.triangleValues, update.indices.ranges);
+    else this.dropFaces();
     this.applyMilliseconds = performance.now() - begin;
   }
 
@@ -96,6 +132,31 @@ export class ObjectMesh {
     } else {
       this.dropEdges();
     }
+  }
+
+  private dropFaces() {
+    if (!this.faces) return;
+    this.faces.geometry.dispose();
+    this.faces = null;
+    this.surface.geometry = this.geometry;
+  }
+
+  // The value of each triangle, in the order of readTriangles; for test programs.
+  readValues(): Float32Array | null {
+    const index = this.index.array;
+    return this.faces && Float32Array.from({length: this.triangleSlots}, (_, i) => i).filter(i => index[3 * i] !== index[3 * i + 1]).map(i => this.faces!.values[3 * i]!);
+  }
+
+  private writeFaces(values: Slots<Float32Array>, changed: Uint32Array) {
+    const fresh = !this.faces || this.faces.room !== this.triangleRoom;
+    if (fresh) {
+      const faces = new TriangleFaces(this.triangleRoom, this.faces);
+      this.faces?.geometry.dispose();
+      this.faces = faces;
+      this.surface.geometry = faces.geometry;
+    }
+    this.faces!.write(values, fresh ? new Uint32Array([0, this.triangleSlots]) : changed, this.index.array, this.attributes.position!.array);
+    this.faces!.geometry.setDrawRange(0, 3 * this.triangleSlots);
   }
 
   // Corner by corner, in model units; test programs compare them with those of `mtdb extract`.
@@ -114,6 +175,7 @@ export class ObjectMesh {
 
   dispose() {
     this.dropEdges();
+    this.dropFaces();
     this.geometry.dispose();
     (this.surface.material as three.Material).dispose();
     (this.edges.material as three.Material).dispose();
@@ -154,7 +216,7 @@ export class ObjectMesh {
     this.geometry = new three.BufferGeometry();
     this.geometry.setIndex(this.index);
     for (const [name, attribute] of Object.entries(this.attributes)) this.geometry.setAttribute(name, attribute);
-    this.surface.geometry = this.geometry;
+    if (!this.faces) this.surface.geometry = this.geometry;
     release(before, [this.index, ...Object.values(this.attributes)]);
     if (this.edges.visible) {
       this.triangleSlots = keep ? this.triangleSlots : 0;

@@ -96,9 +96,12 @@ export class Panel {
     const infos = this.viewer.shownInfos();
     const attributes = [...new Set(infos.flatMap(i => i.attributes.map(a => a.name)))].filter(name => !['red', 'green', 'blue', 'alpha', 'nx', 'ny', 'nz'].includes(name));
     const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'colours of the vertices']] : []), ['height', 'height'], ['steepness', 'steepness'], ['permitted', 'permitted error'],
-      ...attributes.map(name => [`a:${name}`, name])];
+      ['error', 'errors of triangles'], ['round', 'rounds'], ['cluster', 'clusters'], ...attributes.map(name => [`a:${name}`, name])];
     if (!colours.some(([value]) => value === style.colour)) style.colour = 'plain';
     select('colour').replaceChildren(...colours.map(([value, text]) => new Option(text!, value!)));
+    const thin = this.viewer.loading.way === 'thin';
+    for (const option of select('colour').options) option.disabled = thin && ['error', 'round', 'cluster'].includes(option.value);
+    byId('colour-hint').hidden = !thin;
     select('colour').value = style.colour;
     if (!colourMaps[style.map]) style.map = 'viridis';
     select('map').value = style.map;

@@ -11,7 +11,7 @@ in float scalar;
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
 uniform vec3 place, stretch; // of the mesh in the scene; see stretch.ts
-uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error
+uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error, 6 scalar by its logarithm, 7 a colour for each value of the scalar
 uniform vec2 range;          // of what the colour map shows
 out vec3 inView, inScene;
 // Not beyond the triangle: of a triangle that is seen from its side, that would be far off.
@@ -25,6 +25,9 @@ void main() {
   inScene = place + placed;
   normalInView = normalMatrix * normal.xyz;
   plain = colour.rgb;
+  if (colourBy == 6) level = range.y > range.x ? log(max(scalar, range.x) / range.x) / log(range.y / range.x) : 0.5;
+  if (colourBy == 7) level = fract(scalar * 0.6180339887);
+  if (colourBy > 5) return;
   float shown = colourBy == 2 ? scalar : colourBy == 3 ? inScene.z : degrees(acos(clamp(abs(normal.z) / max(length(normal.xyz), 1e-6), 0.0, 1.0)));
   level = range.y > range.x ? (shown - range.x) / (range.y - range.x) : 0.5;
 }`;

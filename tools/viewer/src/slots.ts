@@ -55,7 +55,7 @@ export class ValueReader {
   // Of the slots in `ranges`, or of all that there are when the choice is new.
   gather(rows: Uint8Array, rowBytes: number, slots: number, ranges: Uint32Array): MeshUpdate['values'] {
     const {values} = this;
-    if (values.kind === 'none' || rowBytes === 0) return null;
+    if (values.kind === 'none' || values.kind === 'triangle' || rowBytes === 0) return null;
     const all = this.all ? new Uint32Array([0, slots]) : ranges;
     this.all = false;
     let size = 0;
@@ -89,4 +89,4 @@ export class ValueReader {
   }
 }
 
-export const buffersOf = (update: MeshUpdate) => [update.indices, update.positions, update.normals, ...(update.values ? [update.values] : [])].map(s => s.data.buffer);
+export const buffersOf = (update: MeshUpdate) => [update.indices, update.positions, update.normals, update.values, update.triangleValues].flatMap(s => (s ? [s.data.buffer] : []));

@@ -40,14 +40,20 @@ export interface MeshUpdate {
   positions: Slots<Float32Array>; // three a vertex
   normals: Slots<Int16Array>; // four a vertex: x, y, z in steps of 1/32767, and 0
   values: Slots<Float32Array | Uint8Array> | null; // see ValueChoice
-  valueRange: [number, number] | null; // of a scalar, so far
+  triangleValues: Slots<Float32Array> | null; // likewise
+  valueRange: [number, number] | null; // of a scalar, so far; of triangles, now
 }
 
-// Which attributes come with the vertices.
+// What the thick way knows of each triangle: its error (b(t) of docs/query.md, or what is known to be no less), the round (1 is the finest)
+// and the number of the cluster that made it.
+export type TriangleValue = 'error' | 'round' | 'cluster';
+
+// Which attributes come with the vertices, or what with the triangles: that only the thick way has.
 export type ValueChoice =
   | {kind: 'none'}
   | {kind: 'colour'; attributes: [number, number, number]} // four bytes a vertex
-  | {kind: 'scalar'; attribute: number}; // a float a vertex
+  | {kind: 'scalar'; attribute: number} // a float a vertex
+  | {kind: 'triangle'; of: TriangleValue}; // a float a triangle
 
 // What a query came to; see docs/protocol.md.
 export interface Done {

@@ -62,7 +62,7 @@ export class Status {
 
   private legendName() {
     const {colour} = this.viewer.look.style, unit = this.viewer.unit && `, ${this.viewer.unit}`;
-    const names: Record<string, string> = {steepness: 'steepness in degrees', height: `height${unit}`, permitted: `permitted error${unit}`};
+    const names: Record<string, string> = {steepness: 'steepness in degrees', height: `height${unit}`, permitted: `permitted error${unit}`, error: `errors${unit}`, round: 'round'};
     return names[colour] ?? colour.replace(/^a:/, '');
   }
 

@@ -29,6 +29,7 @@ export interface ObjectInfo {
   triangles: number;
   vertices: number;
   clusters: number;
+  rounds: number;
   diagonal: number;
   rounding_error: number;
   bounds: {min: Point; max: Point};
@@ -135,6 +136,17 @@ export interface Changes {
   rowBytes: number;
 }
 
+/** What is known of each triangle slot; of empty ones nothing. Views on the engine's memory, as Changes. */
+export interface TriangleFacts {
+  /** The bound b(t) of docs/query.md, in model units. With a minus: at most so much, since the cluster that
+   * would refine the triangle is not in memory. */
+  errors: Float32Array;
+  /** The cluster that made the triangle; from ObjectInfo.clusters on: pieces of the root. */
+  clusters: Uint32Array;
+  /** That cluster's round: 1 is the finest, 255 the root. */
+  rounds: Uint8Array;
+}
+
 interface Exports {
   memory: WebAssembly.Memory;
   _initialize(): void;
@@ -169,6 +181,10 @@ interface Exports {
   stretch(x: number, y: number, z: number): void;
   rows(): number;
   take_changes(): number;
+  triangle_facts(): void;
+  errors(): number;
+  clusters(): number;
+  rounds(): number;
 }
 
 const kFirstRead = 65536;
@@ -493,6 +509,16 @@ export class MeshObject {
       normals: new Int16Array(buffer, wasm.normals(), 4 * vertices),
       rows: new Uint8Array(buffer, wasm.rows(), rowBytes * vertices), rowBytes,
     };
+  }
+
+  /** Of the mesh of the last update. Errors get exact as clusters come. Takes time in proportion to the mesh. */
+  triangleFacts(): TriangleFacts {
+    const {wasm} = this.engine;
+    return this.engine.guard(() => {
+      wasm.triangle_facts();
+      const {buffer} = wasm.memory, slots = wasm.triangle_slots();
+      return {errors: new Float32Array(buffer, wasm.errors(), slots), clusters: new Uint32Array(buffer, wasm.clusters(), slots), rounds: new Uint8Array(buffer, wasm.rounds(), slots)};
+    });
   }
 
   /** Where the ray first meets the surface at full resolution; null when it does not. */

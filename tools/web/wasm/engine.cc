@@ -133,6 +133,10 @@ struct State {
   std::vector<float> sums;
   std::array<float, 3> stretch{1, 1, 1};  // normals are those of positions times this
   std::vector<uint32_t> changes;
+  // A triangle slot: see triangle_facts().
+  std::vector<float> errors;
+  std::vector<uint32_t> clusters;
+  Bytes rounds;
   std::array<double, 6> found{};  // by the last ray or extraction
   TriangleMesh extracted;
 };
@@ -183,10 +187,11 @@ void AddPoint(const Vec3d& p, std::string* json) {
 void AddObject(const ObjectRecord& record, std::string* json) {
   *json += "{\"object\":";
   AddString(record.name, json);
-  const std::array<std::pair<const char*, double>, 5> numbers{
+  const std::array<std::pair<const char*, double>, 6> numbers{
       {{"triangles", static_cast<double>(record.triangles)},
        {"vertices", static_cast<double>(record.vertices)},
        {"clusters", static_cast<double>(record.clusters)},
+       {"rounds", static_cast<double>(record.rounds.size())},
        {"diagonal", record.diagonal()},
        {"rounding_error", record.rounding_error}}};
   for (const auto& [key, value] : numbers) {
@@ -455,6 +460,27 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   list[2] = normals;
   return list.data();
 }
+
+// What is known of the triangles that the last update left: errors() has b(t), with a minus where
+// only that it is no more is known; clusters() and rounds() tell the cluster that made it. Zeros for
+// empty slots.
+MTDB_EXPORT("triangle_facts") extern "C" void FindTriangleFacts() {
+  const size_t slots = state.mesh->indices().size() / 3;
+  state.errors.assign(slots, 0);
+  state.clusters.assign(slots, 0);
+  state.rounds.assign(slots, std::byte{0});
+  const ClusterIndex& index = state.surface->index();
+  state.mesh->ForEachTriangle([&](uint32_t slot, TriangleKey key) {
+    const TriangleFacts facts = state.session->FactsOf(key);
+    const auto bound = static_cast<float>(facts.error_bound);
+    state.errors[slot] = facts.exact ? bound : -bound;
+    state.clusters[slot] = facts.cluster;
+    state.rounds[slot] = std::byte{index.unit(facts.cluster).round};
+  });
+}
+MTDB_EXPORT("errors") extern "C" const float* Errors() { return state.errors.data(); }
+MTDB_EXPORT("clusters") extern "C" const uint32_t* Clusters() { return state.clusters.data(); }
+MTDB_EXPORT("rounds") extern "C" const std::byte* Rounds() { return state.rounds.data(); }
 
 // The first hit of the ray in the input, six numbers, with the surface at full resolution: see
 // found(): 1 or 0, point, error bound, parameter of the ray. kNotYet: hand in what the wishes ask

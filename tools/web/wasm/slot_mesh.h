@@ -45,6 +45,11 @@ class SlotMesh {
   std::span<const float> positions() const { return positions_; }  // likewise a vertex slot
   const Bytes& rows() const { return rows_; }
   const std::array<double, 3>& origin() const { return origin_; }  // of the positions
+  // Calls f(slot, key) for each triangle, those that the clip takes away included.
+  template <typename F>
+  void ForEachTriangle(F&& f) const {
+    for (const auto& [key, slot] : triangles_) f(slot, key);
+  }
 
   void Apply(const UpdateBatch& batch) {
     for (size_t i = 0; i < batch.nodes.size(); ++i) {
