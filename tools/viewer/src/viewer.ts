@@ -53,7 +53,10 @@ export class Viewer {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const way = wayOf(location.search, store);
     this.scene = new Scene(store, way, this.shared, () => (this.panelDirty = true));
-    this.loading = new Loading(store, way, this.scene, () => this.look.apply());
+    this.loading = new Loading(store, way, this.scene, () => {
+      this.look.apply();
+      this.panel.fill();
+    });
     this.scene.budget = matchMedia('(max-width: 700px)').matches ? 200_000 : 600_000;
     this.defaults = {objects: [], eye: null, target: null, pixels: 1, triangles: this.scene.budget, style: plainStyle, focus: null, unit: '', lines: []};
     this.navigation = new Navigation(this.canvas, async (x, y) => {
