@@ -491,15 +491,15 @@ def viewer(raw):
         if "drag_ms" in row:
             continue
         draco = row["way"] == "Draco"
-        pairs = [] if draco else [row["cut_ms"], row["worker_ms"], row["arrays_ms"]]
+        pairs = [row[key] for key in ("cut_ms", "worker_ms", "arrays_ms", "task_ms") if key in row]
         lines.append([whole(row["triangles"]), "the whole as Draco" if draco else row["way"],
                       row["network"], "" if draco else sig(row["first_seconds"]),
                       sig(row["exact_seconds"]), "" if draco else whole(row["exact_triangles"]),
                       sig(row["mesh_bytes"] / 1e6),
                       *(f"{sig(middle, 2)}, {sig(most, 2)}" for middle, most in pairs),
-                      *([""] * (3 - len(pairs)))])
+                      *([""] * (4 - len(pairs)))])
     return table(["triangles", "way", "network", "first mesh, s", "exact to a pixel, s",
-                  "triangles then", "MB of mesh", "cut, ms", "worker, ms", "arrays, ms"], lines)
+                  "triangles then", "MB of mesh", "cut, ms", "worker, ms", "arrays, ms", "tasks, ms"], lines)
 
 
 @figure

@@ -120,6 +120,21 @@ const queries = [
 console.log('the same triangles as mtdb extract');
 
 {
+  // Queries that follow each other while clusters come: as long as there is room, whatever is missing is on its way.
+  for (let round = 0; round < 4; ++round) {
+    const object = await (await open()).open('a');
+    for (let i = 0; i < 60; ++i) {
+      const angle = i >> 2, eye = [centre[0] + Math.sin(angle) * info.diagonal, centre[1] - Math.cos(angle) * info.diagonal, centre[2]];
+      const view = {...camera, eye}, frame = object.update({region: {frustum: view}, threshold: {screen: {camera: view, pixels: i % 3 ? 0.2 : 2}}}, 1);
+      assert.ok(!frame || frame.limit !== 'missing' || object.pending > 0, JSON.stringify(frame));
+      await new Promise(done => setTimeout(done, Math.random() < 0.3 ? 15 : 1));
+    }
+    object.close();
+  }
+}
+console.log('what is missing is on its way');
+
+{
   // What is known of each triangle, against meshes of other thresholds: there is none of which more is wrong than is
   // asked for, and the largest error is the mesh's.
   const names = namesBy(extracted({})), object = await (await open()).open('a');
