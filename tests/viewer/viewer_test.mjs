@@ -635,7 +635,7 @@ function writeSite() {
   if (www) return www;
   www = file('www');
   run('view', '--write-page', www);
-  run('pack', store, `${www}/scan.mtdbp`, '--name', kName, '--name', 'utm');
+  run('pack', store, `${www}/scan.mtdbp`, '--name', kName, '--name', 'utm', '--name', 'degrees');
   return www;
 }
 
@@ -656,7 +656,7 @@ for (const nginx of [false, true]) test(`a packed file is shown from any web ser
   const [ray, hit] = await page.evaluate(async () => [viewer.navigation.ray(400, 300), await viewer.probe(400, 300)]);
   const found = runJson('probe', store, '--name', kName, `--ray=${[...ray.origin, ...ray.direction]}`);
   check(hit !== null && distance(hit.point, found.point) === 0 && hit.error_bound === found.error_bound, JSON.stringify([hit, found]));
-  for (const format of ['ply', 'obj']) {
+  for (const format of ['ply', 'obj', 'glb']) {
     await page.selectOption('#format', format);
     await page.fill('#take-error', '0.002');
     const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
@@ -670,6 +670,20 @@ for (const nginx of [false, true]) test(`a packed file is shown from any web ser
   check(await page.evaluate(() => document.querySelector('#format option[value=drc]').disabled), 'what only mtdb writes is not offered');
   await page.locator('#objects label').filter({hasText: 'utm'}).locator('input').check();
   await exact(page);
+  await page.locator('#objects label').filter({hasText: kName}).locator('input').uncheck();
+  const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
+  writeFileSync(file('utm.glb'), readFileSync(await download.path()));
+  run('ingest', file('utm.glb'), file('taken.mtdb'), '--name', 'utm', '--quiet', '--force');
+  const taken = runJson('info', file('taken.mtdb'), '--name', 'utm').objects[0];
+  near(Math.max(...taken.bounds.min.map((x, k) => Math.abs(x - runJson('info', store, '--name', 'utm').objects[0].bounds.min[k]))), 0, 0.02, 'UTM in GLB');
+  check(taken.attributes.map(a => a.name).sort().join() === 'blue,green,quality,red', JSON.stringify(taken.attributes));
+  // A terrain in degrees tells its coordinate system in a packed file, too.
+  const terrain = await open(`${web.url}/index.html?src=scan.mtdbp#o=degrees`);
+  await exact(terrain);
+  check(await terrain.evaluate(() => viewer.scene.stretch[1] > 1e5 && viewer.unit === 'm'), 'degrees are drawn in metres');
+  same(await trianglesOnScreen(terrain, 'degrees', runJson('info', store, '--name', 'degrees').objects[0]), await extracted(terrain, store, 'degrees', runJson('info', store, '--name', 'degrees').objects[0]), 'degrees');
+  check(terrain.wrong.length === 0, terrain.wrong.join('; '));
+  await close(terrain);
   check(page.wrong.length === 0, page.wrong.join('; '));
   await close(page);
   await web.stop();

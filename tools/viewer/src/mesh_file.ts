@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Meshes as files, where no server writes them.
 import type {Mesh} from '../../web/src/mtdb';
+import {offsetsOf, reader} from './slots';
 
 const names: Record<string, string> = {int8: 'char', uint8: 'uchar', int16: 'short', uint16: 'ushort', int32: 'int', uint32: 'uint', float32: 'float', float64: 'double'};
 
@@ -44,6 +45,58 @@ function objFile(mesh: Mesh): Blob {
   return new Blob([...parts, lines.join('')]);
 }
 
+// As `mtdb extract` writes it, but for the order of the bytes: where float would move positions, they are relative to the node's
+// translation. Colours of 8 bits are COLOR_0; other attributes are float, with names that begin with _.
+function glbFile(mesh: Mesh, attributes: Attribute[]): Blob {
+  const vertices = mesh.positions.length / 3, triangles = mesh.indices.length / 3;
+  if (triangles === 0) return glb({asset, scene: 0, scenes: [{}]}, []);
+  const wide = mesh.positions.some(x => Math.fround(x) !== x), origin = wide ? [...mesh.positions.subarray(0, 3)] : [0, 0, 0];
+  const positions = Float32Array.from(mesh.positions, (x, i) => x - origin[i % 3]!), low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  positions.forEach((x, i) => {
+    low[i % 3] = Math.min(low[i % 3]!, x);
+    high[i % 3] = Math.max(high[i % 3]!, x);
+  });
+  const views: {array: Uint8Array; target: number}[] = [], accessors: object[] = [], named: Record<string, number> = {};
+  const add = (array: Uint32Array | Float32Array | Uint8Array, target: number, accessor: object) => {
+    views.push({array: new Uint8Array(array.buffer, array.byteOffset, array.byteLength), target});
+    return accessors.push({bufferView: views.length - 1, ...accessor}) - 1;
+  };
+  add(mesh.indices, 34963, {componentType: 5125, count: 3 * triangles, type: 'SCALAR'});
+  named.POSITION = add(positions, 34962, {componentType: 5126, count: vertices, type: 'VEC3', min: low, max: high});
+  const view = new DataView(mesh.rows.buffer, mesh.rows.byteOffset, mesh.rows.byteLength), offsets = offsetsOf(attributes);
+  const components = ['red', 'green', 'blue'].map(name => attributes.findIndex(a => a.name === name && a.type === 'uint8'));
+  const coloured = components.every(c => c >= 0);
+  if (coloured) {
+    const colours = new Uint8Array(4 * vertices).fill(255);
+    for (let v = 0; v < vertices; ++v) components.forEach((c, k) => (colours[4 * v + k] = mesh.rows[v * mesh.rowBytes + offsets[c]!]!));
+    named.COLOR_0 = add(colours, 34962, {componentType: 5121, normalized: true, count: vertices, type: 'VEC4'});
+  }
+  attributes.forEach((attribute, a) => {
+    if (coloured && components.includes(a)) return;
+    const get = reader(view, attribute.type), plain = '_' + attribute.name.toUpperCase().replace(/[^A-Z0-9]/g, '_');
+    const values = Float32Array.from({length: vertices}, (_, v) => get(v * mesh.rowBytes + offsets[a]!)).map(x => (Number.isFinite(x) ? x : 0));
+    let name = plain;
+    for (let i = 2; name in named; ++i) name = `${plain}_${i}`;
+    named[name] = add(values, 34962, {componentType: 5126, count: vertices, type: 'SCALAR'});
+  });
+  let at = 0;
+  const bufferViews = views.map(({array, target}) => {
+    at += array.length;
+    return {buffer: 0, byteOffset: at - array.length, byteLength: array.length, target};
+  });
+  return glb({asset, scene: 0, scenes: [{nodes: [0]}], nodes: [{mesh: 0, ...(wide ? {translation: origin} : {})}], materials: [{pbrMetallicRoughness: {metallicFactor: 0}, doubleSided: true}],
+    meshes: [{primitives: [{attributes: named, indices: 0, material: 0}]}], accessors, bufferViews, buffers: [{byteLength: at}]}, views.map(v => v.array));
+}
+const asset = {version: '2.0', generator: 'mtdb'};
+
+// The parts have lengths that are multiples of 4.
+function glb(document: object, parts: Uint8Array[]): Blob {
+  const text = new TextEncoder().encode(JSON.stringify(document)), spaces = ' '.repeat((4 - (text.length % 4)) % 4);
+  const json = text.length + spaces.length, binary = parts.reduce((sum, part) => sum + part.length, 0);
+  const words = (...list: number[]) => new Uint32Array(list);
+  return new Blob([words(0x46546c67, 2, 20 + json + (binary > 0 ? 8 + binary : 0), json, 0x4e4f534a), text, spaces, ...(binary > 0 ? [words(binary, 0x004e4942), ...parts] : [])] as BlobPart[]);
+}
+
 export function meshFile(mesh: Mesh, attributes: Attribute[], format: string): Blob {
-  return format === 'obj' ? objFile(mesh) : plyFile(mesh, attributes);
+  return format === 'obj' ? objFile(mesh) : format === 'glb' ? glbFile(mesh, attributes) : plyFile(mesh, attributes);
 }

@@ -28,7 +28,7 @@ export function sourceOf(search: string, page: URL, policy: string): URL | Store
 
 export class PackedStore implements Store {
   readonly ways: readonly Way[] = ['thick'];
-  readonly formats = ['ply', 'obj'];
+  readonly formats = ['ply', 'obj', 'glb'];
   private worker: Worker | null = null;
   private readonly waiting = new Map<number, {done: (reply: Reply) => void; fail: (error: Error) => void}>();
   private nextId = 1;

@@ -16,7 +16,9 @@ export function gather<T extends Uint32Array | Float32Array | Int16Array>(Kind: 
   return {ranges, data};
 }
 
-function reader(view: DataView, type: string): (at: number) => number {
+export const offsetsOf = (attributes: {type: string}[]) => attributes.map((_, i) => attributes.slice(0, i).reduce((sum, a) => sum + sizes[a.type]!, 0));
+
+export function reader(view: DataView, type: string): (at: number) => number {
   switch (type) {
     case 'int8': return at => view.getInt8(at);
     case 'uint8': return at => view.getUint8(at);

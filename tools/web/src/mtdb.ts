@@ -450,7 +450,7 @@ export class MeshObject {
    * there. */
   update(query: Query, milliseconds?: number): Frame | null {
     if (this.closed) throw new MtdbError('the object was closed', 'closed');
-    const {engine} = this, text = JSON.stringify(query);
+    const text = JSON.stringify(query);
     let insertions = 0, removals = 0;
     for (let again = 0; ; ++again) {
       const frame = this.updateOnce(text, milliseconds ?? -1);
