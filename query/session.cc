@@ -265,7 +265,8 @@ Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const 
   stats.nodes_visited = cut.evaluated();
   stats.missing = cut.missing();
   if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
-  if (cut.unfinished()) stats.limit = QueryLimit::kTime;
+  const bool out_of_time = available_ != nullptr && available_->available()->out_of_time();
+  if (cut.unfinished() || out_of_time) stats.limit = QueryLimit::kTime;
   return Status::Ok();
 }
 

@@ -37,7 +37,7 @@ AvailableUnits::~AvailableUnits() {
 
 void AvailableUnits::Begin(std::optional<TimePoint> until) {
   until_ = until;
-  decoded_ = false;
+  decoded_ = out_of_time_ = false;
   for (const UnitId u : missing_) noted_[u] = false;
   missing_.clear();
   reasons_.clear();
@@ -159,8 +159,11 @@ Status AvailableUnits::Load(UnitId unit, ClusterCache::Lock& lock) {
   const ClusterCache::Entry& entry = cache_.entries_[unit];
   // What a thread decodes goes again with it, unless it stays decoded between queries.
   const bool others_decode = HasWorkers() && cache_.options_.form == RuntimeForm::kExplicit;
-  if (!cache_.CanLoad(unit) || others_decode || entry.state != ClusterCache::State::kEmpty ||
-      (decoded_ && time_is_over())) {
+  if (!cache_.CanLoad(unit) || others_decode || entry.state != ClusterCache::State::kEmpty) {
+    return NotYet("");
+  }
+  if (decoded_ && time_is_over()) {
+    out_of_time_ = true;
     return NotYet("");
   }
   decoded_ = true;

@@ -32,6 +32,8 @@ class AvailableUnits {
   // A call of the caller begins: what was missing is looked for again. After `until` Take decodes
   // nothing, but for one unit a call.
   void Begin(std::optional<TimePoint> until);
+  // Since Begin: what was there, and there was no time to decode.
+  bool out_of_time() const { return out_of_time_; }
   bool time_is_over() const { return until_ && std::chrono::steady_clock::now() >= *until_; }
 
   // The unit, or kNotYet: then it is missing. Errors: those of memory.
@@ -72,6 +74,7 @@ class AvailableUnits {
   const size_t most_bytes_;  // that is kept; the rest of the budget is for what is on its way
   std::optional<TimePoint> until_;
   bool decoded_ = false;                  // since Begin
+  bool out_of_time_ = false;              // likewise
   std::vector<const LoadedUnit*> taken_;  // per unit
   std::vector<UnitId> list_;              // of these
   size_t bytes_ = 0;                      // likewise

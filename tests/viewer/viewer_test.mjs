@@ -671,6 +671,7 @@ for (const nginx of [false, true]) test(`a packed file is shown from any web ser
   await page.locator('#objects label').filter({hasText: 'utm'}).locator('input').check();
   await exact(page);
   await page.locator('#objects label').filter({hasText: kName}).locator('input').uncheck();
+  await page.selectOption('#region', '');
   const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
   writeFileSync(file('utm.glb'), readFileSync(await download.path()));
   run('ingest', file('utm.glb'), file('taken.mtdb'), '--name', 'utm', '--quiet', '--force');

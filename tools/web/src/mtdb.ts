@@ -450,24 +450,10 @@ export class MeshObject {
    * there. */
   update(query: Query, milliseconds?: number): Frame | null {
     if (this.closed) throw new MtdbError('the object was closed', 'closed');
-    const text = JSON.stringify(query);
-    let insertions = 0, removals = 0;
-    for (let again = 0; ; ++again) {
-      const frame = this.updateOnce(text, milliseconds ?? -1);
-      if (!frame) return null;
-      insertions += frame.insertions;
-      removals += frame.removals;
-      // What an earlier query had asked for, and then not any more, may be lacking without being on its way: the next call asks for it.
-      const overlooked = frame.limit === 'missing' && this.pending === 0 && frame.failed === 0 && frame.noRoom === 0;
-      if (!overlooked || again === 2) return {...frame, insertions, removals};
-    }
-  }
-
-  private updateOnce(text: string, milliseconds: number): Frame | null {
     const {engine} = this;
     return engine.guard(() => {
-      engine.putText(text);
-      const code = engine.wasm.update(milliseconds);
+      engine.putText(JSON.stringify(query));
+      const code = engine.wasm.update(milliseconds ?? -1);
       this.serve();
       if (code === kNotYet) return null;
       if (code !== 0) throw engine.error(code);
