@@ -462,8 +462,8 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
 }
 
 // What is known of the triangles that the last update left: errors() has b(t), with a minus where
-// only that it is no more is known; clusters() and rounds() tell the cluster that made it. Zeros for
-// empty slots.
+// only that it is no more is known; clusters() and rounds() tell the cluster that made it. Zeros
+// for empty slots.
 MTDB_EXPORT("triangle_facts") extern "C" void FindTriangleFacts() {
   const size_t slots = state.mesh->indices().size() / 3;
   state.errors.assign(slots, 0);
