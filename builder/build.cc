@@ -36,6 +36,7 @@
 #include "store/base/hash.h"
 #include "store/base/out_of_memory.h"
 #include "store/base/surface_digest.h"
+#include "store/metres_of_unit.h"
 
 namespace mtdb {
 
@@ -302,11 +303,7 @@ class Builder {
     const Grid& grid = record_.grid;
     record_.bounds = grid.Bounds(bounds);
     record_.double_positions = !grid.FitsFloat(record_.bounds);
-    // Work units. Of a terrain nothing is farther off than its heights are apart.
-    const double largest =
-        is_terrain() ? static_cast<double>(bounds.max.z) - bounds.min.z + 1
-                     : kLargestError * record_.diagonal() / (grid.is_linear() ? grid.step : 1.0);
-    level_->Begin(*decimators_.front(), grid, largest);
+    level_->Begin(*decimators_.front(), grid, LargestError(bounds));
     record_.input = input.report();
     record_.input.unreferenced_vertices = totals.unreferenced_vertices;
     record_.input.duplicate_triangles = totals.duplicate_triangles;
@@ -325,6 +322,32 @@ class Builder {
     record_.boundary_edges = totals.boundary_edges;
     record_.surface_digest = digest.surface_digest();
     record_.border_digest = digest.border_digest();
+  }
+
+  // Work units. Of a terrain nothing is farther off than its heights are apart, but for borders
+  // that move.
+  double LargestError(const Box3i& bounds) {
+    const double step = record_.grid.is_linear() ? record_.grid.step : 1.0;
+    if (!is_terrain()) return kLargestError * record_.diagonal() / step;
+    const double heights = static_cast<double>(bounds.max.z) - bounds.min.z + 1;
+    if (!MoveBorders()) return heights;
+    const Vec3d size = border_plane_->Place(ToDouble(bounds.max) - ToDouble(bounds.min));
+    return std::max(heights, kLargestError * Length(size));
+  }
+
+  // Of a terrain whose outline is no rectangle. False: it is one.
+  bool MoveBorders() {
+    const bool ragged =
+        options_.terrain && options_.terrain->reading && options_.terrain->reading().holes > 0;
+    if (!ragged && !options_.height_field) return false;
+    record_.border_moves = true;
+    border_plane_.emplace();
+    if (!options_.terrain) return true;
+    const std::array<double, 2> metres = MetresOfUnit(record_);
+    for (size_t i = 0; i < 4; ++i) {
+      border_plane_->plane[i] = record_.grid.plane[i] * metres[i / 2] / record_.grid.step;
+    }
+    return true;
   }
 
   // `input`: the hash of the joined triangles.
@@ -402,6 +425,7 @@ class Builder {
   Status Decimate(unsigned worker, uint32_t round, TileJob& job) {
     DecimateOptions options = level_->Options(job.tile.triangles.size(), job.alone);
     options.goes_on = left_ != nullptr;
+    options.border = border_plane_ ? &*border_plane_ : nullptr;
     TileSurface surface;
     if (beneath_ != nullptr) {
       MTDB_ASSIGN_OR_RETURN(surface, beneath_->Gather(job.tile.triangles));
@@ -566,6 +590,7 @@ class Builder {
   // Of a mesh that is a height field.
   double steepest_ = 0;
   std::optional<BorderSweep> border_;
+  std::optional<BorderPlane> border_plane_;
   std::optional<RoundLevel> level_;
   // What the round before left, when this one goes on from it; what this one leaves for the next.
   std::unique_ptr<SurfaceSpool> beneath_, left_;

@@ -41,6 +41,7 @@ struct TerrainInput {
   struct Reading {
     double rounding = 0;  // how far they were moved to be integers, at most
     uint64_t filled = 0;  // samples that got one
+    uint64_t holes = 0;   // samples that have none; with any, the border is simplified, too
   };
   std::function<Reading()> reading;  // asked when the input was read
 };

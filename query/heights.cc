@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -119,19 +120,39 @@ std::optional<Stretch> StretchOver(const Triangle3d& t, std::array<double, 2> a,
   return Stretch{begin, end, height(begin), height(end)};
 }
 
-// Appends the points of one segment, whose first corner lies `before` along the line.
+// The part of a segment that may lie over the terrain. False: none.
+bool ClipToBounds(const Box3d& bounds, double margin, std::array<double, 2> a,
+                  std::array<double, 2> b, double* begin, double* end) {
+  *begin = 0;
+  *end = 1;
+  for (int axis = 0; axis < 2; ++axis) {
+    const auto i = static_cast<size_t>(axis);
+    const double low = bounds.min[axis] - margin - a[i];
+    const double high = bounds.max[axis] + margin - a[i];
+    const double d = b[i] - a[i];
+    if (d == 0) {
+      if (low > 0 || high < 0) return false;
+      continue;
+    }
+    *begin = std::max(*begin, std::min(low / d, high / d));
+    *end = std::min(*end, std::max(low / d, high / d));
+  }
+  return *begin < *end;
+}
+
+// Appends the points of one segment, whose first corner lies `before` along the line. `same`:
+// crossings of one edge, by two triangles, are so near to each other, as parts of the segment.
 void AppendSegment(std::vector<Stretch> stretches, std::array<double, 2> a, std::array<double, 2> b,
-                   double before, std::vector<ProfilePoint>* points) {
+                   double before, double same, std::vector<ProfilePoint>* points) {
   std::sort(stretches.begin(), stretches.end(), [](const Stretch& s, const Stretch& t) {
     return s.begin != t.begin ? s.begin < t.begin : s.end < t.end;
   });
   const double length = std::hypot(b[0] - a[0], b[1] - a[1]);
-  constexpr double kSame = 1e-10;  // of the segment: crossings of one edge, by two triangles
   const auto add = [&](double part, std::optional<double> height) {
     const double distance = before + part * length;
     if (!points->empty()) {
       const ProfilePoint& last = points->back();
-      const bool here = distance - last.distance <= kSame * length;
+      const bool here = distance - last.distance <= same * length;
       if (here && last.height.has_value() == height.has_value()) return;
       if (here && !last.height) points->pop_back();
     }
@@ -140,16 +161,16 @@ void AppendSegment(std::vector<Stretch> stretches, std::array<double, 2> a, std:
   double done = 0;
   bool covered = false;  // at `done`
   for (const Stretch& s : stretches) {
-    if (s.end <= done + kSame && covered) continue;
-    if (s.begin > done + kSame || !covered) {
-      if (s.begin > done + kSame) add(done, std::nullopt);
+    if (s.end <= done + same && covered) continue;
+    if (s.begin > done + same || !covered) {
+      if (s.begin > done + same) add(done, std::nullopt);
       add(s.begin, s.begin_height);
     }
     add(s.end, s.end_height);
     done = s.end;
     covered = true;
   }
-  if (done < 1 - kSame) {
+  if (done < 1 - same) {
     add(done, std::nullopt);
   }
 }
@@ -163,6 +184,110 @@ RegionPtr Strip(std::array<double, 2> a, std::array<double, 2> b, double slack) 
                       {b[0] + x + y, b[1] + y - x},
                       {b[0] + x - y, b[1] + y + x},
                       {a[0] - x - y, a[1] - y + x}});
+}
+
+// Answers places, which are numbered by `order`, a group after the other.
+class HeightFinder {
+ public:
+  HeightFinder(const Surface& surface, std::span<const std::array<double, 2>> places,
+               const HeightOptions& options)
+      : surface_(surface),
+        places_(places),
+        options_(options),
+        slack_(SlackOf(surface.record())),
+        answers_(places.size()) {}
+
+  Status Find(std::span<uint32_t> order) {
+    if (order.empty()) return Status::Ok();
+    Box3d box;
+    for (const uint32_t i : order) box.Add(Vec3d{places_[i][0], places_[i][1], 0});
+    const double triangles = TrianglesIn(box);
+    const double enough =
+        std::min(kMostTriangles, kTrianglesPerPlace * static_cast<double>(order.size()));
+    if (order.size() > 1 && triangles > enough) {
+      const int axis = box.max.x - box.min.x > box.max.y - box.min.y ? 0 : 1;
+      const auto middle = order.begin() + static_cast<std::ptrdiff_t>(order.size() / 2);
+      std::nth_element(order.begin(), middle, order.end(), [&](uint32_t a, uint32_t b) {
+        return places_[a][static_cast<size_t>(axis)] < places_[b][static_cast<size_t>(axis)];
+      });
+      const auto half = static_cast<size_t>(middle - order.begin());
+      MTDB_RETURN_IF_ERROR(Find(order.first(half)));
+      return Find(order.subspan(half));
+    }
+    return FindTogether(order, box);
+  }
+  std::vector<HeightAnswer> TakeAnswers() { return std::move(answers_); }
+  const HeightCost& cost() const { return cost_; }
+
+ private:
+  // A query of its own reads about as many.
+  static constexpr double kTrianglesPerPlace = 256;
+  static constexpr double kMostTriangles = 1 << 18;  // in memory at a time
+
+  // About how many there are, at full resolution; beyond the bounds there are none.
+  double TrianglesIn(const Box3d& box) const {
+    const ObjectRecord& record = surface_.record();
+    double part = 1;
+    for (int axis = 0; axis < 2; ++axis) {
+      const double low = std::max(box.min[axis], record.bounds.min[axis]);
+      const double high = std::min(box.max[axis], record.bounds.max[axis]);
+      const double size = record.bounds.max[axis] - record.bounds.min[axis];
+      part *= size > 0 ? std::max(0.0, high - low) / size : 1;
+    }
+    return part * static_cast<double>(record.triangles);
+  }
+
+  Status FindTogether(std::span<uint32_t> order, const Box3d& box) {
+    HeightCost cost;
+    const Box3d around = AllHeights(surface_.record(), box.min.x - slack_, box.min.y - slack_,
+                                    box.max.x + slack_, box.max.y + slack_);
+    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                          TrianglesOver(surface_, BoxRegion(around), options_, &cost));
+    std::sort(order.begin(), order.end(),
+              [&](uint32_t a, uint32_t b) { return places_[a][0] < places_[b][0]; });
+    for (const TriangleVertices& t : mesh.triangles) {
+      const Triangle3d corners = Corners(mesh, t);
+      const auto [least, most] = std::minmax({corners[0].x, corners[1].x, corners[2].x});
+      auto i = std::lower_bound(order.begin(), order.end(), least - slack_,
+                                [&](uint32_t place, double x) { return places_[place][0] < x; });
+      for (; i != order.end() && places_[*i][0] <= most + slack_; ++i) {
+        std::optional<double>& height = answers_[*i].height;
+        if (!height) height = HeightIn(corners, places_[*i][0], places_[*i][1], slack_);
+      }
+    }
+    for (const uint32_t i : order) answers_[i].cost.error_bound = cost.error_bound;
+    cost_.error_bound = std::max(cost_.error_bound, cost.error_bound);
+    cost_.clusters_read += cost.clusters_read;
+    cost_.bytes_read += cost.bytes_read;
+    return Status::Ok();
+  }
+
+  const Surface& surface_;
+  const std::span<const std::array<double, 2>> places_;
+  const HeightOptions& options_;
+  const double slack_;
+  std::vector<HeightAnswer> answers_;
+  HeightCost cost_;
+};
+
+Result<std::vector<HeightAnswer>> HeightsAt(const Surface& surface,
+                                            std::span<const std::array<double, 2>> places,
+                                            const HeightOptions& options, HeightCost* cost) {
+  MTDB_RETURN_IF_ERROR(CheckTerrain(surface, options));
+  if (places.size() > std::numeric_limits<uint32_t>::max()) {
+    return InvalidArgument("heights: expected fewer than 2^32 places");
+  }
+  std::vector<uint32_t> order(places.size());
+  for (uint32_t i = 0; i < order.size(); ++i) {
+    order[i] = i;
+    if (!AreCoordinates({places[i][0], places[i][1], 0})) {
+      return InvalidArgument("height: expected coordinates from -1e30 to 1e30");
+    }
+  }
+  HeightFinder finder(surface, places, options);
+  MTDB_RETURN_IF_ERROR(finder.Find(order));
+  *cost = finder.cost();
+  return finder.TakeAnswers();
 }
 
 Result<HeightAnswer> HeightAt(const Surface& surface, double x, double y,
@@ -183,6 +308,27 @@ Result<HeightAnswer> HeightAt(const Surface& surface, double x, double y,
   return answer;
 }
 
+std::array<double, 2> Part(std::array<double, 2> a, std::array<double, 2> b, double part) {
+  if (part == 0) return a;
+  if (part == 1) return b;
+  return {a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])};
+}
+
+// Of a segment.
+Result<std::vector<Stretch>> StretchesOver(const Surface& surface, std::array<double, 2> a,
+                                           std::array<double, 2> b, double slack,
+                                           const HeightOptions& options, HeightCost* cost) {
+  std::vector<Stretch> stretches;
+  // What is left of a line that touches a corner of the bounds.
+  if (!(std::hypot(b[0] - a[0], b[1] - a[1]) > slack)) return stretches;
+  MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
+                        TrianglesOver(surface, Strip(a, b, slack), options, cost));
+  for (const TriangleVertices& t : mesh.triangles) {
+    if (const auto s = StretchOver(Corners(mesh, t), a, b)) stretches.push_back(*s);
+  }
+  return stretches;
+}
+
 Result<Profile> ProfileAlong(const Surface& surface, std::span<const std::array<double, 2>> corners,
                              const HeightOptions& options) {
   MTDB_RETURN_IF_ERROR(CheckTerrain(surface, options));
@@ -198,13 +344,20 @@ Result<Profile> ProfileAlong(const Surface& surface, std::span<const std::array<
       return InvalidArgument("line: corners " + std::to_string(i) + " and " +
                              std::to_string(i + 1) + ": expected different finite places");
     }
-    MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
-                          TrianglesOver(surface, Strip(a, b, slack), options, &profile.cost));
     std::vector<Stretch> stretches;
-    for (const TriangleVertices& t : mesh.triangles) {
-      if (const auto s = StretchOver(Corners(mesh, t), a, b)) stretches.push_back(*s);
+    double begin = 0, end = 1;
+    if (ClipToBounds(surface.record().bounds, 16 * slack, a, b, &begin, &end)) {
+      MTDB_ASSIGN_OR_RETURN(stretches, StretchesOver(surface, Part(a, b, begin), Part(a, b, end),
+                                                     slack, options, &profile.cost));
+      for (Stretch& s : stretches) {
+        s.begin = begin + s.begin * (end - begin);
+        s.end = begin + s.end * (end - begin);
+      }
+    } else {
+      begin = 0, end = 1;
     }
-    AppendSegment(std::move(stretches), a, b, before, &profile.points);
+    constexpr double kSame = 1e-10;
+    AppendSegment(std::move(stretches), a, b, before, kSame * (end - begin), &profile.points);
     before += length;
   }
   return profile;
@@ -272,6 +425,12 @@ bool IsTerrain(const ObjectRecord& record) {
 Result<HeightAnswer> FindHeight(const Surface& surface, double x, double y,
                                 const HeightOptions& options) {
   return CatchOutOfMemory([&] { return HeightAt(surface, x, y, options); });
+}
+
+Result<std::vector<HeightAnswer>> FindHeights(const Surface& surface,
+                                              std::span<const std::array<double, 2>> places,
+                                              const HeightOptions& options, HeightCost* cost) {
+  return CatchOutOfMemory([&] { return HeightsAt(surface, places, options, cost); });
 }
 
 Result<Profile> FindProfile(const Surface& surface, std::span<const std::array<double, 2>> corners,

@@ -10,16 +10,12 @@
 #include <vector>
 
 #include "query/surface.h"
+#include "store/metres_of_unit.h"
 
 namespace mtdb {
 
 // Whether the object is one: its errors are differences in height.
 bool IsTerrain(const ObjectRecord& record);
-
-// How long a unit of x and one of y are in units that heights can be compared with: 1 and 1, but of
-// a terrain in degrees the metres of a degree of longitude and of latitude at the middle of its
-// bounds, on a sphere.
-std::array<double, 2> MetresOfUnit(const ObjectRecord& record);
 
 struct HeightOptions {
   // The largest difference in height from the input that is good enough, in units of height.
@@ -46,6 +42,13 @@ struct HeightAnswer {
 // finite), those of reading clusters. Safe for many threads.
 Result<HeightAnswer> FindHeight(const Surface& surface, double x, double y,
                                 const HeightOptions& options = {});
+
+// The heights at many places, in their order; `cost` (not null) is that of all. Places that are
+// near each other share a query, whose error bound is theirs. Memory: the answers, and the
+// triangles around some of them. Errors: as FindHeight.
+Result<std::vector<HeightAnswer>> FindHeights(const Surface& surface,
+                                              std::span<const std::array<double, 2>> places,
+                                              const HeightOptions& options, HeightCost* cost);
 
 struct ProfilePoint {
   double distance = 0;  // from the line's first corner along it, in units of x and y

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "query/heights.h"
 #include "query/internal/json_value.h"
 #include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
+#include "store/metres_of_unit.h"
 
 namespace mtdb {
 

@@ -44,7 +44,7 @@ class Verifier {
     Expect("the largest degree", record_.max_degree, max_degree_);
     Expect("the largest error code", record_.error_code_max, error_code_max_);
     Expect("the depth", record_.depth, depth_);
-    if (!(bounds_ == record_.bounds))
+    if (!(record_.grid.Bounds(bounds_) == record_.bounds))
       Fail("the bounds in the catalog are not those of the vertices");
     Check("clusters and root pieces decode and agree with the index: " +
           std::to_string(index_.cluster_count()) + " and " +
@@ -132,7 +132,7 @@ class Verifier {
 
   void CheckBounds(const LoadedUnit& unit, const Box3i& bounds) {
     for (const Vec3i& p : unit.positions().All()) {
-      bounds_.Add(record_.grid.Position(p));
+      bounds_.Add(p);
       if (!bounds.Contains(p)) {
         report_->failures.push_back(UnitName(record_, unit.id) +
                                     ": a vertex lies outside of the bounds in the index");
@@ -201,7 +201,7 @@ class Verifier {
   uint32_t max_degree_ = 0;
   uint32_t depth_ = 0;
   uint8_t error_code_max_ = 0;
-  Box3d bounds_;
+  Box3i bounds_;  // of a turned raster the catalog has those of this box
   SurfaceDigest digest_;
 };
 

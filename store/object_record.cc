@@ -146,7 +146,7 @@ ByteWriter PutGrid(const ObjectRecord& o) {
   w.Put(o.grid.step);
   w.Put(o.grid.error_unit);
   w.Put(o.bits);
-  w.Put(static_cast<uint8_t>(o.error_measure));
+  w.Put(static_cast<uint8_t>(static_cast<uint8_t>(o.error_measure) | (o.border_moves ? 2 : 0)));
   w.Put(o.rounding_error);
   return w;
 }
@@ -156,7 +156,10 @@ void GetGrid(RecordReader* r, ObjectRecord* o) {
   o->grid.step = r->GetPositive("step");
   o->grid.error_unit = r->GetPositive("error unit");
   o->bits = r->GetAtMost(32, "bits");
-  o->error_measure = static_cast<ErrorMeasure>(r->GetAtMost(1, "error measure"));
+  const uint8_t measure = r->GetAtMost(3, "error measure");
+  o->error_measure = static_cast<ErrorMeasure>(measure & 1);
+  o->border_moves = (measure & 2) != 0;
+  if (measure == 2) r->Fail("error measure: expected 0, 1 or 3, found 2");
   o->rounding_error = r->GetFinite("rounding error");
   if (r->ok() && o->rounding_error < 0)
     r->Fail("rounding error: expected one that is not negative");

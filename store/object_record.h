@@ -55,6 +55,9 @@ struct ObjectRecord {
   // surface, was farther than this from its stored position. 0: the input lies on the grid.
   double rounding_error = 0;
   ErrorMeasure error_measure = ErrorMeasure::kTwoSidedDistance;
+  // Of vertical errors: the border is simplified, too. An error then also bounds how far the border
+  // has moved, in space, where lengths are in units of height (MetresOfUnit).
+  bool border_moves = false;
   AttributeLayout attributes;
   bool double_positions = false;      // the stored positions are not all float32 values
   Box3d bounds;                       // model units, of the stored positions

@@ -34,6 +34,7 @@ struct DecimateOptions {
   double largest_error = 0;  // work units; removals beyond it are not made
   // The surface that errors are measured against; null: the tile itself. Of measures that go on.
   const TileSurface* surface = nullptr;
+  const BorderPlane* border = nullptr;  // null: borders keep their shape. Of height fields
   bool goes_on = false;        // the next round will be measured against this tile, see TileSurface
   uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
@@ -125,6 +126,7 @@ template <FillingMeasure Measure, FillingRule Rule>
 TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile, const Grid& grid,
                                               const DecimateOptions& options) {
   degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
+  if constexpr (Measure::kIsHeightField) measure_.MoveBorders(options.border);
   Load(tile, grid, options.surface);
   const uint32_t vertices = mesh_.vertices();
   states_.assign(vertices, Vertex{});

@@ -275,6 +275,54 @@ void SurfaceMeasure<kKind>::Open(Hole& hole) {
   hole.flat = kIsVertical;
   points_.clear();
   for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
+  if (kIsVertical && hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
+}
+
+// True when the new border edge cuts off the vertex alone, seen along z.
+template <ErrorMeasure kKind>
+bool SurfaceMeasure<kKind>::MovesInwards(const Hole& hole) const {
+  const Vec3d a = hole.positions[hole.k - 1];
+  const Vec3d b = hole.positions[0];
+  if (!(Hole::Side(a, b, hole.apex) < 0)) return false;
+  for (uint32_t i = 1; i + 1 < hole.k; ++i) {
+    if (!(Hole::Side(a, b, hole.positions[i]) > 0)) return false;
+  }
+  return true;
+}
+
+// As MeasureBorder, where vertices have gone that are not on the edge.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
+  const Vec3d a = hole.positions[hole.k - 1];
+  const Vec3d b = hole.positions[0];
+  double away = 0;
+  bool straight = true;
+  const auto look = [&](uint32_t w) {
+    if (Hole::Side(a, b, positions_[w]) == 0) return;
+    straight = false;
+    const BorderPlane& plane = *border_plane_;
+    const double squared =
+        SquaredDistancePointSegment(plane.Place(positions_[w]), plane.Place(a), plane.Place(b));
+    away = std::max(away, std::sqrt(squared) + round_.vertex_error(w));
+  };
+  look(hole.vertex);
+  for (const uint32_t h : {hole.border_out, hole.border_in}) {
+    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_on_chain_[w]) look(w);
+  }
+  for (const uint32_t w : samples_) {
+    if (Hole::Side(a, b, positions_[w]) < 0) look(w);
+  }
+  double& error = hole.edge_error[0][hole.k - 1];
+  if (straight) return;
+  if (Hole::Side(a, b, hole.apex) == 0) {
+    // Both edges together, but for their heights at the vertex.
+    error = HeightOverEdge(hole.apex, a, b) +
+            std::max(curves_[hole.border_out].error, curves_[hole.border_in].error);
+  } else {
+    error = -1;
+    if (MovesInwards(hole)) MeasureEdge(hole, 0, hole.k - 1);
+  }
+  if (error >= 0) error = std::max(error, away);
 }
 
 // The curve of the new border edge is the chain of border vertices removed between its ends; the
@@ -304,9 +352,9 @@ template <ErrorMeasure kKind>
 bool SurfaceMeasure<kKind>::Sees(const Hole& hole) const {
   if (!(hole.area > 0)) return false;
   if (kIsVertical) {
-    // A border keeps its shape: what lies on a straight line of it may go.
-    return !hole.boundary ||
-           Hole::Side(hole.positions[hole.k - 1], hole.positions[0], hole.apex) == 0;
+    if (!hole.boundary) return true;
+    if (Hole::Side(hole.positions[hole.k - 1], hole.positions[0], hole.apex) == 0) return true;
+    return border_plane_ != nullptr && hole.edge_error[0][hole.k - 1] >= 0;
   }
   for (const uint32_t t : hole.star) {
     if (conservative_[t]) return false;
@@ -604,7 +652,15 @@ uint32_t SurfaceMeasure<kKind>::JoinBorderChains(const Hole& hole) {
   uint32_t tail = hole.vertex;
   while (next_on_chain_[tail] != kNone32) tail = next_on_chain_[tail];
   next_on_chain_[tail] = chain_head_[hole.border_in];
-  return hole.vertex;
+  uint32_t head = hole.vertex;
+  if (!kIsVertical || border_plane_ == nullptr) return head;
+  // And what a border that moves leaves outside.
+  for (const uint32_t w : samples_) {
+    if (Hole::Side(hole.positions[hole.k - 1], hole.positions[0], positions_[w]) >= 0) continue;
+    next_on_chain_[w] = head;
+    head = w;
+  }
+  return head;
 }
 
 template class SurfaceMeasure<ErrorMeasure::kTwoSidedDistance>;

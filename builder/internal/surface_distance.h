@@ -3,6 +3,7 @@
 // HeightDifference: that of height fields.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <ranges>
 #include <span>
@@ -18,6 +19,14 @@
 
 namespace mtdb::internal {
 
+// Of a height field whose border moves: work units along x and y to lengths in units of height.
+struct BorderPlane {
+  std::array<double, 4> plane{1, 0, 0, 1};
+  Vec3d Place(Vec3d p) const {
+    return {plane[0] * p.x + plane[1] * p.y, plane[2] * p.x + plane[3] * p.y, p.z};
+  }
+};
+
 // Bounds the two-sided distance between a triangle and the part of the round's input that it stands
 // for, by the curves of its edges and by the removed vertices between these (docs/design.md,
 // section 3; RoundMesh). Looks along the star's normal. A folded hole, where the input turns away
@@ -28,7 +37,9 @@ namespace mtdb::internal {
 // it, of height fields whose work units are integers along x and y. It is exact against the round's
 // input: a difference of two piecewise linear functions is largest at a corner of their overlay,
 // and those are the same crossings and removed vertices. Border vertices go where the border is
-// straight.
+// straight; with MoveBorders also others that make the surface smaller: then the new border edge
+// runs inside of it, and its error is that of its heights, or how far the vertices that it leaves
+// outside are from it in space, whichever is larger.
 template <ErrorMeasure kKind>
 class SurfaceMeasure {
  public:
@@ -38,6 +49,8 @@ class SurfaceMeasure {
   static constexpr bool kIsHeightField = kIsVertical;
   static constexpr bool kGoesOn = true;
 
+  // Until it is called again; null: borders keep their shape.
+  void MoveBorders(const BorderPlane* plane) { border_plane_ = plane; }
   // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
   void Load(const TileMesh& mesh, std::span<const TileTriangle> tile, const TileSurface* surface,
             const Grid& grid);
@@ -57,6 +70,8 @@ class SurfaceMeasure {
   void LoadSurface(const TileSurface& surface, const Grid& grid);
   void MeasureHeights();
   void MeasureBorder(Hole& hole) const;
+  void MeasureMovedBorder(Hole& hole) const;
+  bool MovesInwards(const Hole& hole) const;
   // True when the star is the round's input, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   void MeasureOverSpokes(Hole& hole) const;
@@ -76,6 +91,7 @@ class SurfaceMeasure {
   uint32_t JoinBorderChains(const Hole& hole);
 
   const TileMesh* mesh_ = nullptr;
+  const BorderPlane* border_plane_ = nullptr;
   RoundMesh round_;
 
   // Triangles, current and past.

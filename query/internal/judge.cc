@@ -5,11 +5,23 @@
 #include <utility>
 
 #include "query/internal/vertical_reach.h"
+#include "store/metres_of_unit.h"
 
 namespace mtdb::internal {
 
+namespace {
+
+std::array<double, 2> AsideOf(const ObjectRecord& record) {
+  if (!record.border_moves) return {0, 0};
+  const std::array<double, 2> metres = MetresOfUnit(record);
+  return {1 / metres[0], 1 / metres[1]};
+}
+
+}  // namespace
+
 Judge::Judge(const ClusterSource& source, double rounding)
     : vertical_(source.record().error_measure == ErrorMeasure::kVertical),
+      aside_(AsideOf(source.record())),
       index_(source.index()),
       grid_(source.record().grid),
       rounding_(rounding),
@@ -22,9 +34,9 @@ void Judge::SetQuery(const Query& query) {
   // comes first.
   const bool same_region = region == query_region_;
   const bool same_threshold = threshold_ != nullptr && query.threshold == query_threshold_;
-  RegionPtr reach = same_region ? region_ : vertical_ ? VerticalReach(region) : region;
+  RegionPtr reach = same_region ? region_ : vertical_ ? VerticalReach(region, aside_) : region;
   ThresholdPtr asked = same_threshold ? asked_
-                       : vertical_    ? VerticalReach(query.threshold)
+                       : vertical_    ? VerticalReach(query.threshold, aside_)
                                       : query.threshold;
   ThresholdPtr attainable = same_threshold ? threshold_ : Attainable(asked, rounding_);
   query_region_ = region;

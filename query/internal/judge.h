@@ -85,7 +85,8 @@ class Judge {
   double Reach(UnitId unit) const;
 
  private:
-  const bool vertical_;  // the object's errors are heights
+  const bool vertical_;                // the object's errors are heights
+  const std::array<double, 2> aside_;  // units of x and y for each unit of error
   const ClusterIndex& index_;
   const Grid& grid_;
   const double rounding_;

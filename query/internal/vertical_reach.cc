@@ -9,15 +9,16 @@
 namespace mtdb::internal {
 namespace {
 
-Box3d Swept(Box3d box, double distance) {
-  box.min.z -= distance;
-  box.max.z += distance;
-  return box;
+// By so much for each unit of distance.
+Box3d SweptBy(Box3d box, double distance, std::array<double, 2> aside) {
+  const Vec3d by{aside[0] * distance, aside[1] * distance, distance};
+  return {box.min - by, box.max + by};
 }
 
 class VerticalRegion final : public Region {
  public:
-  explicit VerticalRegion(RegionPtr region) : region_(std::move(region)) {}
+  VerticalRegion(RegionPtr region, std::array<double, 2> aside)
+      : region_(std::move(region)), aside_(aside) {}
 
   bool Within(const Triangle3d& t, double distance) const override {
     return region_->BoxWithin(Swept(Around(t), distance), 0) && region_->Within(t, distance);
@@ -36,12 +37,16 @@ class VerticalRegion final : public Region {
   bool whole() const override { return region_->whole(); }
 
  private:
+  Box3d Swept(const Box3d& box, double distance) const { return SweptBy(box, distance, aside_); }
+
   const RegionPtr region_;
+  const std::array<double, 2> aside_;
 };
 
 class VerticalThreshold final : public Threshold {
  public:
-  explicit VerticalThreshold(ThresholdPtr threshold) : threshold_(std::move(threshold)) {}
+  VerticalThreshold(ThresholdPtr threshold, std::array<double, 2> aside)
+      : threshold_(std::move(threshold)), aside_(aside) {}
 
   double Min(const Triangle3d& t, double distance) const override {
     return std::max(threshold_->Min(t, distance),
@@ -55,19 +60,22 @@ class VerticalThreshold final : public Threshold {
   std::optional<double> constant() const override { return threshold_->constant(); }
 
  private:
+  Box3d Swept(const Box3d& box, double distance) const { return SweptBy(box, distance, aside_); }
+
   const ThresholdPtr threshold_;
+  const std::array<double, 2> aside_;
 };
 
 }  // namespace
 
-RegionPtr VerticalReach(RegionPtr region) {
+RegionPtr VerticalReach(RegionPtr region, std::array<double, 2> aside) {
   if (region == nullptr || region->whole()) return region;
-  return std::make_shared<VerticalRegion>(std::move(region));
+  return std::make_shared<VerticalRegion>(std::move(region), aside);
 }
 
-ThresholdPtr VerticalReach(ThresholdPtr threshold) {
+ThresholdPtr VerticalReach(ThresholdPtr threshold, std::array<double, 2> aside) {
   if (threshold == nullptr || threshold->constant()) return threshold;
-  return std::make_shared<VerticalThreshold>(std::move(threshold));
+  return std::make_shared<VerticalThreshold>(std::move(threshold), aside);
 }
 
 }  // namespace mtdb::internal

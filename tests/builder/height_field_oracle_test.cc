@@ -148,6 +148,7 @@ TEST_CASE("no height of a cut of a mesh as terrain is farther off than promised"
       ExtractStats stats;
       const TriangleMesh cut = Extract(*built.surface, query, &stats);
       double worst = 0;
+      int lost = 0;
       std::mt19937 random(17);
       for (int i = 0; i < 3000; ++i) {
         const double x = 500000 + (random() % (kSide * 100)) / 100.0 + 0.003;
@@ -155,11 +156,14 @@ TEST_CASE("no height of a cut of a mesh as terrain is farther off than promised"
         const auto full = HeightOf(mesh, x, y);
         const auto coarse = HeightOf(cut, x, y);
         CAPTURE(x, y);
-        REQUIRE(full.has_value() == coarse.has_value());
-        if (full) worst = std::max(worst, std::abs(*full - *coarse));
+        // The border moves inwards only.
+        if (coarse) REQUIRE(full.has_value());
+        lost += full && !coarse;
+        if (full && coarse) worst = std::max(worst, std::abs(*full - *coarse));
       }
       CAPTURE(holes, threshold, cut.triangles.size());
       REQUIRE(worst <= stats.error_bound + 1e-6);
+      CHECK(lost < 300);
       tightest = std::max(tightest, worst / stats.error_bound);
     }
     CHECK(tightest > 0.5);  // by few places

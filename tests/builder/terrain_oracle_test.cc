@@ -28,10 +28,11 @@ struct Terrain {
 
 // Builds it with tiles so small that there are many seams.
 Terrain BuildTerrain(uint32_t columns, uint32_t rows, std::vector<double> heights,
-                     Triangulation triangulation) {
+                     Triangulation triangulation, bool border_moves = false) {
   Terrain t{columns, rows, heights, {}, {}};
   auto raster = std::make_unique<MemoryRaster>(columns, rows, std::move(heights));
   raster->info().frame.geotransform = {100, 0.25, 0, 50, 0, -0.5};
+  if (border_moves) raster->info().frame.geotransform = {100, 30, 5, 50, 10, -30};
   t.frame = raster->info().frame;
   RasterMosaic mosaic = MosaicOf(std::move(raster));
   TriangleMesh mesh;
@@ -40,6 +41,9 @@ Terrain BuildTerrain(uint32_t columns, uint32_t rows, std::vector<double> height
   REQUIRE(SendRaster(mosaic, {}, sink, &report).message() == "");
   BuildOptions options;
   options.terrain = TerrainInput{GridOf(t.frame, 1, 0), t.frame, "", triangulation, {}};
+  if (border_moves) {
+    options.terrain->reading = [&] { return TerrainInput::Reading{0, 0, report.holes}; };
+  }
   options.tile_triangles = 600;
   options.threads = 1;
   t.built = Build(mesh, options);
@@ -188,11 +192,13 @@ TEST_CASE("the perturbed circle test is CGAL's") {
 }
 
 TEST_CASE("every cut of a terrain is the Delaunay triangulation of its vertices") {
-  for (const bool holes : {false, true}) {
+  for (const auto& [holes, border_moves] : {std::pair{false, false}, {true, false}, {true, true}}) {
     constexpr uint32_t kColumns = 73, kRows = 61;
     std::vector<double> heights = MakeHeights(kColumns, kRows, 7);
     if (holes) heights = WithHoles(std::move(heights), kColumns, kRows);
-    const Terrain t = BuildTerrain(kColumns, kRows, heights, Triangulation::kDelaunay);
+    const Terrain t =
+        BuildTerrain(kColumns, kRows, heights, Triangulation::kDelaunay, border_moves);
+    REQUIRE(t.built.record.border_moves == border_moves);
     REQUIRE(t.built.record.rounds.size() > 2);
     std::mt19937 random(holes);
     std::set<size_t> sizes;
@@ -235,6 +241,56 @@ TEST_CASE("no height of a terrain's cut is farther off than promised, and hardly
       // A rectangle's straight sides go: few triangles are left of it.
       if (!holes) REQUIRE(t.built.record.root_triangles < 100);
     }
+  }
+}
+
+// From a place to a mesh in space.
+double DistanceTo(const TriangleMesh& mesh, Vec3d p) {
+  double least = 1e300;
+  for (const TriangleVertices& t : mesh.triangles) {
+    least =
+        std::min(least, SquaredDistancePointTriangle(p, mesh.positions[t[0]], mesh.positions[t[1]],
+                                                     mesh.positions[t[2]]));
+  }
+  return std::sqrt(least);
+}
+
+TEST_CASE("a border that moves is no farther from where it was than promised") {
+  for (const Triangulation rule : {Triangulation::kDelaunay, Triangulation::kFree}) {
+    constexpr uint32_t kColumns = 73, kRows = 61;
+    const Terrain t = BuildTerrain(
+        kColumns, kRows, WithHoles(MakeHeights(kColumns, kRows, 9), kColumns, kRows), rule, true);
+    const TriangleMesh full = Extract(*t.built.surface, {});
+    REQUIRE(Measure(t, full) < 1e-9);
+    double tightest = 0;
+    for (double threshold = 400; threshold > 1; threshold /= 2) {
+      Query query;
+      query.threshold = ConstantThreshold(threshold);
+      ExtractStats stats;
+      const TriangleMesh cut = Extract(*t.built.surface, query, &stats);
+      CAPTURE(threshold, cut.triangles.size(), stats.error_bound);
+      REQUIRE(Measure(t, cut) <= stats.error_bound + 1e-9);
+      double away = 0;
+      for (const Vec3d& p : full.positions) away = std::max(away, DistanceTo(cut, p));
+      REQUIRE(away <= stats.error_bound + 1e-9);
+      tightest = std::max(tightest, away / stats.error_bound);
+      // Inwards only.
+      for (const TriangleVertices& c : cut.triangles) {
+        Vec3d middle{};
+        for (const size_t v : c) middle += cut.positions[v] * (1.0 / 3);
+        const auto above = std::any_of(
+            full.triangles.begin(), full.triangles.end(), [&](const TriangleVertices& f) {
+              const auto side = [&](size_t i) {
+                return Hole::Side(full.positions[f[i]], full.positions[f[(i + 1) % 3]], middle);
+              };
+              return side(0) >= -1e-6 && side(1) >= -1e-6 && side(2) >= -1e-6;
+            });
+        REQUIRE(above);
+      }
+    }
+    CHECK(tightest > 0.4);
+    // Most of the border is gone, of the collars and of the lake.
+    CHECK(t.built.record.root_triangles < 150);
   }
 }
 

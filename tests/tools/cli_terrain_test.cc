@@ -6,41 +6,10 @@
 #include <png.h>
 #include <set>
 
-#include "tests/support/memory_raster.h"
-#include "tests/tools/cli_testing.h"
+#include "tests/tools/terrain_testing.h"
 
 namespace mtdb::test {
 namespace {
-
-using mtdb::testing::kHole;
-using mtdb::testing::MakeHeights;
-
-// A .hgt file; NaN is its nodata value.
-void WriteHgt(const std::string& path, const std::vector<double>& heights) {
-  std::string bytes;
-  for (const double h : heights) {
-    const auto value = static_cast<int16_t>(std::isnan(h) ? -32768 : h);
-    bytes += static_cast<char>(static_cast<uint16_t>(value) >> 8);
-    bytes += static_cast<char>(value & 255);
-  }
-  WriteText(path, bytes);
-}
-
-void WriteGrid(const std::string& path, const std::string& header, uint32_t columns,
-               const std::vector<double>& heights) {
-  std::ofstream out(path);
-  out << header;
-  for (size_t i = 0; i < heights.size(); ++i) {
-    out << (std::isnan(heights[i]) ? -9999.0 : heights[i])
-        << (i % columns + 1 == columns ? '\n' : ' ');
-  }
-}
-
-std::map<std::pair<double, double>, double> HeightsOf(const std::string& ply) {
-  std::map<std::pair<double, double>, double> heights;
-  for (const Vec3d& p : ReadMesh(ply).positions) heights[{p.x, p.y}] = p.z;
-  return heights;
-}
 
 TEST_CASE("neighbouring .hgt files become one terrain, the first one's samples where they differ",
           "[cli]") {
@@ -193,26 +162,6 @@ TEST_CASE("a raster of one row or column has no surface", "[cli]") {
   CHECK_THAT(outcome.err, Catch::Contains("5 of 5 x 1 samples have a height"));
 }
 
-// A terrain of one tile with a hole, at 9..10 degrees north, 7..8 east.
-struct Tile {
-  static constexpr uint32_t kSide = 51;
-  Folder folder;
-  std::vector<double> heights = MakeHeights(kSide, kSide, 8);
-  std::string hgt = folder.File("N09E007.hgt");
-  std::string store = folder.File("s.mtdb");
-
-  Tile() {
-    for (uint32_t r = 20; r < 26; ++r) {
-      for (uint32_t c = 30; c < 40; ++c) heights[r * kSide + c] = kHole;
-    }
-    WriteHgt(hgt, heights);
-    RunOk({"ingest", hgt, store});
-  }
-  double At(uint32_t column, uint32_t row) const { return heights[row * kSide + column]; }
-  static std::string X(double column) { return std::to_string(7 + column / (kSide - 1)); }
-  static std::string Y(double row) { return std::to_string(10 - row / (kSide - 1)); }
-};
-
 TEST_CASE("ingest --fill closes small holes, and says how many", "[cli]") {
   const Folder folder;
   constexpr uint32_t kSide = 40;
@@ -295,80 +244,6 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
   CHECK_THAT(
       Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--force"}).err,
       Catch::Contains("--lossless"));
-}
-
-TEST_CASE("probe --height gives samples exactly, and what is between them on a straight line",
-          "[cli]") {
-  const Tile t;
-  const auto probe = [&](const std::string& x, const std::string& y, Arguments more = {}) {
-    Arguments arguments{"probe", t.store, "--height=" + x + "," + y};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return RunJson(arguments).at("heights").at(0);
-  };
-  CHECK(probe(t.X(10), t.Y(13)).at("height") == t.At(10, 13));
-  CHECK(probe(t.X(0), t.Y(0)).at("height") == t.At(0, 0));
-  CHECK(probe(t.X(50), t.Y(50)).at("height") == t.At(50, 50));
-  CHECK(probe(t.X(10.5), t.Y(13)).at("height") == Approx((t.At(10, 13) + t.At(11, 13)) / 2));
-  CHECK(probe(t.X(35), t.Y(22)).at("height").is_null());
-  CHECK(probe("3", "50").at("height").is_null());
-  const Json coarse = probe(t.X(10), t.Y(13), {"--error", "25"});
-  CHECK(coarse.at("error_bound") <= 25);
-  CHECK(std::abs(coarse.at("height").get<double>() - t.At(10, 13)) <=
-        coarse.at("error_bound").get<double>());
-  WriteText(t.folder.File("places"),
-            t.X(3) + " " + t.Y(4) + "\n\n" + t.X(5) + ", " + t.Y(6) + "\n");
-  const Json list = RunJson({"probe", t.store, "--heights", t.folder.File("places")});
-  CHECK(list.at("heights").at(0).at("height") == t.At(3, 4));
-  CHECK(list.at("heights").at(1).at("height") == t.At(5, 6));
-  WriteText(t.folder.File("wrong"), "1 2\n3 x\n");
-  CHECK_THAT(Run({"probe", t.store, "--heights", t.folder.File("wrong")}).err,
-             Catch::Contains("line 2"));
-}
-
-TEST_CASE("profile meets every edge along a line, and says where holes are", "[cli]") {
-  const Tile t;
-  // Along row 22 from column 20 to 50: each sample is met, and cells' diagonals are not crossed.
-  const Json row = RunJson(
-      {"profile", t.store, "--line=" + t.X(20) + "," + t.Y(22) + "," + t.X(50) + "," + t.Y(22)});
-  std::map<int, double> heights;
-  int gaps = 0;
-  for (const Json& p : row.at("points")) {
-    const double column = (p.at("x").get<double>() - 7) * 50;
-    if (p.at("height").is_null()) {
-      ++gaps;
-      CHECK(column == Approx(29));
-      continue;
-    }
-    heights[static_cast<int>(std::lround(column))] = p.at("height");
-  }
-  CHECK(gaps == 1);
-  for (int c = 20; c <= 50; ++c) {
-    if (c >= 30 && c < 40) {
-      CHECK(heights.count(c) == 0);
-    } else {
-      REQUIRE(heights.count(c) == 1);
-      CHECK(heights[c] == Approx(t.At(static_cast<uint32_t>(c), 22)));
-    }
-  }
-  // Across: between two points heights are on a line, as single probes see them.
-  const Json across =
-      RunJson({"profile", t.store,
-               "--line=" + t.X(2.3) + "," + t.Y(3.1) + "," + t.X(17.9) + "," + t.Y(11.7)});
-  const Json& points = across.at("points");
-  REQUIRE(points.size() > 30);
-  for (size_t i = 0; i + 1 < points.size(); ++i) {
-    const double x = (points[i].at("x").get<double>() + points[i + 1].at("x").get<double>()) / 2;
-    const double y = (points[i].at("y").get<double>() + points[i + 1].at("y").get<double>()) / 2;
-    const double z =
-        (points[i].at("height").get<double>() + points[i + 1].at("height").get<double>()) / 2;
-    if (i % 7 != 0) continue;
-    char place[100];
-    std::snprintf(place, sizeof(place), "--height=%.15g,%.15g", x, y);
-    CHECK(RunJson({"probe", t.store, place}).at("heights").at(0).at("height").get<double>() ==
-          Approx(z).margin(1e-6));
-  }
-  CHECK_THAT(RunOk({"profile", t.store, "--line=7.1,9.1,7.2,9.3", "--error", "20"}),
-             Catch::Contains("distance,x,y,height"));
 }
 
 TEST_CASE("a terrain goes out as the raster that it was", "[cli]") {

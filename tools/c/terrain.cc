@@ -52,14 +52,9 @@ std::vector<std::array<double, 2>> Places(const double* points, size_t count) {
 
 Status HeightsAt(const Surface& surface, std::span<const std::array<double, 2>> places,
                  const HeightOptions& options, double* heights, HeightCost* cost) {
-  for (size_t i = 0; i < places.size(); ++i) {
-    MTDB_ASSIGN_OR_RETURN(const HeightAnswer answer,
-                          FindHeight(surface, places[i][0], places[i][1], options));
-    heights[i] = answer.height.value_or(kNone);
-    cost->error_bound = std::max(cost->error_bound, answer.cost.error_bound);
-    cost->clusters_read += answer.cost.clusters_read;
-    cost->bytes_read += answer.cost.bytes_read;
-  }
+  MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
+                        FindHeights(surface, places, options, cost));
+  for (size_t i = 0; i < answers.size(); ++i) heights[i] = answers[i].height.value_or(kNone);
   return Status::Ok();
 }
 

@@ -73,11 +73,11 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   options.error_model = arguments.error.value_or(-1);
   HeightCost cost;
   Json list = Json::array();
-  for (const Place& p : places) {
-    MTDB_ASSIGN_OR_RETURN(const HeightAnswer answer, FindHeight(*surface, p[0], p[1], options));
-    cost.error_bound = std::max(cost.error_bound, answer.cost.error_bound);
-    cost.clusters_read += answer.cost.clusters_read;
-    cost.bytes_read += answer.cost.bytes_read;
+  MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
+                        FindHeights(*surface, places, options, &cost));
+  for (size_t i = 0; i < places.size(); ++i) {
+    const Place& p = places[i];
+    const HeightAnswer& answer = answers[i];
     if (arguments.json) {
       list.push_back({{"x", p[0]},
                       {"y", p[1]},

@@ -74,7 +74,7 @@ TerrainInput RasterInput::terrain() {
   terrain.crs = mosaic_.info().crs;
   terrain.grid = GridOf(terrain.frame, mesh_.height_step, mesh_.height_origin);
   terrain.reading = [this] {
-    return TerrainInput::Reading{report_.rounding, report_.filled.samples};
+    return TerrainInput::Reading{report_.rounding, report_.filled.samples, report_.holes};
   };
   return terrain;
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "store/metres_of_unit.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
-
-#include "query/heights.h"
 
 namespace mtdb {
 
