@@ -574,7 +574,8 @@ constexpr NamedAct kActs[] = {{"ingest", Ingest},
                               {"compact", CompactAct},
                               {"terrain", TerrainAct},
                               {"picture", PictureAct},
-                              {"pack-onto", PackOntoAct}};
+                              {"pack-onto", PackOntoAct},
+                              {"beside", BesideAct}};
 
 }  // namespace
 

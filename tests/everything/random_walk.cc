@@ -62,7 +62,9 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 21)) {
+    switch (Between(0, 23)) {
+      case 23:
+      case 22: return Beside();
       case 21: return Picture();
       case 20: {
         Step& step = Add("pack-onto");
@@ -133,6 +135,23 @@ class Maker {
     step.Set("name", Name());
     step.Set("to", Name());
     if (Chance(0.2)) step.Set("by", OneOf(kAliases));
+  }
+
+  // What changes an object while somebody reads it.
+  void Beside() {
+    const int64_t change = Between(0, 3);
+    if (change == 0) Ingest(true);
+    if (change == 1) Rename();
+    if (change == 2) Add("remove").Set("name", Name());
+    if (change == 3) Compact();
+    Step& step = walk_.steps.back();
+    step.Set("change", std::string(step.act));
+    step.act = "beside";
+    step.Set("from", OneOf(std::initializer_list<const char*>{"packed", "mesh", "store"}));
+    if (change == 3) step.Set("from", std::string("packed"));
+    for (const char* key : {"wide", "memory", "operation"}) step.with.erase(key);
+    if (Chance(0.5)) step.Set("error", Short(Scaled(1e-4, 0.1)));
+    step.Set("of", Between(0, 3));
   }
 
   void CopyInto() {
@@ -339,6 +358,20 @@ class Maker {
       step.Set("unsteady", OneOf(std::initializer_list<const char*>{"replaced", "silent", "gone",
                                                                     "missing", "swapped"}));
       step.Set("requests", Between(1, 6));
+    }
+    if (Chance(0.25)) {
+      step.Set("kept",
+               OneOf(std::initializer_list<const char*>{"whole", "lies", "flip", "cut", "zero",
+                                                        "gone", "fifo", "folder", "link"}));
+      step.Set("kept-at", Short(Uniform(0, 1)));
+      if (Chance(0.3))
+        step.Set("kept-size", OneOf(std::initializer_list<const char*>{"1", "100K"}));
+    }
+    if (Chance(0.3)) {
+      step.Set("cache", std::to_string(static_cast<int64_t>(Scaled(10, 3000))) + "K");
+      step.Set("spill", OneOf(std::initializer_list<const char*>{"kept", "missing", "enospc", "eio",
+                                                                 "short"}));
+      step.Set("spill-at", static_cast<int64_t>(Scaled(1, 40)));
     }
   }
 

@@ -307,8 +307,8 @@ std::string LimitOfText(const std::string& text) {
 }
 
 void FromCommand(const Asked& asked, const Arguments& arguments, const std::string& output,
-                 bool json, Answer* answer) {
-  const Ran ran = asked.world->Mtdb(arguments);
+                 bool json, Answer* answer, const RunOptions& run = {}) {
+  const Ran ran = asked.world->Mtdb(arguments, run);
   if (!ran.ok()) {
     answer->refused = ran.err.empty() ? "exit code " + std::to_string(ran.exit_code) : ran.err;
     return;
@@ -363,9 +363,10 @@ bool AskCommandJson(const Asked& asked, Answer* answer) {
   return true;
 }
 
+}  // namespace
+
 // ---- a packed file ----
 
-// The object alone, packed; empty when that fails, and `answer` says why.
 std::string Packed(const Asked& asked, Answer* answer) {
   const std::string file = NewFile(asked, "mtdbp");
   const Ran ran =
@@ -375,17 +376,23 @@ std::string Packed(const Asked& asked, Answer* answer) {
   return "";
 }
 
-void FromPlace(const Asked& asked, const std::string& place, Answer* answer) {
+void FromPlace(const Asked& asked, const std::string& place, const Arguments& more, Answer* answer,
+               const RunOptions& run) {
   const std::string output = NewFile(asked, Format(asked));
   const std::string query = NewFile(asked, "json");
   WriteText(query, asked.question->text());
-  FromCommand(asked, {"extract", place, output, "--query", query, "--json"}, output, true, answer);
+  Arguments arguments{"extract", place, output, "--query", query, "--json", "--name", asked.name};
+  if (asked.question->implicit) arguments.emplace_back("--implicit");
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  FromCommand(asked, arguments, output, true, answer, run);
 }
+
+namespace {
 
 bool AskPacked(const Asked& asked, Answer* answer) {
   const std::string file = Packed(asked, answer);
   if (file.empty()) return true;
-  FromPlace(asked, file, answer);
+  FromPlace(asked, file, {}, answer);
   std::filesystem::remove(file);
   return true;
 }
@@ -396,7 +403,7 @@ bool AskUrl(const Asked& asked, Answer* answer) {
   if (file.empty()) return true;
   const mtdb::testing::FileServer server(ReadText(file));
   std::filesystem::remove(file);
-  FromPlace(asked, server.url(), answer);
+  FromPlace(asked, server.url(), {}, answer);
   return answer->refused.find("without libcurl") == std::string::npos;
 }
 
@@ -430,12 +437,14 @@ bool AskUnsteadyUrl(const Asked& asked, Answer* answer) {
         }
       });
   std::filesystem::remove(file);
-  FromPlace(asked, server.url(), answer);
+  FromPlace(asked, server.url(), {}, answer);
   const bool asked_late = server.requests() > after;
   // Of what came before there may be enough; nothing else is a reason to refuse.
   return answer->refused.empty() ||
          (!asked_late && answer->refused.find("without libcurl") == std::string::npos);
 }
+
+}  // namespace
 
 // ---- the server ----
 
@@ -480,6 +489,8 @@ void FromHttp(const Asked& asked, const std::string& method, const std::string& 
   WriteText(file, got.body);
   ReadAnswerFile(file, answer);
 }
+
+namespace {
 
 bool AskPost(const Asked& asked, Answer* answer) {
   // A query in the body and another one in the parameters is a mistake that has to be told.
@@ -695,6 +706,10 @@ const std::vector<NamedWay>& Ways() {
       {"session", AskSession},
       {"frames", AskFrames},
       {"follow", AskFollow},
+      {"packed-served", AskServedPacked},
+      {"url-kept", AskKept},
+      {"available-json", AskAvailableJson},
+      {"small-cache", AskSmallCache},
   };
   return kWays;
 }

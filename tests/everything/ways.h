@@ -20,11 +20,28 @@ MeetsRegion MeetsOf(const Query& query);
 void ReadAnswerJson(const std::string& text, Answer* answer);
 void ReadAnswerFile(const std::string& path, Answer* answer);
 
+// The object alone, packed; empty when that fails, and `answer` says why.
+std::string Packed(const Asked& asked, Answer* answer);
+// Asks the command line for the object where it is: a file or a URL.
+void FromPlace(const Asked& asked, const std::string& place, const Arguments& more, Answer* answer,
+               const RunOptions& run = {});
+// A server of the store.
+Server* Serving(const Asked& asked);
+std::string ObjectPath(const Asked& asked);
+void FromHttp(const Asked& asked, const std::string& method, const std::string& target,
+              const std::string& body, Answer* answer);
+
 // available_ways.cc: asked again and again, never waited for, until all is there.
 bool AskAvailable(const Asked& asked, Answer* answer);
 bool AskAvailableStream(const Asked& asked, Answer* answer);
 // process_ways.cc: the Python package, where numpy is; a pipe, by a link to its descriptor.
 bool AskPython(const Asked& asked, Answer* answer);
 bool AskPipe(const Asked& asked, Answer* answer);
+// remote_ways.cc: a server's /packed; a folder of kept ranges that is harmed; JSON that waits for
+// nothing; a cache that is too small, whose file on disk fails.
+bool AskServedPacked(const Asked& asked, Answer* answer);
+bool AskKept(const Asked& asked, Answer* answer);
+bool AskAvailableJson(const Asked& asked, Answer* answer);
+bool AskSmallCache(const Asked& asked, Answer* answer);
 
 }  // namespace mtdb::everything
