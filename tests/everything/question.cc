@@ -259,10 +259,12 @@ RegionText MakeRegion(const std::string& name, const std::string& at, double r,
   for (int i = 0; i < 3; ++i) {
     c[i] = truth.bounds.min[i] + size[i] * where[static_cast<size_t>(i)];
   }
+  // A mesh may lie in one place.
+  const double size_of_all = truth.diagonal() > 0 ? truth.diagonal() : 1;
   for (const RegionKind& k : kRegions) {
-    if (name == k.name) return k.make(c, r * truth.diagonal());
+    if (name == k.name) return k.make(c, r * size_of_all);
   }
-  return kRegions[0].make(c, r * truth.diagonal());
+  return kRegions[0].make(c, r * size_of_all);
 }
 
 RegionText Combined(const Step& step, const Truth& truth) {
