@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Objects of `mtdb serve` as packed files, by ranges.
+#include <fstream>
 #include <random>
 
+#include "tests/support/raw_session.h"
 #include "tests/tools/http_testing.h"
 
 namespace mtdb::test {
@@ -90,6 +92,34 @@ TEST_CASE("a client with the engine reads from a server of mtdb as from any", "[
   RunOk({"extract", url, folder.File("b.ply"), "--error-rel", "0.002"});
   CHECK(ReadText(folder.File("a.ply")) == ReadText(folder.File("b.ply")));
   RunOk({"verify", url});
+}
+
+TEST_CASE("an object that was renamed is what it is called now", "[server]") {
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb");
+  std::filesystem::copy_file(TheExample().store, store);
+  const ServerProcess server(store);
+  const std::string probe = "/probe?point=0,0,0";
+  const auto names = [&](const std::string& name) {
+    const std::string path = "/objects/" + name;
+    std::vector<std::string> told;
+    const auto tell = [&](const Json& json, const char* key) {
+      told.push_back(json.value(key, "none"));
+    };
+    tell(Json::parse(server.Get(path).body), "object");
+    tell(Json::parse(server.Get(path + probe).body), "object");
+    tell(RawSession(server.port(), path + "/session").ReceiveText().at("hello"), "object");
+    const std::string packed = folder.File("packed.mtdbp");
+    std::ofstream(packed, std::ios::binary) << server.Get(path + "/packed").body;
+    tell(RunJson({"list", packed}).at("objects").at(0), "object");
+    return told;
+  };
+  CHECK(names("sculpture") == std::vector<std::string>(4, "sculpture"));
+  RunOk({"rename", store, "sculpture", "statue"});
+  CHECK(names("statue") == std::vector<std::string>(4, "statue"));
+  CHECK(server.Get("/objects/sculpture/packed").status == 404);
+  RunOk({"rename", store, "statue", "sculpture"});
+  CHECK(names("sculpture") == std::vector<std::string>(4, "sculpture"));
 }
 
 TEST_CASE("what replaces an object is another packed file", "[server]") {

@@ -52,7 +52,7 @@ Result<std::shared_ptr<const PackedImage>> PackedImages::Open(const Database& da
   std::vector<std::shared_ptr<const PackedImage>> dropped;  // outside of the lock
   const std::lock_guard lock(mutex_);
   const auto old = std::stable_partition(images_.begin(), images_.end(), [&](const auto& other) {
-    return other->record().name != name;
+    return other->record().name != name && !IsSameObject(other->record(), record);
   });
   dropped.assign(old, images_.end());
   images_.erase(old, images_.end());
@@ -72,8 +72,10 @@ void PackedImages::Clear() {
 
 std::shared_ptr<const PackedImage> PackedImages::Find(const ObjectRecord& record) {
   const std::lock_guard lock(mutex_);
-  const auto at = std::ranges::find_if(
-      images_, [&](const auto& image) { return IsSameObject(image->record(), record); });
+  const auto at = std::ranges::find_if(images_, [&](const auto& image) {
+    // The file has the name.
+    return image->record().name == record.name && IsSameObject(image->record(), record);
+  });
   if (at == images_.end()) return nullptr;
   std::rotate(at, at + 1, images_.end());
   return images_.back();

@@ -564,7 +564,7 @@ void ServerService::Unpin(const Surface* surface) {
 std::shared_ptr<Surface> ServerService::FindOpen(const ObjectRecord& record) {
   const std::lock_guard lock(mutex_);
   for (auto at = surfaces_.begin(); at != surfaces_.end(); ++at) {
-    if (!IsSameObject((*at)->record(), record)) continue;
+    if ((*at)->record().name != record.name || !IsSameObject((*at)->record(), record)) continue;
     std::rotate(at, at + 1, surfaces_.end());
     return surfaces_.back();
   }
@@ -596,9 +596,11 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
     closed.push_back(std::move(surfaces_[i]));
     surfaces_.erase(surfaces_.begin() + static_cast<ptrdiff_t>(i));
   };
-  // What stands for an object of that name that was replaced or removed is of no use.
+  // What stands for an object of that name that was replaced or removed, or for this one by a name
+  // that it had, is of no use.
   for (size_t i = surfaces_.size() - 1; i-- > 0;) {
-    if (surfaces_[i]->record().name == name) close(i);
+    const ObjectRecord& other = surfaces_[i]->record();
+    if (other.name == name || IsSameObject(other, record)) close(i);
   }
   // The last used last; pinned ones stay.
   for (size_t i = 0; surfaces_.size() > options_.objects && i + 1 < surfaces_.size();) {
