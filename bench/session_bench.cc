@@ -2,7 +2,7 @@
 // What moving a cut costs: time, updates and bytes.
 //
 //   session_bench [--frames N] [--triangles T] [--large T] [--json FILE] [MESH]
-//   session_bench [--frames N] [--json FILE] --store STORE
+//   session_bench [--frames N] [--json FILE] --store STORE [--regions]
 //
 // sweep: the experiment of De Floriani, Magillo and Puppo (1998): a box of full resolution that
 //   holds some 500 triangles moves over the mesh (a sculpture of T triangles when none is given)
@@ -19,11 +19,13 @@
 //   diagonal a frame; the threshold is in pixels or linear in the distance from the eye, and such
 //   that a twentieth of the triangles is left. From scratch is Select and Emit to a sink that drops
 //   the mesh. One thread, warm cache. Bytes per new triangle against Draco's.
+// region: likewise a box that moves by 1 % of its side a frame, the object around it as coarse as
+//   may be (box) or at an error of its own (focus), and a frustum that turns by 1 % of its angle.
 // rounds: the cut of an even error with a twentieth of the triangles, from the root: after each
 //   round the time so far, bytes, triangles, and the distance of the last mesh from this one; Draco
 //   shows nothing before its last byte.
 //
-// With --store only the last two, on the first object of the store. --json writes all rows to a
+// With --store only the last three, on the first object of the store. --json writes all rows to a
 // file.
 //
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
@@ -477,15 +479,10 @@ FromScratch SelectEach(const Surface& surface, int frames,
   return sum;
 }
 
-void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const char* path,
-                  int frames) {
+void Follow(const std::shared_ptr<Surface>& surface, const std::string& experiment,
+            const std::string& path, const std::string& threshold,
+            const std::function<Query(int)>& query_at, int frames) {
   const ObjectRecord& record = surface->record();
-  const double factor = FactorFor(*surface, record.triangles / 20, [&](double value) {
-    return CameraQuery(record, in_pixels, path, 0, value);
-  });
-  const auto query_at = [&](int frame) {
-    return CameraQuery(record, in_pixels, path, frame, factor);
-  };
   const auto [select, emit, nodes] = SelectEach(*surface, frames, query_at);
   Connection connection(surface);
   Totals totals;
@@ -508,8 +505,8 @@ void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const
   };
   const double ratio = totals.update / (select + emit);
   std::printf(
-      "camera %s, %s: %u triangles; from scratch %.2f ms (emission %.2f), update %.2f ms: %.3f\n",
-      path, in_pixels ? "pixels" : "linear", connection.mesh().triangle_count(),
+      "%s %s, %s: %u triangles; from scratch %.2f ms (emission %.2f), update %.2f ms: %.3f\n",
+      experiment.c_str(), path.c_str(), threshold.c_str(), connection.mesh().triangle_count(),
       1e3 * per(select + emit), 1e3 * per(emit), 1e3 * per(totals.update), ratio);
   std::printf(
       "  per frame: %.0f insertions, %.0f removals, encode %.2f ms, decode %.2f ms, %.0f bytes\n",
@@ -517,9 +514,9 @@ void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const
       1e3 * per(totals.decode), per(totals.bytes));
   std::printf("  bytes per new triangle: %.2f; Draco (%d bits, of the new triangles alone) %.2f\n",
               of_changed(totals.bytes), kDracoBits, of_changed(draco));
-  AddRow({{"experiment", "camera"},
+  AddRow({{"experiment", experiment},
           {"path", path},
-          {"threshold", in_pixels ? "pixels" : "linear"},
+          {"threshold", threshold},
           {"object_triangles", record.triangles},
           {"cut_triangles", connection.mesh().triangle_count()},
           {"scratch_ms", 1e3 * per(select + emit)},
@@ -534,6 +531,51 @@ void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const
           {"new_triangles", per(changed)},
           {"bytes_per_new_triangle", of_changed(totals.bytes)},
           {"draco_bytes_per_new_triangle", of_changed(draco)}});
+}
+
+void FollowCamera(const std::shared_ptr<Surface>& surface, bool in_pixels, const char* path,
+                  int frames) {
+  const ObjectRecord& record = surface->record();
+  const double factor = FactorFor(*surface, record.triangles / 20, [&](double value) {
+    return CameraQuery(record, in_pixels, path, 0, value);
+  });
+  const auto query_at = [&](int frame) {
+    return CameraQuery(record, in_pixels, path, frame, factor);
+  };
+  Follow(surface, "camera", path, in_pixels ? "pixels" : "linear", query_at, frames);
+}
+
+void FollowRegions(const std::shared_ptr<Surface>& surface, int frames) {
+  constexpr double kSide = 0.4;  // of the diagonal
+  constexpr double kStep = 0.01;
+  const ObjectRecord& record = surface->record();
+  const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
+  const double side = kSide * record.diagonal();
+  const auto box_at = [&](int frame) {
+    const Vec3d moved{kStep * side * frame, 0, 0};
+    return BoxQuery(centre + Vec3d{0, 0.25 * side, 0.25 * side} + moved, side);
+  };
+  const auto focus_at = [&](int frame) {
+    Query query;
+    query.threshold = RegionThreshold(box_at(frame).region, FullResolution(),
+                                      ConstantThreshold(0.001 * record.diagonal()));
+    return query;
+  };
+  const auto frustum_at = [&](int frame) {
+    Camera camera = CameraAt(record, 0.5, 0.6);
+    camera.direction = centre + Vec3d{0, 0.2 * side, 0.2 * side} - camera.eye;
+    const double turn = kStep * 0.8 * frame;
+    const Vec3d d = camera.direction;
+    camera.direction = {d.x * std::cos(turn) - d.y * std::sin(turn),
+                        d.x * std::sin(turn) + d.y * std::cos(turn), d.z};
+    camera.far = record.diagonal();
+    Query query;
+    query.region = FrustumRegion(camera);
+    return query;
+  };
+  Follow(surface, "region", "box", "full resolution", box_at, frames);
+  Follow(surface, "region", "focus", "full resolution in it", focus_at, frames);
+  Follow(surface, "region", "frustum", "full resolution", frustum_at, frames);
 }
 
 struct Round {
@@ -636,6 +678,8 @@ int Main(int argc, char** argv) {
   app.add_option("--large", large, "triangles of the larger sculpture; 0: none");
   app.add_option("MESH", file);
   app.add_option("--store", store_file, "measure the camera and the rounds on its first object");
+  bool regions_only = false;
+  app.add_flag("--regions", regions_only, "of a store: the regions only");
   app.add_option("--json", json_file, "write the rows there");
   CLI11_PARSE(app, argc, argv);
 
@@ -645,8 +689,9 @@ int Main(int argc, char** argv) {
     const auto surface = Surface::Open(database->OpenObject(name).value(),
                                        {.cache_bytes = size_t{8} << 30, .threads = 1})
                              .value();
-    FollowCameras(surface, std::min(frames, 20));
-    Rounds(surface);
+    if (!regions_only) FollowCameras(surface, std::min(frames, 20));
+    FollowRegions(surface, std::min(frames, 20));
+    if (!regions_only) Rounds(surface);
     return Finish(json_file);
   }
   TriangleMesh mesh;
@@ -677,6 +722,7 @@ int Main(int argc, char** argv) {
     Window(larger, large_mesh, frames, true);
     Progressive(larger);
     FollowCameras(larger, std::min(frames, 20));
+    FollowRegions(larger, std::min(frames, 20));
     Rounds(larger);
   }
   return Finish(json_file);

@@ -2,6 +2,8 @@
 #include "query/region.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "query/internal/convex.h"
@@ -16,6 +18,13 @@ using namespace internal;
 
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Of a depth that was computed, or a shift: what rounding may have added or taken.
+double Shallower(double depth, double slack) {
+  return depth > 0 ? std::max(0.0, depth - slack) : std::min(0.0, depth + slack);
+}
+
 class Whole final : public Region {
  public:
   bool Within(const Triangle3d&, double) const override { return true; }
@@ -23,6 +32,7 @@ class Whole final : public Region {
   bool BoxWithin(const Box3d&, double) const override { return true; }
   bool BoxCovers(const Box3d&, double) const override { return true; }
   bool whole() const override { return true; }
+  double Depth(const Box3d&) const override { return kInfinity; }
 };
 
 class AxisBox final : public Region {
@@ -53,6 +63,31 @@ class AxisBox final : public Region {
     return !box.empty() && Surrounds(box, distance);
   }
 
+  double Depth(const Box3d& box) const override {
+    if (box_.empty() || box.empty()) return Region::Depth(box);
+    const double slack = 4 * Rounding(box, 0, Scale());
+    if (const double apart2 = SquaredDistanceBoxBox(box, box_); apart2 > 0) {
+      return Shallower(-std::sqrt(apart2), slack);
+    }
+    double depth = kInfinity;
+    for (int i = 0; i < 3; ++i) {
+      depth = std::min({depth, box.min[i] - box_.min[i], box_.max[i] - box.max[i]});
+    }
+    return depth > 0 ? Shallower(depth, slack) : 0;
+  }
+
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const AxisBox*>(&to);
+    if (other == nullptr || box_.empty() || other->box_.empty()) return Region::Shift(to, within);
+    Vec3d step;
+    for (int i = 0; i < 3; ++i) {
+      step[i] = std::max(std::abs(other->box_.min[i] - box_.min[i]),
+                         std::abs(other->box_.max[i] - box_.max[i]));
+    }
+    const double slack = 8 * Rounding(within, 0, std::max(Scale(), other->Scale()));
+    return Length(step) + slack;
+  }
+
   const Box3d& box() const { return box_; }
 
  private:
@@ -63,6 +98,9 @@ class AxisBox final : public Region {
       }
     }
     return true;
+  }
+  double Scale() const {
+    return std::max(LargestCoordinate(box_.min), LargestCoordinate(box_.max));
   }
   Box3d box_;
 };
@@ -101,10 +139,45 @@ class Ball final : public Region {
     return true;
   }
 
+  double Depth(const Box3d& box) const override {
+    if (!(radius_ >= 0) || box.empty()) return Region::Depth(box);
+    const double slack = 8 * Rounding(box, radius_, LargestCoordinate(centre_));
+    const double nearest = std::sqrt(SquaredDistancePointBox(centre_, box));
+    if (nearest > radius_) return Shallower(radius_ - nearest, slack);
+    double farthest2 = 0;
+    for (int i = 0; i < 8; ++i) {
+      farthest2 = std::max(farthest2, SquaredLength(Corner(box, i) - centre_));
+    }
+    return Shallower(std::max(0.0, radius_ - std::sqrt(farthest2)), slack);
+  }
+
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Ball*>(&to);
+    if (other == nullptr || !(radius_ >= 0) || !(other->radius_ >= 0)) {
+      return Region::Shift(to, within);
+    }
+    const double scale = std::max(
+        {LargestCoordinate(centre_), LargestCoordinate(other->centre_), radius_, other->radius_});
+    return Length(other->centre_ - centre_) + std::abs(other->radius_ - radius_) +
+           16 * Rounding(within, 0, scale);
+  }
+
  private:
   Vec3d centre_;
   double radius_;
 };
+
+// Of regions that are put together one by one.
+double LargestShift(const std::vector<RegionPtr>& from, const std::vector<RegionPtr>& to,
+                    const Box3d& within) {
+  if (from.size() != to.size()) return kInfinity;
+  double shift = 0;
+  for (size_t i = 0; i < from.size(); ++i) {
+    if (!SpendSteps(1)) return kInfinity;
+    shift = std::max(shift, from[i]->Shift(*to[i], within));
+  }
+  return shift;
+}
 
 class Union final : public SplittingRegion {
  public:
@@ -128,6 +201,19 @@ class Union final : public SplittingRegion {
   }
   bool whole() const override {
     return AnyOf([](const RegionPtr& r) { return r->whole(); });
+  }
+  double Depth(const Box3d& box) const override {
+    double depth = -kInfinity;
+    for (const RegionPtr& r : regions_) {
+      if (!SpendSteps(1)) return 0;
+      depth = std::max(depth, r->Depth(box));
+    }
+    return depth;
+  }
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Union*>(&to);
+    return other == nullptr ? Region::Shift(to, within)
+                            : LargestShift(regions_, other->regions_, within);
   }
 
  private:
@@ -161,6 +247,20 @@ class Intersection final : public SplittingRegion {
     return AllOf([&](const RegionPtr& r) { return r->BoxCovers(box, distance); });
   }
 
+  double Depth(const Box3d& box) const override {
+    double depth = kInfinity;
+    for (const RegionPtr& r : regions_) {
+      if (!SpendSteps(1)) return 0;
+      depth = std::min(depth, r->Depth(box));
+    }
+    return depth;
+  }
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Intersection*>(&to);
+    return other == nullptr ? Region::Shift(to, within)
+                            : LargestShift(regions_, other->regions_, within);
+  }
+
   const std::vector<RegionPtr>& regions() const { return regions_; }
 
  private:
@@ -190,12 +290,35 @@ class Complement final : public SplittingRegion {
     return !box.empty() && !region_->BoxWithin(box, distance);
   }
   bool splits() const override { return Splits(region_); }
+  double Depth(const Box3d& box) const override { return -region_->Depth(box); }
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Complement*>(&to);
+    return other == nullptr ? Region::Shift(to, within) : region_->Shift(*other->region_, within);
+  }
 
  private:
   RegionPtr region_;
 };
 
 }  // namespace
+
+// By distances like the size of the box.
+double Region::Depth(const Box3d& box) const {
+  constexpr double kSteps[] = {64, 8, 1, 0.25};
+  if (box.empty()) return 0;
+  const double size = Length(box.max - box.min);
+  const bool outside = !BoxWithin(box, 0);
+  if (!outside && !BoxCovers(box, 0)) return 0;
+  for (const double step : kSteps) {
+    const double distance = step * size;
+    if (outside ? !BoxWithin(box, distance) : BoxCovers(box, distance)) {
+      return outside ? -distance : distance;
+    }
+  }
+  return 0;
+}
+
+double Region::Shift(const Region& to, const Box3d&) const { return this == &to ? 0 : kInfinity; }
 
 RegionPtr WholeRegion() {
   static const RegionPtr kWhole = std::make_shared<Whole>();

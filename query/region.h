@@ -36,6 +36,13 @@ class Region {
   virtual bool BoxCovers(const Box3d& box, double distance) const = 0;
   // True when the region is all of space, so that nobody need ask about triangles.
   virtual bool whole() const { return false; }
+  // How deep inside of the region all of the box is: for d < Depth, BoxCovers(box, d) is true. Or,
+  // negative, how far outside: for d < -Depth, BoxWithin(box, d) is false. 0 where the border may
+  // be, or nothing is known.
+  virtual double Depth(const Box3d& box) const;
+  // How far the border may have moved, between this region and `to`: the depth of no box inside
+  // `within` differs by more. Infinite when that is not known, as by default of two regions.
+  virtual double Shift(const Region& to, const Box3d& within) const;
 };
 
 using RegionPtr = std::shared_ptr<const Region>;

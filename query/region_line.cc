@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Regions around lines and over polygons.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
+#include <vector>
 
 #include "query/internal/rounding.h"
 #include "query/internal/segment_tree.h"
@@ -16,15 +19,27 @@ using namespace internal;
 namespace {
 
 using Segment = SegmentTree::Segment;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double Scale(const Box3d& box) {
   return std::max(LargestCoordinate(box.min), LargestCoordinate(box.max));
 }
 
+// The farthest that an end of a segment moves, and with it each of its points.
+double LargestStep(const std::vector<Segment>& from, const std::vector<Segment>& to) {
+  if (from.size() != to.size()) return kInfinity;
+  double step = 0;
+  for (size_t i = 0; i < from.size(); ++i) {
+    for (size_t end = 0; end < 2; ++end) step = std::max(step, Length(to[i][end] - from[i][end]));
+  }
+  return step;
+}
+
 class Tube final : public SplittingRegion {
  public:
   Tube(std::vector<Segment> segments, double radius)
-      : segments_(std::move(segments)),
+      : line_(segments),
+        segments_(std::move(segments)),
         radius_(radius),
         scale_(std::max(Scale(segments_.bounds()), radius)) {}
 
@@ -59,6 +74,15 @@ class Tube final : public SplittingRegion {
 
   bool splits() const override { return segments_.size() > 1; }
 
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Tube*>(&to);
+    if (other == nullptr || !(radius_ >= 0) || !(other->radius_ >= 0)) {
+      return Region::Shift(to, within);
+    }
+    return LargestStep(line_, other->line_) + std::abs(other->radius_ - radius_) +
+           16 * Rounding(within, 0, std::max(scale_, other->scale_));
+  }
+
  private:
   // Whether all corners are less than `limit` away from the same segment.
   template <typename Corners>
@@ -70,6 +94,7 @@ class Tube final : public SplittingRegion {
     });
   }
 
+  const std::vector<Segment> line_;
   SegmentTree segments_;
   double radius_;
   double scale_;
@@ -108,7 +133,11 @@ struct Slice {
 class Prism final : public Region {
  public:
   Prism(std::vector<Segment> edges, double min_z, double max_z)
-      : edges_(std::move(edges)), min_z_(min_z), max_z_(max_z), scale_(Scale(edges_.bounds())) {
+      : polygon_(edges),
+        edges_(std::move(edges)),
+        min_z_(min_z),
+        max_z_(max_z),
+        scale_(Scale(edges_.bounds())) {
     for (const double z : {min_z, max_z}) {
       if (std::isfinite(z)) scale_ = std::max(scale_, std::abs(z));
     }
@@ -163,6 +192,21 @@ class Prism final : public Region {
     return BetweenLids(box, limit) && OverPolygon(box.min) && !NearEdge(Flat(box), limit);
   }
 
+  // While its corners go straight, no border passes by what is farther from it than any corner
+  // goes.
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const Prism*>(&to);
+    if (other == nullptr || min_z_ > max_z_ || other->min_z_ > other->max_z_) {
+      return Region::Shift(to, within);
+    }
+    const auto lid = [](double from, double into) {
+      return from == into ? 0 : std::abs(into - from);
+    };
+    const double step = std::max({LargestStep(polygon_, other->polygon_),
+                                  lid(min_z_, other->min_z_), lid(max_z_, other->max_z_)});
+    return step + 16 * Rounding(within, 0, std::max(scale_, other->scale_));
+  }
+
  private:
   static Box3d Flat(const Box3d& box) {
     return {{box.min.x, box.min.y, 0}, {box.max.x, box.max.y, 0}};
@@ -202,6 +246,7 @@ class Prism final : public Region {
     });
   }
 
+  const std::vector<Segment> polygon_;
   SegmentTree edges_;  // at z = 0
   double min_z_, max_z_;
   double scale_;

@@ -34,6 +34,12 @@ class RegionOfScaled final : public Region {
     return region_->BoxCovers(ScaledBox(box, scale_), distance);
   }
   bool whole() const override { return region_->whole(); }
+  double Depth(const Box3d& box) const override { return region_->Depth(ScaledBox(box, scale_)); }
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const RegionOfScaled*>(&to);
+    if (other == nullptr || other->scale_ != scale_) return Region::Shift(to, within);
+    return region_->Shift(*other->region_, ScaledBox(within, scale_));
+  }
 
  private:
   const RegionPtr region_;
@@ -50,10 +56,13 @@ class ThresholdOfScaled final : public Threshold {
   ErrorRange Range(const Box3d& box, double distance) const override {
     return threshold_->Range(ScaledBox(box, scale_), distance);
   }
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const ThresholdOfScaled*>(&to);
     if (other == nullptr || other->scale_ != scale_) return Threshold::Change(to, box, distance);
     return threshold_->Change(*other->threshold_, ScaledBox(box, scale_), distance);
+  }
+  double Margin(const Box3d& box, double distance) const override {
+    return threshold_->Margin(ScaledBox(box, scale_), distance);
   }
   std::optional<double> constant() const override { return threshold_->constant(); }
 

@@ -29,6 +29,9 @@ ErrorRange Widened(ErrorRange range, double slack) {
 ErrorRange Hull(ErrorRange a, ErrorRange b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
+FieldChange Either(const FieldChange& a, const FieldChange& b) {
+  return {Hull(a, b), std::max(a.shift, b.shift)};
+}
 double Difference(double to, double from) { return to == from ? 0 : to - from; }
 
 class Constant final : public Threshold {
@@ -37,11 +40,11 @@ class Constant final : public Threshold {
   double Min(const Triangle3d&, double) const override { return value_; }
   std::optional<double> constant() const override { return value_; }
   ErrorRange Range(const Box3d&, double) const override { return {value_, value_}; }
-  ErrorRange Change(const Threshold& to, const Box3d&, double) const override {
+  FieldChange Change(const Threshold& to, const Box3d&, double) const override {
     const std::optional<double> value = to.constant();
     if (!value) return {};
     const double change = Difference(*value, value_);
-    return Widened({change, change}, change == 0 ? 0 : Slack(*value, value_));
+    return {Widened({change, change}, change == 0 ? 0 : Slack(*value, value_))};
   }
 
  private:
@@ -110,11 +113,11 @@ class OfDistance final : public Threshold {
 
   // In two steps: the distance changes, then the function. What either does to the value is largest
   // and smallest at an end of the range of distances, or where the distance becomes 0.
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const OfDistance*>(&to);
     if (other == nullptr || other->grows_ != grows_ || !(other->shape_ == shape_)) return {};
     const bool same = base_ == other->base_ && factor_ == other->factor_;
-    if (same && point_ == other->point_) return {0, 0};
+    if (same && point_ == other->point_) return {{0, 0}};
     const ErrorRange from = Reach(box, distance);
     const ErrorRange into = other->Reach(box, distance);
     ErrorRange moved = DistanceChange(box, point_, other->point_);
@@ -139,7 +142,7 @@ class OfDistance final : public Threshold {
     }
     // Between two infinite values nothing is known of what lies nearer.
     if (!std::isfinite(size)) return {};
-    return Known(Widened(change, 4 * Slack(size, size)));
+    return {Known(Widened(change, 4 * Slack(size, size)))};
   }
 
  private:
@@ -230,17 +233,17 @@ class Screen final : public Threshold {
 
   // The field's slope along the axis of view is from 0 to kDepthSlope, and at least `least` in
   // sight; away from the axis it is from -kAsideSlope to 0.
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const Screen*>(&to);
     if (other == nullptr || other->near_ != near_ || other->corner_ != corner_) return {};
     const bool same = other->factor_ == factor_;
-    if (same && other->eye_ == eye_ && other->forward_ == forward_) return {0, 0};
+    if (same && other->eye_ == eye_ && other->forward_ == forward_) return {{0, 0}};
     const Place a = PlaceOf(box);
     const Place b = other->PlaceOf(box);
     const double slack =
         8 *
         Rounding(box, distance, std::max(LargestCoordinate(eye_), LargestCoordinate(other->eye_)));
-    if (std::max(a.high, b.high) + distance + slack < near_) return {0, 0};
+    if (std::max(a.high, b.high) + distance + slack < near_) return {{0, 0}};
     if (std::min(a.low, b.low) - slack < near_) return {};
     ErrorRange depth{kInfinity, -kInfinity};
     ErrorRange aside{0, 0};
@@ -273,7 +276,7 @@ class Screen final : public Threshold {
       change.low += std::min(0.0, grown);
       change.high += std::max(0.0, grown);
     }
-    return Widened(change, 8 * Slack(most, most));
+    return {Widened(change, 8 * Slack(most, most))};
   }
 
  private:
@@ -337,16 +340,27 @@ class ByRegion final : public Threshold {
     if (region_->BoxCovers(box, distance)) return inside;
     return Hull(inside, outside_->Range(box, distance));
   }
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const ByRegion*>(&to);
     if (other == nullptr) return {};
     const auto inside = [&] { return inside_->Change(*other->inside_, box, distance); };
     const auto outside = [&] { return outside_->Change(*other->outside_, box, distance); };
-    const auto covers = [&](const Region& r) { return r.BoxCovers(box, distance); };
-    const auto misses = [&](const Region& r) { return !r.BoxWithin(box, distance); };
-    if (misses(*region_) && misses(*other->region_)) return outside();
-    if (covers(*region_) && covers(*other->region_)) return inside();
-    return region_ == other->region_ ? Hull(inside(), outside()) : ErrorRange{};
+    const double from = region_->Depth(box);
+    const double into = other->region_->Depth(box);
+    const double shift = region_->Shift(*other->region_, box);
+    const bool stays_in = std::min(from, into) > distance;
+    const bool stays_out = std::max(from, into) < -distance;
+    // Unless a border was near before and after, what goes over to the other part does so at once.
+    if (!stays_in && !stays_out && (shift == kInfinity || from * into < 0)) return {};
+    FieldChange change = stays_in ? inside() : stays_out ? outside() : Either(inside(), outside());
+    change.shift = std::max(change.shift, shift);
+    return change;
+  }
+  double Margin(const Box3d& box, double distance) const override {
+    const double depth = region_->Depth(box);
+    if (std::abs(depth) <= distance) return 0;
+    const ThresholdPtr& part = depth > 0 ? inside_ : outside_;
+    return std::min(std::abs(depth) - distance, part->Margin(box, distance));
   }
 
  private:
@@ -397,16 +411,24 @@ class Chosen final : public Threshold {
     }
     return range;
   }
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const Chosen*>(&to);
     if (other == nullptr || other->thresholds_.size() != thresholds_.size()) return {};
-    ErrorRange change{0, 0};
+    FieldChange change{{0, 0}};
     for (size_t i = 0; i < thresholds_.size(); ++i) {
       if (!SpendSteps(1)) break;
-      const ErrorRange one = thresholds_[i]->Change(*other->thresholds_[i], box, distance);
-      change = i == 0 ? one : Hull(change, one);
+      const FieldChange one = thresholds_[i]->Change(*other->thresholds_[i], box, distance);
+      change = i == 0 ? one : Either(change, one);
     }
     return change;
+  }
+  double Margin(const Box3d& box, double distance) const override {
+    double margin = kInfinity;
+    for (const ThresholdPtr& p : thresholds_) {
+      if (!SpendSteps(1)) return 0;
+      margin = std::min(margin, p->Margin(box, distance));
+    }
+    return margin;
   }
   std::optional<double> constant() const override {
     double value = none_;
@@ -433,9 +455,11 @@ ThresholdPtr MakeChosen(std::vector<ThresholdPtr> thresholds, double none, Choos
 
 ErrorRange Threshold::Range(const Box3d&, double) const { return {}; }
 
-ErrorRange Threshold::Change(const Threshold& to, const Box3d&, double) const {
-  return this == &to ? ErrorRange{0, 0} : ErrorRange{};
+FieldChange Threshold::Change(const Threshold& to, const Box3d&, double) const {
+  return this == &to ? FieldChange{{0, 0}} : FieldChange{};
 }
+
+double Threshold::Margin(const Box3d&, double) const { return kInfinity; }
 
 ThresholdPtr ConstantThreshold(double error_model) {
   return std::make_shared<Constant>(error_model);

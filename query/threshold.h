@@ -23,6 +23,12 @@ struct ErrorRange {
   double high = std::numeric_limits<double>::infinity();
 };
 
+// How a field's Min changes, up to rounding. `shift`: where borders of regions move, that is known
+// of triangles farther from these than they moved, see Threshold::Margin.
+struct FieldChange : ErrorRange {
+  double shift = 0;
+};
+
 // A field over space: at each point the largest error that is permitted there. Points and errors
 // are in model units; a negative error means that only the full resolution will do. Immutable; safe
 // for many threads.
@@ -40,10 +46,15 @@ class Threshold {
   // `distance`.
   virtual ErrorRange Range(const Box3d& box, double distance) const;
   // A range that contains to.Min(t, d) - Min(t, d) for the same t and d, where two infinite values
-  // of one sign differ by 0. A session asks for it when the threshold moves, as a camera's does.
-  // Known for constants, for functions of a distance whose point moves, for thresholds in pixels
-  // whose camera moves or turns, and for combinations of these. Otherwise it is all numbers.
-  virtual ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const;
+  // of one sign differ by 0; of those t for which Margin(Around(t), d) is at least `shift`. A
+  // session asks for it when the threshold moves, as a camera's does. Known for constants, for
+  // functions of a distance whose point moves, for thresholds in pixels whose camera moves or
+  // turns, for regions that move (Region::Shift), and for combinations of these. Otherwise it is
+  // all numbers.
+  virtual FieldChange Change(const Threshold& to, const Box3d& box, double distance) const;
+  // How far the borders between parts of the field are from what is within `distance` of the box,
+  // at least: 0 when one may be there, infinite without any.
+  virtual double Margin(const Box3d& box, double distance) const;
   // The field's value when it is the same everywhere, so that nobody need ask about triangles.
   virtual std::optional<double> constant() const { return std::nullopt; }
   // True when no error is permitted anywhere, not even 0.

@@ -191,6 +191,45 @@ bool Convex::BoxCovers(const Box3d& box, double distance) const {
   });
 }
 
+double Convex::Depth(const Box3d& box) const {
+  if (box.empty()) return 0;
+  const Vec3d centre = (box.min + box.max) * 0.5;
+  const Vec3d half = (box.max - box.min) * 0.5;
+  double inside = kInfinity;  // of all planes
+  double outside = 0;         // of one of them
+  for (const Plane& p : planes_) {
+    const Vec3d& n = p.half_space.normal;
+    const double reach = half.x * std::abs(n.x) + half.y * std::abs(n.y) + half.z * std::abs(n.z);
+    const double height = p.Height(centre);
+    const double slack = 4 * Rounding(box, std::abs(height), p.scale);
+    inside = std::min(inside, -height - reach - slack);
+    outside = std::max(outside, height - reach - slack);
+  }
+  return outside > 0 ? -outside : std::max(0.0, inside);
+}
+
+// Heights over a plane are linear, so that their change is largest at a corner.
+double Convex::Shift(const Region& to, const Box3d& within) const {
+  const auto* const other = dynamic_cast<const Convex*>(&to);
+  if (other == nullptr || other->planes_.size() != planes_.size() || within.empty()) {
+    return Region::Shift(to, within);
+  }
+  double shift = 0;
+  for (size_t i = 0; i < planes_.size(); ++i) {
+    const double scale = std::max(planes_[i].scale, other->planes_[i].scale);
+    double step = 0;
+    double size = 0;
+    for (int c = 0; c < 8; ++c) {
+      const double from = planes_[i].Height(Corner(within, c));
+      const double into = other->planes_[i].Height(Corner(within, c));
+      step = std::max(step, std::abs(into - from));
+      size = std::max({size, std::abs(from), std::abs(into)});
+    }
+    shift = std::max(shift, step + 16 * Rounding(within, size, scale));
+  }
+  return shift;
+}
+
 std::vector<HalfSpace> Convex::HalfSpaces() const {
   std::vector<HalfSpace> all;
   for (const Plane& p : planes_) all.push_back(p.half_space);

@@ -17,6 +17,8 @@ class Convex final : public Region {
   bool Covers(const Triangle3d& t, double distance) const override;
   bool BoxWithin(const Box3d& box, double distance) const override;
   bool BoxCovers(const Box3d& box, double distance) const override;
+  double Depth(const Box3d& box) const override;
+  double Shift(const Region& to, const Box3d& within) const override;
 
   std::vector<HalfSpace> HalfSpaces() const;
 

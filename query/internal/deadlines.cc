@@ -2,10 +2,13 @@
 #include "query/internal/deadlines.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "query/internal/rounding.h"
 
 namespace mtdb::internal {
 namespace {
@@ -23,6 +26,15 @@ float Down(double value) {
   return f > value ? std::nextafter(f, kNever) : f;
 }
 
+// An empty list says that no border matters.
+void SetShift(std::vector<float>* shifts, size_t size, size_t at, float shift) {
+  if (shifts->empty()) {
+    if (shift == std::numeric_limits<float>::infinity()) return;
+    shifts->assign(size, std::numeric_limits<float>::infinity());
+  }
+  (*shifts)[at] = shift;
+}
+
 // A judgement for all of a unit's box stands with such a margin: a share of the range of Min.
 double GoodMargin(const ErrorRange& range) {
   constexpr double kShare = 0.5;
@@ -36,10 +48,14 @@ void Deadlines::Begin(const Judge& judge, const ClusterIndex& index, MovingUnit&
   d.box = judge.ModelBox(index.unit(u.id).bounds);
   d.reach = judge.Reach(u.id);
   d.range = judge.RangeIn(d.box, d.reach);
+  d.margin = judge.MarginIn(d.box, d.reach);
   d.activity = judge.ActivityIn(d.box, d.reach);
   d.stale = false;
   d.nodes.assign(u.known.size(), kNever);
   d.children.assign(index.children(u.id).size(), kNever);
+  d.node_shifts.clear();
+  d.child_shifts.clear();
+  d.stars.clear();
 }
 
 const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) {
@@ -49,40 +65,62 @@ const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) 
   bool& all = expired_.all;
   all = d.stale;
   if (all || moved.region) {
-    const Activity was = std::exchange(d.activity, judge_.ActivityIn(d.box, d.reach));
-    all |= was != d.activity || d.activity == Activity::kSome;
+    all |= std::exchange(d.activity, judge_.ActivityIn(d.box, d.reach)) != d.activity;
   }
-  if (moved.threshold && !all) {
-    const ErrorRange change = moved.from->Change(*judge_.threshold(), d.box, d.reach);
-    all = !std::isfinite(change.low) || !std::isfinite(change.high);
-    d.low += change.low;
-    d.high += change.high;
-    d.fell = change.low < 0;
-    d.rose = change.high > 0;
-  }
+  // What a border does in a unit is counted while one is there.
+  const bool was_clear = std::exchange(d.margin, judge_.MarginIn(d.box, d.reach)) > 0;
+  all |= was_clear && d.margin <= 0;
+  if (!all) all = !AddChange(d, moved, was_clear);
   d.range = judge_.RangeIn(d.box, d.reach);
   d.stale = false;
-  if (all) d.low = d.high = 0;
+  if (all) {
+    d.low = d.high = d.shift = 0;
+    d.node_shifts.clear();
+    d.child_shifts.clear();
+    d.stars.clear();
+  }
   // Else nothing was or is active there.
   if (all || d.activity != Activity::kNone) FindExpired(u);
   return expired_;
 }
 
-// What did not fall passes no deadline of `low`, and likewise for `high`: no need to look.
+bool Deadlines::AddChange(UnitDeadlines& d, const Moved& moved, bool was_clear) const {
+  FieldChange change{{0, 0}};
+  if (moved.threshold) change = moved.from->Change(*judge_.threshold(), d.box, d.reach);
+  if (was_clear) change.shift = 0;
+  if (moved.region && d.activity == Activity::kSome) {
+    change.shift = std::max(change.shift, moved.from_region->Shift(*judge_.region(), d.box));
+  }
+  if (!std::isfinite(change.low) || !std::isfinite(change.high) || !std::isfinite(change.shift)) {
+    return false;
+  }
+  d.low += change.low;
+  d.high += change.high;
+  d.shift += change.shift;
+  d.fell = change.low < 0;
+  d.rose = change.high > 0;
+  d.shifted = change.shift > 0;
+  return true;
+}
+
+// What did not fall passes no deadline of `low`, and likewise for the others: no need to look.
 void Deadlines::FindExpired(MovingUnit& u) {
   UnitDeadlines& d = u.deadlines;
   const bool all = expired_.all;
   const float low = Down(d.low);
   const float high = Up(d.high);
+  const float shift = Up(d.shift);
+  const bool shifted = d.shifted && !d.node_shifts.empty();
+  std::array<uint8_t, 64> passed;
   for (uint32_t w = 0; w < u.known.words().size(); ++w) {
     uint64_t rest = u.known.words()[w];
     if (!all) {
       const float* const deadlines = d.nodes.data() + size_t{w} * 64;
+      const uint64_t known = rest;
       const uint64_t refusing = u.refusing.words()[w];
-      const uint64_t may_fall = d.fell ? rest & ~refusing : 0;
-      const uint64_t may_rise = d.rose ? rest & refusing : 0;
+      const uint64_t may_fall = d.fell ? known & ~refusing : 0;
+      const uint64_t may_rise = d.rose ? known & refusing : 0;
       rest = 0;
-      std::array<uint8_t, 64> passed;
       if (may_fall != 0) {
         for (size_t i = 0; i < 64; ++i) passed[i] = low <= deadlines[i] ? 1 : 0;
         rest |= Bits::PackWord(passed.data()) & may_fall;
@@ -91,19 +129,28 @@ void Deadlines::FindExpired(MovingUnit& u) {
         for (size_t i = 0; i < 64; ++i) passed[i] = high >= deadlines[i] ? 1 : 0;
         rest |= Bits::PackWord(passed.data()) & may_rise;
       }
+      if (shifted && known != 0) {
+        const float* const shifts = d.node_shifts.data() + size_t{w} * 64;
+        for (size_t i = 0; i < 64; ++i) passed[i] = shift >= shifts[i] ? 1 : 0;
+        rest |= Bits::PackWord(passed.data()) & known;
+      }
     }
     for (; rest != 0; rest &= rest - 1) {
       expired_.nodes.push_back(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
     }
   }
   std::erase_if(d.mixed, [&](const UnitDeadlines::Mixed& m) {
-    if (!all && low > m.low && high < m.high) return false;
-    if (!all) expired_.nodes.push_back(m.node);
+    if (all || (shifted && u.known.Test(m.node) && shift >= d.node_shifts[m.node])) return true;
+    if (low > m.low && high < m.high) return false;
+    expired_.nodes.push_back(m.node);
     return true;
   });
   for (uint32_t c = 0; c < d.children.size(); ++c) {
-    if (!all && low > d.children[c]) continue;
+    const bool stands =
+        low > d.children[c] && (d.child_shifts.empty() || !d.shifted || shift < d.child_shifts[c]);
+    if (!all && stands) continue;
     d.children[c] = kNever;
+    if (!d.child_shifts.empty()) d.child_shifts[c] = kInfinity;
     expired_.children.push_back(c);
   }
 }
@@ -113,31 +160,39 @@ void Deadlines::FindExpired(MovingUnit& u) {
 Deadlines::Verdict Deadlines::Look(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   const UnitDeadlines& d = u.deadlines;
   const double bound = judge_.Bound(unit.cluster.error_codes[node]);
-  if (d.activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
+  if (d.activity == Activity::kNone) return {};
   judge_.meter().Spend(1);
   const double good = GoodMargin(d.range);
-  if (d.range.low - bound >= good) return {false, false, d.range.low - bound, kInfinity};
+  Box3d box;
+  double shift = kInfinity;  // of the threshold's borders
+  if (d.margin <= 0) {
+    box = judge_.ModelBox(unit.hole_bounds(node));
+    shift = judge_.MarginIn(box, bound);
+  }
+  if (d.range.low - bound >= good) return {false, false, {d.range.low - bound, kInfinity, shift}};
   if (d.activity == Activity::kAll && bound - d.range.high >= good && bound > d.range.high) {
-    return {true, true, kInfinity, bound - d.range.high};
+    return {true, true, {kInfinity, bound - d.range.high, shift}};
   }
-  const Box3d box = judge_.ModelBox(unit.hole_bounds(node));
-  const Activity activity =
-      d.activity == Activity::kAll ? Activity::kAll : judge_.ActivityIn(box, bound);
-  if (activity == Activity::kNone) return {false, false, kInfinity, kInfinity};
+  if (d.margin > 0) box = judge_.ModelBox(unit.hole_bounds(node));
+  Judge::Where where;
+  where.activity = d.activity;
+  if (d.activity == Activity::kSome) where = judge_.WhereIs(box, bound);
+  if (where.activity == Activity::kNone) return {false, false, {kInfinity, kInfinity, where.shift}};
   const ErrorRange range = judge_.threshold()->Range(box, bound);
-  if (bound <= range.low) return {false, false, range.low - bound, kInfinity};
-  if (activity == Activity::kAll && bound > range.high) {
-    return {true, true, kInfinity, bound - range.high};
+  if (bound <= range.low) return {false, false, {range.low - bound, kInfinity, shift}};
+  shift = std::min(shift, where.shift);
+  if (where.activity == Activity::kAll && bound > range.high) {
+    return {true, true, {kInfinity, bound - range.high, shift}};
   }
-  return LookAtTriangles(unit, node, activity == Activity::kAll);
+  return LookAtTriangles(unit, node, where.activity == Activity::kAll, shift);
 }
 
 Deadlines::Verdict Deadlines::LookAtTriangles(const LoadedUnit& unit, NodeIndex node,
-                                              bool all_active) {
+                                              bool all_active, double shift) {
   const double bound = judge_.Bound(unit.cluster.error_codes[node]);
   const std::span<const LocalNumber> hole = unit.cluster.hole(node);
   refused_.assign(hole.size(), false);
-  Verdict verdict{false, true, kInfinity, kInfinity};
+  Verdict verdict{false, true, {kInfinity, kInfinity, shift}};
   for (size_t i = 0; i < hole.size(); ++i) {
     if (!judge_.meter().Spend(1)) break;
     const Triangle3d t = judge_.Corners(unit, hole[i], unit.creator(hole[i]));
@@ -145,10 +200,10 @@ Deadlines::Verdict Deadlines::LookAtTriangles(const LoadedUnit& unit, NodeIndex 
     const double least = active ? judge_.threshold()->Min(t, bound) : kInfinity;
     if (bound <= least) {
       verdict.all = false;
-      verdict.fall = std::min(verdict.fall, least - bound);
+      verdict.leeway.fall = std::min(verdict.leeway.fall, least - bound);
     } else {
       verdict.some = refused_[i] = true;
-      verdict.rise = std::min(verdict.rise, bound - least);
+      verdict.leeway.rise = std::min(verdict.leeway.rise, bound - least);
     }
   }
   return verdict;
@@ -159,8 +214,10 @@ bool Deadlines::Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) 
   UnitDeadlines& d = u.deadlines;
   const Verdict verdict = Look(u, unit, node);
   const bool mixed = verdict.some && !verdict.all;
-  const float low = Up(d.low - verdict.fall);
-  const float high = Down(d.high + verdict.rise);
+  const Leeway& leeway = verdict.leeway;
+  const float low = Up(d.low - leeway.fall);
+  const float high = Down(d.high + leeway.rise);
+  SetShift(&d.node_shifts, d.nodes.size(), node, Down(d.shift + leeway.shift));
   if (mixed) d.mixed.push_back({node, low, high});
   // `high` never reaches infinity: a mixed node is found in `mixed` only.
   d.nodes[node] = mixed ? kPassed : verdict.some ? high : low;
@@ -186,11 +243,12 @@ bool Deadlines::Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) 
 bool Deadlines::Learn(MovingUnit& u, NodeIndex node, uint8_t code) {
   units_.Save(u);
   u.known.Set(node);
-  const ErrorRange& range = u.deadlines.range;
+  UnitDeadlines& d = u.deadlines;
   // Most are valid by far, and their code says so.
-  const double fall = range.low - judge_.Bound(code);
-  const bool valid = fall >= GoodMargin(range);
-  u.deadlines.nodes[node] = valid ? Up(u.deadlines.low - fall) : kPassed;
+  const double fall = d.range.low - judge_.Bound(code);
+  const bool valid = d.margin > 0 && fall >= GoodMargin(d.range);
+  d.nodes[node] = valid ? Up(d.low - fall) : kPassed;
+  SetShift(&d.node_shifts, d.nodes.size(), node, kInfinity);
   evaluated_ += valid ? 1 : 0;
   return !valid;
 }
@@ -202,35 +260,52 @@ void Deadlines::Forget(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   u.refused.ClearRange(unit.cluster.hole_begin[node], unit.cluster.hole_begin[node + 1]);
 }
 
-double Deadlines::Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
+Leeway Deadlines::Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
                          uint8_t code) const {
+  constexpr Leeway kRefused{-1, kInfinity, kInfinity};
   const UnitDeadlines& d = u.deadlines;
   const double bound = judge_.Bound(code);
-  if (d.activity == Activity::kNone || !judge_.meter().Spend(1)) return kInfinity;
-  if (bound <= d.range.low) return d.range.low - bound;
-  if (d.activity == Activity::kAll && bound > d.range.high) return -1;
+  if (d.activity == Activity::kNone || !judge_.meter().Spend(1)) return {};
+  const bool clear = d.margin > 0;
+  if (clear && bound <= d.range.low) return {d.range.low - bound};
+  if (d.activity == Activity::kAll && bound > d.range.high) return kRefused;
   const Triangle3d t = judge_.Corners(unit, slot, unit.creator(slot));
-  if (d.activity == Activity::kSome && !judge_.Active(t, bound)) return kInfinity;
+  if (d.activity == Activity::kSome) {
+    const Judge::Where where = judge_.WhereIs(Around(t), bound);
+    if (where.activity == Activity::kNone) return {kInfinity, kInfinity, where.shift};
+    if (where.activity == Activity::kSome && !judge_.Active(t, bound)) {
+      return {kInfinity, kInfinity, 0};
+    }
+  }
   const double least = judge_.threshold()->Min(t, bound);
-  return bound <= least ? least - bound : -1;
+  if (bound > least) return kRefused;
+  return {least - bound, kInfinity, clear ? kInfinity : judge_.MarginIn(Around(t), bound)};
 }
 
-double Deadlines::ChildMargin(UnitId child) const {
+Leeway Deadlines::ChildMargin(const MovingUnit& u, UnitId child) const {
   constexpr double kGoodShare = 0.1;  // of the range of Min; less says too little
   const double bound = judge_.Bound(units_.LargestCode(child));
-  const ErrorRange range =
-      judge_.RangeIn(judge_.ModelBox(units_.index().unit(child).bounds), bound);
+  const Box3d box = judge_.ModelBox(units_.index().unit(child).bounds);
+  const ErrorRange range = judge_.RangeIn(box, bound);
   const double fall = range.low - bound;
-  return fall >= kGoodShare * (range.high - range.low) ? fall : -1;
+  if (fall < kGoodShare * (range.high - range.low)) return {-1, kInfinity, kInfinity};
+  return {fall, kInfinity, u.deadlines.margin > 0 ? kInfinity : judge_.MarginIn(box, bound)};
 }
 
-void Deadlines::SetChild(MovingUnit& u, uint32_t ordinal, double margin) {
-  u.deadlines.children[ordinal] = margin < 0 ? kNever : Up(u.deadlines.low - margin);
+void Deadlines::SetChild(MovingUnit& u, uint32_t ordinal, const Leeway& leeway) {
+  UnitDeadlines& d = u.deadlines;
+  const bool known = leeway.fall >= 0;
+  d.children[ordinal] = known ? Up(d.low - leeway.fall) : kNever;
+  SetShift(&d.child_shifts, d.children.size(), ordinal,
+           known ? Down(d.shift + leeway.shift) : kInfinity);
 }
 
-void Deadlines::AddChild(MovingUnit& u, uint32_t ordinal, double margin) {
-  float& deadline = u.deadlines.children[ordinal];
-  deadline = std::max(deadline, Up(u.deadlines.low - margin));
+void Deadlines::AddChild(MovingUnit& u, uint32_t ordinal, const Leeway& leeway) {
+  UnitDeadlines& d = u.deadlines;
+  d.children[ordinal] = std::max(d.children[ordinal], Up(d.low - leeway.fall));
+  const float before = d.child_shifts.empty() ? kInfinity : d.child_shifts[ordinal];
+  SetShift(&d.child_shifts, d.children.size(), ordinal,
+           std::min(before, Down(d.shift + leeway.shift)));
 }
 
 void Deadlines::SetChildWaits(MovingUnit& u, uint32_t ordinal) {

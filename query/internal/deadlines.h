@@ -11,15 +11,16 @@
 namespace mtdb::internal {
 
 // For each known node: which of its triangles are refused, and how far the threshold has to fall or
-// rise before that can be otherwise; for each child that is not open: before it can be needed. A
-// threshold bounds its change over a unit's box, and the sums of these bounds are compared with the
-// deadlines, so that only what may have changed is looked at. Changes CutFlags::known, refusing and
-// refused.
+// rise, or borders of regions to shift, before that can be otherwise; for each child that is not
+// open: before it can be needed. Thresholds and regions bound their change over a unit's box, and
+// the sums of these bounds are compared with the deadlines, so that only what may have changed is
+// looked at. Changes CutFlags::known, refusing and refused.
 class Deadlines {
  public:
-  // What a query changed; `from` is the threshold before.
+  // What a query changed, with what was before.
   struct Moved {
     const Threshold* from;
+    const Region* from_region;
     bool threshold;
     bool region;
   };
@@ -47,16 +48,14 @@ class Deadlines {
   // A node that is not applied, and of whose hole nothing is present.
   void Forget(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
 
-  // By how much the threshold has to fall before a slot of the unit is refused, with an error of
-  // this code; negative when it is.
-  double Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot, uint8_t code) const;
-  // Likewise of all triangles that the child, which is not open, could remove; negative when that
-  // does not tell.
-  double ChildMargin(UnitId child) const;
-  // The child is needed no sooner than the threshold has fallen by this (negative: not known); by
-  // the least of these.
-  static void SetChild(MovingUnit& u, uint32_t ordinal, double margin);
-  static void AddChild(MovingUnit& u, uint32_t ordinal, double margin);
+  // Before a slot of the unit is refused, with an error of this code; a negative fall when it is.
+  Leeway Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot, uint8_t code) const;
+  // Likewise of all triangles that the child, which is not open, could remove; a negative fall when
+  // that does not tell.
+  Leeway ChildMargin(const MovingUnit& u, UnitId child) const;
+  // The child is needed no sooner than this (a negative fall: not known); than both.
+  static void SetChild(MovingUnit& u, uint32_t ordinal, const Leeway& leeway);
+  static void AddChild(MovingUnit& u, uint32_t ordinal, const Leeway& leeway);
   // The child waits to be asked about: its deadline has passed.
   static void SetChildWaits(MovingUnit& u, uint32_t ordinal);
   static bool ChildWaits(const MovingUnit& u, uint32_t ordinal) {
@@ -73,10 +72,12 @@ class Deadlines {
 
   struct Verdict {
     bool some = false, all = false;  // triangles are refused
-    double fall = 0, rise = 0;       // of the threshold, that may change that
+    Leeway leeway;
   };
   Verdict Look(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
-  Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active);
+  Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active, double shift);
+  // By how much the query changed in the unit; false when that is not known.
+  bool AddChange(UnitDeadlines& d, const Moved& moved, bool was_clear) const;
   void FindExpired(MovingUnit& u);
 
   MovingUnits& units_;

@@ -213,8 +213,8 @@ void Insertion::LookAtChildren(MovingUnit& u, const LoadedUnit& unit) {
   looks_.assign(unit.children().size(), false);
   bool any = false;
   for (const uint32_t ordinal : u.undecided_children) {
-    const double margin = deadlines_.ChildMargin(unit.children()[ordinal]);
-    looks_[ordinal] = margin < 0;
+    const Leeway margin = deadlines_.ChildMargin(u, unit.children()[ordinal]);
+    looks_[ordinal] = margin.fall < 0;
     any |= looks_[ordinal];
     Deadlines::SetChild(u, ordinal, margin);
   }
@@ -253,10 +253,10 @@ void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
   if (Deadlines::ChildWaits(u, ordinal)) return;
   const uint8_t code = units_.LargestCode(id);
   if (code <= waiting_code_) return DeferChild(u, ordinal, id);
-  const double margin = deadlines_.Margin(u, unit, slot, code);
-  if (margin < 0 && units_.pins().reader().IsAvailable(id)) {
+  const Leeway margin = deadlines_.Margin(u, unit, slot, code);
+  if (margin.fall < 0 && units_.pins().reader().IsAvailable(id)) {
     units_.Open(id);
-  } else if (margin < 0) {
+  } else if (margin.fall < 0) {
     missing_.emplace_back(u.id, ordinal);
     Deadlines::SetChildWaits(u, ordinal);
   } else {

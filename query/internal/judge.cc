@@ -67,6 +67,15 @@ Activity Judge::ActivityIn(const Box3d& box, double bound) const {
   return region_->BoxWithin(box, bound) ? Activity::kSome : Activity::kNone;
 }
 
+Judge::Where Judge::WhereIs(const Box3d& box, double bound) const {
+  meter_->Spend(1);
+  if (whole()) return {Activity::kAll};
+  const double depth = region_->Depth(box);
+  if (depth > 0) return {Activity::kAll, depth};
+  if (depth < -bound) return {Activity::kNone, -depth - bound};
+  return {ActivityIn(box, bound), 0};
+}
+
 Triangle3d Judge::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const {
   const std::array<uint32_t, 3> corners = unit.corners(slot, creator);
   const LocalPositions& positions = unit.positions();

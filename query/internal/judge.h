@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "query/internal/loaded_unit.h"
@@ -69,6 +70,12 @@ class Judge {
 
   // Of triangles inside the box with bounds up to `bound`.
   Activity ActivityIn(const Box3d& box, double bound) const;
+  // Likewise, and how far borders of the region may shift before that can be otherwise.
+  struct Where {
+    Activity activity = Activity::kSome;
+    double shift = std::numeric_limits<double>::infinity();
+  };
+  Where WhereIs(const Box3d& box, double bound) const;
   // False only when none inside the box with a code up to `largest` is refused.
   bool MayRefuse(const Box3i& box, uint8_t largest) const {
     return largest > valid_code_ && ActivityIn(ModelBox(box), bounds_[largest]) != Activity::kNone;
@@ -78,6 +85,9 @@ class Judge {
     meter_->Spend(1);
     return threshold_->Range(box, bound);
   }
+
+  // How far the threshold's own borders are, likewise.
+  double MarginIn(const Box3d& box, double bound) const { return threshold_->Margin(box, bound); }
 
   Box3d ModelBox(const Box3i& box) const { return grid_.Bounds(box); }
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;

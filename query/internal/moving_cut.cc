@@ -2,7 +2,6 @@
 #include "query/internal/moving_cut.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "query/internal/fetch_nodes.h"
 #include "query/internal/missing_clusters.h"
@@ -78,7 +77,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
     }
     return EndRound(commit);
   }
-  Survey survey(units_, units_.judge(), units_.pins(), false);
+  Survey survey(units_, units_.pins());
   MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
   return EndRound(commit);
 }
@@ -100,7 +99,8 @@ Status MovingCut::Decide(const Query& query) {
   const ThresholdPtr from = judge.threshold();
   const RegionPtr region = judge.region();
   judge.SetQuery(query);
-  const Deadlines::Moved moved{from.get(), from != judge.threshold(), region != judge.region()};
+  const Deadlines::Moved moved{from.get(), region.get(), from != judge.threshold(),
+                               region != judge.region()};
   ++moves_;
   for (const UnitId id : units_.open()) {
     if (!judge.meter().Spend(1)) return judge.meter().status();
@@ -174,14 +174,15 @@ void MovingCut::CloseIdle() {
 // True when no triangle that enters the unit could be refused with its largest error; its parents
 // then keep deadlines for it.
 bool MovingCut::MayClose(MovingUnit& u, const LoadedUnit& unit) {
-  std::vector<double> margins(unit.parents.size(), std::numeric_limits<double>::infinity());
+  std::vector<Leeway> margins(unit.parents.size());
   for (uint32_t slot = 0; slot < u.first_own; ++slot) {
     if (!units_.Present(u, unit, slot)) continue;
     const uint32_t p = unit.origins[slot].parent;
     const MovingUnit& parent = *units_.Find(unit.parents[p]);
-    const double margin = deadlines_.Margin(parent, unit, slot, units_.LargestCode(u.id));
-    if (margin < 0) return false;
-    margins[p] = std::min(margins[p], margin);
+    const Leeway margin = deadlines_.Margin(parent, unit, slot, units_.LargestCode(u.id));
+    if (margin.fall < 0) return false;
+    margins[p].fall = std::min(margins[p].fall, margin.fall);
+    margins[p].shift = std::min(margins[p].shift, margin.shift);
   }
   if (!units_.judge().meter().status().ok()) return false;
   for (size_t p = 0; p < unit.parents.size(); ++p) {

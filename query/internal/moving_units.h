@@ -20,6 +20,14 @@ inline NodeKey KeyOf(UnitId unit, NodeIndex node) { return NodeKey{unit} << 32 |
 inline UnitId UnitOf(NodeKey key) { return static_cast<UnitId>(key >> 32); }
 inline NodeIndex NodeOf(NodeKey key) { return static_cast<NodeIndex>(key); }
 
+// How far a query may move before a decision can be otherwise: by how much the threshold has to
+// fall or to rise, or borders of regions to shift.
+struct Leeway {
+  double fall = std::numeric_limits<double>::infinity();
+  double rise = std::numeric_limits<double>::infinity();
+  double shift = std::numeric_limits<double>::infinity();
+};
+
 // Of Deadlines: when a unit's decisions may be otherwise.
 struct UnitDeadlines {
   // Of a node that refuses some of its triangles, and not all: both count.
@@ -30,17 +38,25 @@ struct UnitDeadlines {
   bool stale = true;  // all have passed
   Activity activity = Activity::kNone;
   Box3d box;
-  double reach = 0;  // Judge::Reach
-  ErrorRange range;  // of the threshold's Min in the box
-  // Bounds of the sum of all changes of Min in the box since the deadlines began.
-  double low = 0, high = 0;
-  bool fell = true, rose = true;  // in this move
+  double reach = 0;   // Judge::Reach
+  ErrorRange range;   // of the threshold's Min in the box
+  double margin = 0;  // of the threshold's borders from the box
+  // Bounds of the sum of all changes of Min in the box since the deadlines began, where no border
+  // passed; and of how far borders shifted.
+  double low = 0, high = 0, shift = 0;
+  bool fell = true, rose = true, shifted = true;  // in this move
   // Per known node, whole words of them: its decision stands until `low` has fallen to this; or,
   // of a node that refuses, until `high` has risen to it.
   std::vector<float> nodes;
   std::vector<Mixed> mixed;
   // Per child that is not open: it is not needed until `low` has fallen to this.
   std::vector<float> children;
+  // Likewise: a decision, or what is said of a child, stands until `shift` has grown to this. Empty
+  // while no border matters.
+  std::vector<float> node_shifts, child_shifts;
+  // Of Survey, per node of a unit through which the region's border passes: its star is all active
+  // until `shift` has grown to this or, negative, inactive; 0: not known.
+  std::vector<float> stars;
 };
 
 struct MovingUnit final : CutUnit {

@@ -23,20 +23,23 @@ class AttainableThreshold final : public Threshold {
     const ErrorRange range = asked_->Range(box, distance);
     return {Of(range.low), Of(range.high)};
   }
-  ErrorRange Change(const Threshold& to, const Box3d& box, double distance) const override {
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     if (const std::optional<double> from = constant(), into = to.constant(); from && into) {
       return ConstantThreshold(*from)->Change(to, box, distance);
     }
     const auto* const other = dynamic_cast<const AttainableThreshold*>(&to);
     if (other == nullptr || other->rounding_ != rounding_) return {};
-    const ErrorRange change = asked_->Change(*other->asked_, box, distance);
+    const FieldChange change = asked_->Change(*other->asked_, box, distance);
     if ((change.low == 0 && change.high == 0) ||
         (IsAsked(box, distance) && other->IsAsked(box, distance))) {
       return change;
     }
     // Where it does not follow, it stays.
     const double slack = kBoxRounding * rounding_;
-    return {std::min(change.low, 0.0) - slack, std::max(change.high, 0.0) + slack};
+    return {{std::min(change.low, 0.0) - slack, std::max(change.high, 0.0) + slack}, change.shift};
+  }
+  double Margin(const Box3d& box, double distance) const override {
+    return asked_->Margin(box, distance);
   }
   std::optional<double> constant() const override {
     const std::optional<double> value = asked_->constant();

@@ -50,7 +50,7 @@ Result<Search::Outcome> Search::Run() {
   meter_.Resume();
   if (status.code() != StatusCode::kCancelled) AskForMissing();
   MTDB_RETURN_IF_ERROR(status);
-  Survey survey(cut_, judge_, pins_, true);
+  Survey survey(cut_, judge_, pins_);
   MTDB_ASSIGN_OR_RETURN(outcome_.active,
                         survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
   pins_.Release();

@@ -2,6 +2,8 @@
 #include "query/internal/survey.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <limits>
 
 namespace mtdb::internal {
@@ -99,7 +101,7 @@ void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
   }
   const bool all = in.activity == Activity::kAll && !falls_short_;
   if (!all && unit.nodes() > 0) {
-    SurveyStars(u, unit, in.least);
+    SurveyStars(u, unit, in);
     return;
   }
   // What nobody removes needs no look.
@@ -114,28 +116,73 @@ void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
   });
 }
 
-// Star by star, whose bounds decide most cases.
-void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, double least) {
+// Star by star, whose bounds decide most cases. Of those that are all active, drains (of the full
+// resolution) are counted only.
+void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit) {
   const CompactCluster& cluster = unit.cluster;
+  UnitDeadlines* const kept = moving_ && in_unit.activity == Activity::kSome
+                                  ? &static_cast<MovingUnit&>(u).deadlines
+                                  : nullptr;
+  if (kept != nullptr && kept->stars.empty()) kept->stars.assign(unit.nodes(), 0);
   u.applied.ForEach([&](NodeIndex node) {
+    In in = in_unit;
+    if (kept != nullptr) in.activity = ActivityOfStar(*kept, unit, node);
+    if (in.activity == Activity::kNone) return;
+    const uint32_t begin = cluster.star_begin[node] - u.first_own;
+    const uint32_t size = cluster.star_begin[node + 1] - u.first_own - begin;
+    if (size == 0) return;
+    const uint64_t present = BitsAt(u.present.words(), begin, size);
+    if (present == 0) return;
+    const uint64_t drains = present & BitsAt(unit.drain, begin, size);
     star_.clear();
     uint8_t largest = 0;
-    const uint32_t end = cluster.star_begin[node + 1] - u.first_own;
-    for (uint32_t own = u.present.FirstFrom(cluster.star_begin[node] - u.first_own); own < end;
-         own = u.present.FirstFrom(own + 1)) {
-      if (const int code = CodeOf(unit, own + u.first_own); code >= 0) {
-        star_.emplace_back(own, static_cast<uint8_t>(code));
-        largest = std::max(largest, star_.back().second);
-      }
+    for (uint64_t rest = present & ~drains; rest != 0; rest &= rest - 1) {
+      const uint32_t own = begin + static_cast<uint32_t>(std::countr_zero(rest));
+      const int code = CodeOf(unit, own + u.first_own);
+      if (code < 0) continue;
+      star_.emplace_back(own, static_cast<uint8_t>(code));
+      largest = std::max(largest, star_.back().second);
     }
-    if (star_.empty()) return;
-    const Box3d box = judge_.ModelBox(unit.star_bounds(node));
-    const In in{judge_.ActivityIn(box, judge_.Bound(largest)), least};
+    if (star_.empty() && drains == 0) return;
+    LookAround(unit, node, largest, &in);
     if (in.activity == Activity::kNone) return;
+    const bool counts = in.activity == Activity::kAll && !in.drains_fall_short;
+    if (counts && !marks_) active_.count += PopCount(drains);
+    for (uint64_t rest = counts && !marks_ ? 0 : drains; rest != 0; rest &= rest - 1) {
+      star_.emplace_back(begin + static_cast<uint32_t>(std::countr_zero(rest)), 0);
+    }
     for (const auto& [own, code] : star_) {
       if (Count(unit, own + u.first_own, node, code, in) && marks_) u.active.Set(own);
     }
   });
+}
+
+// What is known of all triangles of a star with codes up to `largest`.
+void Survey::LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const {
+  const double bound = judge_.Bound(largest);
+  const bool shorts = falls_short_ && !(in->least > bound);
+  in->drains_fall_short = shorts;
+  const bool asks = shorts && judge_.asked() != nullptr;
+  if (in->activity == Activity::kAll && !asks) return;
+  const Box3d box = judge_.ModelBox(unit.star_bounds(node));
+  if (in->activity == Activity::kSome) in->activity = judge_.ActivityIn(box, bound);
+  if (!asks) return;
+  const ErrorRange asked = judge_.asked()->Range(box, bound);
+  in->least = asked.low;
+  // Where only the full resolution will do, they are what was asked for.
+  in->drains_fall_short = !(asked.low > bound) && asked.high >= 0;
+}
+
+// Of whatever triangles of the star, as long as the region's border has not come near.
+Activity Survey::ActivityOfStar(UnitDeadlines& d, const LoadedUnit& unit, NodeIndex node) {
+  float& star = d.stars[node];
+  if (d.shift < std::abs(star)) return star > 0 ? Activity::kAll : Activity::kNone;
+  const Judge::Where where = judge_.WhereIs(judge_.ModelBox(unit.star_bounds(node)), d.reach);
+  // Rounded down: what is stored is never 0 unless nothing is known.
+  const double until = (d.shift + where.shift) * (1 - 1e-6);
+  const bool known = where.activity != Activity::kSome && until > d.shift;
+  star = !known ? 0 : static_cast<float>(where.activity == Activity::kAll ? until : -until);
+  return known ? where.activity : Activity::kSome;
 }
 
 }  // namespace mtdb::internal

@@ -8,6 +8,7 @@
 
 #include "query/internal/cut_state.h"
 #include "query/internal/judge.h"
+#include "query/internal/moving_units.h"
 #include "query/internal/unit_pins.h"
 
 namespace mtdb::internal {
@@ -24,9 +25,12 @@ struct ActiveTriangles {
 // Goes once over the units that may have some. One use.
 class Survey {
  public:
-  // With `marks` CutUnit::active tells which triangles these are.
-  Survey(CutState& cut, const Judge& judge, UnitPins& pins, bool marks)
-      : cut_(cut), judge_(judge), pins_(pins), marks_(marks) {}
+  // CutUnit::active tells which triangles these are.
+  Survey(CutState& cut, const Judge& judge, UnitPins& pins)
+      : cut_(cut), judge_(judge), pins_(pins), marks_(true), moving_(false) {}
+  // Of a moving cut, whose units keep what is known of their stars.
+  Survey(MovingUnits& cut, UnitPins& pins)
+      : cut_(cut), judge_(cut.judge()), pins_(pins), marks_(false), moving_(true) {}
 
   // `complete`: every active triangle is valid. `bounds` of the whole surface.
   Result<ActiveTriangles> Run(bool complete, const Box3d& bounds);
@@ -35,11 +39,14 @@ class Survey {
   // What is known of the triangles in a box.
   struct In {
     Activity activity;
-    double least;  // of what is asked for
+    double least;                    // of what is asked for
+    bool drains_fall_short = false;  // they may, of what is asked for
   };
   void FindLargestCode(const CutUnit& u, const LoadedUnit& unit);
   void SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in);
-  void SurveyStars(CutUnit& u, const LoadedUnit& unit, double least);
+  void SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit);
+  void LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const;
+  Activity ActivityOfStar(UnitDeadlines& d, const LoadedUnit& unit, NodeIndex node);
   // Counts the slot if it is active, and says so.
   bool Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code, const In& in);
   // Of a present own slot; -1 when a child looks at it.
@@ -49,6 +56,7 @@ class Survey {
   const Judge& judge_;
   UnitPins& pins_;
   const bool marks_;
+  const bool moving_;
   bool falls_short_ = false;  // some triangle may
   ActiveTriangles active_;
   std::vector<std::pair<uint32_t, uint8_t>> star_;  // own slots and codes

@@ -35,6 +35,11 @@ class VerticalRegion final : public Region {
     return region_->BoxCovers(box, distance) || region_->BoxCovers(Swept(box, distance), 0);
   }
   bool whole() const override { return region_->whole(); }
+  double Depth(const Box3d& box) const override { return region_->Depth(box); }
+  double Shift(const Region& to, const Box3d& within) const override {
+    const auto* const other = dynamic_cast<const VerticalRegion*>(&to);
+    return other == nullptr ? Region::Shift(to, within) : region_->Shift(*other->region_, within);
+  }
 
  private:
   Box3d Swept(const Box3d& box, double distance) const { return SweptBy(box, distance, aside_); }

@@ -51,8 +51,8 @@ class Walker {
     turn_ = Uniform(0, 6);
     factor_ = Uniform(0.2, 3);
     error_ = f_.source->record_.grid.Error(static_cast<uint8_t>(random_() % 110));
-    kind_ = random_() % 10;
-    region_ = random_() % 7;
+    kind_ = random_() % 12;
+    region_ = random_() % 10;
   }
   Camera View() const {
     Camera camera;
@@ -78,20 +78,43 @@ class Walker {
       case 8:
         return RegionThreshold(SphereRegion(at_, 0.5), LinearThreshold(at_, 0, slope),
                                ConstantThreshold(2 * error_));
+      case 9:
+        return RegionThreshold(BoxRegion(Cube(0.3)), FullResolution(),
+                               RegionThreshold(FrustumRegion(View()), ConstantThreshold(error_),
+                                               ConstantThreshold(4 * error_)));
+      case 10:
+        return MaxThreshold({ConstantThreshold(error_),
+                             RegionThreshold(ComplementRegion(Prism()), ScreenThreshold(View(), 30),
+                                             ConstantThreshold(0.5 * error_))});
       default:
         return MinThreshold({LinearThreshold(at_, error_, slope), ConstantThreshold(2 * error_),
                              MaxThreshold({ScreenThreshold(View(), 50), ConstantThreshold(0)})});
     }
   }
+  Box3d Cube(double share) const {
+    const double size = share * factor_ * Diagonal(f_.source->record_.bounds);
+    Box3d box;
+    box.Add(at_ - Vec3d{size, size, size});
+    box.Add(at_ + Vec3d{size, size, size});
+    return box;
+  }
+  RegionPtr Prism() const {
+    const double size = 0.4 * factor_ * Diagonal(f_.source->record_.bounds);
+    const auto corner = [&](double turn, double reach) {
+      return std::array<double, 2>{at_.x + reach * size * std::cos(turn_ + turn),
+                                   at_.y + reach * size * std::sin(turn_ + turn)};
+    };
+    return PrismRegion({corner(0, 1), corner(1, 0.4), corner(2, 1.2), corner(4, 0.9)}, at_.z - size,
+                       at_.z + 2 * size);
+  }
   RegionPtr Near() {
     const double size = 0.3 * factor_ * Diagonal(f_.source->record_.bounds);
     switch (region_) {
-      case 0: {
-        Box3d box;
-        box.Add(at_ - Vec3d{size, size, size});
-        box.Add(at_ + Vec3d{size, size, size});
-        return BoxRegion(box);
-      }
+      case 0: return BoxRegion(Cube(0.3));
+      case 4: return IntersectionRegion({SphereRegion(at_, size), ComplementRegion(Prism())});
+      case 5:
+        return UnionRegion({Prism(), TubeRegion({at_, at_ + Vec3d{size, 0, size}}, 0.3 * size)});
+      case 6: return Prism();
       case 1: return SphereRegion(at_, size);
       case 2: return FrustumRegion(View());
       case 3: return WholeRegion();

@@ -73,7 +73,8 @@ struct Parts {
     const RegionPtr region = judge.region();
     judge.SetQuery(query);
     insertion.Begin(nullptr);
-    const Deadlines::Moved moved{from.get(), from != judge.threshold(), region != judge.region()};
+    const Deadlines::Moved moved{from.get(), region.get(), from != judge.threshold(),
+                                 region != judge.region()};
     for (const UnitId id : units.open()) {
       MovingUnit& u = *units.Find(id);
       const Deadlines::Expired expired = deadlines.Advance(u, moved);

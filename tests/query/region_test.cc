@@ -289,6 +289,67 @@ TEST_CASE("A long line and a polygon of many corners are as exact as short ones"
   }
 }
 
+// A region of the kind, and one that is a little off: the same numbers in a box that has moved.
+std::array<RegionPtr, 2> MovedRegions(int kind, double step, std::mt19937& random) {
+  const Box3d where{{-1, -1, -1}, {1, 1, 1}};
+  Box3d moved = where;
+  for (int i = 0; i < 3; ++i) {
+    moved.min[i] += Uniform(random, -step, step);
+    moved.max[i] += Uniform(random, -step, step);
+  }
+  const auto one = [&](const Box3d& box, std::mt19937 same) {
+    return kind < kRegionKinds ? RandomRegion(kind, box, same).region
+                               : RandomCombination(box, same).region;
+  };
+  const std::array<RegionPtr, 2> both{one(where, random), one(moved, random)};
+  random.discard(64);
+  return both;
+}
+
+TEST_CASE("Depths in a region are kept where its border has shifted by less") {
+  std::mt19937 random(3);
+  int known = 0;
+  int kept = 0;
+  for (int i = 0; i < 40 * (kRegionKinds + 6); ++i) {
+    const double step = std::pow(10, Uniform(random, -4, -0.5));
+    const auto [from, to] = MovedRegions(i / 40, step, random);
+    Box3d within;
+    for (int c = 0; c < 2; ++c) {
+      within.Add(Vec3d{Uniform(random, -2, 2), Uniform(random, -2, 2), Uniform(random, -2, 2)});
+    }
+    const double shift = from->Shift(*to, within);
+    REQUIRE(shift >= 0);
+    REQUIRE(from->Shift(*from, within) <= 1e-10);
+    known += std::isfinite(shift) ? 1 : 0;
+    for (int j = 0; j < 50; ++j) {
+      Box3d box;
+      for (int c = 0; c < 2; ++c) {
+        Vec3d p;
+        const double size = j % 2 == 0 ? 1 : 0.1;
+        for (int k = 0; k < 3; ++k) {
+          const double t = c == 0 || j % 2 == 0 ? Uniform(random, 0, 1) : 0;
+          p[k] = c == 0 ? within.min[k] + t * (within.max[k] - within.min[k])
+                        : std::clamp(box.min[k] + size * Uniform(random, -1, 1), within.min[k],
+                                     within.max[k]);
+        }
+        box.Add(p);
+      }
+      const double depth = from->Depth(box);
+      const auto holds = [&](const Region& region, double size) {
+        const double d = std::min(size * (1 - 1e-9), 1e6);
+        return depth > 0 ? region.BoxCovers(box, d) : !region.BoxWithin(box, d);
+      };
+      INFO("kind " << i / 40 << " depth " << depth << " shift " << shift);
+      if (depth != 0) REQUIRE(holds(*from, std::abs(depth)));
+      if (!(std::abs(depth) > shift)) continue;
+      ++kept;
+      REQUIRE(holds(*to, std::abs(depth) - shift));
+    }
+  }
+  CHECK(known > 400);
+  CHECK(kept > 5000);
+}
+
 TEST_CASE("A camera that cannot see says why") {
   const auto message = [](auto&& change) {
     Camera camera;
