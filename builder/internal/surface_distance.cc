@@ -175,13 +175,12 @@ void SurfaceMeasure<kKind>::HoldIn(uint32_t first, uint32_t triangles, const Ite
   for (const auto& [t, vertex] : items) ++parts[t].end;
   auto at = static_cast<uint32_t>(held_.size());
   for (Part& part : parts) {
-    const uint32_t count = part.end;
+    at += part.end;
     part = {at, at};
-    at += count;
   }
   held_.resize(at);
   held_in_use_ += items.size();
-  for (const auto& [t, vertex] : items) held_[parts[t].end++] = vertex;
+  for (const auto& [t, vertex] : items) held_[--parts[t].begin] = vertex;
 }
 
 // Of triangles that are gone.

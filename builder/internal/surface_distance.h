@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cstdint>
-#include <ranges>
 #include <span>
 #include <utility>
 #include <vector>
@@ -80,9 +79,9 @@ class SurfaceMeasure {
   void ChargeSamples(const Hole& hole, Filling& filling);
   void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
   // The samples of a triangle, the last one that was charged to it first.
-  auto HeldBy(uint32_t triangle) const {
+  std::span<const uint32_t> HeldBy(uint32_t triangle) const {
     const auto [begin, end] = held_by_[triangle];
-    return std::span(held_).subspan(begin, end - begin) | std::views::reverse;
+    return std::span(held_).subspan(begin, end - begin);
   }
   // Gives sample `item[i].second` to triangle first + item[i].first.
   template <typename Items>

@@ -8,11 +8,14 @@
 namespace mtdb::test {
 namespace {
 
-#define NEEDS_GDAL()                                                                          \
-  if (MTDB_TEST_GDAL == 0 || std::system("gdal_translate --version > /dev/null 2>&1") != 0) { \
-    WARN("skipped: without GDAL or gdal-bin");                                                \
-    return;                                                                                   \
+// Says so when it is missing.
+bool HasGdal() {
+  if (MTDB_TEST_GDAL != 0 && std::system("gdal_translate --version > /dev/null 2>&1") == 0) {
+    return true;
   }
+  WARN("skipped: without GDAL or gdal-bin");
+  return false;
+}
 
 void Shell(const std::string& command) {
   INFO(command);
@@ -84,7 +87,7 @@ Json ThereAndBack(const Folder& folder, const std::string& file, const Arguments
 }
 
 TEST_CASE("GeoTIFFs of all sample types and compressions come back sample by sample", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder), tif = folder.File("in.tif");
   for (const std::string creation :
@@ -117,7 +120,7 @@ TEST_CASE("GeoTIFFs of all sample types and compressions come back sample by sam
 }
 
 TEST_CASE("GeoTIFFs of floats come back as exactly as the step", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder, 0.37), tif = folder.File("in.tif");
   for (const std::string creation : {"-ot Float32 -co COMPRESS=DEFLATE -co PREDICTOR=3",
@@ -131,7 +134,7 @@ TEST_CASE("GeoTIFFs of floats come back as exactly as the step", "[cli]") {
 }
 
 TEST_CASE("scale and offset of a GeoTIFF give its heights", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder), tif = folder.File("in.tif");
   Shell("gdal_translate -q -ot Int16 -a_scale 0.25 -a_offset 100 " + Quoted(source) + " " +
@@ -143,7 +146,7 @@ TEST_CASE("scale and offset of a GeoTIFF give its heights", "[cli]") {
 }
 
 TEST_CASE("a mask makes holes as nodata does", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder), tif = folder.File("in.tif");
   Shell(
@@ -154,7 +157,7 @@ TEST_CASE("a mask makes holes as nodata does", "[cli]") {
 }
 
 TEST_CASE("USGS DEM and VRT mosaics come back sample by sample", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder, 1, true);
   // GDAL's writer wants a coordinate system and whole arc seconds or metres.
@@ -181,7 +184,7 @@ TEST_CASE("USGS DEM and VRT mosaics come back sample by sample", "[cli]") {
 }
 
 TEST_CASE("a turned geotransform and half pixels put samples where GDAL has them", "[cli]") {
-  NEEDS_GDAL();
+  if (!HasGdal()) return;
   const Folder folder;
   const std::string source = WriteSource(folder), tif = folder.File("in.tif"),
                     vrt = folder.File("turned.vrt"), store = folder.File("s.mtdb");
