@@ -37,7 +37,7 @@ ObjectRecord BenchStore::Build(const std::string& name, const TriangleMesh& mesh
                                const BuildOptions& options) {
   BuildOptions here = options;
   // As Draco's files and the published figures, whatever the mesh would ask for.
-  if (!here.step && !here.bits) here.bits = 16;
+  if (!here.step && !here.bits && !here.terrain) here.bits = 16;
   here.tmp_directory = std::filesystem::temp_directory_path().string();
   const std::unique_ptr<ObjectWriter> writer = database_->Create(name, true).value();
   return BuildObject(mesh, here, *writer).value();

@@ -4,7 +4,9 @@ import json
 import math
 import os
 import pathlib
+import random
 import shutil
+import struct
 import subprocess
 import tarfile
 
@@ -19,6 +21,7 @@ SHARED_MESHES = ["bunny.ply", "nefertiti.ply", "horse_bigendian_colours.ply",
 SHARES = [0.001, 0.01, 0.1]  # of a surface's triangles, in boxes
 VIEW = {"fov": 45, "viewport": [1200, 900]}
 PIXELS = 1
+RASTER_ERRORS = [1, 5, 20]  # in metres
 INGEST_BYTES_PER_TRIANGLE = 130  # of the store and its temporary files, with room to spare
 MESH_BYTES_PER_TRIANGLE = 20
 GENERATE_BYTES_PER_TRIANGLE = 2 * 13 + 6  # the faces twice, the vertices once
@@ -30,7 +33,7 @@ FULL = {
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
     "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100,
-    "normal_bits": [0, 8, 10, 12], "python_rounds": 200,
+    "normal_bits": [0, 8, 10, 12], "python_rounds": 200, "raster": 241,
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
@@ -38,7 +41,7 @@ QUICK = {
     "quality": 20000, "ratios": [0.1, 0.01], "samples": 10000,
     "codec": [50000], "terrain": [50000], "session": 50000, "frames": 10,
     "picture": 60000, "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
-    "python_rounds": 20,
+    "python_rounds": 20, "raster": 101,
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
 LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
@@ -293,6 +296,83 @@ def terrain(runner, data):
     return runner.rows("terrain_bench", "--frames", data.sizes["frames"])
 
 
+def raster_heights(path, columns, rows):
+    """The north-western samples of a tile of SRTM, row by row."""
+    content = path.read_bytes()
+    side = math.isqrt(len(content) // 2)
+    heights = struct.unpack(f">{side * rows}h", content[:2 * side * rows])
+    return [heights[side * row:side * row + columns] for row in range(rows)]
+
+
+def generated_heights(side):
+    """Fractal hills by midpoint displacement, in whole metres."""
+    random_numbers = random.Random(7)
+    size = 1 << (side - 1).bit_length()
+    at = {(x, y): 800.0 for x in (0, size) for y in (0, size)}
+    step, roughness = size, 300.0
+    while step > 1:
+        half = step // 2
+        for x in range(half, size, step):
+            for y in range(half, size, step):
+                corners = [at[x + i, y + j] for i in (-half, half) for j in (-half, half)]
+                at[x, y] = sum(corners) / 4 + random_numbers.uniform(-roughness, roughness)
+        for x in range(0, size + 1, half):
+            for y in range((x + half) % step, size + 1, step):
+                beside = [at[p] for p in ((x - half, y), (x + half, y), (x, y - half), (x, y + half))
+                          if p in at]
+                at[x, y] = sum(beside) / len(beside) + random_numbers.uniform(-roughness, roughness)
+        step, roughness = half, roughness * 0.55
+    return [[round(at[x, y]) for x in range(side)] for y in range(side)]
+
+
+def write_raster(path, rows):
+    """An ASCII grid, in metres, one sample each 30 m."""
+    head = (f"ncols {len(rows[0])}\nnrows {len(rows)}\nxllcorner 0\nyllcorner 0\ncellsize 30\n"
+            "NODATA_value -32768\n")
+    path.write_text(head + "\n".join(" ".join(map(str, row)) for row in rows) + "\n")
+    return path
+
+
+def packed_sizes(runner, path, rows):
+    """Bytes of the samples, in 16 bits, as other programs pack them; those that are not here are
+    left out."""
+    samples = path.with_suffix(".bin")
+    samples.write_bytes(b"".join(struct.pack(f"<{len(row)}h", *row) for row in rows))
+    sizes = {"plain": samples.stat().st_size}
+    for name, command in (("xz -9", ["xz", "-9", "-k", "-c", samples]),
+                          ("zstd -19", ["zstd", "-q", "-19", "-c", samples])):
+        if shutil.which(command[0]):
+            sizes[name] = len(subprocess.run(command, capture_output=True, check=True).stdout)
+    for name, options in (("GeoTIFF, Deflate", ["COMPRESS=DEFLATE", "PREDICTOR=2", "ZLEVEL=9"]),
+                          ("GeoTIFF, LERC", ["COMPRESS=LERC_DEFLATE", "MAX_Z_ERROR=0"])):
+        out = path.with_suffix(".tif")
+        command = ["gdal_translate", "-q", "-ot", "Int16", path, out]
+        for option in options:
+            command += ["-co", option]
+        if shutil.which("gdal_translate") and subprocess.run(command,
+                                                             capture_output=True).returncode == 0:
+            sizes[name] = out.stat().st_size
+    return sizes
+
+
+def raster(runner, data):
+    """Rasters of heights as terrains: real ones where they are here, and a generated one."""
+    side = data.sizes["raster"]
+    rasters = [("generated", generated_heights(side))]
+    for name in ("N37W120.hgt", "N38W120.hgt"):
+        if (SHARED / name).exists():
+            rasters.append((name, raster_heights(SHARED / name, side, side)))
+    result = []
+    for name, rows in rasters:
+        path = write_raster(data.folder / (name.split(".")[0] + ".asc"), rows)
+        errors = [part for error in RASTER_ERRORS for part in ("--error", error)]
+        for row in runner.rows("raster_bench", path, *errors):
+            packed = {"packed": packed_sizes(runner, path, rows)} if row["what"] == "build" else {}
+            result.append({"raster": name, **row, **packed})
+    runner.commands = one_of_each(runner.commands)
+    return result
+
+
 def picture(runner, data):
     """One box at full resolution in a coarse whole, drawn for the README."""
     store = data.store(data.generated("sculpture", data.sizes["picture"]))[0]
@@ -383,5 +463,5 @@ def large_verify(runner, data):
 
 
 STEPS = [data_sets, quality, bounds, build, ingest, size, attributes, query, locality, layouts,
-         regions, session, terrain, python, viewer, picture]
+         regions, session, terrain, raster, python, viewer, picture]
 LARGE_STEPS = [large_ingest, large_regions, large_locality, large_verify]

@@ -475,6 +475,45 @@ def terrain_set_up(raw):
 
 
 @figure
+def raster_sizes(raw):
+    lines = []
+    names = []
+    for row in raw.rows("raster", what="build"):
+        names += [name for name in row["packed"] if name not in names]
+    for row in raw.rows("raster", what="build"):
+        bits = [8 * row["file_bytes"] / row["samples"],
+                *(8 * row[f"draco_level_{level}"]["bytes"] / row["samples"] for level in (10, 7)),
+                *(8 * row["packed"][name] / row["samples"] if name in row["packed"] else None
+                  for name in names)]
+        lines.append([row["raster"], whole(row["samples"]),
+                      *("" if n is None else sig(n) for n in bits)])
+    return table(["", "samples", "mtdb, all levels", "Draco's slowest", "Draco level 7",
+                  *names], lines)
+
+
+@figure
+def raster_cuts(raw):
+    lines = []
+    for row in raw.rows("raster", what="cut"):
+        lines.append([row["raster"], sig(row["error"]), sig(row["measured"]),
+                      sig(row["measured"] / row["error"]), whole(row["triangles"]),
+                      whole(row["greedy"]), sig(row["triangles"] / row["greedy"]),
+                      whole(row["meshoptimizer"]), sig(row["triangles"] / row["meshoptimizer"])])
+    return table(["", "error", "measured", "measured / asked", "triangles", "greedy insertion",
+                  "mtdb / it", "meshopt_simplify", "mtdb / it"], lines)
+
+
+@figure
+def raster_rates(raw):
+    lines = []
+    for row in raw.rows("raster", what="build"):
+        draco = row["draco_level_10"]["encode_seconds"]
+        lines.append([row["raster"], sig(1e-6 * row["triangles"] / row["build_seconds"]),
+                      sig(1e-6 * row["triangles"] / draco), sig(draco / row["build_seconds"])])
+    return table(["", "mtdb", "Draco's slowest", "mtdb / it"], lines)
+
+
+@figure
 def python(raw):
     row = raw.row("python")
     add = row["python_us"]
