@@ -516,6 +516,9 @@ void CommandLine::AddExtractVerb() {
   AddOutput(verb, &query_.output, true, true);
   AddOutputFormat(verb, &query_);
   AddQueryOptions(verb, &query_, false);
+  verb->add_option("--drape", query_.drape,
+                   "to .glb: with this image over it (a PNG or JPEG with a world file, a GeoTIFF)")
+      ->type_name("FILE");
   AddParsed(verb, "--spacing", "D[,DY]", &query_.spacing, mtdb::ParseSpacing,
             "of a terrain to .tif (with GDAL), .asc or .hgt: samples so far apart (default: the "
             "raster's own)");

@@ -2,9 +2,11 @@
 #include <chrono>
 #include <cstdio>
 #include <unistd.h>
+#include <utility>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "query/surface.h"
+#include "tools/cli/drape.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
@@ -71,11 +73,17 @@ Status ExtractVerb(const QueryArguments& arguments) {
   const bool standard = arguments.output == "-";
   MeshWriteOptions write;
   if (standard) write.descriptor = STDOUT_FILENO;
-  MTDB_ASSIGN_OR_RETURN(
-      const std::unique_ptr<MeshFileWriter> writer,
-      CreateMeshFileWriter(
-          standard ? "standard output." + arguments.output_format : arguments.output, write));
+  const auto open = [&]() {
+    return CreateMeshFileWriter(
+        standard ? "standard output." + arguments.output_format : arguments.output, write);
+  };
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshFileWriter> writer, open());
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  if (!arguments.drape.empty()) {
+    if (standard) return InvalidArgument("--drape: is for files, not for standard output");
+    MTDB_ASSIGN_OR_RETURN(MeshTexture texture, ReadDrape(arguments.drape, surface->record()));
+    MTDB_ASSIGN_OR_RETURN(writer, CreateDrapedMeshFileWriter(arguments.output, std::move(texture)));
+  }
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "tools/gdal/gdal_image.h"
 #include "tools/gdal/gdal_raster.h"
 #include "tools/gdal/gdal_writer.h"
 #include "tools/gdal/module/module.h"
@@ -62,6 +63,14 @@ Result<std::unique_ptr<RasterReader>> OpenGdalRaster(const std::string& path,
                      OwnRasterSuffixes() +
                      "; for other rasters build it where libgdal-dev is "
                      "installed");
+}
+
+Result<PlacedImage> ReadGdalImage(const std::string& path) {
+  const Result<const GdalEntries*> gdal = Load();
+  if (gdal.ok()) return (*gdal)->read_image(path);
+  return Unsupported(path + ": " + gdal.status().message() +
+                     ", and reads images of PNG and JPEG with a world file beside them; for others "
+                     "build it where libgdal-dev is installed");
 }
 
 Result<std::unique_ptr<GdalWriter>> CreateGeoTiff(const std::string& path,

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <cstring>
 #include <set>
+#include <utility>
 #include <vector>
 
+#include "codecs/mesh_file/draped_mesh_file.h"
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
 
@@ -21,6 +23,7 @@ constexpr uint32_t kBinaryChunk = 0x004e4942;
 constexpr size_t kHeaderBytes = 12;
 constexpr size_t kChunkHeaderBytes = 8;
 constexpr size_t kPositionBytes = sizeof(Vec3f);
+constexpr size_t kTexturePlaceBytes = 2 * sizeof(float);
 constexpr size_t kNumberBytes = 24;     // the longest double in decimals
 constexpr size_t kLargestStride = 252;  // of a vertex, by the specification
 constexpr uint64_t kLargestFile = 0xffffffffu;
@@ -70,12 +73,13 @@ std::string CustomName(const std::string& name, const std::set<std::string>& tak
   return unique;
 }
 
-// Normals, colours, then all others under names of their own, as far as a vertex has room.
-std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, size_t* stride) {
+// Normals, colours, then all others under names of their own, as far as a vertex has room. A
+// texture has coordinates behind the position, and colours would tint it.
+std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, bool textured, size_t* stride) {
   std::vector<GltfColumns> plan;
   std::set<size_t> used;
   std::set<std::string> names;
-  *stride = kPositionBytes;
+  *stride = kPositionBytes + (textured ? kTexturePlaceBytes : 0);
   const auto add = [&](GltfColumns columns, size_t bytes) {
     if (*stride + bytes > kLargestStride) return;
     columns.at = *stride;
@@ -88,7 +92,7 @@ std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, size_t* stri
     add({"NORMAL", Component::kFloat, false, ScalarType::kFloat32, {n.offsets, n.offsets + 3}},
         sizeof(Vec3f));
   }
-  if (const ColourColumns c = FindColours(layout); c.count > 0) {
+  if (const ColourColumns c = FindColours(layout); c.count > 0 && !textured) {
     add({"COLOR_0",
          Component::kUnsignedByte,
          true,
@@ -146,11 +150,12 @@ Vec3f UnitNormal(Vec3f n) {
 
 class GltfWriter final : public MeshWriter {
  public:
-  using MeshWriter::MeshWriter;
+  explicit GltfWriter(const std::string& path, MeshTexture texture = {})
+      : MeshWriter(path), texture_(std::move(texture)) {}
 
  private:
   Status WriteHeader() override {
-    columns_ = PlanColumns(header().attributes, &stride_);
+    columns_ = PlanColumns(header().attributes, is_textured(), &stride_);
     // A mesh in glTF has triangles.
     empty_ = triangle_count() == 0;
     if (header().double_positions && header().bounds.empty()) {
@@ -159,7 +164,9 @@ class GltfWriter final : public MeshWriter {
       origin_ = float_positions().origin();
     }
     json_bytes_ = (Json().size() + 9 * kNumberBytes + 3) / 4 * 4;
-    const uint64_t rest = kLargestFile - kHeaderBytes - 2 * kChunkHeaderBytes - json_bytes_;
+    const uint64_t besides =
+        kHeaderBytes + 2 * kChunkHeaderBytes + json_bytes_ + padded_image_bytes();
+    const uint64_t rest = kLargestFile - std::min(besides, kLargestFile);
     if (!empty_ && (vertex_count() > rest / stride_ ||
                     triangle_count() > (rest - vertex_count() * stride_) / kTriangleBytes)) {
       return InvalidArgument(path() + ": a .glb file holds at most 4 GiB, but the mesh of " +
@@ -167,7 +174,9 @@ class GltfWriter final : public MeshWriter {
                              std::to_string(triangle_count()) +
                              " triangles needs more; write PLY or ask for a part of it");
     }
-    binary_bytes_ = empty_ ? 0 : vertex_count() * stride_ + triangle_count() * kTriangleBytes;
+    binary_bytes_ = empty_ ? 0
+                           : vertex_count() * stride_ + triangle_count() * kTriangleBytes +
+                                 padded_image_bytes();
     return file().Append(Front());
   }
 
@@ -185,6 +194,7 @@ class GltfWriter final : public MeshWriter {
       if (!float_positions().Round(positions[i], &f)) return TooLarge();
       std::memcpy(out, &f, sizeof(f));
       bounds_.Add(Vec3d{f.x, f.y, f.z});
+      if (is_textured()) PutTexturePlace(positions[i], out + kPositionBytes);
       for (const GltfColumns& c : columns_) PutValues(c, rows.data() + i * row_bytes, out + c.at);
     }
     return file().Append(buffer_);
@@ -219,7 +229,23 @@ class GltfWriter final : public MeshWriter {
     return file().Append(buffer_);
   }
 
-  Status WriteEnd() override { return file().Overwrite(0, AsBytes(Front())); }
+  Status WriteEnd() override {
+    if (!empty_ && is_textured()) {
+      MTDB_RETURN_IF_ERROR(file().Append(texture_.image));
+      MTDB_RETURN_IF_ERROR(
+          file().Append(std::string(padded_image_bytes() - texture_.image.size(), '\0')));
+    }
+    return file().Overwrite(0, AsBytes(Front()));
+  }
+
+  bool is_textured() const { return !texture_.image.empty(); }
+  uint64_t padded_image_bytes() const { return (texture_.image.size() + 3) / 4 * 4; }
+  void PutTexturePlace(Vec3d p, std::byte* out) const {
+    const std::array<double, 6>& place = texture_.place;
+    const float uv[2] = {static_cast<float>(place[0] + place[1] * p.x + place[2] * p.y),
+                         static_cast<float>(place[3] + place[4] * p.x + place[5] * p.y)};
+    std::memcpy(out, uv, sizeof(uv));
+  }
 
   // Everything up to the vertices.
   std::string Front() const {
@@ -240,7 +266,14 @@ class GltfWriter final : public MeshWriter {
     if (empty_) return json + "{}]}";
     json += R"({"nodes":[0]}],"nodes":[{"mesh":0)";
     if (origin_) json += ",\"translation\":" + Numbers(*origin_);
-    json += R"(}],"materials":[{"pbrMetallicRoughness":{"metallicFactor":0},"doubleSided":true}])";
+    json += R"(}],"materials":[{"pbrMetallicRoughness":{"metallicFactor":0)";
+    if (is_textured()) json += R"(,"baseColorTexture":{"index":0})";
+    json += R"(},"doubleSided":true}])";
+    if (is_textured()) {
+      json +=
+          R"(,"textures":[{"sampler":0,"source":0}],"samplers":[{"wrapS":33071,"wrapT":33071}])";
+      json += R"(,"images":[{"bufferView":2,"mimeType":")" + texture_.mime_type + "\"}]";
+    }
     json += R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":1)";
     std::string accessors = Accessor(0, 0, Component::kUnsignedInt, triangle_count() * 3, 1) + "}";
     accessors += "," + Accessor(1, 0, Component::kFloat, vertex_count(), 3) +
@@ -252,15 +285,24 @@ class GltfWriter final : public MeshWriter {
       accessors += "," + Accessor(1, c.at, c.component, vertex_count(), c.offsets.size()) +
                    (c.normalized ? ",\"normalized\":true}" : "}");
     }
+    if (is_textured()) {
+      json += ",\"TEXCOORD_0\":" + std::to_string(number);
+      accessors += "," + Accessor(1, kPositionBytes, Component::kFloat, vertex_count(), 2) + "}";
+    }
     const uint64_t vertex_bytes = vertex_count() * stride_;
     const uint64_t index_bytes = triangle_count() * kTriangleBytes;
+    std::string image;
+    if (is_textured()) {
+      image = ",{\"buffer\":0,\"byteOffset\":" + std::to_string(vertex_bytes + index_bytes) +
+              ",\"byteLength\":" + std::to_string(texture_.image.size()) + "}";
+    }
     return json + R"(},"indices":0,"material":0}]}],"accessors":[)" + accessors +
            R"(],"bufferViews":[{"buffer":0,"byteOffset":)" + std::to_string(vertex_bytes) +
            ",\"byteLength\":" + std::to_string(index_bytes) +
            R"(,"target":34963},{"buffer":0,"byteLength":)" + std::to_string(vertex_bytes) +
-           ",\"byteStride\":" + std::to_string(stride_) +
-           R"(,"target":34962}],"buffers":[{"byteLength":)" +
-           std::to_string(vertex_bytes + index_bytes) + "}]}";
+           ",\"byteStride\":" + std::to_string(stride_) + R"(,"target":34962})" + image +
+           R"(],"buffers":[{"byteLength":)" +
+           std::to_string(vertex_bytes + index_bytes + padded_image_bytes()) + "}]}";
   }
 
   // Open at its end.
@@ -271,6 +313,7 @@ class GltfWriter final : public MeshWriter {
            ",\"count\":" + std::to_string(count) + ",\"type\":\"" + VectorType(components) + "\"";
   }
 
+  const MeshTexture texture_;  // without an image: none
   std::vector<GltfColumns> columns_;
   size_t stride_ = 0;  // bytes of a vertex
   bool empty_ = false;
@@ -290,3 +333,16 @@ std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path) {
 }
 
 }  // namespace mtdb::internal
+
+namespace mtdb {
+
+Result<std::unique_ptr<MeshFileWriter>> CreateDrapedMeshFileWriter(const std::string& path,
+                                                                   MeshTexture texture) {
+  MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(path));
+  if (format.suffixes.front() != "glb") {
+    return Unsupported(path + ": only .glb carries an image that is draped");
+  }
+  return std::unique_ptr<MeshFileWriter>(new internal::GltfWriter(path, std::move(texture)));
+}
+
+}  // namespace mtdb
