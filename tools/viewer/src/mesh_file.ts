@@ -56,7 +56,7 @@ function glbFile(mesh: Mesh, attributes: Attribute[]): Blob {
     low[i % 3] = Math.min(low[i % 3]!, x);
     high[i % 3] = Math.max(high[i % 3]!, x);
   });
-  const views: {array: Uint8Array; target: number}[] = [], accessors: object[] = [], named: Record<string, number> = {};
+  const views: {array: Uint8Array; target: number; byteStride?: number}[] = [], accessors: object[] = [], named: Record<string, number> = {};
   const add = (array: Uint32Array | Float32Array | Uint8Array, target: number, accessor: object) => {
     views.push({array: new Uint8Array(array.buffer, array.byteOffset, array.byteLength), target});
     return accessors.push({bufferView: views.length - 1, ...accessor}) - 1;
@@ -64,12 +64,13 @@ function glbFile(mesh: Mesh, attributes: Attribute[]): Blob {
   add(mesh.indices, 34963, {componentType: 5125, count: 3 * triangles, type: 'SCALAR'});
   named.POSITION = add(positions, 34962, {componentType: 5126, count: vertices, type: 'VEC3', min: low, max: high});
   const view = new DataView(mesh.rows.buffer, mesh.rows.byteOffset, mesh.rows.byteLength), offsets = offsetsOf(attributes);
-  const components = ['red', 'green', 'blue'].map(name => attributes.findIndex(a => a.name === name && a.type === 'uint8'));
-  const coloured = components.every(c => c >= 0);
+  const bytesOf = (name: string) => attributes.findIndex(a => a.name === name && a.type === 'uint8');
+  const components = ['red', 'green', 'blue', ...(bytesOf('alpha') >= 0 ? ['alpha'] : [])].map(bytesOf), coloured = components.every(c => c >= 0);
   if (coloured) {
-    const colours = new Uint8Array(4 * vertices).fill(255);
+    const colours = new Uint8Array(4 * vertices);
     for (let v = 0; v < vertices; ++v) components.forEach((c, k) => (colours[4 * v + k] = mesh.rows[v * mesh.rowBytes + offsets[c]!]!));
-    named.COLOR_0 = add(colours, 34962, {componentType: 5121, normalized: true, count: vertices, type: 'VEC4'});
+    named.COLOR_0 = add(colours, 34962, {componentType: 5121, normalized: true, count: vertices, type: `VEC${components.length}`});
+    views.at(-1)!.byteStride = 4;
   }
   attributes.forEach((attribute, a) => {
     if (coloured && components.includes(a)) return;
@@ -80,9 +81,9 @@ function glbFile(mesh: Mesh, attributes: Attribute[]): Blob {
     named[name] = add(values, 34962, {componentType: 5126, count: vertices, type: 'SCALAR'});
   });
   let at = 0;
-  const bufferViews = views.map(({array, target}) => {
+  const bufferViews = views.map(({array, ...view}) => {
     at += array.length;
-    return {buffer: 0, byteOffset: at - array.length, byteLength: array.length, target};
+    return {buffer: 0, byteOffset: at - array.length, byteLength: array.length, ...view};
   });
   return glb({asset, scene: 0, scenes: [{nodes: [0]}], nodes: [{mesh: 0, ...(wide ? {translation: origin} : {})}], materials: [{pbrMetallicRoughness: {metallicFactor: 0}, doubleSided: true}],
     meshes: [{primitives: [{attributes: named, indices: 0, material: 0}]}], accessors, bufferViews, buffers: [{byteLength: at}]}, views.map(v => v.array));
