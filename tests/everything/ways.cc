@@ -693,6 +693,8 @@ const std::vector<NamedWay>& Ways() {
       {"packed", AskPacked},
       {"url", AskUrl},
       {"url-unsteady", AskUnsteadyUrl},
+      // While a server that has just come up has nothing in memory.
+      {"available-json", AskAvailableJson},
       {"get", AskGet},
       {"post", AskPost},
       {"fetch", AskFetch},
@@ -708,7 +710,6 @@ const std::vector<NamedWay>& Ways() {
       {"follow", AskFollow},
       {"packed-served", AskServedPacked},
       {"url-kept", AskKept},
-      {"available-json", AskAvailableJson},
       {"small-cache", AskSmallCache},
   };
   return kWays;
