@@ -52,17 +52,21 @@ Result<const PackedObject*> PackedFile::Find(const std::string& name) const {
   return NotFound(ranges_->name() + ": no object " + name + "; see list");
 }
 
-PackedSource::PackedSource(std::shared_ptr<PackedFile> file, const PackedObject& object, bool whole)
+PackedSource::PackedSource(std::shared_ptr<PackedFile> file, const PackedObject& object, bool whole,
+                           const PackedRequests& how)
     : file_(std::move(file)),
       object_(object),
       place_(file_->ranges().name() + ": object " + object.record.name),
       at_once_(whole && file_->ranges().answers_at_once()),
+      how_(how),
       index_(object.record.clusters, object.record.root_pieces, object.record.root_vertices),
       pages_(object.pages.size()) {}
 
 Result<std::shared_ptr<ClusterSource>> PackedSource::Open(std::shared_ptr<PackedFile> file,
-                                                          const PackedObject& object, bool whole) {
-  const std::shared_ptr<PackedSource> source(new PackedSource(std::move(file), object, whole));
+                                                          const PackedObject& object, bool whole,
+                                                          const PackedRequests& requests) {
+  const std::shared_ptr<PackedSource> source(
+      new PackedSource(std::move(file), object, whole, requests));
   MTDB_RETURN_IF_ERROR(whole ? source->ReadWholeIndex() : source->ReadFirstRows());
   MTDB_RETURN_IF_ERROR(source->CheckRoot());
   return std::shared_ptr<ClusterSource>(source);
@@ -230,8 +234,8 @@ void PackedSource::Ask(std::vector<Part> wanted) {
     if (!requests.empty()) {
       Request& last = *requests.back();
       const uint64_t last_end = last.range.offset + last.range.bytes;
-      if (!at_once_ && part.range.offset <= last_end + kRangeGapBytes &&
-          end - last.range.offset <= kRangeBytes) {
+      if (!at_once_ && part.range.offset <= last_end + how_.gap_bytes &&
+          end - last.range.offset <= how_.range_bytes) {
         last.range.bytes = std::max(end, last_end) - last.range.offset;
         last.parts.push_back(std::move(part));
         continue;

@@ -35,12 +35,21 @@ class PackedFile {
   std::vector<PackedObject> objects_;
 };
 
+// How parts of a file become requests. The defaults are measured (docs/design.md, "Packed files").
+struct PackedRequests {
+  // Parts that lie so near each other are asked for as one range, with what is between them,
+  uint64_t gap_bytes = 16 << 10;
+  // as long as the range has no more bytes than this: several requests are under way at once.
+  uint64_t range_bytes = 256 << 10;
+};
+
 // Asks for pages as they are needed; or, when opened whole, has them all. See ClusterSource.
 class PackedSource final : public ClusterSource, public std::enable_shared_from_this<PackedSource> {
  public:
   // With what the root's pieces and their children need; whole: with all rows.
   static Result<std::shared_ptr<ClusterSource>> Open(std::shared_ptr<PackedFile> file,
-                                                     const PackedObject& object, bool whole);
+                                                     const PackedObject& object, bool whole,
+                                                     const PackedRequests& requests = {});
 
   const ObjectRecord& record() const override { return object_.record; }
   const ClusterIndex& index() const override { return index_; }
@@ -79,7 +88,8 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
     Result<Bytes> payload;
   };
 
-  PackedSource(std::shared_ptr<PackedFile> file, const PackedObject& object, bool whole);
+  PackedSource(std::shared_ptr<PackedFile> file, const PackedObject& object, bool whole,
+               const PackedRequests& how);
   Status ReadWholeIndex();
   Status ReadFirstRows();
   // Of rows that are there: that the root's vertices are in its pieces.
@@ -111,16 +121,12 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
   const PackedObject& object_;
   const std::string place_;
   const bool at_once_;
+  const PackedRequests how_;
   Mutex mutex_;  // guards what follows, and putting rows
   ClusterIndex index_;
   std::vector<PageState> pages_;
   std::vector<QuestionPtr> questions_;
   std::vector<RequestPtr> requests_;  // under way
 };
-
-// Parts that lie so near each other are asked for as one range, with what is between them.
-inline constexpr uint64_t kRangeGapBytes = 16 << 10;
-// As long as the range has no more bytes than this: several requests are under way at once.
-inline constexpr uint64_t kRangeBytes = 256 << 10;
 
 }  // namespace mtdb::internal
