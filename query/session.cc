@@ -74,6 +74,24 @@ class Changes {
   UpdateBatches insertions_;
 };
 
+// Which units the nodes are in, and the pieces of the root.
+template <typename BitsOf>
+std::vector<UnitId> UnitsOf(const ClusterIndex& index, const BitsOf& bits_of) {
+  std::vector<UnitId> used;
+  for (UnitId u = 0; u < index.unit_count(); ++u) {
+    if (u >= index.cluster_count() || !bits_of(u).empty()) used.push_back(u);
+  }
+  return used;
+}
+
+uint8_t LargestCodeOf(const CutState::Counts& counts) {
+  uint8_t largest = 0;
+  for (size_t c = 0; c < counts.by_code.size(); ++c) {
+    if (counts.by_code[c] > 0) largest = static_cast<uint8_t>(c);
+  }
+  return largest;
+}
+
 void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
                const ActiveTriangles& active, ExtractStats* stats) {
   stats->triangles = counts.triangles;
@@ -83,6 +101,26 @@ void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
 }
 
 }  // namespace
+
+namespace internal {
+
+// A search with a budget that may take several calls.
+struct BudgetSearch {
+  BudgetSearch(const ClusterSource& source, const Query& asked) : query(asked), cut(source, false) {
+    query.control = nullptr;
+    query.max_milliseconds.reset();
+  }
+  bool Answers(const Query& asked) const {
+    return asked.region == query.region && asked.threshold == query.threshold &&
+           asked.max_triangles == query.max_triangles;
+  }
+  Query query;
+  CutState cut;
+  SearchProgress progress;
+  bool is_shown = false;  // the client has the cut, as it was when the last call ended
+};
+
+}  // namespace internal
 
 Session::Session(std::shared_ptr<const Surface> surface, const SessionOptions& options)
     : surface_(std::move(surface)), moving_(std::make_unique<MovingCut>(*surface_->source())) {
@@ -210,12 +248,18 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
     waiting.emplace(surface_->cache(), ReaderLimits{query.control, query.max_bytes});
   } else {
     MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query));
-    // From a cut that a budget made it goes to the end.
-    available_->BeginCall(query.control, moving_ == nullptr ? std::nullopt : DeadlineOf(query));
+    if (!budget) search_.reset();
+    if (!budget && moving_ != nullptr) available_->available()->Hold({});
+    available_->BeginCall(query.control, DeadlineOf(query), search_ != nullptr);
   }
   UnitReader& reader = waits ? *waiting : *available_;
-  MTDB_RETURN_IF_ERROR(budget ? Select(reader, query, take, &result)
-                              : Move(reader, query, rounds, take, &result));
+  if (!budget) {
+    MTDB_RETURN_IF_ERROR(Move(reader, query, rounds, take, &result));
+  } else {
+    next_.reset();
+    MTDB_RETURN_IF_ERROR(waits ? Select(reader, query, take, &result)
+                               : SelectInCalls(query, take, &result));
+  }
   stats.vertices = index.root_vertices() + applied_count_;
   stats.nodes_applied = applied_count_;
   stats.clusters_total = index.cluster_count();
@@ -226,90 +270,170 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
 
 Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
                      SessionUpdate* update) {
-  // From a cut that a budget made: a moving cut begins at the root and goes to the end first.
-  std::unique_ptr<MovingCut> fresh;
-  if (moving_ == nullptr) fresh = std::make_unique<MovingCut>(*surface_->source());
+  // From a cut that a budget made: a moving cut begins at the root and takes its place at the end,
+  // or when it has as many triangles.
+  std::unique_ptr<MovingCut> fresh = std::move(next_);
+  if (moving_ == nullptr && fresh == nullptr) {
+    fresh = std::make_unique<MovingCut>(*surface_->source());
+  }
   MovingCut& cut = fresh == nullptr ? *moving_ : *fresh;
   const auto end_round = [&]() -> Status {
-    if (fresh != nullptr) return Status::Ok();
-    Changes changes(*surface_);
-    cut.ForEachChange([&](UnitId unit, const Bits& before, const Bits& now) {
-      changes.AddUnit(unit, before, now);
-    });
-    // The last of several rounds may have nothing to add.
-    if (changes.count() == 0 && update->insertions + update->removals > 0) return Status::Ok();
-    // Whoever takes the batches may take his time: nobody should wait for units meanwhile.
-    const auto release_and_take = [&](std::vector<UpdateBatch> batches) {
-      cut.ReleasePins();
-      return take(std::move(batches));
-    };
-    const auto get = [&](UnitId unit) { return cut.Pin(unit); };
-    const Status taken = changes.Send(get, release_and_take, update);
-    if (taken.ok()) applied_count_ = cut.counts().applied;
-    return taken;
+    return fresh != nullptr ? Status::Ok() : Follow(cut, take, update);
   };
   MTDB_RETURN_IF_ERROR(
       cut.Move(reader, query, rounds && fresh == nullptr ? kRoundNodes : 0, end_round));
-  if (fresh != nullptr) {
+  const bool shows =
+      fresh == nullptr || !cut.unfinished() || cut.counts().triangles >= selected_.triangles;
+  if (fresh != nullptr && shows) {
     Changes changes(*surface_);
-    for (UnitId c = 0; c < selected_.size(); ++c) changes.AddUnit(c, selected_[c], cut.applied(c));
+    for (UnitId c = 0; c < selected_.applied.size(); ++c) {
+      changes.AddUnit(c, selected_.applied[c], cut.applied(c));
+    }
     MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
     applied_count_ = cut.counts().applied;
     moving_ = std::move(fresh);
-    selected_.clear();
+    selected_ = {};
+    if (available_ != nullptr) available_->available()->Hold({});
   }
   ExtractStats& stats = update->stats;
+  stats.missing = cut.missing();
+  if (!shows) {
+    next_ = std::move(fresh);
+    FillStatsOnTheWay(&stats);
+    return Status::Ok();
+  }
   FillStats(surface_->record(), cut.counts(), cut.active(), &stats);
   stats.nodes_forced = cut.counts().forced;
   stats.clusters_used = cut.counts().clusters_used;
   stats.nodes_visited = cut.evaluated();
-  stats.missing = cut.missing();
   if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
   const bool out_of_time = available_ != nullptr && available_->available()->out_of_time();
   if (cut.unfinished() || out_of_time) stats.limit = QueryLimit::kTime;
   return Status::Ok();
 }
 
+// The round of a moving cut.
+Status Session::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* update) {
+  Changes changes(*surface_);
+  cut.ForEachChange([&](UnitId unit, const Bits& before, const Bits& now) {
+    changes.AddUnit(unit, before, now);
+  });
+  // The last of several rounds may have nothing to add.
+  if (changes.count() == 0 && update->insertions + update->removals > 0) return Status::Ok();
+  // Whoever takes the batches may take his time: nobody should wait for units meanwhile.
+  const auto release_and_take = [&](std::vector<UpdateBatch> batches) {
+    cut.ReleasePins();
+    return take(std::move(batches));
+  };
+  const auto get = [&](UnitId unit) { return cut.Pin(unit); };
+  const Status taken = changes.Send(get, release_and_take, update);
+  if (taken.ok()) applied_count_ = cut.counts().applied;
+  return taken;
+}
+
 // Under a budget the cut is not the least one of any query, and cannot move on.
 Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                        SessionUpdate* update) {
   const ObjectRecord& record = surface_->record();
-  const ClusterIndex& index = surface_->index();
   CutState cut(*surface_->source(), false);
   Search search(*surface_->source(), reader, query, record.rounding_error, &cut);
-  MTDB_ASSIGN_OR_RETURN(Search::Outcome outcome, search.Run());
-  std::vector<Bits> applied(index.cluster_count());
-  Changes changes(*surface_);
-  for (UnitId c = 0; c < index.cluster_count(); ++c) {
-    const CutUnit* const u = cut.Find(c);
-    if (u != nullptr && u->applied_count > 0) applied[c] = u->applied;
-    changes.AddUnit(c, BitsOf(c), applied[c]);
-    update->stats.clusters_used += applied[c].empty() ? 0 : 1;
-  }
+  MTDB_ASSIGN_OR_RETURN(const Search::Outcome outcome, search.Run());
   // What the updates need was in the search's reach, or is what the client holds: no budget.
-  UnitReader waiting(surface_->cache(), {query.control, std::nullopt});
-  UnitReader& updates = available_ == nullptr ? waiting : *available_;
-  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(updates), Releasing(updates, take), update));
-  selected_ = std::move(applied);
-  moving_.reset();
-  if (available_ != nullptr) {
-    std::vector<UnitId> used;
-    for (UnitId c = 0; c < index.unit_count(); ++c) {
-      if (c >= index.cluster_count() || !selected_[c].empty()) used.push_back(c);
-    }
-    available_->available()->KeepOnly(used);
-  }
-  applied_count_ = cut.counts().applied;
+  UnitReader updates(surface_->cache(), {query.control, std::nullopt});
+  MTDB_RETURN_IF_ERROR(Show(cut, updates, take, update));
   FillStats(record, cut.counts(), outcome.active, &update->stats);
+  update->stats.clusters_used = selected_.clusters_used;
   update->stats.limit = outcome.limit;
-  update->stats.missing = std::move(outcome.missing);
   update->stats.nodes_visited = outcome.nodes_visited;
   update->stats.nodes_forced = outcome.nodes_forced;
   return Status::Ok();
 }
 
+// Likewise; it goes on with the search that the call before has begun, whatever its query was: a
+// search that a later query ends would never end where each call has another one.
+Status Session::SelectInCalls(const Query& query, const TakeBatches& take, SessionUpdate* update) {
+  const ObjectRecord& record = surface_->record();
+  AvailableUnits& units = *available_->available();
+  for (;;) {
+    std::unique_ptr<BudgetSearch> s = std::move(search_);  // none is left after an error
+    if (s == nullptr) {
+      s = std::make_unique<BudgetSearch>(*surface_->source(), query);
+      s->is_shown = applied_count_ == 0;  // both are the root
+      units.TakeSeveralCalls();
+      if (moving_ != nullptr)
+        units.Hold(UnitsOf(surface_->index(), [&](UnitId c) { return moving_->applied(c); }));
+    }
+    s->query.control = query.control;
+    Search search(*surface_->source(), *available_, s->query, record.rounding_error, &s->cut,
+                  &s->progress);
+    MTDB_ASSIGN_OR_RETURN(Search::Outcome outcome, search.Run());
+    const bool over = outcome.limit != QueryLimit::kTime;
+    s->is_shown = s->is_shown || s->cut.counts().triangles >= TrianglesShown();
+    if (over || s->is_shown) MTDB_RETURN_IF_ERROR(Show(s->cut, *available_, take, update));
+    s->query.control = nullptr;
+    update->stats.missing = std::move(outcome.missing);
+    if (over && s->Answers(query)) {
+      FillStats(record, s->cut.counts(), outcome.active, &update->stats);
+      update->stats.clusters_used = selected_.clusters_used;
+      update->stats.limit = outcome.limit;
+      update->stats.nodes_visited = outcome.nodes_visited;
+      update->stats.nodes_forced = outcome.nodes_forced;
+      units.KeepOnly({});
+      return Status::Ok();
+    }
+    if (!over || units.time_is_over()) {
+      units.KeepOnly(over ? std::span<const UnitId>() : s->cut.open());
+      if (!over) search_ = std::move(s);
+      FillStatsOnTheWay(&update->stats);
+      return Status::Ok();
+    }
+    available_->BeginCall(query.control, DeadlineOf(query));
+  }
+}
+
+// The client's cut becomes this one.
+Status Session::Show(const CutState& cut, UnitReader& reader, const TakeBatches& take,
+                     SessionUpdate* update) {
+  const ClusterIndex& index = surface_->index();
+  Selected now;
+  now.applied.resize(index.cluster_count());
+  Changes changes(*surface_);
+  for (UnitId c = 0; c < index.cluster_count(); ++c) {
+    const CutUnit* const u = cut.Find(c);
+    if (u != nullptr && u->applied_count > 0) now.applied[c] = u->applied;
+    changes.AddUnit(c, BitsOf(c), now.applied[c]);
+    now.clusters_used += now.applied[c].empty() ? 0 : 1;
+  }
+  now.triangles = cut.counts().triangles;
+  now.largest_code = LargestCodeLeft(cut);
+  std::vector<UnitId> used;
+  if (available_ != nullptr) used = UnitsOf(index, [&](UnitId c) { return now.applied[c]; });
+  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
+  selected_ = std::move(now);
+  moving_.reset();
+  applied_count_ = cut.counts().applied;
+  if (available_ != nullptr) available_->available()->Hold(std::move(used));
+  return Status::Ok();
+}
+
+uint64_t Session::TrianglesShown() const {
+  return moving_ != nullptr ? moving_->counts().triangles : selected_.triangles;
+}
+
+// Of the whole mesh that the client has: what it is told of is another query's.
+void Session::FillStatsOnTheWay(ExtractStats* stats) const {
+  const uint8_t code =
+      moving_ != nullptr ? LargestCodeOf(moving_->counts()) : selected_.largest_code;
+  CutState::Counts counts;
+  counts.triangles = TrianglesShown();
+  FillStats(surface_->record(), counts, {true, counts.triangles, code, {}}, stats);
+  stats->clusters_used =
+      moving_ != nullptr ? moving_->counts().clusters_used : selected_.clusters_used;
+  stats->limit = QueryLimit::kTime;
+}
+
 const Bits& Session::BitsOf(UnitId cluster) const {
-  return moving_ == nullptr ? selected_[cluster] : moving_->applied(cluster);
+  return moving_ == nullptr ? selected_.applied[cluster] : moving_->applied(cluster);
 }
 
 bool Session::applied(UnitId cluster, NodeIndex node) const {

@@ -26,8 +26,10 @@ class Surface;
 
 namespace internal {
 class Bits;
+class CutState;
 class MovingCut;
 class UnitReader;
+struct BudgetSearch;
 }  // namespace internal
 
 // Takes the batches of one round of an update, in order. What it returns but ok ends the update.
@@ -61,6 +63,10 @@ struct SessionOptions {
   // with no further cluster, leaves a conforming cut on the way, says QueryLimit::kTime, and goes
   // on when it is called with the same region and threshold. At least one cluster is refined in a
   // call; what the new query takes away, and the updates that a call makes, are not counted.
+  // With max_triangles a search that takes several calls is finished before the one of a later
+  // query begins, so that queries that change with each call get somewhere. The cut stays the one
+  // before until the search is over or has as many triangles; its error_bound is then that of the
+  // whole mesh.
   bool available_only = false;
 };
 
@@ -116,11 +122,27 @@ class Session {
               const TakeBatches& take, SessionUpdate* update);
   Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
+  Status SelectInCalls(const Query& query, const TakeBatches& take, SessionUpdate* update);
+  Status Show(const internal::CutState& cut, internal::UnitReader& reader, const TakeBatches& take,
+              SessionUpdate* update);
+  Status Follow(internal::MovingCut& cut, const TakeBatches& take, SessionUpdate* update);
+  void FillStatsOnTheWay(ExtractStats* stats) const;
+  uint64_t TrianglesShown() const;
   const internal::Bits& BitsOf(UnitId cluster) const;
   const std::shared_ptr<const Surface> surface_;
   std::unique_ptr<internal::UnitReader> available_;  // not null: it waits for nothing
   std::unique_ptr<internal::MovingCut> moving_;      // null after an update with a budget
-  std::vector<internal::Bits> selected_;  // then: per cluster, empty where no node is applied
+  // Then: what the client has.
+  struct Selected {
+    std::vector<internal::Bits> applied;  // per cluster, empty where no node is
+    uint64_t triangles = 0;
+    uint64_t clusters_used = 0;
+    uint8_t largest_code = 0;  // of the whole mesh
+  };
+  Selected selected_;
+  // Of a session that does not wait: what is on its way to take the place of the cut.
+  std::unique_ptr<internal::BudgetSearch> search_;
+  std::unique_ptr<internal::MovingCut> next_;
   uint64_t applied_count_ = 0;
 };
 

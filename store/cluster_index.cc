@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/cluster_index.h"
 
+#include <algorithm>
+
 #include "store/base/check.h"
 
 namespace mtdb {
 
 void ClusterIndex::Add(const UnitEntry& entry, const PayloadLocation& location,
                        std::span<const UnitId> children) {
+  uint8_t below = 0;
   for (size_t i = 0; i < children.size(); ++i) {
     MTDB_CHECK(children[i] < clusters_, "a child is added before its parent");
     MTDB_CHECK(i == 0 || children[i - 1] < children[i], "children ascend");
+    below = std::max(below, entries_[children[i]].error_code_max);
   }
   if (entry.nodes > 0) {
     MTDB_CHECK(clusters_ == entries_.size(), "clusters come before pieces of the root");
@@ -17,6 +21,7 @@ void ClusterIndex::Add(const UnitEntry& entry, const PayloadLocation& location,
   }
   entries_.push_back(entry);
   locations_.push_back(location);
+  error_codes_below_.push_back(below);
   children_.insert(children_.end(), children.begin(), children.end());
   child_begin_.push_back(children_.size());
 }
@@ -42,6 +47,7 @@ void ClusterIndex::Finish(uint64_t root_vertices) {
 ClusterIndex::ClusterIndex(uint32_t clusters, uint32_t root_pieces, uint64_t root_vertices)
     : entries_(clusters + root_pieces),
       locations_(entries_.size()),
+      error_codes_below_(entries_.size()),
       first_vertex_(entries_.size()),
       late_(entries_.size()),
       clusters_(clusters),
@@ -49,7 +55,7 @@ ClusterIndex::ClusterIndex(uint32_t clusters, uint32_t root_pieces, uint64_t roo
 
 void ClusterIndex::Put(UnitId id, const UnitEntry& entry, const PayloadLocation& location,
                        VertexIndex first_vertex, std::span<const UnitId> children,
-                       std::span<const UnitId> parents) {
+                       std::span<const UnitId> parents, uint8_t error_code_below) {
   MTDB_CHECK(id < late_.size(), "no such unit");
   if (Has(id)) return;
   MTDB_CHECK((entry.nodes > 0) == (id < clusters_), "clusters have nodes");
@@ -57,6 +63,7 @@ void ClusterIndex::Put(UnitId id, const UnitEntry& entry, const PayloadLocation&
   entries_[id] = entry;
   locations_[id] = location;
   first_vertex_[id] = first_vertex;
+  error_codes_below_[id] = error_code_below;
   row.children.assign(children.begin(), children.end());
   row.parents.assign(parents.begin(), parents.end());
   row.there.value.store(true, std::memory_order_release);

@@ -63,6 +63,8 @@ class ClusterIndex {
   std::span<const UnitId> parents(UnitId id) const {
     return late_.empty() ? Range(parents_, parent_begin_, id) : late_[id].parents;
   }
+  // The largest error code of its children; 0 without any.
+  uint8_t error_code_below(UnitId id) const { return error_codes_below_[id]; }
   // VertexIndex of the unit's node 0.
   VertexIndex first_vertex(UnitId id) const { return first_vertex_[id]; }
 
@@ -78,7 +80,7 @@ class ClusterIndex {
   ClusterIndex() = default;
   void Put(UnitId id, const UnitEntry& entry, const PayloadLocation& location,
            VertexIndex first_vertex, std::span<const UnitId> children,
-           std::span<const UnitId> parents);
+           std::span<const UnitId> parents, uint8_t error_code_below);
 
  private:
   // A row's arcs, of an index whose rows come late.
@@ -105,6 +107,7 @@ class ClusterIndex {
 
   std::vector<UnitEntry> entries_;
   std::vector<PayloadLocation> locations_;
+  std::vector<uint8_t> error_codes_below_;
   std::vector<UnitId> children_, parents_;
   std::vector<uint64_t> child_begin_{0}, parent_begin_;
   std::vector<VertexIndex> first_vertex_;

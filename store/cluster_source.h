@@ -33,9 +33,8 @@ class ClusterSource {
   virtual const ObjectRecord& record() const = 0;
   // Its rows are there from the beginning, or come with the answers and stay. The rows of the
   // root's pieces and of their children are there in any case; when a unit is answered, those of
-  // the unit, its parents, its children and their children. A failed answer promises none. So a
-  // query that holds a unit may ask for the rows of two generations below it, and nothing has to be
-  // waited for but payloads.
+  // the unit, its parents and its children. A failed answer promises none. So a query that holds a
+  // unit knows what may come next, and nothing has to be waited for but payloads.
   virtual const ClusterIndex& index() const = 0;
 
   // Asks for the payloads of a batch. Each unit is answered once, in any order: during the call or

@@ -14,8 +14,10 @@ namespace {
 
 // What is kept leaves this share of the cache for what is on its way and what is being decoded.
 constexpr size_t kOtherShare = 8;
-// Payloads on their way: enough for 100 Mbit/s and 80 ms, and little to have asked for in vain.
+// Payloads on their way: enough for 100 Mbit/s and 80 ms, and little to have asked for in vain. At
+// first as much as came so far, so that on a slow line what is wanted most comes before the rest.
 constexpr size_t kAskedBytes = size_t{1} << 20;
+constexpr size_t kFirstAskedBytes = size_t{64} << 10;
 constexpr size_t kJobsPerThread = 8;  // of a source that answers at once
 
 }  // namespace
@@ -35,12 +37,15 @@ AvailableUnits::~AvailableUnits() {
   for (const UnitId u : list_) cache_.Unpin(u);
 }
 
-void AvailableUnits::Begin(std::optional<TimePoint> until) {
+void AvailableUnits::Begin(std::optional<TimePoint> until, bool goes_on) {
   until_ = until;
   decoded_ = out_of_time_ = false;
-  for (const UnitId u : missing_) noted_[u] = false;
-  missing_.clear();
-  reasons_.clear();
+  several_calls_ = goes_on;
+  if (!goes_on) {
+    for (const UnitId u : missing_) noted_[u] = false;
+    missing_.clear();
+    reasons_.clear();
+  }
   const MutexLock lock(cache_.mutex_);
   cache_.StartWorkers();
 }
@@ -122,6 +127,7 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
   const bool parents = index.Has(unit) && std::ranges::all_of(index.parents(unit), [&](UnitId p) {
                          return taken_[p] != nullptr;
                        });
+  if (several_calls_ && out_of_time_) return;
   if (!parents || cache_.exclusive_ || cache_.exclusive_waiting_ > 0) {
     return Note(unit, Reason::kNotRead);
   }
@@ -139,7 +145,10 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
     cache_.Pin(unit);
   } else {
     const Status status = Load(unit, lock);
-    if (status.code() == StatusCode::kNotYet) return Note(unit, Reason::kNotRead);
+    if (status.code() == StatusCode::kNotYet) {
+      if (several_calls_ && out_of_time_) return;
+      return Note(unit, Reason::kNotRead);
+    }
     if (status.code() == StatusCode::kBudgetExceeded || status.code() == StatusCode::kNoSpace) {
       client_->no_room[unit] = cache_.bytes_;
       return Note(unit, Reason::kNoRoom);
@@ -177,7 +186,9 @@ Status AvailableUnits::Load(UnitId unit, ClusterCache::Lock& lock) {
 
 void AvailableUnits::KeepOnly(std::span<const UnitId> units) {
   std::vector<bool> keep(taken_.size());
-  for (const UnitId u : units) keep[u] = true;
+  for (const auto list : {units, std::span<const UnitId>(held_)}) {
+    for (const UnitId u : list) keep[u] = true;
+  }
   std::ranges::sort(list_);  // parents are larger
   for (const UnitId u : list_) {
     if (!keep[u]) continue;
@@ -231,6 +242,10 @@ void AvailableUnits::Ask(std::span<const UnitId> order, bool all) {
   std::vector<bool> wanted(taken_.size());
   std::vector<UnitId> now;
   size_t on_the_way = 0, kept = bytes_;
+  const size_t asked_bytes =
+      std::min(std::clamp(static_cast<size_t>(came_bytes_ + client_->stats.bytes_read),
+                          kFirstAskedBytes, kAskedBytes),
+               cache_.budget_bytes() / kOtherShare);
   for (const UnitId u : order) {
     const ClusterCache::Entry& entry = cache_.entries_[u];
     if (client_->failures.contains(u) || client_->no_room.contains(u)) continue;
@@ -242,7 +257,7 @@ void AvailableUnits::Ask(std::span<const UnitId> order, bool all) {
     if (!cache_.CanLoad(u)) {
       const bool first = on_the_way == 0;
       on_the_way += bytes;
-      if (!first && on_the_way > std::min(kAskedBytes, cache_.budget_bytes() / kOtherShare)) break;
+      if (!first && on_the_way > asked_bytes) break;
       if (entry.asked == nullptr) now.push_back(u);
     }
     wanted[u] = true;

@@ -31,7 +31,13 @@ class AvailableUnits {
 
   // A call of the caller begins: what was missing is looked for again. After `until` Take decodes
   // nothing, but for one unit a call.
-  void Begin(std::optional<TimePoint> until);
+  // With `goes_on` it is part of what the call before began: what was missing stays so; and what
+  // the time did not suffice to decode is not missing, but out_of_time() says so.
+  void Begin(std::optional<TimePoint> until, bool goes_on = false);
+  // Payloads that came in the calls before, for the amount to ask for.
+  void CountBytes(uint64_t bytes) { came_bytes_ += bytes; }
+  // What takes several calls begins with this one: see Begin.
+  void TakeSeveralCalls() { several_calls_ = true; }
   // Since Begin: what was there, and there was no time to decode.
   bool out_of_time() const { return out_of_time_; }
   bool time_is_over() const { return until_ && std::chrono::steady_clock::now() >= *until_; }
@@ -44,8 +50,10 @@ class AvailableUnits {
   bool taken(UnitId unit) const { return taken_[unit] != nullptr; }
   // What was taken and is kept; null: not this one.
   const LoadedUnit* Find(UnitId unit) const { return taken_[unit]; }
-  // Lets go of all but these and what they come from.
+  // Lets go of all but these, those of Hold, and what they come from.
   void KeepOnly(std::span<const UnitId> units);
+  // From now on KeepOnly keeps these, too.
+  void Hold(std::vector<UnitId> units) { held_ = std::move(units); }
 
   // Since Begin: what Take was asked for and did not find, and what that comes from. In no order.
   std::span<const UnitId> missing() const { return missing_; }
@@ -75,6 +83,9 @@ class AvailableUnits {
   std::optional<TimePoint> until_;
   bool decoded_ = false;                  // since Begin
   bool out_of_time_ = false;              // likewise
+  bool several_calls_ = false;
+  uint64_t came_bytes_ = 0;               // of payloads, in the calls before
+  std::vector<UnitId> held_;
   std::vector<const LoadedUnit*> taken_;  // per unit
   std::vector<UnitId> list_;              // of these
   size_t bytes_ = 0;                      // likewise

@@ -101,7 +101,14 @@ std::shared_ptr<ClusterCache::Batch> ClusterCache::Ask(std::span<const UnitId> u
 }
 
 void ClusterCache::AskAhead(std::span<const UnitId> units, const ClientPtr& client, Lock& lock) {
-  std::vector<UnitId> list(units.begin(), units.end());
+  std::vector<UnitId> list;
+  std::vector<bool> listed(entries_.size());
+  const auto add = [&](UnitId u) {
+    if (listed[u] || entries_[u].state != State::kEmpty) return;
+    listed[u] = true;
+    list.push_back(u);
+  };
+  for (const UnitId u : units) add(u);
   size_t bytes = payload_bytes_;
   for (const auto& batch : batches_) {
     for (const UnitId u : batch->units) {
@@ -115,11 +122,7 @@ void ClusterCache::AskAhead(std::span<const UnitId> units, const ClientPtr& clie
       list.resize(i);
       break;
     }
-    for (const UnitId p : index_.parents(list[i])) {
-      if (entries_[p].state == State::kEmpty && std::ranges::find(list, p) == list.end()) {
-        list.push_back(p);
-      }
-    }
+    for (const UnitId p : index_.parents(list[i])) add(p);
   }
   std::ranges::sort(list, std::greater<>());
   Ask(list, client, Asking::kAhead, lock);

@@ -107,24 +107,10 @@ void CutImpl::FillStats() {
   stats_.active_triangles = stats_.triangles;
 }
 
-// What has been left to do: nodes that are not applied, of clusters that are open, and those of
-// their children.
-uint8_t CutImpl::LargestCodeLeft() const {
-  uint8_t largest = 0;
-  const auto add = [&](UnitId id) { largest = std::max(largest, index_.unit(id).error_code_max); };
-  for (const UnitId id : cut_.open()) {
-    if (cut_.Find(id)->applied_count < index_.unit(id).nodes) add(id);
-    for (const UnitId child : index_.children(id)) {
-      if (cut_.Find(child) == nullptr) add(child);
-    }
-  }
-  return largest;
-}
-
 void CutImpl::SetBounds(double rounding) {
   const ObjectRecord& record = surface_->record();
   if (!everything_ && !clip_ && query_.region != nullptr) {
-    stats_.error_bound_outside = BoundOf(record.grid, LargestCodeLeft(), rounding_ + rounding);
+    stats_.error_bound_outside = BoundOf(record.grid, LargestCodeLeft(cut_), rounding_ + rounding);
   }
   stats_.error_bound = BoundOf(record.grid, outcome_.active.largest_code, rounding_ + rounding);
   stats_.shortfall = outcome_.active.shortfall;

@@ -49,7 +49,6 @@ class CutImpl {
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
   void FillStats();
-  uint8_t LargestCodeLeft() const;
   // What the answer promises when the sink moves vertices by up to `rounding`, whatever was
   // expected.
   void SetBounds(double rounding);

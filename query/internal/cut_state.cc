@@ -212,4 +212,19 @@ Status CutState::Inconsistent(UnitId unit, const char* what) const {
   return Corrupt(UnitName(source_.record(), unit) + ": " + what + "; rebuild the object");
 }
 
+uint8_t LargestCodeLeft(const CutState& cut) {
+  const ClusterIndex& index = cut.index();
+  uint8_t largest = 0;
+  const auto add = [&](uint8_t code) { largest = std::max(largest, code); };
+  for (const UnitId id : cut.open()) {
+    if (cut.Find(id)->applied_count < index.unit(id).nodes) add(index.unit(id).error_code_max);
+    for (const UnitId child : index.children(id)) {
+      if (cut.Find(child) != nullptr) continue;
+      // Of a unit that is missing itself, the rows of children need not be there.
+      add(index.Has(child) ? index.unit(child).error_code_max : index.error_code_below(id));
+    }
+  }
+  return largest;
+}
+
 }  // namespace mtdb::internal

@@ -187,4 +187,8 @@ class CutState {
   std::vector<NodeRef> stack_;
 };
 
+// What has been left to do: the largest error code of nodes that are not applied, of open units,
+// and of those of their children.
+uint8_t LargestCodeLeft(const CutState& cut);
+
 }  // namespace mtdb::internal

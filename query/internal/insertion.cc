@@ -150,10 +150,10 @@ bool Insertion::TakeUp(int step) {
 
 // Coarsest units first.
 Status Insertion::RunQueue() {
-  units_.queue().Prefetch(units_.pins().reader());
+  units_.queue().Prefetch(units_.pins().reader(), units_.judge());
   const auto advance = [&](MovingUnit& u, const LoadedUnit& unit) -> Status {
     MTDB_RETURN_IF_ERROR(Advance(u, unit));
-    units_.queue().Prefetch(units_.pins().reader());
+    units_.queue().Prefetch(units_.pins().reader(), units_.judge());
     if (control_ != nullptr) {
       control_->nodes_applied_.store(inserted_before_ + inserted_, std::memory_order_relaxed);
     }

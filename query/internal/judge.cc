@@ -84,11 +84,7 @@ Triangle3d Judge::Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creat
 }
 
 double Judge::Reach(UnitId unit) const {
-  uint8_t largest = index_.unit(unit).error_code_max;
-  for (const UnitId child : index_.children(unit)) {
-    largest = std::max(largest, index_.unit(child).error_code_max);
-  }
-  return Bound(largest);
+  return Bound(std::max(index_.unit(unit).error_code_max, index_.error_code_below(unit)));
 }
 
 }  // namespace mtdb::internal

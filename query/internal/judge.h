@@ -38,6 +38,7 @@ class Judge {
   void SetMeter(WorkMeter* meter) { meter_ = meter; }
   WorkMeter& meter() const { return *meter_; }
 
+  const ClusterIndex& index() const { return index_; }
   const Grid& grid() const { return grid_; }
   double rounding() const { return rounding_; }
   bool whole() const { return region_ == nullptr; }

@@ -7,6 +7,8 @@
 #include <tuple>
 #include <unordered_map>
 
+#include "query/internal/unit_reader.h"
+
 namespace mtdb::internal {
 namespace {
 
@@ -19,6 +21,16 @@ bool HelpsMore(const MissingCluster& a, const MissingCluster& b) {
 
 double Excess(double error, double threshold) {
   return threshold > 0 ? error / threshold : std::numeric_limits<double>::infinity();
+}
+
+// Whether some triangle of the box's middle would be refused with the unit's largest error. `bound`
+// and `range` are set where it is.
+bool SurelyWants(const UnitEntry& unit, const Judge& judge, double* bound, ErrorRange* range) {
+  if (!judge.MayRefuse(unit.bounds, unit.error_code_max)) return false;
+  *bound = judge.Bound(unit.error_code_max);
+  *range = judge.RangeIn(judge.ModelBox(unit.bounds), *bound);
+  // Between the two it depends on where in the box the errors are.
+  return range->low <= 0 || *bound > std::sqrt(range->low * range->high);
 }
 
 }  // namespace
@@ -67,11 +79,9 @@ void AskForMissing(const ClusterIndex& index, const Judge& judge,
     for (const UnitId child : index.children(wishes[i].unit)) {
       if (listed[child] || !index.Has(child) || units.taken(child)) continue;
       const UnitEntry& unit = index.unit(child);
-      if (!judge.MayRefuse(unit.bounds, unit.error_code_max)) continue;
-      const double error = judge.Bound(unit.error_code_max);
-      const ErrorRange range = judge.RangeIn(judge.ModelBox(unit.bounds), error);
-      // Between the two it depends on where in the box the errors are.
-      if (range.low > 0 && error <= std::sqrt(range.low * range.high)) continue;
+      double error = 0;
+      ErrorRange range;
+      if (!SurelyWants(unit, judge, &error, &range)) continue;
       listed[child] = true;
       // It cannot help before what it comes from.
       wishes.push_back({child,
@@ -86,6 +96,27 @@ void AskForMissing(const ClusterIndex& index, const Judge& judge,
   order.reserve(wishes.size());
   for (const MissingCluster& w : wishes) order.push_back(w.unit);
   units.Ask(order, all);
+}
+
+void AskForWanted(const Judge& judge, std::vector<UnitId>& units, UnitReader& reader) {
+  const ClusterIndex& index = judge.index();
+  std::vector<bool> listed(index.unit_count());
+  for (const UnitId u : units) listed[u] = true;
+  const size_t most = units.size() + kMostAhead;
+  for (size_t i = 0; i < units.size() && units.size() < most; ++i) {
+    if (!index.Has(units[i])) continue;
+    for (const UnitId child : index.children(units[i])) {
+      double bound = 0;
+      ErrorRange range;
+      if (listed[child] || !index.Has(child) ||
+          !SurelyWants(index.unit(child), judge, &bound, &range)) {
+        continue;
+      }
+      listed[child] = true;
+      units.push_back(child);
+    }
+  }
+  reader.Prefetch(units);
 }
 
 }  // namespace mtdb::internal

@@ -11,6 +11,8 @@
 
 namespace mtdb::internal {
 
+class UnitReader;
+
 // What `units` noted as missing, as ExtractStats::missing orders it.
 std::vector<MissingCluster> RankMissing(const ClusterIndex& index, const Judge& judge,
                                         const AvailableUnits& units);
@@ -20,5 +22,9 @@ std::vector<MissingCluster> RankMissing(const ClusterIndex& index, const Judge& 
 // `all` nothing else is wanted any more.
 void AskForMissing(const ClusterIndex& index, const Judge& judge,
                    const std::vector<MissingCluster>& missing, bool all, AvailableUnits& units);
+
+// Of a query that waits, over a source that answers later: has `units` asked for, the first before
+// the others, and behind them what it will surely want, as far as rows are there.
+void AskForWanted(const Judge& judge, std::vector<UnitId>& units, UnitReader& reader);
 
 }  // namespace mtdb::internal

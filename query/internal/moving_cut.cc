@@ -57,7 +57,8 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   const bool same = units_.judge().Same(query);
   if (!same) insertion_.GiveUp();
   insertion_.Begin(query.control);
-  MTDB_RETURN_IF_ERROR(Decide(query));
+  bool moved = false;
+  MTDB_RETURN_IF_ERROR(Decide(query, &moved));
   if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
     MTDB_RETURN_IF_ERROR(units->TakeRoot());
   }
@@ -65,8 +66,8 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   MTDB_RETURN_IF_ERROR(removal_.Run(weak_));
   const ClusterIndex& index = units_.index();
   for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) units_.Open(id);
-  // After another query all that waits has been decided upon.
-  if (!same) insertion_.ForgetMissing();
+  // All that waits has been decided upon, unless another query means the same.
+  if (moved) insertion_.ForgetMissing();
   insertion_.DeferMissing();
   MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
@@ -94,13 +95,14 @@ void MovingCut::AskForMissing() {
   }));
 }
 
-Status MovingCut::Decide(const Query& query) {
+Status MovingCut::Decide(const Query& query, bool* anything_moved) {
   Judge& judge = units_.judge();
   const ThresholdPtr from = judge.threshold();
   const RegionPtr region = judge.region();
   judge.SetQuery(query);
   const Deadlines::Moved moved{from.get(), region.get(), from != judge.threshold(),
                                region != judge.region()};
+  *anything_moved = moved.threshold || moved.region;
   ++moves_;
   for (const UnitId id : units_.open()) {
     if (!judge.meter().Spend(1)) return judge.meter().status();

@@ -62,8 +62,9 @@ class MovingCut {
 
  private:
   Status Step(const Query& query, uint64_t round_nodes, const Commit& commit);
-  // What the query decides otherwise: sets refused triangles, tells Strength and Insertion.
-  Status Decide(const Query& query);
+  // What the query decides otherwise: sets refused triangles, tells Strength and Insertion. All
+  // units were asked if `anything_moved`.
+  Status Decide(const Query& query, bool* anything_moved);
   Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired);
   Status EndRound(const Commit& commit);
   void AskForMissing();

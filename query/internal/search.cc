@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "query/internal/available_units.h"
 #include "query/internal/missing_clusters.h"
 
 namespace mtdb::internal {
@@ -29,7 +30,7 @@ Status CheckLimits(const ObjectRecord& record, const Query& query) {
 // valid cut.
 
 Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding,
-               CutState* cut)
+               CutState* cut, SearchProgress* progress)
     : index_(source.index()),
       bounds_(source.record().bounds),
       query_(query),
@@ -39,7 +40,14 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
       judge_(source, rounding),
       pass_(*cut, judge_),
       by_error_(query.max_triangles || query.max_bytes || query.max_milliseconds),
+      progress_(progress),
       pending_(source.index().unit_count()) {
+  if (progress_ != nullptr && progress_->begun) {
+    by_errors_ = std::move(progress_->by_errors);
+    pending_ = std::move(progress_->pending);
+    outcome_.nodes_visited = progress_->nodes_visited;
+    outcome_.nodes_forced = progress_->nodes_forced;
+  }
   judge_.SetQuery(query);
   judge_.SetMeter(&meter_);
 }
@@ -50,6 +58,14 @@ Result<Search::Outcome> Search::Run() {
   meter_.Resume();
   if (status.code() != StatusCode::kCancelled) AskForMissing();
   MTDB_RETURN_IF_ERROR(status);
+  if (progress_ != nullptr) {
+    *progress_ = {true, std::move(by_errors_), std::move(pending_), outcome_.nodes_visited,
+                  outcome_.nodes_forced};
+    if (outcome_.limit == QueryLimit::kTime) {
+      pins_.Release();
+      return std::move(outcome_);
+    }
+  }
   Survey survey(cut_, judge_, pins_);
   MTDB_ASSIGN_OR_RETURN(outcome_.active,
                         survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
@@ -67,7 +83,13 @@ void Search::AskForMissing() {
 }
 
 Status Search::RunFromRoot() {
-  const auto deadline = DeadlineOf(query_);
+  const auto deadline = progress_ == nullptr ? DeadlineOf(query_) : std::nullopt;
+  if (progress_ == nullptr || !progress_->begun) MTDB_RETURN_IF_ERROR(OpenRoot());
+  pins_.reader().SetDeadline(deadline);
+  return by_error_ ? RunByError() : RunByClusters();
+}
+
+Status Search::OpenRoot() {
   if (AvailableUnits* const units = pins_.reader().available(); units != nullptr) {
     MTDB_RETURN_IF_ERROR(units->TakeRoot());
   }
@@ -79,8 +101,7 @@ Status Search::RunFromRoot() {
       return Status::Ok();
     }));
   }
-  pins_.reader().SetDeadline(deadline);
-  return by_error_ ? RunByError() : RunByClusters();
+  return Status::Ok();
 }
 
 template <typename Step>
@@ -94,7 +115,7 @@ Status Search::RunStep(Step&& step) {
 
 Status Search::RunByClusters() {
   while (!queue_.empty()) {
-    queue_.Prefetch(pins_.reader());
+    queue_.Prefetch(pins_.reader(), judge_);
     CutUnit& u = queue_.Take();
     MTDB_RETURN_IF_ERROR(RunStep([&] { return Advance(u); }));
   }
@@ -112,8 +133,15 @@ Status Search::Advance(CutUnit& u) {
 }
 
 Status Search::LookAt(CutUnit& u) {
-  // It stays pending, so that what enters it later does not bring it back.
-  if (!pins_.reader().IsAvailable(u.id)) return Status::Ok();
+  if (!pins_.reader().IsAvailable(u.id)) {
+    if (progress_ != nullptr && pins_.reader().available()->out_of_time()) {
+      // The next call decodes it.
+      by_errors_.Push({cut_.LargestCode(u.id), true, u.id, 0});
+      outcome_.limit = QueryLimit::kTime;
+    }
+    // It stays pending, so that what enters it later does not bring it back.
+    return Status::Ok();
+  }
   MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, pins_.Pin(u));
   const auto examine = [&](uint32_t slot) {
     if (cut_.Present(u, *unit, slot)) ExamineSlot(*unit, u, slot, kNone32);
@@ -141,17 +169,18 @@ Status Search::LookAt(CutUnit& u) {
 Status Search::RunByError() {
   QueryLimit& limit = outcome_.limit;
   UnitReader& reader = pins_.reader();
+  uint64_t steps = 0;
   while (!by_errors_.empty() && limit == QueryLimit::kThreshold) {
-    const ErrorTask task = by_errors_.Pop();
-    const Status status = RunStep([&] {
-      CutUnit& u = cut_.Open(task.unit);
-      if (!task.look) return Insert({&u, task.node});
-      if (query_.max_bytes && reader.BytesToRead(task.unit) > reader.bytes_left()) {
-        limit = QueryLimit::kBytes;
-        return Status::Ok();
+    if (progress_ != nullptr && steps >= kStepsPerLook) {
+      steps = 0;
+      if (reader.available()->time_is_over()) {
+        limit = QueryLimit::kTime;
+        break;
       }
-      return LookAt(u);
-    });
+    }
+    const ErrorTask task = by_errors_.Pop();
+    steps += task.look ? kStepsPerLook : 1;
+    const Status status = RunStep([&] { return RunTask(task); });
     if (reader.out_of_bytes()) {
       limit = QueryLimit::kBytes;
     } else if (reader.out_of_time()) {
@@ -161,6 +190,17 @@ Status Search::RunByError() {
     }
   }
   return Status::Ok();
+}
+
+Status Search::RunTask(const ErrorTask& task) {
+  UnitReader& reader = pins_.reader();
+  CutUnit& u = cut_.Open(task.unit);
+  if (!task.look) return Insert({&u, task.node});
+  if (query_.max_bytes && reader.BytesToRead(task.unit) > reader.bytes_left()) {
+    outcome_.limit = QueryLimit::kBytes;
+    return Status::Ok();
+  }
+  return LookAt(u);
 }
 
 Status Search::Insert(NodeRef target) {

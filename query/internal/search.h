@@ -27,6 +27,15 @@ std::optional<std::chrono::steady_clock::time_point> DeadlineOf(const Query& que
 // kInvalidArgument for limits that a query that takes what is there cannot have.
 Status CheckLimits(const ObjectRecord& record, const Query& query);
 
+// A search with a budget that has been interrupted: what it has still to do.
+struct SearchProgress {
+  bool begun = false;
+  ErrorQueue by_errors;
+  Bits pending;
+  uint64_t nodes_visited = 0;
+  uint64_t nodes_forced = 0;
+};
+
 // Goes from cluster to cluster, coarsest first, and inside a cluster from node to node in stored
 // order. A cluster is loaded only when the index cannot prove that the triangles it removes are
 // valid or inactive. With a budget a priority queue takes the place of that order. One use.
@@ -40,21 +49,27 @@ class Search {
     std::vector<MissingCluster> missing;
   };
 
-  // Makes of the cut, of which no unit is open, that of the query; see Judge for `rounding`.
+  // Makes of the cut, of which no unit is open, that of the query; see Judge for `rounding`. With
+  // `progress`, whose reader takes what is there, a search with a budget ends when the time of the
+  // reader's call is over, after kStepsPerLook steps at least, and says kTime; another Search with
+  // the same arguments goes on. What is missing once stays missing for all of them.
   Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding,
-         CutState* cut);
+         CutState* cut, SearchProgress* progress = nullptr);
 
   // Sets CutUnit::active, but for ActiveTriangles::all.
   Result<Outcome> Run();
 
  private:
   using NodeRef = CutState::NodeRef;
+  static constexpr uint64_t kStepsPerLook = 64;  // at the clock
 
   Status RunFromRoot();
+  Status OpenRoot();
   Status RunByClusters();
   // Of a query that takes what is there: says what it lacks, and has that asked for.
   void AskForMissing();
   Status RunByError();
+  Status RunTask(const ErrorTask& task);
   template <typename Step>
   Status RunStep(Step&& step);
   Status Advance(CutUnit& u);
@@ -79,6 +94,7 @@ class Search {
   Judge judge_;
   StoredOrderPass pass_;
   const bool by_error_;  // there is a budget
+  SearchProgress* const progress_;
   Outcome outcome_;
   UnitQueue queue_;
   ErrorQueue by_errors_;

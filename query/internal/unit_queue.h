@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "query/internal/cut_state.h"
+#include "query/internal/judge.h"
+#include "query/internal/missing_clusters.h"
 #include "query/internal/unit_reader.h"
 
 namespace mtdb::internal {
@@ -31,9 +33,19 @@ class UnitQueue {
     u.queued = false;
     return u;
   }
-  // Has units loaded that will be taken soon, but for the first.
-  void Prefetch(UnitReader& reader) {
+  // Has units loaded that will be taken soon, but for the first. Over a source that answers later
+  // that is done where the first has to be waited for: the more is asked for at a time, the fewer
+  // requests it takes.
+  void Prefetch(UnitReader& reader, const Judge& judge) {
     ahead_.clear();
+    if (reader.asks_ahead()) {
+      if (units_.empty() || reader.IsReady((*units_.begin())->id)) return;
+      for (auto it = units_.begin(); it != units_.end() && ahead_.size() < kMostAsked; ++it) {
+        ahead_.push_back((*it)->id);
+      }
+      AskForWanted(judge, ahead_, reader);
+      return;
+    }
     size_t window = reader.prefetch_units();
     for (auto it = units_.begin(); it != units_.end() && window > 0; ++it, --window) {
       CutUnit& u = **it;
@@ -48,6 +60,7 @@ class UnitQueue {
   struct Coarser {
     bool operator()(const CutUnit* a, const CutUnit* b) const { return a->id > b->id; }
   };
+  static constexpr size_t kMostAsked = 512;
   std::set<CutUnit*, Coarser> units_;
   std::vector<UnitId> ahead_;
 };

@@ -65,13 +65,15 @@ bool UnitReader::IsAvailable(UnitId unit) {
 }
 
 void UnitReader::BeginCall(QueryControl* control,
-                           std::optional<std::chrono::steady_clock::time_point> until) {
+                           std::optional<std::chrono::steady_clock::time_point> until,
+                           bool goes_on) {
   {
     const MutexLock lock(cache_.mutex_);
     limits_.control = client_->control = control;
+    available_->CountBytes(client_->stats.bytes_read);
     client_->stats = {};
   }
-  available_->Begin(until);
+  available_->Begin(until, goes_on);
 }
 
 Status UnitReader::WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const {
@@ -226,6 +228,11 @@ void UnitReader::Release() {
     cache_.room_.notify_all();
   }
   cache_.Leave();
+}
+
+bool UnitReader::IsReady(UnitId unit) {
+  const MutexLock lock(cache_.mutex_);
+  return cache_.entries_[unit].state == ClusterCache::State::kReady;
 }
 
 void UnitReader::Prefetch(std::span<const UnitId> units) {

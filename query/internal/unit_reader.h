@@ -52,11 +52,16 @@ class UnitReader {
   // True when the unit can be got, for a reader that waits as well.
   bool IsAvailable(UnitId unit);
   // A call begins, of a reader that outlives them.
-  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until);
+  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until,
+                 bool goes_on = false);
   // With nothing held: waits until nobody else holds units, and keeps it so until Release.
   Status WaitForRoom();
   // Units that will be wanted soon, by and by: other threads load them. Cheap when they are there.
   void Prefetch(std::span<const UnitId> units);
+  // Prefetch asks a source that answers later.
+  bool asks_ahead() const { return prefetch_units_ > 0 && !cache_.at_once_; }
+  // Whether it is decoded.
+  bool IsReady(UnitId unit);
   // How many units ahead a caller should name.
   size_t prefetch_units() const { return prefetch_units_; }
 

@@ -36,6 +36,7 @@ class RowReader {
 
   uint64_t GetChecksum() { return r_.Get<uint64_t>(); }
   uint64_t GetOffset() { return r_.Get<uint64_t>(); }
+  uint8_t GetCode() { return r_.Get<uint8_t>(); }
   uint64_t Get64() { return r_.GetVarint(); }
   uint32_t Get32(const char* what);
   uint32_t GetLength();

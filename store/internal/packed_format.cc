@@ -11,14 +11,14 @@
 namespace mtdb::internal {
 namespace {
 
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 constexpr uint8_t kGivenOffset = 0x02;  // of a row's flags
 constexpr std::array<char, 16> kMagic{'m', 't', 'd', 'b', ' ', 'p', 'a', 'c', 'k', 'e', 'd'};
 constexpr size_t kCheckedBytes = kPackedHeaderBytes - sizeof(uint64_t);
 constexpr uint32_t kMaxRowsPerPage = 1 << 20;
 constexpr uint32_t kMaxPageBytes = 1 << 28;
 // The least bytes of a row, and of a page's entry in the directory.
-constexpr uint64_t kMinRowBytes = 25;
+constexpr uint64_t kMinRowBytes = 26;
 constexpr uint64_t kMinPageEntryBytes = 26;
 
 uint64_t ContentHash(ByteSpan directory, int d) { return Hash64(directory, MixAll('P', d)); }
@@ -139,6 +139,10 @@ PackedRow DecodeRow(const PackedObject& object, UnitId unit, const UnitEntry& pr
   *end = row.offset + row.bytes;
   row.children = r->GetChildren(std::min(unit, clusters));
   row.parents = r->GetParents(unit, object.units());
+  row.error_code_below = r->GetCode();
+  if (row.children.empty() && row.error_code_below != 0) {
+    r->Fail("error code of the children", row.error_code_below);
+  }
   if (unit >= clusters && !row.parents.empty()) r->Fail("number of parents", row.parents.size());
   return row;
 }
@@ -287,6 +291,7 @@ Bytes EncodePackedPage(const ClusterIndex& index, const PackedObject& object, ui
       w.PutVarint(p - next);
       next = p + 1;
     }
+    w.Put(index.error_code_below(u));
     previous = e;
   }
   return w.Take();

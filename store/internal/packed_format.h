@@ -75,6 +75,7 @@ struct PackedRow {
   uint64_t checksum = 0;
   std::vector<UnitId> children;
   std::vector<UnitId> parents;
+  uint8_t error_code_below = 0;  // the largest error code of the children
 };
 
 uint64_t PageSeed(const PackedObject& object, uint32_t page);

@@ -129,10 +129,7 @@ void PackedLayout::OrderItems() {
     for (UnitId u = begin; u < end; ++u) {
       need(u);
       for (const UnitId p : index_.parents(u)) need(p);
-      for (const UnitId c : index_.children(u)) {
-        need(c);
-        for (const UnitId g : index_.children(c)) need(g);
-      }
+      for (const UnitId c : index_.children(u)) need(c);
       for (const uint32_t page : needed) {
         items_.push_back({true, page});
         placed[page] = true;

@@ -134,10 +134,7 @@ std::vector<uint32_t> PackedSource::MissingPages(UnitId unit) const {
   };
   if (!has(unit)) return missing;
   for (const UnitId p : index_.parents(unit)) has(p);
-  for (const UnitId c : index_.children(unit)) {
-    if (!has(c)) continue;
-    for (const UnitId g : index_.children(c)) has(g);
-  }
+  for (const UnitId c : index_.children(unit)) has(c);
   return missing;
 }
 
@@ -179,25 +176,27 @@ Status PackedSource::PutRow(UnitId unit, const PackedRow& row, VertexIndex first
   const auto contradiction = [&](UnitId other) {
     return Corrupt(place_ + ": index: " + UnitLabel(object_.record, unit) + " and " +
                    UnitLabel(object_.record, other) +
-                   " do not agree that one is the other's child");
+                   " do not agree that one is the other's child, or on its errors");
   };
   const auto has = [](std::span<const UnitId> units, UnitId u) {
     return std::ranges::binary_search(units, u);
   };
   for (const UnitId c : row.children) {
     if (!index_.Has(c)) continue;
-    if (!has(index_.parents(c), unit) || index_.unit(c).round >= row.entry.round) {
+    if (!has(index_.parents(c), unit) || index_.unit(c).round >= row.entry.round ||
+        index_.unit(c).error_code_max > row.error_code_below) {
       return contradiction(c);
     }
   }
   for (const UnitId p : row.parents) {
     if (!index_.Has(p)) continue;
-    if (!has(index_.children(p), unit) || index_.unit(p).round <= row.entry.round) {
+    if (!has(index_.children(p), unit) || index_.unit(p).round <= row.entry.round ||
+        row.entry.error_code_max > index_.error_code_below(p)) {
       return contradiction(p);
     }
   }
   index_.Put(unit, row.entry, PackedLocation(row.offset, row.bytes, row.checksum), first_vertex,
-             row.children, row.parents);
+             row.children, row.parents, row.error_code_below);
   return Status::Ok();
 }
 

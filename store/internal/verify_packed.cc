@@ -119,9 +119,7 @@ class PackedVerifier {
         return object.pages[object.page_of(other)].offset > offset;
       };
       bool wrong = after(u) || std::ranges::any_of(index.parents(u), after);
-      for (const UnitId c : index.children(u)) {
-        wrong = wrong || after(c) || std::ranges::any_of(index.children(c), after);
-      }
+      wrong = wrong || std::ranges::any_of(index.children(u), after);
       const bool same_round = u > 0 && index.unit(u - 1).round == index.unit(u).round;
       if (u > 0 && (PackedOffset(index.location(u - 1)) < offset) != same_round) wrong = true;
       if (wrong) {

@@ -257,6 +257,73 @@ TEST_CASE("a session that takes what is there of a store does so too") {
   }
 }
 
+TEST_CASE("a later query that means the same as the one before loses nothing that is missing") {
+  const MtFixture f = Fixture(7);
+  std::mt19937 random(1);
+  const auto source = std::make_shared<LateSource>(f.source, LateOptions{.own_thread = false});
+  Client client(f, *Surface::Open(source, {.threads = 1}));
+  Query coarse, same;
+  coarse.threshold = CoarsestThreshold();
+  client.UpdateToEnd(coarse, source.get(), random);
+  REQUIRE(client.Update({}, random)->limit == QueryLimit::kMissing);
+  same.threshold = FullResolution();
+  client.UpdateToEnd(same, source.get(), random);
+}
+
+// Calls of 0 ms end after their least work, so no time is assumed.
+TEST_CASE("with a budget of triangles a session gets to its end in calls of any shortness") {
+  for (const uint32_t seed : {1u, 3u, 4u, 6u}) {
+    const MtFixture f = Fixture(seed);
+    const auto whole = *Surface::Open(f.source);
+    for (const unsigned threads : {1u, 3u}) {
+      std::mt19937 random(seed);
+      const auto source =
+          std::make_shared<LateSource>(f.source, LateOptions{.seed = seed, .own_thread = false});
+      const auto surface = *Surface::Open(source, {.form = FormOf(seed), .threads = threads});
+      Client client(f, surface);
+      const auto wait = [&] {
+        if (source->Pump(1 + random() % 5) == 0) {
+          std::this_thread::sleep_for(std::chrono::microseconds(100));  // for the cache's threads
+        }
+      };
+      const auto is_answer = [&](Query query) {
+        query.max_milliseconds.reset();
+        return AppliedOf(f, client.session()) == AppliedOf(f, *whole->Select(query));
+      };
+      const auto random_query = [&] {
+        Query query = RandomQuery(f, random);
+        query.max_milliseconds = 0;
+        query.max_triangles = 50 + random() % 800;
+        return query;
+      };
+      for (int q = 0; q < 6; ++q) {
+        const Query query = random_query();
+        std::optional<ExtractStats> stats;
+        for (int i = 0; !stats || stats->limit == QueryLimit::kTime || !stats->missing.empty();
+             ++i) {
+          REQUIRE(i < 20000);
+          if (stats && stats->limit != QueryLimit::kTime) wait();
+          stats = client.Update(query, random);
+          if (!stats) wait();
+        }
+        REQUIRE(is_answer(query));
+        // Each call another query: one of them is answered, again and again.
+        const Query a = random_query(), b = random_query();
+        for (int answers = 0, i = 0; answers < 3; ++i) {
+          REQUIRE(i < 20000);
+          wait();
+          client.Update(i % 2 == 0 ? a : b, random);
+          if (is_answer(a) || is_answer(b)) ++answers;
+        }
+        // Back to a cut without a budget.
+        Query unlimited = RandomQuery(f, random);
+        unlimited.max_milliseconds = 0;
+        if (q % 2 == 1) client.UpdateToEnd(unlimited, source.get(), random);
+      }
+    }
+  }
+}
+
 TEST_CASE("a query that takes what is there has the least cut through that") {
   for (uint32_t seed = 1; seed <= 6; ++seed) {
     const MtFixture f = Fixture(seed);

@@ -100,7 +100,7 @@ bool LateSource::AnswerOne() {
 
 // What a source promises with its answer.
 void LateSource::PutRows(UnitId unit) {
-  PutFamily(unit, 2);
+  PutFamily(unit, 1);
   for (const UnitId u : whole_->index().parents(unit)) PutFamily(u, 0);
 }
 
@@ -110,7 +110,7 @@ void LateSource::PutFamily(UnitId unit, int generations) {
   {
     const std::lock_guard lock(rows_mutex_);
     index_.Put(unit, all.unit(unit), all.location(unit), all.first_vertex(unit), all.children(unit),
-               all.parents(unit));
+               all.parents(unit), all.error_code_below(unit));
   }
   if (generations == 0) return;
   for (const UnitId u : all.children(unit)) PutFamily(u, generations - 1);
