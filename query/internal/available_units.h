@@ -84,7 +84,7 @@ class AvailableUnits {
   bool decoded_ = false;                  // since Begin
   bool out_of_time_ = false;              // likewise
   bool several_calls_ = false;
-  uint64_t came_bytes_ = 0;               // of payloads, in the calls before
+  uint64_t came_bytes_ = 0;  // of payloads, in the calls before
   std::vector<UnitId> held_;
   std::vector<const LoadedUnit*> taken_;  // per unit
   std::vector<UnitId> list_;              // of these
