@@ -6,6 +6,7 @@ import {execFile, execFileSync} from 'node:child_process';
 import {createHash, createHmac} from 'node:crypto';
 import {mkdtempSync, readFileSync, rmSync} from 'node:fs';
 import {createServer} from 'node:http';
+import {createSecureServer as createHttp2Server} from 'node:http2';
 import {createServer as createSecureServer} from 'node:https';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
@@ -155,6 +156,34 @@ if (hasOpenssl) {
   await fails(/./, `https://localhost:${down.port}/a.mtdbp`, {CURL_CA_BUNDLE: file('cert.pem')});
   assert.equal(elsewhere.seen.length, before);
   console.log('certificates are checked');
+
+  // A server that speaks HTTP/2 is spoken to so, over one connection however many requests are under way. The file is
+  // large enough for several; one that offers HTTP/1.1 only gets that, above.
+  const large = file('large.mtdbp');
+  run('generate', 'sculpture', file('large.ply'), '--triangles', '200000');
+  run('ingest', file('large.ply'), file('large.mtdb'), '--name', 'large', '--quiet');
+  run('pack', file('large.mtdb'), large);
+  const bytes = readFileSync(large), versions = new Set();
+  let connections = 0, requests = 0;
+  const server = createHttp2Server({key: readFileSync(file('key.pem')), cert: readFileSync(file('cert.pem')), allowHTTP1: true}, (request, response) => {
+    ++requests;
+    versions.add(request.httpVersion);
+    const [, begin, end] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range).map(Number);
+    const body = bytes.subarray(begin, Math.min(end + 1, bytes.length));
+    response.writeHead(206, {'Content-Range': `bytes ${begin}-${begin + body.length - 1}/${bytes.length}`, ETag: '"1"'});
+    response.end(body);
+  });
+  server.on('secureConnection', () => ++connections);
+  await new Promise(done => server.listen(0, done));
+  const {code, text} = await extract(`https://localhost:${server.address().port}/large.mtdbp`, {CURL_CA_BUNDLE: file('cert.pem')});
+  assert.equal(code, 0, text);
+  run('extract', large, file('c.ply'));
+  assert.ok(readFileSync(file('b.ply')).equals(readFileSync(file('c.ply'))));
+  assert.deepEqual([...versions], ['2.0']);
+  assert.equal(connections, 1);
+  assert.ok(requests > 2, `${requests} requests`);
+  server.close();
+  console.log(`HTTP/2: ${requests} requests over one connection`);
 }
 for (const server of servers) {
   server.close();
