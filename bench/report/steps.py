@@ -33,7 +33,7 @@ FULL = {
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
     "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100,
-    "normal_bits": [0, 8, 10, 12], "python_rounds": 200, "raster": 241,
+    "normal_bits": [0, 8, 10, 12], "python_rounds": 200, "raster": 241, "flight": 300000,
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
@@ -41,7 +41,7 @@ QUICK = {
     "quality": 20000, "ratios": [0.1, 0.01], "samples": 10000,
     "codec": [50000], "terrain": [50000], "session": 50000, "frames": 10,
     "picture": 60000, "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
-    "python_rounds": 20, "raster": 101,
+    "python_rounds": 20, "raster": 101, "flight": 20000,
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
 LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
@@ -292,6 +292,30 @@ def session(runner, data):
             + runner.rows("session_bench", *frames, "--store", dense))
 
 
+def packed(runner, store):
+    path = store.with_suffix(".mtdbp")
+    runner.mtdb("pack", store, path)
+    return path
+
+
+def remote_pictures(runner, path):
+    rows = runner.rows("remote_bench", "pictures", path)
+    if not rows:
+        raise Unavailable("nginx is not installed (package nginx)")
+    return rows
+
+
+def remote(runner, data):
+    """A packed file on nginx; flights of an engine that never waits."""
+    path = packed(runner, data.store(data.generated("sculpture", data.sizes["dense"]))[0])
+    frames = ["--frames", data.sizes["frames"]]
+    return (remote_pictures(runner, path)
+            + runner.rows("remote_bench", "flight", path, *frames,
+                          "--triangles", data.sizes["flight"])
+            + runner.rows("remote_bench", "clients", path, *frames, "--mtdb",
+                          runner.build / "tools" / "mtdb"))
+
+
 def terrain(runner, data):
     return runner.rows("terrain_bench", "--frames", data.sizes["frames"])
 
@@ -455,6 +479,10 @@ def large_locality(runner, data):
                        large_files(data)[1])
 
 
+def large_remote(runner, data):
+    return remote_pictures(runner, packed(runner, large_files(data)[1]))
+
+
 def large_verify(runner, data):
     store = large_files(data)[1]
     forget_file(store)
@@ -463,5 +491,5 @@ def large_verify(runner, data):
 
 
 STEPS = [data_sets, quality, bounds, build, ingest, size, attributes, query, locality, layouts,
-         regions, session, terrain, raster, python, viewer, picture]
-LARGE_STEPS = [large_ingest, large_regions, large_locality, large_verify]
+         regions, session, remote, terrain, raster, python, viewer, picture]
+LARGE_STEPS = [large_ingest, large_regions, large_locality, large_remote, large_verify]

@@ -523,6 +523,51 @@ def python(raw):
             f"{sig(add)} µs more, which is Python's share of any extraction")
 
 
+def pictures(raw, step):
+    lines = []
+    for row in raw.rows(step):
+        if row["what"] not in ("first picture", "camera"):
+            continue
+        camera = row["what"] == "camera"
+        lines.append([row["what"], row["line"], whole(row["triangles"]),
+                      whole(row["clusters"]) if camera else "", sig(row["bytes"] / 1e3),
+                      sig(row["bytes"] / row["bytes_needed"]) if camera else "",
+                      row["requests"], row["round_trips"], sig(row["seconds"])])
+    return table(["", "over", "triangles", "clusters", "KB", "times what it needs", "requests",
+                  "round trips", "s"], lines)
+
+
+@figure
+def remote(raw):
+    return pictures(raw, "remote")
+
+
+@figure
+def large_remote(raw):
+    return pictures(raw, "large_remote")
+
+
+@figure
+def flight(raw):
+    lines = []
+    for row in raw.rows("remote", what="flight"):
+        most = row["milliseconds"]
+        lines.append(["to the end" if most is None else f"{sig(most)} ms", whole(row["triangles"]),
+                      sig(row["cpu_mean_ms"]), sig(row["cpu_longest_ms"]), sig(row["longest_ms"]),
+                      f"{row['on_the_way']} of {row['calls']}"])
+    return table(["a call may take", "triangles at the end", "ms a call", "the longest",
+                  "the longest, real time", "on the way"], lines)
+
+
+@figure
+def clients(raw):
+    return table(["server", "clients at once", "a flight, s", "processor time for it, s",
+                  "clients that a core serves"],
+                 [[row["server"], row["clients"], sig(row["flight_seconds"]),
+                   sig(row["cpu_seconds"]), sig(row["clients_per_core"])]
+                  for row in raw.rows("remote", what="clients")])
+
+
 @figure
 def viewer(raw):
     lines = []
