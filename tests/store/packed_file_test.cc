@@ -183,9 +183,12 @@ class CountingReceiver final : public PayloadReceiver {
 bool HasPromisedRows(const ClusterIndex& index, UnitId unit) {
   const auto has = [&](UnitId u) { return index.Has(u); };
   if (!has(unit) || !std::ranges::all_of(index.parents(unit), has)) return false;
-  return std::ranges::all_of(index.children(unit), [&](UnitId c) {
-    return has(c) && std::ranges::all_of(index.children(c), has);
-  });
+  uint8_t below = 0;
+  for (const UnitId c : index.children(unit)) {
+    if (!has(c)) return false;
+    below = std::max(below, index.unit(c).error_code_max);
+  }
+  return index.error_code_below(unit) == below;
 }
 
 // All units, coarse ones first as a query asks for them, or an error; with kInvalidArgument when

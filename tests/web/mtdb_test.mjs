@@ -246,7 +246,7 @@ rule = () => null;
 }
 {
   // Budgets hold.
-  const most = 150000;
+  const most = 100000;
   const object = await (await open({maxBytes: most})).open();
   await assert.rejects(object.settle({}), {code: 'budget'});
   const frame = object.update({});
