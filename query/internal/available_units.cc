@@ -39,6 +39,7 @@ AvailableUnits::~AvailableUnits() {
 
 void AvailableUnits::Begin(std::optional<TimePoint> until, bool goes_on) {
   until_ = until;
+  begun_ = std::chrono::steady_clock::now();
   decoded_ = out_of_time_ = false;
   several_calls_ = goes_on;
   if (!goes_on) {
@@ -48,6 +49,13 @@ void AvailableUnits::Begin(std::optional<TimePoint> until, bool goes_on) {
   }
   const MutexLock lock(cache_.mutex_);
   cache_.StartWorkers();
+}
+
+void AvailableUnits::BeginRefining() {
+  if (!until_) return;
+  const TimePoint now = std::chrono::steady_clock::now();
+  *until_ += now - begun_;
+  begun_ = now;
 }
 
 bool AvailableUnits::HasWorkers() const {

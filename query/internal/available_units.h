@@ -40,6 +40,8 @@ class AvailableUnits {
   void TakeSeveralCalls() { several_calls_ = true; }
   // Since Begin: what was there, and there was no time to decode.
   bool out_of_time() const { return out_of_time_; }
+  // The time of the call begins now: what came before is not counted.
+  void BeginRefining();
   bool time_is_over() const { return until_ && std::chrono::steady_clock::now() >= *until_; }
 
   // The unit, or kNotYet: then it is missing. Errors: those of memory.
@@ -81,8 +83,9 @@ class AvailableUnits {
   const ClusterCache::ClientPtr client_;
   const size_t most_bytes_;  // that is kept; the rest of the budget is for what is on its way
   std::optional<TimePoint> until_;
-  bool decoded_ = false;                  // since Begin
-  bool out_of_time_ = false;              // likewise
+  TimePoint begun_;
+  bool decoded_ = false;      // since Begin
+  bool out_of_time_ = false;  // likewise
   bool several_calls_ = false;
   uint64_t came_bytes_ = 0;  // of payloads, in the calls before
   std::vector<UnitId> held_;

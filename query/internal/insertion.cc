@@ -101,12 +101,14 @@ void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
 
 Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_round) {
   const bool watched = units_.pins().reader().available() != nullptr;
+  // What has come and gone only tells what waits: it is no refinement.
+  if (watched) MTDB_RETURN_IF_ERROR(RunQueue(false));
   bool stepped = !units_.queue().empty();
-  MTDB_RETURN_IF_ERROR(RunQueue());
+  MTDB_RETURN_IF_ERROR(RunQueue(watched));
   while (units_.queue().empty() && !(stepped && TimeIsOver()) &&
          TakeUp(round_nodes > 0 || watched ? kCodeStep : 256)) {
     stepped = true;
-    MTDB_RETURN_IF_ERROR(RunQueue());
+    MTDB_RETURN_IF_ERROR(RunQueue(watched));
     if (round_nodes > 0 &&
         inserted_ >= std::max(round_nodes, units_.counts().applied / kRoundShare)) {
       MTDB_RETURN_IF_ERROR(end_round());
@@ -149,7 +151,7 @@ bool Insertion::TakeUp(int step) {
 }
 
 // Coarsest units first.
-Status Insertion::RunQueue() {
+Status Insertion::RunQueue(bool timed) {
   units_.queue().Prefetch(units_.pins().reader(), units_.judge());
   const auto advance = [&](MovingUnit& u, const LoadedUnit& unit) -> Status {
     MTDB_RETURN_IF_ERROR(Advance(u, unit));
@@ -159,7 +161,7 @@ Status Insertion::RunQueue() {
     }
     return Status::Ok();
   };
-  return units_.RunQueue(advance, [&] { return TimeIsOver(); });
+  return units_.RunQueue(advance, [&] { return timed && TimeIsOver(); });
 }
 
 // May be taken again from wherever it fails.

@@ -52,7 +52,7 @@ class Insertion {
   bool AnyWaits();
   Status Leave();
   bool TimeIsOver() const;
-  Status RunQueue();
+  Status RunQueue(bool timed);
   Status Advance(MovingUnit& u, const LoadedUnit& unit);
   void LookAt(MovingUnit& u, const LoadedUnit& unit);
   void LookAtChildren(MovingUnit& u, const LoadedUnit& unit);

@@ -69,6 +69,9 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   // All that waits has been decided upon, unless another query means the same.
   if (moved) insertion_.ForgetMissing();
   insertion_.DeferMissing();
+  if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
+    units->BeginRefining();
+  }
   MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
     // Of the whole mesh, which is quick to tell and bounds what the survey would find.
