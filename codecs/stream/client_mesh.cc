@@ -33,8 +33,8 @@ uint32_t NextCorner(uint32_t i) { return i == 2 ? 0 : i + 1; }
 
 }  // namespace
 
-ClientMesh::ClientMesh(const ClientMeshOptions& options)
-    : options_(options), row_bytes_(options.attributes.row_bytes()) {}
+ClientMesh::ClientMesh(const ClientMeshOptions& options, bool drawn)
+    : options_(options), row_bytes_(options.attributes.row_bytes()), drawn_(drawn) {}
 
 ClientMesh::Changes ClientMesh::TakeChanges() {
   return {Ranges(changed_triangles_), Ranges(changed_vertices_)};
@@ -54,7 +54,7 @@ uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
   uint32_t vertex = vertex_slots();
   if (free_vertices_.empty()) {
     points_.emplace_back();
-    floats_.resize(floats_.size() + 3);
+    if (drawn_) floats_.resize(floats_.size() + 3);
     rows_.resize(rows_.size() + row_bytes_);
     degree_.push_back(0);
     half_edge_.push_back(kNone32);
@@ -67,11 +67,12 @@ uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
   }
   points_[vertex] = Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
                           static_cast<uint32_t>(position.z), 0};
+  if (row_bytes_ != 0) std::memcpy(rows_.data() + vertex * row_bytes_, row, row_bytes_);
+  ++vertex_count_;
+  if (!drawn_) return vertex;
   const Vec3d p = options_.grid.Position(position) - origin_;
   for (int i = 0; i < 3; ++i)
     floats_[3 * size_t{vertex} + static_cast<size_t>(i)] = static_cast<float>(p[i]);
-  if (row_bytes_ != 0) std::memcpy(rows_.data() + vertex * row_bytes_, row, row_bytes_);
-  ++vertex_count_;
   changed_vertices_.push_back(vertex);
   return vertex;
 }
@@ -110,7 +111,7 @@ uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_
   uint32_t slot = triangle_slots();
   if (free_triangles_.empty()) {
     triangles_.emplace_back();
-    indices_.resize(indices_.size() + 3);
+    if (drawn_) indices_.resize(indices_.size() + 3);
   } else {
     slot = free_triangles_.back();
     free_triangles_.pop_back();
@@ -118,11 +119,12 @@ uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_
   triangles_[slot] = {corners, {kNone32, kNone32, kNone32}, next_born_++, fills};
   Measure(triangles_[slot]);
   for (uint32_t i = 0; i < 3; ++i) {
-    indices_[3 * size_t{slot} + i] = corners[i];
     ++degree_[corners[i]];
     half_edge_[corners[i]] = 4 * slot + i;
   }
   ++triangle_count_;
+  if (!drawn_) return slot;
+  for (uint32_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = corners[i];
   changed_triangles_.push_back(slot);
   return slot;
 }
@@ -259,10 +261,9 @@ void ClientMesh::GiveUp(std::span<const uint32_t> triangles) {
   for (const uint32_t slot : triangles) {
     Triangle& t = triangles_[slot];
     t.born = 0;
-    for (uint32_t i = 0; i < 3; ++i) {
-      --degree_[t.corners[i]];
-      indices_[3 * size_t{slot} + i] = 0;
-    }
+    for (uint32_t i = 0; i < 3; ++i) --degree_[t.corners[i]];
+    if (!drawn_) continue;
+    for (uint32_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = 0;
     changed_triangles_.push_back(slot);
   }
   triangle_count_ -= static_cast<uint32_t>(triangles.size());

@@ -92,7 +92,8 @@ class ClientMesh {
  protected:
   // For the codec (ReplayedMesh).
   ClientMesh() = default;
-  explicit ClientMesh(const ClientMeshOptions& options);
+  // One that is not `drawn`, as a sender's, has no arrays for a GPU and notes no changes.
+  ClientMesh(const ClientMeshOptions& options, bool drawn);
 
   const Word4* points() const { return points_.data(); }  // of vertex slots: x, y, z, 0
   // A half-edge that leaves the vertex, which has triangles.
@@ -118,11 +119,6 @@ class ClientMesh {
   void Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>* left_over);
   // Adds a triangle beside those that are there; returns its slot.
   uint32_t Attach(const std::array<uint32_t, 3>& corners);
-  // As TakeChanges(), for those who do not look at them.
-  void ForgetChanges() {
-    changed_triangles_.clear();
-    changed_vertices_.clear();
-  }
   // The vertex, which has no triangles any more, is remembered, if there is room for any; returns
   // the vertex that has to go for it (perhaps itself), or kNone32.
   uint32_t Forget(uint32_t vertex, uint32_t first_of_ring);
@@ -153,6 +149,7 @@ class ClientMesh {
 
   ClientMeshOptions options_;
   size_t row_bytes_ = 0;
+  bool drawn_ = true;
   Vec3d origin_;
   uint32_t triangle_count_ = 0;
   uint32_t vertex_count_ = 0;

@@ -175,7 +175,7 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   if (reader.failed() || reader.remaining() != 0 || used != vertices) {
     return Corrupted("length of the base mesh");
   }
-  mesh_ = ReplayedMesh(options);
+  mesh_ = ReplayedMesh(options, true);
   mesh_.Start(origin, positions, JoinPlanes(planes, row_bytes), corners);
   models_ = UpdateModels(options.attributes);
   models_.reference = UpdateReference(mesh_);

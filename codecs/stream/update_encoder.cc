@@ -123,8 +123,8 @@ class UpdateEncoder::Impl {
   // The triangles that the last batch made: slots and when they were born.
   std::vector<std::pair<uint32_t, uint64_t>> fresh_;
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
-  std::vector<uint64_t> marks_;  // per triangle slot
-  uint64_t mark_ = 0;
+  std::vector<uint32_t> marks_;  // per triangle slot
+  uint32_t mark_ = 0;
   std::vector<uint32_t> hole_slots_;  // of the batch at hand, as its holes
   std::vector<uint32_t> target_at_;   // per triangle slot, of the insertions at hand; kNone32: none
   std::vector<uint32_t> slots_;
@@ -142,7 +142,7 @@ UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base
     : options_(options),
       row_bytes_(options.attributes.row_bytes()),
       max_updates_(kMaxRecordBytes / 2 / (kMaxUpdateBytes + kMaxBytesPerRowByte * row_bytes_)),
-      mesh_(options),
+      mesh_(options, false),
       models_(options.attributes),
       cost_(row_bytes_) {
   MTDB_CHECK(base.positions.size() == base.vertices.size() &&
@@ -265,7 +265,10 @@ uint32_t UpdateEncoder::Impl::VertexOf(VertexIndex key) const {
 }
 
 void UpdateEncoder::Impl::MarkHole(const Node& node) {
-  ++mark_;
+  if (++mark_ == 0) {
+    std::fill(marks_.begin(), marks_.end(), 0);
+    mark_ = 1;
+  }
   marks_.resize(mesh_.triangle_slots());
   for (const uint32_t slot : HoleSlots(node)) marks_[slot] = mark_;
 }
@@ -591,7 +594,6 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   }
   if (whole_) EncodeClip(out);
   if (!region) whole_.reset();
-  mesh_.ForgetChanges();
   hole_slots_ = {};
   return out.Take();
 }

@@ -43,7 +43,7 @@ class UpdateEncoder {
   // the client cannot or need not follow by an update are dropped and attached after the batches.
   // Cost of a region: `region` is asked about every triangle of the whole cut.
   Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region = {});
-  // The mesh of a client that has read everything.
+  // The mesh of a client that has read everything, without its arrays for a GPU and its changes.
   const ClientMesh& mesh() const;
   // About how much memory it takes between calls, without the models of attributes.
   size_t memory_bytes() const;

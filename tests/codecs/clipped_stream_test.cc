@@ -157,7 +157,7 @@ TEST_CASE("a clipped client holds what of the cut meets its region, after every 
         at = to;
         REQUIRE(decoder.at_record());
         RequireClip(f, at, region, decoder.mesh(), c.manifold);
-        REQUIRE(ClientMeshFault(encoder.mesh()).empty());
+        REQUIRE(SenderMeshFault(encoder.mesh()).empty());
       }
       if (remembered == 1000) CHECK(encoder.recalled_vertices() > 0);
     }

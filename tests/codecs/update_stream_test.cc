@@ -75,7 +75,7 @@ TEST_CASE("a client has the sender's mesh after every update of a random walk") 
         REQUIRE(decoder.at_record());
         REQUIRE(ClientTriangles(decoder.mesh()) == f.Triangles(at));
         REQUIRE(ClientMeshFault(decoder.mesh()).empty());
-        REQUIRE(ClientMeshFault(encoder.mesh()).empty());
+        REQUIRE(SenderMeshFault(encoder.mesh()).empty());
       }
       if (remembered == 1000) CHECK(encoder.recalled_vertices() > 0);
       if (!options.pierced) CHECK(encoder.listed_updates() == 0);

@@ -55,20 +55,37 @@ inline TriangleMesh Compacted(const ClientMesh& mesh) {
   return result;
 }
 
-// Empty when adjacency, counts and the arrays for a GPU say what the triangles say.
-inline std::string ClientMeshFault(const ClientMesh& mesh) {
+// Empty when the arrays for a GPU say what triangles and vertices say.
+inline std::string DrawnFault(const ClientMesh& mesh) {
+  for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
+    const uint32_t* indices = mesh.indices().data() + 3 * size_t{slot};
+    const bool here = mesh.has_triangle(slot);
+    if (!here && (indices[0] != 0 || indices[1] != 0 || indices[2] != 0)) {
+      return "an empty slot is drawn";
+    }
+    for (uint32_t i = 0; here && i < 3; ++i) {
+      if (indices[i] != mesh.triangle(slot).corners[i]) return "indices";
+    }
+  }
+  for (uint32_t v = 0; v < mesh.vertex_slots(); ++v) {
+    const Vec3d p = mesh.options().grid.Position(mesh.position(v)) - mesh.origin();
+    for (int i = 0; i < 3; ++i) {
+      const float f = mesh.positions()[3 * size_t{v} + static_cast<size_t>(i)];
+      if (f != static_cast<float>(p[i])) return "float positions";
+    }
+  }
+  return "";
+}
+
+// Empty when adjacency and counts say what the triangles say.
+inline std::string MeshFault(const ClientMesh& mesh) {
   std::vector<uint32_t> degree(mesh.vertex_slots(), 0);
   uint32_t triangles = 0;
   for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    const uint32_t* indices = mesh.indices().data() + 3 * size_t{slot};
-    if (!mesh.has_triangle(slot)) {
-      if (indices[0] != 0 || indices[1] != 0 || indices[2] != 0) return "an empty slot is drawn";
-      continue;
-    }
+    if (!mesh.has_triangle(slot)) continue;
     ++triangles;
     const ClientMesh::Triangle& t = mesh.triangle(slot);
     for (uint32_t i = 0; i < 3; ++i) {
-      if (indices[i] != t.corners[i]) return "indices";
       if (t.corners[i] >= mesh.vertex_slots()) return "a corner is no vertex";
       if (t.corners[i] == t.corners[(i + 1) % 3]) return "a degenerate triangle";
       ++degree[t.corners[i]];
@@ -87,15 +104,22 @@ inline std::string ClientMeshFault(const ClientMesh& mesh) {
     if (degree[v] != mesh.degree(v)) return "triangles at a vertex";
     vertices += degree[v] > 0 ? 1 : 0;
     if (degree[v] > 0 && mesh.is_remembered(v)) return "a vertex of the mesh is remembered";
-    const Vec3d p = mesh.options().grid.Position(mesh.position(v)) - mesh.origin();
-    for (int i = 0; i < 3; ++i) {
-      const float f = mesh.positions()[3 * size_t{v} + static_cast<size_t>(i)];
-      if (f != static_cast<float>(p[i])) return "float positions";
-    }
   }
   if (triangles != mesh.triangle_count() || vertices != mesh.vertex_count()) return "counts";
   if (mesh.remembered().size() > mesh.options().remembered_vertices) return "memory";
   return "";
+}
+
+// Of a client's.
+inline std::string ClientMeshFault(const ClientMesh& mesh) {
+  const std::string fault = MeshFault(mesh);
+  return fault.empty() ? DrawnFault(mesh) : fault;
+}
+
+// Of a sender's, which nobody draws.
+inline std::string SenderMeshFault(const ClientMesh& mesh) {
+  if (!mesh.indices().empty() || !mesh.positions().empty()) return "a sender has arrays for a GPU";
+  return MeshFault(mesh);
 }
 
 }  // namespace mtdb::testing

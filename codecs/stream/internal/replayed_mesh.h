@@ -13,7 +13,6 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::Drop;
   using ClientMesh::first_of_ring;
   using ClientMesh::Forget;
-  using ClientMesh::ForgetChanges;
   using ClientMesh::half_edge_of;
   using ClientMesh::is_known;
   using ClientMesh::OpenHalfEdge;
@@ -24,7 +23,7 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::Start;
 
   ReplayedMesh() = default;
-  explicit ReplayedMesh(const ClientMeshOptions& options) : ClientMesh(options) {}
+  ReplayedMesh(const ClientMeshOptions& options, bool drawn) : ClientMesh(options, drawn) {}
 };
 
 }  // namespace mtdb::internal

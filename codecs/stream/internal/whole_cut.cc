@@ -30,7 +30,7 @@ void SetChange(UpdateChange& change, const UpdateBatch& batch, const UpdateBatch
 }
 
 WholeCut::WholeCut(const ClientMeshOptions& options, const BaseMesh& base)
-    : mesh_({options.grid, options.attributes, 0}), client_(base.triangles.size(), kNone32) {
+    : mesh_({options.grid, options.attributes, 0}, false), client_(base.triangles.size(), kNone32) {
   mesh_.Start({}, base.positions, base.rows, base.triangles);
   for (uint32_t t = 0; t < base.triangle_keys.size(); ++t) triangles_.Put(base.triangle_keys[t], t);
   for (uint32_t v = 0; v < base.vertices.size(); ++v) vertices_.Put(base.vertices[v], v);
@@ -89,7 +89,6 @@ void WholeCut::Apply(const UpdateBatch& batch) {
       vertices_.Erase(vertex);
     }
   }
-  mesh_.ForgetChanges();
 }
 
 void WholeCut::Choose(const MeetsRegion& region) {
