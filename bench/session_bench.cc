@@ -665,6 +665,18 @@ void FollowCameras(const std::shared_ptr<Surface>& surface, int frames) {
   }
 }
 
+// On the first object of a store.
+void MeasureStore(const std::string& file, int frames, bool regions_only) {
+  const auto database = Database::Open(file).value();
+  const std::string name = database->List().value().at(0).name;
+  const auto surface = Surface::Open(database->OpenObject(name).value(),
+                                     {.cache_bytes = size_t{8} << 30, .threads = 1})
+                           .value();
+  if (!regions_only) FollowCameras(surface, frames);
+  FollowRegions(surface, frames);
+  if (!regions_only) Rounds(surface);
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Dynamic updates: time, updates and bytes");
   int frames = 100;
@@ -684,14 +696,7 @@ int Main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
 
   if (!store_file.empty()) {
-    const auto database = Database::Open(store_file).value();
-    const std::string name = database->List().value().at(0).name;
-    const auto surface = Surface::Open(database->OpenObject(name).value(),
-                                       {.cache_bytes = size_t{8} << 30, .threads = 1})
-                             .value();
-    if (!regions_only) FollowCameras(surface, std::min(frames, 20));
-    FollowRegions(surface, std::min(frames, 20));
-    if (!regions_only) Rounds(surface);
+    MeasureStore(store_file, std::min(frames, 20), regions_only);
     return Finish(json_file);
   }
   TriangleMesh mesh;

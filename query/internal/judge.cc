@@ -62,14 +62,14 @@ bool Judge::RefusesAny(const LoadedUnit& unit, NodeIndex node) const {
 }
 
 Activity Judge::ActivityIn(const Box3d& box, double bound) const {
-  meter_->Spend(1);
+  if (!meter_->Spend(1)) return Activity::kNone;
   if (whole() || region_->BoxCovers(box, 0)) return Activity::kAll;
   return region_->BoxWithin(box, bound) ? Activity::kSome : Activity::kNone;
 }
 
 Judge::Where Judge::WhereIs(const Box3d& box, double bound) const {
-  meter_->Spend(1);
   if (whole()) return {Activity::kAll};
+  if (!meter_->Spend(kDepthSteps)) return {Activity::kNone, 0};
   const double depth = region_->Depth(box);
   if (depth > 0) return {Activity::kAll, depth};
   if (depth < -bound) return {Activity::kNone, -depth - bound};

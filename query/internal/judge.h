@@ -88,7 +88,9 @@ class Judge {
   }
 
   // How far the threshold's own borders are, likewise.
-  double MarginIn(const Box3d& box, double bound) const { return threshold_->Margin(box, bound); }
+  double MarginIn(const Box3d& box, double bound) const {
+    return meter_->Spend(kDepthSteps) ? threshold_->Margin(box, bound) : 0;
+  }
 
   Box3d ModelBox(const Box3i& box) const { return grid_.Bounds(box); }
   Triangle3d Corners(const LoadedUnit& unit, uint32_t slot, NodeIndex creator) const;
@@ -96,6 +98,8 @@ class Judge {
   double Reach(UnitId unit) const;
 
  private:
+  static constexpr uint64_t kDepthSteps = 8;  // questions that a depth may take
+
   const bool vertical_;                // the object's errors are heights
   const std::array<double, 2> aside_;  // units of x and y for each unit of error
   const ClusterIndex& index_;

@@ -105,6 +105,7 @@ void AskForWanted(const Judge& judge, std::vector<UnitId>& units, UnitReader& re
   const size_t most = units.size() + kMostAhead;
   for (size_t i = 0; i < units.size() && units.size() < most; ++i) {
     if (!index.Has(units[i])) continue;
+    if (!judge.meter().Spend(1)) return;
     for (const UnitId child : index.children(units[i])) {
       double bound = 0;
       ErrorRange range;

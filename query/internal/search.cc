@@ -78,8 +78,10 @@ void Search::AskForMissing() {
   if (units == nullptr) return;
   outcome_.missing = RankMissing(index_, judge_, *units);
   internal::AskForMissing(index_, judge_, outcome_.missing, true, *units);
-  const bool reached = outcome_.limit == QueryLimit::kThreshold;
-  if (reached && !outcome_.missing.empty()) outcome_.limit = QueryLimit::kMissing;
+  // A budget may be spent better when what is missing has come.
+  const bool ended =
+      outcome_.limit == QueryLimit::kThreshold || outcome_.limit == QueryLimit::kTriangles;
+  if (ended && !outcome_.missing.empty()) outcome_.limit = QueryLimit::kMissing;
 }
 
 Status Search::RunFromRoot() {
