@@ -224,9 +224,11 @@ class Screen final : public Threshold {
     const double deep = std::abs(half.x * forward_.x) + std::abs(half.y * forward_.y) +
                         std::abs(half.z * forward_.z) + slack;
     if (depth + deep + distance < near_) return {kInfinity, kInfinity};
-    const double aside = std::sqrt(SquaredLength(centre - forward_ * depth));
+    const Vec3d from_axis = centre - forward_ * depth;
+    const double aside = std::sqrt(SquaredLength(from_axis));
     const double wide = std::sqrt(SquaredLength(half)) + slack;
-    const double low = About(depth - deep - distance, aside + wide + distance);
+    const double low =
+        About(depth - deep - distance, FarthestCorner(half, from_axis) + slack + distance);
     const double high = About(depth + deep, std::max(0.0, aside - wide));
     return Widened({low, depth - deep >= near_ ? high : kInfinity}, Slack(low, high));
   }
@@ -300,6 +302,17 @@ class Screen final : public Threshold {
     }
     place.aside = std::sqrt(place.aside);
     return place;
+  }
+  // The distance from the axis of the corner that is farthest from it, of a box whose centre is
+  // `from_axis` away. Not below that of a box inside.
+  double FarthestCorner(Vec3d half, Vec3d from_axis) const {
+    double most = 0;
+    for (int i = 0; i < 4; ++i) {  // and the corner opposite
+      const Vec3d to{half.x, (i & 1) != 0 ? -half.y : half.y, (i & 2) != 0 ? -half.z : half.z};
+      const Vec3d aside = to - forward_ * Dot(to, forward_);
+      most = std::max(most, SquaredLength(aside) + 2 * std::abs(Dot(aside, from_axis)));
+    }
+    return std::sqrt(SquaredLength(from_axis) + most);
   }
   // z^2 / r grows with z and falls with the distance from the axis, which in sight is at most z
   // times the tangent to the picture's corner.

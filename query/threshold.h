@@ -43,10 +43,11 @@ class Threshold {
   // The same arguments always give the same answer.
   virtual double Min(const Triangle3d& t, double distance) const = 0;
   // A range that contains Min(t, d) for all triangles t inside the box and all d from 0 to
-  // `distance`.
+  // `distance`. Of a box inside the box `low` is no smaller, up to rounding.
   virtual ErrorRange Range(const Box3d& box, double distance) const;
   // A range that contains to.Min(t, d) - Min(t, d) for the same t and d, where two infinite values
-  // of one sign differ by 0; of those t for which Margin(Around(t), d) is at least `shift`. A
+  // of one sign differ by 0; of those t for which Margin(Around(t), d) is at least `shift`. It
+  // contains the change of Range(b, d).low likewise, for boxes b inside the box. A
   // session asks for it when the threshold moves, as a camera's does. Known for constants, for
   // functions of a distance whose point moves, for thresholds in pixels whose camera moves or
   // turns, for regions that move (Region::Shift), and for combinations of these. Otherwise it is

@@ -59,13 +59,33 @@ class VerticalThreshold final : public Threshold {
   }
   ErrorRange Range(const Box3d& box, double distance) const override {
     const ErrorRange in_space = threshold_->Range(box, distance);
-    const ErrorRange swept = threshold_->Range(Swept(box, distance), 0);
+    const ErrorRange swept = threshold_->Range(AroundSwept(box, distance), 0);
     return {std::max(in_space.low, swept.low), std::max(in_space.high, swept.high)};
+  }
+  // The larger of two numbers changes by no more than one of them.
+  FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
+    const auto* const other = dynamic_cast<const VerticalThreshold*>(&to);
+    if (other == nullptr || other->aside_ != aside_) return Threshold::Change(to, box, distance);
+    const FieldChange in_space = threshold_->Change(*other->threshold_, box, distance);
+    const FieldChange swept = threshold_->Change(*other->threshold_, AroundSwept(box, distance), 0);
+    return {{std::min(in_space.low, swept.low), std::max(in_space.high, swept.high)},
+            std::max(in_space.shift, swept.shift)};
+  }
+  double Margin(const Box3d& box, double distance) const override {
+    return std::min(threshold_->Margin(box, distance),
+                    threshold_->Margin(AroundSwept(box, distance), 0));
   }
   std::optional<double> constant() const override { return threshold_->constant(); }
 
  private:
   Box3d Swept(const Box3d& box, double distance) const { return SweptBy(box, distance, aside_); }
+  // Larger by what rounding may do, so that it also bounds what is said of boxes inside.
+  Box3d AroundSwept(const Box3d& box, double distance) const {
+    const Box3d swept = Swept(box, distance);
+    const double slack = Rounding(swept, distance, 0);
+    const Vec3d by{slack, slack, slack};
+    return {swept.min - by, swept.max + by};
+  }
 
   const ThresholdPtr threshold_;
   const std::array<double, 2> aside_;

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "query/internal/rounding.h"
+#include "query/internal/vertical_reach.h"
 #include "tests/query/random_regions.h"
 
 namespace mtdb::testing {
@@ -295,12 +296,18 @@ TEST_CASE("a threshold knows where Min lies in a box, and how it changes as the 
       }
     }
   };
-  for (int kind = 0; kind < 9; ++kind) {
+  constexpr int kKinds = 9;  // and likewise as terrains ask them
+  for (int kind = 0; kind < 2 * kKinds; ++kind) {
     int told = 0;
     int held = 0;
     for (int i = 0; i < 3000; ++i) {
       const double step = std::pow(10, uniform(-4, 0));
-      const auto [from, to] = pair(kind, step);
+      std::array<ThresholdPtr, 2> both = pair(kind % kKinds, step);
+      if (kind >= kKinds) {
+        const std::array<double, 2> aside{random() % 2 == 0 ? 0.0 : uniform(0, 1), uniform(0, 0.1)};
+        for (ThresholdPtr& one : both) one = VerticalReach(one, aside);
+      }
+      const auto [from, to] = both;
       Box3d box;
       box.Add(point(3));
       box.Add(box.min + point(random() % 2 == 0 ? 0.2 : 2));
@@ -329,6 +336,10 @@ TEST_CASE("a threshold knows where Min lies in a box, and how it changes as the 
         ++held;
         const double difference = a == b ? 0 : b - a;
         REQUIRE((change.low <= difference && difference <= change.high));
+        const double low = from->Range(around, d).low;
+        const double next = to->Range(around, d).low;
+        const double of_box = low == next ? 0 : next - low;
+        REQUIRE((change.low <= of_box && of_box <= change.high));
       }
     }
     INFO("kind " << kind);
