@@ -10,6 +10,7 @@ import {execFileSync} from 'node:child_process';
 import {existsSync, fstatSync, mkdirSync, openSync, readFileSync, readSync, readdirSync, writeFileSync} from 'node:fs';
 import {dirname, join, resolve} from 'node:path';
 import {fileURLToPath, pathToFileURL} from 'node:url';
+import {runProgram} from '../tests/wasm/run_program.mjs';
 
 const root = join(dirname(fileURLToPath(import.meta.url)), '..');
 const [what, ...rest] = process.argv.slice(2);
@@ -62,52 +63,7 @@ async function flight(folder, path, queryFile) {
   }
 }
 
-// What a program prints that reads one file, /payloads: the calls of WASI that this takes. (node:wasi of node 20 crashes.)
-function runWithFile(module, bytes) {
-  let at = 0, memory = null, printed = '';
-  const view = () => new DataView(memory.buffer);
-  const eachBuffer = (list, count, out, use) => {
-    let sum = 0;
-    for (let i = 0; i < count; ++i) sum += use(view().getUint32(list + 8 * i, true), view().getUint32(list + 8 * i + 4, true));
-    view().setUint32(out, sum, true);
-    return 0;
-  };
-  const text = Buffer.from('decode\0/payloads\0');
-  const calls = {
-    args_sizes_get: (count, size) => { view().setUint32(count, 2, true); view().setUint32(size, text.length, true); return 0; },
-    args_get: (list, to) => { new Uint8Array(memory.buffer).set(text, to); view().setUint32(list, to, true); view().setUint32(list + 4, to + 7, true); return 0; },
-    fd_prestat_get: (fd, to) => { if (fd !== 3) return 8; view().setUint8(to, 0); view().setUint32(to + 4, 1, true); return 0; },
-    fd_prestat_dir_name: (_, to) => { view().setUint8(to, 47); return 0; },
-    fd_fdstat_get: (fd, to) => {
-      view().setUint8(to, fd < 3 ? 2 : fd === 3 ? 3 : 4);
-      view().setUint16(to + 2, 0, true);
-      for (const rights of [8, 16]) view().setBigUint64(to + rights, ~0n & 0xffffffffffffffffn, true);
-      return 0;
-    },
-    path_open: (...args) => { view().setUint32(args[8], 4, true); return 0; },
-    fd_read: (_, list, count, out) => eachBuffer(list, count, out, (to, size) => {
-      const part = bytes.subarray(at, at + size);
-      new Uint8Array(memory.buffer).set(part, to);
-      at += part.length;
-      return part.length;
-    }),
-    fd_write: (_, list, count, out) => eachBuffer(list, count, out, (from, size) => {
-      printed += Buffer.from(memory.buffer, from, size).toString();
-      return size;
-    }),
-    fd_close: () => 0,
-    fd_seek: () => 29, // ESPIPE
-    proc_exit: code => { throw new Error(`the program ended with ${code}: ${printed}`); },
-  };
-  const imports = {};
-  for (const {module: from, name} of WebAssembly.Module.imports(module)) (imports[from] ??= {})[name] = calls[name] ?? (() => 52); // ENOSYS
-  const {exports} = new WebAssembly.Instance(module, imports);
-  memory = exports.memory;
-  exports._start();
-  return printed;
-}
-
-function decode(build, store) {
+async function decode(build, store) {
   const work = join(build, 'wasm_decode');
   mkdirSync(join(work, 'include'), {recursive: true});
   const run = (...command) => execFileSync(command[0], command.slice(1), {cwd: root, encoding: 'utf8'});
@@ -129,7 +85,7 @@ function decode(build, store) {
     native = Math.min(native, times.trim().split(' ').map(Number).reduce((a, b) => a + b));
     nativeDigest = text.trim();
     const before = cpu();
-    wasmDigest = runWithFile(module, payloads).trim();
+    wasmDigest = await runProgram(module, payloads, '/payloads');
     wasm = Math.min(wasm, (cpu() - before) / 1e3);
   }
   rows.push({what: 'decode', native_seconds: native, wasm_seconds: wasm, ratio: native / wasm});
@@ -138,5 +94,5 @@ function decode(build, store) {
 }
 
 if (what === 'flight') await flight(...plain);
-else decode(...plain.map(p => resolve(p)));
+else await decode(...plain.map(p => resolve(p)));
 if (options.json) writeFileSync(options.json, JSON.stringify(rows, null, 1) + '\n');

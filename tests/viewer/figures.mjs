@@ -11,7 +11,7 @@ import {once} from 'node:events';
 import {loadavg} from 'node:os';
 import {existsSync, readFileSync, statSync} from 'node:fs';
 import {createServer as createHttp} from 'node:http';
-import {close, file, launch, open, run, runJson, serve} from './testing.mjs';
+import {close, file, launch, open, quantile, run, runJson, serve, tasksDuring} from './testing.mjs';
 
 const json = process.argv[2] === '--json', stores = process.argv.slice(json ? 3 : 2);
 if (stores.length === 0 || !stores.every(path => existsSync(path))) {
@@ -50,7 +50,6 @@ async function slowly(port, roundTrip = 50, bitsPerSecond = 20e6) {
   return server;
 }
 
-const quantile = (list, q) => [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(q * list.length))] ?? 0;
 const ms = x => (x < 10 ? x.toFixed(1) : x.toFixed(0));
 
 // Notes when meshes come, from the page's beginning on.
@@ -77,18 +76,6 @@ async function opening(url, name) {
   await page.waitForFunction(() => window.noted.exact !== undefined);
   const noted = await page.evaluate(() => window.noted);
   return {page, noted, pageBytes: Object.entries(page.bytes).filter(([path]) => !path.startsWith('/objects')).reduce((sum, [, n]) => sum + (n || 0), 0)};
-}
-
-// Milliseconds of processor time of tasks of the page's thread, those below a millisecond aside.
-async function tasksDuring(page, act) {
-  await browser.startTracing(page, {categories: ['toplevel', 'disabled-by-default-devtools.timeline', '__metadata']});
-  const result = await act();
-  const {traceEvents: events} = JSON.parse((await browser.stopTracing()).toString());
-  // The page's process has the most tasks on a thread of that name.
-  const mains = events.filter(e => e.name === 'thread_name' && e.args.name === 'CrRendererMain').map(e => `${e.pid} ${e.tid}`), times = {};
-  for (const e of events) if (e.name === 'RunTask' && mains.includes(`${e.pid} ${e.tid}`)) (times[`${e.pid} ${e.tid}`] ??= []).push((e.tdur ?? e.dur) / 1000);
-  const tasks = Object.values(times).sort((a, b) => b.length - a.length)[0] ?? [];
-  return {...result, tasks: tasks.filter(t => t >= 1)};
 }
 
 // A flight around the object and towards it: what each answer and each frame cost.

@@ -142,6 +142,20 @@ export async function exact(page) {
   }));
 }
 
+export const quantile = (list, q) => [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(q * list.length))] ?? 0;
+
+// Milliseconds of processor time of tasks of the page's thread, those below a millisecond aside.
+export async function tasksDuring(page, act) {
+  await browser.startTracing(page, {categories: ['toplevel', 'disabled-by-default-devtools.timeline', '__metadata']});
+  const result = await act();
+  const {traceEvents: events} = JSON.parse((await browser.stopTracing()).toString());
+  // The page's process has the most tasks on a thread of that name.
+  const mains = events.filter(e => e.name === 'thread_name' && e.args.name === 'CrRendererMain').map(e => `${e.pid} ${e.tid}`), times = {};
+  for (const e of events) if (e.name === 'RunTask' && mains.includes(`${e.pid} ${e.tid}`)) (times[`${e.pid} ${e.tid}`] ??= []).push((e.tdur ?? e.dur) / 1000);
+  const tasks = Object.values(times).sort((a, b) => b.length - a.length)[0] ?? [];
+  return {...result, tasks: tasks.filter(t => t >= 1)};
+}
+
 // Of the grid that vertices lie on; of a terrain, samples and steps of height.
 export const stepsOf = info => (info.raster ? [Math.abs(info.raster.geotransform[1]), Math.abs(info.raster.geotransform[5]), info.step] : [info.step, info.step, info.step]);
 
