@@ -79,18 +79,31 @@ class AxisBox final : public Region {
   double Shift(const Region& to, const Box3d& within) const override {
     const auto* const other = dynamic_cast<const AxisBox*>(&to);
     if (other == nullptr || box_.empty() || other->box_.empty()) return Region::Shift(to, within);
-    Vec3d step;
-    for (int i = 0; i < 3; ++i) {
-      step[i] = std::max(std::abs(other->box_.min[i] - box_.min[i]),
-                         std::abs(other->box_.max[i] - box_.max[i]));
-    }
+    if (within.empty()) return 0;
     const double slack = 8 * Rounding(within, 0, std::max(Scale(), other->Scale()));
+    const double reach = DeepestIn(within) + slack;
+    const double reach_into = other->DeepestIn(within) + slack;
+    Vec3d step;  // of faces that are not too far away to matter
+    for (int i = 0; i < 3; ++i) {
+      if (!(box_.max[i] - within.max[i] > reach && other->box_.max[i] - within.max[i] > reach_into))
+        step[i] = std::abs(other->box_.max[i] - box_.max[i]);
+      if (!(within.min[i] - box_.min[i] > reach && within.min[i] - other->box_.min[i] > reach_into))
+        step[i] = std::max(step[i], std::abs(other->box_.min[i] - box_.min[i]));
+    }
     return Length(step) + slack;
   }
 
   const Box3d& box() const { return box_; }
 
  private:
+  // No box inside `within` is deeper in this one, or 0.
+  double DeepestIn(const Box3d& within) const {
+    double deepest = kInfinity;
+    for (int i = 0; i < 3; ++i) {
+      deepest = std::min({deepest, box_.max[i] - within.min[i], within.max[i] - box_.min[i]});
+    }
+    return std::max(0.0, deepest);
+  }
   bool Surrounds(const Box3d& box, double distance) const {
     for (int i = 0; i < 3; ++i) {
       if (!(box.min[i] - distance > box_.min[i] && box.max[i] + distance < box_.max[i])) {

@@ -71,6 +71,12 @@ class Bits {
     }
     return n;
   }
+  // The number of flags that are set in both.
+  uint32_t CountBoth(std::span<const uint64_t> other) const {
+    uint32_t n = 0;
+    for (size_t w = 0; w < words_.size(); ++w) n += PopCount(words_[w] & other[w]);
+    return n;
+  }
   // Clears the flags that are set in `other`, which is as long; returns the number of those left.
   uint32_t RemoveAll(std::span<const uint64_t> other) {
     uint32_t n = 0;
@@ -139,8 +145,15 @@ class Bits {
   // Calls f(i) for each set flag, ascending.
   template <typename F>
   void ForEach(F&& f) const {
+    ForEachWithout({}, f);
+  }
+  // Likewise for those that are not set in `other`, which is as long or empty.
+  template <typename F>
+  void ForEachWithout(std::span<const uint64_t> other, F&& f) const {
     for (uint32_t w = 0; w < words_.size(); ++w) {
-      for (uint64_t rest = words_[w]; rest != 0; rest &= rest - 1) {
+      uint64_t rest = words_[w];
+      if (!other.empty()) rest &= ~other[w];
+      for (; rest != 0; rest &= rest - 1) {
         f(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
       }
     }

@@ -20,7 +20,17 @@ double Scale(const Triangle3d& t, double distance) {
       {LargestCoordinate(t[0]), LargestCoordinate(t[1]), LargestCoordinate(t[2]), distance});
 }
 
+// Of a box with such half sides along a direction, from its middle.
+double Reach(Vec3d half, Vec3d n) {
+  return half.x * std::abs(n.x) + half.y * std::abs(n.y) + half.z * std::abs(n.z);
+}
+
 }  // namespace
+
+Convex::Heights Convex::Plane::HeightsIn(const Box3d& box) const {
+  const Vec3d half = (box.max - box.min) * 0.5;
+  return {Height((box.min + box.max) * 0.5), Reach(half, half_space.normal)};
+}
 
 // The distance of a triangle and a polyhedron that do not meet is that of a corner and a face, an
 // edge and an edge, or a corner of the polyhedron (an end of its edges) and the triangle. They meet
@@ -171,63 +181,62 @@ bool Convex::BoxWithin(const Box3d& box, double distance) const {
   if (box.empty()) return false;
   const double around = distance + Rounding(box, distance, 0);
   if (SquaredDistanceBoxBox(box, bounds_) > around * around) return false;
-  const Vec3d centre = (box.min + box.max) * 0.5;
-  const Vec3d half = (box.max - box.min) * 0.5;
   return std::all_of(planes_.begin(), planes_.end(), [&](const Plane& p) {
-    const Vec3d& n = p.half_space.normal;
-    const double reach = half.x * std::abs(n.x) + half.y * std::abs(n.y) + half.z * std::abs(n.z);
-    return p.Height(centre) - reach <= distance + Rounding(box, distance, p.scale);
+    return p.HeightsIn(box).Lowest() <= distance + Rounding(box, distance, p.scale);
   });
 }
 
 bool Convex::BoxCovers(const Box3d& box, double distance) const {
   if (box.empty()) return false;
-  const Vec3d centre = (box.min + box.max) * 0.5;
-  const Vec3d half = (box.max - box.min) * 0.5;
   return std::all_of(planes_.begin(), planes_.end(), [&](const Plane& p) {
-    const Vec3d& n = p.half_space.normal;
-    const double reach = half.x * std::abs(n.x) + half.y * std::abs(n.y) + half.z * std::abs(n.z);
-    return p.Height(centre) + reach < -distance - Rounding(box, distance, p.scale);
+    return p.HeightsIn(box).Highest() < -distance - Rounding(box, distance, p.scale);
   });
 }
 
 double Convex::Depth(const Box3d& box) const {
   if (box.empty()) return 0;
-  const Vec3d centre = (box.min + box.max) * 0.5;
-  const Vec3d half = (box.max - box.min) * 0.5;
   double inside = kInfinity;  // of all planes
   double outside = 0;         // of one of them
   for (const Plane& p : planes_) {
-    const Vec3d& n = p.half_space.normal;
-    const double reach = half.x * std::abs(n.x) + half.y * std::abs(n.y) + half.z * std::abs(n.z);
-    const double height = p.Height(centre);
-    const double slack = 4 * Rounding(box, std::abs(height), p.scale);
-    inside = std::min(inside, -height - reach - slack);
-    outside = std::max(outside, height - reach - slack);
+    const Heights heights = p.HeightsIn(box);
+    const double slack = 4 * Rounding(box, std::abs(heights.middle), p.scale);
+    inside = std::min(inside, -heights.Highest() - slack);
+    outside = std::max(outside, heights.Lowest() - slack);
   }
   return outside > 0 ? -outside : std::max(0.0, inside);
 }
 
-// Heights over a plane are linear, so that their change is largest at a corner.
+// The depths of boxes inside `within` come from planes whose heights there are not all below those
+// of another one: the others may move as they like. Heights over a plane are linear, so that their
+// change is largest at a corner.
 double Convex::Shift(const Region& to, const Box3d& within) const {
   const auto* const other = dynamic_cast<const Convex*>(&to);
   if (other == nullptr || other->planes_.size() != planes_.size() || within.empty()) {
     return Region::Shift(to, within);
   }
+  const double highest = HighestPlane(within);
+  const double highest_into = other->HighestPlane(within);
   double shift = 0;
   for (size_t i = 0; i < planes_.size(); ++i) {
-    const double scale = std::max(planes_[i].scale, other->planes_[i].scale);
-    double step = 0;
-    double size = 0;
-    for (int c = 0; c < 8; ++c) {
-      const double from = planes_[i].Height(Corner(within, c));
-      const double into = other->planes_[i].Height(Corner(within, c));
-      step = std::max(step, std::abs(into - from));
-      size = std::max({size, std::abs(from), std::abs(into)});
-    }
-    shift = std::max(shift, step + 16 * Rounding(within, size, scale));
+    const Plane& a = planes_[i];
+    const Plane& b = other->planes_[i];
+    const Heights from = a.HeightsIn(within);
+    const Heights into = b.HeightsIn(within);
+    const double slack =
+        16 * Rounding(within, std::max(from.Size(), into.Size()), std::max(a.scale, b.scale));
+    if (from.Highest() + slack < highest && into.Highest() + slack < highest_into) continue;
+    const Vec3d half = (within.max - within.min) * 0.5;
+    const Vec3d turn = b.half_space.normal - a.half_space.normal;
+    const double step = std::abs(into.middle - from.middle) + Reach(half, turn);
+    shift = std::max(shift, step + slack);
   }
   return shift;
+}
+
+double Convex::HighestPlane(const Box3d& box) const {
+  double highest = -kInfinity;
+  for (const Plane& p : planes_) highest = std::max(highest, p.HeightsIn(box).Lowest());
+  return highest;
 }
 
 std::vector<HalfSpace> Convex::HalfSpaces() const {

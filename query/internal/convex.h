@@ -2,6 +2,7 @@
 // Convex: a convex polyhedron as half-spaces and edges; distances to triangles.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "query/region.h"
@@ -23,11 +24,19 @@ class Convex final : public Region {
   std::vector<HalfSpace> HalfSpaces() const;
 
  private:
+  // Of the points of a box over a plane.
+  struct Heights {
+    double middle, reach;
+    double Lowest() const { return middle - reach; }
+    double Highest() const { return middle + reach; }
+    double Size() const { return std::abs(middle) + reach; }
+  };
   struct Plane {
     HalfSpace half_space;  // its normal has length 1
     double scale;          // the largest coordinate of its point
     // Of p over the plane; negative inside.
     double Height(Vec3d p) const { return Dot(p - half_space.point, half_space.normal); }
+    Heights HeightsIn(const Box3d& box) const;
   };
   // The points origin + s * direction, begin <= s <= end; the ends may be infinite.
   struct Line {
@@ -38,6 +47,9 @@ class Convex final : public Region {
 
   void FindEdges();
   void FindBounds();
+  // The largest of the planes' lowest heights over the box: how far outside the box is, or
+  // (negative) how deep inside a part of it may be.
+  double HighestPlane(const Box3d& box) const;
   // Shortens the line to its part in the polyhedron; false when nothing is left.
   bool Clip(Line& line) const;
   bool MeetsEdge(const Triangle3d& t, double scale) const;

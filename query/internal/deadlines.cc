@@ -16,6 +16,8 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNever = -std::numeric_limits<float>::infinity();  // as a deadline of `low`
 
+constexpr float kNotAsked = std::numeric_limits<float>::quiet_NaN();  // as a side
+
 // As deadlines: what is at least, at most the value.
 float Up(double value) {
   const auto f = static_cast<float>(value);
@@ -33,6 +35,20 @@ void SetShift(std::vector<float>* shifts, size_t size, size_t at, float shift) {
     shifts->assign(size, std::numeric_limits<float>::infinity());
   }
   (*shifts)[at] = shift;
+}
+
+void ForgetShifts(UnitDeadlines& d) {
+  d.node_shifts.clear();
+  d.child_shifts.clear();
+  d.sides.clear();
+  d.reaches.clear();
+}
+
+// Of a side: until when the border cannot have come. Rounded down, so that it is not 0.
+float Until(const UnitDeadlines& d, const Judge::Where& where) {
+  const double until = (d.shift + where.shift) * (1 - 1e-6);
+  if (where.activity == Activity::kSome || !(until > d.shift)) return 0;
+  return static_cast<float>(where.activity == Activity::kAll ? until : -until);
 }
 
 // A judgement for all of a unit's box stands with such a margin: a share of the range of Min.
@@ -53,14 +69,13 @@ void Deadlines::Begin(const Judge& judge, const ClusterIndex& index, MovingUnit&
   d.stale = false;
   d.nodes.assign(u.known.size(), kNever);
   d.children.assign(index.children(u.id).size(), kNever);
-  d.node_shifts.clear();
-  d.child_shifts.clear();
-  d.stars.clear();
+  ForgetShifts(d);
 }
 
 const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) {
   UnitDeadlines& d = u.deadlines;
   expired_.nodes.clear();
+  expired_.sides.clear();
   expired_.children.clear();
   bool& all = expired_.all;
   all = d.stale;
@@ -75,9 +90,7 @@ const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) 
   d.stale = false;
   if (all) {
     d.low = d.high = d.shift = 0;
-    d.node_shifts.clear();
-    d.child_shifts.clear();
-    d.stars.clear();
+    ForgetShifts(d);
   }
   // Else nothing was or is active there.
   if (all || d.activity != Activity::kNone) FindExpired(u);
@@ -111,36 +124,42 @@ void Deadlines::FindExpired(MovingUnit& u) {
   const float high = Up(d.high);
   const float shift = Up(d.shift);
   const bool shifted = d.shifted && !d.node_shifts.empty();
+  const bool sides = d.shifted && !d.sides.empty();
   std::array<uint8_t, 64> passed;
+  const auto pass = [&](const std::vector<float>& deadlines, uint32_t word, auto has_passed) {
+    const float* const at = deadlines.data() + size_t{word} * 64;
+    for (size_t i = 0; i < 64; ++i) passed[i] = has_passed(at[i]) ? 1 : 0;
+    return Bits::PackWord(passed.data());
+  };
+  const auto add = [](uint32_t word, uint64_t rest, std::vector<NodeIndex>* nodes) {
+    for (; rest != 0; rest &= rest - 1) {
+      nodes->push_back(word * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
+    }
+  };
   for (uint32_t w = 0; w < u.known.words().size(); ++w) {
-    uint64_t rest = u.known.words()[w];
-    if (!all) {
-      const float* const deadlines = d.nodes.data() + size_t{w} * 64;
-      const uint64_t known = rest;
+    const uint64_t known = u.known.words()[w];
+    uint64_t rest = known;
+    if (!all && known != 0) {
       const uint64_t refusing = u.refusing.words()[w];
       const uint64_t may_fall = d.fell ? known & ~refusing : 0;
       const uint64_t may_rise = d.rose ? known & refusing : 0;
       rest = 0;
-      if (may_fall != 0) {
-        for (size_t i = 0; i < 64; ++i) passed[i] = low <= deadlines[i] ? 1 : 0;
-        rest |= Bits::PackWord(passed.data()) & may_fall;
-      }
-      if (may_rise != 0) {
-        for (size_t i = 0; i < 64; ++i) passed[i] = high >= deadlines[i] ? 1 : 0;
-        rest |= Bits::PackWord(passed.data()) & may_rise;
-      }
-      if (shifted && known != 0) {
-        const float* const shifts = d.node_shifts.data() + size_t{w} * 64;
-        for (size_t i = 0; i < 64; ++i) passed[i] = shift >= shifts[i] ? 1 : 0;
-        rest |= Bits::PackWord(passed.data()) & known;
+      if (may_fall != 0) rest |= may_fall & pass(d.nodes, w, [&](float f) { return low <= f; });
+      if (may_rise != 0) rest |= may_rise & pass(d.nodes, w, [&](float f) { return high >= f; });
+      if (shifted) rest |= known & pass(d.node_shifts, w, [&](float f) { return shift >= f; });
+      if (sides) {
+        const uint64_t near = known & pass(d.sides, w, [](float f) { return f == 0; });
+        rest |= near;
+        add(w, known & ~rest & pass(d.sides, w, [&](float f) { return shift >= std::abs(f); }),
+            &expired_.sides);
       }
     }
-    for (; rest != 0; rest &= rest - 1) {
-      expired_.nodes.push_back(w * 64 + static_cast<uint32_t>(std::countr_zero(rest)));
-    }
+    add(w, rest, &expired_.nodes);
   }
   std::erase_if(d.mixed, [&](const UnitDeadlines::Mixed& m) {
-    if (all || (shifted && u.known.Test(m.node) && shift >= d.node_shifts[m.node])) return true;
+    const bool known = u.known.Test(m.node);
+    if (all || (shifted && known && shift >= d.node_shifts[m.node])) return true;
+    if (sides && known && shift >= std::abs(d.sides[m.node])) return true;
     if (low > m.low && high < m.high) return false;
     expired_.nodes.push_back(m.node);
     return true;
@@ -155,9 +174,55 @@ void Deadlines::FindExpired(MovingUnit& u) {
   }
 }
 
+Activity Deadlines::SideOf(const Judge& judge, MovingUnit& u, const LoadedUnit& unit,
+                           NodeIndex node) {
+  UnitDeadlines& d = u.deadlines;
+  if (d.sides.empty()) {
+    d.sides.assign(d.nodes.size(), kNotAsked);
+    d.reaches.assign(d.nodes.size(), 0);
+  }
+  const Box3i box = unit.star_bounds(node);
+  const Judge::Where where = judge.WhereIs(judge.ModelBox(box), d.reach);
+  d.sides[node] = Until(d, where);
+  const IndexRange created = unit.cluster.created_vertices(node);
+  if (where.activity == Activity::kSome || created.size() == 0) return where.activity;
+  const Vec3i at = unit.cluster.position(*created.begin());
+  int64_t reach = 1;
+  for (int i = 0; i < 3; ++i) {
+    reach = std::max({reach, int64_t{box.max[i]} - at[i], int64_t{at[i]} - box.min[i]});
+  }
+  d.reaches[node] = static_cast<uint16_t>(reach > 0xffff ? 0 : reach);
+  return where.activity;
+}
+
+const Deadlines::Expired& Deadlines::LookAside(MovingUnit& u, const LoadedUnit& unit) {
+  for (const NodeIndex node : expired_.sides) {
+    if (!StaysAside(u, unit, node)) expired_.nodes.push_back(node);
+  }
+  expired_.sides.clear();
+  return expired_;
+}
+
+bool Deadlines::StaysAside(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
+  UnitDeadlines& d = u.deadlines;
+  const int64_t reach = d.reaches[node];
+  // One that refuses some triangles has deadlines elsewhere, too.
+  if (reach == 0 || d.nodes[node] == kPassed) return false;
+  const Vec3i at = unit.cluster.position(unit.cluster.first_vertex(node));
+  Box3i around = units_.index().unit(u.id).bounds;
+  for (int i = 0; i < 3; ++i) {
+    around.min[i] = static_cast<int32_t>(std::max<int64_t>(around.min[i], at[i] - reach));
+    around.max[i] = static_cast<int32_t>(std::min<int64_t>(around.max[i], at[i] + reach));
+  }
+  const float side = Until(d, judge_.WhereIs(judge_.ModelBox(around), d.reach));
+  if (side == 0 || (side > 0) != (d.sides[node] > 0)) return false;
+  d.sides[node] = side;
+  return true;
+}
+
 // First by the range of the threshold around all of the unit, then around the hole, then triangle
 // by triangle.
-Deadlines::Verdict Deadlines::Look(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+Deadlines::Verdict Deadlines::Look(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   const UnitDeadlines& d = u.deadlines;
   const double bound = judge_.Bound(unit.cluster.error_codes[node]);
   if (d.activity == Activity::kNone) return {};
@@ -169,22 +234,23 @@ Deadlines::Verdict Deadlines::Look(const MovingUnit& u, const LoadedUnit& unit, 
     box = judge_.ModelBox(unit.hole_bounds(node));
     shift = judge_.MarginIn(box, bound);
   }
+  if (!d.sides.empty()) u.deadlines.sides[node] = kNotAsked;
   if (d.range.low - bound >= good) return {false, false, {d.range.low - bound, kInfinity, shift}};
   if (d.activity == Activity::kAll && bound - d.range.high >= good && bound > d.range.high) {
     return {true, true, {kInfinity, bound - d.range.high, shift}};
   }
+  Activity activity = d.activity;
+  if (activity == Activity::kSome) activity = SideOf(judge_, u, unit, node);
+  if (activity == Activity::kNone) return {};
   if (d.margin > 0) box = judge_.ModelBox(unit.hole_bounds(node));
-  Judge::Where where;
-  where.activity = d.activity;
-  if (d.activity == Activity::kSome) where = judge_.WhereIs(box, bound);
-  if (where.activity == Activity::kNone) return {false, false, {kInfinity, kInfinity, where.shift}};
+  if (activity == Activity::kSome) activity = judge_.ActivityIn(box, bound);
+  if (activity == Activity::kNone) return {};
   const ErrorRange range = judge_.threshold()->Range(box, bound);
   if (bound <= range.low) return {false, false, {range.low - bound, kInfinity, shift}};
-  shift = std::min(shift, where.shift);
-  if (where.activity == Activity::kAll && bound > range.high) {
+  if (activity == Activity::kAll && bound > range.high) {
     return {true, true, {kInfinity, bound - range.high, shift}};
   }
-  return LookAtTriangles(unit, node, where.activity == Activity::kAll, shift);
+  return LookAtTriangles(unit, node, activity == Activity::kAll, shift);
 }
 
 Deadlines::Verdict Deadlines::LookAtTriangles(const LoadedUnit& unit, NodeIndex node,
@@ -249,6 +315,7 @@ bool Deadlines::Learn(MovingUnit& u, NodeIndex node, uint8_t code) {
   const bool valid = d.margin > 0 && fall >= GoodMargin(d.range);
   d.nodes[node] = valid ? Up(d.low - fall) : kPassed;
   SetShift(&d.node_shifts, d.nodes.size(), node, kInfinity);
+  if (!d.sides.empty()) d.sides[node] = kNotAsked;
   evaluated_ += valid ? 1 : 0;
   return !valid;
 }

@@ -28,6 +28,7 @@ class Deadlines {
   struct Expired {
     bool all = false;
     std::vector<NodeIndex> nodes;
+    std::vector<NodeIndex> sides;    // the region's border may have come to these
     std::vector<uint32_t> children;  // ordinals; their deadlines have passed
   };
 
@@ -37,6 +38,11 @@ class Deadlines {
   static void Begin(const Judge& judge, const ClusterIndex& index, MovingUnit& u);
   const Expired& Advance(MovingUnit& u, const Moved& moved);
 
+  // After Advance, with the unit at hand: looks where the border may have come, and adds to the
+  // nodes those that it has come to.
+  const Expired& LookAside(MovingUnit& u, const LoadedUnit& unit);
+  // Of the triangles of the node's hole and star, in a unit through which the border passes.
+  static Activity SideOf(const Judge& judge, MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   // Looks which triangles of the node's hole are refused, present or not. True when that is new.
   bool Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   // Makes a node known; true when it has to be evaluated: its code does not tell that it is valid.
@@ -74,11 +80,13 @@ class Deadlines {
     bool some = false, all = false;  // triangles are refused
     Leeway leeway;
   };
-  Verdict Look(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+  Verdict Look(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active, double shift);
   // By how much the query changed in the unit; false when that is not known.
   bool AddChange(UnitDeadlines& d, const Moved& moved, bool was_clear) const;
   void FindExpired(MovingUnit& u);
+  // The border was not at the node and is not: its decision stands.
+  bool StaysAside(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
 
   MovingUnits& units_;
   const Judge& judge_;

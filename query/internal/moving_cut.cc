@@ -123,8 +123,11 @@ Status MovingCut::Decide(const Query& query, bool* anything_moved) {
 }
 
 Status MovingCut::DecideUnit(MovingUnit& u, const Deadlines::Expired& expired) {
-  if (expired.nodes.empty() && expired.children.empty()) return Status::Ok();
+  if (expired.nodes.empty() && expired.sides.empty() && expired.children.empty()) {
+    return Status::Ok();
+  }
   return units_.pins().RunOn(u, [&](const LoadedUnit& unit) {
+    deadlines_.LookAside(u, unit);
     ForEachFetched(unit, expired.nodes, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) {
         if (!deadlines_.Evaluate(u, unit, node)) return;

@@ -52,11 +52,15 @@ struct UnitDeadlines {
   // Per child that is not open: it is not needed until `low` has fallen to this.
   std::vector<float> children;
   // Likewise: a decision, or what is said of a child, stands until `shift` has grown to this. Empty
-  // while no border matters.
+  // while no border of the threshold matters, or none at all.
   std::vector<float> node_shifts, child_shifts;
-  // Of Survey, per node of a unit through which the region's border passes: its star is all active
-  // until `shift` has grown to this or, negative, inactive; 0: not known.
-  std::vector<float> stars;
+  // Of known nodes of a unit through which the region's border passes, else empty: all triangles of
+  // the hole and the star are active until `shift` has grown to this or, negative, inactive; 0: the
+  // border is there. NaN: not asked, since the threshold alone decided.
+  std::vector<float> sides;
+  // Likewise: the hole and the star lie in the cube of so many steps around the node's first
+  // vertex; 0: not known.
+  std::vector<uint16_t> reaches;
 };
 
 struct MovingUnit final : CutUnit {

@@ -5,8 +5,20 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <span>
+
+#include "query/internal/deadlines.h"
 
 namespace mtdb::internal {
+
+namespace {
+
+// NaN: not known.
+Activity SideToActivity(float side) {
+  return side > 0 ? Activity::kAll : side < 0 ? Activity::kNone : Activity::kSome;
+}
+
+}  // namespace
 
 Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
   active_.all = judge_.whole();
@@ -93,7 +105,10 @@ void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
   for (uint32_t slot = 0; u.looked && slot < u.first_own; ++slot) {
     if (!cut_.Present(u, unit, slot)) continue;
     const uint8_t code = unit.cluster.error_codes[unit.cluster.removers[slot]];
-    if (!Count(unit, slot, kNone32, code, in) || !marks_) continue;
+    In in_slot = in;
+    if (moving_ && in.activity == Activity::kSome) in_slot.activity = ActivityOf(unit, slot);
+    if (in_slot.activity == Activity::kNone) continue;
+    if (!Count(unit, slot, kNone32, code, in_slot) || !marks_) continue;
     const SlotOrigin& origin = unit.origins[slot];
     CutUnit& parent = *cut_.Find(unit.parents[origin.parent]);
     if (parent.active.empty()) parent.active = Bits(parent.present.size());
@@ -105,28 +120,28 @@ void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {
     return;
   }
   // What nobody removes needs no look.
-  if (all && marks_) active_.count += u.active.AddBoth(u.present.words(), unit.drain);
-  u.present.ForEach([&](uint32_t own) {
-    const uint32_t slot = own + u.first_own;
-    if (all && marks_ && unit.removers()[slot] == kDrain) return;
-    const int code = CodeOf(unit, slot);
-    if (code < 0) return;
-    const NodeIndex creator = all ? kNone32 : unit.creator(slot);
-    if (Count(unit, slot, creator, static_cast<uint8_t>(code), in) && marks_) u.active.Set(own);
-  });
+  if (all) {
+    active_.count +=
+        marks_ ? u.active.AddBoth(u.present.words(), unit.drain) : u.present.CountBoth(unit.drain);
+  }
+  u.present.ForEachWithout(
+      all ? std::span<const uint64_t>(unit.drain) : std::span<const uint64_t>(), [&](uint32_t own) {
+        const uint32_t slot = own + u.first_own;
+        const int code = CodeOf(unit, slot);
+        if (code < 0) return;
+        const NodeIndex creator = all ? kNone32 : unit.creator(slot);
+        if (Count(unit, slot, creator, static_cast<uint8_t>(code), in) && marks_) u.active.Set(own);
+      });
 }
 
 // Star by star, whose bounds decide most cases. Of those that are all active, drains (of the full
 // resolution) are counted only.
 void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit) {
   const CompactCluster& cluster = unit.cluster;
-  UnitDeadlines* const kept = moving_ && in_unit.activity == Activity::kSome
-                                  ? &static_cast<MovingUnit&>(u).deadlines
-                                  : nullptr;
-  if (kept != nullptr && kept->stars.empty()) kept->stars.assign(unit.nodes(), 0);
+  const bool asks = moving_ && in_unit.activity == Activity::kSome;
   u.applied.ForEach([&](NodeIndex node) {
     In in = in_unit;
-    if (kept != nullptr) in.activity = ActivityOfStar(*kept, unit, node);
+    if (asks) in.activity = ActivityOfStar(static_cast<MovingUnit&>(u), unit, node);
     if (in.activity == Activity::kNone) return;
     const uint32_t begin = cluster.star_begin[node] - u.first_own;
     const uint32_t size = cluster.star_begin[node + 1] - u.first_own - begin;
@@ -173,16 +188,21 @@ void Survey::LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest,
   in->drains_fall_short = !(asked.low > bound) && asked.high >= 0;
 }
 
-// Of whatever triangles of the star, as long as the region's border has not come near.
-Activity Survey::ActivityOfStar(UnitDeadlines& d, const LoadedUnit& unit, NodeIndex node) {
-  float& star = d.stars[node];
-  if (d.shift < std::abs(star)) return star > 0 ? Activity::kAll : Activity::kNone;
-  const Judge::Where where = judge_.WhereIs(judge_.ModelBox(unit.star_bounds(node)), d.reach);
-  // Rounded down: what is stored is never 0 unless nothing is known.
-  const double until = (d.shift + where.shift) * (1 - 1e-6);
-  const bool known = where.activity != Activity::kSome && until > d.shift;
-  star = !known ? 0 : static_cast<float>(where.activity == Activity::kAll ? until : -until);
-  return known ? where.activity : Activity::kSome;
+// Of whatever triangles of the star: as a rule the node's decision has told.
+Activity Survey::ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
+  const std::vector<float>& sides = u.deadlines.sides;
+  if (sides.empty() || std::isnan(sides[node])) return Deadlines::SideOf(judge_, u, unit, node);
+  return SideToActivity(sides[node]);
+}
+
+// Of an in-triangle: as its creator's star.
+Activity Survey::ActivityOf(const LoadedUnit& unit, uint32_t slot) const {
+  const SlotOrigin& origin = unit.origins[slot];
+  const auto& parent = static_cast<const MovingUnit&>(*cut_.Find(unit.parents[origin.parent]));
+  const UnitDeadlines& d = parent.deadlines;
+  if (d.activity != Activity::kSome) return d.activity;
+  const NodeIndex creator = origin.creator();
+  return creator == kNone32 || d.sides.empty() ? Activity::kSome : SideToActivity(d.sides[creator]);
 }
 
 }  // namespace mtdb::internal

@@ -46,7 +46,8 @@ class Survey {
   void SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in);
   void SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit);
   void LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const;
-  Activity ActivityOfStar(UnitDeadlines& d, const LoadedUnit& unit, NodeIndex node);
+  Activity ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
+  Activity ActivityOf(const LoadedUnit& unit, uint32_t slot) const;
   // Counts the slot if it is active, and says so.
   bool Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code, const In& in);
   // Of a present own slot; -1 when a child looks at it.

@@ -77,8 +77,9 @@ struct Parts {
                                  region != judge.region()};
     for (const UnitId id : units.open()) {
       MovingUnit& u = *units.Find(id);
-      const Deadlines::Expired expired = deadlines.Advance(u, moved);
+      deadlines.Advance(u, moved);
       const LoadedUnit* const unit = pins.Pin(u).value();
+      const Deadlines::Expired expired = deadlines.LookAside(u, *unit);
       decide(u, *unit, expired);
     }
   }
