@@ -126,7 +126,7 @@ test('pictures after changes are those of a page that was opened so', async () =
   const pictures = [];
   for (const p of [page, fresh]) {
     await p.evaluate(() => [...document.body.children].forEach(e => e.id !== 'stage' && (e.style.display = 'none')));
-    pictures.push(await decode(await p.screenshot()));
+    pictures.push(await decode(await p.locator('#canvas').screenshot()));
   }
   // Slots differ, and with them which of two triangles is drawn where both have the same depth.
   let other = 0;
@@ -141,7 +141,7 @@ test('the picture covers what mtdb render draws', async () => {
   await exact(page);
   // The page's labels and panels are not of the scene.
   await page.evaluate(() => [...document.body.children].forEach(e => e.id !== 'stage' && (e.style.display = 'none')));
-  const ours = await decode(await page.screenshot());
+  const ours = await decode(await page.locator('#canvas').screenshot());
   run('render', store, file('r.png'), '--name', kName, '--pixels', '1', '--frustum', '--eye=' + eye, '--target=' + target, '--fov', '45', '--viewport', '800x600', '--size', '800x600');
   const theirs = await decode(readFileSync(file('r.png')));
   check(theirs.width === ours.width && theirs.height === ours.height, 'the sizes');

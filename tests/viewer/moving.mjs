@@ -64,6 +64,49 @@ test('orbit, pan, zoom to the cursor, double click, views and keys move the came
   await close(page);
 });
 
+test('keys alone choose an object, turn, measure, take a region and go through the panel', async () => {
+  const page = await open(server.url + '/');
+  await page.waitForSelector('#start-list button');
+  const focused = () => page.evaluate(() => document.activeElement.textContent.trim());
+  for (let i = 0; i < 10 && !(await focused()).startsWith(kName); ++i) await page.keyboard.press('Tab');
+  await page.keyboard.press('Enter');
+  await exact(page);
+  check((await page.textContent('#title')) === kName, await page.textContent('#title'));
+  const start = await camera(page);
+  await page.keyboard.down('ArrowLeft');
+  await until(async () => distance((await camera(page)).eye, start.eye) > 0.1, 'an arrow turns');
+  await page.keyboard.up('ArrowLeft');
+  // The cross is in the middle of the picture; somewhere along the way there is surface.
+  await page.keyboard.press('2');
+  await page.keyboard.press('m');
+  const points = () => page.evaluate(() => viewer.measuring.lines.reduce((sum, l) => sum + l.points.length, 0));
+  for (let i = 0; (await points()) < 1; ++i) {
+    check(i < 40, 'a point is measured');
+    await page.keyboard.press('Enter');
+    await page.waitForTimeout(150);
+    if ((await points()) < 1) await page.keyboard.press('Shift+ArrowUp', {delay: 60});
+  }
+  await page.keyboard.press('Escape');
+  check(await page.getAttribute('#measure', 'aria-pressed') === 'false', 'Escape ends measuring');
+  await page.keyboard.press('b');
+  check(await page.evaluate(() => 'box' in viewer.scene.focus.region), 'B makes a box');
+  // Tab reaches each control that is shown, and none that is not.
+  const shown = await page.evaluate(() => [...document.querySelectorAll('button, select, input, summary, canvas')].filter(e => e.checkVisibility() && !e.disabled).length);
+  await page.evaluate(() => viewer.canvas.focus());
+  const reached = new Set();
+  for (let i = 0; i < shown + 5; ++i) {
+    reached.add(await page.evaluate(() => {
+      const e = document.activeElement;
+      e.dataset.reached ??= String(Math.random());
+      return e.checkVisibility() ? e.dataset.reached : 'hidden';
+    }));
+    await page.keyboard.press('Tab');
+  }
+  check(!reached.has('hidden') && reached.size >= shown, `${reached.size} of ${shown} controls`);
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
 test('two fingers zoom, one turns', async () => {
   const page = await open(`${server.url}/#o=${kName}&px=4`, {hasTouch: true, isMobile: true, viewport: {width: 390, height: 844}});
   await exact(page);

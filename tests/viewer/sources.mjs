@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stores, servers and packed files, and what the page says of them.
 import {readFileSync, writeFileSync} from 'node:fs';
-import {box, camera, distance, info, kName, kOdd, server, store, test} from './scene.mjs';
+import {box, camera, distance, info, kName, kOdd, server, status, store, test} from './scene.mjs';
 import {check, close, exact, extracted, file, near, nginxPath, open, run, runJson, same, serve, serveFolder, trianglesOnScreen, until} from './testing.mjs';
 
 test('names and attributes are never markup; objects go on and off', async () => {
@@ -143,6 +143,52 @@ test('a page on a web server says what it cannot show, and shows what it may', a
   www = null;
   await web.stop();
   await other.stop();
+});
+
+// A copy with a byte that is another one, `after` bytes behind where `text` begins last.
+function damaged(from, to, text, after) {
+  const bytes = readFileSync(from), at = bytes.lastIndexOf(text);
+  check(at >= 0 && at + after < bytes.length, `${text} is in ${from}`);
+  bytes[at + after] ^= 0xff;
+  writeFileSync(to, bytes);
+}
+
+test('what is damaged is said once, and not tried for ever', async () => {
+  const said = async (url, words) => {
+    const page = await open(url);
+    await until(async () => (await page.textContent('#banner')).includes(words), `the page says "${words}"`);
+    check(!/again/.test(await page.textContent('#banner')), await page.textContent('#banner'));
+    let requests = 0;
+    page.on('request', () => ++requests);
+    await page.waitForTimeout(2500); // longer than it would wait to try again
+    check(requests === 0, `${requests} further requests`);
+    await close(page);
+  };
+  // A catalog, by a server.
+  run('ingest', file('small.ply'), file('whole.mtdb'), '--quiet', '--name', 'brief');
+  damaged(file('whole.mtdb'), file('damaged.mtdb'), 'brief', 40);
+  const own = await serve(file('damaged.mtdb'));
+  await said(own.url + '/', 'the object cannot be read');
+  await said(own.url + '/#o=brief', 'the object cannot be read');
+  await own.stop('SIGTERM');
+  // The header of a packed file; and what is not one.
+  const site = file('damaged');
+  run('view', '--write-page', site);
+  run('pack', store, `${site}/whole.mtdbp`, '--name', kName);
+  const web = await serveFolder(site), bytes = readFileSync(`${site}/whole.mtdbp`);
+  writeFileSync(`${site}/head.mtdbp`, bytes.map((b, i) => (i === 12 ? b ^ 255 : b)));
+  await said(`${web.url}/index.html?src=head.mtdbp`, 'head.mtdbp');
+  // Its last bytes are clusters of the finest round: the mesh is coarser there, the page says why, and one flies on.
+  writeFileSync(`${site}/tail.mtdbp`, bytes.map((b, i) => (i > bytes.length - 5000 ? b ^ 255 : b)));
+  const page = await open(`${web.url}/index.html?src=tail.mtdbp#o=${kName}&px=0.1`);
+  await until(async () => /checksum/.test(await status(page)), 'the page says what is damaged');
+  const triangles = () => page.evaluate(() => viewer.scene.total(o => o.mesh.triangles));
+  check(await triangles() > 1000, `${await triangles()} triangles`);
+  await page.evaluate(() => (viewer.scene.pixels = 8, viewer.scene.restart()));
+  await exact(page);
+  check(page.wrong.length === 0 && !(await page.isVisible('#banner')), page.wrong.join('; '));
+  await close(page);
+  await web.stop();
 });
 
 test('what cannot be shown is a sentence', async () => {

@@ -115,9 +115,12 @@ export async function launch() {
   return browser;
 }
 
-// A page with what went wrong in it, unless the test expects it: `page.wrong`.
+const kPanel = 286; // pixels that the panel takes from the picture
+
+// A page with what went wrong in it, unless the test expects it: `page.wrong`. The picture has 800 x 600 pixels, as far as the test
+// does not say another size of the page; the mouse's coordinates are the picture's.
 export async function open(url, options = {}) {
-  const context = await browser.newContext({viewport: {width: 800, height: 600}, acceptDownloads: true, reducedMotion: 'reduce', ...options});
+  const context = await browser.newContext({viewport: {width: 800 + kPanel, height: 600}, acceptDownloads: true, reducedMotion: 'reduce', ...options});
   const page = await context.newPage();
   page.setDefaultTimeout(900000);
   page.wrong = [];
@@ -125,6 +128,13 @@ export async function open(url, options = {}) {
   page.on('console', m => ['error', 'warning'].includes(m.type()) && !/GPU stall|GL Driver|swiftshader/i.test(m.text()) && page.wrong.push(m.text()));
   page.on('pageerror', e => page.wrong.push(String(e)));
   page.on('response', r => (page.bytes[new URL(r.url()).pathname] = Number(r.headers()['content-length'])));
+  for (const act of ['move', 'click', 'dblclick']) {
+    const inPage = page.mouse[act].bind(page.mouse);
+    page.mouse[act] = async (x, y, more) => {
+      const left = await page.evaluate(() => document.getElementById('canvas').getBoundingClientRect().left);
+      await inPage(left + x, y, more);
+    };
+  }
   if (options.init) await page.addInitScript(options.init);
   await page.goto(url);
   return page;

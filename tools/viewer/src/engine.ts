@@ -86,7 +86,7 @@ class Shown {
     } catch (error) {
       if (opening !== this.opening) return;
       const code = error instanceof MtdbError ? error.code : 'other';
-      post({kind: 'closed', opened: false, code: code === 'io' || code === 'not_found' ? 0 : -1, sentence: sentenceOf(error)});
+      post({kind: 'closed', opened: false, code: code === 'io' || (code === 'not_found' && this.to.byHash) ? 0 : -1, sentence: sentenceOf(error)});
     }
   }
 
@@ -135,8 +135,12 @@ class Shown {
       const frame = asked.budget ? object.update({...asked.query}) : object.update(without, kSlice);
       this.note(begin);
       if (!frame) {
-        if (object.pending === 0) this.trouble(object, object.failure || 'The file cannot be read');
-        return;
+        if (object.pending > 0) return;
+        const {failure, failureCode} = object;
+        if (object.replaced || !failure || failureCode === 'io') return this.trouble(object, failure || 'The file cannot be read');
+        this.object = null;
+        object.close();
+        return post({kind: 'closed', opened: true, code: -1, sentence: failure});
       }
       if (frame.insertions > 0 || frame.removals > 0 || !this.frame || this.reclip) this.dirty = true;
       this.reclip = false;
@@ -169,7 +173,12 @@ class Shown {
   private weigh(object: MeshObject, asked: Asked, frame: Frame) {
     if (frame.limit === 'time') return this.schedule();
     if (frame.limit === 'missing' && object.pending > 0) return;
-    if (frame.limit === 'missing' && frame.failed > 0) return this.trouble(object, frame.failure);
+    if (frame.limit === 'missing' && frame.failed > 0) {
+      // What is damaged stays so: the mesh is coarser there.
+      if (object.replaced || frame.failureCode === 'io') return this.trouble(object, frame.failure);
+      this.asked = null;
+      return void this.answers.push({id: asked.id, error: frame.failure, code: frame.failureCode});
+    }
     if (this.inTrouble) {
       this.inTrouble = false;
       this.pause = kFirstPause;

@@ -87,7 +87,7 @@ export class Panel {
         this.viewer.look.apply();
       };
       text.className = 'name';
-      text.textContent = entry.object;
+      text.textContent = text.title = entry.object;
       size.textContent = whole(entry.triangles);
       label.append(box, text, size);
       return label;
@@ -95,7 +95,7 @@ export class Panel {
     const style = this.viewer.look.style;
     const infos = this.viewer.shownInfos();
     const attributes = [...new Set(infos.flatMap(i => i.attributes.map(a => a.name)))].filter(name => !['red', 'green', 'blue', 'alpha', 'nx', 'ny', 'nz'].includes(name));
-    const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'colours of the vertices']] : []), ['height', 'height'], ['steepness', 'steepness'], ['permitted', 'permitted error'],
+    const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'vertex colours']] : []), ['height', 'height'], ['steepness', 'steepness'], ['permitted', 'permitted error'],
       ['error', 'errors of triangles'], ['round', 'rounds'], ['cluster', 'clusters'], ...attributes.map(name => [`a:${name}`, name])];
     if (!colours.some(([value]) => value === style.colour)) style.colour = 'plain';
     select('colour').replaceChildren(...colours.map(([value, text]) => new Option(text!, value!)));

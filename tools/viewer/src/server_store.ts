@@ -17,7 +17,8 @@ async function errorOf(response: Response): Promise<StoreError> {
     const body = await response.json();
     return new StoreError(String(body.error), String(body.code));
   } catch {
-    return new StoreError(`The server answered ${response.status} ${response.statusText}`, 'http');
+    // Not mtdb: one in front of it may answer until it is back.
+    return new StoreError(`The server answered ${response.status} ${response.statusText}`, response.status >= 500 ? 'unreachable' : 'http');
   }
 }
 

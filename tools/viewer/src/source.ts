@@ -122,10 +122,19 @@ export interface TakenMesh {
   errorBound: number;
 }
 
+// What may be otherwise soon: the codes of docs/protocol.md with status 503, those of the engine, and of this page.
+const kPassing = new Set(['too_many_connections', 'too_many_sessions', 'too_many_objects', 'no_session_memory', 'no_temporary_space', 'timeout', 'budget_exceeded', 'no_space',
+  'shutting_down', 'gone', 'io', 'memory', 'unreachable', 'lost', 'decoder', 'engine']);
+
 // Errors are StoreErrors, whose message is a sentence for the user.
 export class StoreError extends Error {
   constructor(message: string, readonly code: string) {
     super(message);
+  }
+
+  // Whether it helps to try again.
+  get passes() {
+    return kPassing.has(this.code);
   }
 }
 

@@ -71,7 +71,7 @@ export class Viewer {
     this.panel.bind();
     this.gestures.bindCanvas();
     this.gestures.bindKeys();
-    addEventListener('resize', () => this.resize());
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
     addEventListener('hashchange', () => void this.load(readView(location.hash, this.defaults)));
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.look.setTheme());
     this.look.setTheme();
@@ -85,10 +85,9 @@ export class Viewer {
     try {
       this.entries = await this.store.objects();
     } catch (error) {
-      const {message, code} = error as StoreError;
-      const lasting = ['not_found', 'corrupt', 'unsupported'].includes(code);
-      this.say(lasting ? message : message.replace(/\.$/, '') + '. Trying again…');
-      if (!lasting) setTimeout(() => void this.begin(), 2000);
+      const {message, passes} = error as StoreError;
+      this.say(message.replace(/\.$/, '') + (passes ? '. Trying again…' : '.'));
+      if (passes) setTimeout(() => void this.begin(), 2000);
       return;
     }
     this.say('');
@@ -98,8 +97,14 @@ export class Viewer {
     this.showStart();
   }
 
+  // The list of objects lies over all else, which no key leads to meanwhile.
+  private coverWithStart(shown: boolean) {
+    byId('start').hidden = !shown;
+    for (const id of ['stage', 'bar', 'tools', 'panel']) byId(id).inert = shown;
+  }
+
   private showStart() {
-    byId('start').hidden = false;
+    this.coverWithStart(true);
     byId('start-text').textContent = this.entries.length === 0 ? 'This store has no objects yet. mtdb ingest puts some in; then load this page anew.' : 'Which object would you like to see?';
     byId('start-list').replaceChildren(...this.entries.map(entry => {
       const button = document.createElement('button'), name = document.createElement('span'), size = document.createElement('span');
@@ -109,11 +114,12 @@ export class Viewer {
       button.onclick = () => void this.load({...this.defaults, objects: [entry.object]});
       return button;
     }));
+    byId('start-list').querySelector('button')?.focus({preventScroll: true});
   }
 
   // Makes the page show a view.
   async load(view: ViewState) {
-    byId('start').hidden = true;
+    this.coverWithStart(false);
     this.look.style = {...view.style};
     this.unit = view.unit;
     this.scene.pixels = view.pixels;
@@ -296,6 +302,7 @@ export class Viewer {
     this.renderer.setSize(w, h, false);
     this.navigation.camera.aspect = w / h;
     this.navigation.camera.updateProjectionMatrix();
+    this.draw(); // before the browser shows the empty one
     this.drawn = '';
   }
 

@@ -121,8 +121,9 @@ export class WorkerSession implements MeshSource {
     if (query && (answer.done || answer.error !== undefined)) this.answered = query;
     if (answer.done && query) this.listener.answered(query, answer.done);
     if (answer.error !== undefined) {
-      if (answer.code === 'gone' || answer.code === 'shutting_down') {
-        this.lose(new StoreError(answer.error, answer.code));
+      // Of what is not found, the next try tells whether it is gone for good.
+      if (['gone', 'shutting_down', 'not_found'].includes(answer.code ?? '')) {
+        this.lose(new StoreError(answer.error, 'gone'));
         return;
       }
       if (query) this.listener.failed(query, answer.error);
@@ -150,9 +151,9 @@ export class WorkerSession implements MeshSource {
   private lose(error: StoreError) {
     this.stop();
     if (this.closed) return;
-    if (error.code === 'no_such_object') {
+    if (!error.passes) {
       this.closed = true;
-      return this.listener.state('gone', `The object “${this.name}” is not in the store any more.`);
+      return this.listener.state('gone', error.code === 'no_such_object' ? `The object “${this.name}” is not in the store any more.` : error.message);
     }
     this.listener.state('lost', `${error.message.replace(/\.$/, '')}. Trying again…`);
     clearTimeout(this.timer);

@@ -108,6 +108,7 @@ export interface Frame {
   failed: number;
   /** Why the worst of these failed. */
   failure: string;
+  failureCode: ErrorCode;
   /** Missing because cacheBytes are used up, as far as that was found; others were not even asked for. */
   noRoom: number;
   insertions: number;
@@ -457,10 +458,10 @@ export class MeshObject {
       this.serve();
       if (code === kNotYet) return null;
       if (code !== 0) throw engine.error(code);
-      const r = new Float64Array(engine.wasm.memory.buffer, engine.wasm.report(), 16);
+      const r = new Float64Array(engine.wasm.memory.buffer, engine.wasm.report(), 17);
       return {
         triangles: r[0]!, vertices: r[1]!, errorBound: r[2]!, limit: kLimits[r[3]!] ?? 'missing', missing: r[4]!, worst: r[5]!,
-        failed: r[6]!, failure: r[6]! > 0 ? engine.failure() : '', noRoom: r[7]!, insertions: r[8]!, removals: r[9]!,
+        failed: r[6]!, failure: r[6]! > 0 ? engine.failure() : '', failureCode: kCodes[r[16]!] ?? 'other', noRoom: r[7]!, insertions: r[8]!, removals: r[9]!,
         cacheBytes: r[10]!, decodedClusters: r[11]!, bytesRead: this.ranges.bytes, requests: this.ranges.requests,
         shortfall: r[14]! > 0 ? {triangles: r[14]!, excess: r[15]!} : null,
         triangleSlots: engine.wasm.triangle_slots(), vertexSlots: engine.wasm.vertex_slots(),
@@ -481,7 +482,7 @@ export class MeshObject {
       }
       if (this.pending === 0 && !frame) throw new MtdbError('nothing is on its way, and nothing is there', 'io');
       if (frame && (frame.limit !== 'missing' || this.pending === 0)) {
-        if (frame.failed > 0) throw new MtdbError(frame.failure, /limit of \d+ bytes/.test(frame.failure) ? 'budget' : 'io');
+        if (frame.failed > 0) throw new MtdbError(frame.failure, /limit of \d+ bytes/.test(frame.failure) ? 'budget' : frame.failureCode);
         return frame;
       }
       await this.arrival(options.signal);
@@ -562,13 +563,14 @@ export class MeshObject {
       if (code === 0) return this.engine.guard(take);
       if (code !== kNotYet) throw this.engine.error(code);
       this.serve();
-      if (this.pending === 0) throw new MtdbError(this.lastFailure || 'nothing is on its way', 'io');
+      if (this.pending === 0) throw new MtdbError(this.lastFailure || 'nothing is on its way', this.lastCode);
       await this.arrival(signal);
-      if (this.failures !== failures) throw new MtdbError(this.lastFailure, 'io');
+      if (this.failures !== failures) throw new MtdbError(this.lastFailure, this.lastCode);
     }
   }
   private failures = 0;
   private lastFailure = '';
+  private lastCode: ErrorCode = 'io';
 
   /** What failed is asked for again by the next update. */
   retry() {
@@ -591,6 +593,9 @@ export class MeshObject {
   /** Why the last request failed; empty: none did. */
   get failure() {
     return this.lastFailure;
+  }
+  get failureCode() {
+    return this.lastCode;
   }
   /** All memory of the object's engine; it never shrinks. */
   get memoryBytes() {
@@ -651,11 +656,12 @@ export class MeshObject {
     this.underWay.set(wish.ticket, control);
     this.bytesUnderWay += wish.bytes;
     let bytes: Uint8Array | null = null;
-    let failure = '';
+    let failure = '', code: ErrorCode = 'io';
     try {
       bytes = await this.ranges.read(wish.offset, wish.bytes, control.signal);
     } catch (error) {
       failure = (error as Error).message;
+      if (error instanceof MtdbError) code = error.code;
     }
     this.bytesUnderWay -= wish.bytes;
     if (this.closed || this.underWay.get(wish.ticket) !== control) return;
@@ -663,11 +669,12 @@ export class MeshObject {
     if (!bytes) {
       ++this.failures;
       this.lastFailure = failure;
+      this.lastCode = code;
     }
     this.engine.guard(() => {
       if (bytes) this.engine.put(bytes);
       else this.engine.putText(failure);
-      this.engine.wasm.answer(wish.ticket, bytes ? 0 : kIoError);
+      this.engine.wasm.answer(wish.ticket, bytes ? 0 : Number(Object.keys(kCodes).find(number => kCodes[Number(number)] === code) ?? kIoError));
     });
     this.serve();
     this.wake();

@@ -127,7 +127,7 @@ struct State {
   Query query;
   bool clips = false;  // the mesh is clipped as the query has it
   std::vector<double> wishes;
-  std::array<double, 16> report{};
+  std::array<double, 17> report{};
   double insertions = 0, removals = 0;  // of the call
   std::vector<Normal> normals;
   std::vector<float> sums;
@@ -220,12 +220,15 @@ void AddObject(const ObjectRecord& record, std::string* json) {
   *json += '}';
 }
 
-// The worst of what failed, into state.error.
-double CountFailed(const std::vector<MissingCluster>& missing) {
+// Why the worst of what failed did, into state.error and `code`.
+double CountFailed(const std::vector<MissingCluster>& missing, double* code) {
   double failed = 0;
   for (const MissingCluster& m : missing) {
     if (m.reason != MissingCluster::Reason::kFailed) continue;
-    if (failed == 0) state.error = m.failure.message();
+    if (failed == 0) {
+      state.error = m.failure.message();
+      *code = static_cast<double>(m.failure.code());
+    }
     ++failed;
   }
   return failed;
@@ -242,13 +245,15 @@ double CountRoomless(const std::vector<MissingCluster>& missing) {
 void Report(const SessionUpdate& update) {
   const ExtractStats& s = update.stats;
   const bool any = !s.missing.empty();
+  double failure = 0;
+  const double failed = CountFailed(s.missing, &failure);
   state.report = {static_cast<double>(state.mesh->shown_triangles()),
                   static_cast<double>(s.vertices),
                   s.error_bound,
                   static_cast<double>(s.limit),
                   static_cast<double>(s.missing.size()),
                   any ? s.missing.front().excess : 0,
-                  CountFailed(s.missing),
+                  failed,
                   CountRoomless(s.missing),
                   state.insertions += static_cast<double>(update.insertions),
                   state.removals += static_cast<double>(update.removals),
@@ -257,7 +262,8 @@ void Report(const SessionUpdate& update) {
                   static_cast<double>(state.ranges->bytes_read()),
                   static_cast<double>(s.clusters_used),
                   static_cast<double>(s.shortfall.triangles),
-                  s.shortfall.excess};
+                  s.shortfall.excess,
+                  failure};
 }
 
 Status OpenObject(const std::string& name, double cache_bytes) {
