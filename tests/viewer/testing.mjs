@@ -128,7 +128,7 @@ export async function open(url, options = {}) {
   page.on('console', m => ['error', 'warning'].includes(m.type()) && !/GPU stall|GL Driver|swiftshader/i.test(m.text()) && page.wrong.push(m.text()));
   page.on('pageerror', e => page.wrong.push(String(e)));
   page.on('response', r => (page.bytes[new URL(r.url()).pathname] = Number(r.headers()['content-length'])));
-  for (const act of ['move', 'click', 'dblclick']) {
+  for (const act of ['move', 'click']) { // dblclick() is click()
     const inPage = page.mouse[act].bind(page.mouse);
     page.mouse[act] = async (x, y, more) => {
       const left = await page.evaluate(() => document.getElementById('canvas').getBoundingClientRect().left);

@@ -34,7 +34,7 @@ const sentenceOf = (error: unknown) => (error as Error).message;
 interface Asked {
   id: number;
   query: Query;
-  budget: boolean; // the mesh has gone over max_triangles without it
+  budget: boolean; // the mesh goes over max_triangles without it
 }
 
 class Shown {
@@ -44,6 +44,7 @@ class Shown {
   private triangleValue: TriangleValue | null = null;
   private allTriangles = false; // are to be told anew
   private asked: Asked | null = null;
+  private budgeted = false; // the last answer had as many triangles as it may
   private limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity};
   private frame: Frame | null = null;
   private fresh = true;
@@ -93,7 +94,7 @@ class Shown {
   ask(id: number, query: Query) {
     this.reclip ||= this.clips || query.clip === true;
     this.clips = query.clip === true;
-    this.asked = {id, query, budget: false};
+    this.asked = {id, query, budget: this.budgeted};
     this.schedule();
   }
 
@@ -131,8 +132,8 @@ class Shown {
     const {max_triangles: most, ...without} = asked.query;
     const begin = performance.now();
     try {
-      // The engine goes on where it was as long as there is no budget; with one it begins anew each time.
-      const frame = asked.budget ? object.update({...asked.query}) : object.update(without, kSlice);
+      // Without a budget the engine goes on from the cut of the last query; with one it searches anew for each.
+      const frame = object.update(asked.budget ? asked.query : without, kSlice);
       this.note(begin);
       if (!frame) {
         if (object.pending > 0) return;
@@ -185,6 +186,7 @@ class Shown {
       post({kind: 'trouble', sentence: ''});
     }
     this.asked = null;
+    this.budgeted = frame.limit === 'triangles';
     // Errors of triangles that have not changed may be known better now.
     if (this.triangleValue === 'error') this.allTriangles = this.dirty = true;
     this.answers.push({id: asked.id, done: this.doneOf(frame)});
