@@ -38,7 +38,7 @@ await new Promise(done => server.listen(0, '127.0.0.1', done));
 const url = `http://127.0.0.1:${server.address().port}/a.mtdbp`;
 const open = (options = {}) => openFile(url, {wasm, ...options});
 
-function trianglesOf(object) {
+function trianglesOf(object, clipped = false) {
   const {indices, positions, origin, normals} = object.changes();
   const corner = v => [0, 1, 2].map(k => positions[3 * v + k] + origin[k]);
   const list = [];
@@ -46,7 +46,22 @@ function trianglesOf(object) {
     if (indices[i] !== indices[i + 1]) list.push([corner(indices[i]), corner(indices[i + 1]), corner(indices[i + 2])]);
   }
   assert.equal(normals.length, positions.length / 3 * 4);
+  if (!clipped) checkNormals({indices, positions, normals});
   return list;
+}
+// Those of all triangles at each vertex, however few of them the last update touched.
+function checkNormals({indices, positions, normals}) {
+  const sums = new Float64Array(positions.length);
+  for (let i = 0; i < indices.length; i += 3) {
+    const [a, b, c] = [0, 1, 2].map(k => [0, 1, 2].map(x => positions[3 * indices[i + k] + x]));
+    const u = b.map((x, k) => x - a[k]), v = c.map((x, k) => x - a[k]);
+    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    for (let k = 0; k < 9; ++k) sums[3 * indices[i + Math.floor(k / 3)] + k % 3] += n[k % 3];
+  }
+  for (let v = 0; v < positions.length / 3; ++v) {
+    const n = sums.subarray(3 * v, 3 * v + 3), length = Math.hypot(...n);
+    if (length > 1e-9) for (let k = 0; k < 3; ++k) assert.ok(Math.abs(normals[4 * v + k] - (n[k] / length) * 32767) < 40, `normal of ${v}: ${normals.slice(4 * v, 4 * v + 3)}, not ${n.map(x => (x / length) * 32767)}`);
+  }
 }
 function extracted(query) {
   writeFileSync(join(folder, 'query.json'), JSON.stringify(query));
@@ -187,7 +202,7 @@ console.log('the errors of triangles are those of mtdb');
   // Clipped and not, in turn: slots of what is cut away are empty.
   for (const query of [clipped, queries[2], queries[3], {...clipped, region: {sphere: {centre: min, radius: 0.5 * info.diagonal}}}, clipped, queries[1]]) {
     const frame = await object.settle(query);
-    const shown = trianglesOf(object);
+    const shown = trianglesOf(object, query.clip === true);
     assert.equal(shown.length, frame.triangles);
     assertSame(shown, extracted(query));
   }

@@ -115,7 +115,9 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   const uint32_t triangles = AddRanges(changes.triangles, &list);
   const uint32_t vertices = AddRanges(changes.vertices, &list);
   const ClientMesh& mesh = state->decoder.mesh();
-  const uint32_t normals = UpdateNormals(mesh.positions(), mesh.indices(), state->stretch,
+  SlotMarks all;
+  all.MarkBelow(static_cast<uint32_t>(mesh.positions().size() / 3));
+  const uint32_t normals = UpdateNormals(mesh.positions(), mesh.indices(), state->stretch, all,
                                          &state->sums, &state->normals, &list);
   list[0] = triangles;
   list[1] = vertices;

@@ -459,8 +459,10 @@ MTDB_EXPORT("take_changes") extern "C" const uint32_t* TakeChanges() {
   list.assign(3, 0);
   const uint32_t triangles = state.mesh->TakeTriangles(&list);
   const uint32_t vertices = state.mesh->TakeVertices(&list);
-  const uint32_t normals = UpdateNormals(state.mesh->positions(), state.mesh->indices(),
-                                         state.stretch, &state.sums, &state.normals, &list);
+  const uint32_t normals =
+      UpdateNormals(state.mesh->positions(), state.mesh->indices(), state.stretch,
+                    state.mesh->touched(), &state.sums, &state.normals, &list);
+  state.mesh->ClearTouched();
   list[0] = triangles;
   list[1] = vertices;
   list[2] = normals;

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <numeric>
 #include <span>
 #include <unordered_map>
 #include <utility>
@@ -45,6 +44,9 @@ class SlotMesh {
   std::span<const float> positions() const { return positions_; }  // likewise a vertex slot
   const Bytes& rows() const { return rows_; }
   const std::array<double, 3>& origin() const { return origin_; }  // of the positions
+  // Vertices whose triangles have become others since ClearTouched(); some may be free now.
+  const SlotMarks& touched() const { return touched_; }
+  void ClearTouched() { touched_.Clear(); }
   // Calls f(slot, key) for each triangle, those that the clip takes away included.
   template <typename F>
   void ForEachTriangle(F&& f) const {
@@ -81,14 +83,13 @@ class SlotMesh {
     clip_ = std::move(meets);
     shown_.clear();
     shown_triangles_ = 0;
-    written_triangles_.resize(indices_.size() / 3);
-    std::iota(written_triangles_.begin(), written_triangles_.end(), 0U);
+    written_triangles_.MarkBelow(static_cast<uint32_t>(indices_.size() / 3));
   }
   // Brings `shown` up to date.
   void ShowWritten() {
     if (!clip_) return;
     shown_.resize(indices_.size());
-    for (const uint32_t slot : written_triangles_) {
+    written_triangles_.ForEach([&](uint32_t slot) {
       const uint32_t* const corners = &indices_[3 * size_t{slot}];
       uint32_t* const out = &shown_[3 * size_t{slot}];
       if (out[0] != out[1]) --shown_triangles_;
@@ -97,7 +98,7 @@ class SlotMesh {
           some && clip_({PositionOf(corners[0]), PositionOf(corners[1]), PositionOf(corners[2])});
       if (is_shown) ++shown_triangles_;
       for (int i = 0; i < 3; ++i) out[i] = is_shown ? corners[i] : 0;
-    }
+    });
   }
 
   // Appends the slots that were written since the last call, as ranges; returns how many.
@@ -110,14 +111,10 @@ class SlotMesh {
 
  private:
   Vec3d PositionOf(uint32_t slot) const { return grid_.Position(places_[slot]); }
-  static uint32_t TakeSlots(std::vector<uint32_t>* slots, std::vector<uint32_t>* ranges) {
+  static uint32_t TakeSlots(SlotMarks* slots, std::vector<uint32_t>* ranges) {
     const size_t first = ranges->size();
-    std::ranges::sort(*slots);
-    for (const uint32_t slot : *slots) {
-      if (ranges->size() > first && slot < ranges->back()) continue;  // written twice
-      AddSlot(slot, first, ranges);
-    }
-    slots->clear();
+    slots->ForEach([&](uint32_t slot) { AddSlot(slot, first, ranges); });
+    slots->Clear();
     return static_cast<uint32_t>((ranges->size() - first) / 2);
   }
   static uint32_t TakeSlot(std::vector<uint32_t>* free, size_t next) {
@@ -141,19 +138,26 @@ class SlotMesh {
     }
     std::ranges::copy(row, rows_.begin() + static_cast<std::ptrdiff_t>(slot * row_bytes_));
     vertices_[vertex] = slot;
-    written_vertices_.push_back(slot);
+    written_vertices_.Mark(slot);
+    touched_.Mark(slot);
   }
   void AddTriangle(TriangleKey key, const std::array<VertexIndex, 3>& corners) {
     const uint32_t slot = TakeSlot(&free_triangles_, indices_.size() / 3);
     if (3 * size_t{slot} == indices_.size()) indices_.resize(indices_.size() + 3);
-    for (size_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = vertices_.at(corners[i]);
+    for (size_t i = 0; i < 3; ++i) {
+      const uint32_t vertex = vertices_.at(corners[i]);
+      indices_[3 * size_t{slot} + i] = vertex;
+      touched_.Mark(vertex);
+    }
     triangles_[key] = slot;
-    written_triangles_.push_back(slot);
+    written_triangles_.Mark(slot);
   }
   void RemoveTriangle(TriangleKey key) {
     const auto at = triangles_.find(key);
-    std::fill_n(indices_.begin() + 3 * static_cast<std::ptrdiff_t>(at->second), 3, 0U);
-    written_triangles_.push_back(at->second);
+    for (size_t i = 0; i < 3; ++i) {
+      touched_.Mark(std::exchange(indices_[3 * size_t{at->second} + i], 0U));
+    }
+    written_triangles_.Mark(at->second);
     free_triangles_.push_back(at->second);
     triangles_.erase(at);
   }
@@ -171,7 +175,7 @@ class SlotMesh {
   std::unordered_map<TriangleKey, uint32_t> triangles_;
   std::unordered_map<VertexIndex, uint32_t> vertices_;
   std::vector<uint32_t> free_triangles_, free_vertices_;
-  std::vector<uint32_t> written_triangles_, written_vertices_;
+  SlotMarks written_triangles_, written_vertices_, touched_;
 };
 
 }  // namespace mtdb
