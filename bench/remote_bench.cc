@@ -84,18 +84,10 @@ Result<Measured> FirstPicture(const std::string& place, const internal::PackedRe
   return IoError(place + ": nothing comes");
 }
 
-class NoSink final : public MeshSink {
- public:
-  Status Begin(const MeshHeader&) override { return Status::Ok(); }
-  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
-  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
-  Status End() override { return Status::Ok(); }
-};
-
 Result<Measured> Exact(const std::string& place, const internal::PackedRequests& requests) {
   const auto begin = BenchClock::now();
   MTDB_ASSIGN_OR_RETURN(const RemoteObject object, OpenRemote(place, {}, requests));
-  NoSink sink;
+  NullSink sink;
   MTDB_ASSIGN_OR_RETURN(ExtractStats stats,
                         object.surface->Extract(View(object.surface->record(), 0, 1), sink));
   return Look(object, std::move(stats), SecondsSince(begin));

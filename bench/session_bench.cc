@@ -164,15 +164,6 @@ double SideFor(const Surface& surface, const std::vector<Vec3d>& path, uint64_t 
   return low;
 }
 
-// Takes the mesh and lets it go.
-class NullSink final : public MeshSink {
- public:
-  Status Begin(const MeshHeader&) override { return Status::Ok(); }
-  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
-  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
-  Status End() override { return Status::Ok(); }
-};
-
 struct Totals {
   double scratch = 0, update = 0, encode = 0, decode = 0;
   uint64_t insertions = 0, removals = 0, bytes = 0;

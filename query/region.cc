@@ -192,6 +192,18 @@ double LargestShift(const std::vector<RegionPtr>& from, const std::vector<Region
   return shift;
 }
 
+// The depth that `choose` takes of each two.
+template <typename Choose>
+double ChosenDepth(const std::vector<RegionPtr>& regions, const Box3d& box, double none,
+                   const Choose& choose) {
+  double depth = none;
+  for (const RegionPtr& r : regions) {
+    if (!SpendSteps(1)) return 0;
+    depth = choose(depth, r->Depth(box));
+  }
+  return depth;
+}
+
 class Union final : public SplittingRegion {
  public:
   explicit Union(std::vector<RegionPtr> regions)
@@ -216,12 +228,7 @@ class Union final : public SplittingRegion {
     return AnyOf([](const RegionPtr& r) { return r->whole(); });
   }
   double Depth(const Box3d& box) const override {
-    double depth = -kInfinity;
-    for (const RegionPtr& r : regions_) {
-      if (!SpendSteps(1)) return 0;
-      depth = std::max(depth, r->Depth(box));
-    }
-    return depth;
+    return ChosenDepth(regions_, box, -kInfinity, [](double a, double b) { return std::max(a, b); });
   }
   double Shift(const Region& to, const Box3d& within) const override {
     const auto* const other = dynamic_cast<const Union*>(&to);
@@ -261,12 +268,7 @@ class Intersection final : public SplittingRegion {
   }
 
   double Depth(const Box3d& box) const override {
-    double depth = kInfinity;
-    for (const RegionPtr& r : regions_) {
-      if (!SpendSteps(1)) return 0;
-      depth = std::min(depth, r->Depth(box));
-    }
-    return depth;
+    return ChosenDepth(regions_, box, kInfinity, [](double a, double b) { return std::min(a, b); });
   }
   double Shift(const Region& to, const Box3d& within) const override {
     const auto* const other = dynamic_cast<const Intersection*>(&to);

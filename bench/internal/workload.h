@@ -34,6 +34,15 @@ class BenchStore {
   std::shared_ptr<Database> database_;
 };
 
+// Takes the mesh and lets it go.
+class NullSink final : public MeshSink {
+ public:
+  Status Begin(const MeshHeader&) override { return Status::Ok(); }
+  Status AddVertices(std::span<const Vec3d>, ByteSpan) override { return Status::Ok(); }
+  Status AddTriangles(std::span<const TriangleVertices>) override { return Status::Ok(); }
+  Status End() override { return Status::Ok(); }
+};
+
 // Made once per size and kept.
 const TriangleMesh& Sculpture(uint64_t triangles);
 

@@ -31,9 +31,6 @@ enum class StatusCode : uint16_t {
   kNotYet = 303,           // what is needed is on its way: ask again
 };
 
-// "corrupt", "not found", ...: for messages and JSON.
-const char* StatusCodeName(StatusCode code);
-
 class [[nodiscard]] Status {
  public:
   Status() = default;

@@ -58,7 +58,7 @@ inline int OpenNamelessFile(const std::string& folder, const char* prefix) {
   } while (file < 0 && errno == EINTR);
   if (file >= 0) return file;
 #endif
-  std::string name = folder + "/" + prefix + "XXXXXX";
+  std::string name = folder + "/" + prefix + std::string(6, 'X');  // which mkostemp replaces
   const int named = ::mkostemp(name.data(), O_CLOEXEC);
   if (named >= 0) ::unlink(name.c_str());
   return named;

@@ -58,7 +58,7 @@ struct Outcome {
 
 // Walks in a child process, in a folder that goes with it.
 Outcome WalkInChild(const Options& options, const Walk& walk, bool keep = false) {
-  std::string folder = options.tmp + "/mtdb-everything-XXXXXX";
+  std::string folder = options.tmp + "/mtdb-everything-" + std::string(6, 'X');  // for mkdtemp
   if (::mkdtemp(folder.data()) == nullptr) {
     return {{{"no temporary folder", folder, 0}}, {}};
   }
