@@ -65,6 +65,10 @@ class ThresholdOfScaled final : public Threshold {
     return threshold_->Margin(ScaledBox(box, scale_), distance);
   }
   std::optional<double> constant() const override { return threshold_->constant(); }
+  ThresholdPtr AtPixels(double pixels) const override {
+    return ScaledThreshold(threshold_->AtPixels(pixels), scale_);
+  }
+  std::optional<double> pixels() const override { return threshold_->pixels(); }
 
  private:
   const ThresholdPtr threshold_;

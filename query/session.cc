@@ -12,6 +12,7 @@
 
 #include "query/internal/available_units.h"
 #include "query/internal/bits.h"
+#include "query/internal/budget_cut.h"
 #include "query/internal/moving_cut.h"
 #include "query/internal/promise.h"
 #include "query/internal/search.h"
@@ -255,8 +256,11 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
   UnitReader& reader = waits ? *waiting : *available_;
   if (!budget) {
     MTDB_RETURN_IF_ERROR(Move(reader, query, rounds, take, &result));
+  } else if (waits && !query.max_bytes && !query.max_milliseconds) {
+    MTDB_RETURN_IF_ERROR(MoveWithin(reader, query, take, &result));
   } else {
     next_.reset();
+    within_.reset();
     MTDB_RETURN_IF_ERROR(waits ? Select(reader, query, take, &result)
                                : SelectInCalls(query, take, &result));
   }
@@ -331,7 +335,33 @@ Status Session::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* u
   return taken;
 }
 
-// Under a budget the cut is not the least one of any query, and cannot move on.
+// The client sees where the cut ends, and not the cuts on the way, which may be too large.
+Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBatches& take,
+                           SessionUpdate* update) {
+  if (within_ == nullptr) within_ = std::make_unique<BudgetCut>(*surface_->source());
+  if (moving_ != nullptr) {
+    Selected now;
+    const uint32_t clusters = surface_->index().cluster_count();
+    now.applied.resize(clusters);
+    for (UnitId c = 0; c < clusters; ++c) now.applied[c] = moving_->applied(c);
+    now.triangles = moving_->counts().triangles;
+    now.clusters_used = moving_->counts().clusters_used;
+    selected_ = std::move(now);
+    next_ = std::move(moving_);
+  }
+  if (next_ == nullptr) next_ = std::make_unique<MovingCut>(*surface_->source());
+  MTDB_RETURN_IF_ERROR(within_->Move(reader, query, next_.get()));
+  MTDB_RETURN_IF_ERROR(Show(next_->state(), reader, take, update));
+  ExtractStats& stats = update->stats;
+  FillStats(surface_->record(), next_->counts(), next_->active(), &stats);
+  stats.clusters_used = selected_.clusters_used;
+  if (within_->ended_by_budget()) stats.limit = QueryLimit::kTriangles;
+  stats.nodes_visited = within_->evaluated();
+  stats.nodes_forced = next_->counts().forced;
+  return Status::Ok();
+}
+
+// Under other budgets the cut is not the least one of any query, and cannot move on.
 Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                        SessionUpdate* update) {
   const ObjectRecord& record = surface_->record();

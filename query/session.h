@@ -27,6 +27,7 @@ class Surface;
 namespace internal {
 class Bits;
 class CutState;
+class BudgetCut;
 class MovingCut;
 class UnitReader;
 struct BudgetSearch;
@@ -120,6 +121,8 @@ class Session {
   Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
   Status Move(internal::UnitReader& reader, const Query& query, bool rounds,
               const TakeBatches& take, SessionUpdate* update);
+  Status MoveWithin(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
+                    SessionUpdate* update);
   Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
   Status SelectInCalls(const Query& query, const TakeBatches& take, SessionUpdate* update);
@@ -140,9 +143,11 @@ class Session {
     uint8_t largest_code = 0;  // of the whole mesh
   };
   Selected selected_;
-  // Of a session that does not wait: what is on its way to take the place of the cut.
-  std::unique_ptr<internal::BudgetSearch> search_;
+  // What is on its way to take the place of the cut, or is kept within a budget.
   std::unique_ptr<internal::MovingCut> next_;
+  std::unique_ptr<internal::BudgetCut> within_;
+  // Of a session that does not wait, likewise.
+  std::unique_ptr<internal::BudgetSearch> search_;
   uint64_t applied_count_ = 0;
 };
 

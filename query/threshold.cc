@@ -2,8 +2,10 @@
 #include "query/threshold.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "query/internal/rounding.h"
@@ -199,6 +201,8 @@ class Screen final : public Threshold {
         forward_(camera.axes().forward),
         near_(camera.near),
         corner_(std::hypot(camera.tangent_x(), camera.tangent_y())),
+        pixel_(camera.pixel()),
+        pixels_(pixels),
         factor_(pixels * camera.pixel()) {}
 
   double Min(const Triangle3d& t, double distance) const override {
@@ -230,7 +234,9 @@ class Screen final : public Threshold {
     const double low =
         About(depth - deep - distance, FarthestCorner(half, from_axis) + slack + distance);
     const double high = About(depth + deep, std::max(0.0, aside - wide));
-    return Widened({low, depth - deep >= near_ ? high : kInfinity}, Slack(low, high));
+    const ErrorRange of_one =
+        Widened({low, depth - deep >= near_ ? high : kInfinity}, Slack(low, high));
+    return {pixels_ * of_one.low, pixels_ * of_one.high};
   }
 
   // The field's slope along the axis of view is from 0 to kDepthSlope, and at least `least` in
@@ -281,6 +287,14 @@ class Screen final : public Threshold {
     return {Widened(change, 8 * Slack(most, most))};
   }
 
+  ThresholdPtr AtPixels(double pixels) const override {
+    auto at = std::make_shared<Screen>(*this);
+    at->pixels_ = pixels;
+    at->factor_ = pixels * pixel_;
+    return at;
+  }
+  std::optional<double> pixels() const override { return pixels_; }
+
  private:
   // Bounds of sqrt(1 + u^2)^-3 (1 + 2 u^2) and of sqrt(1 + u^2)^-3 u, with u the tangent of the
   // angle with the axis.
@@ -319,22 +333,34 @@ class Screen final : public Threshold {
   double At(double depth, double from_axis) const {
     const double z = std::max({depth, near_, 0.0});
     const double aside = std::min(from_axis, z * corner_);
-    return z > 0 ? factor_ * z * (z / std::hypot(z, aside)) : 0;
+    return z > 0 ? pixels_ * (pixel_ * z * (z / std::hypot(z, aside))) : 0;
   }
 
-  // Likewise, up to rounding, and faster.
+  // Likewise for one pixel, up to rounding, and faster.
   double About(double depth, double from_axis) const {
     const double z = std::max({depth, near_, 0.0});
     const double aside = std::min(from_axis, z * corner_);
-    return z > 0 ? factor_ * z * (z / std::sqrt(z * z + aside * aside)) : 0;
+    return z > 0 ? pixel_ * z * (z / std::sqrt(z * z + aside * aside)) : 0;
   }
 
   Vec3d eye_;
   Vec3d forward_;
   double near_;
   double corner_;  // tangent of the angle between the axis of view and the picture's corner
-  double factor_;
+  double pixel_;   // at depth 1
+  double pixels_;
+  double factor_;  // the product
 };
+
+// Of what is made of several.
+ThresholdPtr SmallestAtPixels(std::span<const ThresholdPtr> parts, double pixels) {
+  std::vector<ThresholdPtr> cameras;
+  for (const ThresholdPtr& part : parts) {
+    if (ThresholdPtr at = part->AtPixels(pixels); at != nullptr) cameras.push_back(std::move(at));
+  }
+  if (cameras.size() <= 1) return cameras.empty() ? nullptr : cameras[0];
+  return MinThreshold(std::move(cameras));
+}
 
 class ByRegion final : public Threshold {
  public:
@@ -374,6 +400,9 @@ class ByRegion final : public Threshold {
     if (std::abs(depth) <= distance) return 0;
     const ThresholdPtr& part = depth > 0 ? inside_ : outside_;
     return std::min(std::abs(depth) - distance, part->Margin(box, distance));
+  }
+  ThresholdPtr AtPixels(double pixels) const override {
+    return SmallestAtPixels(std::array{inside_, outside_}, pixels);
   }
 
  private:
@@ -442,6 +471,9 @@ class Chosen final : public Threshold {
       margin = std::min(margin, p->Margin(box, distance));
     }
     return margin;
+  }
+  ThresholdPtr AtPixels(double pixels) const override {
+    return SmallestAtPixels(thresholds_, pixels);
   }
   std::optional<double> constant() const override {
     double value = none_;

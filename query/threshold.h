@@ -56,6 +56,12 @@ class Threshold {
   // How far the borders between parts of the field are from what is within `distance` of the box,
   // at least: 0 when one may be there, infinite without any.
   virtual double Margin(const Box3d& box, double distance) const;
+  // The threshold at so many pixels (> 0) of the camera that this one is made of, of several the
+  // smallest place by place; null when it is made of none. Its Min and Range are
+  // `pixels` times those for 1, without another rounding.
+  virtual std::shared_ptr<const Threshold> AtPixels(double) const { return nullptr; }
+  // The error in pixels when it is AtPixels of that.
+  virtual std::optional<double> pixels() const { return std::nullopt; }
   // The field's value when it is the same everywhere, so that nobody need ask about triangles.
   virtual std::optional<double> constant() const { return std::nullopt; }
   // True when no error is permitted anywhere, not even 0.

@@ -63,13 +63,20 @@ void Deadlines::Begin(const Judge& judge, const ClusterIndex& index, MovingUnit&
   UnitDeadlines& d = u.deadlines;
   d.box = judge.ModelBox(index.unit(u.id).bounds);
   d.reach = judge.Reach(u.id);
-  d.range = judge.RangeIn(d.box, d.reach);
+  FindRanges(judge, u);
   d.margin = judge.MarginIn(d.box, d.reach);
   d.activity = judge.ActivityIn(d.box, d.reach);
   d.stale = false;
   d.nodes.assign(u.known.size(), kNever);
   d.children.assign(index.children(u.id).size(), kNever);
   ForgetShifts(d);
+}
+
+void Deadlines::FindRanges(const Judge& judge, MovingUnit& u) {
+  UnitDeadlines& d = u.deadlines;
+  d.child_range = judge.RangeIn(d.box, d.reach);
+  const bool same = &judge.FieldOf(u.id) == judge.threshold().get();
+  d.range = same ? d.child_range : judge.RangeOf(u.id, d.box, d.reach);
 }
 
 const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) {
@@ -85,8 +92,8 @@ const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) 
   // What a border does in a unit is counted while one is there.
   const bool was_clear = std::exchange(d.margin, judge_.MarginIn(d.box, d.reach)) > 0;
   all |= was_clear && d.margin <= 0;
-  if (!all) all = !AddChange(d, moved, was_clear);
-  d.range = judge_.RangeIn(d.box, d.reach);
+  if (!all) all = !AddChange(u, moved, was_clear);
+  FindRanges(judge_, u);
   d.stale = false;
   if (all) {
     d.low = d.high = d.shift = 0;
@@ -97,9 +104,26 @@ const Deadlines::Expired& Deadlines::Advance(MovingUnit& u, const Moved& moved) 
   return expired_;
 }
 
-bool Deadlines::AddChange(UnitDeadlines& d, const Moved& moved, bool was_clear) const {
+FieldChange Deadlines::ChangeIn(const MovingUnit& u, const Judge::Fields& from) const {
+  const UnitDeadlines& d = u.deadlines;
+  const auto between = [&](const Threshold& a, const Threshold& b) {
+    return &a == &b ? FieldChange{{0, 0}} : a.Change(b, d.box, d.reach);
+  };
+  const Threshold& was = from.Of(u.id);
+  const Threshold& is = judge_.FieldOf(u.id);
+  FieldChange change = between(was, is);
+  if (&was == from.strict.get() && &is == judge_.threshold().get()) return change;
+  const FieldChange of_children = between(*from.strict, *judge_.threshold());
+  change.low = std::min(change.low, of_children.low);
+  change.high = std::max(change.high, of_children.high);
+  change.shift = std::max(change.shift, of_children.shift);
+  return change;
+}
+
+bool Deadlines::AddChange(MovingUnit& u, const Moved& moved, bool was_clear) const {
+  UnitDeadlines& d = u.deadlines;
   FieldChange change{{0, 0}};
-  if (moved.threshold) change = moved.from->Change(*judge_.threshold(), d.box, d.reach);
+  if (moved.threshold) change = ChangeIn(u, *moved.from);
   if (was_clear) change.shift = 0;
   if (moved.region && d.activity == Activity::kSome) {
     change.shift = std::max(change.shift, moved.from_region->Shift(*judge_.region(), d.box));
@@ -245,7 +269,7 @@ Deadlines::Verdict Deadlines::Look(MovingUnit& u, const LoadedUnit& unit, NodeIn
   if (d.margin > 0) box = judge_.ModelBox(unit.hole_bounds(node));
   if (activity == Activity::kSome) activity = judge_.ActivityIn(box, bound);
   if (activity == Activity::kNone) return {};
-  const ErrorRange range = judge_.threshold()->Range(box, bound);
+  const ErrorRange range = judge_.FieldOf(u.id).Range(box, bound);
   if (bound <= range.low) return {false, false, {range.low - bound, kInfinity, shift}};
   if (activity == Activity::kAll && bound > range.high) {
     return {true, true, {kInfinity, bound - range.high, shift}};
@@ -257,13 +281,14 @@ Deadlines::Verdict Deadlines::LookAtTriangles(const LoadedUnit& unit, NodeIndex 
                                               bool all_active, double shift) {
   const double bound = judge_.Bound(unit.cluster.error_codes[node]);
   const std::span<const LocalNumber> hole = unit.cluster.hole(node);
+  const Threshold& field = judge_.FieldOf(unit.id);
   refused_.assign(hole.size(), false);
   Verdict verdict{false, true, {kInfinity, kInfinity, shift}};
   for (size_t i = 0; i < hole.size(); ++i) {
     if (!judge_.meter().Spend(1)) break;
     const Triangle3d t = judge_.Corners(unit, hole[i], unit.creator(hole[i]));
     const bool active = all_active || judge_.Active(t, bound);
-    const double least = active ? judge_.threshold()->Min(t, bound) : kInfinity;
+    const double least = active ? field.Min(t, bound) : kInfinity;
     if (bound <= least) {
       verdict.all = false;
       verdict.leeway.fall = std::min(verdict.leeway.fall, least - bound);
@@ -334,8 +359,8 @@ Leeway Deadlines::Margin(const MovingUnit& u, const LoadedUnit& unit, uint32_t s
   const double bound = judge_.Bound(code);
   if (d.activity == Activity::kNone || !judge_.meter().Spend(1)) return {};
   const bool clear = d.margin > 0;
-  if (clear && bound <= d.range.low) return {d.range.low - bound};
-  if (d.activity == Activity::kAll && bound > d.range.high) return kRefused;
+  if (clear && bound <= d.child_range.low) return {d.child_range.low - bound};
+  if (d.activity == Activity::kAll && bound > d.child_range.high) return kRefused;
   const Triangle3d t = judge_.Corners(unit, slot, unit.creator(slot));
   if (d.activity == Activity::kSome) {
     const Judge::Where where = judge_.WhereIs(Around(t), bound);

@@ -19,7 +19,7 @@ class Deadlines {
  public:
   // What a query changed, with what was before.
   struct Moved {
-    const Threshold* from;
+    const Judge::Fields* from;
     const Region* from_region;
     bool threshold;
     bool region;
@@ -83,7 +83,10 @@ class Deadlines {
   Verdict Look(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active, double shift);
   // By how much the query changed in the unit; false when that is not known.
-  bool AddChange(UnitDeadlines& d, const Moved& moved, bool was_clear) const;
+  bool AddChange(MovingUnit& u, const Moved& moved, bool was_clear) const;
+  // Of the threshold by which the unit's nodes are judged, or its children are wanted.
+  FieldChange ChangeIn(const MovingUnit& u, const Judge::Fields& from) const;
+  static void FindRanges(const Judge& judge, MovingUnit& u);
   void FindExpired(MovingUnit& u);
   // The border was not at the node and is not: its decision stands.
   bool StaysAside(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;

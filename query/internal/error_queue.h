@@ -1,46 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-// ErrorQueue: the work of a search with budgets, largest error first.
+// ErrorQueue: the work of a search with budgets, from level to level.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <queue>
+#include <utility>
 #include <vector>
 
 #include "query/internal/loaded_unit.h"
 
 namespace mtdb::internal {
 
-// A node to apply, or a cluster to look into.
+// A node to apply, or a cluster to look into: wanted at levels below this.
 struct ErrorTask {
-  uint8_t code = 0;
+  int level = 0;
   bool look = false;
   UnitId unit = 0;
   NodeIndex node = 0;
 };
 
-// Order: larger codes; of one code, looks; then larger units; then smaller nodes.
+// Order: higher levels; of one level, larger units, which are coarser; of one unit, looks; then
+// smaller nodes.
 class ErrorQueue {
  public:
-  bool empty() const { return size_ == 0; }
+  bool empty() const { return heap_.empty(); }
   void Push(const ErrorTask& task) {
-    heaps_[task.code].push((uint64_t{task.look} << 63) | (uint64_t{task.unit} << 32) |
-                           uint32_t{~task.node});
-    if (size_++ == 0 || task.code > highest_) highest_ = task.code;
+    const uint64_t what = uint64_t{task.look} << 32 | uint32_t{~task.node};
+    heap_.push({static_cast<uint64_t>(task.level) << 32 | task.unit, what});
   }
   ErrorTask Pop() {
-    while (heaps_[highest_].empty()) --highest_;
-    const uint64_t key = heaps_[highest_].top();
-    heaps_[highest_].pop();
-    --size_;
-    return {highest_, (key >> 63) != 0, static_cast<UnitId>(key >> 32) & ~kChildFlag,
-            ~static_cast<uint32_t>(key)};
+    const auto [where, what] = heap_.top();
+    heap_.pop();
+    return {static_cast<int>(where >> 32), (what >> 32) != 0, static_cast<UnitId>(where),
+            ~static_cast<uint32_t>(what)};
   }
 
  private:
-  std::array<std::priority_queue<uint64_t>, 256> heaps_;  // by code
-  size_t size_ = 0;
-  uint8_t highest_ = 0;  // no code above it is there
+  std::priority_queue<std::pair<uint64_t, uint64_t>> heap_;
 };
 
 }  // namespace mtdb::internal

@@ -99,13 +99,15 @@ void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
   children_waiting_[units_.LargestCode(child)].emplace_back(u.id, ordinal);
 }
 
-Status Insertion::Run(uint64_t round_nodes, const std::function<Status()>& end_round) {
+Status Insertion::Run(uint64_t round_nodes, uint64_t most,
+                      const std::function<Status()>& end_round) {
+  most_ = most;
   const bool watched = units_.pins().reader().available() != nullptr;
   // What has come and gone only tells what waits: it is no refinement.
   if (watched) MTDB_RETURN_IF_ERROR(RunQueue(false));
   bool stepped = !units_.queue().empty();
   MTDB_RETURN_IF_ERROR(RunQueue(watched));
-  while (units_.queue().empty() && !(stepped && TimeIsOver()) &&
+  while (units_.queue().empty() && !(stepped && TimeIsOver()) && !TooMany() &&
          TakeUp(round_nodes > 0 || watched ? kCodeStep : 256)) {
     stepped = true;
     MTDB_RETURN_IF_ERROR(RunQueue(watched));
@@ -161,7 +163,7 @@ Status Insertion::RunQueue(bool timed) {
     }
     return Status::Ok();
   };
-  return units_.RunQueue(advance, [&] { return timed && TimeIsOver(); });
+  return units_.RunQueue(advance, [&] { return TooMany() || (timed && TimeIsOver()); });
 }
 
 // May be taken again from wherever it fails.

@@ -34,8 +34,9 @@ class Insertion {
   void DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child);
   // Works off the queue and what waits. With round_nodes > 0 calls end_round when so many nodes
   // have come, and a quarter of all. With a reader that waits for nothing it ends after the step
-  // during which the time is over; what is left to do then waits for the next move.
-  Status Run(uint64_t round_nodes, const std::function<Status()>& end_round);
+  // during which the time is over, and any that after which the mesh has more than `most`
+  // triangles; what is left to do then waits for the next move.
+  Status Run(uint64_t round_nodes, uint64_t most, const std::function<Status()>& end_round);
   // Something is left to do, but for what is missing.
   bool unfinished() const { return unfinished_; }
   // Needs no memory.
@@ -52,6 +53,7 @@ class Insertion {
   bool AnyWaits();
   Status Leave();
   bool TimeIsOver() const;
+  bool TooMany() const { return units_.counts().triangles > most_; }
   Status RunQueue(bool timed);
   Status Advance(MovingUnit& u, const LoadedUnit& unit);
   void LookAt(MovingUnit& u, const LoadedUnit& unit);
@@ -72,6 +74,7 @@ class Insertion {
   std::array<std::vector<std::pair<UnitId, uint32_t>>, 256> nodes_waiting_, children_waiting_;
   std::vector<std::pair<UnitId, uint32_t>> missing_;  // children: their clusters were not there
   bool unfinished_ = false;
+  uint64_t most_ = 0;      // triangles
   uint64_t inserted_ = 0;  // in this round
   uint64_t inserted_before_ = 0;
   std::vector<NodeRef> closure_;

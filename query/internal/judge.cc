@@ -25,32 +25,70 @@ Judge::Judge(const ClusterSource& source, double rounding)
       index_(source.index()),
       grid_(source.record().grid),
       rounding_(rounding),
-      bounds_(BoundsByCode(grid_, rounding)) {}
+      bounds_(BoundsByCode(grid_, rounding)),
+      levels_(bounds_) {}
 
-void Judge::SetQuery(const Query& query) {
+ThresholdPtr Judge::AttainableAt(const Levels& levels, int level) const {
+  ThresholdPtr at = levels.At(level);
+  if (level == Levels::kNone && levels.threshold() == nullptr) at = nullptr;
+  return Attainable(vertical_ ? VerticalReach(std::move(at), aside_) : at, rounding_);
+}
+
+// What is the same stays the same object, so that nobody takes it for another one.
+Judge::Fields Judge::FieldsOf(const Levels& levels, const Cutoff& cutoff) const {
+  const bool same = fields_.strict != nullptr && levels.threshold() == levels_.threshold();
+  const auto at = [&](int level) {
+    if (same && level == StrictLevel(cutoff_)) return fields_.strict;
+    if (same && level == cutoff_.level && fields_.loose != nullptr) return fields_.loose;
+    return AttainableAt(levels, level);
+  };
+  if (cutoff.level == Levels::kNone) return {at(Levels::kNone), nullptr, 0};
+  return {at(StrictLevel(cutoff)), at(cutoff.level), cutoff.from};
+}
+
+void Judge::SetQuery(const Query& query, const Cutoff& cutoff) {
   const RegionPtr region =
       query.region == nullptr || query.region->whole() ? nullptr : query.region;
-  // What is the same stays the same object, so that nobody takes it for another one. What may fail
-  // comes first.
-  const bool same_region = region == query_region_;
-  const bool same_threshold = threshold_ != nullptr && query.threshold == query_threshold_;
-  RegionPtr reach = same_region ? region_ : vertical_ ? VerticalReach(region, aside_) : region;
-  ThresholdPtr asked = same_threshold ? asked_
-                       : vertical_    ? VerticalReach(query.threshold, aside_)
-                                      : query.threshold;
-  ThresholdPtr attainable = same_threshold ? threshold_ : Attainable(asked, rounding_);
+  // What may fail comes first.
+  RegionPtr reach = region == query_region_ ? region_
+                    : vertical_             ? VerticalReach(region, aside_)
+                                            : region;
+  const bool same = fields_.strict != nullptr && query.threshold == levels_.threshold();
+  ThresholdPtr asked = asked_;
+  ThresholdPtr pixel = pixel_;
+  Levels levels = levels_;
+  if (!same) {
+    levels.SetThreshold(query.threshold);
+    asked = vertical_ ? VerticalReach(query.threshold, aside_) : query.threshold;
+    pixel = levels.in_pixels() ? query.threshold->AtPixels(1) : nullptr;
+    if (vertical_) pixel = VerticalReach(std::move(pixel), aside_);
+  }
+  Fields fields = FieldsOf(levels, cutoff);
   query_region_ = region;
   region_ = std::move(reach);
-  if (same_threshold) return;
-  query_threshold_ = query.threshold;
   asked_ = std::move(asked);
-  threshold_ = std::move(attainable);
-  constant_ = threshold_->constant();
+  pixel_ = std::move(pixel);
+  levels_ = std::move(levels);
+  cutoff_ = cutoff;
+  if (fields.strict == fields_.strict) {
+    fields_ = std::move(fields);
+    return;
+  }
+  fields_ = std::move(fields);
+  constant_ = fields_.strict->constant();
   valid_code_ = -1;
   while (constant_ && valid_code_ < 255 &&
          bounds_[static_cast<size_t>(valid_code_ + 1)] <= *constant_) {
     ++valid_code_;
   }
+}
+
+int Judge::LevelOf(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code) const {
+  if (!Refused(unit, slot, creator, code)) return Levels::kNone;
+  const double bound = bounds_[code];
+  if (pixel_ == nullptr) return levels_.LevelOf(code);
+  if (bound <= rounding_) return 0;
+  return levels_.LevelOf(bound, pixel_->Min(Corners(unit, slot, creator), bound));
 }
 
 bool Judge::RefusesAny(const LoadedUnit& unit, NodeIndex node) const {

@@ -2,11 +2,13 @@
 // Judge: what a query says of triangles, and of all triangles in a box.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
 
+#include "query/internal/levels.h"
 #include "query/internal/loaded_unit.h"
 #include "query/internal/promise.h"
 #include "query/internal/work_meter.h"
@@ -26,12 +28,22 @@ class Judge {
  public:
   Judge(const ClusterSource& source, double rounding);
 
-  // From now on it judges for this query. Its region and threshold stay alive with it.
-  void SetQuery(const Query& query);
+  // The thresholds of a query, attainable ones, with a cutoff: `strict` for units from `from` on,
+  // `loose` for those before.
+  struct Fields {
+    ThresholdPtr strict, loose;
+    UnitId from = 0;
+    const Threshold& Of(UnitId unit) const { return unit < from ? *loose : *strict; }
+    friend bool operator==(const Fields&, const Fields&) = default;
+  };
+
+  // From now on it judges for this query. Its region and threshold stay alive with it. With a
+  // cutoff all questions but FieldOf and RangeOf are of the level below, by which more is refused.
+  void SetQuery(const Query& query, const Cutoff& cutoff = {});
   // True when it judges for these, or the same ones as objects.
-  bool Same(const Query& query) const {
+  bool Same(const Query& query, const Cutoff& cutoff) const {
     const bool all = query.region == nullptr || query.region->whole();
-    return threshold_ != nullptr && query_threshold_ == query.threshold &&
+    return threshold() != nullptr && levels_.threshold() == query.threshold && cutoff_ == cutoff &&
            query_region_ == (all ? nullptr : query.region);
   }
   // Not null while questions are asked.
@@ -42,9 +54,13 @@ class Judge {
   const Grid& grid() const { return grid_; }
   double rounding() const { return rounding_; }
   bool whole() const { return region_ == nullptr; }
-  const RegionPtr& region() const { return region_; }           // null: all of space
-  const ThresholdPtr& asked() const { return asked_; }          // the query's; may be null
-  const ThresholdPtr& threshold() const { return threshold_; }  // the attainable one
+  const RegionPtr& region() const { return region_; }               // null: all of space
+  const ThresholdPtr& asked() const { return asked_; }              // the query's; may be null
+  const ThresholdPtr& threshold() const { return fields_.strict; }  // the attainable one
+  const Fields& fields() const { return fields_; }
+  // What nodes of the unit are judged by.
+  const Threshold& FieldOf(UnitId unit) const { return fields_.Of(unit); }
+  const Levels& levels() const { return levels_; }
   const std::optional<double>& constant() const { return constant_; }
   // No region and one threshold: the geometry need not be looked at.
   bool by_code() const { return whole() && constant_.has_value(); }
@@ -57,7 +73,7 @@ class Judge {
   }
   bool Valid(const Triangle3d& t, double bound) const {
     if (constant_) return bound <= *constant_;
-    return !meter_->Spend(1) || bound <= threshold_->Min(t, bound);
+    return !meter_->Spend(1) || bound <= fields_.strict->Min(t, bound);
   }
   // A slot of the unit whose remover has an error of this code; `creator` as LoadedUnit::creator.
   bool Refused(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code) const {
@@ -66,6 +82,8 @@ class Judge {
     const Triangle3d t = Corners(unit, slot, creator);
     return Active(t, bounds_[code]) && !Valid(t, bounds_[code]);
   }
+  // The least level of the query at which it would not be; Levels::kNone when it is not.
+  int LevelOf(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code) const;
   // Whether some triangle of the node's hole is, present or not.
   bool RefusesAny(const LoadedUnit& unit, NodeIndex node) const;
 
@@ -84,12 +102,17 @@ class Judge {
   // Where the threshold's Min lies, likewise.
   ErrorRange RangeIn(const Box3d& box, double bound) const {
     meter_->Spend(1);
-    return threshold_->Range(box, bound);
+    return fields_.strict->Range(box, bound);
+  }
+  // Likewise, by the unit's field.
+  ErrorRange RangeOf(UnitId unit, const Box3d& box, double bound) const {
+    meter_->Spend(1);
+    return fields_.Of(unit).Range(box, bound);
   }
 
   // How far the threshold's own borders are, likewise.
   double MarginIn(const Box3d& box, double bound) const {
-    return meter_->Spend(kDepthSteps) ? threshold_->Margin(box, bound) : 0;
+    return meter_->Spend(kDepthSteps) ? fields_.strict->Margin(box, bound) : 0;
   }
 
   Box3d ModelBox(const Box3i& box) const { return grid_.Bounds(box); }
@@ -100,6 +123,10 @@ class Judge {
  private:
   static constexpr uint64_t kDepthSteps = 8;  // questions that a depth may take
 
+  static int StrictLevel(const Cutoff& c) { return std::max(c.level - 1, Levels::kNone); }
+  ThresholdPtr AttainableAt(const Levels& levels, int level) const;
+  Fields FieldsOf(const Levels& levels, const Cutoff& cutoff) const;
+
   const bool vertical_;                // the object's errors are heights
   const std::array<double, 2> aside_;  // units of x and y for each unit of error
   const ClusterIndex& index_;
@@ -108,10 +135,12 @@ class Judge {
   const std::array<double, 256> bounds_;
   WorkMeter* meter_ = nullptr;
   RegionPtr query_region_;  // as the query has it
-  ThresholdPtr query_threshold_;
   RegionPtr region_;
   ThresholdPtr asked_;
-  ThresholdPtr threshold_;
+  ThresholdPtr pixel_;  // null: the levels are not in pixels
+  Levels levels_;
+  Cutoff cutoff_;
+  Fields fields_;
   std::optional<double> constant_;
   int valid_code_ = -1;
 };

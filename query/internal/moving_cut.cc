@@ -28,37 +28,61 @@ const Bits& MovingCut::applied(UnitId unit) const {
   return u == nullptr || u->applied_count == 0 ? kNone : u->applied;
 }
 
-Status MovingCut::Move(UnitReader& reader, const Query& query, uint64_t round_nodes,
-                       const Commit& commit) {
+template <typename Work>
+Status MovingCut::RunWith(UnitReader& reader, Work&& work) {
   WorkMeter meter([&reader] { return reader.Check(); });
   UnitPins pins(units_, reader, meter);
   units_.judge().SetMeter(&meter);
   units_.SetPins(&pins);
-  const Status status = CatchOutOfMemory([&] { return Step(query, round_nodes, commit); });
-  if (status.code() != StatusCode::kCancelled) AskForMissing();
-  if (!status.ok()) {
-    insertion_.Clear();
-    insertion_.ForgetMissing();
-    units_.UndoMove();
-  } else {
-    CloseIdle();
-    if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
-  }
+  const Status status = work();
   units_.SetPins(nullptr);
   units_.judge().SetMeter(nullptr);
   return status;
 }
 
-Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& commit) {
+Status MovingCut::Move(UnitReader& reader, const Query& query, const Goal& goal,
+                       uint64_t round_nodes, const Commit& commit) {
+  return RunWith(reader, [&] {
+    const Status status = CatchOutOfMemory([&] { return Step(query, goal, round_nodes, commit); });
+    if (status.code() != StatusCode::kCancelled) AskForMissing();
+    if (!status.ok()) {
+      insertion_.Clear();
+      insertion_.ForgetMissing();
+      units_.UndoMove();
+    } else {
+      CloseIdle();
+      if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
+    }
+    return status;
+  });
+}
+
+Status MovingCut::MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff,
+                         uint64_t most) {
+  return Move(reader, query, {cutoff, most, false}, 0, [] { return Status::Ok(); });
+}
+
+Status MovingCut::FindActive(UnitReader& reader, bool complete) {
+  return RunWith(reader, [&] {
+    return CatchOutOfMemory([&]() -> Status {
+      Survey survey(units_, units_.pins());
+      MTDB_ASSIGN_OR_RETURN(active_, survey.Run(complete, bounds_));
+      return units_.judge().meter().status();
+    });
+  });
+}
+
+Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_nodes,
+                       const Commit& commit) {
   deadlines_.ResetCount();
   missing_.clear();
   weak_.clear();
   idle_.clear();
-  const bool same = units_.judge().Same(query);
+  const bool same = units_.judge().Same(query, goal.cutoff);
   if (!same) insertion_.GiveUp();
   insertion_.Begin(query.control);
   bool moved = false;
-  MTDB_RETURN_IF_ERROR(Decide(query, &moved));
+  MTDB_RETURN_IF_ERROR(Decide(query, goal.cutoff, &moved));
   if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
     MTDB_RETURN_IF_ERROR(units->TakeRoot());
   }
@@ -72,7 +96,7 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
   if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
     units->BeginRefining();
   }
-  MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, [&] { return EndRound(commit); }));
+  MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, goal.most, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
     // Of the whole mesh, which is quick to tell and bounds what the survey would find.
     active_ = {true, units_.counts().triangles, 0, {}};
@@ -81,8 +105,10 @@ Status MovingCut::Step(const Query& query, uint64_t round_nodes, const Commit& c
     }
     return EndRound(commit);
   }
-  Survey survey(units_, units_.pins());
-  MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
+  if (goal.finds_active) {
+    Survey survey(units_, units_.pins());
+    MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
+  }
   return EndRound(commit);
 }
 
@@ -98,19 +124,24 @@ void MovingCut::AskForMissing() {
   }));
 }
 
-Status MovingCut::Decide(const Query& query, bool* anything_moved) {
+Status MovingCut::Decide(const Query& query, const Cutoff& cutoff, bool* anything_moved) {
   Judge& judge = units_.judge();
-  const ThresholdPtr from = judge.threshold();
+  const Judge::Fields from = judge.fields();
   const RegionPtr region = judge.region();
-  judge.SetQuery(query);
-  const Deadlines::Moved moved{from.get(), region.get(), from != judge.threshold(),
+  judge.SetQuery(query, cutoff);
+  const Deadlines::Moved moved{&from, region.get(), !(from == judge.fields()),
                                region != judge.region()};
   *anything_moved = moved.threshold || moved.region;
+  // Where only the cutoff came along: between both ends of its way.
+  const bool passes =
+      !moved.region && from.strict == judge.threshold() && from.loose == judge.fields().loose;
+  const auto [first, last] = std::minmax(from.from, judge.fields().from);
   ++moves_;
   for (const UnitId id : units_.open()) {
     if (!judge.meter().Spend(1)) return judge.meter().status();
     MovingUnit& u = *units_.Find(id);
-    if (!moved.threshold && !moved.region && !u.deadlines.stale) continue;
+    const bool stays = passes && (id < first || id >= last);
+    if ((stays || !*anything_moved) && !u.deadlines.stale) continue;
     const Deadlines::Expired& expired = deadlines_.Advance(u, moved);
     // Now and then a unit that only waits is asked whether it still has to.
     if (u.applied_count == 0 && id < units_.index().cluster_count() &&

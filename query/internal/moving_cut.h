@@ -35,7 +35,15 @@ class MovingCut {
   // nodes are to be inserted, those of large errors first: a round inserts at least so many nodes,
   // and a quarter of all. Each round ends with a cut. On an error the cut is that of the last
   // round.
-  Status Move(UnitReader& reader, const Query& query, uint64_t round_nodes, const Commit& commit);
+  Status Move(UnitReader& reader, const Query& query, uint64_t round_nodes, const Commit& commit) {
+    return Move(reader, query, {}, round_nodes, commit);
+  }
+  // Likewise with a cutoff, in one round. It may end on the way when the mesh has more than `most`
+  // triangles: it is then unfinished. What is active is looked up by FindActive only.
+  Status MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff, uint64_t most);
+  // `complete`: every active triangle is valid.
+  Status FindActive(UnitReader& reader, bool complete);
+  const CutState& state() const { return units_; }
 
   // Calls f(unit, before, now) with the applied bits of clusters that this round may have changed.
   // Empty bits stand for none.
@@ -61,10 +69,20 @@ class MovingCut {
   uint64_t evaluated() const { return deadlines_.evaluated(); }
 
  private:
-  Status Step(const Query& query, uint64_t round_nodes, const Commit& commit);
+  struct Goal {
+    Cutoff cutoff;
+    uint64_t most = ~uint64_t{0};
+    bool finds_active = true;
+  };
+  Status Move(UnitReader& reader, const Query& query, const Goal& goal, uint64_t round_nodes,
+              const Commit& commit);
+  // Runs work that needs units.
+  template <typename Work>
+  Status RunWith(UnitReader& reader, Work&& work);
+  Status Step(const Query& query, const Goal& goal, uint64_t round_nodes, const Commit& commit);
   // What the query decides otherwise: sets refused triangles, tells Strength and Insertion. All
   // units were asked if `anything_moved`.
-  Status Decide(const Query& query, bool* anything_moved);
+  Status Decide(const Query& query, const Cutoff& cutoff, bool* anything_moved);
   Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired);
   Status EndRound(const Commit& commit);
   void AskForMissing();

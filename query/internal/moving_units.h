@@ -38,9 +38,10 @@ struct UnitDeadlines {
   bool stale = true;  // all have passed
   Activity activity = Activity::kNone;
   Box3d box;
-  double reach = 0;   // Judge::Reach
-  ErrorRange range;   // of the threshold's Min in the box
-  double margin = 0;  // of the threshold's borders from the box
+  double reach = 0;  // Judge::Reach
+  ErrorRange range;  // of Min in the box, of the threshold that the unit's nodes are judged by
+  ErrorRange child_range;  // likewise, by which children are wanted
+  double margin = 0;       // of the threshold's borders from the box
   // Bounds of the sum of all changes of Min in the box since the deadlines began, where no border
   // passed; and of how far borders shifted.
   double low = 0, high = 0, shift = 0;

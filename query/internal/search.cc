@@ -39,27 +39,39 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
       pins_(*cut, reader, meter_),
       judge_(source, rounding),
       pass_(*cut, judge_),
-      by_error_(query.max_triangles || query.max_bytes || query.max_milliseconds),
+      by_level_(query.max_triangles || query.max_bytes || query.max_milliseconds),
       progress_(progress),
       pending_(source.index().unit_count()) {
   if (progress_ != nullptr && progress_->begun) {
     by_errors_ = std::move(progress_->by_errors);
     pending_ = std::move(progress_->pending);
+    look_levels_ = std::move(progress_->look_levels);
+    level_ = std::move(progress_->level);
     outcome_.nodes_visited = progress_->nodes_visited;
     outcome_.nodes_forced = progress_->nodes_forced;
   }
   judge_.SetQuery(query);
   judge_.SetMeter(&meter_);
+  if (by_level_ && (progress_ == nullptr || !progress_->begun)) {
+    level_.cutoff = {judge_.levels().top(), index_.unit_count()};
+    look_levels_.assign(judge_.levels().in_pixels() ? index_.unit_count() : 0, 0);
+  }
 }
 
 Result<Search::Outcome> Search::Run() {
-  const Status status = RunFromRoot();
+  Status status = RunFromRoot();
   pins_.reader().SetDeadline(std::nullopt);
   meter_.Resume();
+  if (status.ok() && outcome_.limit == QueryLimit::kTriangles) status = TakeBackLevel();
   if (status.code() != StatusCode::kCancelled) AskForMissing();
   MTDB_RETURN_IF_ERROR(status);
   if (progress_ != nullptr) {
-    *progress_ = {true, std::move(by_errors_), std::move(pending_), outcome_.nodes_visited,
+    *progress_ = {true,
+                  std::move(by_errors_),
+                  std::move(pending_),
+                  std::move(look_levels_),
+                  std::move(level_),
+                  outcome_.nodes_visited,
                   outcome_.nodes_forced};
     if (outcome_.limit == QueryLimit::kTime) {
       pins_.Release();
@@ -88,7 +100,7 @@ Status Search::RunFromRoot() {
   const auto deadline = progress_ == nullptr ? DeadlineOf(query_) : std::nullopt;
   if (progress_ == nullptr || !progress_->begun) MTDB_RETURN_IF_ERROR(OpenRoot());
   pins_.reader().SetDeadline(deadline);
-  return by_error_ ? RunByError() : RunByClusters();
+  return by_level_ ? RunByLevel() : RunByClusters();
 }
 
 Status Search::OpenRoot() {
@@ -138,7 +150,7 @@ Status Search::LookAt(CutUnit& u) {
   if (!pins_.reader().IsAvailable(u.id)) {
     if (progress_ != nullptr && pins_.reader().available()->out_of_time()) {
       // The next call decodes it.
-      by_errors_.Push({cut_.LargestCode(u.id), true, u.id, 0});
+      by_errors_.Push({judge_.levels().top(), true, u.id, 0});
       outcome_.limit = QueryLimit::kTime;
     }
     // It stays pending, so that what enters it later does not bring it back.
@@ -152,7 +164,7 @@ Status Search::LookAt(CutUnit& u) {
   if (!u.looked) {
     u.looked = true;
     outcome_.nodes_visited += unit->nodes();
-    if (by_error_) {
+    if (by_level_) {
       for (uint32_t slot = 0; slot < u.first_own; ++slot) examine(slot);
     } else {
       outcome_.nodes_forced += pass_.Run(u, *unit);
@@ -168,7 +180,34 @@ Status Search::LookAt(CutUnit& u) {
   return Status::Ok();
 }
 
-Status Search::RunByError() {
+// A level is left when all that is wanted at it, or above, is there: the cut is then the least one
+// for its cutoff, whatever the order was.
+void Search::EnterLevel(const ErrorTask& task) {
+  Cutoff& c = level_.cutoff;
+  if (task.level > c.level || (task.level == c.level && task.unit >= c.from)) return;
+  c = {task.level, task.unit};
+  level_.inserted.clear();
+  level_.forced_before = outcome_.nodes_forced;
+}
+
+Status Search::TakeBackLevel() {
+  const auto take_back = [&](const NodeRef& n) {
+    return pins_.RunOn(*n.unit, [&](const LoadedUnit& unit) {
+      cut_.Remove(*n.unit, unit, n.node);
+      return Status::Ok();
+    });
+  };
+  for (size_t i = level_.inserted.size(); i-- > 0;) {
+    MTDB_RETURN_IF_ERROR(take_back(level_.inserted[i]));
+  }
+  level_.inserted.clear();
+  outcome_.nodes_forced = level_.forced_before;
+  ++level_.cutoff.from;
+  outcome_.cutoff = level_.cutoff;
+  return Status::Ok();
+}
+
+Status Search::RunByLevel() {
   QueryLimit& limit = outcome_.limit;
   UnitReader& reader = pins_.reader();
   uint64_t steps = 0;
@@ -181,6 +220,7 @@ Status Search::RunByError() {
       }
     }
     const ErrorTask task = by_errors_.Pop();
+    EnterLevel(task);
     steps += task.look ? kStepsPerLook : 1;
     const Status status = RunStep([&] { return RunTask(task); });
     if (reader.out_of_bytes()) {
@@ -198,6 +238,7 @@ Status Search::RunTask(const ErrorTask& task) {
   UnitReader& reader = pins_.reader();
   CutUnit& u = cut_.Open(task.unit);
   if (!task.look) return Insert({&u, task.node});
+  if (!pending_.Test(task.unit)) return Status::Ok();  // it has been, at a higher level
   if (query_.max_bytes && reader.BytesToRead(task.unit) > reader.bytes_left()) {
     outcome_.limit = QueryLimit::kBytes;
     return Status::Ok();
@@ -213,6 +254,9 @@ Status Search::Insert(NodeRef target) {
     outcome_.limit = QueryLimit::kTriangles;
     cut_.TakeBack(inserted_);
     return Status::Ok();
+  }
+  if (query_.max_triangles) {
+    level_.inserted.insert(level_.inserted.end(), inserted_.begin(), inserted_.end());
   }
   for (const NodeRef& n : std::span(inserted_).first(inserted_.size() - 1)) {
     outcome_.nodes_forced += judge_.RefusesAny(*n.unit->pin, n.node) ? 0 : 1;
@@ -241,7 +285,7 @@ void Search::ExamineOutSlots(const LoadedUnit& unit, CutUnit& u) {
     const UnitId child = children[ChildOrdinal(remover)];
     ExamineOutSlot(unit, u, slot, judge_.by_code() ? kNone32 : unit.creator(slot));
     // Pending for the first time: it will see all its in-triangles itself.
-    if (!by_error_ && pending_.Test(child) && !cut_.Looked(child)) decide(ChildOrdinal(remover));
+    if (!by_level_ && pending_.Test(child) && !cut_.Looked(child)) decide(ChildOrdinal(remover));
   }
 }
 
@@ -259,7 +303,12 @@ void Search::ExamineSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, Node
   const uint32_t remover = unit.removers()[slot];
   if (!RemovedByNode(remover)) return ExamineOutSlot(unit, u, slot, creator);
   const uint8_t code = unit.cluster.error_codes[remover];
-  if (judge_.Refused(unit, slot, creator, code)) Want(u, remover, code);
+  if (by_level_) {
+    const int level = judge_.LevelOf(unit, slot, creator, code);
+    if (level != Levels::kNone) Want(u, remover, level);
+  } else if (judge_.Refused(unit, slot, creator, code)) {
+    Want(u, remover, 0);
+  }
 }
 
 void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, NodeIndex creator) {
@@ -267,27 +316,34 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, N
   if (remover == kDrain) return;
   const UnitId id = unit.children()[ChildOrdinal(remover)];
   const bool pending = pending_.Test(id);
+  const bool asks_level = by_level_ && (!pending || !look_levels_.empty());
   // The first look at a cluster passes all its in-triangles, later ones only its arrivals.
-  if (pending && !cut_.Looked(id)) return;
+  if (pending && !cut_.Looked(id) && !asks_level) return;
   const uint8_t largest = cut_.LargestCode(id);
   if (largest <= judge_.valid_code()) return;
-  if (!pending && !judge_.Refused(unit, slot, creator, largest)) return;
+  const int level = asks_level ? judge_.LevelOf(unit, slot, creator, largest) : Levels::kNone;
+  if (!pending) {
+    if (by_level_ ? level == Levels::kNone : !judge_.Refused(unit, slot, creator, largest)) return;
+  }
   CutUnit& child = cut_.Open(id);
   if (child.looked) child.arrivals.push_back({u.id, slot});
-  if (pending) return;
+  const bool waits = pending && (look_levels_.empty() || level <= look_levels_[id]);
   pending_.Set(id);
-  if (by_error_) {
-    by_errors_.Push({largest, true, id, 0});
+  if (waits) return;
+  if (by_level_) {
+    if (!look_levels_.empty()) look_levels_[id] = static_cast<int16_t>(level);
+    by_errors_.Push({level, true, id, 0});
   } else {
     queue_.Add(child);
   }
 }
 
-void Search::Want(CutUnit& u, NodeIndex node, uint8_t code) {
-  if (u.wanted.Test(node)) return;
+// In pixels each of the triangles that a node removes has its level; the highest comes first.
+void Search::Want(CutUnit& u, NodeIndex node, int level) {
+  if (u.wanted.Test(node) && look_levels_.empty()) return;
   u.wanted.Set(node);
-  if (by_error_) {
-    by_errors_.Push({code, false, u.id, node});
+  if (by_level_) {
+    by_errors_.Push({level, false, u.id, node});
   } else {
     queue_.Add(u);
   }

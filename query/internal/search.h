@@ -29,9 +29,17 @@ Status CheckLimits(const ObjectRecord& record, const Query& query);
 
 // A search with a budget that has been interrupted: what it has still to do.
 struct SearchProgress {
+  // How far the levels have come, and what has come since the cutoff was reached.
+  struct Level {
+    Cutoff cutoff;
+    std::vector<CutState::NodeRef> inserted;
+    uint64_t forced_before = 0;
+  };
   bool begun = false;
   ErrorQueue by_errors;
   Bits pending;
+  std::vector<int16_t> look_levels;
+  Level level;
   uint64_t nodes_visited = 0;
   uint64_t nodes_forced = 0;
 };
@@ -46,6 +54,7 @@ class Search {
     uint64_t nodes_visited = 0;
     uint64_t nodes_forced = 0;
     QueryLimit limit = QueryLimit::kThreshold;
+    Cutoff cutoff;  // where a budget of triangles ended it
     std::vector<MissingCluster> missing;
   };
 
@@ -68,7 +77,10 @@ class Search {
   Status RunByClusters();
   // Of a query that takes what is there: says what it lacks, and has that asked for.
   void AskForMissing();
-  Status RunByError();
+  Status RunByLevel();
+  // Takes back what does not fit, with what belongs to its cutoff.
+  Status TakeBackLevel();
+  void EnterLevel(const ErrorTask& task);
   Status RunTask(const ErrorTask& task);
   template <typename Step>
   Status RunStep(Step&& step);
@@ -83,7 +95,7 @@ class Search {
   void ExamineStar(NodeRef node);
   void ExamineSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, NodeIndex creator);
   void ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, NodeIndex creator);
-  void Want(CutUnit& u, NodeIndex node, uint8_t code);
+  void Want(CutUnit& u, NodeIndex node, int level);
 
   const ClusterIndex& index_;
   const Box3d& bounds_;
@@ -93,12 +105,14 @@ class Search {
   UnitPins pins_;
   Judge judge_;
   StoredOrderPass pass_;
-  const bool by_error_;  // there is a budget
+  const bool by_level_;  // there is a budget
   SearchProgress* const progress_;
   Outcome outcome_;
   UnitQueue queue_;
   ErrorQueue by_errors_;
-  Bits pending_;  // per unit: waits to be looked at
+  Bits pending_;                      // per unit: waits to be looked at
+  std::vector<int16_t> look_levels_;  // in pixels, per unit: the highest that it waits at
+  SearchProgress::Level level_;
   std::vector<NodeRef> inserted_;
   std::vector<bool> decided_;  // per child of the unit at hand
 };

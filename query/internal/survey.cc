@@ -94,7 +94,7 @@ bool Survey::Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uin
   ++active_.count;
   active_.largest_code = std::max(active_.largest_code, code);
   if (falls_short_ && !(in.least > bound) && judge_.meter().Spend(1)) {
-    const Threshold& asked = judge_.asked() == nullptr ? *judge_.threshold() : *judge_.asked();
+    const Threshold& asked = judge_.asked() == nullptr ? *FullResolution() : *judge_.asked();
     AddShortfall(asked, t, bound, unit.removers()[slot] != kDrain, &active_.shortfall);
   }
   return true;

@@ -62,18 +62,18 @@ struct Parts {
       units.EndRound();
       return Status::Ok();
     };
-    REQUIRE(insertion.Run(round_nodes, end_round).ok());
+    REQUIRE(insertion.Run(round_nodes, ~uint64_t{0}, end_round).ok());
     REQUIRE(end_round().ok());
   }
   // Calls decide(u, unit, expired) for each unit in which the new query may change something.
   template <typename F>
   void Ask(const Query& query, F&& decide) {
     Judge& judge = units.judge();
-    const ThresholdPtr from = judge.threshold();
+    const Judge::Fields from = judge.fields();
     const RegionPtr region = judge.region();
     judge.SetQuery(query);
     insertion.Begin(nullptr);
-    const Deadlines::Moved moved{from.get(), region.get(), from != judge.threshold(),
+    const Deadlines::Moved moved{&from, region.get(), !(from == judge.fields()),
                                  region != judge.region()};
     for (const UnitId id : units.open()) {
       MovingUnit& u = *units.Find(id);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <random>
 #include <tuple>
@@ -105,17 +106,71 @@ class Oracle {
     return applied;
   }
 
-  // Largest error first, until the next node or the next cluster does not fit. `limit` says which.
+  // The least level of a triangle at which it would not be refused with a bound, by trying all; -1
+  // when it is not.
+  int LevelOf(const InMemoryMt::Triangle& t, double b) const {
+    const Triangle3d corners = f_.Corners(t);
+    if (!Refused(corners, b)) return -1;
+    const ThresholdPtr pixel =
+        query_.threshold == nullptr ? nullptr : query_.threshold->AtPixels(1);
+    const double h = f_.source->record_.rounding_error;
+    const int top = pixel == nullptr ? 255 : 1023;
+    for (int level = 0; level < top; ++level) {
+      const double permitted = pixel == nullptr
+                                   ? Bound(static_cast<uint8_t>(level))
+                                   : std::exp2((level - 512) / 8.0) * pixel->Min(corners, b);
+      if (b <= std::max(permitted, h)) return level;
+    }
+    return top;
+  }
+
+  // The definition of a budget of triangles: the least cuts for one cutoff after the other, as long
+  // as they fit.
+  std::vector<bool> CutWithin(uint64_t most, QueryLimit* limit) const {
+    std::vector<int> levels;
+    for (size_t id = 0; id < f_.mt.triangles.size(); ++id) {
+      levels.push_back(wanted_[id] ? LevelOf(f_.mt.triangles[id], bounds_[id]) : -1);
+    }
+    const auto unit_of = [&](uint32_t id) {
+      return f_.mt.nodes[static_cast<size_t>(f_.mt.triangles[id].remover)].cluster;
+    };
+    std::vector<bool> applied(f_.mt.nodes.size(), false);
+    *limit = QueryLimit::kTriangles;
+    for (int level = 1023; level >= 0; --level) {
+      if (std::find(levels.begin(), levels.end(), level) == levels.end()) continue;
+      for (UnitId from = f_.source->index_.cluster_count(); from-- > 0;) {
+        std::vector<bool> next = applied;
+        for (bool again = true; again;) {
+          again = false;
+          for (const uint32_t id : f_.mt.Mesh(next)) {
+            if (levels[id] < level || (levels[id] == level && unit_of(id) < from)) continue;
+            if (levels[id] < 0) continue;
+            f_.mt.Close(f_.mt.triangles[id].remover, next);
+            again = true;
+            break;
+          }
+        }
+        if (next != applied && f_.mt.Mesh(next).size() > most) return applied;
+        applied = next;
+      }
+    }
+    *limit = QueryLimit::kThreshold;
+    return applied;
+  }
+
+  // From level to level, until the next node or the next cluster does not fit. `limit` says which.
   std::vector<bool> GreedyCut(QueryLimit* limit) const {
     const ClusterIndex& index = f_.source->index_;
     std::vector<bool> applied(f_.mt.nodes.size(), false);
+    std::vector<bool> before = applied;  // this cutoff
+    std::pair<int, uint32_t> cutoff{1 << 20, 0};
     std::vector<bool> looked_into(index.cluster_count(), false);
     std::vector<bool> read(index.cluster_count(), false);
     uint64_t bytes_read = 0;
     for (UnitId u = index.cluster_count(); u < index.unit_count(); ++u) {
       bytes_read += index.location(u).length;
     }
-    using Rank = std::tuple<uint8_t, bool, uint32_t, uint32_t>;  // code, look, cluster, node
+    using Rank = std::tuple<int, uint32_t, bool, uint32_t>;  // level, cluster, look, node
     for (;;) {
       std::optional<Rank> best;
       uint32_t best_triangle = 0;
@@ -123,24 +178,24 @@ class Oracle {
         const InMemoryMt::Triangle& t = f_.mt.triangles[id];
         if (t.remover < 0) continue;
         const InMemoryMt::Node& node = f_.mt.nodes[static_cast<size_t>(t.remover)];
-        Rank rank{node.code, false, node.cluster, kNone32 - node.index};
-        if (!looked_into[node.cluster]) {
-          const uint8_t largest = index.unit(node.cluster).error_code_max;
-          if (!Refused(f_.Corners(t), Bound(largest))) continue;
-          rank = {largest, true, node.cluster, kNone32};
-        } else if (!wanted_[id]) {
-          continue;
-        }
-        if (best && rank <= *best) continue;
+        const bool look = !looked_into[node.cluster];
+        const int level =
+            LevelOf(t, look ? Bound(index.unit(node.cluster).error_code_max) : bounds_[id]);
+        const Rank rank{level, node.cluster, look, look ? kNone32 : kNone32 - node.index};
+        if (level < 0 || (best && rank <= *best)) continue;
         best = rank;
         best_triangle = id;
       }
       *limit = QueryLimit::kThreshold;
       if (!best) return applied;
-      if (std::get<1>(*best)) {
+      if (const std::pair now{std::get<0>(*best), std::get<1>(*best)}; now < cutoff) {
+        cutoff = now;
+        before = applied;
+      }
+      if (std::get<2>(*best)) {
         std::vector<bool> next = read;
         uint64_t cost = 0;
-        std::vector<uint32_t> open{std::get<2>(*best)};
+        std::vector<uint32_t> open{std::get<1>(*best)};
         while (!open.empty()) {
           const UnitId c = open.back();
           open.pop_back();
@@ -153,13 +208,13 @@ class Oracle {
         if (query_.max_bytes && bytes_read + cost > *query_.max_bytes) return applied;
         bytes_read += cost;
         read = next;
-        looked_into[std::get<2>(*best)] = true;
+        looked_into[std::get<1>(*best)] = true;
         continue;
       }
       std::vector<bool> next = applied;
       f_.mt.Close(f_.mt.triangles[best_triangle].remover, next);
       *limit = QueryLimit::kTriangles;
-      if (query_.max_triangles && f_.mt.Mesh(next).size() > *query_.max_triangles) return applied;
+      if (query_.max_triangles && f_.mt.Mesh(next).size() > *query_.max_triangles) return before;
       applied = next;
     }
   }

@@ -264,7 +264,7 @@ TEST_CASE("For every kind of region and threshold the cut equals the definition"
   for (const uint64_t partial : by_threshold) CHECK(partial > 40);
 }
 
-TEST_CASE("With budgets of triangles and bytes the largest errors are refined first") {
+TEST_CASE("With budgets of triangles and bytes the highest levels are refined first") {
   std::mt19937 random(13);
   std::array<uint64_t, 4> ended{};
   for (const MtOptions& options : SmallMts()) {
@@ -281,6 +281,11 @@ TEST_CASE("With budgets of triangles and bytes the largest errors are refined fi
       const Oracle oracle(f, query);
       QueryLimit limit{};
       const std::vector<bool> expected = oracle.GreedyCut(&limit);
+      if (query.max_triangles && !query.max_bytes) {
+        QueryLimit by_definition{};
+        REQUIRE(oracle.CutWithin(*query.max_triangles, &by_definition) == expected);
+        REQUIRE(by_definition == limit);
+      }
       const auto surface = Surface::Open(AsTested(f.source)).value();  // nothing is in the cache
       Result<Cut> cut = surface->Select(query);
       REQUIRE(cut.ok());
