@@ -2,7 +2,7 @@
 // What moving a cut costs: time, updates and bytes.
 //
 //   session_bench [--frames N] [--triangles T] [--large T] [--json FILE] [MESH]
-//   session_bench [--frames N] [--json FILE] --store STORE [--regions]
+//   session_bench [--frames N] [--json FILE] --store STORE [--only PATHS]
 //
 // sweep: the experiment of De Floriani, Magillo and Puppo (1998): a box of full resolution that
 //   holds some 500 triangles moves over the mesh (a sculpture of T triangles when none is given)
@@ -21,11 +21,14 @@
 //   the mesh. One thread, warm cache. Bytes per new triangle against Draco's.
 // region: likewise a box that moves by 1 % of its side a frame, the object around it as coarse as
 //   may be (box) or at an error of its own (focus), and a frustum that turns by 1 % of its angle.
+// budget: likewise the camera at a hundredth of a pixel, and a box of full resolution that moves
+//   through a surface that is as coarse as it has to be, with at most a twentieth of the triangles.
 // rounds: the cut of an even error with a twentieth of the triangles, from the root: after each
 //   round the time so far, bytes, triangles, and the distance of the last mesh from this one; Draco
 //   shows nothing before its last byte.
 //
-// With --store only the last three, on the first object of the store. --json writes all rows to a
+// With --store only the last four, on the first object of the store; with --only one of camera,
+// region, budget and rounds. --json writes all rows to a
 // file.
 //
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
@@ -569,6 +572,32 @@ void FollowRegions(const std::shared_ptr<Surface>& surface, int frames) {
   Follow(surface, "region", "frustum", "full resolution", frustum_at, frames);
 }
 
+void FollowBudgets(const std::shared_ptr<Surface>& surface, int frames) {
+  const ObjectRecord& record = surface->record();
+  const uint64_t most = record.triangles / 20;
+  for (const char* path : {"towards", "away", "around"}) {
+    const auto query_at = [&](int frame) {
+      Query query = CameraQuery(record, true, path, frame, 1e-5);
+      query.max_triangles = most;
+      return query;
+    };
+    Follow(surface, "budget", path, "pixels", query_at, frames);
+  }
+  const auto focus_at = [&](int frame) {
+    constexpr double kSide = 0.1;  // of the diagonal
+    const double side = kSide * record.diagonal();
+    const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
+    const Vec3d place = centre + Vec3d{0.2, 0.1, 0.2} * record.diagonal();
+    Query query;
+    query.threshold =
+        RegionThreshold(BoxQuery(place + Vec3d{0.01 * side * frame, 0, 0}, side).region,
+                        FullResolution(), ConstantThreshold(0));
+    query.max_triangles = most;
+    return query;
+  };
+  Follow(surface, "budget", "focus", "full resolution in it", focus_at, frames);
+}
+
 struct Round {
   double update = 0, total = 0;  // seconds so far
   uint64_t bytes = 0;            // so far
@@ -657,15 +686,17 @@ void FollowCameras(const std::shared_ptr<Surface>& surface, int frames) {
 }
 
 // On the first object of a store.
-void MeasureStore(const std::string& file, int frames, bool regions_only) {
+void MeasureStore(const std::string& file, int frames, const std::string& only) {
   const auto database = Database::Open(file).value();
   const std::string name = database->List().value().at(0).name;
   const auto surface = Surface::Open(database->OpenObject(name).value(),
                                      {.cache_bytes = size_t{8} << 30, .threads = 1})
                            .value();
-  if (!regions_only) FollowCameras(surface, frames);
-  FollowRegions(surface, frames);
-  if (!regions_only) Rounds(surface);
+  const auto asked = [&](const char* what) { return only.empty() || only == what; };
+  if (asked("camera")) FollowCameras(surface, frames);
+  if (asked("region")) FollowRegions(surface, frames);
+  if (asked("budget")) FollowBudgets(surface, frames);
+  if (asked("rounds")) Rounds(surface);
 }
 
 int Main(int argc, char** argv) {
@@ -681,13 +712,14 @@ int Main(int argc, char** argv) {
   app.add_option("--large", large, "triangles of the larger sculpture; 0: none");
   app.add_option("MESH", file);
   app.add_option("--store", store_file, "measure the camera and the rounds on its first object");
-  bool regions_only = false;
-  app.add_flag("--regions", regions_only, "of a store: the regions only");
+  std::string only;
+  app.add_option("--only", only, "of a store: camera, region, budget or rounds")
+      ->check(CLI::IsMember({"camera", "region", "budget", "rounds"}));
   app.add_option("--json", json_file, "write the rows there");
   CLI11_PARSE(app, argc, argv);
 
   if (!store_file.empty()) {
-    MeasureStore(store_file, std::min(frames, 20), regions_only);
+    MeasureStore(store_file, std::min(frames, 20), only);
     return Finish(json_file);
   }
   TriangleMesh mesh;
@@ -719,6 +751,7 @@ int Main(int argc, char** argv) {
     Progressive(larger);
     FollowCameras(larger, std::min(frames, 20));
     FollowRegions(larger, std::min(frames, 20));
+    FollowBudgets(larger, std::min(frames, 20));
     Rounds(larger);
   }
   return Finish(json_file);

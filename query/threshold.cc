@@ -333,7 +333,10 @@ class Screen final : public Threshold {
   double At(double depth, double from_axis) const {
     const double z = std::max({depth, near_, 0.0});
     const double aside = std::min(from_axis, z * corner_);
-    return z > 0 ? pixels_ * (pixel_ * z * (z / std::hypot(z, aside))) : 0;
+    const double squares = z * z + aside * aside;
+    const bool usual = squares > 1e-280 && squares < 1e280;
+    const double r = usual ? std::sqrt(squares) : std::hypot(z, aside);
+    return z > 0 ? pixels_ * (pixel_ * z * (z / r)) : 0;
   }
 
   // Likewise for one pixel, up to rounding, and faster.

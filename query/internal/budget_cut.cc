@@ -43,7 +43,8 @@ Status BudgetCut::Move(UnitReader& reader, const Query& query, MovingCut* cut) {
     known = !cut_->unfinished() && (position_ == end_ || triangles + most_ / kNear >= most_);
   }
   MTDB_RETURN_IF_ERROR(known ? Adjust() : Search());
-  MTDB_RETURN_IF_ERROR(cut_->FindActive(*reader_, position_ == end_));
+  MTDB_RETURN_IF_ERROR(cut_->FindActive(
+      *reader_, ended_by_budget() ? Survey::Promise::kUnsaid : Survey::Promise::kKept));
   known_ = true;
   return Status::Ok();
 }

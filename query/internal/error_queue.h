@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <queue>
-#include <utility>
 #include <vector>
 
 #include "query/internal/loaded_unit.h"
@@ -23,20 +22,27 @@ struct ErrorTask {
 // smaller nodes.
 class ErrorQueue {
  public:
-  bool empty() const { return heap_.empty(); }
+  bool empty() const { return size_ == 0; }
   void Push(const ErrorTask& task) {
-    const uint64_t what = uint64_t{task.look} << 32 | uint32_t{~task.node};
-    heap_.push({static_cast<uint64_t>(task.level) << 32 | task.unit, what});
+    const auto level = static_cast<size_t>(task.level);
+    if (level >= heaps_.size()) heaps_.resize(level + 1);
+    heaps_[level].push(uint64_t{task.unit} << 33 | uint64_t{task.look} << 32 |
+                       uint32_t{~task.node});
+    if (size_++ == 0 || level > highest_) highest_ = level;
   }
   ErrorTask Pop() {
-    const auto [where, what] = heap_.top();
-    heap_.pop();
-    return {static_cast<int>(where >> 32), (what >> 32) != 0, static_cast<UnitId>(where),
-            ~static_cast<uint32_t>(what)};
+    while (heaps_[highest_].empty()) --highest_;
+    const uint64_t key = heaps_[highest_].top();
+    heaps_[highest_].pop();
+    --size_;
+    return {static_cast<int>(highest_), (key >> 32 & 1) != 0, static_cast<UnitId>(key >> 33),
+            ~static_cast<uint32_t>(key)};
   }
 
  private:
-  std::priority_queue<std::pair<uint64_t, uint64_t>> heap_;
+  std::vector<std::priority_queue<uint64_t>> heaps_;  // by level
+  size_t size_ = 0;
+  size_t highest_ = 0;  // no level above it has tasks
 };
 
 }  // namespace mtdb::internal

@@ -69,6 +69,7 @@ void Judge::SetQuery(const Query& query, const Cutoff& cutoff) {
   asked_ = std::move(asked);
   pixel_ = std::move(pixel);
   levels_ = std::move(levels);
+  pixels_ = query.threshold == nullptr ? std::nullopt : query.threshold->pixels();
   cutoff_ = cutoff;
   if (fields.strict == fields_.strict) {
     fields_ = std::move(fields);
@@ -84,11 +85,17 @@ void Judge::SetQuery(const Query& query, const Cutoff& cutoff) {
 }
 
 int Judge::LevelOf(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code) const {
-  if (!Refused(unit, slot, creator, code)) return Levels::kNone;
+  if (pixel_ == nullptr) {
+    return Refused(unit, slot, creator, code) ? levels_.LevelOf(code) : Levels::kNone;
+  }
   const double bound = bounds_[code];
-  if (pixel_ == nullptr) return levels_.LevelOf(code);
-  if (bound <= rounding_) return 0;
-  return levels_.LevelOf(bound, pixel_->Min(Corners(unit, slot, creator), bound));
+  const Triangle3d t = Corners(unit, slot, creator);
+  if (!Active(t, bound) || !meter_->Spend(1)) return Levels::kNone;
+  const double pixel = pixel_->Min(t, bound);
+  const double permitted =
+      pixels_ ? std::max(*pixels_ * pixel, rounding_) : fields_.strict->Min(t, bound);
+  if (bound <= permitted) return Levels::kNone;
+  return bound <= rounding_ ? 0 : levels_.LevelOf(bound, pixel);
 }
 
 bool Judge::RefusesAny(const LoadedUnit& unit, NodeIndex node) const {

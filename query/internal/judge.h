@@ -137,7 +137,8 @@ class Judge {
   RegionPtr query_region_;  // as the query has it
   RegionPtr region_;
   ThresholdPtr asked_;
-  ThresholdPtr pixel_;  // null: the levels are not in pixels
+  ThresholdPtr pixel_;            // null: the levels are not in pixels
+  std::optional<double> pixels_;  // the query's threshold is these pixels
   Levels levels_;
   Cutoff cutoff_;
   Fields fields_;

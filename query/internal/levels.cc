@@ -8,7 +8,21 @@
 
 namespace mtdb::internal {
 
+// 2^(i / 8), as the codes of errors have it.
+std::array<double, Levels::kPixelLevels> Levels::PixelSteps() {
+  Grid eighths;
+  eighths.error_unit = 1;
+  std::array<double, kPixelLevels> steps;
+  for (int l = 0; l < kPixelLevels; ++l) {
+    const double eighth = eighths.Error(static_cast<uint8_t>(1 + l % kOctave));
+    steps[static_cast<size_t>(l)] = std::ldexp(eighth, l / kOctave - kPixelLevels / kOctave / 2);
+  }
+  return steps;
+}
+
 Levels::Levels(const std::array<double, 256>& bounds) : bounds_(&bounds) {
+  static const std::array<double, kPixelLevels> kSteps = PixelSteps();
+  pixel_steps_ = &kSteps;
   for (size_t code = 0; code < 256; ++code) {
     const bool same = code > 0 && bounds[code] <= bounds[code - 1];
     by_code_[code] = same ? by_code_[code - 1] : static_cast<uint8_t>(code);
@@ -18,23 +32,6 @@ Levels::Levels(const std::array<double, 256>& bounds) : bounds_(&bounds) {
 void Levels::SetThreshold(const ThresholdPtr& threshold) {
   threshold_ = threshold;
   in_pixels_ = threshold != nullptr && threshold->AtPixels(1) != nullptr;
-}
-
-double Levels::Step(int level) const {
-  if (!in_pixels_) return (*bounds_)[static_cast<size_t>(level)];
-  static const auto kSteps = [] {
-    std::array<double, kPixelLevels> steps;
-    for (int l = 0; l < kPixelLevels; ++l) {
-      // 2^(i / 8), as the codes of errors have it.
-      Grid eighths;
-      eighths.error_unit = 1;
-      steps[static_cast<size_t>(l)] =
-          std::ldexp(eighths.Error(static_cast<uint8_t>(1 + l % kOctave)),
-                     l / kOctave - kPixelLevels / kOctave / 2);
-    }
-    return steps;
-  }();
-  return kSteps[static_cast<size_t>(level)];
 }
 
 ThresholdPtr Levels::At(int level) const {

@@ -27,7 +27,10 @@ class Levels {
   static constexpr int TopOf(bool in_pixels) { return in_pixels ? kPixelLevels - 1 : 255; }
   int top() const { return TopOf(in_pixels_); }
   // s(L), in pixels or in model units; of 0 <= level < top().
-  double Step(int level) const;
+  double Step(int level) const {
+    const auto l = static_cast<size_t>(level);
+    return in_pixels_ ? (*pixel_steps_)[l] : (*bounds_)[l];
+  }
   // The query's threshold at a level; not null.
   ThresholdPtr At(int level) const;
   // The least level at which an error of this code is valid; or where w is `pixel`.
@@ -37,8 +40,10 @@ class Levels {
  private:
   static constexpr int kOctave = 8;  // levels
   static constexpr int kPixelLevels = 128 * kOctave;
+  static std::array<double, kPixelLevels> PixelSteps();
 
   const std::array<double, 256>* bounds_;
+  const std::array<double, kPixelLevels>* pixel_steps_;
   std::array<uint8_t, 256> by_code_;
   ThresholdPtr threshold_;
   bool in_pixels_ = false;

@@ -20,9 +20,11 @@ Activity SideToActivity(float side) {
 
 }  // namespace
 
-Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
+Result<ActiveTriangles> Survey::Run(Promise promise, const Box3d& bounds) {
   active_.all = judge_.whole();
-  falls_short_ = !complete || MayFallShort(judge_.asked(), bounds, judge_.rounding());
+  const bool complete = promise == Promise::kKept;
+  falls_short_ = promise == Promise::kBroken ||
+                 (complete && MayFallShort(judge_.asked(), bounds, judge_.rounding()));
   if (falls_short_ && judge_.by_code() && complete) {
     // All triangles have the same bound.
     active_.shortfall = {cut_.counts().triangles, judge_.rounding() - *judge_.asked()->constant(),

@@ -32,8 +32,10 @@ class Survey {
   Survey(MovingUnits& cut, UnitPins& pins)
       : cut_(cut), judge_(cut.judge()), pins_(pins), marks_(false), moving_(true) {}
 
-  // `complete`: every active triangle is valid. `bounds` of the whole surface.
-  Result<ActiveTriangles> Run(bool complete, const Box3d& bounds);
+  // Whether every active triangle is valid; kUnsaid: not, and nobody asks for the shortfall.
+  enum class Promise : uint8_t { kKept, kBroken, kUnsaid };
+  // `bounds` of the whole surface.
+  Result<ActiveTriangles> Run(Promise promise, const Box3d& bounds);
 
  private:
   // What is known of the triangles in a box.
