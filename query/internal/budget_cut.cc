@@ -43,8 +43,7 @@ Status BudgetCut::Move(UnitReader& reader, const Query& query, MovingCut* cut) {
     known = !cut_->unfinished() && (position_ == end_ || triangles + most_ / kNear >= most_);
   }
   MTDB_RETURN_IF_ERROR(known ? Adjust() : Search());
-  MTDB_RETURN_IF_ERROR(cut_->FindActive(
-      *reader_, ended_by_budget() ? Survey::Promise::kUnsaid : Survey::Promise::kKept));
+  MTDB_RETURN_IF_ERROR(cut_->FindActive(*reader_, !ended_by_budget()));
   known_ = true;
   return Status::Ok();
 }
@@ -61,35 +60,47 @@ Status BudgetCut::Search() {
   internal::Search search(source_, *reader_, *query_, source_.record().rounding_error, &state);
   MTDB_ASSIGN_OR_RETURN(const internal::Search::Outcome outcome, search.Run());
   evaluated_ += outcome.nodes_visited;
-  last_way_ = 1;
-  return To(PositionOf(outcome.cutoff));
+  MTDB_RETURN_IF_ERROR(To(PositionOf(outcome.cutoff)));
+  // Between two levels, of which there are eight an octave, lies about a tenth of the triangles.
+  const auto units = static_cast<double>(std::max<size_t>(1, cut_->open_units()));
+  per_step_ = 0.1 * static_cast<double>(cut_->counts().triangles) / units;
+  return Status::Ok();
 }
 
+uint64_t BudgetCut::StepsFor(uint64_t triangles) const {
+  const double steps = static_cast<double>(triangles) / std::max(per_step_, 1.0);
+  return std::max<uint64_t>(1, static_cast<uint64_t>(steps));
+}
+
+// Between a place that fits and one that does not: by the triangles that a step took last, and then
+// by halves.
 Status BudgetCut::Adjust() {
-  const uint64_t start = position_;
-  uint64_t step = std::max<uint64_t>(1, last_way_ / 2);
-  uint64_t fits = position_;
-  uint64_t too_far = end_ + 1;  // the first known not to fit
-  if (Fits()) {
-    while (fits < end_ && too_far > end_) {
-      MTDB_RETURN_IF_ERROR(To(std::min(fits + step, end_)));
-      (Fits() ? fits : too_far) = position_;
-      step *= 2;
+  uint64_t fits = 0;
+  uint64_t too_far = end_ + 1;
+  uint64_t factor = 1;
+  for (;;) {
+    const uint64_t triangles = cut_->counts().triangles;
+    const uint64_t here = position_;
+    const bool good = here == 0 || Fits();
+    (good ? fits : too_far) = here;
+    if (good && (here == end_ || too_far == here + 1)) return Status::Ok();
+    const bool bounded = fits > 0 && too_far <= end_;
+    uint64_t next = 0;
+    if (good) {
+      next = here + std::min(StepsFor(most_ - std::min(most_, triangles)) * factor, end_ - here);
+    } else {
+      next = here - std::min(StepsFor(triangles - most_) * factor, here);
     }
-  } else {
-    for (bool found = false; !found; step *= 2) {
-      too_far = position_;
-      MTDB_RETURN_IF_ERROR(To(too_far - std::min(step, too_far)));
-      found = position_ == 0 || Fits();
-    }
-    fits = position_;
+    if (bounded && factor > 2) next = fits + (too_far - fits) / 2;
+    // Of two neighbours one fits.
+    next = too_far - fits == 1 ? fits : std::clamp(next, fits + 1, too_far - 1);
+    MTDB_RETURN_IF_ERROR(To(next));
+    factor *= 2;
+    const auto steps = static_cast<double>(position_) - static_cast<double>(here);
+    const auto more =
+        static_cast<double>(cut_->counts().triangles) - static_cast<double>(triangles);
+    if (more / steps > 0) per_step_ = more / steps;
   }
-  while (too_far - fits > 1 && fits < end_) {
-    MTDB_RETURN_IF_ERROR(To(fits + (too_far - fits) / 2));
-    (Fits() ? fits : too_far) = position_;
-  }
-  last_way_ = fits > start ? fits - start : start - fits;
-  return position_ == fits ? Status::Ok() : To(fits);
 }
 
 }  // namespace mtdb::internal

@@ -37,6 +37,8 @@ class BudgetCut {
   Status Search();
   // From a position that is near.
   Status Adjust();
+  // How many steps so many triangles are about; at least 1.
+  uint64_t StepsFor(uint64_t triangles) const;
   bool Fits() const { return cut_->counts().triangles <= most_; }
 
   const ClusterSource& source_;
@@ -45,7 +47,7 @@ class BudgetCut {
   int top_ = 0;
   uint64_t end_ = 0;
   uint64_t position_ = 0;
-  uint64_t last_way_ = 1;
+  double per_step_ = 0;  // triangles for a step on the line, as it was last
   uint64_t evaluated_ = 0;
   // During a move.
   UnitReader* reader_ = nullptr;

@@ -62,11 +62,11 @@ Status MovingCut::MoveTo(UnitReader& reader, const Query& query, const Cutoff& c
   return Move(reader, query, {cutoff, most, false}, 0, [] { return Status::Ok(); });
 }
 
-Status MovingCut::FindActive(UnitReader& reader, Survey::Promise promise) {
+Status MovingCut::FindActive(UnitReader& reader, bool complete) {
   return RunWith(reader, [&] {
     return CatchOutOfMemory([&]() -> Status {
       Survey survey(units_, units_.pins());
-      MTDB_ASSIGN_OR_RETURN(active_, survey.Run(promise, bounds_));
+      MTDB_ASSIGN_OR_RETURN(active_, survey.Run(complete, bounds_));
       return units_.judge().meter().status();
     });
   });
@@ -107,7 +107,7 @@ Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_node
   }
   if (goal.finds_active) {
     Survey survey(units_, units_.pins());
-    MTDB_ASSIGN_OR_RETURN(active_, survey.Run(Survey::Promise::kKept, bounds_));
+    MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
   }
   return EndRound(commit);
 }

@@ -41,7 +41,8 @@ class MovingCut {
   // Likewise with a cutoff, in one round. It may end on the way when the mesh has more than `most`
   // triangles: it is then unfinished. What is active is looked up by FindActive only.
   Status MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff, uint64_t most);
-  Status FindActive(UnitReader& reader, Survey::Promise promise);
+  // `complete`: every active triangle is valid.
+  Status FindActive(UnitReader& reader, bool complete);
   const CutState& state() const { return units_; }
 
   // Calls f(unit, before, now) with the applied bits of clusters that this round may have changed.

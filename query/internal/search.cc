@@ -79,10 +79,8 @@ Result<Search::Outcome> Search::Run() {
     }
   }
   Survey survey(cut_, judge_, pins_);
-  const bool met = outcome_.limit == QueryLimit::kThreshold;
-  MTDB_ASSIGN_OR_RETURN(
-      outcome_.active,
-      survey.Run(met ? Survey::Promise::kKept : Survey::Promise::kBroken, bounds_));
+  MTDB_ASSIGN_OR_RETURN(outcome_.active,
+                        survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
   pins_.Release();
   return std::move(outcome_);
 }

@@ -20,11 +20,9 @@ Activity SideToActivity(float side) {
 
 }  // namespace
 
-Result<ActiveTriangles> Survey::Run(Promise promise, const Box3d& bounds) {
+Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
   active_.all = judge_.whole();
-  const bool complete = promise == Promise::kKept;
-  falls_short_ = promise == Promise::kBroken ||
-                 (complete && MayFallShort(judge_.asked(), bounds, judge_.rounding()));
+  falls_short_ = !complete || MayFallShort(judge_.asked(), bounds, judge_.rounding());
   if (falls_short_ && judge_.by_code() && complete) {
     // All triangles have the same bound.
     active_.shortfall = {cut_.counts().triangles, judge_.rounding() - *judge_.asked()->constant(),
@@ -55,9 +53,15 @@ Result<ActiveTriangles> Survey::Run(Promise promise, const Box3d& bounds) {
     const double reach = judge_.Reach(id);
     In in{judge_.ActivityIn(box, reach), -std::numeric_limits<double>::infinity()};
     if (in.activity == Activity::kNone) continue;
-    if (falls_short_ && judge_.asked() != nullptr) in.least = judge_.asked()->Range(box, reach).low;
+    const bool counts = in.activity == Activity::kAll && falls_short_ && (!marks_ || active_.all);
+    if (falls_short_) {
+      const Threshold& asked = judge_.asked() == nullptr ? *FullResolution() : *judge_.asked();
+      const ErrorRange range = asked.Range(box, reach);
+      in.least = range.low;
+      in.most = range.high;
+    }
     MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
-      SurveyUnit(u, unit, in);
+      counts ? CountShort(u, unit, in) : SurveyUnit(u, unit, in);
       return Status::Ok();
     }));
   }
@@ -100,6 +104,39 @@ bool Survey::Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uin
     AddShortfall(asked, t, bound, unit.removers()[slot] != kDrain, &active_.shortfall);
   }
   return true;
+}
+
+// Where all are active. Most codes tell whether a triangle falls short, and by how much at most;
+// the others are looked at.
+void Survey::CountShort(CutUnit& u, const LoadedUnit& unit, const In& in) {
+  Shortfall& s = active_.shortfall;
+  const Box3d box = judge_.ModelBox(cut_.index().unit(u.id).bounds);
+  const bool inside = s.any() && s.bounds.Contains(box.min) && s.bounds.Contains(box.max);
+  const auto count = [&](uint32_t slot, uint8_t code) {
+    const double bound = judge_.Bound(code);
+    const bool removable = unit.removers()[slot] != kDrain;
+    const bool met = bound <= in.least || (in.most < 0 && !removable);
+    const bool falls_short = bound > in.most && (removable || in.least >= 0) &&
+                             bound - std::max(in.least, 0.0) <= s.excess;
+    if (!met && !falls_short) {
+      Count(unit, slot, unit.creator(slot), code, in);
+      return;
+    }
+    ++active_.count;
+    active_.largest_code = std::max(active_.largest_code, code);
+    if (met) return;
+    ++s.triangles;
+    if (inside) return;
+    for (const Vec3d& p : judge_.Corners(unit, slot, unit.creator(slot))) s.bounds.Add(p);
+  };
+  for (uint32_t slot = 0; u.looked && slot < u.first_own; ++slot) {
+    if (!cut_.Present(u, unit, slot)) continue;
+    count(slot, unit.cluster.error_codes[unit.cluster.removers[slot]]);
+  }
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + u.first_own;
+    if (const int code = CodeOf(unit, slot); code >= 0) count(slot, static_cast<uint8_t>(code));
+  });
 }
 
 void Survey::SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in) {

@@ -32,19 +32,19 @@ class Survey {
   Survey(MovingUnits& cut, UnitPins& pins)
       : cut_(cut), judge_(cut.judge()), pins_(pins), marks_(false), moving_(true) {}
 
-  // Whether every active triangle is valid; kUnsaid: not, and nobody asks for the shortfall.
-  enum class Promise : uint8_t { kKept, kBroken, kUnsaid };
-  // `bounds` of the whole surface.
-  Result<ActiveTriangles> Run(Promise promise, const Box3d& bounds);
+  // `complete`: every active triangle is valid. `bounds` of the whole surface.
+  Result<ActiveTriangles> Run(bool complete, const Box3d& bounds);
 
  private:
   // What is known of the triangles in a box.
   struct In {
     Activity activity;
     double least;                    // of what is asked for
+    double most = 0;                 // likewise
     bool drains_fall_short = false;  // they may, of what is asked for
   };
   void FindLargestCode(const CutUnit& u, const LoadedUnit& unit);
+  void CountShort(CutUnit& u, const LoadedUnit& unit, const In& in);
   void SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in);
   void SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit);
   void LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const;
