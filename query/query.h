@@ -25,12 +25,16 @@ struct Query {
   RegionPtr region;        // null: all of space
   ThresholdPtr threshold;  // null: full resolution
 
-  // Budgets. With any of them the query refines the largest errors first (ties: the coarser
-  // cluster, then the smaller node), until the threshold is met or the next step does not fit a
-  // budget. The answer has at least the root mesh. Its error_bound says which error was reached,
-  // and its limit what ended the refinement.
+  // Budgets. With any of them the permitted error is max(threshold, s w), place by place, and s
+  // falls in steps of an eighth of an octave, from cluster to cluster, coarse ones first, until the
+  // threshold is met or the next step does not fit a budget. The weight w is a pixel of the
+  // threshold's camera (Threshold::AtPixels), so that the error is even in the picture; without a
+  // camera it is 1. The answer has at least the root mesh. Its error_bound says which error was
+  // reached, and its limit what ended the refinement.
   //
-  // The mesh has at most this many triangles, counted before clipping.
+  // The mesh has at most this many triangles, counted before clipping. It is the least cut for the
+  // last step that fits, for all of a cluster: whatever came before. A few may be left over, at
+  // most what one cluster gains from an eighth of an octave.
   std::optional<uint64_t> max_triangles;
   // The query reads at most this many bytes of payloads from the store, besides the root pieces,
   // which it reads in any case. What is in the cache costs nothing, and what was read is kept till

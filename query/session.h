@@ -95,8 +95,9 @@ class Session {
   // Cost: in proportion to the updates and to the nodes whose decisions the new query may change,
   // which is told from Threshold::Change; a step of 1 ns for each node of the clusters in use.
   // Where a region ends, and everywhere for a threshold that cannot tell its change, all decisions
-  // are made again; with a region, the active triangles are counted anew. With a budget the search
-  // is a fresh one, and so is the next one without.
+  // are made again; with a region, the active triangles are counted anew. With a budget of
+  // triangles, which moves like any other query, what falls short is counted anew too. With other
+  // budgets the search is a fresh one, and so is the next one without.
   Result<SessionUpdate> Update(const Query& query, std::vector<UpdateBatch>* batches);
   // Likewise, but hands the batches over round by round, so that they can be sent while the next
   // round is computed: removals with the first, insertions by falling errors, in a few rounds when
