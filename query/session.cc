@@ -103,26 +103,6 @@ void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
 
 }  // namespace
 
-namespace internal {
-
-// A search with a budget that may take several calls.
-struct BudgetSearch {
-  BudgetSearch(const ClusterSource& source, const Query& asked) : query(asked), cut(source, false) {
-    query.control = nullptr;
-    query.max_milliseconds.reset();
-  }
-  bool Answers(const Query& asked) const {
-    return asked.region == query.region && asked.threshold == query.threshold &&
-           asked.max_triangles == query.max_triangles;
-  }
-  Query query;
-  CutState cut;
-  SearchProgress progress;
-  bool is_shown = false;  // the client has the cut, as it was when the last call ended
-};
-
-}  // namespace internal
-
 Session::Session(std::shared_ptr<const Surface> surface, const SessionOptions& options)
     : surface_(std::move(surface)), moving_(std::make_unique<MovingCut>(*surface_->source())) {
   if (!options.available_only) return;
@@ -249,20 +229,19 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
     waiting.emplace(surface_->cache(), ReaderLimits{query.control, query.max_bytes});
   } else {
     MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query));
-    if (!budget) search_.reset();
+    if (!budget) within_query_.reset();
     if (!budget && moving_ != nullptr) available_->available()->Hold({});
-    available_->BeginCall(query.control, DeadlineOf(query), search_ != nullptr);
+    available_->BeginCall(query.control, DeadlineOf(query));
   }
   UnitReader& reader = waits ? *waiting : *available_;
   if (!budget) {
     MTDB_RETURN_IF_ERROR(Move(reader, query, rounds, take, &result));
-  } else if (waits && !query.max_bytes && !query.max_milliseconds) {
+  } else if (!waits || (!query.max_bytes && !query.max_milliseconds)) {
     MTDB_RETURN_IF_ERROR(MoveWithin(reader, query, take, &result));
   } else {
     next_.reset();
     within_.reset();
-    MTDB_RETURN_IF_ERROR(waits ? Select(reader, query, take, &result)
-                               : SelectInCalls(query, take, &result));
+    MTDB_RETURN_IF_ERROR(Select(reader, query, take, &result));
   }
   stats.vertices = index.root_vertices() + applied_count_;
   stats.nodes_applied = applied_count_;
@@ -335,30 +314,67 @@ Status Session::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* u
   return taken;
 }
 
-// The client sees where the cut ends, and not the cuts on the way, which may be too large.
+// The client sees where the cut ends, and not the cuts on the way, which may be too large. A query
+// that a session did not come to the end of, which does not wait, is ended before a later one
+// begins: one that a later query ends would never end where each call has another one.
 Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBatches& take,
                            SessionUpdate* update) {
+  HideCut();
+  const uint64_t shown_triangles = selected_.triangles;
+  for (;;) {
+    const bool goes_on = within_query_.has_value();
+    if (!goes_on) within_query_ = query;
+    within_query_->control = query.control;
+    const Status moved = within_->Move(reader, *within_query_, goes_on, next_.get());
+    within_query_->control = nullptr;
+    if (!moved.ok()) within_query_.reset();
+    MTDB_RETURN_IF_ERROR(moved);
+    next_is_shown_ |= within_->done() || next_->counts().triangles >= shown_triangles;
+    if (within_->fits() && next_is_shown_) {
+      MTDB_RETURN_IF_ERROR(Show(next_->state(), reader, take, update));
+    }
+    ExtractStats& stats = update->stats;
+    stats.missing = next_->missing();
+    const bool answers = within_->done() && within_query_->region == query.region &&
+                         within_query_->threshold == query.threshold &&
+                         within_query_->max_triangles == query.max_triangles;
+    if (within_->done()) within_query_.reset();
+    if (answers) {
+      FillStats(surface_->record(), next_->counts(), next_->active(), &stats);
+      stats.clusters_used = selected_.clusters_used;
+      if (within_->ended_by_budget()) stats.limit = QueryLimit::kTriangles;
+      if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
+      stats.nodes_visited = within_->evaluated();
+      stats.nodes_forced = next_->counts().forced;
+      return Status::Ok();
+    }
+    if (within_query_ || available_->available()->time_is_over()) {
+      FillStatsOnTheWay(&stats);
+      return Status::Ok();
+    }
+    available_->BeginCall(query.control, DeadlineOf(query));
+  }
+}
+
+// The cut moves on behind what the client has.
+void Session::HideCut() {
   if (within_ == nullptr) within_ = std::make_unique<BudgetCut>(*surface_->source());
+  if (next_ == nullptr) next_is_shown_ = moving_ != nullptr;
   if (moving_ != nullptr) {
     Selected now;
-    const uint32_t clusters = surface_->index().cluster_count();
-    now.applied.resize(clusters);
-    for (UnitId c = 0; c < clusters; ++c) now.applied[c] = moving_->applied(c);
+    now.applied.resize(surface_->index().cluster_count());
+    for (UnitId c = 0; c < now.applied.size(); ++c) now.applied[c] = moving_->applied(c);
     now.triangles = moving_->counts().triangles;
     now.clusters_used = moving_->counts().clusters_used;
+    now.largest_code = LargestCodeOf(moving_->counts());
+    if (available_ != nullptr) {
+      available_->available()->Hold(
+          UnitsOf(surface_->index(), [&](UnitId c) { return now.applied[c]; }));
+    }
     selected_ = std::move(now);
     next_ = std::move(moving_);
   }
   if (next_ == nullptr) next_ = std::make_unique<MovingCut>(*surface_->source());
-  MTDB_RETURN_IF_ERROR(within_->Move(reader, query, next_.get()));
-  MTDB_RETURN_IF_ERROR(Show(next_->state(), reader, take, update));
-  ExtractStats& stats = update->stats;
-  FillStats(surface_->record(), next_->counts(), next_->active(), &stats);
-  stats.clusters_used = selected_.clusters_used;
-  if (within_->ended_by_budget()) stats.limit = QueryLimit::kTriangles;
-  stats.nodes_visited = within_->evaluated();
-  stats.nodes_forced = next_->counts().forced;
-  return Status::Ok();
 }
 
 // Under other budgets the cut is not the least one of any query, and cannot move on.
@@ -377,48 +393,6 @@ Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches
   update->stats.nodes_visited = outcome.nodes_visited;
   update->stats.nodes_forced = outcome.nodes_forced;
   return Status::Ok();
-}
-
-// Likewise; it goes on with the search that the call before has begun, whatever its query was: a
-// search that a later query ends would never end where each call has another one.
-Status Session::SelectInCalls(const Query& query, const TakeBatches& take, SessionUpdate* update) {
-  const ObjectRecord& record = surface_->record();
-  AvailableUnits& units = *available_->available();
-  for (;;) {
-    std::unique_ptr<BudgetSearch> s = std::move(search_);  // none is left after an error
-    if (s == nullptr) {
-      s = std::make_unique<BudgetSearch>(*surface_->source(), query);
-      s->is_shown = applied_count_ == 0;  // both are the root
-      units.TakeSeveralCalls();
-      if (moving_ != nullptr)
-        units.Hold(UnitsOf(surface_->index(), [&](UnitId c) { return moving_->applied(c); }));
-    }
-    s->query.control = query.control;
-    Search search(*surface_->source(), *available_, s->query, record.rounding_error, &s->cut,
-                  &s->progress);
-    MTDB_ASSIGN_OR_RETURN(Search::Outcome outcome, search.Run());
-    const bool over = outcome.limit != QueryLimit::kTime;
-    s->is_shown = s->is_shown || s->cut.counts().triangles >= TrianglesShown();
-    if (over || s->is_shown) MTDB_RETURN_IF_ERROR(Show(s->cut, *available_, take, update));
-    s->query.control = nullptr;
-    update->stats.missing = std::move(outcome.missing);
-    if (over && s->Answers(query)) {
-      FillStats(record, s->cut.counts(), outcome.active, &update->stats);
-      update->stats.clusters_used = selected_.clusters_used;
-      update->stats.limit = outcome.limit;
-      update->stats.nodes_visited = outcome.nodes_visited;
-      update->stats.nodes_forced = outcome.nodes_forced;
-      units.KeepOnly({});
-      return Status::Ok();
-    }
-    if (!over || units.time_is_over()) {
-      units.KeepOnly(over ? std::span<const UnitId>() : s->cut.open());
-      if (!over) search_ = std::move(s);
-      FillStatsOnTheWay(&update->stats);
-      return Status::Ok();
-    }
-    available_->BeginCall(query.control, DeadlineOf(query));
-  }
 }
 
 // The client's cut becomes this one.

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,7 +31,6 @@ class CutState;
 class BudgetCut;
 class MovingCut;
 class UnitReader;
-struct BudgetSearch;
 }  // namespace internal
 
 // Takes the batches of one round of an update, in order. What it returns but ok ends the update.
@@ -126,7 +126,7 @@ class Session {
                     SessionUpdate* update);
   Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
-  Status SelectInCalls(const Query& query, const TakeBatches& take, SessionUpdate* update);
+  void HideCut();
   Status Show(const internal::CutState& cut, internal::UnitReader& reader, const TakeBatches& take,
               SessionUpdate* update);
   Status Follow(internal::MovingCut& cut, const TakeBatches& take, SessionUpdate* update);
@@ -147,8 +147,8 @@ class Session {
   // What is on its way to take the place of the cut, or is kept within a budget.
   std::unique_ptr<internal::MovingCut> next_;
   std::unique_ptr<internal::BudgetCut> within_;
-  // Of a session that does not wait, likewise.
-  std::unique_ptr<internal::BudgetSearch> search_;
+  std::optional<Query> within_query_;  // that it is on its way to, over several calls
+  bool next_is_shown_ = false;         // the client has had what it was
   uint64_t applied_count_ = 0;
 };
 

@@ -37,16 +37,13 @@ AvailableUnits::~AvailableUnits() {
   for (const UnitId u : list_) cache_.Unpin(u);
 }
 
-void AvailableUnits::Begin(std::optional<TimePoint> until, bool goes_on) {
+void AvailableUnits::Begin(std::optional<TimePoint> until) {
   until_ = until;
   begun_ = std::chrono::steady_clock::now();
   decoded_ = out_of_time_ = false;
-  several_calls_ = goes_on;
-  if (!goes_on) {
-    for (const UnitId u : missing_) noted_[u] = false;
-    missing_.clear();
-    reasons_.clear();
-  }
+  for (const UnitId u : missing_) noted_[u] = false;
+  missing_.clear();
+  reasons_.clear();
   const MutexLock lock(cache_.mutex_);
   cache_.StartWorkers();
 }
@@ -135,7 +132,6 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
   const bool parents = index.Has(unit) && std::ranges::all_of(index.parents(unit), [&](UnitId p) {
                          return taken_[p] != nullptr;
                        });
-  if (several_calls_ && out_of_time_) return;
   if (!parents || cache_.exclusive_ || cache_.exclusive_waiting_ > 0) {
     return Note(unit, Reason::kNotRead);
   }
@@ -153,10 +149,7 @@ void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
     cache_.Pin(unit);
   } else {
     const Status status = Load(unit, lock);
-    if (status.code() == StatusCode::kNotYet) {
-      if (several_calls_ && out_of_time_) return;
-      return Note(unit, Reason::kNotRead);
-    }
+    if (status.code() == StatusCode::kNotYet) return Note(unit, Reason::kNotRead);
     if (status.code() == StatusCode::kBudgetExceeded || status.code() == StatusCode::kNoSpace) {
       client_->no_room[unit] = cache_.bytes_;
       return Note(unit, Reason::kNoRoom);

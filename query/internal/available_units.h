@@ -31,13 +31,9 @@ class AvailableUnits {
 
   // A call of the caller begins: what was missing is looked for again. After `until` Take decodes
   // nothing, but for one unit a call.
-  // With `goes_on` it is part of what the call before began: what was missing stays so; and what
-  // the time did not suffice to decode is not missing, but out_of_time() says so.
-  void Begin(std::optional<TimePoint> until, bool goes_on = false);
+  void Begin(std::optional<TimePoint> until);
   // Payloads that came in the calls before, for the amount to ask for.
   void CountBytes(uint64_t bytes) { came_bytes_ += bytes; }
-  // What takes several calls begins with this one: see Begin.
-  void TakeSeveralCalls() { several_calls_ = true; }
   // Since Begin: what was there, and there was no time to decode.
   bool out_of_time() const { return out_of_time_; }
   // The time of the call begins now: what came before is not counted.
@@ -86,8 +82,7 @@ class AvailableUnits {
   TimePoint begun_;
   bool decoded_ = false;      // since Begin
   bool out_of_time_ = false;  // likewise
-  bool several_calls_ = false;
-  uint64_t came_bytes_ = 0;  // of payloads, in the calls before
+  uint64_t came_bytes_ = 0;   // of payloads, in the calls before
   std::vector<UnitId> held_;
   std::vector<const LoadedUnit*> taken_;  // per unit
   std::vector<UnitId> list_;              // of these

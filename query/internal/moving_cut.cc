@@ -44,26 +44,29 @@ Status MovingCut::Move(UnitReader& reader, const Query& query, const Goal& goal,
                        uint64_t round_nodes, const Commit& commit) {
   return RunWith(reader, [&] {
     const Status status = CatchOutOfMemory([&] { return Step(query, goal, round_nodes, commit); });
-    if (status.code() != StatusCode::kCancelled) AskForMissing();
+    if (status.code() != StatusCode::kCancelled && goal.last) AskForMissing();
     if (!status.ok()) {
       insertion_.Clear();
       insertion_.ForgetMissing();
       units_.UndoMove();
     } else {
       CloseIdle();
-      if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
+      if (goal.last && reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
     }
     return status;
   });
 }
 
 Status MovingCut::MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff,
-                         uint64_t most) {
-  return Move(reader, query, {cutoff, most, false}, 0, [] { return Status::Ok(); });
+                         uint64_t most, bool first) {
+  return Move(reader, query, {cutoff, most, first, false}, 0, [] { return Status::Ok(); });
 }
 
-Status MovingCut::FindActive(UnitReader& reader, bool complete) {
+Status MovingCut::EndMoves(UnitReader& reader, bool finds_active, bool complete) {
   return RunWith(reader, [&] {
+    AskForMissing();
+    if (reader.available() != nullptr) reader.available()->KeepOnly(units_.open());
+    if (!finds_active) return Status::Ok();
     return CatchOutOfMemory([&]() -> Status {
       Survey survey(units_, units_.pins());
       MTDB_ASSIGN_OR_RETURN(active_, survey.Run(complete, bounds_));
@@ -94,7 +97,7 @@ Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_node
   if (moved) insertion_.ForgetMissing();
   insertion_.DeferMissing();
   if (AvailableUnits* const units = units_.pins().reader().available(); units != nullptr) {
-    units->BeginRefining();
+    if (goal.first) units->BeginRefining();
   }
   MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, goal.most, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
@@ -105,7 +108,7 @@ Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_node
     }
     return EndRound(commit);
   }
-  if (goal.finds_active) {
+  if (goal.last) {
     Survey survey(units_, units_.pins());
     MTDB_ASSIGN_OR_RETURN(active_, survey.Run(true, bounds_));
   }

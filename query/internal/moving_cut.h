@@ -39,10 +39,12 @@ class MovingCut {
     return Move(reader, query, {}, round_nodes, commit);
   }
   // Likewise with a cutoff, in one round. It may end on the way when the mesh has more than `most`
-  // triangles: it is then unfinished. What is active is looked up by FindActive only.
-  Status MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff, uint64_t most);
-  // `complete`: every active triangle is valid.
-  Status FindActive(UnitReader& reader, bool complete);
+  // triangles: it is then unfinished. `first`: of the moves of one call. The last of these is
+  // followed by EndMoves: what is missing is asked for, and if `finds_active` what is active is
+  // found; `complete`: every active triangle is valid.
+  Status MoveTo(UnitReader& reader, const Query& query, const Cutoff& cutoff, uint64_t most,
+                bool first);
+  Status EndMoves(UnitReader& reader, bool finds_active, bool complete);
   const CutState& state() const { return units_; }
 
   // Calls f(unit, before, now) with the applied bits of clusters that this round may have changed.
@@ -72,7 +74,8 @@ class MovingCut {
   struct Goal {
     Cutoff cutoff;
     uint64_t most = ~uint64_t{0};
-    bool finds_active = true;
+    bool first = true;
+    bool last = true;
   };
   Status Move(UnitReader& reader, const Query& query, const Goal& goal, uint64_t round_nodes,
               const Commit& commit);

@@ -30,7 +30,7 @@ Status CheckLimits(const ObjectRecord& record, const Query& query) {
 // valid cut.
 
 Search::Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding,
-               CutState* cut, SearchProgress* progress)
+               CutState* cut)
     : index_(source.index()),
       bounds_(source.record().bounds),
       query_(query),
@@ -40,19 +40,10 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
       judge_(source, rounding),
       pass_(*cut, judge_),
       by_level_(query.max_triangles || query.max_bytes || query.max_milliseconds),
-      progress_(progress),
       pending_(source.index().unit_count()) {
-  if (progress_ != nullptr && progress_->begun) {
-    by_errors_ = std::move(progress_->by_errors);
-    pending_ = std::move(progress_->pending);
-    look_levels_ = std::move(progress_->look_levels);
-    level_ = std::move(progress_->level);
-    outcome_.nodes_visited = progress_->nodes_visited;
-    outcome_.nodes_forced = progress_->nodes_forced;
-  }
   judge_.SetQuery(query);
   judge_.SetMeter(&meter_);
-  if (by_level_ && (progress_ == nullptr || !progress_->begun)) {
+  if (by_level_) {
     level_.cutoff = {judge_.levels().top(), index_.unit_count()};
     look_levels_.assign(judge_.levels().in_pixels() ? index_.unit_count() : 0, 0);
   }
@@ -65,19 +56,6 @@ Result<Search::Outcome> Search::Run() {
   if (status.ok() && outcome_.limit == QueryLimit::kTriangles) status = TakeBackLevel();
   if (status.code() != StatusCode::kCancelled) AskForMissing();
   MTDB_RETURN_IF_ERROR(status);
-  if (progress_ != nullptr) {
-    *progress_ = {true,
-                  std::move(by_errors_),
-                  std::move(pending_),
-                  std::move(look_levels_),
-                  std::move(level_),
-                  outcome_.nodes_visited,
-                  outcome_.nodes_forced};
-    if (outcome_.limit == QueryLimit::kTime) {
-      pins_.Release();
-      return std::move(outcome_);
-    }
-  }
   Survey survey(cut_, judge_, pins_);
   MTDB_ASSIGN_OR_RETURN(outcome_.active,
                         survey.Run(outcome_.limit == QueryLimit::kThreshold, bounds_));
@@ -97,8 +75,8 @@ void Search::AskForMissing() {
 }
 
 Status Search::RunFromRoot() {
-  const auto deadline = progress_ == nullptr ? DeadlineOf(query_) : std::nullopt;
-  if (progress_ == nullptr || !progress_->begun) MTDB_RETURN_IF_ERROR(OpenRoot());
+  const auto deadline = DeadlineOf(query_);
+  MTDB_RETURN_IF_ERROR(OpenRoot());
   pins_.reader().SetDeadline(deadline);
   return by_level_ ? RunByLevel() : RunByClusters();
 }
@@ -148,11 +126,6 @@ Status Search::Advance(CutUnit& u) {
 
 Status Search::LookAt(CutUnit& u) {
   if (!pins_.reader().IsAvailable(u.id)) {
-    if (progress_ != nullptr && pins_.reader().available()->out_of_time()) {
-      // The next call decodes it.
-      by_errors_.Push({judge_.levels().top(), true, u.id, 0});
-      outcome_.limit = QueryLimit::kTime;
-    }
     // It stays pending, so that what enters it later does not bring it back.
     return Status::Ok();
   }
@@ -202,26 +175,15 @@ Status Search::TakeBackLevel() {
   }
   level_.inserted.clear();
   outcome_.nodes_forced = level_.forced_before;
-  ++level_.cutoff.from;
-  outcome_.cutoff = level_.cutoff;
   return Status::Ok();
 }
 
 Status Search::RunByLevel() {
   QueryLimit& limit = outcome_.limit;
   UnitReader& reader = pins_.reader();
-  uint64_t steps = 0;
   while (!by_errors_.empty() && limit == QueryLimit::kThreshold) {
-    if (progress_ != nullptr && steps >= kStepsPerLook) {
-      steps = 0;
-      if (reader.available()->time_is_over()) {
-        limit = QueryLimit::kTime;
-        break;
-      }
-    }
     const ErrorTask task = by_errors_.Pop();
     EnterLevel(task);
-    steps += task.look ? kStepsPerLook : 1;
     const Status status = RunStep([&] { return RunTask(task); });
     if (reader.out_of_bytes()) {
       limit = QueryLimit::kBytes;

@@ -27,23 +27,6 @@ std::optional<std::chrono::steady_clock::time_point> DeadlineOf(const Query& que
 // kInvalidArgument for limits that a query that takes what is there cannot have.
 Status CheckLimits(const ObjectRecord& record, const Query& query);
 
-// A search with a budget that has been interrupted: what it has still to do.
-struct SearchProgress {
-  // How far the levels have come, and what has come since the cutoff was reached.
-  struct Level {
-    Cutoff cutoff;
-    std::vector<CutState::NodeRef> inserted;
-    uint64_t forced_before = 0;
-  };
-  bool begun = false;
-  ErrorQueue by_errors;
-  Bits pending;
-  std::vector<int16_t> look_levels;
-  Level level;
-  uint64_t nodes_visited = 0;
-  uint64_t nodes_forced = 0;
-};
-
 // Goes from cluster to cluster, coarsest first, and inside a cluster from node to node in stored
 // order. A cluster is loaded only when the index cannot prove that the triangles it removes are
 // valid or inactive. With a budget a priority queue takes the place of that order. One use.
@@ -54,23 +37,18 @@ class Search {
     uint64_t nodes_visited = 0;
     uint64_t nodes_forced = 0;
     QueryLimit limit = QueryLimit::kThreshold;
-    Cutoff cutoff;  // where a budget of triangles ended it
     std::vector<MissingCluster> missing;
   };
 
-  // Makes of the cut, of which no unit is open, that of the query; see Judge for `rounding`. With
-  // `progress`, whose reader takes what is there, a search with a budget ends when the time of the
-  // reader's call is over, after kStepsPerLook steps at least, and says kTime; another Search with
-  // the same arguments goes on. What is missing once stays missing for all of them.
+  // Makes of the cut, of which no unit is open, that of the query; see Judge for `rounding`.
   Search(const ClusterSource& source, UnitReader& reader, const Query& query, double rounding,
-         CutState* cut, SearchProgress* progress = nullptr);
+         CutState* cut);
 
   // Sets CutUnit::active, but for ActiveTriangles::all.
   Result<Outcome> Run();
 
  private:
   using NodeRef = CutState::NodeRef;
-  static constexpr uint64_t kStepsPerLook = 64;  // at the clock
 
   Status RunFromRoot();
   Status OpenRoot();
@@ -106,13 +84,17 @@ class Search {
   Judge judge_;
   StoredOrderPass pass_;
   const bool by_level_;  // there is a budget
-  SearchProgress* const progress_;
   Outcome outcome_;
   UnitQueue queue_;
   ErrorQueue by_errors_;
   Bits pending_;                      // per unit: waits to be looked at
   std::vector<int16_t> look_levels_;  // in pixels, per unit: the highest that it waits at
-  SearchProgress::Level level_;
+  // How far the levels have come, and what has come since the cutoff was reached.
+  struct {
+    Cutoff cutoff;
+    std::vector<NodeRef> inserted;
+    uint64_t forced_before = 0;
+  } level_;
   std::vector<NodeRef> inserted_;
   std::vector<bool> decided_;  // per child of the unit at hand
 };

@@ -65,15 +65,14 @@ bool UnitReader::IsAvailable(UnitId unit) {
 }
 
 void UnitReader::BeginCall(QueryControl* control,
-                           std::optional<std::chrono::steady_clock::time_point> until,
-                           bool goes_on) {
+                           std::optional<std::chrono::steady_clock::time_point> until) {
   {
     const MutexLock lock(cache_.mutex_);
     limits_.control = client_->control = control;
     available_->CountBytes(client_->stats.bytes_read);
     client_->stats = {};
   }
-  available_->Begin(until, goes_on);
+  available_->Begin(until);
 }
 
 Status UnitReader::WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const {

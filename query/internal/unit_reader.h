@@ -52,8 +52,7 @@ class UnitReader {
   // True when the unit can be got, for a reader that waits as well.
   bool IsAvailable(UnitId unit);
   // A call begins, of a reader that outlives them.
-  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until,
-                 bool goes_on = false);
+  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until);
   // With nothing held: waits until nobody else holds units, and keeps it so until Release.
   Status WaitForRoom();
   // Units that will be wanted soon, by and by: other threads load them. Cheap when they are there.
