@@ -228,7 +228,8 @@ class Union final : public SplittingRegion {
     return AnyOf([](const RegionPtr& r) { return r->whole(); });
   }
   double Depth(const Box3d& box) const override {
-    return ChosenDepth(regions_, box, -kInfinity, [](double a, double b) { return std::max(a, b); });
+    return ChosenDepth(regions_, box, -kInfinity,
+                       [](double a, double b) { return std::max(a, b); });
   }
   double Shift(const Region& to, const Box3d& within) const override {
     const auto* const other = dynamic_cast<const Union*>(&to);

@@ -52,7 +52,8 @@ class Path {
         query.threshold = ScreenThreshold(camera, 0.001);
         break;
       default:
-        query.threshold = MinThreshold({ScreenThreshold(camera, 0.01), LinearThreshold(at_, 0, 0.001)});
+        query.threshold =
+            MinThreshold({ScreenThreshold(camera, 0.01), LinearThreshold(at_, 0, 0.001)});
         break;
     }
     return query;
