@@ -64,10 +64,10 @@ struct SessionOptions {
   // with no further cluster, leaves a conforming cut on the way, says QueryLimit::kTime, and goes
   // on when it is called with the same region and threshold. At least one cluster is refined in a
   // call; what the new query takes away, and the updates that a call makes, are not counted.
-  // With max_triangles a search that takes several calls is finished before the one of a later
-  // query begins, so that queries that change with each call get somewhere. The cut stays the one
-  // before until the search is over or has as many triangles; its error_bound is then that of the
-  // whole mesh.
+  // With max_triangles a query that takes several calls is finished before a later one begins, so
+  // that queries that change with each call get somewhere. The cut stays the one before while what
+  // comes does not fit, and at first until it has as many triangles; its error_bound is then that
+  // of the whole mesh.
   bool available_only = false;
 };
 
