@@ -122,7 +122,10 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
     std::fprintf(to, "  that holds in the region; outside of it the error is at most %.6g\n",
                  *stats.error_bound_outside);
   }
-  std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), to);
+  // Who asks for so many triangles only, asks for no error.
+  if (report.query.contains("threshold") || stats.limit == QueryLimit::kThreshold) {
+    std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), to);
+  }
   std::fputs((remarks.text + report.remarks).c_str(), to);
   if (report.origin) {
     std::fprintf(to, "  float32 positions in the file are offsets from %.9g %.9g %.9g\n",

@@ -47,7 +47,9 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
   using Count = unsigned long long;
   std::printf("%s: %llu triangles, %llu vertices, error at most %.6g\n", arguments.output.c_str(),
               Count{a.triangles}, Count{a.vertices}, a.error_bound);
-  std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
+  if (query.contains("threshold") || a.limit == "accuracy") {
+    std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
+  }
   if (missed) {
     std::printf("  WARNING: nothing of the surface is in the region, so %s\n",
                 a.triangles == 0 ? "the mesh is empty" : "the mesh is as coarse as it goes");
