@@ -55,9 +55,8 @@ Status BudgetCut::To(uint64_t position, bool first) {
   const uint64_t before = triangles();
   const uint64_t from = position_;
   position_ = position;
-  // The root is given whatever the budget is.
-  const uint64_t most = position == 0 ? ~uint64_t{0} : most_ + most_ / kTooLarge;
-  const Status status = cut_->MoveTo(*reader_, *query_, CutoffAt(position), most, first);
+  const Status status =
+      cut_->MoveTo(*reader_, *query_, CutoffAt(position), most_ + most_ / kTooLarge, first);
   evaluated_ += cut_->evaluated();
   const double places = static_cast<double>(position) - static_cast<double>(from);
   const double more = static_cast<double>(triangles()) - static_cast<double>(before);
@@ -69,7 +68,8 @@ Status BudgetCut::To(uint64_t position, bool first) {
 
 bool BudgetCut::Note() {
   const AvailableUnits* const available = reader_->available();
-  const bool too_large = triangles() > most_ && position_ > 0;
+  // The root is given whatever the budget is.
+  const bool too_large = triangles() > most_ && cut_->counts().applied > 0;
   fits_ = !too_large;
   // What is on the way is a part of where it leads.
   if (!too_large) {

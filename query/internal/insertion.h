@@ -35,7 +35,7 @@ class Insertion {
   // Works off the queue and what waits. With round_nodes > 0 calls end_round when so many nodes
   // have come, and a quarter of all. With a reader that waits for nothing it ends after the step
   // during which the time is over, and any that after which the mesh has more than `most`
-  // triangles; what is left to do then waits for the next move.
+  // triangles, unless it is the root; what is left to do then waits for the next move.
   Status Run(uint64_t round_nodes, uint64_t most, const std::function<Status()>& end_round);
   // Something is left to do, but for what is missing.
   bool unfinished() const { return unfinished_; }
@@ -53,7 +53,7 @@ class Insertion {
   bool AnyWaits();
   Status Leave();
   bool TimeIsOver() const;
-  bool TooMany() const { return units_.counts().triangles > most_; }
+  bool TooMany() const { return units_.counts().triangles > most_ && units_.counts().applied > 0; }
   Status RunQueue(bool timed);
   Status Advance(MovingUnit& u, const LoadedUnit& unit);
   void LookAt(MovingUnit& u, const LoadedUnit& unit);

@@ -89,6 +89,9 @@ TEST_CASE("a budget that moves gives the cut of its definition") {
         // Now and then without the budget, or with another kind of threshold.
         if (step % 13 == 12) query.max_triangles.reset();
         if (step % 17 == 16) query.threshold = ConstantThreshold(0.01);
+        // Less than the root, which may be all that is asked for.
+        if (step % 11 == 10) query.max_triangles = 1 + random() % 3;
+        if (step % 22 == 10) query.threshold = CoarsestThreshold();
         INFO("kind " << kind << ", seed " << seed << ", step " << step);
         std::vector<UpdateBatch> batches;
         const Result<SessionUpdate> update = session->Update(query, &batches);
@@ -115,9 +118,8 @@ TEST_CASE("a budget that moves gives the cut of its definition") {
       }
     }
   }
-  UNSCOPED_INFO(ended << ' ' << kept);
-  CHECK(ended > 800);
-  CHECK(kept > 600);
+  CHECK(ended > 700);
+  CHECK(kept > 450);
 }
 
 }  // namespace mtdb::testing
