@@ -2,6 +2,7 @@
 #include "query/internal/cluster_cache.h"
 
 #include <algorithm>
+#include <bit>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
@@ -250,12 +251,23 @@ void ClusterCache::CountLoad(UnitId unit, const LoadStats& load, Client& client)
 }
 
 Status ClusterCache::NoRoom(UnitId unit, size_t bytes) const {
+  return TooSmall(unit, bytes_ + bytes);
+}
+
+Status ClusterCache::TooSmall(UnitId unit, size_t needed) const {
+  // What a query holds at once shows as it goes on; some of the largest units are enough.
+  size_t largest = 0;
+  for (UnitId u = 0; u < entries_.size(); ++u) {
+    if (index_.Has(u)) largest = std::max(largest, EstimateBytes(u));
+  }
+  constexpr size_t kKiB = 1024;
+  const size_t enough = std::bit_ceil(std::max(2 * needed, 16 * largest) / kKiB + 1);
   return {StatusCode::kBudgetExceeded,
-          UnitName(source_->record(), unit) + ": needs " + std::to_string(bytes) +
-              " bytes beside the " + std::to_string(bytes_) +
-              " that are in use, but the cache is limited to " +
-              std::to_string(options_.budget_bytes) +
-              "; open the surface with a cache of at least " + std::to_string(bytes_ + bytes)};
+          UnitName(source_->record(), unit) + ": needs " + std::to_string(needed) +
+              " bytes, with what it is decoded from and what is used with it, but the cache is "
+              "limited to " +
+              std::to_string(options_.budget_bytes) + "; allow it some " + std::to_string(enough) +
+              " KiB (--cache " + std::to_string(enough) + "K)"};
 }
 
 size_t ClusterCache::LoadBytes(UnitId unit) const {

@@ -171,6 +171,8 @@ class ClusterCache {
                                       Payload& payload);
   Status Wait(UnitId unit, LoadRequest& request, Lock& lock);
   Status NoRoom(UnitId unit, size_t bytes) const;
+  // The same of all that is needed at once, with the size of a cache that has room for it.
+  Status TooSmall(UnitId unit, size_t needed) const;
   // What a load into an empty cache takes at most, when the unit and all that it comes from have
   // been decoded once: a unit at a time, coarsest first, each kept until its last child is decoded.
   size_t LoadBytes(UnitId unit) const;

@@ -201,15 +201,8 @@ Result<const LoadedUnit*> UnitReader::Get(UnitId unit) {
 Status UnitReader::Admit(UnitId unit) {
   const ClusterCache::Entry& entry = cache_.entries_[unit];
   const size_t overhead = std::max(held_overhead_, entry.overhead);
-  const size_t budget = cache_.budget_bytes();
   const size_t needed = held_bytes_ + entry.bytes + overhead;
-  if (needed > budget) {
-    return {StatusCode::kBudgetExceeded,
-            UnitName(cache_.source_->record(), unit) + ": needs " + std::to_string(needed) +
-                " bytes, with what it is decoded from and what is used with it, but the cache is "
-                "limited to " +
-                std::to_string(budget) + "; open the surface with a larger cache"};
-  }
+  if (needed > cache_.budget_bytes()) return cache_.TooSmall(unit, needed);
   held_.push_back(unit);
   held_bytes_ += entry.bytes;
   held_overhead_ = overhead;

@@ -21,6 +21,7 @@ namespace {
 
 constexpr uint64_t kMiB = uint64_t{1} << 20;
 constexpr size_t kLargeRows = 10'000'000;
+constexpr size_t kManyTriangles = 50000;
 constexpr int kJournalUnit = 10'000;  // of "kill", bytes
 
 std::set<std::string> FilesOf(const World& world) {
@@ -522,8 +523,11 @@ void Ask(World& world, const Step& step) {
     if (reference && step.has("ways") && std::ranges::find(wanted, way.name) == wanted.end()) {
       continue;
     }
-    // Hundreds of megabytes need not go all ways.
-    if (reference && object->mesh.rows.size() > kLargeRows && std::string(way.name) != "command") {
+    // Hundreds of megabytes need not go all ways, nor what is large for the sake of small caches.
+    const std::string is = way.name;
+    if (reference && object->mesh.rows.size() > kLargeRows && is != "command") continue;
+    if (reference && object->mesh.triangles.size() > kManyTriangles && is != "command" &&
+        is != "small-cache" && is != "stream") {
       continue;
     }
     Answer answer;
@@ -575,6 +579,7 @@ constexpr NamedAct kActs[] = {{"ingest", Ingest},
                               {"terrain", TerrainAct},
                               {"picture", PictureAct},
                               {"pack-onto", PackOntoAct},
+                              {"page", PageAct},
                               {"beside", BesideAct}};
 
 }  // namespace

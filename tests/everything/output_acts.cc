@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Acts that write what is no mesh: pictures, and packed files where a store is.
 #include <filesystem>
+#include <map>
 
 #include "tests/everything/world.h"
 
@@ -64,6 +65,35 @@ void PictureAct(World& world, const Step& step) {
     }
   }
   fs::remove(packed);
+}
+
+void PageAct(World& world, const Step& step) {
+  ++world.counts().acts;
+  const std::string folder = world.Folder("out/www");
+  std::map<std::string, std::string> files[2];
+  for (auto& found : files) {
+    Arguments arguments{"view", "--write-page", folder};
+    if (step.Flag("source")) {
+      arguments.insert(arguments.end(), {"--allow-source", "https://example.org"});
+    }
+    const Ran ran = world.Mtdb(arguments);
+    if (!ran.ok()) return world.ErrorFault("page: refused", ran.err);
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.is_regular_file()) found[entry.path().string()] = ReadText(entry.path().string());
+    }
+    // Over what is half there, or of another version, too.
+    if (&found != &files[0]) continue;
+    for (const auto& [path, bytes] : found) {
+      if (step.Int("seed", 0) % 3 == 1) WriteText(path, bytes.substr(0, bytes.size() / 2));
+      if (step.Int("seed", 0) % 3 == 2) fs::remove(path);
+    }
+  }
+  if (files[0] != files[1] || !files[0].contains(folder + "/index.html")) {
+    world.Fault("page: writes something else the second time", folder);
+  }
+  const bool says = files[0][folder + "/index.html"].find("https://example.org") != std::string::npos;
+  if (says != step.Flag("source")) world.Fault("page: reads from somewhere else", folder);
+  fs::remove_all(folder);
 }
 
 void PackOntoAct(World& world, const Step& step) {

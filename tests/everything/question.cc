@@ -310,10 +310,20 @@ void SetConstant(Question* q, double error) {
   q->query.threshold = ConstantThreshold(error);
 }
 
-// Functions of the distance from the middle.
+// What thresholds look at: the middle, or where `focus` says, as `at` does.
+Vec3d FocusOf(const Step& step, const Truth& truth) {
+  std::vector<double> where = Numbers(step.Text("focus"));
+  where.resize(3, 0.5);
+  const Vec3d size = truth.bounds.max - truth.bounds.min;
+  Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+  for (int i = 0; i < 3; ++i) c[i] += size[i] * (where[static_cast<size_t>(i)] - 0.5);
+  return c;
+}
+
+// Functions of the distance from the focus.
 void SetCurve(const Step& step, const Truth& truth, const std::string& kind, double error,
               Question* q) {
-  const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+  const Vec3d c = FocusOf(step, truth);
   const double d = std::max(truth.diagonal(), 1e-25);  // queries have no larger factors
   const double slope = step.Number("slope", 0.05);
   std::function<double(double)> of;
@@ -394,7 +404,7 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
     SetConstant(q, kInfinity);
     q->query.threshold = CoarsestThreshold();
   } else if (kind == "linear") {
-    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const Vec3d c = FocusOf(step, truth);
     const double slope = step.Number("slope", 0.05);
     q->json["threshold"] = {{"linear", {{"point", Point(c)}, {"base", error}, {"slope", slope}}}};
     AddOptions(&q->options, Arguments{"--error-at=linear," + List({c.x, c.y, c.z, error, slope})});
@@ -404,7 +414,7 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
   } else if (kind == "quadratic" || kind == "sqrt" || kind == "exp") {
     SetCurve(step, truth, kind, error, q);
   } else if (kind == "screen") {
-    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const Vec3d c = FocusOf(step, truth);
     const Camera camera = CameraAt(c, 0.4 * truth.diagonal());
     const double pixels = std::max(1e-6, 800 * step.Number("error", 0.01));
     q->json["threshold"] = {{"screen", {{"camera", CameraJson(camera)}, {"pixels", pixels}}}};
@@ -422,7 +432,7 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
   } else if (kind == "grid") {
     SetGrid(truth, error, error2, q);
   } else if (kind == "smallest" || kind == "largest") {
-    const Vec3d c = (truth.bounds.min + truth.bounds.max) * 0.5;
+    const Vec3d c = FocusOf(step, truth);
     const double slope = std::abs(step.Number("slope", 0.05));
     const bool smallest = kind == "smallest";
     q->json["threshold"] = {
@@ -523,6 +533,23 @@ Question MakeQuestion(const Step& step, const Truth& truth, double diagonal) {
   }
   q.implicit = step.Flag("implicit");
   return q;
+}
+
+Step MovedBack(const Step& step, int64_t moves) {
+  constexpr double kWay[] = {1, -0.5, 0.25};
+  Step moved = step;
+  const double by = static_cast<double>(moves) * step.Number("moves-by", 0.01);
+  for (const char* key : {"at", "at2", "focus"}) {
+    std::vector<double> where = Numbers(step.Text(key));
+    where.resize(3, 0.5);
+    std::string text;
+    for (size_t i = 0; i < 3; ++i) {
+      text += (i == 0 ? "" : ",") + NumberText(where[i] + by * kWay[i]);
+    }
+    moved.Set(key, text);
+  }
+  if (step.Flag("grows")) moved.Set("r", step.Number("r", 0.2) * (1 + by));
+  return moved;
 }
 
 std::vector<std::string> RegionNames() {

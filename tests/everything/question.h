@@ -47,6 +47,9 @@ struct Question {
 };
 
 Question MakeQuestion(const Step& step, const Truth& truth, double diagonal);
+// The step's question so many small moves before: regions and what thresholds look at lie back on
+// a line, by `moves-by` of the object's size each, and with `grows` the first region is larger.
+Step MovedBack(const Step& step, int64_t moves);
 std::vector<std::string> RegionNames();
 std::vector<std::string> ThresholdNames();
 

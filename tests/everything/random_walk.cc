@@ -62,7 +62,13 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 23)) {
+    switch (Between(0, 24)) {
+      case 24: {
+        Step& step = Add("page");
+        step.Set("seed", Between(0, 2));
+        if (Chance(0.5)) step.Set("source", 1);
+        return;
+      }
       case 23:
       case 22: return Beside();
       case 21: return Picture();
@@ -110,8 +116,14 @@ class Maker {
     step.Set("seed", Between(1, 100000));
     step.Set("columns", static_cast<int64_t>(Scaled(2, 70)));
     step.Set("rows", static_cast<int64_t>(Scaled(1, 70)));
-    if (Chance(0.3)) step.Set("format", std::string("hgt"));
+    if (Chance(0.5)) {
+      step.Set("format", OneOf(std::initializer_list<const char*>{"hgt", "tif", "vrt"}));
+    }
     if (Chance(0.3)) step.Set("tiles", Between(2, 3));
+    if (Chance(0.3)) step.Set("fill", Between(1, 12));
+    for (const char* key : {"mesh", "c", "drape", "picture"}) {
+      if (Chance(0.4)) step.Set(key, 1);
+    }
     for (const char* key : {"overlap", "order", "centre", "tmp"}) {
       if (Chance(0.3)) step.Set(key, 1);
     }
@@ -186,6 +198,9 @@ class Maker {
     step->Set("shapeseed", Between(1, 1000));
     step->Set("size", static_cast<int64_t>(Scaled(4, 2500)));
     if (Chance(0.04)) step->Set("size", Between(9000, 20000));
+    // What a small cache cannot hold.
+    large_ = Chance(0.04);
+    if (large_) step->Set("size", Between(60000, 120000));
     if (Chance(0.6)) {
       step->Set("place", OneOf(std::initializer_list<const char*>{"tiny", "huge", "utm", "side"}));
     }
@@ -348,6 +363,12 @@ class Maker {
     if (Chance(0.05)) step.Set("ms", OneOf(std::initializer_list<const char*>{"0", "0.05", "1e5"}));
     if (Chance(0.3)) step.Set("remember", Between(0, 40));
     if (Chance(0.3)) step.Set("detour", 1);
+    if (Chance(0.35)) {
+      step.Set("moves", Between(1, 6));
+      step.Set("moves-by", Short(Scaled(0.001, 0.1)));
+      if (Chance(0.3)) step.Set("grows", 1);
+      if (Chance(0.5)) step.Set("focus", PlaceInBox());
+    }
     if (Chance(0.07)) step.Set("bytes", static_cast<int64_t>(Scaled(100, 100000)));
     if (Chance(0.2)) step.Set("normals", 1);
     if (Chance(0.2)) step.Set("implicit", 1);
@@ -364,10 +385,11 @@ class Maker {
                OneOf(std::initializer_list<const char*>{"whole", "lies", "flip", "cut", "zero",
                                                         "gone", "fifo", "folder", "link"}));
       step.Set("kept-at", Short(Uniform(0, 1)));
+      if (Chance(0.4)) step.Set("kept-twice", 1);
       if (Chance(0.3))
         step.Set("kept-size", OneOf(std::initializer_list<const char*>{"1", "100K"}));
     }
-    if (Chance(0.3)) {
+    if (Chance(large_ ? 1 : 0.3)) {
       step.Set("cache", std::to_string(static_cast<int64_t>(Scaled(10, 3000))) + "K");
       step.Set("spill", OneOf(std::initializer_list<const char*>{"kept", "missing", "enospc", "eio",
                                                                  "short"}));
@@ -393,6 +415,7 @@ class Maker {
   }
 
   std::mt19937_64 random_;
+  bool large_ = false;  // the last input
   Walk walk_;
 };
 

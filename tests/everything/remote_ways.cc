@@ -6,9 +6,12 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <sys/stat.h>
 #include <thread>
 
+#include "codecs/mesh_file/mesh_file.h"
+#include "store/base/mesh_sink.h"
 #include "tests/everything/ways.h"
 #include "tests/support/file_server.h"
 
@@ -70,7 +73,28 @@ bool AskKept(const Asked& asked, Answer* answer) {
   } else {
     lies = false;
     Harm(folder, harm, where);
+    // Beside another process that reads the same, by the same folder.
+    const std::string output = NewFile(asked, "ply");
+    Arguments other{asked.world->options().mtdb, "extract", server.url(), output, "--name",
+                    asked.name,                  "--full"};
+    other.insert(other.end(), how.begin(), how.end());
+    std::optional<Child> beside;
+    if (asked.step->Flag("kept-twice")) beside.emplace(other, asked.world->scratch());
     FromPlace(asked, server.url(), how, answer);
+    if (beside) {
+      const Ran ran = asked.world->Checked(beside->Wait(), "mtdb extract");
+      if (!ran.ok()) asked.world->ErrorFault("ask: url-kept: beside another one", ran.err);
+      Answer all;
+      TriangleMeshSink sink(&all.mesh);
+      MeshReadReport report;
+      if (ran.ok() && asked.object->mesh.triangles.size() > 0) {
+        const Status read = ReadMeshFile(output, sink, &report);
+        if (!read.ok() || all.mesh.triangles.size() != asked.object->mesh.triangles.size()) {
+          asked.world->Fault("ask: url-kept: another mesh beside another one", read.message());
+        }
+      }
+      fs::remove(output);
+    }
   }
   fs::remove_all(folder);
   return answer->refused.find("without libcurl") == std::string::npos;

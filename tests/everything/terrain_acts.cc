@@ -1,263 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Terrains: small rasters with holes, joined, stored, killed and resumed, and asked in every way
-// that heights can be asked; each answer is held against the samples.
+// Terrains: small rasters with holes, joined, filled, stored, killed and resumed, and asked in
+// every way that heights can be asked; each answer is held against the samples. Then the same
+// surface once more, as a mesh that becomes a terrain, and as an array by the C functions.
 //
-// Parameters of a step: seed; format asc or hgt; columns, rows, tiles (from west to east), overlap,
-// order (the last file is given first), holes (share), decimals, cell, x, y, step-z; error (of the
-// heights' range); operation (at which the ingest is killed, before one that resumes), threads,
-// tmp.
+// Parameters of a step: seed; format asc, hgt, tif or vrt; columns, rows, tiles (from west to
+// east), overlap, order (the last file is given first), holes (share), decimals, cell, x, y,
+// step-z, fill; error (of the heights' range); operation (at which the ingest is killed, before one
+// that resumes), threads, tmp; mesh, c, drape, picture (do that, too).
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <limits>
-#include <map>
-#include <random>
-#include <sstream>
 
+#include "tests/everything/terrain.h"
 #include "tests/everything/world.h"
 #include "tests/support/file_server.h"
 #include "tests/support/read_mesh.h"
+#include "tools/c/mtdb_terrain.h"
 
 namespace mtdb::everything {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr double kHole = std::numeric_limits<double>::quiet_NaN();
-
-// Samples as they lie: rows from north to south.
-struct Raster {
-  uint32_t columns = 0, rows = 0;
-  double cell = 1;
-  double x0 = 0, y0 = 0;  // of the first sample, in the north-west
-  std::vector<double> heights;
-
-  double& At(uint32_t column, uint32_t row) { return heights[size_t{row} * columns + column]; }
-  double At(uint32_t column, uint32_t row) const { return heights[size_t{row} * columns + column]; }
-  bool Has(int64_t column, int64_t row) const {
-    return column >= 0 && row >= 0 && column < columns && row < rows &&
-           !std::isnan(At(static_cast<uint32_t>(column), static_cast<uint32_t>(row)));
-  }
-};
-
-struct Terrain {
-  Raster raster;  // the files joined, heights as they are stored
-  Raster given;   // likewise as the files have them
-  std::vector<std::string> files;
-  double rounding = 0;  // that --step-z made
-  double lowest = 0, highest = 0;
-  double tolerance = 0;  // of what is written as text
-
-  // South-west, south-east, north-west, north-east of a cell: which have a height.
-  int Corners(int64_t column, int64_t row) const {
-    return (raster.Has(column, row + 1) ? 1 : 0) | (raster.Has(column + 1, row + 1) ? 2 : 0) |
-           (raster.Has(column, row) ? 4 : 0) | (raster.Has(column + 1, row) ? 8 : 0);
-  }
-  bool HasTriangle(int64_t column, int64_t row) const {
-    return __builtin_popcount(static_cast<unsigned>(Corners(column, row))) >= 3;
-  }
-  // A sample of which no triangle is a corner is no part of the surface.
-  bool Covers(int64_t column, int64_t row) const {
-    if (!raster.Has(column, row)) return false;
-    for (const auto& [dc, dr] : {std::pair{0, 0}, {-1, 0}, {0, -1}, {-1, -1}}) {
-      const int64_t c = column + dc, r = row + dr;
-      if (c >= 0 && r >= 0 && HasTriangle(c, r)) return true;
-    }
-    return false;
-  }
-  bool HasSurface() const {
-    for (uint32_t row = 0; row + 1 < raster.rows; ++row) {
-      for (uint32_t c = 0; c + 1 < raster.columns; ++c) {
-        if (HasTriangle(c, row)) return true;
-      }
-    }
-    return false;
-  }
-
-  // Heights of the surface at a place, of all cells that it touches within `slack` of a cell: as it
-  // is stored, or as it was given.
-  std::vector<double> HeightsAt(double x, double y, double slack, bool as_given) const {
-    std::vector<double> found;
-    const double u = (x - raster.x0) / raster.cell, v = (raster.y0 - y) / raster.cell;
-    for (const double c : {std::floor(u - slack), std::floor(u + slack)}) {
-      for (const double r : {std::floor(v - slack), std::floor(v + slack)}) {
-        AddHeights(as_given ? given : raster, static_cast<int64_t>(c), static_cast<int64_t>(r),
-                   u - c, 1 - (v - r), slack, &found);
-      }
-    }
-    return found;
-  }
-
- private:
-  // East and north within the cell. Its diagonal runs from south-east to north-west, unless one of
-  // these has no height.
-  void AddHeights(const Raster& of, int64_t c, int64_t r, double east, double north, double slack,
-                  std::vector<double>* found) const {
-    if (c < 0 || r < 0) return;
-    const int corners = Corners(c, r);
-    const auto z = [&](int dc, int dr) {
-      return of.At(static_cast<uint32_t>(c + dc), static_cast<uint32_t>(r + dr));
-    };
-    constexpr int kSouthWest = 1, kSouthEast = 2, kNorthWest = 4, kNorthEast = 8;
-    const auto has = [&](int needed) { return (corners & needed) == needed; };
-    if (has(kSouthWest | kSouthEast | kNorthWest) && east + north <= 1 + slack) {
-      found->push_back(z(0, 1) + east * (z(1, 1) - z(0, 1)) + north * (z(0, 0) - z(0, 1)));
-    }
-    if (has(kSouthEast | kNorthWest | kNorthEast) && east + north >= 1 - slack) {
-      found->push_back(z(1, 0) + (1 - east) * (z(0, 0) - z(1, 0)) +
-                       (1 - north) * (z(1, 1) - z(1, 0)));
-    }
-    if (corners == (kSouthWest | kNorthWest | kNorthEast) && north >= east - slack) {
-      found->push_back(z(0, 1) + north * (z(0, 0) - z(0, 1)) + east * (z(1, 0) - z(0, 0)));
-    }
-    if (corners == (kSouthWest | kSouthEast | kNorthEast) && east >= north - slack) {
-      found->push_back(z(0, 1) + east * (z(1, 1) - z(0, 1)) + north * (z(1, 0) - z(1, 1)));
-    }
-  }
-};
-
-double Uniform(std::mt19937_64& random) { return static_cast<double>(random() >> 11) * 0x1p-53; }
-
-// Hills, cliffs and noise; holes alone and in blocks.
-void FillTile(const Step& step, std::mt19937_64& random, double decimals, Raster* tile) {
-  const double unit = std::pow(10.0, -decimals);
-  const double fx = 0.05 + 0.4 * Uniform(random), fy = 0.05 + 0.4 * Uniform(random);
-  const double size = std::pow(10.0, 3 * Uniform(random));
-  const bool flat = random() % 5 == 0, cliff = random() % 3 == 0;
-  for (uint32_t r = 0; r < tile->rows; ++r) {
-    for (uint32_t c = 0; c < tile->columns; ++c) {
-      double h = flat ? 7 : size * (std::sin(fx * c) + std::cos(fy * r) + 0.1 * Uniform(random));
-      if (cliff && c > tile->columns / 2) h += 2 * size;
-      tile->At(c, r) = std::round(h / unit) * unit;
-    }
-  }
-  const double share = step.Number("holes", 0);
-  for (double& h : tile->heights) {
-    if (Uniform(random) < share / 4) h = kHole;
-  }
-  if (share <= 0) return;
-  for (uint64_t n = random() % 3; n > 0; --n) {
-    const uint64_t c0 = random() % tile->columns, r0 = random() % tile->rows;
-    const uint64_t c1 = std::min<uint64_t>(tile->columns, c0 + 1 + random() % 9);
-    const uint64_t r1 = std::min<uint64_t>(tile->rows, r0 + 1 + random() % 9);
-    for (uint64_t r = r0; r < r1; ++r) {
-      for (uint64_t c = c0; c < c1; ++c) {
-        tile->At(static_cast<uint32_t>(c), static_cast<uint32_t>(r)) = kHole;
-      }
-    }
-  }
-}
-
-void WriteAscii(const std::string& path, const Raster& tile, int decimals, bool centre) {
-  std::ofstream out(path);
-  const double south = tile.y0 - tile.cell * (tile.rows - 1);
-  const double half = centre ? 0 : tile.cell / 2;
-  out << "ncols " << tile.columns << "\nnrows " << tile.rows;
-  out << (centre ? "\nxllcenter " : "\nxllcorner ") << NumberText(tile.x0 - half);
-  out << (centre ? "\nyllcenter " : "\nyllcorner ") << NumberText(south - half);
-  out << "\ncellsize " << NumberText(tile.cell) << "\nNODATA_value -9999\n";
-  for (uint32_t r = 0; r < tile.rows; ++r) {
-    for (uint32_t c = 0; c < tile.columns; ++c) {
-      char text[64];
-      const double h = tile.At(c, r);
-      std::snprintf(text, sizeof(text), "%.*f", decimals, h);
-      out << (c == 0 ? "" : " ") << (std::isnan(h) ? "-9999" : text);
-    }
-    out << "\n";
-  }
-}
-
-void WriteHgt(const std::string& path, const Raster& tile) {
-  std::string bytes;
-  for (const double h : tile.heights) {
-    const auto value = static_cast<uint16_t>(static_cast<int16_t>(std::isnan(h) ? -32768 : h));
-    bytes += static_cast<char>(value >> 8);
-    bytes += static_cast<char>(value & 255);
-  }
-  WriteText(path, bytes);
-}
-
-Terrain MakeTerrain(const Step& step, const std::string& folder) {
-  std::mt19937_64 random(static_cast<uint64_t>(step.Int("seed", 1)));
-  const bool hgt = step.Text("format", "asc") == "hgt";
-  const int decimals =
-      hgt ? 0 : static_cast<int>(std::clamp<int64_t>(step.Int("decimals", 0), 0, 4));
-  const auto columns = static_cast<uint32_t>(std::clamp<int64_t>(step.Int("columns", 5), 2, 300));
-  const auto rows =
-      hgt ? columns : static_cast<uint32_t>(std::clamp<int64_t>(step.Int("rows", 5), 1, 300));
-  const int64_t tiles = std::clamp<int64_t>(step.Int("tiles", 1), 1, 4);
-  const uint32_t apart = columns - (hgt || step.Flag("overlap") ? 1 : 0);
-  Terrain terrain;
-  Raster& all = terrain.raster;
-  all.columns = columns + static_cast<uint32_t>(tiles - 1) * apart;
-  all.rows = rows;
-  all.cell = hgt ? 1.0 / (columns - 1) : step.Number("cell", 1);
-  all.x0 = hgt ? 7 : step.Number("x", 0);
-  all.y0 = hgt ? 47 : step.Number("y", 0);
-  // Where doubles tell a sample from the next one, and from a millionth beside it.
-  if (!hgt) all.cell = std::max(all.cell, 1e-7 * std::max(std::abs(all.x0), std::abs(all.y0)));
-  all.heights.assign(size_t{all.columns} * all.rows, kHole);
-  for (int64_t t = 0; t < tiles; ++t) {
-    Raster tile = all;
-    tile.columns = columns;
-    tile.x0 = all.x0 + static_cast<double>(t * apart) * all.cell;
-    tile.heights.assign(size_t{columns} * rows, 0);
-    FillTile(step, random, decimals, &tile);
-    std::string file = folder + "/t" + std::to_string(t) + ".asc";
-    if (hgt) {
-      file = folder + "/N46E00" + std::to_string(7 + t) + ".hgt";
-      WriteHgt(file, tile);
-    } else {
-      WriteAscii(file, tile, decimals, step.Flag("centre"));
-    }
-    // The first file's samples stay.
-    const bool last_wins = step.Flag("order");
-    for (uint32_t r = 0; r < rows; ++r) {
-      for (uint32_t c = 0; c < columns; ++c) {
-        double& h = all.At(c + static_cast<uint32_t>(t) * apart, r);
-        const double mine = tile.At(c, r);
-        if (!std::isnan(mine) && (std::isnan(h) || last_wins)) h = mine;
-      }
-    }
-    terrain.files.insert(last_wins ? terrain.files.begin() : terrain.files.end(), file);
-  }
-  terrain.given = all;
-  const double coarse = step.Number("step-z", 0);
-  terrain.lowest = std::numeric_limits<double>::infinity();
-  terrain.highest = -terrain.lowest;
-  for (double& h : all.heights) {
-    if (std::isnan(h)) continue;
-    const double before = h;
-    if (coarse > 0) h = coarse * std::floor(h / coarse + 0.5);
-    terrain.rounding = std::max(terrain.rounding, std::abs(h - before));
-    terrain.lowest = std::min(terrain.lowest, h);
-    terrain.highest = std::max(terrain.highest, h);
-  }
-  terrain.tolerance = 1e-8 * (1 + std::max(std::abs(terrain.lowest), std::abs(terrain.highest)));
-  return terrain;
-}
-
-// What `extract` wrote; without rows: it cannot be read.
-Raster ReadAscii(const std::string& path) {
-  std::ifstream in(path);
-  std::map<std::string, double> header;
-  Raster raster;
-  std::string word;
-  for (int i = 0; i < 6 && in >> word; ++i) in >> header[word];
-  raster.columns = static_cast<uint32_t>(header["ncols"]);
-  raster.rows = static_cast<uint32_t>(header["nrows"]);
-  raster.cell = header["cellsize"];
-  raster.x0 = header["xllcenter"];
-  raster.y0 = header["yllcenter"] + raster.cell * (raster.rows - 1);
-  for (double h = 0; in >> h;) raster.heights.push_back(h == header["NODATA_value"] ? kHole : h);
-  if (raster.heights.size() != size_t{raster.columns} * raster.rows) raster.rows = 0;
-  return raster;
-}
 
 class TerrainWalk {
  public:
@@ -268,18 +36,23 @@ class TerrainWalk {
         terrain_(MakeTerrain(step, folder_)) {}
 
   void Run() {
-    if (!Ingest() || world_.stopped()) return;
+    if (!Ingest() || !AdoptFilled() || world_.stopped()) return;
     const double error = step_.Number("error", 0.05) * (terrain_.highest - terrain_.lowest);
-    for (const std::string& place : Places()) {
+    const std::vector<std::string> places = Places();
+    for (const std::string& place : places) {
       world_.Note("terrain: " + place);
       CheckRaster(place, -1);
       CheckRaster(place, error);
       CheckMesh(place, error);
-      CheckProbes(place, -1);
-      CheckProbes(place, error);
-      CheckProfile(place, error);
+      CheckLines(place, -1);
+      CheckLines(place, error);
     }
     CheckServer(error);
+    if (step_.Flag("picture")) CheckPictures(places, error);
+    if (step_.Flag("drape")) CheckDrape(places.back(), error);
+    // Last: what is asked then are other objects.
+    if (step_.Flag("c")) CheckC(error);
+    if (step_.Flag("mesh")) CheckAsMesh(error);
   }
 
  private:
@@ -294,7 +67,10 @@ class TerrainWalk {
   // False: there is nothing to ask.
   bool Ingest() {
     Arguments arguments{"ingest", "--json", "--name=t"};
-    if (step_.has("step-z")) arguments.push_back("--step-z=" + step_.Text("step-z"));
+    if (!terrain_.step_z.empty()) arguments.push_back("--step-z=" + terrain_.step_z);
+    if (step_.has("fill")) {
+      arguments.push_back("--fill=" + std::to_string(std::max<int64_t>(1, step_.Int("fill", 1))));
+    }
     if (step_.has("threads")) arguments.push_back("--threads=" + step_.Text("threads"));
     if (step_.Flag("tmp")) arguments.push_back("--tmp=" + world_.Folder("tmp"));
     arguments.insert(arguments.end(), terrain_.files.begin(), terrain_.files.end());
@@ -316,14 +92,60 @@ class TerrainWalk {
     if (killed) CompareWithOther(arguments);
     for (const auto& entry : fs::directory_iterator(folder_)) {
       const std::string name = entry.path().filename().string();
-      if (!name.ends_with(".asc") && !name.ends_with(".hgt") && !name.starts_with("s.mtdb") &&
-          !name.starts_with("other.mtdb")) {
+      const bool mine = std::ranges::any_of(
+          std::initializer_list<const char*>{".asc", ".hgt", ".tif", ".vrt", ".xml"},
+          [&](const char* end) { return name.ends_with(end); });
+      if (!mine && !name.starts_with("s.mtdb") && !name.starts_with("other.mtdb")) {
         world_.ErrorFault("terrain: left behind", name);
       }
       if (name.ends_with(".journal")) world_.ErrorFault("terrain: left behind", name);
     }
+    Learn(ran.out);
     const Ran verify = world_.Mtdb({"verify", File("s.mtdb"), "--level", "global"});
     if (!verify.ok()) world_.ErrorFault("terrain: verify", verify.out + verify.err);
+    return true;
+  }
+
+  // What the ingest tells of its object.
+  void Learn(const std::string& text) {
+    const auto json = nlohmann::json::parse(text, nullptr, false);
+    if (!json.is_object()) return world_.ErrorFault("terrain: no JSON", text);
+    step_size_ = json.value("step", 0.0);
+    rounding_ = terrain_.rounding;
+    const auto raster = json.find("raster");
+    if (raster == json.end()) return;
+    metres_ = raster->at("metres_of_unit");
+    const auto& input = json.at("raster_input");
+    if (input.at("filled") != terrain_.filled.size() ||
+        input.at("larger_holes") != (step_.has("fill") ? terrain_.larger_holes : 0)) {
+      world_.Fault("terrain: other holes are filled",
+                   input.dump() + ", not " + std::to_string(terrain_.filled.size()) +
+                       " samples, and but " + std::to_string(terrain_.larger_holes) + " holes");
+    }
+  }
+
+  // The heights of samples that ingest filled, which are the model's, rounded.
+  bool AdoptFilled() {
+    if (terrain_.filled.empty()) return true;
+    const std::string out = File("filled.asc");
+    if (!Asked("extract", {"extract", File("s.mtdb"), out, "--json"})) return false;
+    const Raster got = ReadAscii(out);
+    if (got.heights.size() != terrain_.raster.heights.size()) {
+      world_.Fault("terrain: a raster lies elsewhere", out);
+      return false;
+    }
+    const double most = (terrain_.step_z.empty() ? 0.51 : 1.02) * step_size_ + terrain_.tolerance;
+    for (const auto& [c, r] : terrain_.filled) {
+      const double right = terrain_.given.At(c, r), found = got.At(c, r);
+      // A sample between holes may be a corner of no triangle.
+      if (!terrain_.Covers(c, r)) continue;
+      if (!(std::abs(found - right) <= most)) {
+        world_.Fault("terrain: a hole is filled otherwise",
+                     NumberText(found) + " of " + NumberText(right));
+        return false;
+      }
+      terrain_.raster.At(c, r) = terrain_.given.At(c, r) = found;
+    }
     return true;
   }
 
@@ -369,11 +191,16 @@ class TerrainWalk {
   }
   // What may be off, when it says so; at full resolution nothing.
   double Slack(double error, double bound) const {
-    return (error < 0 ? 0 : bound * (1 + 1e-9)) + terrain_.tolerance;
+    return (error < 0 && exact_ ? 0 : bound * (1 + 1e-9)) + terrain_.tolerance;
+  }
+  // Where borders move, places within the bound of one may be outside.
+  bool MayBeLost(double x, double y, double error, double bound) const {
+    if (exact_ && (error < 0 || !terrain_.has_holes)) return false;
+    return terrain_.ToBorder(x, y, metres_) <= bound * (1 + 1e-6) + 1e-6 * terrain_.raster.cell;
   }
   void CheckBound(const std::string& what, double error, double bound) {
     // What was rounded cannot be had back.
-    const double best = std::max({error, 0.0, terrain_.rounding + terrain_.tolerance});
+    const double best = std::max({error, 0.0, rounding_ + terrain_.tolerance});
     if (bound > best * (1 + 1e-9)) {
       world_.Fault("terrain: " + what + ": bound above the requested error",
                    NumberText(bound) + " of " + NumberText(error));
@@ -393,18 +220,29 @@ class TerrainWalk {
         std::abs(got.y0 - all.y0) > 1e-6 * all.cell) {
       return world_.Fault("terrain: a raster lies elsewhere", out);
     }
+    CompareSamples("a raster", got, error, bound);
+  }
+
+  void CompareSamples(const std::string& what, const Raster& got, double error, double bound) {
+    const Raster& all = terrain_.raster;
     for (uint32_t r = 0; r < all.rows; ++r) {
       for (uint32_t c = 0; c < all.columns; ++c) {
         const bool covered = terrain_.Covers(c, r);
         const double right = (error < 0 ? all : terrain_.given).At(c, r);
         const std::string where = "column " + std::to_string(c) + ", row " + std::to_string(r) +
                                   ": " + NumberText(got.At(c, r)) + " of " + NumberText(right);
+        if (covered && std::isnan(got.At(c, r)) &&
+            MayBeLost(terrain_.X({c, r}), terrain_.Y({c, r}), error, bound)) {
+          continue;
+        }
         if (covered == std::isnan(got.At(c, r))) {
           return world_.Fault(
-              covered ? "terrain: a sample is lost" : "terrain: a hole has a height", where);
+              "terrain: " + what + (covered ? ": a sample is lost" : ": a hole has a height"),
+              where);
         }
         if (covered && !(std::abs(got.At(c, r) - right) <= Slack(error, bound))) {
-          return world_.Fault("terrain: a sample is off by more than the bound", where);
+          return world_.Fault("terrain: " + what + ": a sample is off by more than the bound",
+                              where);
         }
       }
     }
@@ -439,18 +277,25 @@ class TerrainWalk {
 
   // Whether a height at a place is one of the surface's, give or take `slack`.
   void CheckHeight(const std::string& what, double x, double y, const nlohmann::json& height,
-                   double slack, bool as_given) {
+                   double error, double bound) {
+    const double slack = Slack(error, bound);
+    const bool as_given = error >= 0;
     constexpr double kTouch = 1e-6;  // of a cell
     const std::vector<double> right = terrain_.HeightsAt(x, y, kTouch, as_given);
     const std::string where = NumberText(x) + "," + NumberText(y) + ": " + height.dump();
     if (height.is_null()) {
       // On a border either is right.
-      if (!right.empty() && terrain_.HeightsAt(x, y, -kTouch, as_given).size() == right.size()) {
+      if (!right.empty() && !MayBeLost(x, y, error, bound) &&
+          terrain_.HeightsAt(x, y, -kTouch, as_given).size() == right.size()) {
         world_.Fault("terrain: " + what + " finds a hole", where);
       }
       return;
     }
-    if (right.empty()) return world_.Fault("terrain: " + what + " finds a height in a hole", where);
+    if (right.empty()) {
+      // Positions of a mesh are rounded.
+      if (!exact_ && terrain_.ToBorder(x, y, metres_) <= bound + step_size_) return;
+      return world_.Fault("terrain: " + what + " finds a height in a hole", where);
+    }
     const double steepness = kTouch * 10 * (terrain_.highest - terrain_.lowest);
     const double found = height;
     for (const double h : right) {
@@ -460,16 +305,31 @@ class TerrainWalk {
                  where + " of " + NumberText(right[0]) + ", give or take " + NumberText(slack));
   }
 
-  void CheckProbes(const std::string& place, double error) {
+  void CheckLines(const std::string& place, double error) {
+    CheckProbes(place, error);
+    CheckProfile(place, error);
+  }
+
+  // Samples, places between them, and some outside: x y x y ...
+  std::vector<double> SomePlaces() const {
     std::mt19937_64 random(static_cast<uint64_t>(step_.Int("seed", 1)) + 99);
     const Raster& all = terrain_.raster;
-    std::string places;
+    std::vector<double> places;
     for (int i = 0; i < 40; ++i) {
       double u = -1 + (all.columns + 1) * Uniform(random),
              v = -1 + (all.rows + 1) * Uniform(random);
       if (i % 3 == 0) u = std::round(u), v = std::round(v);
       if (i % 7 == 0) v = std::round(v);
-      places += NumberText(all.x0 + u * all.cell) + " " + NumberText(all.y0 - v * all.cell) + "\n";
+      places.insert(places.end(), {all.x0 + u * all.cell, all.y0 - v * all.cell});
+    }
+    return places;
+  }
+
+  void CheckProbes(const std::string& place, double error) {
+    const std::vector<double> some = SomePlaces();
+    std::string places;
+    for (size_t i = 0; i < some.size(); i += 2) {
+      places += NumberText(some[i]) + " " + NumberText(some[i + 1]) + "\n";
     }
     WriteText(File("places"), places);
     const auto json =
@@ -479,7 +339,7 @@ class TerrainWalk {
     for (const auto& h : json->at("heights")) {
       const double bound = h.at("error_bound");
       CheckBound("probe", error, bound);
-      CheckHeight("probe", h.at("x"), h.at("y"), h.at("height"), Slack(error, bound), error >= 0);
+      CheckHeight("probe", h.at("x"), h.at("y"), h.at("height"), error, bound);
     }
   }
 
@@ -504,7 +364,7 @@ class TerrainWalk {
       before = p.at("distance");
       // A null says that a gap begins there.
       if (p.at("height").is_null()) continue;
-      CheckHeight("profile", p.at("x"), p.at("y"), p.at("height"), Slack(error, bound), error >= 0);
+      CheckHeight("profile", p.at("x"), p.at("y"), p.at("height"), error, bound);
     }
   }
 
@@ -523,10 +383,290 @@ class TerrainWalk {
     }
   }
 
+  // Pictures of one question are equal, wherever the terrain lies.
+  void CheckPictures(const std::vector<std::string>& places, double error) {
+    std::mt19937_64 random(static_cast<uint64_t>(step_.Int("seed", 1)) + 5);
+    const auto maybe = [&] { return random() % 2 == 0; };
+    Arguments how{"--size=60x50", "--error=" + NumberText(error)};
+    if (maybe()) how.push_back(maybe() ? "--view=iso" : "--view=front");
+    if (maybe()) how.push_back("--exaggerate=" + NumberText(0.5 + Uniform(random)));
+    if (maybe()) how.push_back(maybe() ? "--colour=none" : "--colour=height");
+    if (maybe()) how.emplace_back("--hillshade");
+    if (maybe()) how.emplace_back("--wireframe");
+    std::string first;
+    for (const std::string& place : places) {
+      Arguments arguments{"render", place, File("picture.png")};
+      arguments.insert(arguments.end(), how.begin(), how.end());
+      ++world_.counts().answers;
+      const Ran ran = world_.Mtdb(arguments);
+      if (!ran.ok()) return world_.ErrorFault("terrain: picture is refused", ran.err);
+      const std::string bytes = ReadText(File("picture.png"));
+      if (!bytes.starts_with("\x89PNG") || (!first.empty() && bytes != first)) {
+        world_.Fault("terrain: another picture of " + fs::path(place).filename().string(),
+                     CommandLine(arguments));
+      }
+      first = bytes;
+    }
+  }
+
+  // An image lies where its world file says, at every vertex.
+  void CheckDrape(const std::string& place, double error) {
+    std::mt19937_64 random(static_cast<uint64_t>(step_.Int("seed", 1)) + 11);
+    const std::string image = File("image.png");
+    const Ran ran = world_.Mtdb({"render", place, image, "--size=64x48"});
+    if (!ran.ok()) return world_.ErrorFault("terrain: picture is refused", ran.err);
+    const Raster& all = terrain_.raster;
+    // Of a pixel: x = a * column + b * row + c, y = d * column + e * row + f.
+    const double wide = all.columns * all.cell * (0.5 + Uniform(random)),
+                 high = (all.rows + 1) * all.cell * (0.5 + Uniform(random));
+    const double turned = random() % 2 == 0 ? 0 : 0.3 * Uniform(random);
+    const double a = wide / 64, e = -high / 48, b = turned * a, d = -turned * e / 2;
+    const double c = all.x0, f = all.y0;
+    std::string world;
+    for (const double n : {a, d, b, e, c, f}) world += NumberText(n) + "\n";
+    WriteText(File("image.pgw"), world);
+    const std::string out = File("draped.glb");
+    if (!Asked("extract --drape",
+               WithError({"extract", place, out, "--json", "--drape", image}, error))) {
+      return;
+    }
+    const DrapedGlb glb(ReadText(out));
+    if (glb.image != ReadText(image)) world_.Fault("terrain: another image is draped", out);
+    for (size_t v = 0; v < glb.vertices.size(); ++v) {
+      const auto& [p, texture] = glb.vertices[v];
+      const double x = p.x - c, y = p.y - f, area = a * e - b * d;
+      const double column = (e * x - b * y) / area, row = (a * y - d * x) / area;
+      if (std::abs(texture[0] - (column + 0.5) / 64) > 1e-4 ||
+          std::abs(texture[1] - (row + 0.5) / 48) > 1e-4) {
+        return world_.Fault("terrain: an image lies elsewhere",
+                            NumberText(p.x) + " " + NumberText(p.y) + ": " +
+                                NumberText(texture[0]) + " " + NumberText(texture[1]));
+      }
+    }
+    if (glb.vertices.empty()) world_.Fault("terrain: nothing is draped", out);
+  }
+
+  // A .glb as `extract --drape` writes it.
+  struct DrapedGlb {
+    std::string image;
+    std::vector<std::pair<Vec3d, std::array<double, 2>>> vertices;
+
+    explicit DrapedGlb(const std::string& file) {
+      if (file.size() < 20) return;
+      uint32_t json_bytes = 0;
+      std::memcpy(&json_bytes, &file[12], 4);
+      const auto json = nlohmann::json::parse(file.substr(20, json_bytes));
+      const std::string binary = file.substr(28 + json_bytes);
+      const auto view = [&](size_t i) { return json.at("bufferViews").at(i); };
+      const auto bytes = [&](const nlohmann::json& v) {
+        return binary.substr(v.value("byteOffset", size_t{0}), v.at("byteLength"));
+      };
+      image = bytes(view(json.at("images").at(0).at("bufferView")));
+      const auto& attributes = json.at("meshes").at(0).at("primitives").at(0).at("attributes");
+      const auto at = [&](const char* name, size_t vertex, size_t component) {
+        const auto& accessor = json.at("accessors").at(attributes.at(name).get<size_t>());
+        const auto of = view(accessor.at("bufferView"));
+        const size_t stride = of.at("byteStride");
+        float value = 0;
+        std::memcpy(&value,
+                    &binary.at(of.value("byteOffset", size_t{0}) + vertex * stride +
+                               accessor.value("byteOffset", size_t{0}) + component * sizeof(float)),
+                    sizeof(value));
+        return double{value};
+      };
+      const auto moved = json.at("nodes").at(0).value("translation", std::vector<double>(3));
+      const size_t count =
+          json.at("accessors").at(attributes.at("POSITION").get<size_t>()).at("count");
+      for (size_t v = 0; v < count; ++v) {
+        vertices.push_back({{moved[0] + at("POSITION", v, 0), moved[1] + at("POSITION", v, 1),
+                             moved[2] + at("POSITION", v, 2)},
+                            {at("TEXCOORD_0", v, 0), at("TEXCOORD_0", v, 1)}});
+      }
+    }
+  };
+
+  // The C functions, of the store, and of one that they make of the samples.
+  void CheckC(double error) {
+    const std::string made = File("c.mtdb");
+    const std::string fault = IngestByC(made);
+    if (!fault.empty()) return world_.ErrorFault("terrain: C: ingest is refused", fault);
+    const auto ask = [&](const std::string& store) {
+      for (const double e : {-1.0, error}) {
+        const std::string refused = AskC(store, e);
+        if (!refused.empty()) world_.ErrorFault("terrain: C is refused", refused);
+      }
+    };
+    ask(File("s.mtdb"));
+    // To it the rounded samples are what was given, and it knows of no degrees.
+    terrain_.given = terrain_.raster;
+    metres_ = {1, 1};
+    rounding_ = 0;
+    ask(made);
+  }
+
+  // Of the samples as they are stored.
+  std::string IngestByC(const std::string& store) {
+    mtdb_error error{};
+    mtdb_database* database = nullptr;
+    const Raster& all = terrain_.raster;
+    mtdb_height_array array{};
+    array.struct_bytes = sizeof(array);
+    array.columns = all.columns;
+    array.rows = all.rows;
+    array.heights = all.heights.data();
+    const double transform[6] = {all.x0, all.cell, 0, all.y0, 0, -all.cell};
+    std::copy_n(transform, 6, array.geotransform);
+    mtdb_ingest_options options{};
+    options.struct_bytes = sizeof(options);
+    options.height_step = step_size_;
+    mtdb_code code = mtdb_open_writable(store.c_str(), &database, &error);
+    if (code == MTDB_OK) {
+      code = mtdb_ingest_heights(database, "t", &array, &options, nullptr, &error);
+    }
+    mtdb_free_database(database);
+    return code == MTDB_OK ? "" : error.message;
+  }
+
+  std::string AskC(const std::string& store, double error) {
+    mtdb_error why{};
+    mtdb_database* database = nullptr;
+    mtdb_object* object = nullptr;
+    mtdb_code code = mtdb_open(store.c_str(), &database, &why);
+    if (code == MTDB_OK) code = mtdb_open_object(database, "t", 0, &object, &why);
+    mtdb_height_options options{};
+    options.struct_bytes = sizeof(options);
+    options.largest_error = std::max(error, 0.0);
+    mtdb_height_cost cost{};
+    cost.struct_bytes = sizeof(cost);
+    const auto height = [](double h) {
+      return std::isnan(h) ? nlohmann::json() : nlohmann::json(h);
+    };
+    const std::vector<double> places = SomePlaces();
+    std::vector<double> heights(places.size() / 2);
+    if (code == MTDB_OK) {
+      code = mtdb_heights_at(object, places.data(), heights.size(), &options, heights.data(), &cost,
+                             &why);
+    }
+    for (size_t i = 0; code == MTDB_OK && i < heights.size(); ++i) {
+      CheckHeight("C's heights", places[2 * i], places[2 * i + 1], height(heights[i]), error,
+                  cost.error_bound);
+    }
+    world_.counts().answers += 3;
+    mtdb_raster raster{};
+    raster.struct_bytes = sizeof(raster);
+    if (code == MTDB_OK) code = mtdb_terrain_raster(object, nullptr, nullptr, &raster, &why);
+    Raster got = terrain_.raster;
+    if (code == MTDB_OK && (raster.columns != got.columns || raster.rows != got.rows)) {
+      world_.Fault("terrain: C's raster has another size", "");
+    } else if (code == MTDB_OK) {
+      code = mtdb_sample_heights(object, &raster, &options, got.heights.data(), got.heights.size(),
+                                 &cost, &why);
+      if (code == MTDB_OK) CompareSamples("C's raster", got, error, cost.error_bound);
+    }
+    mtdb_profile* profile = nullptr;
+    if (code == MTDB_OK) {
+      code = mtdb_find_profile(object, places.data(), 3, &options, &profile, &cost, &why);
+    }
+    for (size_t i = 0; code == MTDB_OK && i < mtdb_profile_count(profile); ++i) {
+      const double* const p = mtdb_profile_points(profile) + 4 * i;
+      if (!std::isnan(p[3])) {
+        CheckHeight("C's profile", p[1], p[2], height(p[3]), error, cost.error_bound);
+      }
+    }
+    mtdb_free_profile(profile);
+    mtdb_free_object(object);
+    mtdb_free_database(database);
+    return code == MTDB_OK ? "" : why.message;
+  }
+
+  // The same surface as a mesh that is a height field.
+  void CheckAsMesh(double error) {
+    const std::string ply = File("mesh.ply"), store = File("mesh.mtdb");
+    const size_t triangles = WriteMesh(ply);
+    const auto json =
+        Asked("ingest --terrain", {"ingest", "--json", "--terrain", "--name=m", ply, store});
+    if (!json) return;
+    if (json->at("triangles") != triangles || json->at("error_measure") != "vertical") {
+      world_.Fault("terrain: a mesh becomes another terrain", json->dump());
+    }
+    step_size_ = json->at("step");
+    rounding_ = json->at("rounding_error");
+    exact_ = false;
+    terrain_.given = terrain_.raster;
+    metres_ = {1, 1};
+    for (const double e : {-1.0, error}) CheckLines(store, e);
+    const Ran verify = world_.Mtdb({"verify", store, "--level", "global"});
+    if (!verify.ok()) world_.ErrorFault("terrain: verify", verify.out + verify.err);
+    // It may look down as well.
+    const auto turned =
+        Asked("ingest --terrain of a mesh that looks down",
+              {"ingest", "--json", "--terrain", "--name=m", "--force", Turned(ply), store});
+    if (turned && turned->at("triangles") == triangles) {
+      CheckLines(store, -1);
+    } else if (turned) {
+      world_.Fault("terrain: a mesh that looks down becomes another terrain", turned->dump());
+    }
+  }
+
+  // Returns how many triangles it has.
+  size_t WriteMesh(const std::string& path) const {
+    const Raster& all = terrain_.raster;
+    std::string vertices, faces;
+    size_t count = 0, triangles = 0;
+    std::vector<size_t> number(all.heights.size());
+    for (uint32_t r = 0; r < all.rows; ++r) {
+      for (uint32_t c = 0; c < all.columns; ++c) {
+        if (!terrain_.Covers(c, r)) continue;
+        number[size_t{r} * all.columns + c] = count++;
+        vertices += NumberText(terrain_.X({c, r})) + " " + NumberText(terrain_.Y({c, r})) + " " +
+                    NumberText(all.At(c, r)) + "\n";
+      }
+    }
+    for (uint32_t r = 0; r + 1 < all.rows; ++r) {
+      for (uint32_t c = 0; c + 1 < all.columns; ++c) {
+        for (const Terrain::Triangle& t : terrain_.TrianglesOf(c, r)) {
+          faces += "3";
+          for (const auto& s : t) {
+            faces += " " + std::to_string(number[size_t{s[1]} * all.columns + s[0]]);
+          }
+          faces += "\n";
+          ++triangles;
+        }
+      }
+    }
+    WriteText(path, "ply\nformat ascii 1.0\nelement vertex " + std::to_string(count) +
+                        "\nproperty double x\nproperty double y\nproperty double z\n" +
+                        "element face " + std::to_string(triangles) +
+                        "\nproperty list uchar int vertex_indices\nend_header\n" + vertices +
+                        faces);
+    return triangles;
+  }
+
+  // With all faces the other way round.
+  std::string Turned(const std::string& path) const {
+    std::ifstream in(path);
+    std::string text, line;
+    bool body = false;
+    while (std::getline(in, line)) {
+      const std::vector<std::string> words = Split(line, ' ');
+      if (body && words.size() == 4) {
+        line = words[0] + " " + words[2] + " " + words[1] + " " + words[3];
+      }
+      body = body || line == "end_header";
+      text += line + "\n";
+    }
+    WriteText(File("turned.ply"), text);
+    return File("turned.ply");
+  }
+
   World& world_;
   const Step& step_;
   const std::string folder_;
-  const Terrain terrain_;
+  Terrain terrain_;
+  // Of the object that is asked.
+  double rounding_ = 0, step_size_ = 0;
+  bool exact_ = true;  // its positions are the samples
+  std::array<double, 2> metres_{1, 1};
 };
 
 }  // namespace

@@ -131,6 +131,16 @@ MeetsRegion MeetsOf(const Query& query) {
   return [region = query.region](const Triangle3d& t) { return region->Within(t, 0); };
 }
 
+std::vector<Question> MovesTowards(const Asked& asked) {
+  constexpr int64_t kMost = 20;
+  std::vector<Question> questions;
+  for (int64_t i = std::clamp<int64_t>(asked.step->Int("moves", 0), 0, kMost); i > 0; --i) {
+    questions.push_back(
+        MakeQuestion(MovedBack(*asked.step, i), asked.object->truth, asked.object->diagonal));
+  }
+  return questions;
+}
+
 namespace {
 
 // An update stream, from question to question: sender and client, without a server.
@@ -161,11 +171,12 @@ bool AskStream(const Asked& asked, Answer* answer) {
     if (!started.ok()) return fail(started);
   }
   // By way of others: what a session knows of the last question must not show in the next answer.
-  std::vector<Query> queries{asked.question->query};
+  std::vector<Query> queries;
   if (asked.step->Flag("detour")) {
-    queries.insert(queries.begin(),
-                   Unknown(asked.step->Number("error", 0.1) * 0.2 * asked.object->diagonal));
+    queries.push_back(Unknown(asked.step->Number("error", 0.1) * 0.2 * asked.object->diagonal));
   }
+  for (const Question& q : MovesTowards(asked)) queries.push_back(q.query);
+  queries.push_back(asked.question->query);
   for (const Query& query : queries) {
     std::vector<UpdateBatch> batches;
     const auto update = stream->session->Update(query, &batches);
@@ -572,7 +583,11 @@ bool AskSession(const Asked& asked, Answer* answer) {
     }
     session = std::move(*opened);
   }
-  const auto update = session->Update(asked.question->text());
+  std::vector<std::string> texts;
+  for (const Question& q : MovesTowards(asked)) texts.push_back(q.text());
+  texts.push_back(asked.question->text());
+  Result<RemoteUpdate> update = session->Update(texts.front());
+  for (size_t i = 1; update.ok() && i < texts.size(); ++i) update = session->Update(texts[i]);
   if (!update.ok()) {
     answer->refused = update.status().message();
     session.reset();
@@ -602,8 +617,9 @@ bool AskFrames(const Asked& asked, Answer* answer) {
   test::RawSession session(Serving(asked)->port(),
                            ObjectPath(asked) + "/session?remember=" + remember);
   if (session.status() != 101) return fail("status " + std::to_string(session.status()));
-  const std::vector<std::string> queries{R"({"threshold": {"relative": 0.02}})",
-                                         asked.question->text()};
+  std::vector<std::string> queries{R"({"threshold": {"relative": 0.02}})"};
+  for (const Question& q : MovesTowards(asked)) queries.push_back(q.text());
+  queries.push_back(asked.question->text());
   UpdateDecoder decoder;
   for (size_t id = 0; id < queries.size(); ++id) {
     const std::string message = test::QueryMessage(id + 1, queries[id]);

@@ -16,6 +16,8 @@ void Take(const ExtractStats& stats, Answer* answer);
 // What a client of an update stream holds.
 void TakeClientMesh(const ClientMesh& client, Answer* answer);
 MeetsRegion MeetsOf(const Query& query);
+// The questions that lead to this one in `moves` small steps, the first one first.
+std::vector<Question> MovesTowards(const Asked& asked);
 // Reads what a program says as JSON, and the file that it wrote, which is then removed.
 void ReadAnswerJson(const std::string& text, Answer* answer);
 void ReadAnswerFile(const std::string& path, Answer* answer);

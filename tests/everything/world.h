@@ -131,6 +131,8 @@ Ran RunOrKill(World& world, const Step& step, Arguments arguments);
 // output_acts.cc: pictures by every attribute; a packed file where a store is.
 void PictureAct(World& world, const Step& step);
 void PackOntoAct(World& world, const Step& step);
+// The viewer's files for any web server, written twice.
+void PageAct(World& world, const Step& step);
 // beside_acts.cc: an object is read while an act changes it.
 void BesideAct(World& world, const Step& step);
 // terrain_acts.cc: rasters of heights, from the files to every answer.

@@ -130,6 +130,36 @@ TEST_CASE("Of an answer larger than the cache each cluster is decoded once") {
   CHECK(without > 2 * used);  // or the caches were not small
 }
 
+// What an error says after "--cache "; 0: it says nothing of the kind.
+size_t AdvisedBytes(const Status& status) {
+  const std::string& text = status.message();
+  const size_t at = text.find("--cache ");
+  return at == std::string::npos ? 0 : 1024 * std::strtoull(text.c_str() + at + 8, nullptr, 10);
+}
+
+TEST_CASE("A cache that is too small says which one would do") {
+  std::mt19937 random(9);
+  for (uint32_t seed = 1; seed <= 6; ++seed) {
+    const MtFixture f = Fixture(seed);
+    for (const Query& query : SomeQueries(f, random)) {
+      for (const RuntimeForm form : {RuntimeForm::kExplicit, RuntimeForm::kImplicit}) {
+        for (const size_t bytes : {size_t{1}, size_t{3000}, size_t{20'000}}) {
+          SurfaceOptions options{.cache_bytes = bytes, .form = form, .threads = 1 + seed % 3};
+          Answer answer = Ask(*Open(f, options), query);
+          if (answer.status.ok()) continue;
+          REQUIRE(answer.status.code() == StatusCode::kBudgetExceeded);
+          options.cache_bytes = AdvisedBytes(answer.status);
+          answer = Ask(*Open(f, options), query);
+          INFO("seed " << seed << ", " << bytes << ", then " << options.cache_bytes << ": "
+                       << answer.status.message());
+          REQUIRE(answer.status.ok());
+          REQUIRE(options.cache_bytes <= 2'000'000);
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("Without the file clusters are decoded again, and answers are the same") {
   std::mt19937 random(4);
   const MtFixture f = Fixture(2);
