@@ -26,6 +26,9 @@ class World:
     def __init__(self, build):
         self.mtdb = str(build / "tools/mtdb")
         self.library = str(build / "tests/libmtdb_faults.so")
+        # AddressSanitizer wants to be loaded before all others.
+        linked = subprocess.run(["ldd", self.mtdb], capture_output=True, text=True).stdout.split()
+        self.preloaded = " ".join([w for w in linked if "/libasan." in w] + [str(self.library)])
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="mtdb-campaign-"))
         self.place = self.folder / "place"  # all that an act may touch
         self.base = self.folder / "base"
@@ -63,7 +66,7 @@ class World:
     def start(self, words, fault="", at=0, count=None):
         environment = dict(os.environ)
         if fault or count:
-            environment.update(LD_PRELOAD=self.library, MTDB_FAULT_UNDER=str(self.place), MTDB_FAULT=fault,
+            environment.update(LD_PRELOAD=self.preloaded, MTDB_FAULT_UNDER=str(self.place), MTDB_FAULT=fault,
                                MTDB_FAULT_AT=str(at), MTDB_FAULT_COUNT=str(count or ""))
         return subprocess.Popen([self.mtdb, *map(str, words)], env=environment, stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, text=True, errors="replace")

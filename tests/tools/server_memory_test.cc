@@ -93,6 +93,7 @@ TEST_CASE("a server that was killed leaves no files", "[server]") {
   CHECK(std::filesystem::is_empty(tmp));
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they need the address space
 // In so much of address space it starts or says that it cannot; what clients ask for is answered or
 // refused; and it ends when it is told to.
 TEST_CASE("a server in little memory answers or refuses, goes on, and can be stopped", "[server]") {
@@ -151,6 +152,7 @@ TEST_CASE("a server in little memory answers or refuses, goes on, and can be sto
   }
   CHECK(started > 0);
 }
+#endif
 
 }  // namespace
 }  // namespace mtdb::test

@@ -48,12 +48,20 @@ extern "C" {
 #define MTDB_API
 #endif
 
+/* To C++ a value that is none of an enum's names is undefined, unless its type is fixed: functions
+ * look at what callers give, and refuse it. */
+#ifdef __cplusplus
+#define MTDB_INT : int
+#else
+#define MTDB_INT
+#endif
+
 /* Sets up a struct that begins with struct_bytes. */
 #define MTDB_INIT(object) \
   (memset(&(object), 0, sizeof(object)), (void)((object).struct_bytes = sizeof(object)))
 
 /* 1xx the caller, 2xx bytes, 3xx the system. */
-typedef enum mtdb_code {
+typedef enum mtdb_code MTDB_INT {
   MTDB_OK = 0,
   MTDB_INVALID_ARGUMENT = 100,
   MTDB_NOT_FOUND = 101,
@@ -106,7 +114,7 @@ MTDB_API void mtdb_free_names(mtdb_names* names);
 MTDB_API mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
                                     mtdb_object** object, mtdb_error* error);
 /* What the cache keeps between queries. Answers do not depend on it. */
-typedef enum mtdb_form {
+typedef enum mtdb_form MTDB_INT {
   MTDB_FORM_EXPLICIT = 0, /* decoded clusters */
   MTDB_FORM_IMPLICIT = 1 /* clusters as in the store: some 15 times smaller, but every query decodes
                             what it needs. For many objects with few queries each. */
@@ -139,7 +147,7 @@ typedef struct mtdb_info {
 } mtdb_info;
 MTDB_API mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error);
 
-typedef enum mtdb_scalar {
+typedef enum mtdb_scalar MTDB_INT {
   MTDB_INT8 = 0,
   MTDB_UINT8 = 1,
   MTDB_INT16 = 2,
@@ -162,7 +170,7 @@ MTDB_API mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i,
 MTDB_API mtdb_code mtdb_object_json(const mtdb_object* object, mtdb_names** json,
                                     mtdb_error* error);
 
-typedef enum mtdb_verify_level {
+typedef enum mtdb_verify_level MTDB_INT {
   MTDB_VERIFY_FAST = 0,  /* every page of the file, every checksum of the object */
   MTDB_VERIFY_FULL = 1,  /* also decodes every cluster and compares it with the index */
   MTDB_VERIFY_GLOBAL = 2 /* also the full resolution: digest, border, Euler characteristic */
@@ -270,7 +278,7 @@ MTDB_API void mtdb_free_cut(mtdb_cut* cut);
 MTDB_API mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error);
 
 /* What ended the refinement. */
-typedef enum mtdb_limit {
+typedef enum mtdb_limit MTDB_INT {
   MTDB_LIMIT_THRESHOLD = 0, /* the accuracy that was asked for, except for the shortfall */
   MTDB_LIMIT_TRIANGLES = 1,
   MTDB_LIMIT_BYTES = 2,

@@ -12,7 +12,7 @@ extern "C" {
 /* NOLINTBEGIN(readability-identifier-naming) */
 
 /* What a picture's colours say. */
-typedef enum mtdb_colours {
+typedef enum mtdb_colours MTDB_INT {
   MTDB_COLOURS_VERTEX =
       0,                 /* attributes red, green, blue of type uint8; clay where there are none */
   MTDB_COLOURS_NONE = 1, /* clay */
