@@ -73,6 +73,17 @@ TEST_CASE("an image with a world file is draped over a terrain", "[cli]") {
              Catch::Contains("only .glb"));
   WriteText(folder.File("photo.pgw"), "1.5\n0\n0\n-3\n99999.75\n5100058.5\n");
   CHECK_THAT(Run({"extract", store, out, "--drape", image}).err, Catch::Contains("elsewhere"));
+  // Numbers that would make no, or no finite, texture coordinates.
+  for (const char* numbers :
+       {"1e-160 0 0 -1e-160 0 2", "1e-300 0 0 -1e300 0 2", "1e300 0 0 -1e-300 0 2",
+        "1e200 0 0 1e200 0 2", "1e-9 0 0 -1e-9 500000 5100060"}) {
+    INFO(numbers);
+    WriteText(folder.File("photo.pgw"), numbers);
+    std::filesystem::remove(out);
+    const Outcome outcome = Run({"extract", store, out, "--drape", image});
+    CHECK(outcome.exit_code == 1);
+    CHECK(!std::filesystem::exists(out));
+  }
   WriteText(folder.File("photo.pgw"), "1.5\n0\n0\n");
   CHECK_THAT(Run({"extract", store, out, "--drape", image}).err, Catch::Contains("six numbers"));
 }

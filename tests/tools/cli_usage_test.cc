@@ -160,6 +160,40 @@ TEST_CASE("wrong names of outputs, and empty arguments, are usage errors", "[cli
   }
 }
 
+TEST_CASE("a folder in place of a file is one line, whatever is read", "[cli]") {
+  const Folder folder;
+  const std::string none = folder.File("none"), there = folder.File("folder.png"),
+                    dem = folder.File("dem.asc"), store = folder.File("s.mtdb");
+  std::filesystem::create_directory(there);
+  WriteText(folder.File("folder.pgw"), "1\n0\n0\n-1\n0\n2\n");
+  WriteText(dem, "ncols 3\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 1\n1 2 3\n4 5 6\n");
+  std::filesystem::create_directory(folder.File("dem.prj"));  // which is none
+  RunOk({"ingest", dem, store, "--name", "t"});
+  const std::vector<Arguments> commands{
+      {"extract", store, none + ".ply", "--query", there},
+      {"extract", store, folder.File("none.glb"), "--drape", there},
+      {"probe", store, "--heights", there},
+      {"follow", "http://127.0.0.1:1/objects/t", "--path", there},
+      {"ingest", there, store, "--quiet"},
+      {"ingest", "--terrain", there, store, "--quiet"},
+      {"info", there},
+      {"verify", there},
+      {"serve", there, "--listen", "0"},
+      {"extract", there, none + ".ply"},
+      {"copy", there, none},
+      {"unpack", there, none},
+  };
+  for (const Arguments& command : commands) {
+    INFO(command[0] << " " << command[1] << " " << command[2 % command.size()]);
+    const Outcome outcome = Run(command);
+    INFO(outcome.err);
+    CHECK((outcome.exit_code == 1 || outcome.exit_code == 2));
+    CHECK(outcome.err.starts_with("mtdb: "));
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    CHECK((!std::filesystem::exists(none) && !std::filesystem::exists(none + ".ply")));
+  }
+}
+
 TEST_CASE("URLs are not written to", "[cli]") {
   const Example& e = SmallExample();
   for (const std::string place : {"http://x/", "https://x/", "s3://x/"}) {

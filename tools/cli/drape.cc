@@ -6,11 +6,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <vector>
 
 #include "tools/gdal/gdal_image.h"
+#include "tools/request/read_file.h"
 
 namespace mtdb {
 
@@ -90,10 +90,8 @@ Result<PlacedImage> ReadImage(const std::string& path) {
   const bool plain = suffix == ".png" || suffix == ".jpg" || suffix == ".jpeg";
   const std::optional<std::string> world = plain ? WorldFileOf(path) : std::nullopt;
   if (!world) return ReadGdalImage(path);
-  std::ifstream in(path, std::ios::binary);
-  if (!in) return Status(StatusCode::kNotFound, path + ": cannot be read");
   PlacedImage image;
-  image.bytes.assign(std::istreambuf_iterator<char>(in), {});
+  MTDB_ASSIGN_OR_RETURN(image.bytes, ReadFile(path));
   MTDB_RETURN_IF_ERROR(ReadSize(path, &image));
   MTDB_RETURN_IF_ERROR(ReadWorldFile(*world, &image));
   return image;
@@ -133,6 +131,13 @@ Result<MeshTexture> ReadDrape(const std::string& path, const ObjectRecord& recor
         least[i] = std::min(least[i], at);
         most[i] = std::max(most[i], at);
       }
+    }
+  }
+  for (size_t i = 0; i < 2; ++i) {
+    constexpr double kMost = 1e6;
+    if (!(most[i] - least[i] <= kMost)) {
+      return BadInput(path + ": covers less than a millionth of " + record.name +
+                      ", as its place says");
     }
   }
   if (least[0] > 1 || least[1] > 1 || most[0] < 0 || most[1] < 0) {

@@ -2,8 +2,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <system_error>
@@ -13,6 +11,7 @@
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/shortfall_json.h"
+#include "tools/request/read_file.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -22,11 +21,7 @@ namespace {
 using Count = unsigned long long;
 
 Result<QueryJson::array_t> ReadPath(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string text(std::istreambuf_iterator<char>(file), {});
-  if (!file.is_open() || file.bad()) {
-    return IoError(path + ": cannot be read: " + std::generic_category().message(errno));
-  }
+  MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
   Result<QueryJson::array_t> queries = ParseFollowPath(text);
   if (!queries.ok()) return InvalidArgument(path + ": " + queries.status().message());
   return queries;

@@ -3,14 +3,13 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <iostream>
 #include <sstream>
 
 #include "query/heights.h"
 #include "store/database.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
+#include "tools/request/read_file.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -29,12 +28,8 @@ Json HeightJson(const std::optional<double>& height) { return height ? Json(*hei
 
 // "X,Y" or "X Y" a line; empty lines are skipped.
 Result<std::vector<Place>> ReadPlaces(const std::string& path) {
-  std::ifstream file;
-  if (path != "-") {
-    file.open(path);
-    if (!file) return Status(StatusCode::kNotFound, path + ": cannot be read");
-  }
-  std::istream& in = path == "-" ? std::cin : file;
+  MTDB_ASSIGN_OR_RETURN(std::string text, ReadFile(path));
+  std::istringstream in(std::move(text));
   std::vector<Place> places;
   size_t number = 0;
   for (std::string line; std::getline(in, line);) {

@@ -2,11 +2,11 @@
 #include "tools/request/query_options.h"
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <utility>
+
+#include "tools/request/read_file.h"
 
 namespace mtdb {
 
@@ -37,25 +37,6 @@ Result<QueryJson> CheckedRegion(const std::string& text, QueryJson region) {
 QueryJson Together(const char* key, QueryJson::array_t parts) {
   if (parts.size() == 1) return std::move(parts[0]);
   return {{key, QueryJson(std::move(parts))}};
-}
-
-Result<std::string> ReadFile(const std::string& path) {
-  const bool is_standard_input = path == "-";
-  std::FILE* file = is_standard_input ? stdin : std::fopen(path.c_str(), "rb");
-  if (file == nullptr) {
-    if (errno == ENOENT) return NotFound(path + ": no such file");
-    return IoError(path + ": cannot be opened: " + std::strerror(errno));
-  }
-  std::string text;
-  std::array<char, 1 << 16> block;
-  while (const size_t n = std::fread(block.data(), 1, block.size(), file)) {
-    text.append(block.data(), n);
-  }
-  const bool failed = std::ferror(file) != 0;
-  const int error = errno;
-  if (!is_standard_input) std::fclose(file);
-  if (failed) return IoError(path + ": cannot be read: " + std::strerror(error));
-  return text;
 }
 
 Result<QueryJson> ReadQueryFile(const std::string& path) {

@@ -81,10 +81,7 @@ class AsciiGridReader final : public RasterReader {
   Status Open() {
     MTDB_RETURN_IF_ERROR(ReadHeader());
     MTDB_RETURN_IF_ERROR(SurveyRows());
-    std::ifstream prj(std::filesystem::path(path_).replace_extension(".prj"));
-    std::stringstream text;
-    text << prj.rdbuf();
-    info_.crs = text.str();
+    MTDB_RETURN_IF_ERROR(ReadCrs());
     while (!info_.crs.empty() && std::isspace(static_cast<unsigned char>(info_.crs.back())) != 0) {
       info_.crs.pop_back();
     }
@@ -105,6 +102,20 @@ class AsciiGridReader final : public RasterReader {
   }
 
  private:
+  // From the .prj beside it, if there is one.
+  Status ReadCrs() {
+    const auto path = std::filesystem::path(path_).replace_extension(".prj");
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) return Status::Ok();
+    std::ifstream prj(path);
+    std::stringstream text;
+    text << prj.rdbuf();
+    if (!prj || (text.fail() && std::filesystem::file_size(path, error) > 0)) {
+      return IoError(path.string() + ": cannot be read");
+    }
+    info_.crs = text.str();
+    return Status::Ok();
+  }
   Status Wrong(uint64_t row, uint64_t column, const std::string& found) const {
     return BadInput(path_ + ": row " + std::to_string(row) + ", column " + std::to_string(column) +
                     ": expected a number, found " +
