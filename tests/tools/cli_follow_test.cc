@@ -57,7 +57,7 @@ TEST_CASE("follow says what is wrong, where", "[cli]") {
   const std::string path = folder.File("path.jsonl");
   WriteText(path, "{\"max_triangles\": 900}\n{\"threshold\": \"full\"}\n");
   RunFails(1, {"follow", server.url(), "--path", path}, {"step 2", "1500 triangles"});
-  RunFails(1, {"follow", server.url(), "--path", folder.File("none")}, {"none", "cannot be read"});
+  RunFails(1, {"follow", server.url(), "--path", folder.File("none")}, {"none", "no such file"});
   RunFails(1, {"follow", server.url(), "--path", path, "--csv", folder.File("no/x.csv")},
            {"no/x.csv"});
   RunFails(1, {"follow", "http://127.0.0.1:1", "--path", path}, {"cannot connect"});
