@@ -8,10 +8,6 @@
 
 namespace mtdb::internal {
 
-// True when d lies inside the circle through a, b and c, which run counter-clockwise, all four
-// different. Exact. Of four points on a circle the symbolic perturbation decides (TieIsInCircle).
-bool IsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d);
-
 // Fills a hole by the Delaunay triangulation of its ring, seen along z and constrained by the
 // ring's edges, with ties broken by IsInCircle. So it does not depend on the order in which
 // vertices went: what is left is the Delaunay triangulation of the vertices that are left, where

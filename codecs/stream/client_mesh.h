@@ -25,6 +25,10 @@ struct ClientMeshOptions {
   AttributeLayout attributes;
   // How many removed vertices the client keeps, so that they need not travel again.
   uint32_t remembered_vertices = 0;
+  // Of a raster (PositionMode::kRaster) that was built by the Delaunay rule: the client computes
+  // which triangles a vertex takes away, so that no connectivity travels. An encoder clears it when
+  // the base mesh is none.
+  bool delaunay = false;
 };
 
 // The mesh of a cut, or the part of it that meets the region of a clipped client. Triangles and
@@ -96,6 +100,8 @@ class ClientMesh {
   ClientMesh(const ClientMeshOptions& options, bool drawn);
 
   const Word4* points() const { return points_.data(); }  // of vertex slots: x, y, z, 0
+  // What the next triangle's `born` will be.
+  uint64_t next_born() const { return next_born_; }
   // A half-edge that leaves the vertex, which has triangles.
   uint32_t half_edge_of(uint32_t vertex) const { return half_edge_[vertex]; }
   // Whether the slot holds a vertex, be it of the mesh, remembered, or left over by Drop.

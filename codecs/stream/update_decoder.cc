@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "codecs/stream/internal/clip_coder.h"
+#include "codecs/stream/internal/delaunay_coder.h"
 #include "codecs/stream/internal/update_coder.h"
 #include "codecs/stream/update_stream.h"
 #include "store/base/attribute_layout.h"
@@ -44,6 +45,13 @@ class UpdateDecoder::Impl {
   Status DecodeRemoval(Coder& coder, uint32_t vertex);
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
+  // By the Delaunay rule.
+  Status DecodeRuled(Coder& coder);
+  Status DecodeNamed(Coder& coder);
+  Status DecodeAsked(Coder& coder);
+  Status DecodeRuledInsertion(Coder& coder, uint32_t anchor);
+  Status DecodeRuledRemoval(Coder& coder, uint32_t vertex);
+  Status CutShort() const { return Corrupted("record cut short"); }
   // Whether the record may do what was counted of it so far.
   bool MayGoOn() const { return !decoder_.overrun() && cost_.bytes() <= record_bytes_; }
   Status TooCostly() const {
@@ -67,6 +75,10 @@ class UpdateDecoder::Impl {
   size_t record_bytes_ = 0;  // of the record at hand
   RecordCost cost_{0};       // likewise
   DropScratch drop_scratch_;
+  DelaunaySweep sweep_;
+  DelaunayWalk walk_;
+  DelaunayHole hole_;
+  NearPlaces near_places_;
   UpdateModels models_{{}};
   Bytes row_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
@@ -134,6 +146,11 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   if (options.grid.mode == PositionMode::kRaster) {
     for (double& v : options.grid.plane) v = reader.Get<double>();
   }
+  const auto rule = reader.Get<uint8_t>();
+  if (rule > 1 || (rule == 1 && options.grid.mode != PositionMode::kRaster)) {
+    return Corrupted("rule of triangulation");
+  }
+  options.delaunay = rule == 1;
   Vec3d origin;
   for (int i = 0; i < 3; ++i) origin[i] = reader.Get<double>();
   if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z)) {
@@ -159,6 +176,7 @@ Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
       const auto difference = UnZigZag(static_cast<uint32_t>(reader.GetVarint()));
       p[i] = static_cast<int32_t>(static_cast<uint32_t>(last[i]) + difference);
     }
+    if (options.delaunay && !IsPlace(p)) return Corrupted("a vertex beyond the lattice");
     last = p;
   }
   std::vector<std::array<uint32_t, 3>> corners(triangles);
@@ -193,6 +211,10 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
       if (coder.Bit(models_.clip)) {
         MTDB_RETURN_IF_ERROR(DecodeClip(coder));
         break;
+      }
+      if (mesh_.options().delaunay && coder.Bit(models_.delaunay.ruled)) {
+        MTDB_RETURN_IF_ERROR(DecodeRuled(coder));
+        continue;
       }
       cost_.AddUpdates(1);
       if (!MayGoOn()) return TooCostly();
@@ -290,6 +312,9 @@ Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t r
                                             Vec3i position) {
   if (uint64_t{mesh_.triangle_count()} + 2 > limits_.triangles || !HasRoomForVertex()) {
     return Corrupted("the mesh exceeds this client's limit");
+  }
+  if (mesh_.options().delaunay && !IsPlace(position)) {
+    return Corrupted("a vertex beyond the lattice");
   }
   uint32_t vertex = remembered;
   if (vertex == kNone32) {
@@ -403,6 +428,104 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   return Status::Ok();
 }
 
+Status UpdateDecoder::Impl::DecodeRuled(Coder& coder) {
+  DelaunayModels& models = models_.delaunay;
+  if (coder.Bit(models.insert)) {
+    return coder.Bit(models.fresh) ? DecodeAsked(coder) : DecodeNamed(coder);
+  }
+  uint64_t next = 0;
+  do {
+    const uint64_t vertex = next + CodeNumber(coder, models.vertex_gap, 0);
+    if (vertex >= kNone32) return Corrupted("removal of what is no vertex");
+    MTDB_RETURN_IF_ERROR(DecodeRuledRemoval(coder, static_cast<uint32_t>(vertex)));
+    next = vertex + 1;
+  } while (coder.Bit(models.next));
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::DecodeNamed(Coder& coder) {
+  DelaunayModels& models = models_.delaunay;
+  if (coder.Bit(models.begin)) sweep_.Begin(mesh_);
+  do {
+    const uint64_t slot = uint64_t{sweep_.next_slot()} + CodeNumber(coder, models.anchor_gap, 0);
+    if (slot >= kNone32 || !mesh_.has_triangle(static_cast<uint32_t>(slot))) {
+      return Corrupted("anchor is no triangle");
+    }
+    sweep_.Named(static_cast<uint32_t>(slot));
+    MTDB_RETURN_IF_ERROR(DecodeRuledInsertion(coder, static_cast<uint32_t>(slot)));
+  } while (coder.Bit(models.next));
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::DecodeAsked(Coder& coder) {
+  DelaunayModels& models = models_.delaunay;
+  sweep_.NoMoreNames();
+  do {
+    uint32_t slot = 0;
+    bool near_none = false;
+    for (bool found = false; !found;) {
+      if (!sweep_.Next(mesh_, &slot, &near_none)) return Corrupted("a vertex has no place");
+      const uint64_t places = CountPlaces(PlacesOf(mesh_, slot));
+      if (places == 0) continue;
+      found = coder.Bit(SplitModel(models, places, near_none));
+      if (!found) sweep_.GetsNone(mesh_, slot);
+    }
+    MTDB_RETURN_IF_ERROR(DecodeRuledInsertion(coder, slot));
+  } while (coder.Bit(models.next));
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::DecodeRuledInsertion(Coder& coder, uint32_t anchor) {
+  DelaunayModels& models = models_.delaunay;
+  const LatticeTriangle t = PlacesOf(mesh_, anchor);
+  LatticePoint p;
+  if (CountPlaces(t) == 0 || !CodePlace(coder, models, t, near_places_, p) ||
+      !walk_.FindHole(mesh_, anchor, p, hole_)) {
+    return Corrupted("a vertex that does not fit a Delaunay triangulation");
+  }
+  cost_.AddUpdates(CostOfHole(hole_));
+  if (uint64_t{mesh_.triangle_count()} + 2 > limits_.triangles || !HasRoomForVertex()) {
+    return Corrupted("the mesh exceeds this client's limit");
+  }
+  uint32_t vertex = mesh_.RememberedAt(p);
+  if (vertex == kNone32) {
+    Vec3i position{static_cast<int32_t>(p.x), static_cast<int32_t>(p.y), 0};
+    position.z = CodeHeight(coder, models, GuessHeight(mesh_, hole_.ring, p), 0);
+    if (!row_.empty()) {
+      ring_.clear();
+      for (const uint32_t v : hole_.ring) ring_.push_back(mesh_.position(v));
+      models_.attribute_coder.Decode(decoder_, {position, hole_.ring, ring_}, mesh_.rows(),
+                                     row_.data());
+    }
+    cost_.AddVertex();
+    if (!MayGoOn()) return TooCostly();
+    vertex = mesh_.AddVertex(position, row_.data());
+  } else {
+    if (!MayGoOn()) return TooCostly();
+    mesh_.Recall(vertex);
+  }
+  sweep_.NoteHole(mesh_, hole_);
+  slots_.clear();
+  mesh_.ReplaceByStar(hole_.slots, hole_.ring, hole_.outer, vertex, hole_.boundary, &slots_);
+  sweep_.AddStar(mesh_, slots_);
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::DecodeRuledRemoval(Coder& coder, uint32_t vertex) {
+  if (!mesh_.has_vertex(vertex) || !walk_.FindStar(mesh_, vertex, hole_)) {
+    return Corrupted("removal of a vertex whose triangles are no fan");
+  }
+  const bool careful = coder.Bit(models_.delaunay.careful);
+  cost_.AddUpdates(CostOfStar(hole_, careful));
+  if (!MayGoOn()) return TooCostly();
+  if (!walk_.Fill(mesh_, hole_, careful, places_)) {
+    return Corrupted("removal of a vertex whose star the rule does not fill");
+  }
+  mesh_.Replace(hole_.slots, places_, kNone32, nullptr);
+  mesh_.Forget(vertex, kNone32);
+  return Status::Ok();
+}
+
 // The client has no answers of its own to what clip_coder.h asks.
 class UpdateDecoder::Impl::AttachedSide {
  public:
@@ -423,6 +546,7 @@ class UpdateDecoder::Impl::AttachedSide {
   uint32_t PutVertex(Vec3i p) {
     d_.cost_.AddVertex();
     if (!d_.MayGoOn() || !d_.HasRoomForVertex()) return kNone32;
+    if (d_.mesh_.options().delaunay && !IsPlace(p)) return kNone32;
     return d_.mesh_.AddVertex(p, d_.row_.data());
   }
   void Recalled() const {}

@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "codecs/stream/internal/clip_coder.h"
-#include "codecs/stream/internal/key_table.h"
 #include "codecs/stream/internal/memory_bytes.h"
-#include "codecs/stream/internal/update_coder.h"
-#include "codecs/stream/internal/whole_cut.h"
-#include "codecs/stream/update_stream.h"
+#include "codecs/stream/internal/update_encoder_impl.h"
 #include "store/base/attribute_layout.h"
 #include "store/base/check.h"
 #include "store/base/hash.h"
@@ -24,126 +20,44 @@ namespace {
 
 // Records end at the first batch after so many updates.
 constexpr uint64_t kRecordUpdates = 4096;
-// So many triangles are attached in a record.
-constexpr uint64_t kRecordTriangles = 16384;
+// By the Delaunay rule, so many are coded in one piece.
+constexpr uint64_t kRuleSection = 1024;
 // What an update takes at most, its row not counted, and what a byte of a row takes.
 constexpr uint64_t kMaxUpdateBytes = 512;
 constexpr uint64_t kMaxBytesPerRowByte = 8;
 
+// Whether the Delaunay rule may be used, as IsPlace has it, with room for borders that move.
+ClientMeshOptions Settled(ClientMeshOptions options, const BaseMesh& base) {
+  const auto fits = [](Vec3i p) {
+    return std::max(std::abs(int64_t{p.x}), std::abs(int64_t{p.y})) <= kMaxPlace / 2;
+  };
+  options.delaunay = options.delaunay && options.grid.mode == PositionMode::kRaster &&
+                     std::all_of(base.positions.begin(), base.positions.end(), fits);
+  return options;
+}
+
 }  // namespace
-
-class UpdateEncoder::Impl {
- public:
-  Impl(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
-  Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region);
-  size_t memory_bytes() const;
-
-  const ClientMeshOptions options_;
-  const size_t row_bytes_;
-  // So many updates of a record stay well below kMaxRecordBytes.
-  const uint64_t max_updates_;
-  ReplayedMesh mesh_;
-  UpdateModels models_;
-  std::vector<Vec3i> ring_;  // positions around the vertex at hand
-  Bytes start_;
-  uint64_t listed_ = 0;
-  uint64_t sent_ = 0;
-  uint64_t recalled_ = 0;
-
- private:
-  class AttachedSide;
-  using Node = UpdateBatch::Node;
-  using Follows = std::vector<bool>;  // which nodes of a batch the client follows; empty: all
-  struct Target {
-    const Node* node;
-    uint32_t at;  // the anchor's slot, or the vertex's
-  };
-
-  void WriteStart(const BaseMesh& base, Vec3d origin);
-  void StartWholeCut();
-  void PutRecord(ByteWriter& out);
-  void PutTriangle(TriangleKey key, uint32_t slot) {
-    triangles_.Put(key, slot);
-    if (whole_) whole_->Link(key, slot);
-  }
-  void EraseTriangle(uint32_t slot) {
-    if (whole_) whole_->Unlink(slot);
-    triangles_.Erase(slot);
-  }
-  void EncodeClip(ByteWriter& out);
-  std::vector<uint32_t> Coming() const;
-  void EncodeDrops(const std::vector<uint32_t>& leaving, std::vector<uint32_t>* left_over);
-  uint32_t TriangleOf(TriangleKey key) const;
-  uint32_t VertexOf(VertexIndex key) const;
-  void EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out);
-  // Ends the record if there is no room in it for so many more.
-  void MakeRoom(uint64_t updates, ByteWriter& out);
-  // The nodes of a batch: those whose hole (star) the client finds by walking, in the order of
-  // their places, and those that have to be listed.
-  struct Sorted {
-    std::vector<Target> targets;
-    std::vector<const Node*> listed;
-  };
-  Sorted Sort(const UpdateBatch& batch, const Follows& follows,
-              bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
-  // True when the client can find the node's hole (star) by walking; *target says from where.
-  bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
-  bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
-  uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
-  void MarkHole(const Node& node);
-  bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
-
-  void EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets);
-  void EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets);
-  void EncodeInsertion(const UpdateBatch& batch, const Target& target);
-  void EncodeRemoval(const UpdateBatch& batch, const Target& target);
-  void EncodeListed(const UpdateBatch& batch, const Node& node);
-  const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
-    return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * row_bytes_;
-  }
-  // Which remembered vertex the node's is, or kNone32.
-  uint32_t RememberedSlot(const Node& node) const { return vertices_.Find(node.vertex); }
-  std::span<uint32_t> HoleSlots(const Node& node) {
-    return std::span(hole_slots_).subspan(node.hole_begin, node.ring_count - 2);
-  }
-  uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
-  uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
-  void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
-                       uint32_t vertex);
-  void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
-                     uint32_t vertex);
-
-  std::optional<WholeCut> whole_;  // while the client is clipped
-  KeyTable triangles_;
-  KeyTable vertices_;  // remembered ones included
-  RansEncoder coder_;
-  uint64_t record_updates_ = 0;  // in the record that is begun
-  RecordCost cost_;              // likewise
-  DropScratch drop_scratch_;
-  // The triangles that the last batch made: slots and when they were born.
-  std::vector<std::pair<uint32_t, uint64_t>> fresh_;
-  std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
-  std::vector<uint32_t> marks_;  // per triangle slot
-  uint32_t mark_ = 0;
-  std::vector<uint32_t> hole_slots_;  // of the batch at hand, as its holes
-  std::vector<uint32_t> target_at_;   // per triangle slot, of the insertions at hand; kNone32: none
-  std::vector<uint32_t> slots_;
-  std::vector<std::array<uint32_t, 3>> places_;
-  // Of the removal at hand: the hole's triangle on the side of the least and the greatest corner.
-  struct HoleAt {
-    TriangleKey key = 0;
-    uint32_t apex = 0;
-  };
-  std::array<std::array<HoleAt, kMaxRing>, kMaxRing> hole_at_;
-};
 
 UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base,
                           const MeetsRegion& region)
-    : options_(options),
+    : options_(Settled(options, base)),
       row_bytes_(options.attributes.row_bytes()),
       max_updates_(kMaxRecordBytes / 2 / (kMaxUpdateBytes + kMaxBytesPerRowByte * row_bytes_)),
-      mesh_(options, false),
+      mesh_(options_, false),
       models_(options.attributes),
+      rule_({mesh_, coder_, models_, triangles_, vertices_, cost_, row_bytes_,
+             std::min(kRuleSection, max_updates_),
+             [this](VertexIndex key, Vec3i position, const std::byte* row) {
+               return AddVertex(key, position, row);
+             },
+             [this](uint32_t vertex) {
+               mesh_.Recall(vertex);
+               ++recalled_;
+             },
+             [this](uint64_t updates, ByteWriter& out) {
+               if (record_updates_ + updates > kRecordUpdates) EndRecord(out);
+               MakeRoom(updates, out);
+             }}),
       cost_(row_bytes_) {
   MTDB_CHECK(base.positions.size() == base.vertices.size() &&
                  base.triangle_keys.size() == base.triangles.size() &&
@@ -173,6 +87,15 @@ static void PutGrid(const Grid& grid, ByteWriter* w) {
   for (const double v : grid.plane) w->Put<double>(v);
 }
 
+bool UpdateEncoder::Impl::EncodeByRule(std::span<const UpdateBatch> batches) {
+  if (!lawful_) return false;
+  bool keeps_border = false;
+  lawful_ = rule_.Note(batches, &keeps_border);
+  if (lawful_ && keeps_border) return true;
+  rule_.Clear();
+  return false;
+}
+
 // Vertices go in the order in which the triangles name them.
 void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   std::vector<uint32_t> number(base.vertices.size(), kNone32);
@@ -199,6 +122,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   ByteWriter body;
   body.bytes().reserve(256 + 8 * positions.size() + indices.size() + rows.size());
   PutGrid(options_.grid, &body);
+  body.Put<uint8_t>(options_.delaunay ? 1 : 0);
   for (int i = 0; i < 3; ++i) body.Put<double>(origin[i]);
   PutAttributeLayout(options_.attributes, &body);
   body.PutVarint(options_.remembered_vertices);
@@ -229,6 +153,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   for (size_t t = 0; t < triangles.size(); ++t) {
     PutTriangle(base.triangle_keys[t], static_cast<uint32_t>(t));
   }
+  lawful_ = options_.delaunay && !whole_ && rule_.IsMeshLawful();
 }
 
 // The client holds the whole cut.
@@ -522,6 +447,7 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   coder_.Bit(models_.more, true);
   coder_.Bit(models_.other, true);
   coder_.Bit(models_.clip, false);
+  if (options_.delaunay) coder_.Bit(models_.delaunay.ruled, false);
   coder_.Bit(models_.insert, batch.insert);
   UpdateHole update;
   Patch::Hole& hole = update.hole;
@@ -557,11 +483,14 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
 }
 
 void UpdateEncoder::Impl::MakeRoom(uint64_t updates, ByteWriter& out) {
-  if (record_updates_ > 0 && record_updates_ + updates > max_updates_) {
-    coder_.Bit(models_.more, false);
-    PutRecord(out);
-  }
+  if (record_updates_ + updates > max_updates_) EndRecord(out);
   record_updates_ += updates;
+}
+
+void UpdateEncoder::Impl::EndRecord(ByteWriter& out) {
+  if (record_updates_ == 0) return;
+  coder_.Bit(models_.more, false);
+  PutRecord(out);
 }
 
 void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
@@ -577,6 +506,12 @@ void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
 
 Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
   ByteWriter out;
+  if (!region && !whole_ && EncodeByRule(batches)) {
+    rule_.Encode(out);
+    EndRecord(out);
+    return out.Take();
+  }
+  if (region) lawful_ = false;
   if (region && !whole_) StartWholeCut();
   std::vector<Follows> plan(batches.size());
   if (whole_) {
@@ -593,7 +528,10 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
     PutRecord(out);
   }
   if (whole_) EncodeClip(out);
-  if (!region) whole_.reset();
+  if (!region && whole_) {
+    whole_.reset();
+    lawful_ = options_.delaunay && rule_.IsMeshLawful();
+  }
   hole_slots_ = {};
   return out.Take();
 }
@@ -603,176 +541,6 @@ size_t UpdateEncoder::Impl::memory_bytes() const {
          triangles_.memory_bytes() + vertices_.memory_bytes() + CapacityBytes(start_) +
          CapacityBytes(fresh_) + CapacityBytes(next_fresh_) + CapacityBytes(marks_) +
          CapacityBytes(slots_) + CapacityBytes(hole_slots_) + CapacityBytes(target_at_);
-}
-
-// The client's answers to what clip_coder.h asks, out of the whole cut.
-class UpdateEncoder::Impl::AttachedSide {
- public:
-  // `slots`: the triangles of the whole cut that are to be attached.
-  AttachedSide(Impl& encoder, std::span<const uint32_t> slots)
-      : e_(encoder),
-        whole_(*encoder.whole_),
-        slots_(slots),
-        pending_(whole_.mesh().triangle_slots()) {
-    for (const uint32_t slot : slots) pending_[slot] = true;
-    for (const uint32_t slot : slots) {
-      for (const uint32_t o : whole_.mesh().triangle(slot).opposite) {
-        if (o == kNone32 || whole_.client_slot(o >> 2) == kNone32) continue;
-        if (const uint32_t h = ClientHalfEdge(o); h != kNone32) seeds_.emplace_back(h, slot);
-      }
-    }
-    std::sort(seeds_.begin(), seeds_.end());
-  }
-
-  uint32_t NextSeed() {
-    for (; seed_ < seeds_.size(); ++seed_) {
-      const auto [h, slot] = seeds_[seed_];
-      if (!pending_[slot] || e_.mesh_.triangle(h >> 2).opposite[h & 3] != kNone32) continue;
-      return h;
-    }
-    target_ = slots_[alone_];
-    first_corner_ = 0;
-    return kNone32;
-  }
-  bool done() {
-    while (alone_ < slots_.size() && !pending_[slots_[alone_]]) ++alone_;
-    return alone_ == slots_.size();
-  }
-  bool Across(uint32_t h) {
-    const uint32_t o = WholeOpposite(h);
-    if (o == kNone32 || !pending_[o >> 2]) return false;
-    target_ = o >> 2;
-    first_corner_ = o & 3;
-    return true;
-  }
-  uint32_t Corner(uint32_t i) {
-    corner_ = whole_.mesh().triangle(target_).corners[(first_corner_ + i) % 3];
-    return e_.vertices_.Find(whole_.vertex_key(corner_));
-  }
-  Vec3i position() const { return whole_.mesh().position(corner_); }
-  void CodeRow(const AttributeCoder::Star& star) {
-    if (e_.row_bytes_ == 0) return;
-    e_.models_.attribute_coder.Encode(e_.coder_, star, e_.mesh_.rows(), row());
-  }
-  void CodeRow() {
-    for (size_t i = 0; i < e_.row_bytes_; ++i) e_.coder_.Raw(8, static_cast<uint32_t>(row()[i]));
-  }
-  uint32_t PutVertex(Vec3i p) { return e_.AddVertex(whole_.vertex_key(corner_), p, row()); }
-  void Recalled() { ++e_.recalled_; }
-  bool MayPutTriangle() {
-    e_.cost_.AddAttached();
-    return true;
-  }
-  void PutTriangle(uint32_t slot) {
-    pending_[target_] = false;
-    e_.PutTriangle(whole_.key(target_), slot);
-  }
-
- private:
-  const std::byte* row() const { return whole_.mesh().row(corner_).data(); }
-  // The half-edge of the client's triangle that is the whole cut's half-edge.
-  uint32_t ClientHalfEdge(uint32_t half_edge) const {
-    const VertexIndex from =
-        whole_.vertex_key(whole_.mesh().triangle(half_edge >> 2).corners[half_edge & 3]);
-    const uint32_t slot = whole_.client_slot(half_edge >> 2);
-    const auto& corners = e_.mesh_.triangle(slot).corners;
-    for (uint32_t i = 0; i < 3; ++i) {
-      if (e_.vertices_.key(corners[i]) == from) return 4 * slot + i;
-    }
-    return kNone32;
-  }
-  // What lies beyond the client's half-edge in the whole cut.
-  uint32_t WholeOpposite(uint32_t half_edge) const {
-    const VertexIndex from =
-        e_.vertices_.key(e_.mesh_.triangle(half_edge >> 2).corners[half_edge & 3]);
-    const ClientMesh::Triangle& t = whole_.mesh().triangle(whole_.held(half_edge >> 2).whole);
-    for (size_t i = 0; i < 3; ++i) {
-      if (whole_.vertex_key(t.corners[i]) == from) return t.opposite[i];
-    }
-    return kNone32;
-  }
-
-  Impl& e_;
-  const WholeCut& whole_;
-  const std::span<const uint32_t> slots_;
-  std::vector<bool> pending_;
-  std::vector<std::pair<uint32_t, uint32_t>> seeds_;  // half-edges of the client; what lies beyond
-  size_t seed_ = 0;
-  size_t alone_ = 0;
-  uint32_t target_ = 0, first_corner_ = 0, corner_ = 0;  // of the whole cut
-};
-
-// The triangles of the whole cut that the client is to have and has not, neighbours by neighbours.
-std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
-  const ReplayedMesh& mesh = whole_->mesh();
-  std::vector<uint32_t> coming;
-  std::vector<bool> seen(mesh.triangle_slots());
-  const auto visit = [&](uint32_t slot) {
-    if (seen[slot] || !whole_->chosen(slot) || whole_->client_slot(slot) != kNone32) return;
-    seen[slot] = true;
-    coming.push_back(slot);
-  };
-  for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    const size_t first = coming.size();
-    visit(slot);
-    for (size_t i = first; i < coming.size(); ++i) {
-      for (const uint32_t o : mesh.triangle(coming[i]).opposite) {
-        if (o != kNone32) visit(o >> 2);
-      }
-    }
-  }
-  return coming;
-}
-
-void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
-                                      std::vector<uint32_t>* left_over) {
-  std::vector<bool> leaves(mesh_.triangle_slots());
-  for (const uint32_t slot : leaving) leaves[slot] = true;
-  DropWalk walk(mesh_, drop_scratch_);
-  size_t next = 0;
-  walk.Code(
-      coder_, models_.clips, [&](uint32_t slot) { return leaves[slot]; },
-      [&](uint32_t) {
-        while (next < leaving.size() && walk.decided(leaving[next])) ++next;
-        return next == leaving.size() ? kNone32 : leaving[next];
-      });
-  for (const uint32_t slot : walk.dropped()) EraseTriangle(slot);
-  mesh_.Drop(walk.dropped(), left_over);
-}
-
-// Drops what is not chosen, and attaches what is.
-void UpdateEncoder::Impl::EncodeClip(ByteWriter& out) {
-  std::vector<uint32_t> leaving;
-  for (uint32_t slot = 0; slot < mesh_.triangle_slots(); ++slot) {
-    if (!mesh_.has_triangle(slot)) continue;
-    const uint32_t whole = whole_->held(slot).whole;
-    if (whole == kNone32 || !whole_->chosen(whole)) leaving.push_back(slot);
-  }
-  std::vector<uint32_t> coming = Coming();
-  if (leaving.empty() && coming.empty()) {
-    if (record_updates_ == 0) return;
-    coder_.Bit(models_.more, false);
-    PutRecord(out);
-    return;
-  }
-  // A triangle brings up to three vertices.
-  const uint64_t most = std::clamp<uint64_t>(max_updates_ / 4, 1, kRecordTriangles);
-  for (size_t begin = 0; begin == 0 || begin < coming.size(); begin += most) {
-    const size_t end = std::min<size_t>(begin + most, coming.size());
-    MakeRoom(3 * most, out);
-    const auto slots = std::span<const uint32_t>(coming).subspan(begin, end - begin);
-    coder_.Bit(models_.more, true);
-    coder_.Bit(models_.other, true);
-    coder_.Bit(models_.clip, true);
-    std::vector<uint32_t> left_over;
-    EncodeDrops(leaving, &left_over);
-    leaving.clear();
-    AttachedSide side(*this, slots);
-    const bool good = Attacher(coder_, models_, mesh_, side, &left_over).Code();
-    MTDB_CHECK(good, "a triangle of the cut has equal corners");
-    ForgetLeftOver(mesh_, left_over, [&](uint32_t vertex) { vertices_.Erase(vertex); });
-    PutRecord(out);
-  }
 }
 
 UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,

@@ -3,6 +3,7 @@
 // perturbation. The builder fills holes by it, and the codec derives them by it.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <compare>
 #include <cstdint>
@@ -47,6 +48,17 @@ inline bool TieIsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, Lattic
   if (a > b && a > c) return d < a && Turn(b, c, d) > 0;
   if (b > c) return d < b && Turn(c, a, d) > 0;
   return d < c && Turn(a, b, d) > 0;
+}
+
+// True when d lies inside the circle through a, b and c, which run counter-clockwise, all four
+// different. Exact. Of four points on a circle the symbolic perturbation decides.
+inline bool IsInCircle(LatticePoint a, LatticePoint b, LatticePoint c, LatticePoint d) {
+  __extension__ using Wide = __int128;
+  const auto [least_x, most_x] = std::minmax({a.x, b.x, c.x, d.x});
+  const auto [least_y, most_y] = std::minmax({a.y, b.y, c.y, d.y});
+  const bool near = std::max(most_x - least_x, most_y - least_y) < (1 << 14);
+  const int sign = near ? CircleSign<int64_t>(a, b, c, d) : CircleSign<Wide>(a, b, c, d);
+  return sign != 0 ? sign > 0 : TieIsInCircle(a, b, c, d);
 }
 
 }  // namespace mtdb

@@ -20,7 +20,7 @@
 namespace mtdb::internal {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 3;
+inline constexpr uint8_t kUpdateVersion = 4;
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
 
 // What a record does, in 64ths of a byte. A record is padded with zeros until it is no shorter than
@@ -60,6 +60,15 @@ struct ClipModels {
   std::array<int32_t, 3> spread = {-512, -512, -1024};
 };
 
+// What delaunay_coder.h codes with.
+struct DelaunayModels {
+  AdaptiveBit ruled, insert, fresh, begin, next, careful;
+  NumberModel vertex_gap, anchor_gap, across, up;
+  std::array<std::array<AdaptiveBit, 2>, 12> split;  // places; whether one got none nearby
+  std::array<FastAdaptiveSymbol, 8> rank;            // by how many places there are
+  std::array<AdaptiveSymbolOfRate<6>, 32> height;    // by what is around
+};
+
 // Models that last as long as the stream.
 struct UpdateModels {
   explicit UpdateModels(const AttributeLayout& attributes) : attribute_coder(attributes) {}
@@ -71,6 +80,7 @@ struct UpdateModels {
   AdaptiveBit known;  // a remembered vertex comes back elsewhere
   NumberModel count, anchor_gap, vertex_gap;
   ClipModels clips;
+  DelaunayModels delaunay;
   std::array<std::array<AdaptiveBit, 8>, 8> apex;  // candidates left, rank
   int32_t reference = 0;  // 256 times the typical exponent of a star's squared longest edge
 };

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sender's state: update_encoder.cc codes updates, clip_encoder.cc what a moving region asks
+// for.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "codecs/stream/internal/clip_coder.h"
+#include "codecs/stream/internal/delaunay_encoder.h"
+#include "codecs/stream/internal/key_table.h"
+#include "codecs/stream/internal/update_coder.h"
+#include "codecs/stream/internal/whole_cut.h"
+#include "codecs/stream/update_stream.h"
+
+namespace mtdb {
+
+class UpdateEncoder::Impl {
+ public:
+  Impl(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
+  Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region);
+  size_t memory_bytes() const;
+
+  const ClientMeshOptions options_;
+  const size_t row_bytes_;
+  // So many updates of a record stay well below kMaxRecordBytes.
+  const uint64_t max_updates_;
+  internal::ReplayedMesh mesh_;
+  internal::UpdateModels models_;
+  std::vector<Vec3i> ring_;  // positions around the vertex at hand
+  Bytes start_;
+  uint64_t listed_ = 0;
+  uint64_t sent_ = 0;
+  uint64_t recalled_ = 0;
+
+ private:
+  class AttachedSide;
+  using Node = UpdateBatch::Node;
+  using Follows = std::vector<bool>;  // which nodes of a batch the client follows; empty: all
+  struct Target {
+    const Node* node;
+    uint32_t at;  // the anchor's slot, or the vertex's
+  };
+
+  void WriteStart(const BaseMesh& base, Vec3d origin);
+  void StartWholeCut();
+  void PutRecord(ByteWriter& out);
+  // Puts the record that is begun, if one is.
+  void EndRecord(ByteWriter& out);
+  void PutTriangle(TriangleKey key, uint32_t slot) {
+    triangles_.Put(key, slot);
+    if (whole_) whole_->Link(key, slot);
+  }
+  void EraseTriangle(uint32_t slot) {
+    if (whole_) whole_->Unlink(slot);
+    triangles_.Erase(slot);
+  }
+  void EncodeClip(ByteWriter& out);
+  std::vector<uint32_t> Coming() const;
+  void EncodeDrops(const std::vector<uint32_t>& leaving, std::vector<uint32_t>* left_over);
+  uint32_t TriangleOf(TriangleKey key) const;
+  uint32_t VertexOf(VertexIndex key) const;
+  void EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out);
+  // Ends the record if there is no room in it for so many more.
+  void MakeRoom(uint64_t updates, ByteWriter& out);
+  // The nodes of a batch: those whose hole (star) the client finds by walking, in the order of
+  // their places, and those that have to be listed.
+  struct Sorted {
+    std::vector<Target> targets;
+    std::vector<const Node*> listed;
+  };
+  Sorted Sort(const UpdateBatch& batch, const Follows& follows,
+              bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
+  // True when the client can find the node's hole (star) by walking; *target says from where.
+  bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
+  bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
+  uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
+  void MarkHole(const Node& node);
+  bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
+
+  void EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets);
+  void EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets);
+  void EncodeInsertion(const UpdateBatch& batch, const Target& target);
+  void EncodeRemoval(const UpdateBatch& batch, const Target& target);
+  void EncodeListed(const UpdateBatch& batch, const Node& node);
+  const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
+    return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * row_bytes_;
+  }
+  // Which remembered vertex the node's is, or kNone32.
+  uint32_t RememberedSlot(const Node& node) const { return vertices_.Find(node.vertex); }
+  std::span<uint32_t> HoleSlots(const Node& node) {
+    return std::span(hole_slots_).subspan(node.hole_begin, node.ring_count - 2);
+  }
+  uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
+  uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
+  void FinishInsertion(const UpdateBatch& batch, const Node& node, const internal::UpdateHole& update,
+                       uint32_t vertex);
+  void FinishRemoval(const UpdateBatch& batch, const Node& node, const internal::UpdateHole& update,
+                     uint32_t vertex);
+
+  // By the Delaunay rule, when all is there that it takes.
+  bool EncodeByRule(std::span<const UpdateBatch> batches);
+
+  internal::DelaunayEncoder rule_;
+  bool lawful_ = false;  // the client holds the whole cut, and the rule tells its triangles
+  std::optional<internal::WholeCut> whole_;  // while the client is clipped
+  internal::KeyTable triangles_;
+  internal::KeyTable vertices_;  // remembered ones included
+  RansEncoder coder_;
+  uint64_t record_updates_ = 0;  // in the record that is begun
+  internal::RecordCost cost_;              // likewise
+  internal::DropScratch drop_scratch_;
+  // The triangles that the last batch made: slots and when they were born.
+  std::vector<std::pair<uint32_t, uint64_t>> fresh_;
+  std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
+  std::vector<uint32_t> marks_;  // per triangle slot
+  uint32_t mark_ = 0;
+  std::vector<uint32_t> hole_slots_;  // of the batch at hand, as its holes
+  std::vector<uint32_t> target_at_;   // per triangle slot, of the insertions at hand; kNone32: none
+  std::vector<uint32_t> slots_;
+  std::vector<std::array<uint32_t, 3>> places_;
+  // Of the removal at hand: the hole's triangle on the side of the least and the greatest corner.
+  struct HoleAt {
+    TriangleKey key = 0;
+    uint32_t apex = 0;
+  };
+  std::array<std::array<HoleAt, kMaxRing>, kMaxRing> hole_at_;
+};
+
+}  // namespace mtdb
