@@ -60,8 +60,11 @@ void DelaunayEncoder::NoteNode(const UpdateBatch& batch, const UpdateBatch::Node
   if (going_.erase(node.vertex) != 0) return;
   const auto row = static_cast<size_t>(&node - batch.nodes.data()) * s_.row_bytes;
   const std::span<const VertexIndex> ring = batch.ring_of(node);
-  coming_[node.vertex] = {node.vertex, node.position, batch.rows.data() + row,
-                          {ring[0], ring[ring.size() / 2]}, kNone32};
+  coming_[node.vertex] = {node.vertex,
+                          node.position,
+                          batch.rows.data() + row,
+                          {ring[0], ring[ring.size() / 2]},
+                          kNone32};
 }
 
 bool DelaunayEncoder::Note(std::span<const UpdateBatch> batches, bool* keeps_border) {
@@ -74,8 +77,7 @@ bool DelaunayEncoder::Note(std::span<const UpdateBatch> batches, bool* keeps_bor
     for (const UpdateBatch::Node& node : batch.nodes) {
       if (!node.boundary) continue;
       const std::span<const VertexIndex> ring = batch.ring_of(node);
-      *keeps_border &=
-          IsBetween(PlaceOf(ring.back()), PlaceOf(node.vertex), PlaceOf(ring.front()));
+      *keeps_border &= IsBetween(PlaceOf(ring.back()), PlaceOf(node.vertex), PlaceOf(ring.front()));
     }
   }
   return AreCreatedLawful();
@@ -328,8 +330,8 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
   const Coming coming = list_[chosen];
   LatticePoint p{coming.position.x, coming.position.y};
   DelaunayModels& models = s_.models.delaunay;
-  const bool good = CodePlace(s_.coder, models, t, near_places_, p) &&
-                    walk_.FindHole(s_.mesh, slot, p, hole_);
+  const bool good =
+      CodePlace(s_.coder, models, t, near_places_, p) && walk_.FindHole(s_.mesh, slot, p, hole_);
   MTDB_CHECK(good, "a vertex does not fit a Delaunay triangulation");
   s_.cost.AddUpdates(CostOfHole(hole_));
 

@@ -22,7 +22,7 @@ struct Terrain {
 
 // Builds it with tiles so small that there are many seams.
 inline Terrain BuildTerrain(uint32_t columns, uint32_t rows, std::vector<double> heights,
-                     Triangulation triangulation, bool border_moves = false) {
+                            Triangulation triangulation, bool border_moves = false) {
   Terrain t{columns, rows, heights, {}, {}};
   auto raster = std::make_unique<MemoryRaster>(columns, rows, std::move(heights));
   raster->info().frame.geotransform = {100, 0.25, 0, 50, 0, -0.5};
@@ -45,7 +45,6 @@ inline Terrain BuildTerrain(uint32_t columns, uint32_t rows, std::vector<double>
   REQUIRE(t.built.record.rounding_error == 0);
   return t;
 }
-
 
 inline std::vector<double> WithHoles(std::vector<double> heights, uint32_t columns, uint32_t rows) {
   for (uint32_t r = 0; r < rows; ++r) {

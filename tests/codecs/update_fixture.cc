@@ -24,7 +24,9 @@ Bytes UpdateRecord(ByteSpan body) {
   return record.Take();
 }
 
-UpdateFixture::UpdateFixture(const ClusterOptions& options) : UpdateFixture(MakeCluster(options)) {}
+UpdateFixture::UpdateFixture(const ClusterOptions& options) : UpdateFixture(MakeCluster(options)) {
+  terrain_ = options.surface == Surface::kTerrain;
+}
 
 UpdateFixture::UpdateFixture(const ClusterFixture& fixture) {
   attributes_ = fixture.attributes;

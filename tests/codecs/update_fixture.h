@@ -25,7 +25,12 @@ class UpdateFixture {
   explicit UpdateFixture(const ClusterOptions& options);
   explicit UpdateFixture(const ClusterFixture& fixture);
 
-  ClientMeshOptions options(uint32_t remembered) const { return {{}, attributes_, remembered}; }
+  // Of a terrain, by the Delaunay rule.
+  ClientMeshOptions options(uint32_t remembered) const {
+    Grid grid;
+    if (terrain_) grid.mode = PositionMode::kRaster;
+    return {grid, attributes_, remembered, terrain_};
+  }
   const Cluster& cluster() const { return cluster_; }
   const BaseMesh& base() const { return base_; }
   // Per node; the closure of some: with all their ancestors.
@@ -42,6 +47,7 @@ class UpdateFixture {
   void AddNode(uint32_t node, UpdateBatch& batch) const;
   std::array<uint32_t, 3> Corners(uint32_t slot) const;
 
+  bool terrain_ = false;
   AttributeLayout attributes_;
   Cluster cluster_;
   std::vector<uint32_t> creator_;  // per slot, or kNone32

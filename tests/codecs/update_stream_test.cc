@@ -24,6 +24,8 @@ std::vector<ClusterOptions> AllOptions() {
           {.side = 12, .numbers = Numbers::kWild},
           {.side = 12, .numbers = Numbers::kCoincident, .attributes = true},
           {.side = 16, .rounded_attributes = true},
+          {.surface = Surface::kTerrain, .side = 16},
+          {.surface = Surface::kTerrain, .side = 12, .attributes = true},
           {.surface = Surface::kSheet, .side = 12, .rounded_attributes = true, .pierced = true}};
 }
 

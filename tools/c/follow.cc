@@ -201,7 +201,8 @@ mtdb_code mtdb_open_session(mtdb_object* object, const mtdb_session_options* opt
     MTDB_ASSIGN_OR_RETURN(made->session, mtdb::Session::Open(made->surface));
     MTDB_ASSIGN_OR_RETURN(const mtdb::BaseMesh base, made->session->Base());
     const mtdb::ObjectRecord& record = made->surface->record();
-    const mtdb::ClientMeshOptions mesh{record.grid, record.attributes, given.remembered_vertices};
+    const mtdb::ClientMeshOptions mesh{record.grid, record.attributes, given.remembered_vertices,
+                                       record.raster.has_value() && given.coded_holes == 0};
     if (mtdb::UpdateEncoder::StartBytes(mesh, base) > mtdb::UpdateEncoder::kMaxStartBytes) {
       return mtdb::InvalidArgument(
           "the coarsest mesh is too large to start a stream with; use mtdb_select");

@@ -43,6 +43,8 @@ typedef struct mtdb_session_options {
   size_t struct_bytes;
   uint32_t remembered_vertices; /* how many removed vertices the client keeps, so that they need not
                                    travel again */
+  uint32_t coded_holes;         /* of terrains; 1: the client is not to compute triangles, so that
+                                   they travel, too */
 } mtdb_session_options;
 /* At the coarsest mesh. Some 200 to 600 bytes a triangle of the cut. */
 MTDB_API mtdb_code mtdb_open_session(mtdb_object* object, const mtdb_session_options* options,

@@ -55,12 +55,9 @@ inline bool IsBetween(LatticePoint a, LatticePoint p, LatticePoint b) {
 inline uint64_t CountPlaces(const LatticeTriangle& t) {
   const int64_t area = Turn(t[0], t[1], t[2]);
   if (area <= 0) return 0;
-  const auto steps = [](LatticePoint a, LatticePoint b) {
-    return std::gcd(b.x - a.x, b.y - a.y);
-  };
-  return static_cast<uint64_t>((area + steps(t[0], t[1]) + steps(t[1], t[2]) + steps(t[2], t[0])) /
-                                   2 -
-                               2);
+  const auto steps = [](LatticePoint a, LatticePoint b) { return std::gcd(b.x - a.x, b.y - a.y); };
+  return static_cast<uint64_t>(
+      (area + steps(t[0], t[1]) + steps(t[1], t[2]) + steps(t[2], t[0])) / 2 - 2);
 }
 
 // The square of three times the distance from the centre.
@@ -110,7 +107,8 @@ bool CodePlace(Coder& coder, DelaunayModels& models, const LatticeTriangle& t, N
     const uint32_t n = near.count();
     uint32_t rank = near.RankOf(p);
     if (n > 1) {
-      FastAdaptiveSymbol& model = models.rank[std::min<size_t>(static_cast<size_t>(std::bit_width(n)), 8) - 1];
+      FastAdaptiveSymbol& model =
+          models.rank[std::min<size_t>(static_cast<size_t>(std::bit_width(n)), 8) - 1];
       const uint32_t s = coder.Symbol(model, std::min(rank, 15u));
       rank = s < 15 ? s : 15 + coder.Raw(8, rank - 15);
     }
@@ -378,8 +376,9 @@ inline HeightGuess GuessHeight(const ReplayedMesh& mesh, std::span<const uint32_
   const double z = std::clamp(mz - b * mx - c * my, -4294967296.0, 4294967296.0);
   const double variance = std::max((zz - b * xz - c * yz) / s, 0.0);
   HeightGuess guess;
-  guess.expected = static_cast<int32_t>(static_cast<uint32_t>(base) +
-                                        static_cast<uint32_t>(static_cast<int64_t>(std::floor(z + 0.5))));
+  guess.expected =
+      static_cast<int32_t>(static_cast<uint32_t>(base) +
+                           static_cast<uint32_t>(static_cast<int64_t>(std::floor(z + 0.5))));
   const auto scaled = static_cast<uint64_t>(std::min(4 * variance, 4294967296.0));
   guess.spread = std::min(static_cast<uint32_t>(std::bit_width(scaled)), 31u);
   return guess;
@@ -396,12 +395,12 @@ template <typename Coder>
 int32_t CodeHeight(Coder& coder, DelaunayModels& models, const HeightGuess& guess, int32_t z) {
   const auto residual =
       static_cast<int32_t>(static_cast<uint32_t>(z) - static_cast<uint32_t>(guess.expected));
-  const uint32_t m = residual < 0 ? 0 - static_cast<uint32_t>(residual)
-                                  : static_cast<uint32_t>(residual);
+  const uint32_t m =
+      residual < 0 ? 0 - static_cast<uint32_t>(residual) : static_cast<uint32_t>(residual);
   const uint32_t base = guess.spread <= 11 ? 0 : (guess.spread - 11) | 1;
   const uint32_t size = SizeOf(m);
-  const uint32_t s = coder.Symbol(models.height[guess.spread],
-                                  size <= base ? 0 : std::min(size - base, 15u));
+  const uint32_t s =
+      coder.Symbol(models.height[guess.spread], size <= base ? 0 : std::min(size - base, 15u));
   uint32_t found;
   if (s == 0 && base > 0) {
     found = coder.Raw(static_cast<int>((base + 1) / 2), m);

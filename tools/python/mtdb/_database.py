@@ -239,9 +239,11 @@ class Object:
         with interruptible() as control:
             return L.texts("verify", self._handle, LEVELS.index(level), control)
 
-    def session(self, remembered_vertices: int = 65536) -> Session:
-        """A mesh that follows queries, of which only what changes is computed."""
-        return Session._local(self, remembered_vertices)
+    def session(self, remembered_vertices: int = 65536, coded_holes: bool = False) -> Session:
+        """A mesh that follows queries, of which only what changes is computed. `coded_holes`: of
+        terrains, what Session.stream's clients get has triangles, too, so that they need not
+        compute them."""
+        return Session._local(self, remembered_vertices, coded_holes)
 
     def render(self, size: tuple[int, int] = (1200, 900), **asked: Any) -> npt.NDArray[np.uint8]:
         """Draws what `extract` would return: (height, width, 3) uint8. A camera is looked through;

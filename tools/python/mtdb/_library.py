@@ -228,7 +228,8 @@ class Update(Sized):
 
 
 class SessionOptions(Sized):
-    _fields_ = [("struct_bytes", C.c_size_t), ("remembered_vertices", C.c_uint32)]
+    _fields_ = [("struct_bytes", C.c_size_t), ("remembered_vertices", C.c_uint32),
+                ("coded_holes", C.c_uint32)]
 
 
 class ConnectOptions(Sized):

@@ -55,8 +55,9 @@ class Session:
         self._stream: Optional[Callable[[bytes], None]] = None
 
     @classmethod
-    def _local(cls, object_: "Object", remembered_vertices: int) -> "Session":
-        options = L.SessionOptions(remembered_vertices=remembered_vertices)
+    def _local(cls, object_: "Object", remembered_vertices: int, coded_holes: bool) -> "Session":
+        options = L.SessionOptions(remembered_vertices=remembered_vertices,
+                                   coded_holes=coded_holes)
         session = L.Handle("session", "open_session", object_._handle, C.byref(options))
         return cls(L.Handle("client", "create_client", None), session, object_)
 

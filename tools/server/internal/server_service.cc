@@ -105,8 +105,15 @@ std::string Replaced(std::string text, const std::string& place, const std::stri
 Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options* options) {
   const uint64_t most = options->max_triangles;
   for (const auto& [name, text] : target.parameters) {
+    if (name == "holes") {
+      if (text != "coded" && text != "computed") {
+        return InvalidArgument("holes: " + text + ": neither coded nor computed");
+      }
+      options->coded_holes = text == "coded";
+      continue;
+    }
     if (name != "remember" && name != "triangles") {
-      return InvalidArgument(name + ": no such parameter; known are remember and triangles");
+      return InvalidArgument(name + ": no such parameter; known are remember, triangles and holes");
     }
     const Result<uint64_t> count = text == "0" ? Result<uint64_t>(uint64_t{0}) : ParseCount(text);
     if (!count.ok()) return InvalidArgument(name + ": " + count.status().message());

@@ -34,7 +34,8 @@ ServerSession::ServerSession(std::shared_ptr<const Surface> surface,
       options_(options),
       session_(std::move(session)),
       encoder_({surface_->record().grid, surface_->record().attributes,
-                static_cast<uint32_t>(options.remembered_vertices)},
+                static_cast<uint32_t>(options.remembered_vertices),
+                surface_->record().raster.has_value() && !options.coded_holes},
                base),
       triangles_(base.triangles.size()) {}
 

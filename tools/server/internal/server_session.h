@@ -23,6 +23,7 @@ class ServerSession {
   struct Options {
     uint64_t remembered_vertices = 0;
     uint64_t max_triangles = 0;  // of the cut
+    bool coded_holes = false;    // of terrains: the client is not to compute triangles
   };
   // At the coarsest mesh. Errors: those of reading it; kInvalidArgument when it is too large.
   static Result<std::unique_ptr<ServerSession>> Open(std::shared_ptr<const Surface> surface,
