@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "codecs/stream/internal/update_encoder_impl.h"
+#include "codecs/stream/internal/update_sender.h"
 #include "store/base/check.h"
 
 namespace mtdb {
@@ -18,10 +18,10 @@ constexpr uint64_t kRecordTriangles = 16384;
 }  // namespace
 
 // The client's answers to what clip_coder.h asks, out of the whole cut.
-class UpdateEncoder::Impl::AttachedSide {
+class UpdateSender::AttachedSide {
  public:
   // `slots`: the triangles of the whole cut that are to be attached.
-  AttachedSide(Impl& encoder, std::span<const uint32_t> slots)
+  AttachedSide(UpdateSender& encoder, std::span<const uint32_t> slots)
       : e_(encoder),
         whole_(*encoder.whole_),
         slots_(slots),
@@ -104,7 +104,7 @@ class UpdateEncoder::Impl::AttachedSide {
     return kNone32;
   }
 
-  Impl& e_;
+  UpdateSender& e_;
   const WholeCut& whole_;
   const std::span<const uint32_t> slots_;
   std::vector<bool> pending_;
@@ -115,7 +115,7 @@ class UpdateEncoder::Impl::AttachedSide {
 };
 
 // The triangles of the whole cut that the client is to have and has not, neighbours by neighbours.
-std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
+std::vector<uint32_t> UpdateSender::Coming() const {
   const ReplayedMesh& mesh = whole_->mesh();
   std::vector<uint32_t> coming;
   std::vector<bool> seen(mesh.triangle_slots());
@@ -136,8 +136,8 @@ std::vector<uint32_t> UpdateEncoder::Impl::Coming() const {
   return coming;
 }
 
-void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
-                                      std::vector<uint32_t>* left_over) {
+void UpdateSender::EncodeDrops(const std::vector<uint32_t>& leaving,
+                               std::vector<uint32_t>* left_over) {
   std::vector<bool> leaves(mesh_.triangle_slots());
   for (const uint32_t slot : leaving) leaves[slot] = true;
   DropWalk walk(mesh_, drop_scratch_);
@@ -153,7 +153,7 @@ void UpdateEncoder::Impl::EncodeDrops(const std::vector<uint32_t>& leaving,
 }
 
 // Drops what is not chosen, and attaches what is.
-void UpdateEncoder::Impl::EncodeClip(ByteWriter& out) {
+void UpdateSender::EncodeClip(ByteWriter& out) {
   std::vector<uint32_t> leaving;
   for (uint32_t slot = 0; slot < mesh_.triangle_slots(); ++slot) {
     if (!mesh_.has_triangle(slot)) continue;

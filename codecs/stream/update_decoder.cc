@@ -37,6 +37,7 @@ class UpdateDecoder::Impl {
   // Takes the start or a record off `reader`; *complete is false when more bytes are needed.
   Status TakePart(ByteReader& reader, bool* complete);
   Status DecodeStart(ByteSpan body);
+  Status TakeGrid(ByteReader& reader, ClientMeshOptions* options) const;
   Status DecodeRecord(ByteSpan record);
   // `count` slots, ascending; each is handed to `decode`.
   template <typename Decode>
@@ -51,7 +52,6 @@ class UpdateDecoder::Impl {
   Status DecodeAsked(Coder& coder);
   Status DecodeRuledInsertion(Coder& coder, uint32_t anchor);
   Status DecodeRuledRemoval(Coder& coder, uint32_t vertex);
-  Status CutShort() const { return Corrupted("record cut short"); }
   // Whether the record may do what was counted of it so far.
   bool MayGoOn() const { return !decoder_.overrun() && cost_.bytes() <= record_bytes_; }
   Status TooCostly() const {
@@ -135,22 +135,27 @@ Status UpdateDecoder::Impl::TakePart(ByteReader& reader, bool* complete) {
   return Status::Ok();
 }
 
+Status UpdateDecoder::Impl::TakeGrid(ByteReader& reader, ClientMeshOptions* options) const {
+  const auto mode = reader.Get<uint8_t>();
+  if (mode > static_cast<uint8_t>(PositionMode::kRaster)) return Corrupted("mode of positions");
+  options->grid.mode = static_cast<PositionMode>(mode);
+  for (int i = 0; i < 3; ++i) options->grid.origin[i] = reader.Get<double>();
+  options->grid.step = reader.Get<double>();
+  if (options->grid.mode == PositionMode::kRaster) {
+    for (double& v : options->grid.plane) v = reader.Get<double>();
+  }
+  const auto rule = reader.Get<uint8_t>();
+  if (rule > 1 || (rule == 1 && options->grid.mode != PositionMode::kRaster)) {
+    return Corrupted("rule of triangulation");
+  }
+  options->delaunay = rule == 1;
+  return Status::Ok();
+}
+
 Status UpdateDecoder::Impl::DecodeStart(ByteSpan body) {
   ByteReader reader(body);
   ClientMeshOptions options;
-  const auto mode = reader.Get<uint8_t>();
-  if (mode > static_cast<uint8_t>(PositionMode::kRaster)) return Corrupted("mode of positions");
-  options.grid.mode = static_cast<PositionMode>(mode);
-  for (int i = 0; i < 3; ++i) options.grid.origin[i] = reader.Get<double>();
-  options.grid.step = reader.Get<double>();
-  if (options.grid.mode == PositionMode::kRaster) {
-    for (double& v : options.grid.plane) v = reader.Get<double>();
-  }
-  const auto rule = reader.Get<uint8_t>();
-  if (rule > 1 || (rule == 1 && options.grid.mode != PositionMode::kRaster)) {
-    return Corrupted("rule of triangulation");
-  }
-  options.delaunay = rule == 1;
+  MTDB_RETURN_IF_ERROR(TakeGrid(reader, &options));
   Vec3d origin;
   for (int i = 0; i < 3; ++i) origin[i] = reader.Get<double>();
   if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z)) {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "codecs/stream/internal/memory_bytes.h"
-#include "codecs/stream/internal/update_encoder_impl.h"
+#include "codecs/stream/internal/update_sender.h"
 #include "store/base/attribute_layout.h"
 #include "store/base/check.h"
 #include "store/base/hash.h"
@@ -38,8 +38,8 @@ ClientMeshOptions Settled(ClientMeshOptions options, const BaseMesh& base) {
 
 }  // namespace
 
-UpdateEncoder::Impl::Impl(const ClientMeshOptions& options, const BaseMesh& base,
-                          const MeetsRegion& region)
+UpdateSender::UpdateSender(const ClientMeshOptions& options, const BaseMesh& base,
+                           const MeetsRegion& region)
     : options_(Settled(options, base)),
       row_bytes_(options.attributes.row_bytes()),
       max_updates_(kMaxRecordBytes / 2 / (kMaxUpdateBytes + kMaxBytesPerRowByte * row_bytes_)),
@@ -87,7 +87,7 @@ static void PutGrid(const Grid& grid, ByteWriter* w) {
   for (const double v : grid.plane) w->Put<double>(v);
 }
 
-bool UpdateEncoder::Impl::EncodeByRule(std::span<const UpdateBatch> batches) {
+bool UpdateSender::EncodeByRule(std::span<const UpdateBatch> batches) {
   if (!lawful_) return false;
   bool keeps_border = false;
   lawful_ = rule_.Note(batches, &keeps_border);
@@ -97,7 +97,7 @@ bool UpdateEncoder::Impl::EncodeByRule(std::span<const UpdateBatch> batches) {
 }
 
 // Vertices go in the order in which the triangles name them.
-void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
+void UpdateSender::WriteStart(const BaseMesh& base, Vec3d origin) {
   std::vector<uint32_t> number(base.vertices.size(), kNone32);
   std::vector<Vec3i> positions;
   Bytes rows;
@@ -138,7 +138,8 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
   body.PutBytes(indices.bytes());
   body.PutBytes(SplitPlanes(rows, row_bytes_));
 
-  MTDB_CHECK(body.size() <= kMaxStartBytes, "a base mesh is too long for a stream's start");
+  MTDB_CHECK(body.size() <= UpdateEncoder::kMaxStartBytes,
+             "a base mesh is too long for a stream's start");
   ByteWriter start;
   for (const char c : kUpdateMagic) start.Put(c);
   start.Put<uint8_t>(kUpdateVersion);
@@ -157,7 +158,7 @@ void UpdateEncoder::Impl::WriteStart(const BaseMesh& base, Vec3d origin) {
 }
 
 // The client holds the whole cut.
-void UpdateEncoder::Impl::StartWholeCut() {
+void UpdateSender::StartWholeCut() {
   BaseMesh base;
   std::vector<uint32_t> number(mesh_.vertex_slots(), kNone32);
   for (uint32_t v = 0; v < mesh_.vertex_slots(); ++v) {
@@ -177,19 +178,19 @@ void UpdateEncoder::Impl::StartWholeCut() {
   for (const uint32_t slot : slots) whole_->Link(triangles_.key(slot), slot);
 }
 
-uint32_t UpdateEncoder::Impl::TriangleOf(TriangleKey key) const {
+uint32_t UpdateSender::TriangleOf(TriangleKey key) const {
   const uint32_t slot = triangles_.Find(key);
   MTDB_CHECK(slot != kNone32, "an update names a triangle that the client does not have");
   return slot;
 }
 
-uint32_t UpdateEncoder::Impl::VertexOf(VertexIndex key) const {
+uint32_t UpdateSender::VertexOf(VertexIndex key) const {
   const uint32_t slot = vertices_.Find(key);
   MTDB_CHECK(slot != kNone32, "an update names a vertex that the client does not have");
   return slot;
 }
 
-void UpdateEncoder::Impl::MarkHole(const Node& node) {
+void UpdateSender::MarkHole(const Node& node) {
   if (++mark_ == 0) {
     std::fill(marks_.begin(), marks_.end(), 0);
     mark_ = 1;
@@ -198,8 +199,8 @@ void UpdateEncoder::Impl::MarkHole(const Node& node) {
   for (const uint32_t slot : HoleSlots(node)) marks_[slot] = mark_;
 }
 
-uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& node,
-                                        const Patch::Hole& hole) const {
+uint32_t UpdateSender::SplitEdge(const UpdateBatch& batch, const Node& node,
+                                 const Patch::Hole& hole) const {
   const std::span<const VertexIndex> ring = batch.ring_of(node);
   const uint32_t last = VertexOf(ring.back());
   const uint32_t first = VertexOf(ring.front());
@@ -209,10 +210,9 @@ uint32_t UpdateEncoder::Impl::SplitEdge(const UpdateBatch& batch, const Node& no
   return kNone32;
 }
 
-UpdateEncoder::Impl::Sorted UpdateEncoder::Impl::Sort(const UpdateBatch& batch,
-                                                      const Follows& follows,
-                                                      bool (Impl::*find)(const UpdateBatch&,
-                                                                         const Node&, Target*)) {
+UpdateSender::Sorted UpdateSender::Sort(const UpdateBatch& batch, const Follows& follows,
+                                        bool (UpdateSender::*find)(const UpdateBatch&, const Node&,
+                                                                   Target*)) {
   Sorted sorted;
   for (size_t i = 0; i < batch.nodes.size(); ++i) {
     if (!follows.empty() && !follows[i]) continue;
@@ -229,7 +229,7 @@ UpdateEncoder::Impl::Sorted UpdateEncoder::Impl::Sort(const UpdateBatch& batch,
   return sorted;
 }
 
-bool UpdateEncoder::Impl::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
+bool UpdateSender::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
   const std::span<uint32_t> slots = HoleSlots(node);
   const std::span<const UpdateBatch::HoleTriangle> hole = batch.hole_of(node);
   for (size_t i = 0; i < hole.size(); ++i) slots[i] = TriangleOf(hole[i].key);
@@ -249,7 +249,7 @@ bool UpdateEncoder::Impl::FindHole(const UpdateBatch& batch, const Node& node, T
          (!node.boundary || SplitEdge(batch, node, update.hole) != kNone32);
 }
 
-bool UpdateEncoder::Impl::FindStar(const UpdateBatch& batch, const Node& node, Target* target) {
+bool UpdateSender::FindStar(const UpdateBatch& batch, const Node& node, Target* target) {
   static_cast<void>(batch);
   const uint32_t vertex = VertexOf(node.vertex);
   *target = {&node, vertex};
@@ -258,7 +258,7 @@ bool UpdateEncoder::Impl::FindStar(const UpdateBatch& batch, const Node& node, T
          update.boundary == node.boundary;
 }
 
-uint32_t UpdateEncoder::Impl::AddVertex(VertexIndex key, Vec3i position, const std::byte* row) {
+uint32_t UpdateSender::AddVertex(VertexIndex key, Vec3i position, const std::byte* row) {
   ++sent_;
   cost_.AddVertex();
   const uint32_t vertex = mesh_.AddVertex(position, row);
@@ -266,8 +266,7 @@ uint32_t UpdateEncoder::Impl::AddVertex(VertexIndex key, Vec3i position, const s
   return vertex;
 }
 
-uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& node,
-                                        uint32_t remembered) {
+uint32_t UpdateSender::PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered) {
   if (remembered != kNone32) {
     mesh_.Recall(remembered);
     ++recalled_;
@@ -276,8 +275,8 @@ uint32_t UpdateEncoder::Impl::PutVertex(const UpdateBatch& batch, const Node& no
   return AddVertex(node.vertex, node.position, RowOf(batch, node));
 }
 
-void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& node,
-                                          const UpdateHole& update, uint32_t vertex) {
+void UpdateSender::FinishInsertion(const UpdateBatch& batch, const Node& node,
+                                   const UpdateHole& update, uint32_t vertex) {
   for (const uint32_t slot : update.hole.slot_span()) EraseTriangle(slot);
   slots_.clear();
   InsertStar(mesh_, models_, update, vertex, &slots_);
@@ -290,7 +289,7 @@ void UpdateEncoder::Impl::FinishInsertion(const UpdateBatch& batch, const Node& 
   }
 }
 
-void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target& target) {
+void UpdateSender::EncodeInsertion(const UpdateBatch& batch, const Target& target) {
   const Node& node = *target.node;
   MarkHole(node);
   UpdateHole update;
@@ -329,8 +328,7 @@ void UpdateEncoder::Impl::EncodeInsertion(const UpdateBatch& batch, const Target
   FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
 }
 
-void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
-                                           std::span<const Target> targets) {
+void UpdateSender::EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets) {
   target_at_.resize(mesh_.triangle_slots(), kNone32);
   for (uint32_t i = 0; i < targets.size(); ++i) target_at_[targets[i].at] = i;
   // The last batch made nothing but fresh ones.
@@ -369,8 +367,8 @@ void UpdateEncoder::Impl::EncodeInsertions(const UpdateBatch& batch,
   next_fresh_.clear();
 }
 
-void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& node,
-                                        const UpdateHole& update, uint32_t vertex) {
+void UpdateSender::FinishRemoval(const UpdateBatch& batch, const Node& node,
+                                 const UpdateHole& update, uint32_t vertex) {
   // Places in the ring as the client walks it -> the hole's triangles, by their outer corners.
   const std::span<const VertexIndex> ring = batch.ring_of(node);
   const std::span<const uint32_t> walked = update.hole.ring_span();
@@ -399,14 +397,13 @@ void UpdateEncoder::Impl::FinishRemoval(const UpdateBatch& batch, const Node& no
   }
 }
 
-void UpdateEncoder::Impl::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
+void UpdateSender::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
   UpdateHole update;
   WalkStar(mesh_, target.at, update);
   FinishRemoval(batch, *target.node, update, target.at);
 }
 
-void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch,
-                                         std::span<const Target> targets) {
+void UpdateSender::EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets) {
   coder_.Bit(models_.more, true);
   coder_.Bit(models_.other, false);
   coder_.Bit(models_.insert, false);
@@ -419,10 +416,10 @@ void UpdateEncoder::Impl::EncodeRemovals(const UpdateBatch& batch,
   }
 }
 
-void UpdateEncoder::Impl::EncodeBatch(const UpdateBatch& batch, const Follows& follows,
-                                      ByteWriter& out) {
+void UpdateSender::EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out) {
   if (batch.insert) hole_slots_.resize(batch.holes.size());
-  const Sorted sorted = Sort(batch, follows, batch.insert ? &Impl::FindHole : &Impl::FindStar);
+  const Sorted sorted =
+      Sort(batch, follows, batch.insert ? &UpdateSender::FindHole : &UpdateSender::FindStar);
   for (std::span<const Target> left = sorted.targets; !left.empty();) {
     const auto targets = left.first(std::min<size_t>(left.size(), max_updates_));
     left = left.subspan(targets.size());
@@ -442,7 +439,7 @@ void UpdateEncoder::Impl::EncodeBatch(const UpdateBatch& batch, const Follows& f
 }
 
 // An update whose triangles the client cannot find by walking: where edges are non-manifold.
-void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& node) {
+void UpdateSender::EncodeListed(const UpdateBatch& batch, const Node& node) {
   ++listed_;
   coder_.Bit(models_.more, true);
   coder_.Bit(models_.other, true);
@@ -482,18 +479,18 @@ void UpdateEncoder::Impl::EncodeListed(const UpdateBatch& batch, const Node& nod
   next_fresh_.clear();
 }
 
-void UpdateEncoder::Impl::MakeRoom(uint64_t updates, ByteWriter& out) {
+void UpdateSender::MakeRoom(uint64_t updates, ByteWriter& out) {
   if (record_updates_ + updates > max_updates_) EndRecord(out);
   record_updates_ += updates;
 }
 
-void UpdateEncoder::Impl::EndRecord(ByteWriter& out) {
+void UpdateSender::EndRecord(ByteWriter& out) {
   if (record_updates_ == 0) return;
   coder_.Bit(models_.more, false);
   PutRecord(out);
 }
 
-void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
+void UpdateSender::PutRecord(ByteWriter& out) {
   Bytes record = coder_.Finish();
   if (record.size() < cost_.bytes()) record.resize(cost_.bytes());
   MTDB_CHECK(record.size() <= kMaxRecordBytes, "a record is longer than max_updates_ allows");
@@ -504,7 +501,7 @@ void UpdateEncoder::Impl::PutRecord(ByteWriter& out) {
   out.PutBytes(record);
 }
 
-Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
+Bytes UpdateSender::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
   ByteWriter out;
   if (!region && !whole_ && EncodeByRule(batches)) {
     rule_.Encode(out);
@@ -536,12 +533,17 @@ Bytes UpdateEncoder::Impl::Encode(std::span<const UpdateBatch> batches, const Me
   return out.Take();
 }
 
-size_t UpdateEncoder::Impl::memory_bytes() const {
+size_t UpdateSender::memory_bytes() const {
   return sizeof(*this) + mesh_.memory_bytes() + (whole_ ? whole_->memory_bytes() : 0) +
          triangles_.memory_bytes() + vertices_.memory_bytes() + CapacityBytes(start_) +
          CapacityBytes(fresh_) + CapacityBytes(next_fresh_) + CapacityBytes(marks_) +
          CapacityBytes(slots_) + CapacityBytes(hole_slots_) + CapacityBytes(target_at_);
 }
+
+class UpdateEncoder::Impl : public UpdateSender {
+ public:
+  using UpdateSender::UpdateSender;
+};
 
 UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,
                              const MeetsRegion& region)

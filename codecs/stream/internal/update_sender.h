@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sender's state: update_encoder.cc codes updates, clip_encoder.cc what a moving region asks
-// for.
+// UpdateSender: the sender's state. update_encoder.cc codes updates, clip_encoder.cc what a moving
+// region asks for.
 #pragma once
 
 #include <array>
@@ -16,11 +16,12 @@
 #include "codecs/stream/internal/whole_cut.h"
 #include "codecs/stream/update_stream.h"
 
-namespace mtdb {
+namespace mtdb::internal {
 
-class UpdateEncoder::Impl {
+// The sender; see UpdateEncoder.
+class UpdateSender {
  public:
-  Impl(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
+  UpdateSender(const ClientMeshOptions& options, const BaseMesh& base, const MeetsRegion& region);
   Bytes Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region);
   size_t memory_bytes() const;
 
@@ -28,8 +29,8 @@ class UpdateEncoder::Impl {
   const size_t row_bytes_;
   // So many updates of a record stay well below kMaxRecordBytes.
   const uint64_t max_updates_;
-  internal::ReplayedMesh mesh_;
-  internal::UpdateModels models_;
+  ReplayedMesh mesh_;
+  UpdateModels models_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
   Bytes start_;
   uint64_t listed_ = 0;
@@ -73,7 +74,7 @@ class UpdateEncoder::Impl {
     std::vector<const Node*> listed;
   };
   Sorted Sort(const UpdateBatch& batch, const Follows& follows,
-              bool (Impl::*find)(const UpdateBatch&, const Node&, Target*));
+              bool (UpdateSender::*find)(const UpdateBatch&, const Node&, Target*));
   // True when the client can find the node's hole (star) by walking; *target says from where.
   bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
   bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
@@ -96,23 +97,23 @@ class UpdateEncoder::Impl {
   }
   uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
   uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
-  void FinishInsertion(const UpdateBatch& batch, const Node& node,
-                       const internal::UpdateHole& update, uint32_t vertex);
-  void FinishRemoval(const UpdateBatch& batch, const Node& node, const internal::UpdateHole& update,
+  void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
+                       uint32_t vertex);
+  void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                      uint32_t vertex);
 
   // By the Delaunay rule, when all is there that it takes.
   bool EncodeByRule(std::span<const UpdateBatch> batches);
 
-  internal::DelaunayEncoder rule_;
+  DelaunayEncoder rule_;
   bool lawful_ = false;  // the client holds the whole cut, and the rule tells its triangles
-  std::optional<internal::WholeCut> whole_;  // while the client is clipped
-  internal::KeyTable triangles_;
-  internal::KeyTable vertices_;  // remembered ones included
+  std::optional<WholeCut> whole_;  // while the client is clipped
+  KeyTable triangles_;
+  KeyTable vertices_;  // remembered ones included
   RansEncoder coder_;
   uint64_t record_updates_ = 0;  // in the record that is begun
-  internal::RecordCost cost_;    // likewise
-  internal::DropScratch drop_scratch_;
+  RecordCost cost_;              // likewise
+  DropScratch drop_scratch_;
   // The triangles that the last batch made: slots and when they were born.
   std::vector<std::pair<uint32_t, uint64_t>> fresh_;
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
@@ -130,4 +131,4 @@ class UpdateEncoder::Impl {
   std::array<std::array<HoleAt, kMaxRing>, kMaxRing> hole_at_;
 };
 
-}  // namespace mtdb
+}  // namespace mtdb::internal
