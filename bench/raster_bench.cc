@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // A raster of heights as a terrain, beside its peers.
 //
-//   raster_bench RASTER [--error E]... [--json FILE]
+//   raster_bench RASTER [--crop N] [--error E]... [--json FILE]
 //
-// Of a raster without holes (.hgt, .asc, .dem), in a store of its own:
+// Of a raster without holes (.hgt, .asc, .dem), or of N x N samples in its middle, in a store of
+// its own:
 //   a row "build": bytes of the store, processor time of the build, and Draco's bytes and processor
 //   time of the full mesh at levels 10 and 7, with 16 bits;
-//   a row "cut" for each error: triangles of mtdb's cut; its vertical error, measured at all
-//   samples; triangles that meshopt_simplify needs for the same measured error (the least of a
-//   bisection; samples that its border leaves are not counted), and a greedy insertion over CGAL's
-//   Delaunay triangulation.
+//   a row "wire" for each way in which the root becomes the full surface on the wire of a session
+//   (at once, and by halving errors), with triangles computed by the client and with coded holes:
+//   bits for each vertex that travels, and processor time of both ends, of the update of the
+//   session too; a row "cut" for each error: triangles of mtdb's cut; its vertical error, measured
+//   at all samples; triangles that meshopt_simplify needs for the same measured error (the least of
+//   a bisection; samples that its border leaves are not counted), and a greedy insertion over
+//   CGAL's Delaunay triangulation.
 //
 // Checks that no sample is farther from a cut than promised. Exits with 1 when one is.
 #include <CLI/CLI.hpp>
@@ -20,10 +24,13 @@
 #include <string>
 #include <vector>
 
+#include "bench/internal/cropped_raster.h"
 #include "bench/internal/draco_peer.h"
 #include "bench/internal/greedy_insertion.h"
 #include "bench/internal/meshopt_simplify.h"
 #include "bench/internal/workload.h"
+#include "codecs/stream/update_stream.h"
+#include "query/session.h"
 #include "query/threshold.h"
 #include "tools/gdal/raster_input.h"
 
@@ -108,8 +115,53 @@ uint64_t TrianglesOfMeshopt(const TriangleMesh& mesh, const Terrain& terrain, do
   return enough;
 }
 
+// From the root to the full surface, by these errors and then at none.
+Result<Json> WireRow(const std::shared_ptr<Surface>& surface, const std::vector<double>& errors,
+                     bool computed) {
+  const ObjectRecord& record = surface->record();
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<Session> session, Session::Open(surface));
+  MTDB_ASSIGN_OR_RETURN(const BaseMesh base, session->Base());
+  UpdateEncoder encoder({record.grid, record.attributes, 0, computed}, base);
+  UpdateDecoder decoder;
+  MTDB_RETURN_IF_ERROR(decoder.Feed(encoder.start()));
+  uint64_t bytes = 0;
+  double update = 0;
+  double encode = 0;
+  double decode = 0;
+  for (size_t i = 0; i <= errors.size(); ++i) {
+    Query query;
+    if (i < errors.size()) query.threshold = ConstantThreshold(errors[i]);
+    std::vector<UpdateBatch> batches;
+    const double begin = ProcessCpuSeconds();
+    MTDB_RETURN_IF_ERROR(session->Update(query, &batches).status());
+    const double updated = ProcessCpuSeconds();
+    const Bytes sent = encoder.Encode(batches);
+    const double encoded = ProcessCpuSeconds();
+    MTDB_RETURN_IF_ERROR(decoder.Feed(sent));
+    decode += ProcessCpuSeconds() - encoded;
+    encode += encoded - updated;
+    update += updated - begin;
+    bytes += sent.size();
+  }
+  if (decoder.mesh().triangle_count() != record.triangles) {
+    return Corrupt("the client has other triangles");
+  }
+  const uint64_t vertices = record.vertices - base.vertices.size();
+  return Json{{"what", "wire"},
+              {"triangles_by", computed ? "client" : "coded holes"},
+              {"steps", errors.size() + 1},
+              {"vertices", vertices},
+              {"start_bytes", encoder.start().size()},
+              {"bytes", bytes},
+              {"bits_per_vertex", 8.0 * static_cast<double>(bytes) / static_cast<double>(vertices)},
+              {"update_seconds", update},
+              {"encode_seconds", encode},
+              {"decode_seconds", decode}};
+}
+
 struct Arguments {
   std::string raster;
+  uint32_t crop = 0;
   std::vector<double> errors;
   std::string json;
 };
@@ -134,6 +186,9 @@ Json BuildRow(const TriangleMesh& mesh, const ObjectRecord& record, const BenchS
 Result<Json> Run(const Arguments& arguments) {
   std::vector<std::unique_ptr<RasterReader>> files;
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<RasterReader> file, OpenRaster(arguments.raster, 64 << 20));
+  if (arguments.crop > 0) {
+    file = std::make_unique<CroppedRaster>(std::move(file), arguments.crop);
+  }
   const RasterFrame frame = file->info().frame;
   files.push_back(std::move(file));
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterInput> input,
@@ -154,6 +209,13 @@ Result<Json> Run(const Arguments& arguments) {
   const Terrain terrain = SamplesOf(mesh, frame.columns, frame.rows);
   Json rows = Json::array();
   rows.push_back(BuildRow(mesh, record, store, seconds));
+  for (const bool computed : {true, false}) {
+    for (const std::vector<double>& errors :
+         {std::vector<double>{}, std::vector<double>{32, 16, 8, 4, 2}}) {
+      MTDB_ASSIGN_OR_RETURN(const Json row, WireRow(surface, errors, computed));
+      rows.push_back(row);
+    }
+  }
   for (const double error : arguments.errors) {
     Query query;
     query.threshold = ConstantThreshold(error);
@@ -178,6 +240,8 @@ int Main(int argc, char** argv) {
   Arguments arguments;
   CLI::App app("Measures terrains of rasters beside peers.");
   app.add_option("raster", arguments.raster, "A raster without holes")->required();
+  app.add_option("--crop", arguments.crop, "So many columns and rows in its middle")
+      ->check(CLI::Range(2, 1 << 20));
   app.add_option("--error", arguments.errors, "Vertical errors of cuts");
   app.add_option("--json", arguments.json, "Write the rows to a file, not to standard output");
   try {

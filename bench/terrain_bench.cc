@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The terrain experiment of De Floriani, Magillo and Puppo (1998).
 //
-//   terrain_bench [--triangles T] [--total N] [--inside N] [--frames N] [--json FILE]
+//   terrain_bench [--triangles T | --raster FILE [--crop N]] [--total N] [--inside N] [--frames N]
+//                 [--json FILE]
 //
-// A viewpoint moves over a generated terrain of T triangles along a line and looks ahead: the
-// region is a wedge in the plane, the threshold grows linearly from 0 with the distance from the
-// viewpoint, and outside of the wedge the mesh is as coarse as possible. The slope of the threshold
-// and the angle of the wedge are such that on average the mesh has `total` triangles and, as near
-// as that allows, `inside` of them meet the wedge.
+// A viewpoint moves over a generated terrain of T triangles, or the N x N samples in the middle of
+// a raster (129: 32,768 triangles, as many as then), along a line and looks ahead: the region is a
+// wedge in the plane, the threshold grows linearly from 0 with the distance from the viewpoint, and
+// outside of the wedge the mesh is as coarse as possible. The slope of the threshold and the angle
+// of the wedge are such that on average the mesh has `total` triangles and, as near as that allows,
+// `inside` of them meet the wedge.
 //
 // Per frame, in milliseconds of processor time, one thread, clusters in the cache: a cut from
 // scratch (Surface::Select), its mesh (Cut::Emit), and a session's update from the frame before.
@@ -21,10 +23,12 @@
 #include <string>
 #include <vector>
 
+#include "bench/internal/cropped_raster.h"
 #include "bench/internal/workload.h"
 #include "query/region.h"
 #include "query/session.h"
 #include "query/threshold.h"
+#include "tools/gdal/raster_input.h"
 #include "tools/generate/generate.h"
 
 namespace mtdb {
@@ -145,7 +149,7 @@ class Bench {
       inside += static_cast<double>(surface_->Select(query).value().triangle_count());
     }
     const auto n = static_cast<double>(path_.size() - 1);
-    return {{"experiment", "terrain"},
+    return {{"experiment", surface_->record().raster ? "raster" : "terrain"},
             {"object_triangles", surface_->record().triangles},
             {"frames", path_.size()},
             {"wedge_degrees", setting.angle_rad * 180 / std::numbers::pi},
@@ -164,14 +168,33 @@ class Bench {
   std::vector<Vec3d> path_;
 };
 
+// The mesh of the raster's middle, and how to build it.
+Status ReadMiddle(const std::string& path, uint32_t crop, TriangleMesh& mesh,
+                  BuildOptions& options) {
+  std::vector<std::unique_ptr<RasterReader>> files(1);
+  MTDB_ASSIGN_OR_RETURN(files[0], OpenRaster(path, 64 << 20));
+  files[0] = std::make_unique<CroppedRaster>(std::move(files[0]), crop);
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterInput> input,
+                        RasterInput::Join(std::move(files), {{}, 0, uint64_t{2} << 30}));
+  TriangleMeshSink sink(&mesh);
+  MTDB_RETURN_IF_ERROR(input->Read(sink));
+  options.terrain = input->terrain();
+  return Status::Ok();
+}
+
 int Main(int argc, char** argv) {
   uint64_t triangles = 32250;
   double total = 2700;
   double inside = 1700;
   int frames = 60;
+  std::string raster;
+  uint32_t crop = 129;
   std::string json;
   CLI::App app("The terrain experiment of 1998.");
   app.add_option("--triangles", triangles, "Of the terrain");
+  app.add_option("--raster", raster, "Instead of it: heights");
+  app.add_option("--crop", crop, "Columns and rows in the raster's middle")
+      ->check(CLI::Range(2, 1 << 20));
   app.add_option("--total", total, "Triangles of the mesh");
   app.add_option("--inside", inside, "Those of them in the wedge");
   app.add_option("--frames", frames, "Of the viewpoint's path")->check(CLI::Range(2, 100000));
@@ -179,11 +202,13 @@ int Main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
 
   TriangleMesh mesh;
+  BuildOptions options;
   TriangleMeshSink sink(&mesh);
-  const Status status = GenerateTerrain({triangles, 1}, sink);
+  const Status status = raster.empty() ? GenerateTerrain({triangles, 1}, sink)
+                                       : ReadMiddle(raster, crop, mesh, options);
   MTDB_CHECK(status.ok(), status.message().c_str());
   BenchStore store;
-  store.Build("terrain", mesh, {});
+  store.Build("terrain", mesh, options);
   const Bench bench(store.OpenSurface("terrain", {.threads = 1}), mesh, frames);
   bool right = true;
   const Json rows = Json::array({bench.Measure(bench.Tune(total, inside), right)});
