@@ -196,14 +196,16 @@ void DelaunayEncoder::EncodeRemoval(uint32_t vertex) {
   }
 }
 
-// The triangle that holds p, looked for around a vertex that is there.
-uint32_t DelaunayEncoder::TriangleAt(LatticePoint p, std::array<VertexIndex, 2> near) {
+// The triangle that holds p, looked for from one that may be near, or from vertices that are there.
+uint32_t DelaunayEncoder::TriangleAt(LatticePoint p, uint32_t start,
+                                     std::array<VertexIndex, 2> near) {
   const ReplayedMesh& mesh = s_.mesh;
   std::vector<uint32_t> queue;
   std::unordered_set<uint32_t> seen;
   const auto visit = [&](uint32_t slot) {
     if (mesh.has_triangle(slot) && seen.insert(slot).second) queue.push_back(slot);
   };
+  if (start != kNone32) visit(start);
   for (const VertexIndex v : near) {
     const uint32_t vertex = s_.vertices.Find(v);
     if (vertex != kNone32 && mesh.has_vertex(vertex)) visit(mesh.half_edge_of(vertex) >> 2);
@@ -252,7 +254,7 @@ void DelaunayEncoder::Locate() {
   uint32_t last = kNone32;
   for (uint32_t i = 0; i < list_.size(); ++i) {
     const LatticePoint p{list_[i].position.x, list_[i].position.y};
-    if (last == kNone32 || !Holds(PlacesOf(s_.mesh, last), p)) last = TriangleAt(p, list_[i].near);
+    last = TriangleAt(p, last, list_[i].near);
     Put(last, i);
   }
 }
@@ -362,12 +364,20 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
   s_.mesh.ReplaceByStar(hole_.slots, hole_.ring, hole_.outer, vertex, hole_.boundary, &slots_);
   sweep_.AddStar(s_.mesh, slots_);
   for (const uint32_t made : slots_) made_.emplace_back(made, s_.mesh.triangle(made).born);
+  // Between which spokes they lie.
+  spokes_.clear();
+  for (const uint32_t v : hole_.ring) spokes_.push_back(s_.mesh.place(v));
+  if (!hole_.boundary) spokes_.push_back(spokes_[0]);
   for (const uint32_t i : moving) {
     const LatticePoint q{list_[i].position.x, list_[i].position.y};
-    const auto in = [&](uint32_t made) { return Holds(PlacesOf(s_.mesh, made), q); };
-    const auto at = std::find_if(slots_.begin(), slots_.end(), in);
-    MTDB_CHECK(at != slots_.end(), "a vertex lies in no triangle");
-    Put(*at, i);
+    size_t j = 0;
+    for (int64_t turn = Turn(p, spokes_[0], q); j < slots_.size(); ++j) {
+      const int64_t next = Turn(p, spokes_[j + 1], q);
+      if (turn >= 0 && next <= 0) break;
+      turn = next;
+    }
+    MTDB_CHECK(j < slots_.size(), "a vertex lies in no triangle");
+    Put(slots_[j], i);
   }
 }
 

@@ -74,7 +74,7 @@ class DelaunayEncoder {
   void EncodeRemovals(ByteWriter& out);
   void EncodeRemoval(uint32_t vertex);
   void Locate();
-  uint32_t TriangleAt(LatticePoint p, std::array<VertexIndex, 2> near);
+  uint32_t TriangleAt(LatticePoint p, uint32_t start, std::array<VertexIndex, 2> near);
   uint32_t FirstOf(uint32_t slot) const { return slot < first_.size() ? first_[slot] : kNone32; }
   void Put(uint32_t slot, uint32_t coming);
   void EncodeInsertions(ByteWriter& out);
@@ -91,6 +91,7 @@ class DelaunayEncoder {
   std::vector<std::array<uint32_t, 3>> filling_;
   std::vector<uint32_t> slots_;
   std::vector<Vec3i> ring_;
+  std::vector<LatticePoint> spokes_;
 
   // What was noted.
   std::unordered_map<VertexIndex, Coming> coming_;
