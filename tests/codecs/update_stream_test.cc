@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <random>
+#include <sstream>
+#include <string>
 
 #include "codecs/stream/internal/update_coder.h"
 #include "tests/codecs/update_fixture.h"
@@ -212,6 +216,27 @@ TEST_CASE("damage that the checksum does not see leaves a mesh whose parts agree
     }
     CHECK(refused > 100);
   }
+}
+
+TEST_CASE("the bytes of a terrain's stream are those of the golden one", "[golden]") {
+  const std::string path = std::string(MTDB_SOURCE_DIR) + "/tests/golden/terrain.mtus";
+  const UpdateFixture f({.surface = Surface::kTerrain, .side = 24});
+  UpdateEncoder encoder(f.options(40), f.base());
+  Bytes stream = encoder.start();
+  std::vector<bool> at(f.cluster().nodes());
+  std::mt19937 random(3);
+  for (int step = 0; step < 12; ++step) {
+    const std::vector<bool> to =
+        step % 3 == 0 ? std::vector<bool>(at.size(), step % 2 == 0) : RandomSet(f, random);
+    const Bytes records = encoder.Encode(f.Batches(at, to));
+    stream.insert(stream.end(), records.begin(), records.end());
+    at = to;
+  }
+  const std::string text(reinterpret_cast<const char*>(stream.data()), stream.size());
+  if (std::getenv("MTDB_WRITE_GOLDEN") != nullptr) std::ofstream(path) << text;
+  std::ostringstream golden;
+  golden << std::ifstream(path, std::ios::binary).rdbuf();
+  CHECK((text == golden.str()));
 }
 
 TEST_CASE("a sender does not gather changes that nobody takes") {
