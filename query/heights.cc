@@ -344,6 +344,14 @@ Result<Profile> ProfileAlong(const Surface& surface, std::span<const std::array<
       return InvalidArgument("line: corners " + std::to_string(i) + " and " +
                              std::to_string(i + 1) + ": expected different finite places");
     }
+    // Beyond, places along the line are not known to a millionth of the terrain's size.
+    constexpr double kMostDiagonals = 4e9;
+    if (length > kMostDiagonals * surface.record().diagonal()) {
+      return InvalidArgument("line: corners " + std::to_string(i) + " and " +
+                             std::to_string(i + 1) +
+                             " are too far apart for exact places between them; name corners that "
+                             "are nearer to the terrain");
+    }
     std::vector<Stretch> stretches;
     double begin = 0, end = 1;
     if (ClipToBounds(surface.record().bounds, 16 * slack, a, b, &begin, &end)) {

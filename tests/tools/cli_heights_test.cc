@@ -98,6 +98,13 @@ TEST_CASE("a profile whose corners are far away is that of what lies between", "
   }
 }
 
+TEST_CASE("a profile whose corners are too far away is refused with a sentence", "[cli]") {
+  const Tile t;
+  for (const char* line : {"-1e14,9.5,1e14,9.6", "-1e29,9.5,1e29,9.5", "1e29,1e29,1e29,2e29"}) {
+    RunFails(1, {"profile", t.store, std::string("--line=") + line}, {"too far apart"});
+  }
+}
+
 TEST_CASE("profile meets every edge along a line, and says where holes are", "[cli]") {
   const Tile t;
   // Along row 22 from column 20 to 50: each sample is met, and cells' diagonals are not crossed.
