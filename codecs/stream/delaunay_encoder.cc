@@ -318,8 +318,7 @@ void DelaunayEncoder::EncodeAsked(ByteWriter& out) {
 }
 
 // Of the vertices that come into the triangle, the one nearest to its centre.
-void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
-  const LatticeTriangle t = PlacesOf(s_.mesh, slot);
+uint32_t DelaunayEncoder::Nearest(uint32_t slot, const LatticeTriangle& t) const {
   uint32_t chosen = kNone32;
   std::array<int64_t, 3> least{};
   for (uint32_t i = first_[slot]; i != kNone32; i = list_[i].next) {
@@ -329,6 +328,12 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
     chosen = i;
     least = order;
   }
+  return chosen;
+}
+
+void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
+  const LatticeTriangle t = PlacesOf(s_.mesh, slot);
+  const uint32_t chosen = Nearest(slot, t);
   const Coming coming = list_[chosen];
   LatticePoint p{coming.position.x, coming.position.y};
   DelaunayModels& models = s_.models.delaunay;

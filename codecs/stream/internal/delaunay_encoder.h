@@ -78,6 +78,7 @@ class DelaunayEncoder {
   uint32_t FirstOf(uint32_t slot) const { return slot < first_.size() ? first_[slot] : kNone32; }
   void Put(uint32_t slot, uint32_t coming);
   void EncodeInsertions(ByteWriter& out);
+  uint32_t Nearest(uint32_t slot, const LatticeTriangle& t) const;
   void EncodeInsertion(uint32_t slot);
   void BeginSection(bool insert, size_t left, ByteWriter& out);
   void EncodeNamed(ByteWriter& out);
