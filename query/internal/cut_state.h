@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -22,6 +23,7 @@ class UnitPins;
 struct Arc {
   UnitId parent;
   uint32_t slot;  // of the parent
+  friend auto operator<=>(const Arc&, const Arc&) = default;
 };
 
 // What a cut knows of one unit. "Own slot" s is the unit's slot first_own + s: in-triangles are

@@ -38,6 +38,7 @@ Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
     }
     return active_;
   }
+  if (moving_ && !falls_short_) return RunMoving();
   for (const UnitId id : cut_.open()) {
     CutUnit& u = *cut_.Find(id);
     if (u.present.empty()) continue;
@@ -230,7 +231,7 @@ void Survey::LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest,
 // Of whatever triangles of the star: as a rule the node's decision has told.
 Activity Survey::ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
   const std::vector<float>& sides = u.deadlines.sides;
-  if (sides.empty() || std::isnan(sides[node])) return Deadlines::SideOf(judge_, u, unit, node);
+  if (sides.empty() || std::isnan(sides[node])) Deadlines::SideOf(judge_, u, unit, node);
   return SideToActivity(sides[node]);
 }
 
@@ -238,10 +239,139 @@ Activity Survey::ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex
 Activity Survey::ActivityOf(const LoadedUnit& unit, uint32_t slot) const {
   const SlotOrigin& origin = unit.origins[slot];
   const auto& parent = static_cast<const MovingUnit&>(*cut_.Find(unit.parents[origin.parent]));
-  const UnitDeadlines& d = parent.deadlines;
+  return ActivityOf(parent, origin.creator());
+}
+
+Activity Survey::ActivityOf(const MovingUnit& u, NodeIndex creator) const {
+  const UnitDeadlines& d = u.deadlines;
   if (d.activity != Activity::kSome) return d.activity;
-  const NodeIndex creator = origin.creator();
   return creator == kNone32 || d.sides.empty() ? Activity::kSome : SideToActivity(d.sides[creator]);
+}
+
+// Where the region's border is not near, which the decisions have told, triangles are counted by
+// their bits, and a code is looked at if it is larger than those before.
+Result<ActiveTriangles> Survey::RunMoving() {
+  for (const UnitId id : cut_.open()) {
+    auto& u = static_cast<MovingUnit&>(*cut_.Find(id));
+    if (u.present.empty()) continue;
+    if (u.deadlines.activity == Activity::kAll) active_.count += u.present.Count();
+    if (u.deadlines.activity != Activity::kSome) continue;
+    MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
+      CountStars(u, unit);
+      return Status::Ok();
+    }));
+  }
+  // What children remove and is near the border.
+  std::sort(near_.begin(), near_.end());
+  for (size_t i = 0; i < near_.size();) {
+    CutUnit& child = *cut_.Find(near_[i].first);
+    MTDB_RETURN_IF_ERROR(pins_.RunOn(child, [&](const LoadedUnit& unit) -> Status {
+      for (; i < near_.size() && near_[i].first == child.id; ++i) {
+        MTDB_ASSIGN_OR_RETURN(const uint32_t slot, cut_.InSlotOf(unit, near_[i].second));
+        const uint8_t code = unit.cluster.error_codes[unit.cluster.removers[slot]];
+        if (code <= LargestBelow(255)) CountNear(unit, slot, kNone32, code, false);
+      }
+      return Status::Ok();
+    }));
+  }
+  // By now it is known of all stars.
+  for (const UnitId id : cut_.open()) {
+    auto& u = static_cast<MovingUnit&>(*cut_.Find(id));
+    if (u.present.empty() || u.deadlines.activity == Activity::kNone) continue;
+    const bool by_nodes = LargestBelow(cut_.LargestCode(id)) > active_.largest_code;
+    const bool by_children = LargestOfChildren(id) > active_.largest_code;
+    if (!by_nodes && !by_children) continue;
+    MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
+      if (by_nodes) FindLargestOfNodes(u, unit);
+      if (by_children) FindLargestOfChildren(u, unit);
+      return Status::Ok();
+    }));
+  }
+  return active_;
+}
+
+// Of a triangle that a node removes: it would be refused if it had a larger code and were active.
+int Survey::LargestBelow(uint8_t code) const {
+  return judge_.constant() ? std::min<int>(code, judge_.valid_code()) : code;
+}
+
+// Of those that have not been looked at.
+uint8_t Survey::LargestOfChildren(UnitId unit) const {
+  uint8_t largest = 0;
+  for (const UnitId child : cut_.index().children(unit)) {
+    if (!cut_.Looked(child)) largest = std::max(largest, cut_.LargestCode(child));
+  }
+  return largest;
+}
+
+void Survey::CountStars(MovingUnit& u, const LoadedUnit& unit) {
+  const auto count = [&](uint32_t own, NodeIndex creator) {
+    const uint32_t slot = own + u.first_own;
+    const uint32_t remover = unit.removers()[slot];
+    const int code = CodeOf(unit, slot);
+    if (code < 0) {
+      near_.emplace_back(unit.children()[ChildOrdinal(remover)], Arc{u.id, slot});
+      return;
+    }
+    // It is in its remover's hole, too.
+    const bool has_node = RemovedByNode(remover);
+    const Activity activity = has_node ? ActivityOf(u, remover) : Activity::kSome;
+    if (activity == Activity::kNone || (has_node && code > LargestBelow(255))) return;
+    CountNear(unit, slot, creator, static_cast<uint8_t>(code), activity == Activity::kAll);
+  };
+  if (unit.nodes() == 0) u.present.ForEach([&](uint32_t own) { count(own, kNone32); });
+  const CompactCluster& cluster = unit.cluster;
+  u.applied.ForEach([&](NodeIndex node) {
+    const Activity activity = ActivityOfStar(u, unit, node);
+    const uint32_t begin = cluster.star_begin[node] - u.first_own;
+    const uint32_t size = cluster.star_begin[node + 1] - u.first_own - begin;
+    if (activity == Activity::kNone || size == 0) return;
+    const uint64_t present = BitsAt(u.present.words(), begin, size);
+    if (activity == Activity::kAll) {
+      active_.count += PopCount(present);
+      return;
+    }
+    for (uint64_t rest = present; rest != 0; rest &= rest - 1) {
+      count(begin + static_cast<uint32_t>(std::countr_zero(rest)), node);
+    }
+  });
+}
+
+void Survey::CountNear(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code,
+                       bool active) {
+  if (!active && !judge_.Active(judge_.Corners(unit, slot, creator), judge_.Bound(code))) return;
+  ++active_.count;
+  active_.largest_code = std::max(active_.largest_code, code);
+}
+
+// In the mesh, and known to be active.
+bool Survey::IsActive(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot) const {
+  if (!cut_.Present(u, unit, slot)) return false;
+  if (slot < u.first_own) return ActivityOf(unit, slot) == Activity::kAll;
+  const bool all = u.deadlines.activity == Activity::kAll;
+  return all || ActivityOf(u, unit.creator(slot)) == Activity::kAll;
+}
+
+void Survey::FindLargestOfNodes(const MovingUnit& u, const LoadedUnit& unit) {
+  const int most = LargestBelow(255);
+  u.known.ForEachWithout(u.applied.words(), [&](NodeIndex node) {
+    const uint8_t code = unit.cluster.error_codes[node];
+    if (code <= active_.largest_code || code > most) return;
+    const std::span<const LocalNumber> hole = unit.cluster.hole(node);
+    if (std::any_of(hole.begin(), hole.end(), [&](auto slot) { return IsActive(u, unit, slot); })) {
+      active_.largest_code = code;
+    }
+  });
+}
+
+void Survey::FindLargestOfChildren(const MovingUnit& u, const LoadedUnit& unit) {
+  u.present.ForEach([&](uint32_t own) {
+    const uint32_t slot = own + u.first_own;
+    if (!RemovedByChild(unit.removers()[slot])) return;
+    const int code = CodeOf(unit, slot);
+    if (code <= active_.largest_code || !IsActive(u, unit, slot)) return;
+    active_.largest_code = static_cast<uint8_t>(code);
+  });
 }
 
 }  // namespace mtdb::internal

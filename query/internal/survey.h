@@ -50,6 +50,16 @@ class Survey {
   void LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const;
   Activity ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
   Activity ActivityOf(const LoadedUnit& unit, uint32_t slot) const;
+  Activity ActivityOf(const MovingUnit& u, NodeIndex creator) const;
+  Result<ActiveTriangles> RunMoving();
+  int LargestBelow(uint8_t code) const;
+  uint8_t LargestOfChildren(UnitId unit) const;
+  void CountStars(MovingUnit& u, const LoadedUnit& unit);
+  void CountNear(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code,
+                 bool active);
+  bool IsActive(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot) const;
+  void FindLargestOfNodes(const MovingUnit& u, const LoadedUnit& unit);
+  void FindLargestOfChildren(const MovingUnit& u, const LoadedUnit& unit);
   // Counts the slot if it is active, and says so.
   bool Count(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code, const In& in);
   // Of a present own slot; -1 when a child looks at it.
@@ -63,6 +73,7 @@ class Survey {
   bool falls_short_ = false;  // some triangle may
   ActiveTriangles active_;
   std::vector<std::pair<uint32_t, uint8_t>> star_;  // own slots and codes
+  std::vector<std::pair<UnitId, Arc>> near_;        // by the child that removes it
 };
 
 }  // namespace mtdb::internal

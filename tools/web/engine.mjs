@@ -10,7 +10,7 @@ const root = join(source, '../..');
 export const engineSources = () => [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))];
 
 // What runs seldom is made small.
-const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|deadlines|session|batches|root_codec|streams|explicit|circle_masks|convex|segment_tree|threshold|spill|unit_image|compact_cluster|strength|survey|insertion|removal|search|moving|budget|levels|scaled|cut_impl|loaded_unit|root_numbering|lattice|attribute_coder|update_batches/.test(file);
+const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|deadlines|session|batches|root_codec|streams|explicit|circle_masks|convex|segment_tree|threshold|spill|unit_image|compact_cluster|strength|survey|insertion|removal|search|moving|budget|levels|scaled|cut_impl|loaded_unit|root_numbering|lattice|attribute_coder|vertical|stored_order|update_batches/.test(file);
 // Where a cluster's bits are decoded.
 const isHot = file => file.startsWith('codecs/c') && !/lattice/.test(file);
 
