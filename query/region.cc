@@ -79,7 +79,7 @@ class AxisBox final : public Region {
   double Shift(const Region& to, const Box3d& within) const override {
     const auto* const other = dynamic_cast<const AxisBox*>(&to);
     if (other == nullptr || box_.empty() || other->box_.empty()) return Region::Shift(to, within);
-    if (within.empty()) return 0;
+    if (other->box_ == box_) return 0;
     const double slack = 8 * Rounding(within, 0, std::max(Scale(), other->Scale()));
     const double reach = DeepestIn(within) + slack;
     const double reach_into = other->DeepestIn(within) + slack;
@@ -169,6 +169,7 @@ class Ball final : public Region {
     if (other == nullptr || !(radius_ >= 0) || !(other->radius_ >= 0)) {
       return Region::Shift(to, within);
     }
+    if (other->centre_ == centre_ && other->radius_ == radius_) return 0;
     const double scale = std::max(
         {LargestCoordinate(centre_), LargestCoordinate(other->centre_), radius_, other->radius_});
     return Length(other->centre_ - centre_) + std::abs(other->radius_ - radius_) +

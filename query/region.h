@@ -41,7 +41,8 @@ class Region {
   // be, or nothing is known.
   virtual double Depth(const Box3d& box) const;
   // How far the border may have moved, between this region and `to`: the depth of no box inside
-  // `within` differs by more. Infinite when that is not known, as by default of two regions.
+  // `within` differs by more. Infinite when that is not known, as by default of two regions; 0 only
+  // of regions that are the same by value.
   virtual double Shift(const Region& to, const Box3d& within) const;
 };
 

@@ -79,8 +79,9 @@ class Tube final : public SplittingRegion {
     if (other == nullptr || !(radius_ >= 0) || !(other->radius_ >= 0)) {
       return Region::Shift(to, within);
     }
-    return LargestStep(line_, other->line_) + std::abs(other->radius_ - radius_) +
-           16 * Rounding(within, 0, std::max(scale_, other->scale_));
+    const double step = LargestStep(line_, other->line_) + std::abs(other->radius_ - radius_);
+    if (step == 0) return 0;
+    return step + 16 * Rounding(within, 0, std::max(scale_, other->scale_));
   }
 
  private:
@@ -204,6 +205,7 @@ class Prism final : public Region {
     };
     const double step = std::max({LargestStep(polygon_, other->polygon_),
                                   lid(min_z_, other->min_z_), lid(max_z_, other->max_z_)});
+    if (step == 0) return 0;
     return step + 16 * Rounding(within, 0, std::max(scale_, other->scale_));
   }
 

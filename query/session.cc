@@ -335,8 +335,7 @@ Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBat
     }
     ExtractStats& stats = update->stats;
     stats.missing = next_->missing();
-    const bool answers = within_->done() && within_query_->region == query.region &&
-                         within_query_->threshold == query.threshold &&
+    const bool answers = within_->done() && next_->Answers(query) &&
                          within_query_->max_triangles == query.max_triangles;
     if (within_->done()) within_query_.reset();
     if (answers) {

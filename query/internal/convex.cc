@@ -214,6 +214,7 @@ double Convex::Shift(const Region& to, const Box3d& within) const {
   if (other == nullptr || other->planes_.size() != planes_.size() || within.empty()) {
     return Region::Shift(to, within);
   }
+  if (other->planes_ == planes_) return 0;
   const double highest = HighestPlane(within);
   const double highest_into = other->HighestPlane(within);
   double shift = 0;

@@ -37,6 +37,9 @@ class Convex final : public Region {
     // Of p over the plane; negative inside.
     double Height(Vec3d p) const { return Dot(p - half_space.point, half_space.normal); }
     Heights HeightsIn(const Box3d& box) const;
+    friend bool operator==(const Plane& a, const Plane& b) {
+      return a.half_space.point == b.half_space.point && a.half_space.normal == b.half_space.normal;
+    }
   };
   // The points origin + s * direction, begin <= s <= end; the ends may be infinite.
   struct Line {

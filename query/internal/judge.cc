@@ -25,8 +25,36 @@ Judge::Judge(const ClusterSource& source, double rounding)
       index_(source.index()),
       grid_(source.record().grid),
       rounding_(rounding),
+      box_(source.record().bounds),
       bounds_(BoundsByCode(grid_, rounding)),
       levels_(bounds_) {}
+
+RegionPtr Judge::RegionOf(const Query& query) const {
+  if (query.region == nullptr || query.region->whole()) return nullptr;
+  return vertical_ ? VerticalReach(query.region, aside_) : query.region;
+}
+
+ThresholdPtr Judge::ThresholdOf(const Query& query) const {
+  return vertical_ ? VerticalReach(query.threshold, aside_) : query.threshold;
+}
+
+bool Judge::SameRegion(const Query& query) const {
+  if (query.region == query_region_) return true;
+  const RegionPtr reach = RegionOf(query);
+  if (reach == nullptr || region_ == nullptr) return reach == region_;
+  return region_->Shift(*reach, box_) == 0;
+}
+
+bool Judge::SameThreshold(const Query& query) const {
+  if (threshold() == nullptr || query.threshold == levels_.threshold()) {
+    return threshold() != nullptr;
+  }
+  if (query.threshold == nullptr || asked_ == nullptr) return false;
+  const FieldChange change = asked_->Change(*ThresholdOf(query), box_, bounds_.back());
+  return change.low == 0 && change.high == 0 && change.shift == 0;
+}
+
+bool Judge::Same(const Query& query) const { return SameThreshold(query) && SameRegion(query); }
 
 ThresholdPtr Judge::AttainableAt(const Levels& levels, int level) const {
   ThresholdPtr at = levels.At(level);
@@ -47,29 +75,25 @@ Judge::Fields Judge::FieldsOf(const Levels& levels, const Cutoff& cutoff) const 
 }
 
 void Judge::SetQuery(const Query& query, const Cutoff& cutoff) {
-  const RegionPtr region =
-      query.region == nullptr || query.region->whole() ? nullptr : query.region;
   // What may fail comes first.
-  RegionPtr reach = region == query_region_ ? region_
-                    : vertical_             ? VerticalReach(region, aside_)
-                                            : region;
-  const bool same = fields_.strict != nullptr && query.threshold == levels_.threshold();
+  const bool same_region = SameRegion(query);
+  RegionPtr reach = same_region ? region_ : RegionOf(query);
   ThresholdPtr asked = asked_;
   ThresholdPtr pixel = pixel_;
   Levels levels = levels_;
-  if (!same) {
+  if (!SameThreshold(query)) {
     levels.SetThreshold(query.threshold);
-    asked = vertical_ ? VerticalReach(query.threshold, aside_) : query.threshold;
+    asked = ThresholdOf(query);
     pixel = levels.in_pixels() ? query.threshold->AtPixels(1) : nullptr;
     if (vertical_) pixel = VerticalReach(std::move(pixel), aside_);
   }
   Fields fields = FieldsOf(levels, cutoff);
-  query_region_ = region;
+  if (!same_region) query_region_ = query.region;
   region_ = std::move(reach);
   asked_ = std::move(asked);
   pixel_ = std::move(pixel);
   levels_ = std::move(levels);
-  pixels_ = query.threshold == nullptr ? std::nullopt : query.threshold->pixels();
+  pixels_ = levels_.threshold() == nullptr ? std::nullopt : levels_.threshold()->pixels();
   cutoff_ = cutoff;
   if (fields.strict == fields_.strict) {
     fields_ = std::move(fields);

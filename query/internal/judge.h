@@ -40,12 +40,10 @@ class Judge {
   // From now on it judges for this query. Its region and threshold stay alive with it. With a
   // cutoff all questions but FieldOf and RangeOf are of the level below, by which more is refused.
   void SetQuery(const Query& query, const Cutoff& cutoff = {});
-  // True when it judges for these, or the same ones as objects.
-  bool Same(const Query& query, const Cutoff& cutoff) const {
-    const bool all = query.region == nullptr || query.region->whole();
-    return threshold() != nullptr && levels_.threshold() == query.threshold && cutoff_ == cutoff &&
-           query_region_ == (all ? nullptr : query.region);
-  }
+  // True when it judges for this region and threshold, as objects or by value: no triangle of the
+  // object is judged otherwise.
+  bool Same(const Query& query) const;
+  const Cutoff& cutoff() const { return cutoff_; }
   // Not null while questions are asked.
   void SetMeter(WorkMeter* meter) { meter_ = meter; }
   WorkMeter& meter() const { return *meter_; }
@@ -126,12 +124,18 @@ class Judge {
   static int StrictLevel(const Cutoff& c) { return std::max(c.level - 1, Levels::kNone); }
   ThresholdPtr AttainableAt(const Levels& levels, int level) const;
   Fields FieldsOf(const Levels& levels, const Cutoff& cutoff) const;
+  bool SameRegion(const Query& query) const;
+  bool SameThreshold(const Query& query) const;
+  // As this object is asked.
+  RegionPtr RegionOf(const Query& query) const;
+  ThresholdPtr ThresholdOf(const Query& query) const;
 
   const bool vertical_;                // the object's errors are heights
   const std::array<double, 2> aside_;  // units of x and y for each unit of error
   const ClusterIndex& index_;
   const Grid& grid_;
   const double rounding_;
+  const Box3d box_;  // of the object
   const std::array<double, 256> bounds_;
   WorkMeter* meter_ = nullptr;
   RegionPtr query_region_;  // as the query has it

@@ -81,7 +81,7 @@ Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_node
   missing_.clear();
   weak_.clear();
   idle_.clear();
-  const bool same = units_.judge().Same(query, goal.cutoff);
+  const bool same = units_.judge().Same(query) && units_.judge().cutoff() == goal.cutoff;
   if (!same) insertion_.GiveUp();
   insertion_.Begin(query.control);
   bool moved = false;

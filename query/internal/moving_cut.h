@@ -46,6 +46,8 @@ class MovingCut {
                 bool first);
   Status EndMoves(UnitReader& reader, bool finds_active, bool complete);
   const CutState& state() const { return units_; }
+  // Whether the last query was this one, as objects or by value, but for its budgets.
+  bool Answers(const Query& query) { return units_.judge().Same(query); }
 
   // Calls f(unit, before, now) with the applied bits of clusters that this round may have changed.
   // Empty bits stand for none.

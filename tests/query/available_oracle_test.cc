@@ -271,6 +271,35 @@ TEST_CASE("a later query that means the same as the one before loses nothing tha
 }
 
 // Calls of 0 ms end after their least work, so no time is assumed.
+TEST_CASE("calls of 0 ms whose query is made anew each time are as many as those of one query") {
+  for (const uint32_t seed : {1u, 3u, 4u, 6u}) {
+    const MtFixture f = Fixture(seed);
+    const Box3d& box = f.source->record_.bounds;
+    const auto made = [&] {
+      Query query;
+      query.region = SphereRegion(box.max, Diagonal(box) * 0.6);
+      query.threshold = LinearThreshold(box.max, 0, 0.001);
+      query.max_milliseconds = 0;
+      return query;
+    };
+    const auto calls = [&](const auto& next) {
+      const auto surface = *Surface::Open(f.source, {.form = FormOf(seed), .threads = 1});
+      const auto session = *Session::Open(surface, {.available_only = true});
+      std::vector<UpdateBatch> batches;
+      for (int n = 1;; ++n) {
+        REQUIRE(n < 1000);
+        const auto update = session->Update(next(), &batches);
+        REQUIRE((update.ok() || update.status().code() == StatusCode::kNotYet));
+        if (update.ok() && update->stats.limit == QueryLimit::kThreshold) return n;
+      }
+    };
+    const Query one = made();
+    const int least = calls([&] { return one; });
+    CHECK(least > 2);
+    CHECK(calls(made) == least);
+  }
+}
+
 TEST_CASE("with a budget of triangles a session gets to its end in calls of any shortness") {
   for (const uint32_t seed : {1u, 3u, 4u, 6u}) {
     const MtFixture f = Fixture(seed);

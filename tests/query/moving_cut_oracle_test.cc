@@ -33,6 +33,10 @@ class Walker {
     const double step = 0.02 * f_.source->record_.diagonal();
     for (int i = 0; i < 3; ++i) at_[i] += Uniform(-step, step);
     turn_ += Uniform(-0.05, 0.05);
+    return Again();
+  }
+  // What Step gave, made anew.
+  Query Again() const {
     Query query;
     query.threshold = Field();
     query.region = Near();
@@ -65,7 +69,7 @@ class Walker {
     camera.near = kind_ % 2 == 0 ? 0.05 : 0;
     return camera;
   }
-  ThresholdPtr Field() {
+  ThresholdPtr Field() const {
     const double slope = factor_ * error_ / Diagonal(f_.source->record_.bounds);
     switch (kind_) {
       case 0: return ConstantThreshold(factor_ * error_);
@@ -108,7 +112,7 @@ class Walker {
     return PrismRegion({corner(0, 1), corner(1, 0.4), corner(2, 1.2), corner(4, 0.9)}, at_.z - size,
                        at_.z + 2 * size);
   }
-  RegionPtr Near() {
+  RegionPtr Near() const {
     const double size = 0.3 * factor_ * Diagonal(f_.source->record_.bounds);
     switch (region_) {
       case 0: return BoxRegion(Cube(0.3));
@@ -237,6 +241,12 @@ TEST_CASE("a moving cut is at the least cut after every step of a random walk") 
         });
         INFO(status.message());
         REQUIRE(status.ok());
+      }
+      if (step % 5 == 0) {
+        UnitReader reader(surface->cache(), {});
+        const auto nothing = [] { return Status::Ok(); };
+        REQUIRE(cut.Move(reader, walker.Again(), 0, nothing).ok());
+        REQUIRE(cut.evaluated() == 0);
       }
       const Cut select = *surface->Select(query);
       follower.RequireCut(select);
