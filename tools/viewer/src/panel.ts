@@ -110,6 +110,7 @@ export class Panel {
     input('wireframe').checked = style.wireframe;
     select('light').value = style.light;
     select('back').value = style.back;
+    byId('cap-hint').hidden = style.back !== 'cap';
     select('unit').value = this.viewer.unit;
     input('pixels').value = String(Math.log2(this.viewer.scene.pixels));
     byId('pixels-text').textContent = `${figure(this.viewer.scene.pixels, 2)} pixel${this.viewer.scene.pixels === 1 ? '' : 's'}`;
