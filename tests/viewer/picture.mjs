@@ -25,7 +25,10 @@ const [width, height] = size.split('x').map(Number);
 const server = await serve(store), browser = await launch();
 const page = await open(`${server.url}/${links[kind]}`, {viewport: {width, height}});
 await exact(page);
-if (kind === 'helens') await page.click('#toggle');
+if (kind === 'helens') {
+  await page.keyboard.press('t'); // the panel goes, and the picture is larger
+  await exact(page);
+}
 await page.waitForTimeout(300);  // for what the page tells about the picture
 writeFileSync(out, await page.screenshot());
 await close(page);
