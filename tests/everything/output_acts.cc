@@ -91,7 +91,8 @@ void PageAct(World& world, const Step& step) {
   if (files[0] != files[1] || !files[0].contains(folder + "/index.html")) {
     world.Fault("page: writes something else the second time", folder);
   }
-  const bool says = files[0][folder + "/index.html"].find("https://example.org") != std::string::npos;
+  const bool says =
+      files[0][folder + "/index.html"].find("https://example.org") != std::string::npos;
   if (says != step.Flag("source")) world.Fault("page: reads from somewhere else", folder);
   fs::remove_all(folder);
 }

@@ -75,8 +75,13 @@ bool AskKept(const Asked& asked, Answer* answer) {
     Harm(folder, harm, where);
     // Beside another process that reads the same, by the same folder.
     const std::string output = NewFile(asked, "ply");
-    Arguments other{asked.world->options().mtdb, "extract", server.url(), output, "--name",
-                    asked.name,                  "--full"};
+    Arguments other{asked.world->options().mtdb,
+                    "extract",
+                    server.url(),
+                    output,
+                    "--name",
+                    asked.name,
+                    "--full"};
     other.insert(other.end(), how.begin(), how.end());
     std::optional<Child> beside;
     if (asked.step->Flag("kept-twice")) beside.emplace(other, asked.world->scratch());
