@@ -14,6 +14,7 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::AddVertex;
   using ClientMesh::Attach;
   using ClientMesh::Drop;
+  using ClientMesh::ExpectMore;
   using ClientMesh::first_of_ring;
   using ClientMesh::half_edge_of;
   using ClientMesh::is_known;
