@@ -50,16 +50,29 @@ void ClientMesh::Start(Vec3d origin, std::span<const Vec3i> positions, const Byt
   PairAll();
 }
 
+void ClientMesh::ExpectMore(size_t vertices) {
+  const auto room = [](auto& values, size_t more, size_t reused) {
+    if (more > reused) ReserveTight(values, values.size() + more - reused);
+  };
+  room(triangles_, 2 * vertices, free_triangles_.size());
+  room(points_, vertices, free_vertices_.size());
+  room(degree_, vertices, free_vertices_.size());
+  room(half_edge_, vertices, free_vertices_.size());
+  room(first_of_ring_, vertices, free_vertices_.size());
+  room(place_, vertices, free_vertices_.size());
+  room(rows_, vertices * row_bytes_, free_vertices_.size() * row_bytes_);
+}
+
 uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
   uint32_t vertex = vertex_slots();
   if (free_vertices_.empty()) {
-    points_.emplace_back();
+    ResizeTight(points_, points_.size() + 1);
     if (drawn_) floats_.resize(floats_.size() + 3);
-    rows_.resize(rows_.size() + row_bytes_);
-    degree_.push_back(0);
-    half_edge_.push_back(kNone32);
-    first_of_ring_.push_back(kNone32);
-    place_.push_back(kNone32);
+    ResizeTight(rows_, rows_.size() + row_bytes_);
+    AppendTight(degree_, 0U);
+    AppendTight(half_edge_, kNone32);
+    AppendTight(first_of_ring_, kNone32);
+    AppendTight(place_, kNone32);
   } else {
     vertex = free_vertices_.back();
     free_vertices_.pop_back();
@@ -110,7 +123,7 @@ uint32_t ClientMesh::Forget(uint32_t vertex, uint32_t first_of_ring) {
 uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills) {
   uint32_t slot = triangle_slots();
   if (free_triangles_.empty()) {
-    triangles_.emplace_back();
+    ResizeTight(triangles_, triangles_.size() + 1);
     if (drawn_) indices_.resize(indices_.size() + 3);
   } else {
     slot = free_triangles_.back();

@@ -114,6 +114,8 @@ class ClientMesh {
   // Makes a mesh of what has neither triangles nor vertices. `triangles` name existing vertices.
   void Start(Vec3d origin, std::span<const Vec3i> positions, const Bytes& rows,
              std::span<const std::array<uint32_t, 3>> triangles);
+  // So many vertices are about to come, each with two triangles more: makes room at once.
+  void ExpectMore(size_t vertices);
   // Puts a new vertex in a slot. `row`: row_bytes bytes.
   uint32_t AddVertex(Vec3i position, const std::byte* row);
   // A remembered vertex is one of the mesh again.

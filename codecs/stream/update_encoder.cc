@@ -36,6 +36,16 @@ ClientMeshOptions Settled(ClientMeshOptions options, const BaseMesh& base) {
   return options;
 }
 
+// More than are removed.
+size_t Inserted(std::span<const UpdateBatch> batches) {
+  size_t inserted = 0;
+  size_t removed = 0;
+  for (const UpdateBatch& batch : batches) {
+    (batch.insert ? inserted : removed) += batch.nodes.size();
+  }
+  return inserted > removed ? inserted - removed : 0;
+}
+
 }  // namespace
 
 UpdateSender::UpdateSender(const ClientMeshOptions& options, const BaseMesh& base,
@@ -195,7 +205,7 @@ void UpdateSender::MarkHole(const Node& node) {
     std::fill(marks_.begin(), marks_.end(), 0);
     mark_ = 1;
   }
-  marks_.resize(mesh_.triangle_slots());
+  ResizeTight(marks_, mesh_.triangle_slots());
   for (const uint32_t slot : HoleSlots(node)) marks_[slot] = mark_;
 }
 
@@ -329,7 +339,7 @@ void UpdateSender::EncodeInsertion(const UpdateBatch& batch, const Target& targe
 }
 
 void UpdateSender::EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets) {
-  target_at_.resize(mesh_.triangle_slots(), kNone32);
+  ResizeTight(target_at_, mesh_.triangle_slots(), kNone32);
   for (uint32_t i = 0; i < targets.size(); ++i) target_at_[targets[i].at] = i;
   // The last batch made nothing but fresh ones.
   const auto is_fresh = [&](const Target& target) {
@@ -516,6 +526,7 @@ Bytes UpdateSender::Encode(std::span<const UpdateBatch> batches, const MeetsRegi
     whole_->Choose(region);
     plan = whole_->Plan(batches, triangles_);
   }
+  if (!whole_) mesh_.ExpectMore(Inserted(batches));
   const uint64_t enough = std::min(kRecordUpdates, max_updates_);
   for (size_t b = 0; b < batches.size(); ++b) {
     EncodeBatch(batches[b], plan[b], out);

@@ -27,7 +27,7 @@ class KeyTable {
   // The slot is not there. If the key is, it gets another slot.
   void Put(uint64_t key, uint32_t slot) {
     if (2 * (size_ + size_t{1}) > table_.size()) Grow();
-    if (slot >= keys_.size()) keys_.resize(slot + size_t{1});
+    if (slot >= keys_.size()) ResizeTight(keys_, slot + size_t{1});
     keys_[slot] = key;
     uint32_t& place = table_[PlaceOf(key)];
     size_ += place == kNone32 ? 1 : 0;

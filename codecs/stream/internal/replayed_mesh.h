@@ -12,6 +12,7 @@ namespace mtdb::internal {
 class ReplayedMesh : public ClientMesh {
  public:
   using ClientMesh::AddVertex;
+  using ClientMesh::ExpectMore;
   using ClientMesh::Attach;
   using ClientMesh::Drop;
   using ClientMesh::ExpectMore;
