@@ -12,7 +12,6 @@ namespace mtdb::internal {
 class ReplayedMesh : public ClientMesh {
  public:
   using ClientMesh::AddVertex;
-  using ClientMesh::ExpectMore;
   using ClientMesh::Attach;
   using ClientMesh::Drop;
   using ClientMesh::ExpectMore;
