@@ -120,7 +120,10 @@ class Maker {
       step.Set("format", OneOf(std::initializer_list<const char*>{"hgt", "tif", "vrt"}));
     }
     if (Chance(0.3)) step.Set("tiles", Between(2, 3));
-    if (Chance(0.3)) step.Set("fill", Between(1, 12));
+    if (Chance(0.3)) {
+      step.Set("fill", Between(1, 12));
+      step.Set("holes", Short(Scaled(0.05, 1.5)));  // of which some touch
+    }
     for (const char* key : {"mesh", "c", "drape", "picture"}) {
       if (Chance(0.4)) step.Set(key, 1);
     }

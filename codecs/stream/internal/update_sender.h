@@ -97,9 +97,9 @@ class UpdateSender {
   }
   uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
   uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
-  void FinishInsertion(const UpdateBatch& batch, const Node& node,
-                       const internal::UpdateHole& update, uint32_t vertex);
-  void FinishRemoval(const UpdateBatch& batch, const Node& node, const internal::UpdateHole& update,
+  void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
+                       uint32_t vertex);
+  void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                      uint32_t vertex);
 
   // By the Delaunay rule, when all is there that it takes.
@@ -112,8 +112,8 @@ class UpdateSender {
   KeyTable vertices_;  // remembered ones included
   RansEncoder coder_;
   uint64_t record_updates_ = 0;  // in the record that is begun
-  internal::RecordCost cost_;    // likewise
-  internal::DropScratch drop_scratch_;
+  RecordCost cost_;              // likewise
+  DropScratch drop_scratch_;
   // The triangles that the last batch made: slots and when they were born.
   std::vector<std::pair<uint32_t, uint64_t>> fresh_;
   std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
