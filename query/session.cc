@@ -331,13 +331,16 @@ Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBat
     MTDB_RETURN_IF_ERROR(moved);
     next_is_shown_ |= within_->done() || next_->counts().triangles >= shown_triangles;
     if (within_->fits() && next_is_shown_) {
-      MTDB_RETURN_IF_ERROR(Show(next_->state(), reader, take, update));
+      const Status shown = Show(next_->state(), reader, take, update);
+      if (!shown.ok()) within_query_.reset();
+      MTDB_RETURN_IF_ERROR(shown);
     }
     ExtractStats& stats = update->stats;
     stats.missing = next_->missing();
-    const bool answers = within_->done() && next_->Answers(query) &&
-                         within_query_->max_triangles == query.max_triangles;
-    if (within_->done()) within_query_.reset();
+    const bool answers =
+        available_ == nullptr || (within_->done() && next_->Answers(query) &&
+                                  within_query_->max_triangles == query.max_triangles);
+    if (answers || within_->done()) within_query_.reset();
     if (answers) {
       FillStats(surface_->record(), next_->counts(), next_->active(), &stats);
       stats.clusters_used = selected_.clusters_used;

@@ -163,8 +163,10 @@ class CutState {
   std::span<const UnitId> touched() const { return touched_; }
   // Forgets a unit without applied nodes; it stays in open() until DropClosed.
   void Close(CutUnit& u) { units_[u.id].reset(); }
+  // Between rounds.
   void DropClosed() {
     std::erase_if(open_, [&](UnitId id) { return units_[id] == nullptr; });
+    counts_before_ = counts_;  // a unit that is closed tells less of its errors
   }
 
   Status Inconsistent(UnitId unit, const char* what) const;
