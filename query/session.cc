@@ -85,14 +85,6 @@ std::vector<UnitId> UnitsOf(const ClusterIndex& index, const BitsOf& bits_of) {
   return used;
 }
 
-uint8_t LargestCodeOf(const CutState::Counts& counts) {
-  uint8_t largest = 0;
-  for (size_t c = 0; c < counts.by_code.size(); ++c) {
-    if (counts.by_code[c] > 0) largest = static_cast<uint8_t>(c);
-  }
-  return largest;
-}
-
 void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
                const ActiveTriangles& active, ExtractStats* stats) {
   stats->triangles = counts.triangles;
@@ -368,7 +360,7 @@ void Session::HideCut() {
     for (UnitId c = 0; c < now.applied.size(); ++c) now.applied[c] = moving_->applied(c);
     now.triangles = moving_->counts().triangles;
     now.clusters_used = moving_->counts().clusters_used;
-    now.largest_code = LargestCodeOf(moving_->counts());
+    now.largest_code = moving_->counts().LargestCode();
     if (available_ != nullptr) {
       available_->available()->Hold(
           UnitsOf(surface_->index(), [&](UnitId c) { return now.applied[c]; }));
@@ -429,7 +421,7 @@ uint64_t Session::TrianglesShown() const {
 // Of the whole mesh that the client has: what it is told of is another query's.
 void Session::FillStatsOnTheWay(ExtractStats* stats) const {
   const uint8_t code =
-      moving_ != nullptr ? LargestCodeOf(moving_->counts()) : selected_.largest_code;
+      moving_ != nullptr ? moving_->counts().LargestCode() : selected_.largest_code;
   CutState::Counts counts;
   counts.triangles = TrianglesShown();
   FillStats(surface_->record(), counts, {true, counts.triangles, code, {}}, stats);

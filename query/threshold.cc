@@ -202,8 +202,7 @@ class Screen final : public Threshold {
         near_(camera.near),
         corner_(std::hypot(camera.tangent_x(), camera.tangent_y())),
         pixel_(camera.pixel()),
-        pixels_(pixels),
-        factor_(pixels * camera.pixel()) {}
+        pixels_(pixels) {}
 
   double Min(const Triangle3d& t, double distance) const override {
     double low = kInfinity;
@@ -244,7 +243,7 @@ class Screen final : public Threshold {
   FieldChange Change(const Threshold& to, const Box3d& box, double distance) const override {
     const auto* const other = dynamic_cast<const Screen*>(&to);
     if (other == nullptr || other->near_ != near_ || other->corner_ != corner_) return {};
-    const bool same = other->factor_ == factor_;
+    const bool same = other->factor() == factor();
     if (same && other->eye_ == eye_ && other->forward_ == forward_) return {{0, 0}};
     const Place a = PlaceOf(box);
     const Place b = other->PlaceOf(box);
@@ -276,11 +275,11 @@ class Screen final : public Threshold {
     };
     ErrorRange change{depth.low < 0 ? depth.low * kDepthSlope : depth.low * least,
                       product(depth.high, least, kDepthSlope)};
-    change.low = change.low * other->factor_ - kAsideSlope * aside.high * other->factor_;
-    change.high = change.high * other->factor_ - kAsideSlope * aside.low * other->factor_;
-    const double most = std::max(a.high, b.high) * std::max(factor_, other->factor_);
+    change.low = change.low * other->factor() - kAsideSlope * aside.high * other->factor();
+    change.high = change.high * other->factor() - kAsideSlope * aside.low * other->factor();
+    const double most = std::max(a.high, b.high) * std::max(factor(), other->factor());
     if (!same) {
-      const double grown = (other->factor_ - factor_) * (a.high + slack);
+      const double grown = (other->factor() - factor()) * (a.high + slack);
       change.low += std::min(0.0, grown);
       change.high += std::max(0.0, grown);
     }
@@ -290,7 +289,6 @@ class Screen final : public Threshold {
   ThresholdPtr AtPixels(double pixels) const override {
     auto at = std::make_shared<Screen>(*this);
     at->pixels_ = pixels;
-    at->factor_ = pixels * pixel_;
     return at;
   }
   std::optional<double> pixels() const override { return pixels_; }
@@ -328,6 +326,7 @@ class Screen final : public Threshold {
     }
     return std::sqrt(SquaredLength(from_axis) + most);
   }
+  double factor() const { return pixels_ * pixel_; }
   // z^2 / r grows with z and falls with the distance from the axis, which in sight is at most z
   // times the tangent to the picture's corner.
   double At(double depth, double from_axis) const {
@@ -352,7 +351,6 @@ class Screen final : public Threshold {
   double corner_;  // tangent of the angle between the axis of view and the picture's corner
   double pixel_;   // at depth 1
   double pixels_;
-  double factor_;  // the product
 };
 
 // Of what is made of several.

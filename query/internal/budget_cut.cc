@@ -11,7 +11,6 @@ namespace {
 
 // A step ends when the mesh is too large by this part of the budget.
 constexpr uint64_t kTooLarge = 8;
-constexpr uint64_t kOctave = 8;  // levels
 
 }  // namespace
 
@@ -29,7 +28,7 @@ Status BudgetCut::Move(UnitReader& reader, const Query& query, bool goes_on, Mov
   evaluated_ = 0;
   done_ = fits_ = false;
   if (!goes_on) {
-    const bool in_pixels = query.threshold != nullptr && query.threshold->AtPixels(1) != nullptr;
+    const bool in_pixels = Levels::InPixels(query.threshold);
     if (in_pixels != in_pixels_) position_ = 0;
     in_pixels_ = in_pixels;
     top_ = Levels::TopOf(in_pixels);
@@ -87,7 +86,7 @@ bool BudgetCut::Note() {
 
 uint64_t BudgetCut::StepsAway() const {
   const uint64_t have = triangles();
-  if (have + have / 2 < most_ || have > most_ + most_ / kTooLarge) return kOctave * units();
+  if (have + have / 2 < most_ || have > most_ + most_ / kTooLarge) return Levels::kOctave * units();
   // From a level to the next, of which an octave has eight, it is about a tenth of the triangles.
   const double guess = 0.1 * static_cast<double>(have) /
                        static_cast<double>(std::max<size_t>(1, cut_->open_units()));

@@ -72,6 +72,11 @@ class CutState {
     // Triangles by the code of their error; for a child that has not been looked at its largest.
     // Only where remembers().
     std::array<uint64_t, 256> by_code{};
+    uint8_t LargestCode() const {
+      uint8_t code = 255;
+      while (code > 0 && by_code[code] == 0) --code;
+      return code;
+    }
   };
   struct NodeRef {
     CutUnit* unit;

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "store/base/grid.h"
-
 namespace mtdb::internal {
 
 // 2^(i / 8), as the codes of errors have it.
@@ -31,7 +29,7 @@ Levels::Levels(const std::array<double, 256>& bounds) : bounds_(&bounds) {
 
 void Levels::SetThreshold(const ThresholdPtr& threshold) {
   threshold_ = threshold;
-  in_pixels_ = threshold != nullptr && threshold->AtPixels(1) != nullptr;
+  in_pixels_ = InPixels(threshold);
 }
 
 ThresholdPtr Levels::At(int level) const {

@@ -7,6 +7,7 @@
 
 #include "query/internal/loaded_unit.h"
 #include "query/threshold.h"
+#include "store/base/grid.h"
 
 namespace mtdb::internal {
 
@@ -17,6 +18,11 @@ namespace mtdb::internal {
 class Levels {
  public:
   static constexpr int kNone = -1;
+  static constexpr int kOctave = kErrorStepsPerOctave;
+
+  static bool InPixels(const ThresholdPtr& threshold) {
+    return threshold != nullptr && threshold->AtPixels(1) != nullptr;
+  }
 
   // `bounds` by code, of the object; they outlive this.
   explicit Levels(const std::array<double, 256>& bounds);
@@ -38,7 +44,6 @@ class Levels {
   int LevelOf(double bound, double pixel) const;
 
  private:
-  static constexpr int kOctave = 8;  // levels
   static constexpr int kPixelLevels = 128 * kOctave;
   static std::array<double, kPixelLevels> PixelSteps();
 

@@ -102,10 +102,7 @@ Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_node
   MTDB_RETURN_IF_ERROR(insertion_.Run(round_nodes, goal.most, [&] { return EndRound(commit); }));
   if (insertion_.unfinished()) {
     // Of the whole mesh, which is quick to tell and bounds what the survey would find.
-    active_ = {true, units_.counts().triangles, 0, {}};
-    for (size_t c = 0; c < 256; ++c) {
-      if (units_.counts().by_code[c] > 0) active_.largest_code = static_cast<uint8_t>(c);
-    }
+    active_ = {true, units_.counts().triangles, units_.counts().LargestCode(), {}};
     return EndRound(commit);
   }
   if (goal.last) {

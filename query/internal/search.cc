@@ -155,7 +155,7 @@ Status Search::LookAt(CutUnit& u) {
 
 // A level is left when all that is wanted at it, or above, is there: the cut is then the least one
 // for its cutoff, whatever the order was.
-void Search::EnterLevel(const ErrorTask& task) {
+void Search::EnterLevel(const LevelTask& task) {
   Cutoff& c = level_.cutoff;
   if (task.level > c.level || (task.level == c.level && task.unit >= c.from)) return;
   c = {task.level, task.unit};
@@ -181,8 +181,8 @@ Status Search::TakeBackLevel() {
 Status Search::RunByLevel() {
   QueryLimit& limit = outcome_.limit;
   UnitReader& reader = pins_.reader();
-  while (!by_errors_.empty() && limit == QueryLimit::kThreshold) {
-    const ErrorTask task = by_errors_.Pop();
+  while (!by_levels_.empty() && limit == QueryLimit::kThreshold) {
+    const LevelTask task = by_levels_.Pop();
     EnterLevel(task);
     const Status status = RunStep([&] { return RunTask(task); });
     if (reader.out_of_bytes()) {
@@ -196,7 +196,7 @@ Status Search::RunByLevel() {
   return Status::Ok();
 }
 
-Status Search::RunTask(const ErrorTask& task) {
+Status Search::RunTask(const LevelTask& task) {
   UnitReader& reader = pins_.reader();
   CutUnit& u = cut_.Open(task.unit);
   if (!task.look) return Insert({&u, task.node});
@@ -294,7 +294,7 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, N
   if (waits) return;
   if (by_level_) {
     if (!look_levels_.empty()) look_levels_[id] = static_cast<int16_t>(level);
-    by_errors_.Push({level, true, id, 0});
+    by_levels_.Push({level, true, id, 0});
   } else {
     queue_.Add(child);
   }
@@ -305,7 +305,7 @@ void Search::Want(CutUnit& u, NodeIndex node, int level) {
   if (u.wanted.Test(node) && look_levels_.empty()) return;
   u.wanted.Set(node);
   if (by_level_) {
-    by_errors_.Push({level, false, u.id, node});
+    by_levels_.Push({level, false, u.id, node});
   } else {
     queue_.Add(u);
   }

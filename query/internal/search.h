@@ -9,8 +9,8 @@
 
 #include "query/internal/bits.h"
 #include "query/internal/cut_state.h"
-#include "query/internal/error_queue.h"
 #include "query/internal/judge.h"
+#include "query/internal/level_queue.h"
 #include "query/internal/stored_order_pass.h"
 #include "query/internal/survey.h"
 #include "query/internal/unit_pins.h"
@@ -58,8 +58,8 @@ class Search {
   Status RunByLevel();
   // Takes back what does not fit, with what belongs to its cutoff.
   Status TakeBackLevel();
-  void EnterLevel(const ErrorTask& task);
-  Status RunTask(const ErrorTask& task);
+  void EnterLevel(const LevelTask& task);
+  Status RunTask(const LevelTask& task);
   template <typename Step>
   Status RunStep(Step&& step);
   Status Advance(CutUnit& u);
@@ -86,7 +86,7 @@ class Search {
   const bool by_level_;  // there is a budget
   Outcome outcome_;
   UnitQueue queue_;
-  ErrorQueue by_errors_;
+  LevelQueue by_levels_;
   Bits pending_;                      // per unit: waits to be looked at
   std::vector<int16_t> look_levels_;  // in pixels, per unit: the highest that it waits at
   // How far the levels have come, and what has come since the cutoff was reached.

@@ -32,10 +32,7 @@ Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
   const bool codes_only = active_.all && !falls_short_;
   if (codes_only) active_.count = cut_.counts().triangles;
   if (codes_only && cut_.remembers()) {
-    const std::array<uint64_t, 256>& by_code = cut_.counts().by_code;
-    for (size_t c = 0; c < 256; ++c) {
-      if (by_code[c] > 0) active_.largest_code = static_cast<uint8_t>(c);
-    }
+    active_.largest_code = cut_.counts().LargestCode();
     return active_;
   }
   if (moving_ && !falls_short_) return RunMoving();

@@ -340,7 +340,8 @@ void FromCommand(const Asked& asked, const Arguments& arguments, const std::stri
     const size_t unmet = ran.out.find(" are up to ");
     if (unmet != std::string::npos && ran.out.find("NOT MET: ") < unmet) {
       answer->excess = std::strtod(ran.out.c_str() + unmet + 11, nullptr) * (1 + 5e-6);
-    } else if (limit != "accuracy" && !asked.question->json.contains("threshold")) {
+    } else if (limit != "accuracy" &&
+               asked.question->json.value("threshold", nlohmann::json("full")) == "full") {
       answer->excess = answer->bound;  // nobody asked for an error, so the line would say nothing
     }
     answer->limit = limit;

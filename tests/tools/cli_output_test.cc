@@ -114,6 +114,9 @@ TEST_CASE("a limit of triangles that cannot be kept is told of, with the reason"
   CHECK(RunJson({"extract", e.store, out, "--triangles", std::to_string(least)})
             .at("unmet_limit")
             .is_null());
+  // Nobody has asked for an error.
+  CHECK_THAT(RunOk({"extract", e.store, out, "--triangles", std::to_string(least + 50)}),
+             !Catch::Contains("NOT MET"));
 }
 
 TEST_CASE("what is said is short, and all of it with --verbose", "[cli]") {

@@ -103,6 +103,12 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   return Surface::Open(std::move(source), options);
 }
 
+bool TellsShortfall(const QueryJson& query, const std::string& limit) {
+  const auto threshold = query.find("threshold");
+  const bool asks = threshold != query.end() && *threshold != "full";
+  return asks || limit == LimitName(QueryLimit::kThreshold);
+}
+
 void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report) {
   const ExtractStats& stats = report.stats;
   const ObjectRecord& record = report.record;
@@ -122,8 +128,7 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
     std::fprintf(to, "  that holds in the region; outside of it the error is at most %.6g\n",
                  *stats.error_bound_outside);
   }
-  // Who asks for so many triangles only, asks for no error.
-  if (report.query.contains("threshold") || stats.limit == QueryLimit::kThreshold) {
+  if (TellsShortfall(report.query, LimitName(stats.limit))) {
     std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), to);
   }
   std::fputs((remarks.text + report.remarks).c_str(), to);

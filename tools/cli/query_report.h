@@ -23,6 +23,9 @@ struct QueryReport {
   Json picture = {};         // render: how it was drawn
   std::string remarks = {};  // more lines for people
 };
+// Whether a line tells by how much the answer falls short: not when a budget ended the refinement
+// of a query that asks for no error but so many triangles, bytes or milliseconds.
+bool TellsShortfall(const QueryJson& query, const std::string& limit);
 // As text or JSON; to standard error, when the mesh goes to standard output.
 void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report);
 

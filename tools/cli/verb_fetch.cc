@@ -4,6 +4,7 @@
 
 #include "codecs/mesh_file/atomic_file.h"
 #include "codecs/mesh_file/mesh_file.h"
+#include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/shortfall_json.h"
@@ -47,7 +48,7 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
   using Count = unsigned long long;
   std::printf("%s: %llu triangles, %llu vertices, error at most %.6g\n", arguments.output.c_str(),
               Count{a.triangles}, Count{a.vertices}, a.error_bound);
-  if (query.contains("threshold") || a.limit == "accuracy") {
+  if (TellsShortfall(query, a.limit)) {
     std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
   }
   if (missed) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ErrorQueue: the work of a search with budgets, from level to level.
+// LevelQueue: the work of a search with budgets, from level to level.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 namespace mtdb::internal {
 
 // A node to apply, or a cluster to look into: wanted at levels below this.
-struct ErrorTask {
+struct LevelTask {
   int level = 0;
   bool look = false;
   UnitId unit = 0;
@@ -20,17 +20,17 @@ struct ErrorTask {
 
 // Order: higher levels; of one level, larger units, which are coarser; of one unit, looks; then
 // smaller nodes.
-class ErrorQueue {
+class LevelQueue {
  public:
   bool empty() const { return size_ == 0; }
-  void Push(const ErrorTask& task) {
+  void Push(const LevelTask& task) {
     const auto level = static_cast<size_t>(task.level);
     if (level >= heaps_.size()) heaps_.resize(level + 1);
     heaps_[level].push(uint64_t{task.unit} << 33 | uint64_t{task.look} << 32 |
                        uint32_t{~task.node});
     if (size_++ == 0 || level > highest_) highest_ = level;
   }
-  ErrorTask Pop() {
+  LevelTask Pop() {
     while (heaps_[highest_].empty()) --highest_;
     const uint64_t key = heaps_[highest_].top();
     heaps_[highest_].pop();
