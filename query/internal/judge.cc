@@ -136,6 +136,17 @@ Activity Judge::ActivityIn(const Box3d& box, double bound) const {
   return region_->BoxWithin(box, bound) ? Activity::kSome : Activity::kNone;
 }
 
+Judge::Codes Judge::CodesIn(const Box3d& box, uint8_t largest) const {
+  if (constant_) return {valid_code_, valid_code_};
+  const ErrorRange asked = RangeIn(box, bounds_[largest]);
+  const auto last_below = [&](double value) {
+    return static_cast<int>(std::upper_bound(bounds_.begin(), bounds_.end(), value) -
+                            bounds_.begin()) -
+           1;
+  };
+  return {last_below(asked.low), last_below(asked.high)};
+}
+
 Judge::Where Judge::WhereIs(const Box3d& box, double bound) const {
   if (whole()) return {Activity::kAll};
   if (!meter_->Spend(kDepthSteps)) return {Activity::kNone, 0};

@@ -93,9 +93,19 @@ class Judge {
     double shift = std::numeric_limits<double>::infinity();
   };
   Where WhereIs(const Box3d& box, double bound) const;
+  // Of triangles inside the box with codes up to `largest`: none up to `valid` is refused, and of
+  // those above `undecided` all that are active.
+  struct Codes {
+    int valid = -1;
+    int undecided = 255;
+  };
+  Codes CodesIn(const Box3d& box, uint8_t largest) const;
   // False only when none inside the box with a code up to `largest` is refused.
-  bool MayRefuse(const Box3i& box, uint8_t largest) const {
-    return largest > valid_code_ && ActivityIn(ModelBox(box), bounds_[largest]) != Activity::kNone;
+  bool MayRefuse(const Box3i& bounds, uint8_t largest) const {
+    if (largest <= valid_code_) return false;
+    const Box3d box = ModelBox(bounds);
+    return ActivityIn(box, bounds_[largest]) != Activity::kNone &&
+           largest > CodesIn(box, largest).valid;
   }
   // Where the threshold's Min lies, likewise.
   ErrorRange RangeIn(const Box3d& box, double bound) const {

@@ -11,25 +11,28 @@ uint64_t StoredOrderPass::Run(CutUnit& u, const LoadedUnit& unit) {
   unit_ = &unit;
   forced_ = nodes_ = vertices_ = triangles_ = 0;
   const CompactCluster& cluster = unit.cluster;
-  const Box3i& bounds = cut_.index().unit(u.id).bounds;
-  if (!judge_.MayRefuse(bounds, cut_.LargestCode(u.id))) return 0;
-  const bool by_code =
-      judge_.constant() && judge_.ActivityIn(judge_.ModelBox(bounds), 0) == Activity::kAll;
+  const Box3d box = judge_.ModelBox(cut_.index().unit(u.id).bounds);
+  const uint8_t largest = cut_.LargestCode(u.id);
+  codes_ = judge_.CodesIn(box, largest);
+  if (largest <= codes_.valid) return 0;
+  if (judge_.ActivityIn(box, judge_.Bound(largest)) == Activity::kNone) return 0;
+  const bool all_active = judge_.ActivityIn(box, 0) == Activity::kAll;
   Load();
   // First a list, since codes are hard to predict.
   candidates_.resize(cluster.nodes());
   size_t count = 0;
-  const int valid_code = judge_.valid_code();
   for (NodeIndex node = 0; node < cluster.nodes(); ++node) {
     candidates_[count] = node;
-    count += cluster.error_codes[node] > valid_code ? 1 : 0;
+    count += cluster.error_codes[node] > codes_.valid ? 1 : 0;
   }
   for (size_t i = 0; i < count; ++i) {
     const NodeIndex node = candidates_[i];
     const std::span<const LocalNumber> hole = cluster.hole(node);
     uint32_t present = 0;
     for (const uint32_t slot : hole) present += present_[slot];
-    if (present == 0 || (!by_code && !Wanted(node))) continue;
+    if (present == 0) continue;
+    const bool sure = all_active && cluster.error_codes[node] > codes_.undecided;
+    if (!sure && !Wanted(node)) continue;
     if (present == hole.size()) {
       Apply(node);
     } else {
@@ -79,7 +82,7 @@ bool StoredOrderPass::Wanted(NodeIndex node) const {
     const Box3d box = judge_.ModelBox(unit_->hole_bounds(node));
     const Region& region = *judge_.region();
     if (!judge_.meter().Spend(1) || !region.BoxWithin(box, judge_.Bound(code))) return false;
-    if (judge_.constant() && region.BoxCovers(box, 0)) return true;
+    if (code > codes_.undecided && region.BoxCovers(box, 0)) return true;
   }
   for (const uint32_t slot : cluster.hole(node)) {
     if (present_[slot] != 0 && judge_.Refused(*unit_, slot, unit_->creator(slot), code))

@@ -40,9 +40,10 @@ class StoredOrderPass {
   const Judge& judge_;
   CutUnit* u_ = nullptr;
   const LoadedUnit* unit_ = nullptr;
+  Judge::Codes codes_;  // of the unit's box
   std::vector<Parent> parents_;
   std::vector<uint8_t> present_;       // per slot: 1 when present
-  std::vector<NodeIndex> candidates_;  // nodes whose codes are not valid everywhere
+  std::vector<NodeIndex> candidates_;  // nodes whose codes are not valid all over the box
   std::vector<NodeIndex> missing_;
   uint64_t forced_ = 0;
   uint64_t nodes_ = 0, vertices_ = 0, triangles_ = 0;  // inserted; triangles modulo 2^64

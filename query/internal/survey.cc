@@ -75,11 +75,13 @@ int Survey::CodeOf(const LoadedUnit& unit, uint32_t slot) const {
 }
 
 void Survey::FindLargestCode(const CutUnit& u, const LoadedUnit& unit) {
-  for (NodeIndex node = 0; node < unit.nodes(); ++node) {
+  const NodeIndex nodes = cut_.LargestCode(u.id) > active_.largest_code ? unit.nodes() : 0;
+  for (NodeIndex node = 0; node < nodes; ++node) {
     const uint8_t code = unit.cluster.error_codes[node];
     if (code <= active_.largest_code || u.applied.Test(node)) continue;
     if (cut_.AnyPresent(u, unit, node)) active_.largest_code = code;
   }
+  if (LargestOfChildren(u.id) <= active_.largest_code) return;
   u.present.ForEach([&](uint32_t own) {
     const uint32_t slot = own + u.first_own;
     if (!RemovedByChild(unit.removers()[slot])) return;
