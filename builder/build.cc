@@ -51,7 +51,6 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 constexpr double kLargestError = 1.0 / 16;
 // Triangles of the surface beneath a tile, for each of its own, beyond which it begins afresh.
 constexpr size_t kMostSurface = 8;
-constexpr int kFinestBits = 24;
 constexpr uint64_t kTerrainVertexBytes = 3;  // about what a vertex takes in the store
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
@@ -188,7 +187,11 @@ class Builder {
       survey.store_bytes = survey.vertices * kTerrainVertexBytes;
     } else {
       MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
-      if (options_.height_field) MTDB_RETURN_IF_ERROR(PrepareHeightField(&input, &survey));
+      if (options_.height_field) {
+        MTDB_ASSIGN_OR_RETURN(steepest_,
+                              MakeFacesLookUp(options_, &space_, memory_ / 2, &input, &survey));
+        border_.emplace(memory_ / 4);
+      }
     }
     ReturnFreedMemory();
     record_.grid = survey.grid;
@@ -216,24 +219,6 @@ class Builder {
   }
 
   bool is_terrain() const { return options_.terrain.has_value() || options_.height_field; }
-
-  // Makes all faces of the input look up; on a finer grid where the chosen one folds it.
-  Status PrepareHeightField(InputSpool* input, MeshSurvey* survey) {
-    MTDB_ASSIGN_OR_RETURN(FacesReport faces,
-                          LookAtFaces(*input, survey->grid, &space_, memory_ / 2));
-    if (faces.rounding && !options_.bits && !options_.step) {
-      BuildOptions finest = options_;
-      finest.bits = kFinestBits;
-      MTDB_RETURN_IF_ERROR(ChooseGrid(*input, finest, &space_, memory_ / 2, survey));
-      survey->reason = GridReason::kSlivers;
-      MTDB_ASSIGN_OR_RETURN(faces, LookAtFaces(*input, survey->grid, &space_, memory_ / 2));
-    }
-    if (faces.rounding) return FoldedByGrid(survey->grid);
-    if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver());
-    steepest_ = faces.steepest;
-    border_.emplace(memory_ / 4);
-    return Status::Ok();
-  }
 
   // The grid on which the input's positions lie: a terrain's are the integers of the lattice.
   const Grid& input_grid() const { return options_.terrain ? lattice_ : record_.grid; }

@@ -8,10 +8,13 @@
 #include <utility>
 
 #include "builder/internal/corner_gather.h"
+#include "builder/internal/grid_choice.h"
 
 namespace mtdb::internal {
 
 namespace {
+
+constexpr int kFinestBits = 24;
 
 std::string Text(double v) {
   char text[40];
@@ -34,17 +37,19 @@ Vec3<int64_t> Wide(Vec3i p) { return {p.x, p.y, p.z}; }
 
 int Sign(int64_t v) { return (v > 0) - (v < 0); }
 
-}  // namespace
-
 Status FoldedByGrid(const Grid& grid) {
   return InvalidArgument("rounded to steps of " + Text(grid.step) +
                          " the height field is folded; choose a smaller --step, or more --bits");
 }
 
-Status OverlappingFaces(uint64_t edges) {
-  return NoHeightField(std::to_string(edges) + " edges have more than two faces");
-}
+struct FacesReport {
+  bool down = false;      // all faces look down: the mesh is to be turned over
+  double steepest = 0;    // the largest slope, height by distance
+  bool rounding = false;  // a face that looked up does so no more on the grid
+};
 
+// Looks at each face. Where the grid alone is to blame for a fold, there is no error, but
+// report.rounding.
 Result<FacesReport> LookAtFaces(const InputSpool& input, const Grid& grid, const SpoolSpace* space,
                                 size_t memory_bytes) {
   const CornerTable table{&input.vertex_spool(), input.vertices(), input.vertex_bytes(),
@@ -84,6 +89,39 @@ Result<FacesReport> LookAtFaces(const InputSpool& input, const Grid& grid, const
   return report;
 }
 
+}  // namespace
+
+Status OverlappingFaces(uint64_t edges) {
+  return NoHeightField(std::to_string(edges) + " edges have more than two faces");
+}
+
+Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* space,
+                               size_t memory_bytes, InputSpool* input, MeshSurvey* survey) {
+  MTDB_ASSIGN_OR_RETURN(FacesReport faces, LookAtFaces(*input, survey->grid, space, memory_bytes));
+  if (faces.rounding && !options.bits && !options.step) {
+    BuildOptions finest = options;
+    finest.bits = kFinestBits;
+    MTDB_RETURN_IF_ERROR(ChooseGrid(*input, finest, space, memory_bytes, survey));
+    survey->reason = GridReason::kSlivers;
+    MTDB_ASSIGN_OR_RETURN(faces, LookAtFaces(*input, survey->grid, space, memory_bytes));
+  }
+  if (faces.rounding) return FoldedByGrid(survey->grid);
+  if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver());
+  return faces.steepest;
+}
+
+Status CheckHeights(const InputSpool& input, const Grid& grid, const JoinOptions& join,
+                    uint64_t memory_bytes) {
+  BorderSweep border(memory_bytes);
+  JoinTotals totals;
+  const auto receive = [&](TriangleBlock block) {
+    for (const TileTriangle& t : block.triangles) MTDB_RETURN_IF_ERROR(border.Add(t));
+    return Status::Ok();
+  };
+  MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
+  if (totals.nonmanifold_edges > 0) return OverlappingFaces(totals.nonmanifold_edges);
+  return border.Check(grid);
+}
 int64_t BorderSweep::Side(const Point& a, const Point& b, const Point& p) {
   return (int64_t{b.x} - a.x) * (int64_t{p.y} - a.y) - (int64_t{b.y} - a.y) * (int64_t{p.x} - a.x);
 }

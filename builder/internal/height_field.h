@@ -7,6 +7,8 @@
 #include <set>
 #include <vector>
 
+#include "builder/build.h"
+#include "builder/internal/corner_join.h"
 #include "builder/internal/input_spool.h"
 #include "builder/internal/tile.h"
 #include "store/base/grid.h"
@@ -14,18 +16,12 @@
 
 namespace mtdb::internal {
 
-struct FacesReport {
-  bool down = false;      // all faces look down: the mesh is to be turned over
-  double steepest = 0;    // the largest slope, height by distance
-  bool rounding = false;  // a face that looked up does so no more on the grid
-};
-// Looks at each face of the mesh on the grid, which has linear positions of at most 25 bits. All
-// must look up, or all down; kBadInput names the first place where one does not. Where the grid
-// alone is to blame, there is no error, but report.rounding.
-Result<FacesReport> LookAtFaces(const InputSpool& input, const Grid& grid, const SpoolSpace* space,
-                                size_t memory_bytes);
-// The error of report.rounding.
-Status FoldedByGrid(const Grid& grid);
+// Makes all faces of the input look up, on survey->grid, which has linear positions of at most 25
+// bits, or on a finer one where the options leave the choice and that grid folds the mesh. All must
+// look up, or all down: kBadInput names the first place where one does not. Returns the largest
+// slope, height by distance.
+Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* space,
+                               size_t memory_bytes, InputSpool* input, MeshSurvey* survey);
 
 // The error of an edge with more than two faces.
 Status OverlappingFaces(uint64_t edges);
@@ -80,5 +76,10 @@ class BorderSweep {
   std::priority_queue<Edge, std::vector<Edge>, Later> events_;
   Active active_;  // from below to above
 };
+
+// Whether a mesh whose faces look up has no more than one height at each place; kBadInput names one
+// that has two. `memory_bytes`: of a BorderSweep.
+Status CheckHeights(const InputSpool& input, const Grid& grid, const JoinOptions& join,
+                    uint64_t memory_bytes);
 
 }  // namespace mtdb::internal

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "builder/internal/height_field.h"
+#include "builder/mesh_survey.h"
 #include "tests/builder/fixture.h"
 
 namespace mtdb::testing {
@@ -174,6 +175,11 @@ std::string Refusal(const TriangleMesh& mesh, BuildOptions options = HeightField
   const TempStore store;
   const Result<ObjectRecord> record = BuildInto(store.database(), "x", mesh, options);
   REQUIRE(!record.ok());
+  // A survey says the same before anything is built.
+  const Result<MeshSurvey> survey =
+      SurveyMesh([&](MeshSink& sink) { return SendMesh(mesh, sink); }, options);
+  REQUIRE(!survey.ok());
+  CHECK(survey.status().message() == record.status().message());
   return record.status().message();
 }
 
@@ -182,6 +188,8 @@ TEST_CASE("a mesh that is no height field is refused with a place") {
   TriangleMesh upside_down = field;
   for (TriangleVertices& t : upside_down.triangles) std::swap(t[1], t[2]);
   const BuiltObject turned = Build(upside_down, HeightField());
+  CHECK(
+      SurveyMesh([&](MeshSink& sink) { return SendMesh(upside_down, sink); }, HeightField()).ok());
   CHECK(Triangles(Extract(*turned.surface, {})) ==
         Triangles(Extract(*Build(field, HeightField()).surface, {})));
 

@@ -393,6 +393,11 @@ class TerrainWalk {
     if (maybe()) how.push_back(maybe() ? "--colour=none" : "--colour=height");
     if (maybe()) how.emplace_back("--hillshade");
     if (maybe()) how.emplace_back("--wireframe");
+    if (maybe()) {
+      const auto image = MakeImage(places.front(), static_cast<uint64_t>(step_.Int("seed", 1)) + 6);
+      if (!image) return;
+      how.push_back("--drape=" + image->file);
+    }
     std::string first;
     for (const std::string& place : places) {
       Arguments arguments{"render", place, File("picture.png")};
@@ -409,29 +414,44 @@ class TerrainWalk {
     }
   }
 
-  // An image lies where its world file says, at every vertex.
-  void CheckDrape(const std::string& place, double error) {
-    std::mt19937_64 random(static_cast<uint64_t>(step_.Int("seed", 1)) + 11);
-    const std::string image = File("image.png");
-    const Ran ran = world_.Mtdb({"render", place, image, "--size=64x48"});
-    if (!ran.ok()) return world_.ErrorFault("terrain: picture is refused", ran.err);
+  // Makes an image with a place: x = a * column + b * row + c, y = d * column + e * row + f.
+  struct PlacedPicture {
+    std::string file;
+    double a = 0, b = 0, c = 0, d = 0, e = 0, f = 0;
+  };
+  std::optional<PlacedPicture> MakeImage(const std::string& place, uint64_t seed) {
+    std::mt19937_64 random(seed);
+    PlacedPicture p;
+    p.file = File("image.png");
+    const Ran ran = world_.Mtdb({"render", place, p.file, "--size=64x48"});
+    if (!ran.ok()) {
+      world_.ErrorFault("terrain: picture is refused", ran.err);
+      return std::nullopt;
+    }
     const Raster& all = terrain_.raster;
-    // Of a pixel: x = a * column + b * row + c, y = d * column + e * row + f.
     const double wide = all.columns * all.cell * (0.5 + Uniform(random)),
                  high = (all.rows + 1) * all.cell * (0.5 + Uniform(random));
     const double turned = random() % 2 == 0 ? 0 : 0.3 * Uniform(random);
-    const double a = wide / 64, e = -high / 48, b = turned * a, d = -turned * e / 2;
-    const double c = all.x0, f = all.y0;
+    p.a = wide / 64, p.e = -high / 48, p.b = turned * p.a, p.d = -turned * p.e / 2;
+    p.c = all.x0, p.f = all.y0;
     std::string world;
-    for (const double n : {a, d, b, e, c, f}) world += NumberText(n) + "\n";
+    for (const double n : {p.a, p.d, p.b, p.e, p.c, p.f}) world += NumberText(n) + "\n";
     WriteText(File("image.pgw"), world);
+    return p;
+  }
+
+  // An image lies where its world file says, at every vertex.
+  void CheckDrape(const std::string& place, double error) {
+    const auto image = MakeImage(place, static_cast<uint64_t>(step_.Int("seed", 1)) + 11);
+    if (!image) return;
+    const auto [file, a, b, c, d, e, f] = *image;
     const std::string out = File("draped.glb");
     if (!Asked("extract --drape",
-               WithError({"extract", place, out, "--json", "--drape", image}, error))) {
+               WithError({"extract", place, out, "--json", "--drape", file}, error))) {
       return;
     }
     const DrapedGlb glb(ReadText(out));
-    if (glb.image != ReadText(image)) world_.Fault("terrain: another image is draped", out);
+    if (glb.image != ReadText(file)) world_.Fault("terrain: another image is draped", out);
     for (size_t v = 0; v < glb.vertices.size(); ++v) {
       const auto& [p, texture] = glb.vertices[v];
       const double x = p.x - c, y = p.y - f, area = a * e - b * d;

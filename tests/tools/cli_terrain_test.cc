@@ -241,6 +241,9 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
   const Outcome folded = Run({"ingest", folder.File("s.ply"), store, "--terrain"});
   CHECK(folded.exit_code != 0);
   CHECK_THAT(folded.err, Catch::Contains("s.ply: is no height field") && Catch::Contains("near"));
+  const Outcome dry = Run({"ingest", folder.File("s.ply"), store, "--terrain", "--dry-run"});
+  CHECK(dry.exit_code == 1);
+  CHECK(dry.err.substr(dry.err.find("s.ply")) == folded.err.substr(folded.err.find("s.ply")));
   CHECK_THAT(
       Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--force"}).err,
       Catch::Contains("--lossless"));

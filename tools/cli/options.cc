@@ -213,6 +213,11 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
           "an attribute, whatever its name")
       ->type_name("WHAT")
       ->group(group);
+  verb->add_option("--drape", a->drape,
+                   "with this image over it, where it lies: a PNG or JPEG with a world file beside "
+                   "it, a GeoTIFF")
+      ->type_name("FILE")
+      ->group(group);
   AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
             "the values of the first and the last colour (default: those that there are)")
       ->group(group);

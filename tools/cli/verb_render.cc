@@ -5,6 +5,7 @@
 
 #include "query/heights.h"
 #include "query/surface.h"
+#include "tools/cli/drape.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/render/render.h"
@@ -44,18 +45,45 @@ void Stretch(Vec3d scale, TriangleMesh* mesh) {
   for (Vec3d& p : mesh->positions) p = Scaled(p, scale);
 }
 
-// Terrains without a colouring of their own are drawn as maps: tints, a light from the north-west,
-// and without a view or a camera from above.
+// Terrains without a colouring of their own are drawn as maps: tints or an image, a light from the
+// north-west, and without a view or a camera from above.
 void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
                RenderOptions* options) {
   if (IsTerrain(record) && options->colour_by == ColourBy::kVertexColours) {
-    options->colour_by = ColourBy::kHeight;
+    options->colour_by = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
     options->hillshade = true;
   }
   if (options->colour_by != ColourBy::kHeight) return;
   options->height_scale = arguments.exaggerate;
   if (record.raster) options->height_units = record.raster->height_units;
   if (!options->range) options->range = {record.bounds.min.z, record.bounds.max.z};
+}
+
+// The image in the picture's coordinates.
+Status ReadImage(const QueryArguments& arguments, const ObjectRecord& record,
+                 RenderOptions* options) {
+  if (arguments.drape.empty()) return Status::Ok();
+  if (options->colour_by >= ColourBy::kNormal && options->colour_by != ColourBy::kHeight) {
+    return InvalidArgument(
+        "--drape: does not go with --colour error, normal or an attribute, whose colours stand for "
+        "values");
+  }
+  MTDB_ASSIGN_OR_RETURN(MeshTexture texture, ReadDrape(arguments.drape, record));
+  const Vec3d scale = PictureScale(record, arguments);
+  for (const size_t i : {0, 3}) {
+    texture.place[i + 1] /= scale.x;
+    texture.place[i + 2] /= scale.y;
+  }
+  options->drape = std::move(texture);
+  return Status::Ok();
+}
+
+// An error of the image's file names it.
+Status NameImage(const QueryArguments& arguments, Status status) {
+  const bool of_image =
+      status.code() == StatusCode::kBadInput || status.code() == StatusCode::kUnsupported;
+  if (!of_image || arguments.drape.empty()) return status;
+  return Status(status.code(), arguments.drape + ": " + status.message());
 }
 
 Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
@@ -85,7 +113,10 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   TriangleMeshSink sink(&mesh);
   MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
   Stretch(scale, &mesh);
-  options->up = arguments.query.up ? PointOf(*arguments.query.up) : EstimateUp(mesh);
+  const bool heights = IsTerrain(surface.record());
+  options->up = arguments.query.up ? PointOf(*arguments.query.up)
+                : heights          ? Vec3d{0, 0, 1}
+                                   : EstimateUp(mesh);
   const bool map = options->hillshade && arguments.view == "auto";
   options->view_direction =
       ViewDirection(map ? "top" : arguments.view, options->up, mesh.positions);
@@ -112,7 +143,8 @@ std::string ColourText(const RenderOptions& options, const std::array<double, 2>
   return line;
 }
 
-Json PictureJson(const RenderOptions& options, const RenderImage& image) {
+Json PictureJson(const QueryArguments& arguments, const RenderOptions& options,
+                 const RenderImage& image) {
   const Vec3d up = options.camera ? options.camera->axes().up : options.up;
   const Vec3d direction = options.camera ? options.camera->axes().forward : options.view_direction;
   return {
@@ -120,6 +152,7 @@ Json PictureJson(const RenderOptions& options, const RenderImage& image) {
       {"height_px", image.height},
       {"direction", PointJson(direction)},
       {"up", PointJson(up)},
+      {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
       {"colour_range", image.range ? Json::array({(*image.range)[0], (*image.range)[1]}) : Json()}};
 }
 
@@ -143,6 +176,7 @@ Status RenderVerb(const QueryArguments& arguments) {
   if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
     return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
   }
+  MTDB_RETURN_IF_ERROR(ReadImage(arguments, surface->record(), &options));
   DrawAsMap(arguments, surface->record(), &options);
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
@@ -161,13 +195,13 @@ Status RenderVerb(const QueryArguments& arguments) {
     options.reference = &reference;
   }
   RenderImage image;
-  MTDB_RETURN_IF_ERROR(RenderMesh(mesh, options, &image));
+  MTDB_RETURN_IF_ERROR(NameImage(arguments, RenderMesh(mesh, options, &image)));
   MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
   QueryReport report{json, surface->record(), stats};
   report.open_seconds = open_seconds;
   report.write_seconds = SecondsSince(drawn);
   report.total_seconds = SecondsSince(begin);
-  report.picture = PictureJson(options, image);
+  report.picture = PictureJson(arguments, options, image);
   if (image.range) report.remarks = ColourText(options, *image.range, reference_stats);
   PrintQueryReport(arguments, report);
   return Status::Ok();

@@ -102,7 +102,7 @@ struct QueryArguments {
   // Extract: of a raster that a terrain becomes.
   std::optional<std::array<double, 2>> spacing;
   std::optional<std::array<double, 4>> window;
-  std::string drape;  // extract: an image; empty: none
+  std::string drape;  // extract, render: an image; empty: none
 };
 // With an output that is a raster's.
 Status ExtractRaster(const QueryArguments& arguments);

@@ -10,8 +10,10 @@
 #include <system_error>
 #include <thread>
 
+#include "store/base/out_of_memory.h"
 #include "tools/generate/noise.h"
 #include "tools/render/internal/colours.h"
+#include "tools/render/internal/draped_image.h"
 #include "tools/render/internal/lettering.h"
 #include "tools/render/internal/scene.h"
 #include "tools/render/view.h"
@@ -151,10 +153,12 @@ struct Sample {
 
 class Painter {
  public:
-  Painter(const Scene& scene, const Colours& colours, const View& view,
+  // `drape` may be null.
+  Painter(const Scene& scene, const Colours& colours, const DrapedImage* drape, const View& view,
           const RenderOptions& options)
       : scene_(scene),
         colours_(colours),
+        drape_(drape),
         view_(view),
         options_(options),
         subpixels_(options.draft ? 1 : kSubpixels) {
@@ -247,6 +251,7 @@ class Painter {
       return {true, PlainColour(*hit, at, shown_normal, value) * light};
     }
     Vec3f albedo = colours_.Albedo(*hit);
+    if (drape_ != nullptr) albedo = Draped(albedo, at, hit->distance);
     if (back) albedo = Scaled(albedo, {0.55f, 0.72f, 1.0f});
     albedo = albedo * (1 - ink);
     if (options_.draft) {
@@ -259,6 +264,13 @@ class Painter {
     }
     return {true,
             ToneMap(Scaled(albedo, Light(lifted, normal, face, direction, sample, pixel_seed)))};
+  }
+
+  Vec3f Draped(Vec3f albedo, Vec3f at, float distance) const {
+    const SceneFrame& frame = scene_.frame();
+    const double sample = double{view_.pixel} * distance / subpixels_;
+    return drape_->Over(albedo, at.x / frame.scale + frame.centre.x,
+                        at.y / frame.scale + frame.centre.y, sample / frame.scale);
   }
 
   Vec3f PlainColour(const Hit& hit, Vec3f at, Vec3f normal, const float* value) const {
@@ -397,6 +409,7 @@ class Painter {
 
   const Scene& scene_;
   const Colours& colours_;
+  const DrapedImage* const drape_;
   const View& view_;
   const RenderOptions& options_;
   const int subpixels_;
@@ -428,9 +441,9 @@ Legend LegendOf(const RenderOptions& options, std::array<double, 2> range) {
   return legend;
 }
 
-void Paint(const Scene& scene, Colours& colours, const View& view, const RenderOptions& options,
-           RenderImage* image) {
-  const Painter painter(scene, colours, view, options);
+void Paint(const Scene& scene, Colours& colours, const DrapedImage* drape, const View& view,
+           const RenderOptions& options, RenderImage* image) {
+  const Painter painter(scene, colours, drape, view, options);
   const auto width = static_cast<size_t>(options.width);
   const size_t pixels = width * static_cast<size_t>(options.height);
   image->width = options.width;
@@ -485,7 +498,14 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
   Colours colours(scene);
   MTDB_RETURN_IF_ERROR(colours.Load(mesh, options));
   MTDB_ASSIGN_OR_RETURN(const View view, PlaceView(scene, options));
-  Paint(scene, colours, view, options, image);
+  DrapedImage drape;
+  if (options.drape) {
+    if (colours.plain()) {
+      return InvalidArgument("an image cannot be draped where colours stand for values");
+    }
+    MTDB_RETURN_IF_ERROR(CatchOutOfMemory([&] { return drape.Load(*options.drape); }));
+  }
+  Paint(scene, colours, options.drape ? &drape : nullptr, view, options, image);
   return Status::Ok();
 }
 

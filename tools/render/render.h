@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "codecs/mesh_file/draped_mesh_file.h"
 #include "query/camera.h"
 #include "store/base/geometry.h"
 #include "store/base/mesh_sink.h"
@@ -63,6 +64,10 @@ struct RenderOptions {
   double height_scale = 1;
   std::string height_units;
 
+  // An image over the mesh, seen along z, where it lies; beside it, and where the image is
+  // transparent, the colours above. Not with colours that stand for values but heights.
+  std::optional<MeshTexture> drape;
+
   std::optional<Rgb> background;  // none: a dark gradient
   bool transparent = false;       // no background: the image has alpha
 
@@ -86,7 +91,8 @@ struct RenderImage {
 // the viewer is seen. With `wireframe`, triangle edges are lines of one pixel, which fade where
 // triangles are hardly larger than that. Deterministic. Uses all cores. Memory: some 100 bytes a
 // triangle, also of the reference. Errors: kInvalidArgument (no triangles, a triangle without its
-// vertices, a bad size or view, no such attribute), kNoSpace when Embree runs out of memory.
+// vertices, a bad size or view, no such attribute), those of the draped image's file (kBadInput,
+// kUnsupported), kNoSpace when Embree runs out of memory.
 Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, RenderImage* image);
 
 // The colour of a value in pictures and legends, at `t` of the range, 0 .. 1.

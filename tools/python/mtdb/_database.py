@@ -252,7 +252,7 @@ class Object:
         terrains are drawn as maps."""
         style = {key: asked.pop(key) for key in _STYLES if key in asked}
         if "raster" in self.info and "colour" not in style:
-            style = {"hillshade": True, "colour": "height", **style}
+            style = {"hillshade": True, "colour": "height", "up": (0, 0, 1), **style}
         camera = asked.get("camera")
         if camera is not None:
             asked["camera"] = {**camera, "viewport": list(size)}
