@@ -74,6 +74,7 @@ const std::map<std::string, std::set<std::string>> kLibraryUsers{
     {"zdict", {"codecs/cluster/", "tests/", "bench/"}},
     {"embree", {"tools/render/", "tests/", "bench/"}},
     {"png", {"tools/render/", "tests/"}},
+    {"jpeglib", {"tools/render/", "tests/"}},
     {"CLI/", {"tools/cli/", "bench/"}},
     {"nlohmann/",
      {"tools/client/json.h", "codecs/mesh_file/internal/gltf_document.h", "tests/", "bench/"}},

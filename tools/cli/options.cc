@@ -191,20 +191,10 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
   });
 }
 
-void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
-  const char* group = "The picture";
-  AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
-      ->default_str("1200x900")
-      ->group(group);
-  verb->add_option("--view", a->view,
-                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
-                   "auto, which shows the broader side from above, and a terrain as a map; --up "
-                   "says what is up "
-                   "(default: found from the shape)")
-      ->type_name("SIDE")
-      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
-      ->default_str("auto")
-      ->group(group);
+namespace {
+
+// What its colours mean.
+void AddColourOptions(CLI::App* verb, const char* group, QueryArguments* a) {
   verb->add_option_function<std::string>(
           "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
           "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
@@ -221,6 +211,25 @@ void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
   AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
             "the values of the first and the last colour (default: those that there are)")
       ->group(group);
+}
+
+}  // namespace
+
+void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
+  const char* group = "The picture";
+  AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
+      ->default_str("1200x900")
+      ->group(group);
+  verb->add_option("--view", a->view,
+                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
+                   "auto, which shows the broader side from above, and a terrain as a map; --up "
+                   "says what is up "
+                   "(default: found from the shape)")
+      ->type_name("SIDE")
+      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
+      ->default_str("auto")
+      ->group(group);
+  AddColourOptions(verb, group, a);
   verb->add_option_function<std::string>(
           "--background",
           [a](const std::string& text) {
