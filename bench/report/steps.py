@@ -33,7 +33,8 @@ FULL = {
     "quality": 200000, "ratios": [0.3, 0.1, 0.03, 0.01, 0.003], "samples": 200000,
     "codec": [1000000, 2000000], "terrain": [1000000], "session": 400000, "frames": 60,
     "picture": 60000, "min_time": 0.5, "build": [100000, 1000000], "boxes": 100,
-    "normal_bits": [0, 8, 10, 12], "python_rounds": 200, "raster": 241, "flight": 300000,
+    "normal_bits": [0, 8, 10, 12], "python_rounds": 200, "raster": 241,
+    "whole_rasters": True, "flight": 300000,
     "scans": SHARED_MESHES + PACKAGED_MESHES,
 }
 QUICK = {
@@ -41,7 +42,7 @@ QUICK = {
     "quality": 20000, "ratios": [0.1, 0.01], "samples": 10000,
     "codec": [50000], "terrain": [50000], "session": 50000, "frames": 10,
     "picture": 60000, "min_time": 0.01, "build": [100000], "boxes": 10, "normal_bits": [0, 10],
-    "python_rounds": 20, "raster": 101, "flight": 20000,
+    "python_rounds": 20, "raster": 101, "whole_rasters": False, "flight": 20000,
     "scans": ["laurana_colours_normals.ply", "bunny00.off"],
 }
 LARGE = {"triangles": 100000000, "small": 2000000, "memory": "1G", "cache_mb": 256, "boxes": 100}
@@ -317,13 +318,25 @@ def remote(runner, data):
 
 
 def terrain(runner, data):
-    return runner.rows("terrain_bench", "--frames", data.sizes["frames"])
+    """The generated terrain, and as many samples of the mountain of then."""
+    frames = ["--frames", data.sizes["frames"]]
+    rows = runner.rows("terrain_bench", *frames)
+    helens = SHARED / "SainteHelens.dem"
+    if helens.exists():
+        rows += [{"raster": helens.name, **row}
+                 for row in runner.rows("terrain_bench", "--raster", helens, *frames)]
+    return rows
+
+
+def raster_side(path):
+    """Samples along a side of a tile of SRTM."""
+    return math.isqrt(path.stat().st_size // 2)
 
 
 def raster_heights(path, columns, rows):
     """The north-western samples of a tile of SRTM, row by row."""
     content = path.read_bytes()
-    side = math.isqrt(len(content) // 2)
+    side = raster_side(path)
     heights = struct.unpack(f">{side * rows}h", content[:2 * side * rows])
     return [heights[side * row:side * row + columns] for row in range(rows)]
 
@@ -382,14 +395,16 @@ def packed_sizes(runner, path, rows):
 def raster(runner, data):
     """Rasters of heights as terrains: real ones where they are here, and a generated one."""
     side = data.sizes["raster"]
-    rasters = [("generated", generated_heights(side))]
-    for name in ("N37W120.hgt", "N38W120.hgt"):
-        if (SHARED / name).exists():
-            rasters.append((name, raster_heights(SHARED / name, side, side)))
+    tiles = [SHARED / name for name in ("N37W120.hgt", "N38W120.hgt") if (SHARED / name).exists()]
+    rasters = [("generated", generated_heights(side), RASTER_ERRORS)]
+    rasters += [(tile.name, raster_heights(tile, side, side), RASTER_ERRORS) for tile in tiles]
+    if data.sizes["whole_rasters"]:
+        rasters += [(tile.stem + " whole", raster_heights(tile, raster_side(tile),
+                                                          raster_side(tile)), []) for tile in tiles]
     result = []
-    for name, rows in rasters:
-        path = write_raster(data.folder / (name.split(".")[0] + ".asc"), rows)
-        errors = [part for error in RASTER_ERRORS for part in ("--error", error)]
+    for name, rows, asked in rasters:
+        path = write_raster(data.folder / (name.split(".")[0].replace(" ", "_") + ".asc"), rows)
+        errors = [part for error in asked for part in ("--error", error)]
         for row in runner.rows("raster_bench", path, *errors):
             packed = {"packed": packed_sizes(runner, path, rows)} if row["what"] == "build" else {}
             result.append({"raster": name, **row, **packed})

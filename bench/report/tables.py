@@ -457,21 +457,21 @@ def experiments(raw):
     lines.append(["bunny, a box that moves", whole(p["bunny_triangles"]), whole(p["bunny_inside"]),
                   p["bunny_ms"], whole(sweep["cut_triangles"]), whole(sweep["inside"]),
                   sig(sweep["scratch_ms"]), sig(sweep["update_ms"])])
-    row = raw.row("terrain")
-    lines.append([f"terrain of {whole(row['object_triangles'])} triangles, a wedge",
-                  whole(p["terrain_triangles"]), whole(p["terrain_inside"]), p["terrain_ms"],
-                  whole(row["triangles"]), whole(row["inside"]), sig(row["select_ms"]),
-                  sig(row["update_ms"])])
+    for row in raw.rows("terrain"):
+        name = row.get("raster", "terrain") + f", {whole(row['object_triangles'])} triangles"
+        lines.append([f"{name}, a wedge", whole(p["terrain_triangles"]),
+                      whole(p["terrain_inside"]), p["terrain_ms"], whole(row["triangles"]),
+                      whole(row["inside"]), sig(row["select_ms"]), sig(row["update_ms"])])
     return table(["", f"{p['year']}: triangles", "inside", "ms", "mtdb: triangles", "inside",
                   "from scratch, ms", "by update, ms"], lines)
 
 
 @figure
 def terrain_set_up(raw):
-    row = raw.row("terrain")
-    return (f"{whole(row['object_triangles'])} triangles; the wedge is "
-            f"{row['wedge_degrees']:.0f} degrees wide, the threshold grows by {row['slope']:.2g} "
-            f"per unit of distance")
+    return "; ".join(
+        f"{row.get('raster', 'terrain')}: {whole(row['object_triangles'])} triangles, a wedge of "
+        f"{row['wedge_degrees']:.0f} degrees, {row['slope']:.2g} of error per unit of distance"
+        for row in raw.rows("terrain"))
 
 
 @figure
@@ -501,6 +501,19 @@ def raster_cuts(raw):
                       whole(row["meshoptimizer"]), sig(row["triangles"] / row["meshoptimizer"])])
     return table(["", "error", "measured", "measured / asked", "triangles", "greedy insertion",
                   "mtdb / it", "meshopt_simplify", "mtdb / it"], lines)
+
+
+@figure
+def raster_wire(raw):
+    lines = []
+    for row in raw.rows("raster", what="wire"):
+        vertices = row["vertices"]
+        lines.append([row["raster"], whole(vertices), row["triangles_by"], whole(row["steps"]),
+                      sig(row["bits_per_vertex"]),
+                      *(sig(1e6 * row[f"{end}_seconds"] / vertices)
+                        for end in ("update", "encode", "decode"))])
+    return table(["", "vertices sent", "triangles", "updates", "bits a vertex", "update, us",
+                  "encode, us", "decode, us"], lines)
 
 
 @figure
