@@ -80,7 +80,7 @@ struct BuildOptions {
   // process.
   std::string tmp_directory = ".";
   // The file to which the build writes the results of finished tiles, so that it can go on after an
-  // interruption; empty: none. It takes some 60 bytes a triangle. The build removes it when the
+  // interruption; empty: none. It takes some 15 bytes a triangle. The build removes it when the
   // object is published, and when it fails because of its input or options. A build that is killed
   // in between leaves it: see RemoveFinishedJournal(). After a power failure it lacks at most the
   // last 64 MiB of results.

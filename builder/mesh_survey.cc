@@ -41,14 +41,14 @@ Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& optio
   MemoryPlan plan;
   MTDB_ASSIGN_OR_RETURN(MeshSurvey survey, ReadMesh(produce, options, &input, &plan));
   MTDB_RETURN_IF_ERROR(ChooseGrid(input, options, &space, plan.spool_bytes / 2, &survey));
+  if (input.vertices() * sizeof(uint32_t) <= plan.spool_bytes / 2) {
+    MTDB_ASSIGN_OR_RETURN(survey.components, CountComponents(input));
+  }
   if (options.height_field) {
     const uint64_t memory = plan.spool_bytes;
     MTDB_RETURN_IF_ERROR(MakeFacesLookUp(options, &space, memory / 2, &input, &survey).status());
     const JoinOptions join{&space, memory / 4, memory / 2, plan.threads};
     MTDB_RETURN_IF_ERROR(CheckHeights(input, survey.grid, join, memory / 4));
-  }
-  if (input.vertices() * sizeof(uint32_t) <= plan.spool_bytes / 2) {
-    MTDB_ASSIGN_OR_RETURN(survey.components, CountComponents(input));
   }
   return survey;
 }

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "builder/internal/packed_triangle.h"
+#include "builder/internal/packed_numbers.h"
 #include "builder/internal/parallel.h"
 
 namespace mtdb::internal {
@@ -20,6 +20,111 @@ constexpr uint8_t kBorder = 2;     // edge (v, a) is on the border
 constexpr uint8_t kDuplicate = 4;  // the triangle repeats an earlier one
 // Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
 constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + 1;
+
+// What is asked of the vertices of a range, in the input's order: their corners, as differences to
+// the one before. A triangle whose vertices all lie in the range is there once, for its corners.
+class Questions {
+ public:
+  Questions(const SpoolSpace* space, size_t memory_bytes) : spool_(space, memory_bytes) {}
+
+  Status Ask(const Corner& corner, bool whole) {
+    std::byte bytes[3 * kMaxVarintBytes];
+    std::byte* to =
+        PutVarint(bytes, ZigZag(int64_t{corner.vertex} - int64_t{last_}) << 1 | uint64_t{whole});
+    to = PutNear(PutNear(to, corner.a, corner.vertex), corner.b, corner.vertex);
+    last_ = corner.vertex;
+    count_ += whole ? 3 : 1;
+    return spool_.Append(bytes, static_cast<size_t>(to - bytes));
+  }
+  Status Finish() { return spool_.Finish(); }
+  uint64_t count() const { return count_; }
+
+  // All of them; gives their room back.
+  Status Take(std::vector<Corner>* corners) {
+    SpoolReader reader = SpoolReader::Consuming(&spool_);
+    uint32_t last = 0;
+    for (size_t i = 0; i < corners->size();) {
+      const std::byte* const bytes = reader.Peek(3 * kMaxVarintBytes);
+      if (bytes == nullptr) return reader.status();
+      uint64_t head = 0;
+      Corner corner{};
+      const std::byte* from = GetVarint(bytes, &head);
+      corner.vertex = last = static_cast<uint32_t>(int64_t{last} + UnZigZag(head >> 1));
+      from = GetNear(GetNear(from, &corner.a, last), &corner.b, last);
+      reader.Skip(static_cast<size_t>(from - bytes));
+      (*corners)[i++] = corner;
+      if (!(head & 1)) continue;
+      (*corners)[i++] = {corner.a, corner.b, corner.vertex};
+      (*corners)[i++] = {corner.b, corner.vertex, corner.a};
+    }
+    spool_ = Spool(nullptr, 0);
+    return Status::Ok();
+  }
+
+ private:
+  Spool spool_;
+  uint32_t last_ = 0;
+  uint64_t count_ = 0;
+};
+
+// An answer is a byte: flags, and whether the vertex is known from an answer not long ago. Else its
+// position follows, as a difference to the one that was said last, and its row.
+class AnswerPacking {
+ public:
+  explicit AnswerPacking(size_t row_bytes) : row_bytes_(row_bytes) {
+    constexpr size_t kKnownBytes = size_t{1} << 14;  // rows are many in few ranges, or few
+    while (known_ > 1 && known_ * (sizeof(Known) + row_bytes) > kKnownBytes) known_ /= 2;
+    table_.resize(known_);
+    rows_.resize(known_ * row_bytes);
+  }
+  size_t max_bytes() const { return 1 + 3 * kMaxNearBytes + row_bytes_; }
+
+  size_t Put(uint32_t vertex, Vec3i position, const std::byte* row, uint8_t flags,
+             std::byte* bytes) {
+    const size_t at = vertex & (known_ - 1);
+    const bool known = table_[at].vertex == vertex;
+    std::byte* to = bytes;
+    *to++ = static_cast<std::byte>(flags << 1 | known);
+    if (known) return 1;
+    to = PutNear(to, position, last_);
+    std::copy_n(row, row_bytes_, to);
+    Remember(at, vertex, position, row);
+    return static_cast<size_t>(to - bytes) + row_bytes_;
+  }
+  // `vertex` as it was put; of max_bytes() that may be looked at. Returns what follows. `row` is
+  // valid until the next call.
+  const std::byte* Get(uint32_t vertex, const std::byte* from, Vec3i* position,
+                       const std::byte** row, uint8_t* flags) {
+    const size_t at = vertex & (known_ - 1);
+    const auto head = static_cast<uint8_t>(*from++);
+    *flags = head >> 1;
+    if (!(head & 1)) {
+      from = GetNear(from, position, last_);
+      Remember(at, vertex, *position, from);
+      from += row_bytes_;
+    }
+    *position = table_[at].position;
+    *row = rows_.data() + at * row_bytes_;
+    return from;
+  }
+
+ private:
+  struct Known {
+    uint32_t vertex = kNone32;
+    Vec3i position;
+  };
+  void Remember(size_t at, uint32_t vertex, Vec3i position, const std::byte* row) {
+    table_[at] = {vertex, position};
+    std::copy_n(row, row_bytes_, rows_.data() + at * row_bytes_);
+    last_ = position;
+  }
+
+  size_t row_bytes_;
+  size_t known_ = 1024;
+  std::vector<Known> table_;  // by the last bits of vertices' numbers
+  Bytes rows_;
+  Vec3i last_;
+};
 
 // The link of one vertex. Reused, so that it keeps its memory.
 class Link {
@@ -138,14 +243,8 @@ class Link {
 
 class Join {
  public:
-  Join(const InputSpool& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
+  Join(InputSpool& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
       : input_(input), grid_(grid), options_(options), totals_(totals) {
-    const auto fits = [](Vec3i p) {
-      const int32_t all = p.x | p.y | p.z;
-      return all >= 0 && all >> PackedTriangle::kSmallBits == 0;
-    };
-    small_ = grid.mode == PositionMode::kGrid && fits(grid.Quantize(input.bounds().min)) &&
-             fits(grid.Quantize(input.bounds().max));
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
     const uint64_t need =
@@ -184,7 +283,6 @@ class Join {
     ParallelFor(questions_.size(), workers_, [&](unsigned worker, size_t r) {
       if (!statuses[worker].ok()) return;
       statuses[worker] = Answer(r, workers[worker]);
-      questions_[r] = Spool(options_.space, 0);
     });
     for (const Status& status : statuses) MTDB_RETURN_IF_ERROR(status);
     for (const Worker& worker : workers) {
@@ -197,6 +295,7 @@ class Join {
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
       totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
+    input_.DropVertices();
     return Collect(receive);
   }
 
@@ -220,22 +319,19 @@ class Join {
     std::vector<uint32_t> begin, places;
     std::vector<uint8_t> flags;
   };
-  // An answer: position, flags, row. Small positions (see PackedTriangle) leave room for the flags.
-  size_t answer_bytes() const { return (small_ ? 8 : sizeof(Vec3i) + 1) + input_.row_bytes(); }
-  static constexpr int kFlagShift = 60;
-
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
       std::array<uint32_t, 3> v;
       if (!reader.Get(&v)) return reader.status();
-      for (size_t c = 0; c < 3; ++c) {
-        const Corner corner{v[c], v[(c + 1) % 3], v[(c + 2) % 3]};
+      const uint32_t range = v[0] >> range_bits_;
+      const bool whole = range == v[1] >> range_bits_ && range == v[2] >> range_bits_;
+      for (size_t c = 0; c < (whole ? 1 : 3); ++c) {
         MTDB_RETURN_IF_ERROR(
-            questions_[corner.vertex >> range_bits_].Append(&corner, sizeof(corner)));
+            questions_[v[c] >> range_bits_].Ask({v[c], v[(c + 1) % 3], v[(c + 2) % 3]}, whole));
       }
     }
-    for (Spool& q : questions_) MTDB_RETURN_IF_ERROR(q.Finish());
+    for (Questions& q : questions_) MTDB_RETURN_IF_ERROR(q.Finish());
     return Status::Ok();
   }
 
@@ -284,14 +380,14 @@ class Join {
 
   // The questions' corners, and the places of each vertex's among them.
   Status LoadCorners(size_t r, uint64_t first, Worker& w) {
-    const uint64_t count = questions_[r].size() / sizeof(Corner);
+    const uint64_t count = questions_[r].count();
     if (count >= kNone32) {
       return Status(StatusCode::kBudgetExceeded,
                     "some vertices have billions of triangles; such a mesh cannot be built");
     }
     const auto n = static_cast<uint32_t>(count);
     w.corners.resize(n);
-    MTDB_RETURN_IF_ERROR(questions_[r].Read(0, w.corners.data(), n * sizeof(Corner)));
+    MTDB_RETURN_IF_ERROR(questions_[r].Take(&w.corners));
     // Counted, summed up, filled from the back.
     const size_t vertices = w.positions.size();
     w.begin.assign(vertices + 1, 0);
@@ -305,30 +401,26 @@ class Join {
 
   Status WriteAnswers(size_t r, uint64_t first, const Worker& w) {
     const size_t row = input_.row_bytes();
-    Bytes answer(answer_bytes());
+    AnswerPacking packing(row);
+    Bytes answer(packing.max_bytes());
     for (size_t i = 0; i < w.corners.size(); ++i) {
       const uint64_t v = w.corners[i].vertex - first;
-      if (small_) {
-        const uint64_t bits = PackedTriangle::PackPosition(w.positions[v]) | uint64_t{w.flags[i]}
-                                                                                 << kFlagShift;
-        std::memcpy(answer.data(), &bits, sizeof(bits));
-      } else {
-        std::memcpy(answer.data(), &w.positions[v], sizeof(Vec3i));
-        answer[sizeof(Vec3i)] = static_cast<std::byte>(w.flags[i]);
-      }
-      std::copy_n(w.rows.data() + v * row, row, answer.data() + answer.size() - row);
-      MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), answer.size()));
+      const size_t size = packing.Put(w.corners[i].vertex, w.positions[v], w.rows.data() + v * row,
+                                      w.flags[i], answer.data());
+      MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), size));
     }
     return answers_[r].Finish();
   }
 
   Status Collect(const BlockReceiver& receive) {
-    SpoolReader reader(&input_.triangle_spool());
+    SpoolReader reader = input_.TakeTriangles();
     const size_t block =
-        std::clamp<size_t>(options_.memory_bytes / 4 / answers_.size(), 4096, Spool::kBlock);
-    std::vector<SpoolReader> answers;
-    for (const Spool& a : answers_) answers.emplace_back(&a, 0, ~uint64_t{0}, block);
+        std::clamp<size_t>(options_.memory_bytes / 8 / answers_.size(), 4096, Spool::kBlock);
     const size_t row = input_.row_bytes();
+    std::vector<SpoolReader> answers;
+    for (Spool& a : answers_) answers.push_back(SpoolReader::Consuming(&a, block));
+    std::vector<AnswerPacking> packings(answers_.size(), AnswerPacking(row));
+    const size_t most = packings[0].max_bytes();
     const size_t block_size = block_triangles();
     TriangleBlock out;
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
@@ -340,24 +432,20 @@ class Join {
       }
       TileTriangle& triangle = out.triangles.emplace_back();
       triangle.vertices = vertices;
-      uint64_t all = 0;
+      uint8_t all = 0;
       for (size_t c = 0; c < 3; ++c) {
-        SpoolReader& from = answers[triangle.vertices[c] >> range_bits_];
-        const std::byte* answer = from.Next(answer_bytes());
-        if (answer == nullptr) return from.status();
-        uint64_t flags = 0;
-        if (small_) {
-          std::memcpy(&flags, answer, sizeof(flags));
-          triangle.positions[c] = PackedTriangle::UnpackPosition(flags);
-          flags >>= kFlagShift;
-        } else {
-          std::memcpy(&triangle.positions[c], answer, sizeof(Vec3i));
-          flags = static_cast<uint8_t>(answer[sizeof(Vec3i)]);
-        }
+        const size_t range = vertices[c] >> range_bits_;
+        const std::byte* const answer = answers[range].Peek(most);
+        if (answer == nullptr) return answers[range].status();
+        uint8_t flags = 0;
+        const std::byte* its_row = nullptr;
+        const std::byte* const end =
+            packings[range].Get(vertices[c], answer, &triangle.positions[c], &its_row, &flags);
+        answers[range].Skip(static_cast<size_t>(end - answer));
         all |= flags;
         triangle.fixed_corners |= static_cast<uint8_t>(((flags & kFixed) != 0) << c);
         triangle.border_edges |= static_cast<uint8_t>(((flags & kBorder) != 0) << c);
-        out.rows.insert(out.rows.end(), answer + answer_bytes() - row, answer + answer_bytes());
+        out.rows.insert(out.rows.end(), its_row, its_row + row);
       }
       if (all & kDuplicate) {
         out.triangles.pop_back();
@@ -372,21 +460,20 @@ class Join {
     return out.triangles.empty() ? Status::Ok() : receive(std::move(out));
   }
 
-  const InputSpool& input_;
+  InputSpool& input_;
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
-  bool small_ = false;            // positions fit PackedTriangle::kSmallBits
-  uint64_t range_need_ = 0;       // bytes of a range's tables, on average
-  int range_bits_ = 0;            // of the number of vertices in a range
-  unsigned workers_ = 1;          // ranges at work at a time
-  std::vector<Spool> questions_;  // per range: Corner
-  std::vector<Spool> answers_;    // per range: position, flags, row
+  uint64_t range_need_ = 0;           // bytes of a range's tables, on average
+  int range_bits_ = 0;                // of the number of vertices in a range
+  unsigned workers_ = 1;              // ranges at work at a time
+  std::vector<Questions> questions_;  // per range
+  std::vector<Spool> answers_;        // per range, by AnswerPacking
 };
 
 }  // namespace
 
-Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
+Status JoinCorners(InputSpool& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive) {
   return Join(input, grid, options, *totals).Run(receive);
 }

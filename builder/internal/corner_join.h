@@ -40,13 +40,16 @@ struct JoinOptions {
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions.
 //
+// The input's vertices and triangles are gone afterwards: their room on the disk goes back on the
+// way.
+//
 // Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
 //
 // Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
 // border_edges, fixed_corners are set. All totals but the number of kept triangles are there before
 // the first block.
 using BlockReceiver = std::function<Status(TriangleBlock)>;
-Status JoinCorners(const InputSpool& input, const Grid& grid, const JoinOptions& options,
+Status JoinCorners(InputSpool& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);
 
 }  // namespace mtdb::internal

@@ -110,7 +110,7 @@ Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* sp
   return faces.steepest;
 }
 
-Status CheckHeights(const InputSpool& input, const Grid& grid, const JoinOptions& join,
+Status CheckHeights(InputSpool& input, const Grid& grid, const JoinOptions& join,
                     uint64_t memory_bytes) {
   BorderSweep border(memory_bytes);
   JoinTotals totals;

@@ -78,8 +78,8 @@ class BorderSweep {
 };
 
 // Whether a mesh whose faces look up has no more than one height at each place; kBadInput names one
-// that has two. `memory_bytes`: of a BorderSweep.
-Status CheckHeights(const InputSpool& input, const Grid& grid, const JoinOptions& join,
+// that has two. The input is gone afterwards. `memory_bytes`: of a BorderSweep.
+Status CheckHeights(InputSpool& input, const Grid& grid, const JoinOptions& join,
                     uint64_t memory_bytes);
 
 }  // namespace mtdb::internal

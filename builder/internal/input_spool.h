@@ -56,6 +56,10 @@ class InputSpool final : public MeshSink {
   const Spool& triangle_spool() const { return triangle_spool_; }
   static constexpr size_t kTriangleBytes = 12;
 
+  // Each once, when they are not read again: their room on the disk goes back.
+  void DropVertices() { vertex_spool_ = Spool(nullptr, 0); }
+  SpoolReader TakeTriangles() { return SpoolReader::Consuming(&triangle_spool_); }
+
  private:
   Status AppendTriangle(const std::array<uint32_t, 3>& t);
   Status FindBounds();

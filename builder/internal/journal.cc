@@ -12,6 +12,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "builder/internal/squeeze.h"
 #include "store/base/hash.h"
 #include "store/files/posix_file.h"
 
@@ -22,11 +23,13 @@ namespace {
 // The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
 // note. The magic's number changes with the records, and with what the builder or the codecs make
 // of a tile.
-constexpr char kMagic[16] = "mtdb journal 05";
+constexpr char kMagic[16] = "mtdb journal 06";
 // The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
 constexpr size_t kMarkBytes = 32;
 constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;
 constexpr size_t kMaxNoteBytes = 64 << 10;
+constexpr size_t kTriangleWords = sizeof(TileTriangle) / sizeof(uint32_t);
+constexpr size_t kMostTableBytes = size_t{1} << 31;
 constexpr uint64_t kRecordHeaderBytes = 16;  // u64 length, u64 checksum
 constexpr uint64_t kSyncBytes = uint64_t{64} << 20;
 // Who only looks at a journal holds its lock for a moment.
@@ -77,10 +80,12 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   for (const UnitId child : c.encoded.children) w.PutVarint(child);
   w.PutVarint(c.encoded.payload.size());
   w.PutBytes(c.encoded.payload);
-  w.PutVarint(c.left.triangles.size());
-  w.PutBytes(std::as_bytes(std::span(c.left.triangles)));
-  w.PutVarint(c.left.rows.size());
-  w.PutBytes(c.left.rows);
+  const Bytes left = SqueezeTable(std::as_bytes(std::span(c.left.triangles)), kTriangleWords);
+  w.PutVarint(left.size());
+  w.PutBytes(left);
+  const Bytes rows = SqueezeTable(c.left.rows, 0);
+  w.PutVarint(rows.size());
+  w.PutBytes(rows);
   w.PutVarint(c.surface.size());
   w.PutBytes(c.surface);
 }
@@ -111,13 +116,14 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   }
   const ByteSpan payload = r.GetBytes(r.GetVarint());
   c.encoded.payload.assign(payload.begin(), payload.end());
-  const uint64_t triangles = r.GetVarint();
-  if (triangles > r.remaining() / sizeof(TileTriangle)) return false;
-  const ByteSpan raw = r.GetBytes(triangles * sizeof(TileTriangle));
-  c.left.triangles.resize(triangles);
-  std::memcpy(c.left.triangles.data(), raw.data(), raw.size());
-  const ByteSpan rows = r.GetBytes(r.GetVarint());
-  c.left.rows.assign(rows.begin(), rows.end());
+  const std::optional<Bytes> left =
+      UnsqueezeTable(r.GetBytes(r.GetVarint()), kTriangleWords, kMostTableBytes);
+  if (!left) return false;
+  c.left.triangles.resize(left->size() / sizeof(TileTriangle));
+  if (!left->empty()) std::memcpy(c.left.triangles.data(), left->data(), left->size());
+  std::optional<Bytes> rows = UnsqueezeTable(r.GetBytes(r.GetVarint()), 0, kMostTableBytes);
+  if (!rows) return false;
+  c.left.rows = *std::move(rows);
   const ByteSpan surface = r.GetBytes(r.GetVarint());
   c.surface.assign(surface.begin(), surface.end());
   return !r.failed() && r.remaining() == 0;

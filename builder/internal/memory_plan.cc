@@ -91,12 +91,14 @@ Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
 
 uint64_t TemporaryBytes(const BuildOptions& options, uint64_t triangles, size_t row_bytes,
                         uint64_t spool_bytes) {
-  const uint64_t record = sizeof(TileTriangle) + 8 + 3 * row_bytes;
-  const uint64_t corner = 12 + 13 + row_bytes;
-  const auto left =
-      static_cast<uint64_t>(static_cast<double>(record) * RoundLevel::MostLeft(options.reduction));
-  constexpr uint64_t kSurface = 40;  // what a triangle leaves in a SurfaceSpool
-  const uint64_t need = triangles * (3 * corner + record + left + kSurface);
+  // Of a triangle: its corners as the join answers them, in a run of the sorter, left for the next
+  // round, and in a SurfaceSpool. Neighbours that follow each other take half of it.
+  const uint64_t answers = 3 * (11 + row_bytes);
+  const uint64_t run = 30 + 3 * row_bytes;
+  const auto left = static_cast<uint64_t>(static_cast<double>(run + 10) *
+                                          RoundLevel::MostLeft(options.reduction));
+  constexpr uint64_t kSurface = 20;
+  const uint64_t need = triangles * (answers + run + left + kSurface);
   return need <= spool_bytes ? 0 : need;
 }
 

@@ -26,7 +26,7 @@ void Spool::Close() {
   if (file_ < 0) return;
   close(file_);
   file_ = -1;
-  space_->file_bytes -= written_;
+  space_->file_bytes -= written_ - dropped_;
 }
 
 Spool::Spool(Spool&& other) noexcept
@@ -36,7 +36,9 @@ Spool::Spool(Spool&& other) noexcept
       free_(std::exchange(other.free_, 0)),
       file_(std::exchange(other.file_, -1)),
       size_(other.size_),
-      written_(other.written_) {}
+      written_(other.written_),
+      dropped_(other.dropped_),
+      can_drop_(other.can_drop_) {}
 
 Spool& Spool::operator=(Spool&& other) noexcept {
   if (this != &other) {
@@ -48,6 +50,8 @@ Spool& Spool::operator=(Spool&& other) noexcept {
     file_ = std::exchange(other.file_, -1);
     size_ = other.size_;
     written_ = other.written_;
+    dropped_ = other.dropped_;
+    can_drop_ = other.can_drop_;
   }
   return *this;
 }
@@ -122,13 +126,24 @@ Status Spool::Read(uint64_t offset, void* data, size_t size) const {
   return FileError(space_->directory, "read", n < 0 ? errno : EIO);
 }
 
+void Spool::Drop(uint64_t offset) {
+  const uint64_t end = offset / kBlock * kBlock;
+  if (file_ < 0 || !can_drop_ || end <= dropped_) return;
+  can_drop_ = PunchHole(file_, dropped_, end - dropped_);
+  if (!can_drop_) return;
+  space_->file_bytes -= end - dropped_;
+  dropped_ = end;
+}
+
 bool SpoolReader::Refill(size_t size) {
   MTDB_CHECK(remaining() >= size, "a read beyond the end of a spool");
-  const size_t kept = buffer_.size() - at_;
+  const size_t kept = filled_ - at_;
+  if (consumed_ != nullptr) consumed_->Drop(next_ - kept);
   if (kept != 0) std::memmove(buffer_.data(), buffer_.data() + at_, kept);
   const auto fresh =
       static_cast<size_t>(std::min<uint64_t>(end_ - next_, std::max(block_, size) - kept));
-  buffer_.resize(kept + fresh);
+  if (buffer_.size() < kept + fresh) buffer_.resize(kept + fresh);
+  filled_ = kept + fresh;
   at_ = 0;
   status_ = spool_->Read(next_, buffer_.data() + kept, fresh);
   next_ += fresh;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "store/base/bytes.h"
+#include "store/base/check.h"
 #include "store/base/status.h"
 
 namespace mtdb::internal {
@@ -47,6 +48,9 @@ class Spool {
   uint64_t size() const { return size_; }
   // Copies [offset, offset + size) out. Any number of threads after Finish().
   Status Read(uint64_t offset, void* data, size_t size) const;
+  // What lies before `offset` is not read again: its room on the disk goes back, where the file
+  // system can do that.
+  void Drop(uint64_t offset);
 
   static constexpr size_t kChunk = size_t{1} << 18;
   static constexpr size_t kBlock = size_t{1} << 20;  // that readers take at once
@@ -67,6 +71,8 @@ class Spool {
   int file_ = -1;
   uint64_t size_ = 0;
   uint64_t written_ = 0;
+  uint64_t dropped_ = 0;  // of what was written
+  bool can_drop_ = true;
 };
 
 // Reads a finished spool from `offset` on, in blocks.
@@ -75,13 +81,33 @@ class SpoolReader {
   explicit SpoolReader(const Spool* spool, uint64_t offset = 0, uint64_t end = ~uint64_t{0},
                        size_t block = Spool::kBlock)
       : spool_(spool), next_(offset), end_(std::min(end, spool->size())), block_(block) {}
-  uint64_t remaining() const { return end_ - next_ + (buffer_.size() - at_); }
+  // One that drops what it has read.
+  static SpoolReader Consuming(Spool* spool, size_t block = Spool::kBlock) {
+    SpoolReader reader(spool, 0, ~uint64_t{0}, block);
+    reader.consumed_ = spool;
+    return reader;
+  }
+  uint64_t remaining() const { return end_ - next_ + (filled_ - at_); }
   // The next `size` bytes, valid until the next call; null when the read failed (see status()).
   const std::byte* Next(size_t size) {
-    if (buffer_.size() - at_ < size && !Refill(size)) return nullptr;
+    if (filled_ - at_ < size && !Refill(size)) return nullptr;
     const std::byte* p = buffer_.data() + at_;
     at_ += size;
     return p;
+  }
+  // For what has no size of its own: the next bytes, of which `most` may be looked at (behind the
+  // last one they mean nothing), valid until the next call; then Skip() what was taken. Null when
+  // the read failed.
+  const std::byte* Peek(size_t most) {
+    if (filled_ - at_ < most && next_ < end_ && !Refill(std::min<uint64_t>(most, remaining()))) {
+      return nullptr;
+    }
+    if (buffer_.size() < at_ + most) buffer_.resize(at_ + most);
+    return buffer_.data() + at_;
+  }
+  void Skip(size_t size) {
+    MTDB_CHECK(size <= filled_ - at_, "a record beyond the end of a spool");
+    at_ += size;
   }
   // Likewise, copied; false when the read failed.
   template <typename T>
@@ -100,7 +126,9 @@ class SpoolReader {
   uint64_t end_;
   size_t block_;
   Bytes buffer_;
+  size_t filled_ = 0;  // of the buffer
   size_t at_ = 0;
+  Spool* consumed_ = nullptr;
   Status status_;
 };
 

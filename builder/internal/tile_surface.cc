@@ -6,6 +6,8 @@
 #include <numeric>
 #include <unordered_map>
 
+#include "builder/internal/squeeze.h"
+
 namespace mtdb::internal {
 
 namespace {
@@ -99,8 +101,10 @@ class Gathering {
 Bytes EncodeTileSurface(const TileSurface& surface) {
   ByteWriter w;
   ForEachList(surface, [&](const auto& list) {
-    w.PutVarint(list.size());
-    w.PutBytes(std::as_bytes(std::span(list)));
+    const Bytes squeezed =
+        SqueezeTable(std::as_bytes(std::span(list)), sizeof(list[0]) / sizeof(uint32_t));
+    w.PutVarint(squeezed.size());
+    w.PutBytes(squeezed);
   });
   return w.Take();
 }
@@ -109,10 +113,12 @@ TileSurface DecodeTileSurface(ByteSpan bytes) {
   TileSurface surface;
   ByteReader r(bytes);
   ForEachList(surface, [&](auto& list) {
-    const uint64_t count = r.GetVarint();
-    const ByteSpan raw = r.GetBytes(count * sizeof(list[0]));
-    list.resize(raw.size() / sizeof(list[0]));
-    if (!raw.empty()) std::memcpy(list.data(), raw.data(), raw.size());
+    constexpr size_t kMost = size_t{1} << 30;
+    const std::optional<Bytes> raw =
+        UnsqueezeTable(r.GetBytes(r.GetVarint()), sizeof(list[0]) / sizeof(uint32_t), kMost);
+    if (!raw || raw->empty()) return;
+    list.resize(raw->size() / sizeof(list[0]));
+    std::memcpy(list.data(), raw->data(), raw->size());
   });
   return surface;
 }

@@ -4,15 +4,12 @@
 #include <algorithm>
 #include <cstring>
 
-#include "builder/internal/packed_triangle.h"
 #include "builder/internal/parallel.h"
 
 namespace mtdb::internal {
 
 namespace {
 
-// A record in a spool: its code, the packed triangle, the rows.
-constexpr size_t kCodeBytes = sizeof(uint64_t);
 constexpr size_t kChunkBytes = size_t{1} << 19;  // of records in memory
 constexpr size_t kLeastBlock = size_t{1} << 16;  // that is read of a run at once
 
@@ -26,6 +23,25 @@ bool VerticesBefore(const std::byte* a, const std::byte* b) {
 }
 
 }  // namespace
+
+class TriangleSorter::RunWriter {
+ public:
+  RunWriter(const Options& options, Run* run)
+      : run_(*run), packer_(options.row_bytes), bytes_(packer_.max_bytes()) {
+    run_.spool = std::make_unique<Spool>(options.space, 0);
+    run_.left = 0;
+  }
+  Status Write(const TileTriangle& triangle, const std::byte* rows, uint64_t code) {
+    ++run_.left;
+    return run_.spool->Append(bytes_.data(), packer_.Pack(triangle, rows, code, bytes_.data()));
+  }
+  Status Finish() { return run_.spool->Finish(); }
+
+ private:
+  Run& run_;
+  TrianglePacker packer_;
+  Bytes bytes_;
+};
 
 TriangleSorter::TriangleSorter(const Options& options) : options_(options) {
   run_capacity_ = std::clamp<size_t>(options.memory_bytes / (record_bytes() + sizeof(Key)), 256,
@@ -78,31 +94,20 @@ Status TriangleSorter::SpillRun() {
   runs_.resize(first + parts);
   ParallelFor(parts, options_.threads, [&](unsigned, size_t p) {
     const auto write = [&](Run& run) {
-      run.spool = std::make_unique<Spool>(options_.space, 0);
-      run.left = bounds[p + 1] - bounds[p];
+      RunWriter writer(options_, &run);
       for (size_t i = bounds[p]; i < bounds[p + 1]; ++i) {
         const std::byte* record = Record(keys_[i].index);
         TileTriangle triangle;
         std::memcpy(&triangle, record, sizeof(triangle));
-        MTDB_RETURN_IF_ERROR(
-            WriteRecord(*run.spool, triangle, record + sizeof(triangle), keys_[i].code));
+        MTDB_RETURN_IF_ERROR(writer.Write(triangle, record + sizeof(triangle), keys_[i].code));
       }
-      return run.spool->Finish();
+      return writer.Finish();
     };
     statuses[p] = write(runs_[first + p]);
   });
   for (const Status& status : statuses) MTDB_RETURN_IF_ERROR(status);
   keys_.clear();
   return MergeRuns();
-}
-
-Status TriangleSorter::WriteRecord(Spool& spool, const TileTriangle& triangle,
-                                   const std::byte* rows, uint64_t code) const {
-  std::array<std::byte, kCodeBytes + PackedTriangle::kMaxBytes> bytes;
-  std::memcpy(bytes.data(), &code, kCodeBytes);
-  const size_t size = PackedTriangle::Pack(triangle, bytes.data() + kCodeBytes);
-  MTDB_RETURN_IF_ERROR(spool.Append(bytes.data(), kCodeBytes + size));
-  return spool.Append(rows, 3 * options_.row_bytes);
 }
 
 Status TriangleSorter::MergeRuns() {
@@ -118,14 +123,13 @@ Status TriangleSorter::MergeRuns() {
     MTDB_RETURN_IF_ERROR(OpenRuns(first, kLeastBlock));
     Run merged;
     merged.level = level + 1;
-    merged.spool = std::make_unique<Spool>(options_.space, 0);
+    RunWriter writer(options_, &merged);
     while (!heap_.empty()) {
       const Run& run = runs_[heap_.front()];
-      MTDB_RETURN_IF_ERROR(WriteRecord(*merged.spool, run.triangle, run.rows, run.code));
-      ++merged.left;
+      MTDB_RETURN_IF_ERROR(writer.Write(run.triangle, run.rows.data(), run.code));
       MTDB_RETURN_IF_ERROR(Pop());
     }
-    MTDB_RETURN_IF_ERROR(merged.spool->Finish());
+    MTDB_RETURN_IF_ERROR(writer.Finish());
     runs_.resize(first);
     runs_.push_back(std::move(merged));
   }
@@ -135,7 +139,10 @@ Status TriangleSorter::OpenRuns(size_t first, size_t block_bytes) {
   const auto after = [&](uint32_t a, uint32_t b) { return Before(runs_[b], runs_[a]); };
   for (size_t r = first; r < runs_.size(); ++r) {
     Run& run = runs_[r];
-    run.reader = std::make_unique<SpoolReader>(run.spool.get(), 0, ~uint64_t{0}, block_bytes);
+    run.reader =
+        std::make_unique<SpoolReader>(SpoolReader::Consuming(run.spool.get(), block_bytes));
+    run.unpacker = std::make_unique<TriangleUnpacker>(options_.row_bytes);
+    run.rows.resize(3 * options_.row_bytes);
     MTDB_RETURN_IF_ERROR(Read(run));
     heap_.push_back(static_cast<uint32_t>(r));
   }
@@ -150,6 +157,7 @@ Status TriangleSorter::Pop() {
   if (--run.left == 0) {
     heap_.pop_back();
     run.reader.reset();
+    run.unpacker.reset();
     run.spool.reset();
     return Status::Ok();
   }
@@ -159,16 +167,10 @@ Status TriangleSorter::Pop() {
 }
 
 Status TriangleSorter::Read(Run& run) {
-  const std::byte* bytes = run.reader->Next(kCodeBytes + PackedTriangle::kFlagBytes);
+  const std::byte* bytes = run.reader->Peek(run.unpacker->max_bytes());
   if (bytes == nullptr) return run.reader->status();
-  std::memcpy(&run.code, bytes, kCodeBytes);
-  std::array<std::byte, PackedTriangle::kFlagBytes> flags;
-  std::memcpy(flags.data(), bytes + kCodeBytes, flags.size());
-  const size_t size = PackedTriangle::BytesAfter(flags.data());
-  bytes = run.reader->Next(size + 3 * options_.row_bytes);
-  if (bytes == nullptr) return run.reader->status();
-  PackedTriangle::Unpack(flags, bytes, &run.triangle);
-  run.rows = bytes + size;
+  const std::byte* end = run.unpacker->Unpack(bytes, &run.triangle, run.rows.data(), &run.code);
+  run.reader->Skip(static_cast<size_t>(end - bytes));
   return Status::Ok();
 }
 
@@ -214,7 +216,7 @@ Status TriangleSorter::Next(size_t count, TriangleBlock* block, uint64_t* code) 
     }
     const Run& run = runs_[heap_.front()];
     if (i == 0) *code = run.code;
-    append(run.triangle, run.rows);
+    append(run.triangle, run.rows.data());
     MTDB_RETURN_IF_ERROR(Pop());
   }
   return Status::Ok();

@@ -5,13 +5,15 @@
 #include <memory>
 #include <vector>
 
+#include "builder/internal/packed_triangle.h"
 #include "builder/internal/spool.h"
 #include "builder/internal/tile.h"
 
 namespace mtdb::internal {
 
 // Collects triangles with the rows of their corners, then gives them back along the curve (ties by
-// vertices), whatever the memory. Sorted runs go to spools when they do not fit.
+// vertices), whatever the memory. Sorted runs go to spools when they do not fit; they give their
+// room on the disk back as they are read.
 class TriangleSorter {
  public:
   struct Options {
@@ -44,11 +46,14 @@ class TriangleSorter {
     uint32_t level = 0;  // merges that made it
     std::unique_ptr<Spool> spool;
     std::unique_ptr<SpoolReader> reader;
+    std::unique_ptr<TriangleUnpacker> unpacker;
     TileTriangle triangle;  // the next one, with its code and rows
     uint64_t code = 0;
-    const std::byte* rows = nullptr;
+    Bytes rows;
     uint64_t left = 0;  // with the next one
   };
+  // A run that is being written.
+  class RunWriter;
   size_t record_bytes() const { return sizeof(TileTriangle) + 3 * options_.row_bytes; }
   std::byte* Record(uint32_t i) const {
     return chunks_[i / chunk_records_].get() + (i % chunk_records_) * record_bytes();
@@ -63,8 +68,6 @@ class TriangleSorter {
   Status OpenRuns(size_t first, size_t block_bytes);
   // Takes the first triangle away that the heap has; no run is left when it was the last.
   Status Pop();
-  Status WriteRecord(Spool& spool, const TileTriangle& triangle, const std::byte* rows,
-                     uint64_t code) const;
   // Reads the run's next triangle.
   Status Read(Run& run);
   bool Before(const Run& a, const Run& b) const;

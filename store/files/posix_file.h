@@ -48,6 +48,17 @@ inline bool WriteFully(int file, uint64_t offset, const void* data, size_t size)
   return true;
 }
 
+// Gives the room of these bytes back, which read as zeros then; false where there is no way.
+inline bool PunchHole([[maybe_unused]] int file, [[maybe_unused]] uint64_t offset,
+                      [[maybe_unused]] uint64_t size) {
+#ifdef FALLOC_FL_PUNCH_HOLE
+  return ::fallocate(file, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(offset),
+                     static_cast<off_t>(size)) == 0;
+#else
+  return false;
+#endif
+}
+
 // A file to read and write that is gone with its last descriptor, whatever becomes of the process;
 // -1: see errno. `prefix` is of the name that it has for a moment where the file system wants one.
 inline int OpenNamelessFile(const std::string& folder, const char* prefix) {

@@ -13,7 +13,7 @@ namespace {
 
 unsigned long long U(uint64_t v) { return v; }
 
-constexpr uint64_t kJournalBytes = 60;  // a triangle, see BuildOptions::journal_path
+constexpr uint64_t kJournalBytes = 15;  // a triangle, see BuildOptions::journal_path
 
 __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
   char text[400];
