@@ -35,9 +35,7 @@ bool DelaunayEncoder::IsMeshLawful() const {
 }
 
 LatticePoint DelaunayEncoder::PlaceOf(VertexIndex vertex) const {
-  if (const auto at = seen_.find(vertex); at != seen_.end()) {
-    return {at->second.x, at->second.y};
-  }
+  if (const LatticePoint* const place = seen_.Find(vertex)) return *place;
   const uint32_t slot = s_.vertices.Find(vertex);
   MTDB_CHECK(slot != kNone32, "an update names a vertex that the client does not have");
   return s_.mesh.place(slot);
@@ -47,24 +45,24 @@ void DelaunayEncoder::NoteNode(const UpdateBatch& batch, const UpdateBatch::Node
   UpdateChange change;
   SetChange(change, batch, node);
   for (const TriangleKey key : change.removed) {
-    if (created_.erase(key) == 0) gone_.insert(key);
+    if (!created_.Erase(key)) gone_.Insert(key, {});
   }
   for (size_t i = 0; i < change.created.size(); ++i) {
-    if (gone_.erase(change.created[i]) == 0) created_.emplace(change.created[i], change.corners[i]);
+    if (!gone_.Erase(change.created[i])) created_.Insert(change.created[i], change.corners[i]);
   }
   if (!batch.insert) {
-    if (coming_.erase(node.vertex) == 0) going_.insert(node.vertex);
+    if (!coming_.Erase(node.vertex)) going_.Insert(node.vertex, {});
     return;
   }
-  seen_.emplace(node.vertex, node.position);
-  if (going_.erase(node.vertex) != 0) return;
+  seen_.Insert(node.vertex, {node.position.x, node.position.y});
+  if (going_.Erase(node.vertex)) return;
   const auto row = static_cast<size_t>(&node - batch.nodes.data()) * s_.row_bytes;
   const std::span<const VertexIndex> ring = batch.ring_of(node);
-  coming_[node.vertex] = {node.vertex,
-                          node.position,
-                          batch.rows.data() + row,
-                          {ring[0], ring[ring.size() / 2]},
-                          kNone32};
+  coming_.Put(node.vertex, {node.vertex,
+                            node.position,
+                            batch.rows.data() + row,
+                            {ring[0], ring[ring.size() / 2]},
+                            kNone32});
 }
 
 bool DelaunayEncoder::Note(std::span<const UpdateBatch> batches, bool* keeps_border) {
@@ -85,38 +83,46 @@ bool DelaunayEncoder::Note(std::span<const UpdateBatch> batches, bool* keeps_bor
 
 // Edges between what is created, and between that and what stays, are locally Delaunay.
 bool DelaunayEncoder::AreCreatedLawful() const {
+  using Edge = std::array<VertexIndex, 2>;
   struct EdgeHash {
-    size_t operator()(const std::pair<VertexIndex, VertexIndex>& e) const {
-      return CornersHash{}({e.first, e.second, 0});
+    uint64_t operator()(const Edge& e) const {
+      const uint64_t h = NumberHash{}(e[0]);
+      return NumberHash{}(h ^ h >> 32 ^ e[1]);
     }
   };
-  std::unordered_map<std::pair<VertexIndex, VertexIndex>, LatticePoint, EdgeHash> apexes;
-  apexes.reserve(3 * created_.size());
-  for (const auto& [key, c] : created_) {
-    for (size_t i = 0; i < 3; ++i) {
-      apexes[{c[i], c[(i + 1) % 3]}] = PlaceOf(c[(i + 2) % 3]);
-    }
-  }
-  for (const TriangleKey key : gone_) {
+  // Of the sides that were met, what lies beyond the edge for the triangle that comes to it later.
+  FlatMap<Edge, LatticePoint, EdgeHash> apexes;
+  bool lawful = true;
+  const auto meet = [&](Edge edge, LatticePoint apex) { apexes.Insert(edge, apex); };
+  gone_.ForEach([&](TriangleKey key, Nothing) {
     const uint32_t slot = s_.triangles.Find(key);
     MTDB_CHECK(slot != kNone32, "an update names a triangle that the client does not have");
     for (const uint32_t o : s_.mesh.triangle(slot).opposite) {
-      if (o == kNone32 || gone_.contains(s_.triangles.key(o >> 2))) continue;
+      if (o == kNone32 || gone_.Has(s_.triangles.key(o >> 2))) continue;
       const auto& c = s_.mesh.triangle(o >> 2).corners;
-      apexes[{s_.vertices.key(c[o & 3]), s_.vertices.key(c[Patch::Next(o) & 3])}] =
-          s_.mesh.place(c[Patch::Next(Patch::Next(o)) & 3]);
+      meet({s_.vertices.key(c[o & 3]), s_.vertices.key(c[Patch::Next(o) & 3])},
+           s_.mesh.place(c[Patch::Next(Patch::Next(o)) & 3]));
     }
-  }
-  for (const auto& [key, c] : created_) {
+  });
+  created_.ForEach([&](TriangleKey, const Corners& c) {
+    if (!lawful) return;
     const LatticeTriangle t = {PlaceOf(c[0]), PlaceOf(c[1]), PlaceOf(c[2])};
-    if (Turn(t[0], t[1], t[2]) <= 0) return false;
-    for (size_t i = 0; i < 3; ++i) {
-      const auto beyond = apexes.find({c[(i + 1) % 3], c[i]});
-      if (beyond == apexes.end()) continue;
-      if (IsCorner(t, beyond->second) || IsInCircle(t[0], t[1], t[2], beyond->second)) return false;
+    if (Turn(t[0], t[1], t[2]) <= 0) {
+      lawful = false;
+      return;
     }
-  }
-  return true;
+    for (size_t i = 0; i < 3; ++i) {
+      const Edge across{c[(i + 1) % 3], c[i]};
+      const LatticePoint* const beyond = apexes.Find(across);
+      if (beyond == nullptr) {
+        meet({c[i], c[(i + 1) % 3]}, t[(i + 2) % 3]);
+        continue;
+      }
+      lawful &= !IsCorner(t, *beyond) && !IsInCircle(t[0], t[1], t[2], *beyond);
+      apexes.Erase(across);
+    }
+  });
+  return lawful;
 }
 
 void DelaunayEncoder::Clear() {
@@ -131,23 +137,23 @@ void DelaunayEncoder::Clear() {
 void DelaunayEncoder::Erase(uint32_t slot) {
   if (s_.mesh.triangle(slot).born >= first_born_) return;
   const TriangleKey key = s_.triangles.key(slot);
-  if (!gone_.contains(key)) keys_.emplace(CornersOf(slot), key);
+  if (!gone_.Has(key)) keys_.Insert(CornersOf(slot), key);
   s_.triangles.Erase(slot);
 }
 
 void DelaunayEncoder::Encode(ByteWriter& out) {
   first_born_ = s_.mesh.next_born();
   keys_ = {};
-  keys_.reserve(created_.size());
-  for (const auto& [key, corners] : created_) keys_.emplace(Rotated(corners), key);
+  keys_.Reserve(created_.size());
+  created_.ForEach([&](TriangleKey key, const Corners& c) { keys_.Insert(Rotated(c), key); });
   made_.clear();
   EncodeRemovals(out);
   EncodeInsertions(out);
   for (const auto& [slot, born] : made_) {
     if (s_.mesh.triangle(slot).born != born) continue;
-    const auto at = keys_.find(CornersOf(slot));
-    MTDB_CHECK(at != keys_.end(), "a cut is not the Delaunay triangulation of its vertices");
-    s_.triangles.Put(at->second, slot);
+    const TriangleKey* const key = keys_.Find(CornersOf(slot));
+    MTDB_CHECK(key != nullptr, "a cut is not the Delaunay triangulation of its vertices");
+    s_.triangles.Put(*key, slot);
   }
   keys_ = {};
   Clear();
@@ -165,7 +171,7 @@ void DelaunayEncoder::BeginSection(bool insert, size_t left, ByteWriter& out) {
 void DelaunayEncoder::EncodeRemovals(ByteWriter& out) {
   DelaunayModels& models = s_.models.delaunay;
   std::vector<uint32_t> slots;
-  for (const VertexIndex vertex : going_) slots.push_back(s_.vertices.Find(vertex));
+  going_.ForEach([&](VertexIndex vertex, Nothing) { slots.push_back(s_.vertices.Find(vertex)); });
   std::sort(slots.begin(), slots.end());
   for (size_t begin = 0; begin < slots.size(); begin += s_.section) {
     const size_t end = std::min<size_t>(begin + s_.section, slots.size());
@@ -201,9 +207,9 @@ uint32_t DelaunayEncoder::TriangleAt(LatticePoint p, uint32_t start,
                                      std::array<VertexIndex, 2> near) {
   const ReplayedMesh& mesh = s_.mesh;
   std::vector<uint32_t> queue;
-  std::unordered_set<uint32_t> seen;
+  FlatSet<uint32_t> seen;
   const auto visit = [&](uint32_t slot) {
-    if (mesh.has_triangle(slot) && seen.insert(slot).second) queue.push_back(slot);
+    if (mesh.has_triangle(slot) && seen.Insert(slot, {})) queue.push_back(slot);
   };
   if (start != kNone32) visit(start);
   for (const VertexIndex v : near) {
@@ -220,7 +226,7 @@ uint32_t DelaunayEncoder::TriangleAt(LatticePoint p, uint32_t start,
     }
     if (next == kNone32 && Holds(t, p)) return at;
     visit(at);
-    if (next != kNone32 && seen.contains(next)) break;
+    if (next != kNone32 && seen.Has(next)) break;
     at = next;
     if (at != kNone32) visit(at);
   }
@@ -246,7 +252,7 @@ void DelaunayEncoder::Put(uint32_t slot, uint32_t coming) {
 // Puts each vertex that comes into the list of its triangle.
 void DelaunayEncoder::Locate() {
   list_.clear();
-  for (const auto& [vertex, coming] : coming_) list_.push_back(coming);
+  coming_.ForEach([&](VertexIndex, const Coming& coming) { list_.push_back(coming); });
   std::sort(list_.begin(), list_.end(), [](const Coming& a, const Coming& b) {
     return std::pair(a.position.y, a.position.x) < std::pair(b.position.y, b.position.x);
   });
@@ -260,7 +266,7 @@ void DelaunayEncoder::Locate() {
 }
 
 void DelaunayEncoder::EncodeInsertions(ByteWriter& out) {
-  if (coming_.empty()) return;
+  if (coming_.size() == 0) return;
   Locate();
   EncodeNamed(out);
   sweep_.NoMoreNames();

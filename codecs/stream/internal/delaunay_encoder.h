@@ -8,13 +8,12 @@
 #include <cstdint>
 #include <functional>
 #include <span>
-#include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "codecs/coding/rans.h"
 #include "codecs/stream/internal/delaunay_coder.h"
+#include "codecs/stream/internal/flat_map.h"
 #include "codecs/stream/internal/key_table.h"
 #include "codecs/stream/mesh_update.h"
 
@@ -59,10 +58,10 @@ class DelaunayEncoder {
     uint32_t next = kNone32;            // in the same triangle
   };
   struct CornersHash {
-    size_t operator()(const Corners& c) const {
+    uint64_t operator()(const Corners& c) const {
       uint64_t h = 0;
-      for (const VertexIndex v : c) h = (h ^ v) * 0x9e3779b97f4a7c15ull;
-      return static_cast<size_t>(h ^ h >> 32);
+      for (const VertexIndex v : c) h = NumberHash{}(h ^ h >> 32 ^ v);
+      return h;
     }
   };
   static Corners Rotated(Corners c);
@@ -95,18 +94,18 @@ class DelaunayEncoder {
   std::vector<LatticePoint> spokes_;
 
   // What was noted.
-  std::unordered_map<VertexIndex, Coming> coming_;
-  std::unordered_set<VertexIndex> going_;
-  std::unordered_map<VertexIndex, Vec3i> seen_;  // vertices of all insertions
-  std::unordered_map<TriangleKey, Corners> created_;
-  std::unordered_set<TriangleKey> gone_;
+  FlatMap<VertexIndex, Coming> coming_;
+  FlatSet<VertexIndex> going_;
+  FlatMap<VertexIndex, LatticePoint> seen_;  // vertices of all insertions
+  FlatMap<TriangleKey, Corners> created_;
+  FlatSet<TriangleKey> gone_;
 
   // Of the sending at hand.
   std::vector<Coming> list_;
   std::vector<uint32_t> first_;  // per triangle slot: in list_, or kNone32
   size_t left_ = 0;
   uint64_t first_born_ = 0;
-  std::unordered_map<Corners, TriangleKey, CornersHash> keys_;
+  FlatMap<Corners, TriangleKey, CornersHash> keys_;
   std::vector<std::pair<uint32_t, uint64_t>> made_;  // slots, and when they were born
 };
 
