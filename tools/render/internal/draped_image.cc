@@ -27,8 +27,8 @@ struct Gamma {
 };
 
 const Gamma& TheGamma() {
-  static const Gamma gamma;
-  return gamma;
+  static const Gamma kGamma;
+  return kGamma;
 }
 
 // Means of two by two pixels, of their light.
