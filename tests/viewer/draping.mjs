@@ -3,7 +3,7 @@
 import {mkdirSync, readFileSync, writeFileSync} from 'node:fs';
 import {deflateSync} from 'node:zlib';
 import {kName, server, store, test} from './scene.mjs';
-import {check, close, decode, exact, file, open, run, serveFolder, until} from './testing.mjs';
+import {check, close, decode, exact, file, open, run, serveFolder, start, until} from './testing.mjs';
 
 const kHues = [[255, 0, 0], [255, 255, 0], [0, 255, 0], [0, 255, 255], [0, 0, 255], [255, 0, 255]];
 // No two cells beside each other have one colour, and no shift or turn maps the pattern to itself.
@@ -117,8 +117,8 @@ const banner = page => page.textContent('#banner');
 
 // A turned image over a part of the surface, in UTM coordinates, which single precision has in steps of half a metre.
 const turned = writeImage('turned', [0.62, -0.19, -0.23, -0.58, 500012.3, 5400051.7], 60, 48, 6);
-// Pixels of a quarter of a metre.
-const fine = writeImage('fine', [0.25, 0, 0, -0.25, 500000.125, 5400059.875], 240, 240, 1);
+// Pixels of a quarter of a metre, whose middle single precision does not have.
+const fine = writeImage('fine', [0.25, 0, 0, -0.25, 500000.255, 5400060.065], 240, 240, 1);
 const step = 0.05 / 96;
 const degrees = writeImage('degrees', [step, 0, 0, -step, -122.25 + 7.3 * step, 46.05 - 9.1 * step], 72, 80, 8);
 
@@ -374,4 +374,16 @@ test('?drape= shows an image of the web server, and says what is not there', asy
   const other = await open(`${server.url}/?drape=photo.png#o=degrees`);
   await until(async () => /There is no image “photo\.png”/.test(await banner(other)), 'mtdb serve has no images', 60);
   await close(other);
+});
+
+for (const way of ['thick', 'thin']) test(`mtdb view --drape shows the image (${way})`, async () => {
+  const own = await start('view', store, '--no-browser', '--drape', turned.files[0]);
+  const page = await open(`${own.url}&way=${way}#o=utm`);
+  await until(async () => (await shown(page)) === 'drape.png', 'the image is shown', 60);
+  await exact(page);
+  await compare(page, turned, null);
+  check(await page.evaluate(() => viewer.loading.way) === way, 'the way');
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+  await own.stop('SIGTERM');
 });
