@@ -120,7 +120,7 @@ const turned = writeImage('turned', [0.62, -0.19, -0.23, -0.58, 500012.3, 540005
 // Pixels of a quarter of a metre, whose middle single precision does not have.
 const fine = writeImage('fine', [0.25, 0, 0, -0.25, 500000.255, 5400060.065], 240, 240, 1);
 const step = 0.05 / 96;
-const degrees = writeImage('degrees', [step, 0, 0, -step, -122.25 + 7.3 * step, 46.05 - 9.1 * step], 72, 80, 8);
+export const imageOverDegrees = writeImage('degrees', [step, 0, 0, -step, -122.25 + 7.3 * step, 46.05 - 9.1 * step], 72, 80, 8);
 
 for (const way of ['thick', 'thin']) test(`an image lies where its world file says, at every level of detail (${way})`, async () => {
   const page = await open(`${server.url}/?way=${way}#o=utm`);
@@ -150,8 +150,8 @@ for (const way of ['thick', 'thin']) test(`a terrain in degrees has its image in
   await exact(page);
   await page.evaluate(() => viewer.look.restyle({back: 'same'}));
   const before = await picture(page);
-  await choose(page, degrees);
-  const found = await compare(page, degrees, before);
+  await choose(page, imageOverDegrees);
+  const found = await compare(page, imageOverDegrees, before);
   check(found.beside > 60, `only ${found.beside} places lie beside the image, or under what is transparent`);
   // With other colours beside it, flat, and with values of triangles.
   for (const colour of way === 'thick' ? ['steepness', 'cluster'] : ['permitted']) {
@@ -160,11 +160,11 @@ for (const way of ['thick', 'thin']) test(`a terrain in degrees has its image in
     await exact(page);
     if (colour === 'cluster') await until(() => page.evaluate(() => viewer.scene.objects.get('degrees').mesh.readValues() !== null), 'the clusters are there');
     const other = await picture(page);
-    await choose(page, degrees);
-    await compare(page, degrees, other);
+    await choose(page, imageOverDegrees);
+    await compare(page, imageOverDegrees, other);
   }
   await page.evaluate(() => viewer.look.restyle({wireframe: true}));
-  await compare(page, degrees, null, {spared: 0.35}); // edges are over it
+  await compare(page, imageOverDegrees, null, {spared: 0.35}); // edges are over it
   check(page.wrong.length === 0, page.wrong.join('; '));
   await close(page);
 });
@@ -174,7 +174,7 @@ test('without the image all is as before; so it is when the graphics card was re
   await exact(page);
   const before = await picture(page);
   check(await page.isHidden('#undrape'), 'there is no image to take away');
-  await choose(page, degrees);
+  await choose(page, imageOverDegrees);
   const over = await picture(page);
   check(differing(before, over) > 50000, `${differing(before, over)} pixels show the image`);
   await page.evaluate(async () => {
@@ -209,7 +209,7 @@ test('an image that cannot be shown is refused in a sentence, and the one that w
     await page.evaluate(() => viewer.say(''));
   };
   const image = mine('lonely.png', readFileSync(turned.files[0]));
-  await refused([image], /“lonely\.png” has no place/, /\.pgw, \.pngw, \.wld/, /gdal_translate -of PNG -co WORLDFILE=YES in\.tif out\.png/);
+  await refused([image], /“lonely\.png” has no place/, /Choose or drop it, too; its name ends in \.pgw, \.pngw or \.wld\. Of a GeoTIFF/, /gdal_translate -of PNG -co WORLDFILE=YES in\.tif out\.png/);
   await refused([mine('photo.tif', 'II*')], /“photo\.tif”: browsers do not show TIFF/, /gdal_translate/);
   await refused([image, turned.files[0]], /There are 2 images/);
   await refused([mine('notes.txt', 'notes')], /“notes\.txt” is no image/);
@@ -247,7 +247,7 @@ test('an image is dropped, its world file may come after it, and JPEG and WebP a
   }, files);
   const base64 = path => readFileSync(path).toString('base64');
   await drop([['dropped.png', 'image/png', base64(turned.files[0])]]);
-  await until(async () => /choose or drop it, too/.test(await banner(page)), 'the world file is asked for', 60);
+  await until(async () => /Choose or drop it, too/.test(await banner(page)), 'the world file is asked for', 60);
   await drop([['dropped.PGW', '', base64(turned.files[1])]]);
   await until(async () => (await shown(page)) === 'dropped.png', 'the image is shown', 60);
   await compare(page, turned, before);
@@ -335,7 +335,7 @@ test('?drape= shows an image of the web server, and says what is not there', asy
   run('view', '--write-page', www);
   run('pack', store, `${www}/scan.mtdbp`, '--name', 'utm', '--name', 'degrees', '--name', kName);
   mkdirSync(`${www}/photos`);
-  const image = writeImage('a photo', degrees.numbers, degrees.columns, degrees.rows, degrees.cell, `${www}/photos`);
+  const image = writeImage('a photo', imageOverDegrees.numbers, imageOverDegrees.columns, imageOverDegrees.rows, imageOverDegrees.cell, `${www}/photos`);
   writeFileSync(`${www}/photos/alone.png`, readFileSync(image.files[0]));
   writeFileSync(`${www}/photos/odd.png`, readFileSync(image.files[0]));
   writeFileSync(`${www}/photos/odd.wld`, 'a b c');
@@ -358,7 +358,7 @@ test('?drape= shows an image of the web server, and says what is not there', asy
     return other;
   };
   await close(await said('&drape=photos/none.png', /There is no image “none\.png” on the server of this page/));
-  await close(await said('&drape=photos/alone.png', /“alone\.png” has no place.*alone\.pgw, alone\.pngw, alone\.wld.*gdal_translate/));
+  await close(await said('&drape=photos/alone.png', /“alone\.png” has no place.*as alone\.pgw, alone\.pngw or alone\.wld.*gdal_translate/));
   await close(await said('&drape=photos/odd.png', /“odd\.wld”: number 1 is “a”/));
   await close(await said('&drape=https://elsewhere.example/photo.png', /files of its own server only/));
   await close(await said('&drape=viewer.css', /viewer\.css/));

@@ -11,6 +11,8 @@ const kMost = 8192, kMostOnPhones = 4096; // columns and rows of a texture: 340 
 const sizeOf = (columns: number, rows: number) => `${whole(columns)} × ${whole(rows)}`;
 const namesOf = (infos: {object: string}[]) => infos.map(info => `“${info.object}”`).join(', ');
 
+const isSmaller = ({bitmap, columns, rows}: PlacedImage) => bitmap.width < columns || bitmap.height < rows;
+
 export class Draping {
   image: PlacedImage | null = null;
   private texture: three.Texture | null = null;
@@ -58,7 +60,7 @@ export class Draping {
       const image = await from();
       const why = number === this.given ? use(image) : '';
       if (this.image !== image) image.bitmap.close();
-      if (why || this.image !== image || image.bitmap.width === image.columns) return why;
+      if (why || this.image !== image || !isSmaller(image)) return why;
       return `“${image.name}” is shown with ${sizeOf(image.bitmap.width, image.bitmap.height)} of its ${sizeOf(image.columns, image.rows)} pixels; a page shows at most ${whole(this.reader.most)} each way.`;
     } catch (error) {
       return number === this.given ? (error as Error).message : '';
@@ -98,9 +100,10 @@ export class Draping {
     if (image) (byId('section-image') as HTMLDetailsElement).open = true;
   }
 
-  private sentenceFor({name, columns, rows, bitmap, place}: PlacedImage) {
+  private sentenceFor(image: PlacedImage) {
+    const {name, columns, rows, bitmap, place} = image;
     const infos = this.viewer.shownInfos(), over = infos.filter(info => liesOver(place, info));
-    const smaller = bitmap.width < columns ? `, shown with ${sizeOf(bitmap.width, bitmap.height)}` : '';
+    const smaller = isSmaller(image) ? `, shown with ${sizeOf(bitmap.width, bitmap.height)}` : '';
     const where = over.length === infos.length ? '' : over.length > 0 ? ` It lies over ${namesOf(over)}.` : ' It lies elsewhere than what is shown now.';
     return `“${name}”, ${sizeOf(columns, rows)} pixels${smaller}.${where}`;
   }

@@ -28,14 +28,15 @@ const kLeastPart = 1e-6; // of the object, each way
 const refuse = (sentence: string): never => {
   throw new Error(sentence);
 };
+const oneOf = (names: string[]) => names.join(', ').replace(/, ([^,]*)$/, ' or $1');
 const stem = (name: string) => name.replace(/\.[^.]*$/, '').toLowerCase();
 const isTiff = (name: string, type: string) => /\.tiff?$/i.test(name) || type === 'image/tiff';
 
 function refuseTiff(name: string) {
   refuse(`“${name}”: browsers do not show TIFF. This makes a PNG and its world file of a GeoTIFF: ${kTranslate}`);
 }
-function refuseUnplaced(name: string, wanted: string): never {
-  return refuse(`“${name}” has no place: its world file (${wanted}) is missing. Of a GeoTIFF, this makes image and world file: ${kTranslate}`);
+function refuseUnplaced(name: string, missing: string): never {
+  return refuse(`“${name}” has no place: ${missing}. Of a GeoTIFF, this makes image and world file: ${kTranslate}`);
 }
 
 // Numbers a, d, b, e, c, f: the middle of a pixel is at x = a * column + b * row + c, y = d * column + e * row + f.
@@ -87,9 +88,10 @@ export function liesOver(place: Place, info: ObjectInfo): boolean {
   return [0, 1].every(k => least[k]! < 0.5 && most[k]! > -0.5 && low[k]! < max[k]! && high[k]! > min[k]!);
 }
 
-// Why none of these objects shows the image; empty when one does.
+// Why none of these objects shows the image; empty when one does, or there is none.
 export function whyNotOver({name, place}: PlacedImage, infos: ObjectInfo[]): string {
   const over = infos.filter(info => liesOver(place, info)), names = infos.map(info => `“${info.object}”`).join(', ');
+  if (infos.length === 0) return '';
   if (over.length === 0) {
     const text = ([least, most]: [Pair, Pair]) => ['x', 'y'].map((axis, k) => `${axis} ${Number(least[k]!.toPrecision(8))} to ${Number(most[k]!.toPrecision(8))}`).join(', ');
     return `“${name}” lies elsewhere than ${names}: it covers ${text(extentOf(cornersOf(place)))}, and what is shown ${text(extentOf(infos.flatMap(boxOf)))}. An image in another coordinate system is brought into this one by gdalwarp -t_srs.`;
@@ -152,7 +154,7 @@ export class ImageReader {
     const world = worlds.find(file => stem(file.name) === stem(image.name)) ?? (worlds.length === 1 ? worlds[0]! : null);
     if (!world) {
       this.waiting = image;
-      return refuseUnplaced(image.name, `${worldSuffixes(image.name).map(s => '.' + s).join(', ')}; choose or drop it, too`);
+      return refuseUnplaced(image.name, `its world file is missing. Choose or drop it, too; its name ends in ${oneOf(worldSuffixes(image.name).map(s => '.' + s))}`);
     }
     return this.read(image.name, image, world.name, await world.slice(0, kMostText).text());
   }
@@ -170,7 +172,7 @@ export class ImageReader {
       const world = await get(beside);
       if (world) return this.read(name, await image.blob(), nameOf(beside), (await world.text()).slice(0, kMostText));
     }
-    return refuseUnplaced(name, `one of ${tried.join(', ')} beside it`);
+    return refuseUnplaced(name, `no world file lies beside it, as ${oneOf(tried)}`);
   }
 
   private async read(name: string, image: Blob, worldName: string, world: string): Promise<PlacedImage> {
