@@ -14,6 +14,14 @@
 
 namespace mtdb::test {
 
+inline HttpAnswer AskServer(int port, const std::string& method, const std::string& target,
+                            const std::string& body = "") {
+  RawConnection connection(port);
+  if (!connection.connected()) return {};
+  connection.Send(RequestText(method, target, body));
+  return connection.ReceiveAnswer(method == "HEAD");
+}
+
 // A server of one store; stopped by the destructor.
 class ServerProcess {
  public:
@@ -65,10 +73,7 @@ class ServerProcess {
 
   HttpAnswer Ask(const std::string& method, const std::string& target,
                  const std::string& body = "") const {
-    RawConnection connection(port_);
-    if (!connection.connected()) return {};
-    connection.Send(RequestText(method, target, body));
-    return connection.ReceiveAnswer(method == "HEAD");
+    return AskServer(port_, method, target, body);
   }
   HttpAnswer Get(const std::string& target) const { return Ask("GET", target); }
 

@@ -76,7 +76,7 @@ TEST_CASE("the server shows the viewer, or says why not", "[server]") {
     return;
   }
   for (const std::string path : {"/", "/index.html", "/viewer.js", "/decoder.js", "/decoder.wasm",
-                                 "/engine.js", "/engine.wasm"}) {
+                                 "/engine.js", "/engine.wasm", "/draping.js"}) {
     INFO(path);
     const HttpAnswer file = server.Get(path);
     CHECK(file.status == 200);
@@ -126,6 +126,41 @@ TEST_CASE("view writes the page for any web server", "[server]") {
   RunFails(2, {"view", store, "--write-page", www}, {"--write-page"});
   RunFails(2, {"view", store, "--allow-source", "https://a"}, {"--write-page"});
   RunFails(1, {"view", "--write-page", store + "/www"}, {"cannot be made"});
+}
+
+TEST_CASE("view --drape serves an image and its place beside the page", "[server]") {
+  const std::string store = TheExample().store;
+  if (!HasPage(ServerProcess(store))) return;
+  const Folder folder;
+  const std::string image = folder.File("photo.png");
+  RunOk({"render", store, image, "--size", "40x20"});
+  WriteText(folder.File("photo.pgw"), "0.1 0.015625 -0.03125 -0.25 1234567.3 -2.5");
+  const std::string out = folder.File("out");
+  const pid_t process =
+      Start({"view", store, "--no-browser", "--drape", image}, out, folder.File("err"));
+  for (int i = 0; i < 4000 && !(Exists(out) && ReadText(out).ends_with('\n')); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  const std::string told = ReadText(out);
+  CHECK_THAT(told, Catch::EndsWith("/?drape=drape.png\n"));
+  const int port = std::stoi(told.substr(told.find(':', 7) + 1));
+  const HttpAnswer served = AskServer(port, "GET", "/drape.png");
+  CHECK(served.status == 200);
+  CHECK(served.header("Content-Type") == "image/png");
+  CHECK(served.header("X-Content-Type-Options") == "nosniff");
+  CHECK(served.body == ReadText(image));
+  std::istringstream world(AskServer(port, "GET", "/drape.pgw").body);
+  for (const double expected : {0.1, 0.015625, -0.03125, -0.25, 1234567.3, -2.5}) {
+    double number = 0;
+    CHECK(world >> number);
+    CHECK(number == Approx(expected).epsilon(1e-15));
+  }
+  CHECK(AskServer(port, "POST", "/drape.png").status == 405);
+  CHECK(AskServer(port, "GET", "/photo.png").status == 404);
+  ::kill(process, SIGTERM);
+  CHECK(Finish(process).exit_code == 0);
+  RunFails(1, {"view", store, "--no-browser", "--drape", folder.File("none.png")}, {"none.png"});
+  RunFails(2, {"view", "--write-page", folder.File("www"), "--drape", image}, {"--drape"});
 }
 
 TEST_CASE("view serves on a free port and asks the desktop for a browser", "[server]") {

@@ -4,6 +4,7 @@
 import {mkdirSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {close, exact, launch, open, until} from './testing.mjs';
+import {imageOverDegrees} from './draping.mjs';
 import {box, drag, kName, kOdd, server} from './scene.mjs';
 
 const [folder, word = ''] = process.argv.slice(2);
@@ -13,7 +14,7 @@ if (!folder) {
 }
 mkdirSync(folder, {recursive: true});
 
-const sizes = {phone: [390, 844], laptop: [1366, 768], large: [2560, 1440]};
+const sizes = {phone: [390, 844], laptop: [1366, 768], large: [1920, 1080]};
 const object = (name, more = '') => `#o=${encodeURIComponent(name)}${more}`;
 const openAll = page => page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
 const measure = async page => {
@@ -28,6 +29,14 @@ const measure = async page => {
     await page.mouse.click(x, y);
     await until(() => page.evaluate(n => viewer.measuring.lines.reduce((sum, l) => sum + l.points.length, 0) === n, i + 1), 'a point is there', 60);
   }
+};
+const drape = async (page, files) => {
+  await page.setInputFiles('#drape-files', files);
+  await page.evaluate(() => {
+    if (document.body.classList.contains('closed')) document.getElementById('toggle').click();
+    document.getElementById('section-image').open = true;
+    document.getElementById('section-image').scrollIntoView();
+  });
 };
 // What: its link, and what is done then.
 const whats = {
@@ -45,6 +54,8 @@ const whats = {
   terrain: [object('degrees')],
   wedge: [object('terrain', '&region=wedge:5,0,1,0,50,8&inside=distance&outside=coarse&px=2&wireframe=true')],
   missing: ['#o=nothing', page => until(() => page.isVisible('#banner'), 'it is said')],
+  image: [object('degrees', '&wireframe=true'), page => drape(page, imageOverDegrees.files)],
+  unplaced: [object('degrees'), page => drape(page, imageOverDegrees.files.slice(0, 1))],
   keys: [object(kName), page => page.keyboard.press('?')],
 };
 

@@ -43,12 +43,15 @@ export async function until(f, what, seconds = 900) {
 const servers = new Set();
 process.on('exit', () => servers.forEach(s => s.kill('SIGKILL')));
 
-export async function serve(store, port = 0) {
-  const process = spawn(mtdb, ['serve', store, '--listen', `127.0.0.1:${port}`], {stdio: ['ignore', 'pipe', 'inherit']});
+export const serve = (store, port = 0) => start('serve', store, '--listen', `127.0.0.1:${port}`);
+
+// A verb that prints its URL and serves.
+export async function start(...args) {
+  const process = spawn(mtdb, args, {stdio: ['ignore', 'pipe', 'inherit']});
   servers.add(process);
   const url = await new Promise((done, fail) => {
     process.stdout.once('data', data => done(String(data).trim()));
-    process.once('exit', code => fail(new Error(`mtdb serve ended with ${code}`)));
+    process.once('exit', code => fail(new Error(`mtdb ${args[0]} ended with ${code}`)));
   });
   return {url, port: Number(new URL(url).port), stop: signal => new Promise(done => {
     servers.delete(process);

@@ -8,6 +8,7 @@ import './regions.mjs';
 import './moving.mjs';
 import './taking.mjs';
 import './sources.mjs';
+import './draping.mjs';
 
 const browser = await launch();
 if ((await fetch(server.url + '/')).status !== 200) {

@@ -9,7 +9,6 @@
 #include <optional>
 #include <vector>
 
-#include "tools/gdal/gdal_image.h"
 #include "tools/request/read_file.h"
 
 namespace mtdb {
@@ -85,7 +84,13 @@ Status ReadWorldFile(const std::string& path, PlacedImage* image) {
   return Status::Ok();
 }
 
-Result<PlacedImage> ReadImage(const std::string& path) {
+bool IsGeographic(const std::string& crs) {
+  return crs.starts_with("GEOG") || crs.starts_with("GEODCRS");
+}
+
+}  // namespace
+
+Result<PlacedImage> ReadPlacedImage(const std::string& path) {
   const std::string suffix = LowerSuffix(path);
   const bool plain = suffix == ".png" || suffix == ".jpg" || suffix == ".jpeg";
   const std::optional<std::string> world = plain ? WorldFileOf(path) : std::nullopt;
@@ -97,14 +102,8 @@ Result<PlacedImage> ReadImage(const std::string& path) {
   return image;
 }
 
-bool IsGeographic(const std::string& crs) {
-  return crs.starts_with("GEOG") || crs.starts_with("GEODCRS");
-}
-
-}  // namespace
-
 Result<MeshTexture> ReadDrape(const std::string& path, const ObjectRecord& record) {
-  MTDB_ASSIGN_OR_RETURN(PlacedImage image, ReadImage(path));
+  MTDB_ASSIGN_OR_RETURN(PlacedImage image, ReadPlacedImage(path));
   if (!image.crs.empty() && !record.georeference.empty() &&
       IsGeographic(image.crs) != IsGeographic(record.georeference)) {
     return InvalidArgument(

@@ -319,6 +319,10 @@ void AddView(CLI::App* verb, ViewArguments* a) {
       ->check(CLI::Range(1, 65535));
   verb->add_flag_callback(
       "--no-browser", [a] { a->browser = false; }, "only print the URL");
+  verb->add_option("--drape", a->drape,
+                   "lay IMAGE, a PNG or JPEG with a world file or a GeoTIFF, over the surface")
+      ->type_name("IMAGE")
+      ->excludes(page);
 }
 
 void AddProfile(CLI::App* verb, ProfileArguments* a) {

@@ -7,7 +7,7 @@
 
 namespace mtdb {
 
-Status ServeAndTell(const ServerOptions& options,
+Status ServeAndTell(const ServerOptions& options, const std::string& page,
                     const std::function<void(const std::string& url)>& listening) {
   // A connection takes up to two descriptors.
   rlimit files{};
@@ -16,14 +16,14 @@ Status ServeAndTell(const ServerOptions& options,
     (void)::setrlimit(RLIMIT_NOFILE, &files);
   }
   return RunServer(options, [&](const std::string& url) {
-    std::printf("%s\n", url.c_str());
+    std::printf("%s%s\n", url.c_str(), page.c_str());
     std::fflush(stdout);
-    listening(url);
+    listening(url + page);
   });
 }
 
 Status Serve(const ServerOptions& options) {
-  return ServeAndTell(options, [](const std::string&) {});
+  return ServeAndTell(options, "", [](const std::string&) {});
 }
 
 }  // namespace mtdb

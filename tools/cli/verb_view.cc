@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <array>
 #include <cstdio>
 #include <spawn.h>
 #include <string>
 #include <sys/wait.h>
+#include <utility>
+#include <vector>
 
+#include "tools/cli/drape.h"
 #include "tools/cli/verbs.h"
 #include "tools/server/server.h"
 
@@ -25,6 +29,22 @@ void OpenBrowser(const std::string& url) {
   }
 }
 
+// The image, and its place as the world file that the page looks for beside it.
+std::vector<ServedFile> FilesOf(PlacedImage image) {
+  const auto& g = image.geotransform;
+  std::string world;
+  // A world file places the middle of the first pixel.
+  for (const double number :
+       {g[1], g[4], g[2], g[5], g[0] + (g[1] + g[2]) / 2, g[3] + (g[4] + g[5]) / 2}) {
+    std::array<char, 40> line{};
+    std::snprintf(line.data(), line.size(), "%.17g\n", number);
+    world += line.data();
+  }
+  const bool png = image.mime_type == "image/png";
+  return {{png ? "drape.png" : "drape.jpg", image.mime_type, std::move(image.bytes)},
+          {png ? "drape.pgw" : "drape.jgw", "text/plain; charset=utf-8", world}};
+}
+
 }  // namespace
 
 Status View(const ViewArguments& arguments) {
@@ -33,8 +53,14 @@ Status View(const ViewArguments& arguments) {
   ServerOptions options;
   options.service.store = arguments.store;
   options.listen.port = arguments.port;
-  return ServeAndTell(options, [&](const std::string& url) {
-    if (arguments.browser) OpenBrowser(url + "/");
+  std::string page;
+  if (!arguments.drape.empty()) {
+    MTDB_ASSIGN_OR_RETURN(PlacedImage image, ReadPlacedImage(arguments.drape));
+    options.service.files = FilesOf(std::move(image));
+    page = "/?drape=" + options.service.files.front().name;
+  }
+  return ServeAndTell(options, page, [&](const std::string& url) {
+    if (arguments.browser) OpenBrowser(page.empty() ? url + "/" : url);
   });
 }
 

@@ -125,14 +125,15 @@ Status Follow(const FollowArguments& arguments);
 
 // Prints the URL once it can be asked; returns when a signal ends it.
 Status Serve(const ServerOptions& options);
-// Likewise, and then calls `listening` with it.
-Status ServeAndTell(const ServerOptions& options,
+// Likewise with `page` behind the URL, and then calls `listening` with what it printed.
+Status ServeAndTell(const ServerOptions& options, const std::string& page,
                     const std::function<void(const std::string& url)>& listening);
 
 struct ViewArguments {
   std::string store;
   uint16_t port = 0;  // 0: any free one
   bool browser = true;
+  std::string drape;                 // an image; empty: none
   std::string page;                  // the folder, to write the page only
   std::vector<std::string> sources;  // origins of files that it may read then, beside its own
 };

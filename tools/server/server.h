@@ -13,9 +13,17 @@
 
 namespace mtdb {
 
+// A file beside the page's. It is in memory, and once more for each client that it is sent to.
+struct ServedFile {
+  std::string name;  // without slashes; one of the page's own goes before it
+  std::string content_type;
+  std::string bytes;
+};
+
 // What is served, and what it may take.
 struct ServiceOptions {
   std::string store;
+  std::vector<ServedFile> files;
   std::string tmp;                             // folder of temporary files; empty: the system's
   uint64_t cache_bytes = uint64_t{256} << 20;  // of decoded clusters, for each open object
   bool implicit = false;                       // the cache keeps clusters as in the store

@@ -17,14 +17,21 @@ const build = options.build;
 const page = join(build, 'page');
 const types = {html: 'text/html; charset=utf-8', css: 'text/css; charset=utf-8', js: 'text/javascript; charset=utf-8', wasm: 'application/wasm', svg: 'image/svg+xml'};
 
+// Comments and indentation of the shaders are for their readers.
+const leanShaders = {name: 'lean shaders', setup: build => build.onLoad({filter: /src\/shaders\.ts$/}, ({path}) => ({
+  loader: 'ts', contents: readFileSync(path, 'utf8').replace(/`[^`]*`/g, shader => shader.replace(/ *\/\/.*/g, '').replace(/\n\s+/g, '\n')),
+}))};
+
 async function bundle() {
   const esbuild = createRequire(join(build, 'package.json'))('esbuild');
   await esbuild.build({
-    entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts'), engine: join(source, 'src/engine.ts')},
+    entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts'), engine: join(source, 'src/engine.ts'),
+      draping: join(source, 'src/draping.ts')},
     outdir: page, bundle: true, minify: true, format: 'esm', target: 'es2022', legalComments: 'eof',
-    nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {},
+    nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {}, plugins: [leanShaders],
   });
-  for (const name of readdirSync(join(source, 'static'))) copyFileSync(join(source, 'static', name), join(page, name));
+  for (const name of readdirSync(join(source, 'static')).filter(n => !n.endsWith('.css'))) copyFileSync(join(source, 'static', name), join(page, name));
+  await esbuild.build({entryPoints: [join(source, 'static/viewer.css')], outdir: page, minify: true, logLevel: 'warning'});
 }
 
 const compileDecoder = () => compileWasm({

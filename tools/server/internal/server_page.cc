@@ -31,13 +31,31 @@ const ViewerFile* Find(const std::string& path) {
   return at == files.end() ? nullptr : &*at;
 }
 
+const ServedFile* Find(const std::string& path, const std::vector<ServedFile>& files) {
+  const auto at = std::ranges::find(files, path, &ServedFile::name);
+  return at == files.end() ? nullptr : &*at;
+}
+
+ServerAnswer BesideAnswer(const ServedFile& file) {
+  ServerAnswer answer;
+  answer.content_type = file.content_type;
+  answer.headers = {{"Cache-Control", "no-cache"},
+                    {"X-Content-Type-Options", "nosniff"},
+                    {"Cross-Origin-Resource-Policy", "same-origin"}};
+  answer.body = file.bytes;
+  return answer;
+}
+
 }  // namespace
 
-bool IsPagePath(const std::string& path) { return path.empty() || Find(path) != nullptr; }
+bool IsPagePath(const std::string& path, const std::vector<ServedFile>& files) {
+  return path.empty() || Find(path) != nullptr || Find(path, files) != nullptr;
+}
 
-ServerAnswer PageAnswer(const std::string& path) {
+ServerAnswer PageAnswer(const std::string& path, const std::vector<ServedFile>& files) {
   const ViewerFile* const file = Find(path);
   if (file == nullptr) {
+    if (const ServedFile* const beside = Find(path, files)) return BesideAnswer(*beside);
     return ErrorAnswer(404, "no_viewer",
                        std::string("this mtdb was built without the viewer: ") +
                            WhyNoViewerFiles() + "; objects and meshes are at /objects");

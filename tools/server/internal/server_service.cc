@@ -241,7 +241,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
   const bool probe = objects && path.size() == 3 && path[2] == "probe";
   const bool packed = objects && path.size() == 3 && path[2] == "packed";
   const bool alone = path.size() == 1 && (path[0] == "healthz" || path[0] == "metrics");
-  const bool page = path.size() == 1 && IsPagePath(path[0]);
+  const bool page = path.size() == 1 && IsPagePath(path[0], options_.files);
   if (!alone && !page && !mesh && !probe && !packed && !(objects && path.size() < 3)) {
     return NoSuchPath();
   }
@@ -252,7 +252,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
     answer.headers.emplace_back("Allow", mesh ? "GET, HEAD, POST" : "GET, HEAD");
     return answer;
   }
-  if (page) return PageAnswer(path[0]);
+  if (page) return PageAnswer(path[0], options_.files);
   if (alone && path[0] == "metrics") return Metrics();
   if (alone) {
     ServerAnswer answer;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One object's mesh on the graphics card: arrays of slots, of which only what changes is sent there.
 import * as three from 'three';
+import type {Place} from './placed_image';
 import {sub, type Point} from './query';
 import {edgeMaterial, surfaceMaterial, type Uniforms} from './shaders';
 import type {MeshUpdate, Slots} from './source';
@@ -64,6 +65,12 @@ class TriangleFaces {
   }
 }
 
+// An image over the mesh.
+export interface Drape {
+  texture: three.Texture;
+  place: Place;
+}
+
 export class ObjectMesh {
   readonly group = new three.Group();
   triangles = 0;
@@ -81,15 +88,19 @@ export class ObjectMesh {
   private edgeIndex: three.BufferAttribute | null = null;
   private edgeGeometry: three.BufferGeometry | null = null;
   private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
-  private readonly place = {place: {value: new three.Vector3()}};
+  private readonly own = {
+    place: {value: new three.Vector3()}, draped: {value: false}, image: {value: null as three.Texture | null},
+    imageMiddle: {value: new three.Vector2()}, imageAcross: {value: new three.Vector2()}, imageDown: {value: new three.Vector2()},
+  };
+  private over: Drape | null = null;
   private readonly surface: three.Mesh;
   private readonly edges: three.LineSegments;
 
   // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
   // points nearby, so that float32 suffices however large the coordinates are.
   constructor(shared: Uniforms, private readonly frame: Point, private readonly stretch: Point) {
-    this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.place));
-    this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.place));
+    this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.own));
+    this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.own));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
     this.edges.visible = false;
     this.edges.renderOrder = 1;
@@ -107,7 +118,8 @@ export class ObjectMesh {
     this.origin = update.origin;
     this.valueRange = update.valueRange;
     this.group.position.set(...sub(toPage(update.origin, this.stretch), this.frame));
-    this.place.place.value.copy(this.group.position);
+    this.own.place.value.copy(this.group.position);
+    this.placeImage();
     write(this.index, update.indices, 3);
     write(this.attributes.position!, update.positions, 3);
     write(this.attributes.normal!, update.normals, 4);
@@ -120,6 +132,21 @@ export class ObjectMesh {
     if (update.triangleValues) this.writeFaces(update.triangleValues, update.indices.ranges);
     else this.dropFaces();
     this.applyMilliseconds = performance.now() - begin;
+  }
+
+  set drape(drape: Drape | null) {
+    this.over = drape;
+    this.own.draped.value = drape !== null;
+    this.own.image.value = drape?.texture ?? null;
+    this.placeImage();
+  }
+
+  private placeImage() {
+    if (!this.over) return;
+    const {middle, across, down} = this.over.place;
+    this.own.imageMiddle.value.set(middle[0] - this.origin[0], middle[1] - this.origin[1]);
+    this.own.imageAcross.value.set(...across);
+    this.own.imageDown.value.set(...down);
   }
 
   set wireframe(on: boolean) {

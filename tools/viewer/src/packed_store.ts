@@ -9,10 +9,14 @@ import {WorkerSession} from './worker_session';
 
 type Asked = Question extends infer Q ? (Q extends {id: number} ? Omit<Q, 'id' | 'url'> : never) : never;
 
-// Which file the page is to show, or why it does not.
-export function sourceOf(search: string, page: URL, policy: string): URL | StoreError | null {
+// Which packed file the page is to show, or why it does not.
+export function sourceOf(search: string, page: URL): URL | StoreError | null {
   const text = new URLSearchParams(search).get('src');
-  if (text === null) return null;
+  return text === null ? null : ownUrl(text, page);
+}
+
+// A file that the page may read, or why it does not.
+export function ownUrl(text: string, page: URL): URL | StoreError {
   let url: URL;
   try {
     url = new URL(text, page);
@@ -21,6 +25,7 @@ export function sourceOf(search: string, page: URL, policy: string): URL | Store
   }
   if (url.origin === page.origin && /^https?:$/.test(url.protocol)) return url;
   // As the page's policy has it: workers have none of their own where a server sends no headers.
+  const policy = document.querySelector<HTMLMetaElement>('meta[http-equiv="Content-Security-Policy"]')?.content ?? '';
   const allowed = /connect-src([^;]*)/.exec(policy)?.[1]?.trim().split(/\s+/) ?? [];
   if (allowed.includes(url.origin) && /^https?:$/.test(url.protocol)) return url;
   return new StoreError(`This page reads files of its own server only, and ${url.host || text} is another one. Whoever runs this page can allow it: mtdb view --write-page … --allow-source ${url.origin}`, 'foreign');

@@ -13,16 +13,21 @@ uniform mat3 normalMatrix;
 uniform vec3 place, stretch; // of the mesh in the scene; see stretch.ts
 uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error, 6 scalar by its logarithm, 7 a colour for each value of the scalar
 uniform vec2 range;          // of what the colour map shows
+uniform vec2 imageMiddle, imageAcross, imageDown; // from the mesh's origin; see placed_image.ts
 out vec3 inView, inScene;
+out vec2 imageSteps;         // inImage, for its derivatives alone
 // Not beyond the triangle: of a triangle that is seen from its side, that would be far off.
 centroid out vec3 normalInView, plain;
 centroid out float level;
+centroid out vec2 inImage;
 void main() {
   vec3 placed = position * stretch;
   vec4 view = modelViewMatrix * vec4(placed, 1.0);
   gl_Position = projectionMatrix * view;
   inView = view.xyz;
   inScene = place + placed;
+  vec2 fromMiddle = position.xy - imageMiddle;
+  inImage = imageSteps = 0.5 + vec2(dot(imageAcross, fromMiddle), dot(imageDown, fromMiddle));
   normalInView = normalMatrix * normal.xyz;
   plain = colour.rgb;
   if (colourBy == 6) level = range.y > range.x ? log(max(scalar, range.x) / range.x) / log(range.y / range.x) : 0.5;
@@ -47,8 +52,10 @@ const fragment = `
 precision highp float;
 precision highp int;
 in vec3 inView, inScene;
+in vec2 imageSteps;
 centroid in vec3 normalInView, plain;
 centroid in float level;
+centroid in vec2 inImage;
 uniform int colourBy;
 uniform bool flatShading;
 uniform int backFaces;        // 0 as the front, 1 in a colour of their own, 2 that without light, as the filling of a section
@@ -58,6 +65,8 @@ uniform vec4 permitted;       // error a unit of depth; inside of the region: 0 
 uniform vec3 apex;
 uniform vec2 range;
 uniform sampler2D map;
+uniform bool draped;
+uniform sampler2D image;      // premultiplied
 out vec4 result;
 ${clipping}
 float permittedLevel(float o) {
@@ -84,6 +93,11 @@ void main() {
   }
   float shown = colourBy == 5 ? permittedLevel(o) : level;
   vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+  vec2 stepRight = dFdx(imageSteps), stepUp = dFdy(imageSteps);
+  if (draped && inImage == clamp(inImage, 0.0, 1.0)) {
+    vec4 over = textureGrad(image, inImage, stepRight, stepUp);
+    base = base * (1.0 - over.a) + over.rgb;
+  }
   if (backFaces > 0 && behind) base = back;
   if (backFaces == 2 && clips && behind) {
     result = vec4(back, 1.0);

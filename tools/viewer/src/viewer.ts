@@ -4,6 +4,7 @@ import * as three from 'three';
 import {FocusHandles} from './focus_handles';
 import {Gestures} from './gestures';
 import {Loading, wayOf} from './loading';
+import {Images} from './images';
 import {Look} from './look';
 import {Measuring} from './measuring';
 import {Navigation} from './navigation';
@@ -36,6 +37,7 @@ export class Viewer {
   readonly gestures = new Gestures(this);
   readonly taking = new TakingAway(this);
   readonly status = new Status(this);
+  readonly images = new Images(this);
   entries: ObjectEntry[] = [];
   frame: Point | null = null;
   unit = '';
@@ -69,6 +71,7 @@ export class Viewer {
     this.world.add(this.scene.root, this.handles.root, this.measuring.root);
     this.handles.set(null);
     this.panel.bind();
+    this.images.bind();
     this.gestures.bindCanvas();
     this.gestures.bindKeys();
     new ResizeObserver(() => this.resize()).observe(this.canvas);
@@ -142,6 +145,7 @@ export class Viewer {
     this.scene.restart();
     this.panel.fill();
     this.canvas.focus({preventScroll: true});
+    this.images.follow();
   }
 
   async show(name: string) {
@@ -189,6 +193,7 @@ export class Viewer {
   private placeAll() {
     if (this.scene.objects.size > 0) this.navigation.place(this.frame!, this.bounds());
     this.panel.fill();
+    this.images.draping?.reconsider();
   }
 
   // Of what is shown.
@@ -296,6 +301,16 @@ export class Viewer {
 
   // ---- drawing ----
 
+  // Of an image over the surface. The bitmap is kept: a card that was reset gets it again.
+  textureOf(bitmap: ImageBitmap) {
+    const texture = new three.Texture(bitmap as unknown as HTMLImageElement);
+    texture.flipY = false;
+    texture.minFilter = three.LinearMipmapLinearFilter;
+    texture.anisotropy = Math.min(8, this.renderer.capabilities.getMaxAnisotropy());
+    texture.needsUpdate = true;
+    return texture;
+  }
+
   resize() {
     const w = this.canvas.clientWidth, h = this.canvas.clientHeight;
     if (w === 0 || h === 0) return;
@@ -365,8 +380,7 @@ function begin() {
     banner.textContent = 'This browser has no WebGL 2, which drawing needs; another browser may have it, or its settings may allow it.';
     return;
   }
-  const policy = document.querySelector<HTMLMetaElement>('meta[http-equiv="Content-Security-Policy"]')?.content ?? '';
-  const source = sourceOf(location.search, new URL(location.href), policy);
+  const source = sourceOf(location.search, new URL(location.href));
   if (source instanceof StoreError) {
     const banner = byId('banner');
     banner.hidden = false;
