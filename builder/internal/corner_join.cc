@@ -54,6 +54,7 @@ class Questions {
       reader.Skip(static_cast<size_t>(from - bytes));
       (*corners)[i++] = corner;
       if (!(head & 1)) continue;
+      MTDB_CHECK(i + 2 <= corners->size(), "questions that nobody asked");
       (*corners)[i++] = {corner.a, corner.b, corner.vertex};
       (*corners)[i++] = {corner.b, corner.vertex, corner.a};
     }
