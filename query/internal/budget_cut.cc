@@ -59,7 +59,8 @@ Status BudgetCut::To(uint64_t position, bool first) {
   evaluated_ += cut_->evaluated();
   const double places = static_cast<double>(position) - static_cast<double>(from);
   const double more = static_cast<double>(triangles()) - static_cast<double>(before);
-  if (tries_ > 0 && std::abs(places) < static_cast<double>(units()) && more / places > 1) {
+  if (tries_ > 0 && places != 0 && std::abs(places) < static_cast<double>(units()) &&
+      more / places > 1) {
     per_place_ = more / places;
   }
   return status;

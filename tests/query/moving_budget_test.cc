@@ -36,6 +36,11 @@ class Path {
     if (random_() % 4 == 0) triangles_ += random_() % 9;
     Query query;
     query.max_triangles = triangles_;
+    // Of a mesh that is smaller or larger than any.
+    if (random_() % 8 == 0) {
+      constexpr uint64_t kOdd[] = {0, 1, 3, uint64_t{1} << 63, UINT64_MAX};
+      query.max_triangles = kOdd[random_() % std::size(kOdd)];
+    }
     Camera camera;
     camera.eye = at_ + Vec3d{3, 2, 1};
     camera.direction = bounds_.min - camera.eye;

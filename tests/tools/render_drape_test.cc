@@ -58,6 +58,30 @@ std::string PngOf(const Image& image) {
   return bytes;
 }
 
+// Of 16 bits a channel, each byte twice, and no word on what its numbers mean.
+std::string DeepPngOf(const Image& image) {
+  std::string bytes;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_set_write_fn(
+      png, &bytes,
+      [](png_structp to, png_bytep data, size_t size) {
+        static_cast<std::string*>(png_get_io_ptr(to))->append(data, data + size);
+      },
+      nullptr);
+  png_set_IHDR(png, info, image.width, image.height, 16, PNG_COLOR_TYPE_RGBA, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_write_info(png, info);
+  for (uint32_t y = 0; y < image.height; ++y) {
+    std::vector<uint8_t> line;
+    for (size_t i = 0; i < size_t{8} * image.width; ++i) line.push_back(image.At(0, y)[i / 2]);
+    png_write_row(png, line.data());
+  }
+  png_write_end(png, info);
+  png_destroy_write_struct(&png, &info);
+  return bytes;
+}
+
 std::string JpegOf(const Image& image, bool grey = false) {
   jpeg_compress_struct jpeg{};
   jpeg_error_mgr errors{};
@@ -214,6 +238,50 @@ TEST_CASE("an image lies over a mesh where its place says", "[render]") {
   for (const size_t n : seen) CHECK(n > 300);
 }
 
+TEST_CASE("a PNG of 16 bits looks as that of 8 bits does", "[render]") {
+  const TriangleMesh mesh = Square(0.1);
+  const Image image = Quarters(64, 48);
+  RenderOptions options = FromAbove();
+  const auto draw = [&](const std::string& file) {
+    options.drape = Placed(file, image, {1000, 5e6 + 10, 0}, {10.0 / 64, 0, 0}, {0, -10.0 / 48, 0});
+    return Draw(mesh, options).rgb;
+  };
+  CHECK(draw(DeepPngOf(image)) == draw(PngOf(image)));
+}
+
+// A progressive JPEG, all grey, whose later scans add nothing, in few bytes each.
+std::string ManyScans(size_t scans) {
+  constexpr char kHead[] =
+      "\xff\xd8\xff\xc2\x00\x0b\x08\x00\x40\x00\x40\x01\x01\x11\x00\xff\xdb\x00\x43\x00";
+  const std::string steps(64, '\1'), lengths = '\1' + std::string(15, '\0');
+  std::string file(kHead, sizeof(kHead) - 1);
+  // Tables of one code each, 0: a DC difference of 0; up to 127 blocks that end at once.
+  file += steps + std::string("\xff\xc4\x00\x14\x00", 5) + lengths + '\0';
+  file += std::string("\xff\xc4\x00\x14\x10", 5) + lengths + '\x60';
+  file += std::string("\xff\xda\x00\x08\x01\x01\x00\x00\x00\x00", 10) + std::string(8, '\0');
+  for (size_t i = 1; i < scans; ++i) {
+    // 64 blocks: code 0, then six bits of 0.
+    file += std::string("\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00\x01", 11);
+  }
+  return file + "\xff\xd9";
+}
+
+TEST_CASE("a JPEG may have many scans, but not without end", "[render]") {
+  RenderOptions options = FromAbove();
+  const Image image{64, 64, {}};
+  RenderImage picture;
+  const auto draw = [&](size_t scans) {
+    options.drape =
+        Placed(ManyScans(scans), image, {1000, 5e6 + 10, 0}, {10.0 / 64, 0, 0}, {0, -10.0 / 64, 0});
+    return RenderMesh(Square(0), options, &picture);
+  };
+  const Status status = draw(90);
+  INFO(status.message());
+  CHECK(status.ok());
+  CHECK(draw(110).code() == StatusCode::kBadInput);
+  CHECK_THAT(draw(110).message(), Catch::Contains("more than 100 scans"));
+}
+
 TEST_CASE("what an image leaves free is as without it", "[render]") {
   const TriangleMesh mesh = Square(0.1);
   RenderOptions options = FromAbove();
@@ -310,7 +378,8 @@ TEST_CASE("mtdb render drapes an image over terrains in metres and degrees", "[c
   const std::string store = folder.File("s.mtdb"), out = folder.File("out.png"),
                     image = folder.File("photo.png");
   WriteText(image, PngOf(Quarters(40, 20)));
-  WriteText(folder.File("photo.jpg"), JpegOf(Quarters(40, 20)));
+  // Any number of bytes 0xff may come before a marker.
+  WriteText(folder.File("photo.jpg"), JpegOf(Quarters(40, 20)).insert(2, 3, '\xff'));
   const bool degrees = GENERATE(false, true);
   if (degrees) {
     const Tile tile;

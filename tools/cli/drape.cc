@@ -54,9 +54,13 @@ Status ReadSize(const std::string& path, PlacedImage* image) {
     image->rows = BigEndian(b, 20, 4);
   } else if (b.starts_with("\xff\xd8")) {
     image->mime_type = "image/jpeg";
-    // Segments: a marker and its length; a frame's marker has the size.
+    // Segments: a marker, after any number of bytes 0xff, and its length; a frame's has the size.
     for (size_t at = 2; at + 9 <= b.size() && b[at] == '\xff';) {
       const auto marker = static_cast<uint8_t>(b[at + 1]);
+      if (marker == 0xff) {
+        ++at;
+        continue;
+      }
       const bool frame =
           marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
       if (frame) {

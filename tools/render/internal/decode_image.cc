@@ -11,6 +11,9 @@ namespace mtdb::internal {
 namespace {
 
 constexpr uint64_t kMostPixels = uint64_t{1} << 27;
+// Encoders make about ten of a progressive JPEG. Each takes the time of all pixels, and may be a
+// few bytes.
+constexpr int kMostScans = 100;
 
 Status MakeRoom(uint64_t width, uint64_t height, Pixels* pixels) {
   if (width * height > kMostPixels) {
@@ -36,6 +39,8 @@ Result<Pixels> DecodePng(const std::string& file) {
     return bad("the PNG file cannot be read: ");
   }
   png.format = PNG_FORMAT_RGBA;
+  // 16 bits without a word on their gamma mean what 8 bits do, not linear light.
+  png.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;
   Pixels pixels;
   const Status room = MakeRoom(png.width, png.height, &pixels);
   if (!room.ok()) {
@@ -72,6 +77,13 @@ void Note(j_common_ptr jpeg, int level) {
 
 void NoMessage(j_common_ptr) {}
 
+void RefuseManyScans(j_common_ptr jpeg) {
+  if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number <= kMostScans) return;
+  std::snprintf(ErrorsOf(jpeg)->text, sizeof(ErrorsOf(jpeg)->text), "it has more than %d scans",
+                kMostScans);
+  std::longjmp(ErrorsOf(jpeg)->back, 1);
+}
+
 enum class JpegStep : uint8_t { kHead, kRows };
 
 // All that may jump. Returns false with the reason in `errors`.
@@ -94,12 +106,15 @@ bool RunJpeg(JpegStep step, jpeg_decompress_struct* jpeg, JpegErrors* errors, ui
 struct JpegReader {
   jpeg_decompress_struct jpeg{};
   JpegErrors errors{};
+  jpeg_progress_mgr progress{};
   explicit JpegReader(const std::string& file) {
     jpeg.err = jpeg_std_error(&errors.manager);
     errors.manager.error_exit = JumpBack;
     errors.manager.emit_message = Note;
     errors.manager.output_message = NoMessage;
     jpeg_create_decompress(&jpeg);
+    progress.progress_monitor = RefuseManyScans;
+    jpeg.progress = &progress;
     jpeg_mem_src(&jpeg, reinterpret_cast<const uint8_t*>(file.data()), file.size());
   }
   ~JpegReader() { jpeg_destroy_decompress(&jpeg); }
