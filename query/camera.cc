@@ -38,7 +38,9 @@ Status Camera::Validate() const {
   }
   if (!(vertical_fov_rad >= kSmallestAngle &&
         vertical_fov_rad <= std::numbers::pi - kSmallestAngle)) {
-    return InvalidArgument("the camera's field of view must be above 0 and below 180 degrees");
+    return InvalidArgument(
+        "the camera's field of view must be from 1e-6 to pi - 1e-6 radians, above 0 and below "
+        "180 degrees");
   }
   if (width_px < 1 || height_px < 1 || width_px > kLargestViewport ||
       height_px > kLargestViewport) {

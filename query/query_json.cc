@@ -142,7 +142,7 @@ Result<Vec3d> Direction(const Node& node) {
 Result<double> AngleDegrees(const Node& node) {
   MTDB_ASSIGN_OR_RETURN(const double degrees, Number(node));
   if (!(degrees >= 1e-3 && degrees <= 179.999)) {
-    return Unexpected(node, "an angle in degrees, above 0 and below 180");
+    return Unexpected(node, "an angle of 0.001 to 179.999 degrees");
   }
   return Radians(degrees);
 }

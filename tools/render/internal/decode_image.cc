@@ -3,8 +3,11 @@
 
 #include <csetjmp>
 #include <cstdio>
+#include <jerror.h>
 #include <jpeglib.h>
 #include <png.h>
+
+#include "store/base/out_of_memory.h"
 
 namespace mtdb::internal {
 
@@ -135,6 +138,7 @@ Result<Pixels> DecodeJpeg(const std::string& file) {
   Pixels pixels;
   MTDB_RETURN_IF_ERROR(MakeRoom(reader.jpeg.image_width, reader.jpeg.image_height, &pixels));
   if (!reader.Run(JpegStep::kRows, pixels.rgba.data())) {
+    if (reader.errors.manager.msg_code == JERR_OUT_OF_MEMORY) return OutOfMemory();
     return BadInput(std::string("the JPEG file is damaged: ") + reader.errors.text);
   }
   return pixels;
