@@ -379,6 +379,7 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
     if (!lattice_ || lattice_->exhausted()) {
       return Corrupted("head: a lattice that is too large for its nodes");
     }
+    patch_->LeaveOutShapes();
   }
 
   while (nodes_ < node_count_) MTDB_RETURN_IF_ERROR(DecodeGeneration());

@@ -154,6 +154,7 @@ class Replay {
     for (const VertexIndex v : in.vertices) NumberVertex(static_cast<uint32_t>(v));
     if (try_lattice) {
       lattice = Lattice::Make(patch, in.positions, updates.nodes.size(), any_boundary);
+      if (lattice) patch.LeaveOutShapes();
     }
   }
 

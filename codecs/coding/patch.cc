@@ -204,12 +204,13 @@ void Patch::Measure(uint32_t begin, uint32_t end) {
 
 void Patch::EndGeneration(std::span<const uint8_t> codes) {
   const uint32_t end = slots();
-  Measure(shaped_, end);
+  if (shapes_) Measure(shaped_, end);
   Triangle* const triangles = triangles_.get();
   const uint8_t* const code_of_apex = codes.data() - first_apex_;
   for (uint32_t slot = shaped_; slot < end; ++slot) {
     Triangle& t = triangles[slot];
     t.error_code = code_of_apex[t.corners[0]];
+    if (!shapes_) continue;
     // Half-edge 2 of a star's triangle lies opposite half-edge 0 of another one. Both had no class.
     if (const uint32_t o = t.opposite[0]; o != kNone32) {
       Triangle& before = triangles[o >> 2];

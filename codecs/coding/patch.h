@@ -163,6 +163,8 @@ class Patch {
   // Gives the triangles that the nodes of the visited generation made their shapes and error codes.
   // Their corners must have points; `codes`: of all nodes so far.
   void EndGeneration(std::span<const uint8_t> codes);
+  // Nobody asks for shapes: generations end without them.
+  void LeaveOutShapes() { shapes_ = false; }
 
   static uint32_t Next(uint32_t h) { return (h & 3) == 2 ? h - 2 : h + 1; }
 
@@ -185,7 +187,8 @@ class Patch {
   std::vector<uint32_t> removers_;         // behind the slots: kNone32
   std::vector<Word4> points_;
   std::vector<uint32_t> last_apex_;  // per vertex: the last one whose ring it was in
-  uint32_t shaped_ = 0;              // slots below it have shapes
+  uint32_t shaped_ = 0;              // slots below it have shapes and error codes
+  bool shapes_ = true;               // false: error codes alone
   uint32_t shortest_;                // the exponent of length class 0, as a float has it
   uint32_t first_apex_;              // the vertex of node 0
   float height_ = 1;                 // what differences of z count: 0 when flat
