@@ -154,9 +154,10 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
     MakeRoom(c.hole_slots, hole_begin);
     hole.ring = c.ring_vertices.data() + ring_begin;
     hole.slots = c.hole_slots.data() + hole_begin;
-    if (!patch.WalkHole(slot, i, hole, [&](uint32_t count, uint32_t, uint32_t shape) {
-          return models_.topology.CodeTake(coder.lane<1>(), count, shape, false);
-        })) {
+    if (!patch.WalkHole(
+            slot, i, hole, [&](bool possible, uint32_t count, uint32_t, uint32_t shape) {
+              return models_.topology.CodeTakeIf(coder.lane<1>(), possible, count, shape, false);
+            })) {
       return Corrupted("hole of node " + std::to_string(i) + " is too large, or no disc");
     }
     uint32_t split = kNone32;
@@ -203,7 +204,8 @@ Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
     MakeRoom(c.hole_slots, c.hole_begin[i]);
     hole.ring = c.ring_vertices.data() + c.ring_begin[i];
     hole.slots = c.hole_slots.data() + c.hole_begin[i];
-    if (!patch.WalkHole(slot_, i, hole, [&](uint32_t, uint32_t other, uint32_t) {
+    if (!patch.WalkHole(slot_, i, hole, [&](bool possible, uint32_t, uint32_t other, uint32_t) {
+          if (!possible) return false;
           const uint32_t inside = lattice_->CountInside(patch, other);
           const bool take =
               models_.lattice.CodeTake(topology_.lane<1>(), inside, lattice_->count(), false);
@@ -281,11 +283,11 @@ void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t fi
     const int32_t u = known ? vertex.residual[0] : Sum(f.ExpectU(), vertex.residual[0]);
     const int32_t v = known ? vertex.residual[1] : Sum(f.ExpectV(u), vertex.residual[1]);
     const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
-    Vec3i p;
+    int32_t p[3];
     p[f.axis_u()] = u;
     p[f.axis_v()] = v;
     p[f.axis_n()] = n;
-    cluster_.in.positions.push_back(p);
+    cluster_.in.positions.push_back({p[0], p[1], p[2]});
   }
 }
 

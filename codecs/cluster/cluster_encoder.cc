@@ -247,8 +247,9 @@ bool Replay::Insert(uint32_t slot, uint32_t i) {
   uint32_t ring_vertices[kHoleEntries];
   Patch::Hole hole{hole_slots, ring_vertices};
   const auto stored = static_cast<uint32_t>(codes.size());
-  const bool walked =
-      patch.WalkHole(slot, stored, hole, [&](uint32_t count, uint32_t other, uint32_t shape) {
+  const bool walked = patch.WalkHole(
+      slot, stored, hole, [&](bool possible, uint32_t count, uint32_t other, uint32_t shape) {
+        if (!possible) return false;
         const bool take = owners_.removers[slot_triangle[other]] == i;
         return CodeTake(count, other, shape, take);
       });

@@ -65,7 +65,7 @@ class BitReader {
     const auto low = static_cast<uint32_t>(window & ((uint64_t{1} << bits) - 1));
     const uint32_t longer = (low << 1 | static_cast<uint32_t>(window >> bits & 1)) - cheap;
     const bool is_cheap = low < cheap;
-    at_ += static_cast<uint32_t>(bits) + (is_cheap ? 0 : 1);
+    at_ += static_cast<uint32_t>(bits) + static_cast<uint32_t>(!is_cheap);
     return is_cheap ? low : longer;
   }
   bool overrun() const { return at_ > end_; }

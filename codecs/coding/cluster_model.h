@@ -44,7 +44,13 @@ class TopologyModel {
   // Does the hole, of `taken` triangles by now, go on across a half-edge of that shape?
   template <typename Coder>
   [[gnu::always_inline]] bool CodeTake(Coder&& coder, uint32_t taken, uint32_t shape, bool value) {
-    return coder.Bit(take_[std::min(taken - 1, kTakenClasses - 1) * kShapes + shape], value);
+    return coder.Bit(Take(taken, shape), value);
+  }
+  // Likewise; it does not, and nothing is coded, unless it is `possible`.
+  template <typename Coder>
+  [[gnu::always_inline]] bool CodeTakeIf(Coder&& coder, bool possible, uint32_t taken,
+                                         uint32_t shape, bool value) {
+    return coder.BitIf(possible, Take(taken, shape), value);
   }
   // The ring edge that a boundary node splits: kNone32 when the node is none, else its rank, the
   // `open` edges with nothing beyond them before the `closed` ones.
@@ -70,6 +76,9 @@ class TopologyModel {
   static constexpr size_t kTakeContexts = kTakenClasses * kShapes;
 
  private:
+  AdaptiveBit& Take(uint32_t taken, uint32_t shape) {
+    return take_[std::min(taken - 1, kTakenClasses - 1) * kShapes + shape];
+  }
   // By how many neighbours were visited, the least SharpnessClass of the edges to them (those to
   // others count as the sharpest), and the longest edge.
   static size_t AnchorContext(const Patch::Triangle& t, uint32_t slot) {
@@ -94,7 +103,7 @@ template <typename Coder>
 uint32_t CodeSplitEdge(Coder&& coder, TopologyModel& model, const Patch::Hole& hole,
                        uint32_t edge) {
   const uint32_t k = hole.ring_count;
-  const uint32_t open = hole.open_edges();
+  const uint32_t open = hole.open_edges;
   uint32_t rank = kNone32;
   if (edge != kNone32) {
     rank = hole.open_edge(edge) ? 0 : open;
@@ -366,11 +375,15 @@ bool ArcModel::Code(Coder&& coder, const Patch& patch, uint32_t first_own, uint3
     uint32_t first = last;
     uint32_t second = kNone32;
     for (const uint32_t o : patch.triangle(slot).opposite) {
-      if (o >= 4 * slot) continue;
-      const uint32_t arc = arcs[o >> 2];
-      first = known == 0 ? arc : first;
-      second = arc != first ? arc : second;
-      ++known;
+      // Without a branch, which would be hard to predict: of one that is not lower, arcs[slot].
+      const auto lower = static_cast<uint32_t>(o < 4 * slot);
+      const uint32_t mask = 0u - lower;
+      const uint32_t arc = arcs[(o >> 2 & mask) | (slot & ~mask)];
+      const uint32_t is_first = mask & (0u - static_cast<uint32_t>(known == 0));
+      first = (arc & is_first) | (first & ~is_first);
+      const uint32_t differs = mask & (0u - static_cast<uint32_t>(arc != first));
+      second = (arc & differs) | (second & ~differs);
+      known += lower;
     }
     const uint32_t value = get(slot);
     const bool two = second != kNone32;

@@ -47,10 +47,6 @@ Float4 SquaredLengths(Float4 a, Float4 b, Float4 c, Float4 d, float height) {
 
 }  // namespace
 
-uint32_t Patch::Hole::open_edges() const {
-  return static_cast<uint32_t>(std::count(outer.begin(), outer.begin() + ring_count, kNone32));
-}
-
 void Patch::Hole::Rotate(size_t split) {
   const size_t middle = split + 1 == ring_count ? 0 : split + 1;
   std::rotate(ring, ring + middle, ring + ring_count);

@@ -57,13 +57,12 @@ class Patch {
     std::array<uint32_t, kMaxRing> outer{};
     uint32_t slot_count = 0, ring_count = 0;
     uint32_t least_code = 0;  // of its triangles
+    uint32_t open_edges = 0;  // how many ring edges have nothing beyond them
 
     std::span<const uint32_t> slot_span() const { return {slots, slot_count}; }
     std::span<const uint32_t> ring_span() const { return {ring, ring_count}; }
     // True when no triangle lies beyond ring edge j.
     bool open_edge(size_t j) const { return outer[j] == kNone32; }
-    // How many ring edges have nothing beyond them.
-    uint32_t open_edges() const;
     // Rotates the ring so that edge `split` becomes the last one.
     void Rotate(size_t split);
   };
@@ -91,11 +90,11 @@ class Patch {
   }
 
   // The hole of node `node`, anchored at `anchor` (alive), by depth-first search across edges.
-  // Asks `take(count, slot, shape)` for each neighbour that could belong to it, below the anchor:
-  // the hole has `count` triangles so far, and the half-edge to the neighbour in that slot has that
-  // shape. Marks the hole's slots as removed by `node`, and connects a triangle of the node's star
-  // to each ring edge. Returns false when the ring would exceed kMaxRing, the hole runs into
-  // itself or a vertex occurs twice in the ring.
+  // Asks `take(possible, count, slot, shape)` for each neighbour; only those below the anchor are
+  // possible, and may be taken. The hole has `count` triangles so far, and the half-edge to the
+  // neighbour in that slot has that shape. Marks the hole's slots as removed by `node`, and
+  // connects a triangle of the node's star to each ring edge. Returns false when the ring would
+  // exceed kMaxRing, the hole runs into itself or a vertex occurs twice in the ring.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Hole& hole, Take&& take) {
     if (slots_ + kMaxRing > removers_.size()) [[unlikely]] {
@@ -118,12 +117,13 @@ class Patch {
     hole.slots[0] = anchor;
     removers[anchor] = node;
     uint32_t least_code = triangles[anchor].error_code;
+    uint32_t open = 0;
     uint32_t h = 4 * anchor;
     for (;;) {
       const Triangle& t = triangles[h >> 2];
       const uint32_t o = t.opposite[h & 3];
       const uint32_t slot = o >> 2;
-      if (slot < anchor && take(holes, slot, t.shape[h & 3])) {
+      if (take(slot < anchor, holes, slot, t.shape[h & 3])) {
         if (holes + 2 >= kMaxRing || removers[slot] != kNone32) return false;
         hole.slots[holes++] = slot;
         least_code = std::min<uint32_t>(least_code, triangles[slot].error_code);
@@ -135,6 +135,7 @@ class Patch {
       const uint32_t corner = t.corners[h & 3];
       hole.ring[rings] = corner;
       hole.outer[rings++] = o;
+      open += static_cast<uint32_t>(o == kNone32);
       // Beyond the edge may lie nothing, or an older triangle, but not this very star.
       disc &= static_cast<int32_t>(o - 4 * slots_) < 0;
       disc &= last_apex[corner] != apex;
@@ -154,6 +155,7 @@ class Patch {
     hole.slot_count = holes;
     hole.ring_count = rings;
     hole.least_code = least_code;
+    hole.open_edges = open;
     return disc;
   }
   // Makes the star of the hole that was just walked, of a boundary node, end where its ring, which

@@ -37,9 +37,11 @@ struct AdaptiveBit {
 
   // Towards 0xffff or 2^kRate - 1, so that neither value becomes impossible. Without a branch: bits
   // that are hard to predict are what an entropy coder sees.
-  void Update(bool bit) {
+  // `mask`: 0 for no update at all.
+  void Update(bool bit, uint32_t mask = ~0u) {
     const int32_t target = (0xffff & -static_cast<int32_t>(bit)) | ((1 << kRate) - 1);
-    probability = static_cast<uint16_t>(probability + ((target - probability) >> kRate));
+    const auto step = static_cast<uint32_t>((target - probability) >> kRate);
+    probability = static_cast<uint16_t>(probability + (step & mask));
   }
 };
 
@@ -254,6 +256,22 @@ class RansDecoder {
       }
       Take<kBits>(one, AdaptiveBit::kOne - one, at);
       model.Update(false);
+      return false;
+    }
+    // A bit that is zero and not coded unless it is `possible`. One branch in all, where two would
+    // both be hard to predict: a zero that is certain leaves the state as it is.
+    [[gnu::always_inline]] bool BitIf(bool possible, AdaptiveBit& model, bool = false) {
+      constexpr int kBits = AdaptiveBit::kBits;
+      const uint32_t mask = 0u - static_cast<uint32_t>(possible);
+      const uint32_t one = model.probability & mask;
+      const uint32_t at = static_cast<uint32_t>(state()) & (AdaptiveBit::kOne - 1);
+      if (at < one) {
+        Take<kBits>(0, one, at);
+        model.Update(true);
+        return true;
+      }
+      Take<kBits>(one, AdaptiveBit::kOne - one, at);
+      model.Update(false, mask);
       return false;
     }
     template <typename Model>
