@@ -103,7 +103,7 @@ template <typename Coder>
 uint32_t CodeSplitEdge(Coder&& coder, TopologyModel& model, const Patch::Hole& hole,
                        uint32_t edge) {
   const uint32_t k = hole.ring_count;
-  const uint32_t open = hole.open_edges;
+  const uint32_t open = hole.open_edges();
   uint32_t rank = kNone32;
   if (edge != kNone32) {
     rank = hole.open_edge(edge) ? 0 : open;

@@ -57,12 +57,17 @@ class Patch {
     std::array<uint32_t, kMaxRing> outer{};
     uint32_t slot_count = 0, ring_count = 0;
     uint32_t least_code = 0;  // of its triangles
-    uint32_t open_edges = 0;  // how many ring edges have nothing beyond them
 
     std::span<const uint32_t> slot_span() const { return {slots, slot_count}; }
     std::span<const uint32_t> ring_span() const { return {ring, ring_count}; }
     // True when no triangle lies beyond ring edge j.
     bool open_edge(size_t j) const { return outer[j] == kNone32; }
+    // How many ring edges have nothing beyond them.
+    uint32_t open_edges() const {
+      uint32_t open = 0;  // without a branch, which would be hard to predict
+      for (uint32_t j = 0; j < ring_count; ++j) open += static_cast<uint32_t>(open_edge(j));
+      return open;
+    }
     // Rotates the ring so that edge `split` becomes the last one.
     void Rotate(size_t split);
   };
@@ -117,7 +122,6 @@ class Patch {
     hole.slots[0] = anchor;
     removers[anchor] = node;
     uint32_t least_code = triangles[anchor].error_code;
-    uint32_t open = 0;
     uint32_t h = 4 * anchor;
     for (;;) {
       const Triangle& t = triangles[h >> 2];
@@ -135,7 +139,6 @@ class Patch {
       const uint32_t corner = t.corners[h & 3];
       hole.ring[rings] = corner;
       hole.outer[rings++] = o;
-      open += static_cast<uint32_t>(o == kNone32);
       // Beyond the edge may lie nothing, or an older triangle, but not this very star.
       disc &= static_cast<int32_t>(o - 4 * slots_) < 0;
       disc &= last_apex[corner] != apex;
@@ -155,7 +158,6 @@ class Patch {
     hole.slot_count = holes;
     hole.ring_count = rings;
     hole.least_code = least_code;
-    hole.open_edges = open;
     return disc;
   }
   // Makes the star of the hole that was just walked, of a boundary node, end where its ring, which
