@@ -49,8 +49,10 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 // A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
 // not resemble the object any more, and the bound is loose there.
 constexpr double kLargestError = 1.0 / 16;
-// Triangles of the surface beneath a tile, for each of its own, beyond which it begins afresh.
-constexpr size_t kMostSurface = 8;
+// Rounds that are measured against one surface; three where that has few triangles, since the third
+// round of a window holds 16 for each of its own. docs/design.md, section 3.
+constexpr uint32_t kMostWindow = 3;
+constexpr uint64_t kLongWindowTriangles = uint64_t{1} << 18;
 constexpr uint64_t kTerrainVertexBytes = 3;  // about what a vertex takes in the store
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
@@ -407,22 +409,24 @@ class Builder {
     return Status::Ok();
   }
 
+  // Whether no round after this one is measured against the surface that `begun` began with.
+  bool IsLast(uint32_t round, uint32_t begun) const {
+    const bool is_long = triangles_in_[begun - 1] <= kLongWindowTriangles;
+    return round + 1 >= begun + (is_long ? kMostWindow : kMostWindow - 1);
+  }
+
   Status Decimate(unsigned worker, uint32_t round, TileJob& job) {
     DecimateOptions options = level_->Options(job.tile.triangles.size(), job.alone);
-    options.goes_on = left_ != nullptr;
     options.border = border_plane_ ? &*border_plane_ : nullptr;
     TileSurface surface;
-    if (beneath_ != nullptr) {
-      MTDB_ASSIGN_OR_RETURN(surface, beneath_->Gather(job.tile.triangles));
-      // Any tile may begin afresh.
-      if (surface.triangles.size() <= kMostSurface * job.tile.triangles.size()) {
-        options.surface = &surface;
-      }
-    }
+    MTDB_ASSIGN_OR_RETURN(surface, GatherSurface(beneath_, job.tile.triangles));
+    if (IsWorthGoingOn(surface)) options.surface = &surface;
     const TileResult result =
         decimators_[worker]->Decimate(job.tile.triangles, record_.grid, options);
     TileOutcome& outcome = job.outcome;
-    outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes);
+    const uint32_t begun = options.surface != nullptr ? surface.round : round;
+    outcome.cluster = MakeTileCluster(job.tile, result, record_.grid, record_.attributes,
+                                      {IsLast(round, begun) ? 0 : begun, options.surface});
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
     outcome.cluster.entry.hilbert = job.code;
     outcome.locked_vertices = result.locked_vertices;
@@ -444,8 +448,8 @@ class Builder {
     report.tiles = tiles;
     // While this round's runs are merged, the next round's records gather in the other half.
     std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
-    // Later rounds would gain at the end of two what they lose after it.
-    if (round == 1) left_ = std::make_unique<SurfaceSpool>(&space_, memory_ / 8);
+    left_ = std::make_unique<SurfaceSpool>(round, &space_, memory_ / (4 * kMostWindow));
+    triangles_in_.push_back(count);
     const RoundCurve curve = CurveOf(round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
       if (!job.replayed) job.status = Decimate(worker, round, job);
@@ -480,8 +484,9 @@ class Builder {
       }
     }
     *sorter = std::move(next);
-    beneath_ = std::move(left_);
-    if (beneath_ != nullptr) MTDB_RETURN_IF_ERROR(beneath_->Finish());
+    MTDB_RETURN_IF_ERROR(left_->Finish());
+    beneath_.push_back(std::move(left_));
+    if (IsLast(round, beneath_.front()->round())) beneath_.erase(beneath_.begin());
     ReturnFreedMemory();
     report.triangles_out = (*sorter)->count();
     level_->Next(report.triangles_out);
@@ -577,8 +582,10 @@ class Builder {
   std::optional<BorderSweep> border_;
   std::optional<BorderPlane> border_plane_;
   std::optional<RoundLevel> level_;
-  // What the round before left, when this one goes on from it; what this one leaves for the next.
-  std::unique_ptr<SurfaceSpool> beneath_, left_;
+  // What rounds before left, that later ones may go on from; what this one leaves.
+  std::vector<std::unique_ptr<SurfaceSpool>> beneath_;
+  std::unique_ptr<SurfaceSpool> left_;
+  std::vector<uint64_t> triangles_in_;  // of the rounds so far
   double done_before_ = 0;
   double share_ = 0;
 };

@@ -35,8 +35,7 @@ struct DecimateOptions {
   // The surface that errors are measured against; null: the tile itself. Of measures that go on.
   const TileSurface* surface = nullptr;
   const BorderPlane* border = nullptr;  // null: borders keep their shape. Of height fields
-  bool goes_on = false;        // the next round will be measured against this tile, see TileSurface
-  uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
+  uint32_t degree_limit = 12;           // a removed vertex has at most this many neighbours; <= 16
 };
 
 // Removes vertices of a tile until the target is met. Topology and orientation are kept; vertices
@@ -171,9 +170,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   mesh_.CopyTo(result);
   result.errors = measure_.errors();
   result.removals = removals_;
-  if constexpr (Measure::kGoesOn) {
-    if (options.goes_on) measure_.Hold(result);
-  }
+  if constexpr (Measure::kGoesOn) measure_.Hold(result);
   return result;
 }
 

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
 #include <utility>
 
 #include "store/base/float4.h"
@@ -124,18 +123,11 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
   own_ = surface.own;
   conservative_ = surface.conservative;
   for (size_t h = 0; h < curves_.size(); ++h) {
-    const float error = surface.curve_errors[h / 3][h % 3];
-    curves_[h] = {error, own_[h / 3] ? 0 : error};
+    curves_[h] = {surface.curve_errors[h / 3][h % 3], surface.curve_reaches[h / 3][h % 3]};
   }
-  std::unordered_map<uint32_t, uint32_t> in_mesh;
-  for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.emplace(mesh_->vertex(v), v);
-  std::vector<uint32_t> number(surface.vertices.size());
+  const std::vector<uint32_t> number = NumberVertices(surface, mesh_->vertex_numbers());
   for (size_t v = 0; v < number.size(); ++v) {
-    if (const auto at = in_mesh.find(surface.vertices[v]); at != in_mesh.end()) {
-      number[v] = at->second;
-      continue;
-    }
-    number[v] = static_cast<uint32_t>(positions_.size());
+    if (number[v] < mesh_->vertices()) continue;
     positions_.push_back(grid.is_linear() ? ToDouble(surface.positions[v])
                                           : grid.Position(surface.positions[v]));
   }
@@ -235,7 +227,11 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
   result.conservative = conservative_;
   result.curve_errors.resize(curves_.size());
-  for (size_t h = 0; h < curves_.size(); ++h) result.curve_errors[h] = RoundedUp(curves_[h].error);
+  result.curve_reaches.resize(curves_.size());
+  for (size_t h = 0; h < curves_.size(); ++h) {
+    result.curve_errors[h] = RoundedUp(curves_[h].error);
+    result.curve_reaches[h] = curves_[h].reach;
+  }
   for (uint32_t t = 0; t < held_by_.size(); ++t) {
     if (!result.alive[t]) continue;
     for (const uint32_t w : HeldBy(t)) result.held.push_back({w, t, 3});
@@ -273,7 +269,11 @@ void SurfaceMeasure<kKind>::Open(Hole& hole) {
   hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
   hole.flat = kIsVertical;
   points_.clear();
-  for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
+  sample_errors_.clear();
+  for (const uint32_t w : samples_) {
+    points_.push_back(hole.InFrame(positions_[w]));
+    sample_errors_.push_back(static_cast<float>(round_.vertex_error(w) * (1 + 1e-6)));
+  }
   if (kIsVertical && hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
 }
 
@@ -528,14 +528,19 @@ void SurfaceMeasure<kKind>::ChargeSamples(const Hole& hole, Filling& filling) {
   const size_t groups = (count + 3) / 4;
   x_.resize(4 * groups);
   y_.resize(4 * groups);
+  z_.resize(4 * groups);
+  double high = 0;
   for (size_t s = 0; s < 4 * groups; ++s) {
     const Vec3d& p = points_[std::min(s, count - 1)];
     x_[s] = static_cast<float>(p.x);
     y_[s] = static_cast<float>(p.y);
+    z_[s] = static_cast<float>(p.z);
+    high = std::max(high, std::abs(p.z));
   }
   double size = 0;
   for (uint32_t i = 0; i < hole.k; ++i) {
     size = std::max({size, std::abs(hole.points[i].x), std::abs(hole.points[i].y)});
+    high = std::max(high, std::abs(hole.points[i].z));
   }
   charges_.clear();
   is_charged_.assign(count, 0);
@@ -543,7 +548,19 @@ void SurfaceMeasure<kKind>::ChargeSamples(const Hole& hole, Filling& filling) {
     const Hole::Triangle& triangle = filling.triangles[t];
     const double reach = Reach(hole, triangle) + (kIsVertical ? 0 : kSlack * size);
     // Four samples at once, in binary32, find those that may be meant.
-    const auto allowed = static_cast<float>(reach + 1e-5 * size);
+    const auto blur = static_cast<float>(1e-5 * size);
+    const float allowed = static_cast<float>(reach) + blur;
+    // How far off its plane, along z, and how much of that rounding may hide.
+    const Vec3d corner = hole.points[triangle[0]];
+    const Vec3d up = Cross(hole.points[triangle[1]] - corner, hole.points[triangle[2]] - corner);
+    const double slope_x = up.x / up.z;
+    const double slope_y = up.y / up.z;
+    const Float4 sx = Splat4(static_cast<float>(slope_x));
+    const Float4 sy = Splat4(static_cast<float>(slope_y));
+    const Float4 s0 =
+        Splat4(static_cast<float>(corner.z + slope_x * corner.x + slope_y * corner.y));
+    const double steep = std::abs(slope_x) + std::abs(slope_y);
+    const auto hidden = static_cast<float>(1e-5 * (high + steep * size));
     std::array<Float4, 3> nx, ny, n0;
     for (uint32_t c = 0; c < 3; ++c) {
       const auto [a, b] = Hole::Edge(triangle, c);
@@ -559,8 +576,17 @@ void SurfaceMeasure<kKind>::ChargeSamples(const Hole& hole, Filling& filling) {
       const Float4 y = Load4<Float4>(&y_[4 * g]);
       const Float4 least = Min4(Min4(nx[0] * x + ny[0] * y + n0[0], nx[1] * x + ny[1] * y + n0[1]),
                                 nx[2] * x + ny[2] * y + n0[2]);
+      const Float4 off = Load4<Float4>(&z_[4 * g]) + sx * x + sy * y - s0;
+      const Float4 height = off < 0 ? -off : off;
       for (size_t s = 4 * g; s < std::min(4 * g + 4, count); ++s) {
-        if (least[static_cast<int>(s - 4 * g)] >= -allowed) {
+        const float inwards = least[static_cast<int>(s - 4 * g)];
+        if (!(inwards >= -allowed)) continue;
+        // Most lie over the triangle, and add nothing to its error.
+        const float known = height[static_cast<int>(s - 4 * g)] + hidden;
+        if (inwards > blur && known + sample_errors_[s] <= filling.errors[t]) {
+          charges_.push_back({static_cast<uint8_t>(t), static_cast<uint32_t>(s)});
+          is_charged_[s] = 1;
+        } else {
           Charge(hole, filling, t, static_cast<uint32_t>(s), reach);
         }
       }

@@ -119,11 +119,12 @@ class SurfaceMeasure {
   std::vector<double> heights_;      // of the mesh's, when the surface is not the tile
 
   // Of the open hole.
-  std::vector<uint32_t> samples_;    // removed vertices of its star, and the one that goes
-  std::vector<Vec3d> points_;        // their places in the hole's frame
-  uint32_t opened_ = 0;              // its number
-  std::vector<float> x_, y_;         // of the points; room for whole groups of four
-  std::vector<uint8_t> is_charged_;  // of the samples
+  std::vector<uint32_t> samples_;     // removed vertices of its star, and the one that goes
+  std::vector<Vec3d> points_;         // their places in the hole's frame
+  uint32_t opened_ = 0;               // its number
+  std::vector<float> sample_errors_;  // what they bring along
+  std::vector<float> x_, y_, z_;      // of the points; room for whole groups of four
+  std::vector<uint8_t> is_charged_;   // of the samples
   // A triangle of the filling, and a sample that it may stand for.
   std::vector<std::pair<uint8_t, uint32_t>> charges_;
 };

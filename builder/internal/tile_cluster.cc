@@ -6,8 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "builder/internal/tile_surface.h"
-
 namespace mtdb::internal {
 
 namespace {
@@ -83,32 +81,73 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
   }
 }
 
-// What the tile was, where the cluster removes it, and what of it the in-triangles stand for.
+// The surface that the tile was measured against, as far as it lies beneath the cluster's
+// in-triangles, and what of it they stand for.
 TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
-                        const EncodedCluster& encoded) {
+                        const EncodedCluster& encoded, const MeasuredAgainst& against) {
+  if (against.round == 0) return {};
+  const TileSurface* beneath = against.surface;
   TileSurface surface;
-  surface.vertices = result.vertices;
-  surface.positions = result.positions;
-  for (uint32_t t = 0; t < input.triangles.size(); ++t) {
-    if (result.alive[t]) continue;
-    surface.triangles.push_back(result.triangles[t]);
-    surface.errors.push_back(input.triangles[t].error);
+  surface.round = against.round;
+  // By local number, that of the tile's vertices and then of others beneath it.
+  std::vector<uint32_t> numbers = result.vertices;
+  std::vector<Vec3i> positions = result.positions;
+  std::vector<uint32_t> local;
+  if (beneath != nullptr) {
+    local = NumberVertices(*beneath, result.vertices);
+    for (size_t v = 0; v < local.size(); ++v) {
+      if (local[v] < numbers.size()) continue;
+      numbers.push_back(beneath->vertices[v]);
+      positions.push_back(beneath->positions[v]);
+    }
   }
+  std::vector<uint32_t> places(numbers.size(), kNone32);
+  const auto place_of = [&](uint32_t v) {
+    if (places[v] == kNone32) {
+      places[v] = static_cast<uint32_t>(surface.vertices.size());
+      surface.vertices.push_back(numbers[v]);
+      surface.positions.push_back(positions[v]);
+    }
+    return places[v];
+  };
+  std::vector<uint8_t> wanted(numbers.size());
   std::vector<uint32_t> slots(result.triangles.size(), kNone32);
   for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
     const uint32_t t = encoded.in_triangles[slot];
+    const uint32_t turn = encoded.in_rotations[slot];
     slots[t] = slot;
+    for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
     surface.own.push_back(0);
     surface.conservative.push_back(result.conservative[t]);
     auto& errors = surface.curve_errors.emplace_back();
+    auto& reaches = surface.curve_reaches.emplace_back();
     for (uint32_t c = 0; c < 3; ++c) {
-      errors[c] = result.curve_errors[3 * t + (c + encoded.in_rotations[slot]) % 3];
+      errors[c] = result.curve_errors[3 * t + (c + turn) % 3];
+      reaches[c] = result.curve_reaches[3 * t + (c + turn) % 3];
     }
   }
+  if (IsFolded(surface.conservative)) return {};
   for (const auto& [vertex, triangle, edge] : result.held) {
     const uint32_t slot = slots[triangle];
+    if (slot == kNone32) continue;  // the tile's own: the cluster that made it has what it holds
+    wanted[vertex] = 1;
     const uint32_t turned = edge == 3 ? 3 : (edge + 3 - encoded.in_rotations[slot]) % 3;
-    surface.held.push_back({vertex, slot, turned});
+    surface.held.push_back({place_of(vertex), slot, turned});
+  }
+  const auto add = [&](uint32_t a, uint32_t b, uint32_t c, float error) {
+    if (!wanted[a] && !wanted[b] && !wanted[c]) return;
+    surface.triangles.push_back({place_of(a), place_of(b), place_of(c)});
+    surface.errors.push_back(error);
+  };
+  for (uint32_t t = 0; t < input.triangles.size(); ++t) {
+    if (result.alive[t] || (beneath != nullptr && !beneath->own[t])) continue;
+    const auto [a, b, c] = result.triangles[t];
+    add(a, b, c, input.triangles[t].error);
+  }
+  if (beneath == nullptr) return surface;
+  for (size_t t = 0; t < beneath->triangles.size(); ++t) {
+    const auto [a, b, c] = beneath->triangles[t];
+    add(local[a], local[b], local[c], beneath->errors[t]);
   }
   return surface;
 }
@@ -116,7 +155,7 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
 }  // namespace
 
 TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
-                            const AttributeLayout& attributes) {
+                            const AttributeLayout& attributes, const MeasuredAgainst& against) {
   TileCluster cluster;
   const std::vector<TileTriangle>& tile = input.triangles;
   const size_t row = attributes.row_bytes();
@@ -137,7 +176,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
     if (!result.curve_errors.empty()) {
-      cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded));
+      cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded, against));
     }
   }
   const auto kept = static_cast<size_t>(

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "builder/internal/tile.h"
+#include "builder/internal/tile_surface.h"
 #include "codecs/cluster/cluster_codec.h"
 #include "store/base/attributes.h"
 #include "store/base/grid.h"
@@ -23,7 +24,13 @@ struct TileCluster {
   static constexpr uint32_t kOwnCluster = 0xfffffffe;
 };
 
+// The surface that a tile was measured against.
+struct MeasuredAgainst {
+  uint32_t round = 0;  // that began with it; 0: the next round need not go on from it
+  const TileSurface* surface = nullptr;  // null: the tile itself
+};
+
 TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
-                            const AttributeLayout& attributes);
+                            const AttributeLayout& attributes, const MeasuredAgainst& against);
 
 }  // namespace mtdb::internal

@@ -27,7 +27,8 @@ class TileMesh {
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
   uint32_t triangles() const { return static_cast<uint32_t>(corners_.size()); }
   uint32_t live_triangles() const { return live_triangles_; }
-  uint32_t vertex(uint32_t v) const { return vertices_[v]; }  // the input's numbering
+  // The input's numbering.
+  std::span<const uint32_t> vertex_numbers() const { return vertices_; }
   bool locked(uint32_t v) const { return locked_[v]; }
   bool removed(uint32_t v) const { return removed_[v]; }
   Vec3d position(uint32_t v) const { return positions_[v]; }  // work units

@@ -3,14 +3,18 @@
 
 #include <algorithm>
 #include <cstring>
-#include <numeric>
 #include <unordered_map>
+#include <utility>
 
 #include "builder/internal/squeeze.h"
 
 namespace mtdb::internal {
 
 namespace {
+
+// docs/design.md, section 3, has the measurements behind these.
+constexpr size_t kMostSurface = 24;       // of its triangles, for each of the tile's
+constexpr size_t kConservativePart = 20;  // one in so many of a tile's may be conservative
 
 // Calls f(list) for all of them, in the order of the bytes.
 template <typename Surface, typename F>
@@ -23,16 +27,19 @@ void ForEachList(Surface& s, F&& f) {
   f(s.own);
   f(s.conservative);
   f(s.curve_errors);
+  f(s.curve_reaches);
 }
 
 // Puts the surfaces of several clusters together, as far as they lie beneath a tile.
 class Gathering {
  public:
-  explicit Gathering(std::span<const TileTriangle> tile) {
+  Gathering(std::span<const TileTriangle> tile, uint32_t round) {
+    all_.round = round;
     const size_t n = tile.size();
     all_.own.assign(n, 1);
     all_.conservative.assign(n, 0);
     all_.curve_errors.resize(n);
+    all_.curve_reaches.resize(n);
     for (size_t t = 0; t < n; ++t) {
       all_.curve_errors[t].fill(tile[t].error);
       for (const uint32_t v : tile[t].vertices) in_tile_.push_back(v);
@@ -51,6 +58,7 @@ class Gathering {
       all_.own[t] = 0;
       all_.conservative[t] = surface.conservative[slot];
       all_.curve_errors[t] = surface.curve_errors[slot];
+      all_.curve_reaches[t] = surface.curve_reaches[slot];
     }
     // What lies around the vertices that the tile has or holds.
     const size_t count = surface.vertices.size();
@@ -78,9 +86,33 @@ class Gathering {
     }
   }
 
-  TileSurface Take() { return std::move(all_); }
+  TileSurface Take(bool may_have_twins) {
+    if (may_have_twins) DropTwins();
+    return std::move(all_);
+  }
 
  private:
+  // Clusters of a later round than the surface's leave all that lies around what they hold, which
+  // those beside them may leave too.
+  void DropTwins() {
+    std::vector<uint32_t> last(all_.vertices.size(), kNone32);  // kept triangle, by smallest vertex
+    std::vector<uint32_t> before;                               // of a kept one
+    before.reserve(all_.triangles.size());
+    for (size_t t = 0; t < all_.triangles.size(); ++t) {
+      std::array<uint32_t, 3> turned = all_.triangles[t];
+      std::rotate(turned.begin(), std::min_element(turned.begin(), turned.end()), turned.end());
+      uint32_t twin = last[turned[0]];
+      while (twin != kNone32 && all_.triangles[twin] != turned) twin = before[twin];
+      if (twin != kNone32) continue;
+      const size_t kept = before.size();
+      before.push_back(std::exchange(last[turned[0]], static_cast<uint32_t>(kept)));
+      all_.triangles[kept] = turned;
+      all_.errors[kept] = all_.errors[t];
+    }
+    all_.triangles.resize(before.size());
+    all_.errors.resize(before.size());
+  }
+
   uint32_t Number(uint32_t vertex, Vec3i position) {
     const auto [at, fresh] =
         numbers_.try_emplace(vertex, static_cast<uint32_t>(all_.vertices.size()));
@@ -98,8 +130,32 @@ class Gathering {
 
 }  // namespace
 
+std::vector<uint32_t> NumberVertices(const TileSurface& surface,
+                                     std::span<const uint32_t> tile_vertices) {
+  std::unordered_map<uint32_t, uint32_t> in_tile;
+  for (uint32_t v = 0; v < tile_vertices.size(); ++v) in_tile.emplace(tile_vertices[v], v);
+  std::vector<uint32_t> numbers(surface.vertices.size());
+  auto next = static_cast<uint32_t>(tile_vertices.size());
+  for (size_t v = 0; v < numbers.size(); ++v) {
+    const auto at = in_tile.find(surface.vertices[v]);
+    numbers[v] = at != in_tile.end() ? at->second : next++;
+  }
+  return numbers;
+}
+
+bool IsFolded(std::span<const uint8_t> conservative) {
+  const auto count = std::count(conservative.begin(), conservative.end(), uint8_t{1});
+  return static_cast<size_t>(count) * kConservativePart > conservative.size();
+}
+
+bool IsWorthGoingOn(const TileSurface& surface) {
+  return !surface.empty() && surface.triangles.size() <= kMostSurface * surface.own.size() &&
+         !IsFolded(surface.conservative);
+}
+
 Bytes EncodeTileSurface(const TileSurface& surface) {
   ByteWriter w;
+  w.Put(surface.round);
   ForEachList(surface, [&](const auto& list) {
     const Bytes squeezed =
         SqueezeTable(std::as_bytes(std::span(list)), sizeof(list[0]) / sizeof(uint32_t));
@@ -112,6 +168,7 @@ Bytes EncodeTileSurface(const TileSurface& surface) {
 TileSurface DecodeTileSurface(ByteSpan bytes) {
   TileSurface surface;
   ByteReader r(bytes);
+  surface.round = r.Get<uint32_t>();
   ForEachList(surface, [&](auto& list) {
     constexpr size_t kMost = size_t{1} << 30;
     const std::optional<Bytes> raw =
@@ -126,6 +183,7 @@ TileSurface DecodeTileSurface(ByteSpan bytes) {
 Status SurfaceSpool::Add(UnitId cluster, ByteSpan surface) {
   if (begin_.size() == 1) first_ = cluster;
   begin_.push_back(begin_.back() + surface.size());
+  surface_rounds_.push_back(ByteReader(surface).Get<uint32_t>());
   return spool_.Append(surface.data(), surface.size());
 }
 
@@ -136,23 +194,44 @@ Result<TileSurface> SurfaceSpool::Read(UnitId cluster) const {
   return DecodeTileSurface(bytes);
 }
 
-Result<TileSurface> SurfaceSpool::Gather(std::span<const TileTriangle> tile) const {
-  std::vector<uint32_t> order(tile.size());
-  std::iota(order.begin(), order.end(), 0u);
+Result<TileSurface> GatherSurface(std::span<const std::unique_ptr<SurfaceSpool>> rounds,
+                                  std::span<const TileTriangle> tile) {
+  if (rounds.empty()) return TileSurface{};
+  // The round that began with the surface, the latest that a triangle's part lies on. Triangles
+  // made before it are the surface's own; those made since must all stand for parts of it.
+  uint32_t round = 0;
+  std::vector<uint32_t> order;
+  std::vector<const SurfaceSpool*> left_by(tile.size(), nullptr);
+  for (uint32_t t = 0; t < tile.size(); ++t) {
+    const UnitId child = tile[t].child;
+    if (child == kNone32) continue;
+    for (const auto& spool : rounds) {
+      if (spool->Has(child)) left_by[t] = spool.get();
+    }
+    if (left_by[t] == nullptr) continue;
+    order.push_back(t);
+    if (left_by[t]->SurfaceRound(child) == 0) return TileSurface{};
+    round = std::max(round, left_by[t]->SurfaceRound(child));
+  }
+  if (round < rounds.front()->round()) return TileSurface{};
+  std::erase_if(order, [&](uint32_t t) { return left_by[t]->round() < round; });
+  for (const uint32_t t : order) {
+    if (left_by[t]->SurfaceRound(tile[t].child) != round) return TileSurface{};
+  }
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return tile[a].child < tile[b].child; });
-  Gathering gathering(tile);
+  Gathering gathering(tile, round);
+  bool went_on = false;
   for (size_t begin = 0; begin < order.size();) {
     const UnitId child = tile[order[begin]].child;
     size_t end = begin;
     while (end < order.size() && tile[order[end]].child == child) ++end;
-    if (Has(child)) {
-      MTDB_ASSIGN_OR_RETURN(const TileSurface surface, Read(child));
-      gathering.Add(surface, tile, std::span(order).subspan(begin, end - begin));
-    }
+    MTDB_ASSIGN_OR_RETURN(const TileSurface surface, left_by[order[begin]]->Read(child));
+    went_on |= left_by[order[begin]]->round() > round;
+    gathering.Add(surface, tile, std::span(order).subspan(begin, end - begin));
     begin = end;
   }
-  return gathering.Take();
+  return gathering.Take(went_on);
 }
 
 }  // namespace mtdb::internal

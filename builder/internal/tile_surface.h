@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -24,9 +25,10 @@ struct HeldVertex {
   uint32_t edge = 3;      // ... or on the curve of this border edge of it; 3: inside
 };
 
-// The second round is measured against the mesh that the first began with, the input
-// (docs/design.md, section 3). A tile of it is given such a surface.
+// Rounds that go on are measured against the mesh that an earlier one began with (docs/design.md,
+// section 3). A tile of them is given such a surface.
 struct TileSurface {
+  uint32_t round = 0;  // the one that began with the surface
   // The surface's triangles that are not triangles of the tile.
   std::vector<uint32_t> vertices;  // the input's numbering
   std::vector<Vec3i> positions;    // grid
@@ -35,39 +37,62 @@ struct TileSurface {
   // On a border edge's curve in the order in which they were removed from it.
   std::vector<HeldVertex> held;
   // Of the tile's triangles.
-  std::vector<uint8_t> own;                        // it is one of the surface's itself
-  std::vector<uint8_t> conservative;               // it has no curves
-  std::vector<std::array<float, 3>> curve_errors;  // work units; of the curves of its edges
+  std::vector<uint8_t> own;                         // it is one of the surface's itself
+  std::vector<uint8_t> conservative;                // it has no curves
+  std::vector<std::array<float, 3>> curve_errors;   // work units; of the curves of its edges ...
+  std::vector<std::array<float, 3>> curve_reaches;  // ... and how far these lie from the edges
 
   bool empty() const { return triangles.empty(); }
 };
 
-// What a tile leaves for the next round: a surface whose triangles are those that the tile's
-// cluster removes; "the tile's triangles" are the cluster's in-triangles.
+// Whether a tile is measured against the surface, or begins afresh: when there is none, when it has
+// many triangles for each of the tile's, which costs time and memory, or when the tile is folded.
+bool IsWorthGoingOn(const TileSurface& surface);
+// True when more than a few of so many triangles are conservative. Such bounds spread, and a tile
+// that begins afresh has none.
+bool IsFolded(std::span<const uint8_t> conservative);
+
+// Numbers the surface's vertices: those of the tile as there, the others behind them.
+std::vector<uint32_t> NumberVertices(const TileSurface& surface,
+                                     std::span<const uint32_t> tile_vertices);
+
+// What a tile leaves for the next round: a surface whose triangles are those that lie beneath the
+// tile's cluster; "the tile's triangles" are the cluster's in-triangles. An empty one, of round 0,
+// says that no tile goes on from here.
 Bytes EncodeTileSurface(const TileSurface& surface);
 TileSurface DecodeTileSurface(ByteSpan bytes);
 
 // The surfaces that the clusters of a round leave, by cluster. Add() from one thread, then
-// Finish(), then Gather() from any number of threads.
+// Finish(), then GatherSurface() from any number of threads.
 class SurfaceSpool {
  public:
-  SurfaceSpool(const SpoolSpace* space, size_t memory_bytes) : spool_(space, memory_bytes) {}
+  SurfaceSpool(uint32_t round, const SpoolSpace* space, size_t memory_bytes)
+      : round_(round), spool_(space, memory_bytes) {}
 
   // Clusters in the order of their ids, which follow each other.
   Status Add(UnitId cluster, ByteSpan surface);
   Status Finish() { return spool_.Finish(); }
-  // The surface beneath `tile`, a tile of the round after.
-  Result<TileSurface> Gather(std::span<const TileTriangle> tile) const;
 
- private:
+  uint32_t round() const { return round_; }
   bool Has(UnitId cluster) const {
     return cluster >= first_ && cluster - first_ + size_t{1} < begin_.size();
   }
   Result<TileSurface> Read(UnitId cluster) const;
+  // TileSurface::round of what the cluster left.
+  uint32_t SurfaceRound(UnitId cluster) const { return surface_rounds_[cluster - first_]; }
 
+ private:
+  uint32_t round_;
   Spool spool_;
   UnitId first_ = 0;
   std::vector<uint64_t> begin_{0};
+  std::vector<uint32_t> surface_rounds_;
 };
+
+// The surface beneath `tile`, a tile of the round after the last of `rounds`, which follow each
+// other. Empty when it has to begin afresh: its triangles stand for parts of different surfaces, or
+// what lies beneath one of them was not left.
+Result<TileSurface> GatherSurface(std::span<const std::unique_ptr<SurfaceSpool>> rounds,
+                                  std::span<const TileTriangle> tile);
 
 }  // namespace mtdb::internal

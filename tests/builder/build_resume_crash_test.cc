@@ -129,7 +129,9 @@ std::string Damaged(std::string journal, const std::string& other, int how,
       break;
     }
     case 4: journal.replace(at, journal.npos, journal.size() - at, '\0'); break;
-    case 5: journal.replace(a * kBlock, kBlock, other.substr(a * kBlock, kBlock)); break;
+    case 5:  // the other one may end before
+      journal.replace(a * kBlock, kBlock, other.substr(std::min(a * kBlock, other.size()), kBlock));
+      break;
     case 6: journal.resize(at), journal += other.substr(std::min(at, other.size())); break;
     case 7: journal += journal.substr(at); break;  // records again
     case 8: journal.erase(a * kBlock, kBlock); break;

@@ -2,11 +2,14 @@
 // The error of each triangle that a removal ever made, against brute force: what it bounds is near,
 // all of it.
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <random>
+#include <span>
 
 #include "builder/internal/decimator.h"
 #include "builder/internal/tile_cluster.h"
@@ -72,6 +75,36 @@ void RequireHeights(const std::vector<TileTriangle>& input, const TileResult& r,
   }
 }
 
+// Rounds of one tile that go on from each other, to so many triangles each. Calls
+// f(result, triangles that its round began with) after each.
+template <typename F>
+void RunRounds(TileDecimator& decimator, std::vector<TileTriangle> tile, const Grid& grid,
+               std::span<const size_t> targets, F&& f) {
+  std::vector<std::unique_ptr<SurfaceSpool>> surfaces;
+  for (const size_t target : targets) {
+    const auto round = static_cast<uint32_t>(surfaces.size() + 1);
+    const TileSurface surface = GatherSurface(surfaces, tile).value();
+    DecimateOptions options;
+    options.largest_error = 1e9;
+    options.target_triangles = static_cast<uint32_t>(target);
+    if (!surface.empty()) options.surface = &surface;
+    const TileResult result = decimator.Decimate(tile, grid, options);
+    f(result, tile.size());
+    if (result.removals.empty()) return;
+    TriangleBlock block;
+    block.triangles = std::move(tile);
+    TileCluster cluster = MakeTileCluster(
+        block, result, grid, {}, {surface.empty() ? round : surface.round, options.surface});
+    surfaces.push_back(std::make_unique<SurfaceSpool>(round, &Space(), 1 << 20));
+    REQUIRE(surfaces.back()->Add(4 + round, cluster.surface).ok());
+    REQUIRE(surfaces.back()->Finish().ok());
+    tile = std::move(cluster.left.triangles);
+    for (TileTriangle& t : tile) {
+      if (t.child == TileCluster::kOwnCluster) t.child = 4 + round;
+    }
+  }
+}
+
 template <typename TheDecimator>
 void CheckTerrains(int runs) {
   std::mt19937 random(1);
@@ -85,29 +118,10 @@ void CheckTerrains(int runs) {
     if (with_errors) {
       for (TileTriangle& t : tile) t.error = static_cast<float>(random() % 50) * 0.1f;
     }
-    DecimateOptions options;
-    options.largest_error = 1e9;
-    options.goes_on = true;
-    options.target_triangles = static_cast<uint32_t>(tile.size() / (1 + random() % 8) - 1);
+    const size_t first = tile.size() / (1 + random() % 8) - 1;
     CAPTURE(run);
-    TriangleBlock block;
-    block.triangles = tile;
-    const TileResult result = decimator.Decimate(tile, grid, options);
-    RequireHeights(tile, result, tile.size());
-    if (result.removals.empty()) continue;
-    TileCluster cluster = MakeTileCluster(block, result, grid, {});
-    SurfaceSpool spool(&Space(), 1 << 20);
-    REQUIRE(spool.Add(5, cluster.surface).ok());
-    REQUIRE(spool.Finish().ok());
-    std::vector<TileTriangle>& left = cluster.left.triangles;
-    for (TileTriangle& t : left) {
-      if (t.child == TileCluster::kOwnCluster) t.child = 5;
-    }
-    const TileSurface surface = spool.Gather(left).value();
-    options.target_triangles = 2;
-    options.surface = &surface;
-    const TileResult second = decimator.Decimate(left, grid, options);
-    RequireHeights(tile, second, left.size());
+    RunRounds(decimator, tile, grid, std::array{first, first / 2, size_t{2}},
+              [&](const TileResult& r, size_t begun) { RequireHeights(tile, r, begun); });
   }
 }
 
@@ -212,11 +226,14 @@ TEST_CASE("each triangle of a surface is as near to the input as it says, and th
     const double relief = 0.05 * (1 << run % 5);
     const std::vector<TileTriangle> tile =
         ClassifiedTriangles(RoughSheet(8, jitter, relief, random), grid);
-    DecimateOptions options;
-    options.largest_error = 1e9;
-    options.target_triangles = 2;
-    const TileResult result = decimator.Decimate(tile, grid, options);
-    const double breach = LargestBreach(tile, result, tile.size());
+    const size_t third = tile.size() / 3;
+    double breach = 0;
+    const std::array<size_t, 3> targets = {2, 2, 2};
+    const std::array<size_t, 3> in_rounds = {2 * third, third, 2};
+    RunRounds(decimator, tile, grid, run % 2 == 0 ? targets : in_rounds,
+              [&](const TileResult& r, size_t begun) {
+                breach = std::max(breach, LargestBreach(tile, r, begun));
+              });
     CAPTURE(run, jitter, relief);
     REQUIRE(breach < 1e-3);  // of a grid step
   }
