@@ -112,13 +112,13 @@ CanonicalOrder SortCanonically(std::span<const std::array<uint32_t, 3>> triangle
     const uint64_t b = ranks[corners[1]];
     const uint64_t c = ranks[corners[2]];
     uint64_t key = a << 2 * kRankBits | b << kRankBits | c;
-    uint32_t first = 0;
     const uint64_t from_b = b << 2 * kRankBits | c << kRankBits | a;
     const uint64_t from_c = c << 2 * kRankBits | a << kRankBits | b;
-    first = from_b < key ? 1 : first;
-    key = std::min(key, from_b);
-    first = from_c < key ? 2 : first;
-    key = std::min(key, from_c);
+    const uint32_t starts_at_b = from_b < key ? 1 : 0;
+    key ^= (key ^ from_b) & (0 - uint64_t{starts_at_b});
+    const uint32_t starts_at_c = from_c < key ? 1 : 0;
+    key ^= (key ^ from_c) & (0 - uint64_t{starts_at_c});
+    const uint32_t first = 2 * starts_at_c + (starts_at_b & ~starts_at_c);
     entries[i] = {key, {i, first}};
     order.unique &= (a != b) | (b != c);
   }
@@ -146,10 +146,10 @@ InPatch MakeInPatch(std::span<const std::array<uint32_t, 3>> triangles,
     uint32_t from = slots[s].first_corner;
     for (uint32_t& corner : patch.triangles[s]) {
       const uint32_t vertex = triangles[slots[s].triangle][from];
-      const bool is_new = numbers[vertex] == kNone32;
-      corner = numbers[vertex] = is_new ? count : numbers[vertex];
+      const uint32_t is_new = numbers[vertex] == kNone32 ? 1 : 0;
+      corner = numbers[vertex] += is_new * (count + 1);  // kNone32 becomes count
       patch.vertices[count] = vertex;
-      count += is_new ? 1 : 0;
+      count += is_new;
       from = from == 2 ? 0 : from + 1;
     }
   }

@@ -226,13 +226,13 @@ Status CheckRemovers(const std::string& name, const CompactCluster& c, uint32_t 
   // has too few slots to overflow them.
   LocalNumber illegal = 0;
   LocalNumber out = 0;
-  for (uint32_t slot = 0; slot < c.first_own_slot; ++slot) {
-    illegal = static_cast<LocalNumber>(illegal + 1 - by_node(removers[slot]));
+  for (const LocalNumber r : std::span(removers).first(c.first_own_slot)) {
+    illegal = static_cast<LocalNumber>(illegal + (by_node(r) ^ 1));
   }
-  for (uint32_t slot = c.first_own_slot; slot < removers.size(); ++slot) {
-    const LocalNumber r = removers[slot];
-    out = static_cast<LocalNumber>(out + leaves(r));
-    illegal = static_cast<LocalNumber>(illegal + 1 - (leaves(r) | by_node(r)));
+  for (const LocalNumber r : std::span(removers).subspan(c.first_own_slot)) {
+    const LocalNumber leaving = leaves(r);
+    out = static_cast<LocalNumber>(out + leaving);
+    illegal = static_cast<LocalNumber>(illegal + ((leaving | by_node(r)) ^ 1));
   }
   for (uint32_t slot = 0; illegal > 0; ++slot) {
     const LocalNumber r = removers[slot];
@@ -271,48 +271,63 @@ std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
   std::vector<uint64_t> drain((unit.own_slots() + 63) / 64, 0);
   const LocalNumber* removers = unit.removers().codes().data() + unit.first_own_slot();
   constexpr uint32_t kBits = 8;  // at a time
-  for (uint32_t i = 0; i < unit.own_slots(); i += kBits) {
-    const uint32_t count = std::min(kBits, unit.own_slots() - i);
-    uint64_t bits = 0;
-    for (uint32_t j = 0; j < count; ++j) bits |= uint64_t{removers[i + j] == kLocalDrain} << j;
-    drain[i >> 6] |= bits << (i & 63);
+  const uint32_t end = unit.own_slots() / kBits * kBits;
+  for (uint32_t i = 0; i < end; i += kBits) {
+    uint32_t bits = 0;
+    for (uint32_t j = 0; j < kBits; ++j) bits |= (removers[i + j] == kLocalDrain ? 1u : 0u) << j;
+    drain[i >> 6] |= uint64_t{bits} << (i & 63);
+  }
+  for (uint32_t i = end; i < unit.own_slots(); ++i) {
+    drain[i >> 6] |= uint64_t{removers[i] == kLocalDrain} << (i & 63);
   }
   return drain;
 }
 
 // Sets out_begin and out_slots.
 void FindOutSlots(LoadedUnit& unit) {
-  const std::vector<LocalNumber>& removers = unit.removers().codes();
+  const LocalNumber* const removers = unit.removers().codes().data();
+  const auto goes_to_child = [&](uint32_t slot) -> uint32_t {
+    return removers[slot] >= kLocalChildFlag && removers[slot] != kLocalDrain ? 1 : 0;
+  };
   const auto child_of = [&](uint32_t slot) {
     return static_cast<uint32_t>(removers[slot] & ~kLocalChildFlag);
   };
   std::vector<LocalNumber> found(unit.own_slots() + 1);
   uint32_t count = 0;
-  for (uint32_t slot = unit.first_own_slot(); slot < removers.size(); ++slot) {
+  for (uint32_t slot = unit.first_own_slot(); slot < unit.cluster.slots(); ++slot) {
     found[count] = static_cast<LocalNumber>(slot);
-    count += removers[slot] >= kLocalChildFlag && removers[slot] != kLocalDrain ? 1 : 0;
+    count += goes_to_child(slot);
   }
+  found.resize(count);
   const size_t children = unit.children().size();
-  unit.out_slots.resize(count);
   unit.out_begin.resize(children + 1);
-  std::vector<LocalNumber> next(children + 1);
-  for (uint32_t i = 0; i < count; ++i) ++next[child_of(found[i])];
+  for (const uint32_t slot : found) ++unit.out_begin[child_of(slot) + 1];
   for (size_t c = 0; c < children; ++c) {
-    unit.out_begin[c + 1] = static_cast<LocalNumber>(unit.out_begin[c] + next[c]);
-    next[c] = unit.out_begin[c];
+    unit.out_begin[c + 1] = static_cast<LocalNumber>(unit.out_begin[c + 1] + unit.out_begin[c]);
   }
-  for (uint32_t i = 0; i < count; ++i) unit.out_slots[next[child_of(found[i])]++] = found[i];
+  unit.out_slots.resize(count);
+  std::vector<LocalNumber> next = unit.out_begin;
+  for (const uint32_t slot : found) {
+    unit.out_slots[next[child_of(slot)]++] = static_cast<LocalNumber>(slot);
+  }
 }
 
 std::vector<LocalNumber> FindCreators(const LoadedUnit& unit) {
-  std::vector<LocalNumber> creators;
-  NodeIndex node = 0;
-  const uint32_t end = unit.cluster.slots();
   constexpr uint32_t kStep = LoadedUnit::kCreatorStep;
-  creators.reserve((end - unit.cluster.listed() + kStep - 1) / kStep);
-  for (uint32_t slot = unit.cluster.listed(); slot < end; slot += kStep) {
-    while (unit.cluster.star_begin[node + 1] <= slot) ++node;
-    creators.push_back(static_cast<LocalNumber>(node));
+  const std::vector<LocalNumber>& star_begin = unit.cluster.star_begin;
+  const uint32_t listed = unit.cluster.listed();
+  std::vector<LocalNumber> creators((unit.cluster.slots() - listed + kStep - 1) / kStep);
+  if (creators.empty()) return creators;
+  // The last node that begins at or before a step's slot writes last.
+  const auto last = static_cast<uint32_t>(creators.size() - 1);
+  for (NodeIndex node = 0; node < unit.nodes(); ++node) {
+    uint32_t step = (star_begin[node] - listed + kStep - 1) / kStep;
+    if (step > last) break;
+    creators[step] = static_cast<LocalNumber>(node);
+    // A long star reaches further steps.
+    while (++step <= last && step * kStep + listed < star_begin[node + 1]) {
+      creators[step] = static_cast<LocalNumber>(node);
+    }
   }
   return creators;
 }
