@@ -37,19 +37,22 @@ struct ExplicitArc {
   friend bool operator==(const ExplicitArc&, const ExplicitArc&) = default;
 };
 
-// A triangle that a cluster consumes, as its parent knows it.
-struct InTriangle {
-  std::array<VertexIndex, 3> vertices;
-  std::array<Vec3i, 3> positions;
-  std::array<uint32_t, 3> parent_vertices;  // local vertices of the parent, to fetch attributes
-  uint32_t origin = 0;                      // the caller's number for it
+// Which triangle is in an in-slot, and which of its corners comes first there.
+struct InSlot {
+  uint32_t triangle = 0;
+  uint32_t first_corner = 0;
 };
 
 // Rotates each triangle so that the sequence of its corners' positions is the smallest, and sorts
 // the triangles by these sequences. In this order a child numbers its in-triangles, so that no
-// numbers need to be stored. Returns false when two triangles, or two rotations of one, have the
-// same sequence (see ExplicitArc).
-bool SortCanonically(std::vector<InTriangle>& triangles);
+// numbers need to be stored. The corners are indices of `positions`. Where two triangles, or two
+// rotations of one, have the same sequence, the order is not `unique` (see ExplicitArc).
+struct CanonicalOrder {
+  std::vector<InSlot> slots;
+  bool unique = true;
+};
+CanonicalOrder SortCanonically(std::span<const std::array<uint32_t, 3>> triangles,
+                               std::span<const Vec3i> positions);
 
 // The listed triangles of a unit in the order of their slots: the in-triangles of a cluster, or the
 // triangles of a root piece. Their corners are numbered by first occurrence: local vertices.
@@ -59,6 +62,11 @@ struct InPatch {
   std::vector<VertexIndex> vertices;               // of local vertices
   Bytes rows;                                      // attributes of local vertices
 };
+
+// Puts triangles into their slots and numbers their corners by first occurrence. The members of
+// `vertices` are what the triangles' corners are: indices of `positions`. Leaves rows empty.
+InPatch MakeInPatch(std::span<const std::array<uint32_t, 3>> triangles,
+                    std::span<const Vec3i> positions, std::span<const InSlot> slots);
 
 // The indices first .. last - 1.
 struct IndexRange {

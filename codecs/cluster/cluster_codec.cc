@@ -2,7 +2,6 @@
 #include "codecs/cluster/cluster_codec.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <optional>
 
@@ -399,33 +398,6 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
 }
 
 }  // namespace
-
-InPatch MakeInPatch(std::span<const InTriangle> triangles) {
-  InPatch patch;
-  patch.triangles.reserve(triangles.size());
-  patch.positions.reserve(triangles.size());
-  patch.vertices.reserve(triangles.size());
-  // Open addressing: local numbers by vertex. At most three quarters full.
-  const size_t capacity = std::bit_ceil(4 * triangles.size() + 2);
-  std::vector<uint32_t> table(capacity, kNone32);
-  for (const InTriangle& t : triangles) {
-    auto& corners = patch.triangles.emplace_back();
-    for (size_t c = 0; c < 3; ++c) {
-      const VertexIndex vertex = t.vertices[c];
-      size_t i = (vertex * 0x9e3779b97f4a7c15ull >> 20) & (capacity - 1);
-      while (table[i] != kNone32 && patch.vertices[table[i]] != vertex) {
-        i = (i + 1) & (capacity - 1);
-      }
-      if (table[i] == kNone32) {
-        table[i] = static_cast<uint32_t>(patch.vertices.size());
-        patch.vertices.push_back(vertex);
-        patch.positions.push_back(t.positions[c]);
-      }
-      corners[c] = table[i];
-    }
-  }
-  return patch;
-}
 
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
                               uint32_t node_limit, const std::string& where) {

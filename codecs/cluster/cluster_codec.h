@@ -74,9 +74,6 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
 // a terrain, as the object's record says.
 ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field);
 
-// Numbers the corners of `triangles` (in slot order) by first occurrence; leaves rows empty.
-InPatch MakeInPatch(std::span<const InTriangle> triangles);
-
 // Replays `payload` on `in`, whose rows must be filled. Memory and time are bounded by the
 // payload's length and `node_limit` (from the index). `where` names the cluster in messages.
 // Errors: kCorrupt.

@@ -105,26 +105,20 @@ int ReferenceLength(const ClusterUpdates& updates, const Owners& owners) {
 // and returns the patch, whose vertices are numbers of `updates`.
 InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
                          EncodedCluster& result) {
-  std::vector<InTriangle> in;
+  std::vector<std::array<uint32_t, 3>> in;
+  std::vector<uint32_t> numbers;  // in `updates`
   for (uint32_t t = 0; t < updates.triangles.size(); ++t) {
     if (owners.removers[t] == kNone32 || owners.creators[t] != kNone32) continue;
-    InTriangle& entry = in.emplace_back();
-    for (size_t c = 0; c < 3; ++c) {
-      const uint32_t v = updates.triangles[t][c];
-      entry.vertices[c] = v;
-      entry.positions[c] = updates.positions[v];
-      entry.parent_vertices[c] = v;
-    }
-    entry.origin = t;
+    in.push_back(updates.triangles[t]);
+    numbers.push_back(t);
   }
-  result.explicit_arcs = !SortCanonically(in);
-  for (const InTriangle& t : in) {
-    result.in_triangles.push_back(t.origin);
-    const auto& corners = updates.triangles[t.origin];
-    const auto first = std::find(corners.begin(), corners.end(), t.parent_vertices[0]);
-    result.in_rotations.push_back(static_cast<uint8_t>(first - corners.begin()));
+  const CanonicalOrder order = SortCanonically(in, updates.positions);
+  result.explicit_arcs = !order.unique;
+  for (const InSlot& slot : order.slots) {
+    result.in_triangles.push_back(numbers[slot.triangle]);
+    result.in_rotations.push_back(static_cast<uint8_t>(slot.first_corner));
   }
-  InPatch patch = MakeInPatch(in);
+  InPatch patch = MakeInPatch(in, updates.positions, order.slots);
   result.external_vertices = static_cast<uint32_t>(patch.vertices.size());
   return patch;
 }

@@ -17,10 +17,7 @@ uint32_t Distance(int32_t to, int32_t from) {
 }
 
 std::vector<LocalNumber> Narrow(const std::vector<uint32_t>& numbers) {
-  std::vector<LocalNumber> narrow(numbers.size());
-  std::transform(numbers.begin(), numbers.end(), narrow.begin(),
-                 [](uint32_t n) { return static_cast<LocalNumber>(n); });
-  return narrow;
+  return std::vector<LocalNumber>(numbers.begin(), numbers.end());
 }
 
 // Without room for more.

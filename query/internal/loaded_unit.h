@@ -39,7 +39,9 @@ struct LoadedUnit {
   std::vector<LocalNumber> by_origin;  // in-slots, ascending by their origin's parent and slot
   std::vector<UnitId> owners;   // per external vertex: the cluster that inserts it; kNone32: root
   std::vector<uint64_t> drain;  // a bit per own slot: part of the full-resolution mesh
-  std::vector<LocalNumber> creators;  // of every kCreatorStep-th star slot, for creator()
+  std::vector<LocalNumber> creators;   // of every kCreatorStep-th star slot, for creator()
+  std::vector<LocalNumber> out_begin;  // children + 1
+  std::vector<LocalNumber> out_slots;  // that children remove, child by child, ascending
 
   const LocalRemovers& removers() const { return cluster.removers; }
   const std::vector<UnitId>& children() const { return cluster.children; }
@@ -60,6 +62,25 @@ struct LoadedUnit {
     NodeIndex node = creators[(slot - listed) / kCreatorStep];
     while (cluster.star_begin[node + 1] <= slot) ++node;
     return node;
+  }
+  // The slots that a child removes, ascending.
+  std::span<const LocalNumber> slots_of_child(uint32_t ordinal) const {
+    return {out_slots.data() + out_begin[ordinal], out_slots.data() + out_begin[ordinal + 1]};
+  }
+  // Begin to fetch what creator() and corners() will read.
+  void PrefetchCreator(uint32_t slot) const {
+    if (slot < cluster.listed()) return;
+    const NodeIndex node = creators[(slot - cluster.listed()) / kCreatorStep];
+    __builtin_prefetch(&cluster.star_begin[node + 1]);
+    __builtin_prefetch(&cluster.ring_begin[node]);
+  }
+  void PrefetchCorners(uint32_t slot, NodeIndex creator_node) const {
+    if (slot < cluster.listed()) {
+      __builtin_prefetch(&cluster.triangles[slot]);
+    } else {
+      const uint32_t j = slot - cluster.star_begin[creator_node];
+      __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator_node] + j);
+    }
   }
   // The local vertices of a slot, which `creator_node` creates.
   std::array<uint32_t, 3> corners(uint32_t slot, NodeIndex creator_node) const {

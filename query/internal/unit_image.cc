@@ -35,6 +35,8 @@ void ForEachArray(Unit& unit, F&& f) {
   f(unit.owners);
   f(unit.drain);
   f(unit.creators);
+  f(unit.out_begin);
+  f(unit.out_slots);
 }
 
 struct Head {

@@ -327,16 +327,11 @@ ClusterFixture MakeCluster(const ClusterOptions& options) {
 
 InPatch MakeIn(const ClusterFixture& fixture, const EncodedCluster& encoded) {
   const ClusterUpdates& updates = fixture.updates;
-  std::vector<InTriangle> in(encoded.in_triangles.size());
-  for (size_t s = 0; s < in.size(); ++s) {
-    for (size_t c = 0; c < 3; ++c) {
-      const uint32_t v =
-          updates.triangles[encoded.in_triangles[s]][(c + encoded.in_rotations[s]) % 3];
-      in[s].vertices[c] = v;
-      in[s].positions[c] = updates.positions[v];
-    }
+  std::vector<InSlot> slots(encoded.in_triangles.size());
+  for (size_t s = 0; s < slots.size(); ++s) {
+    slots[s] = {encoded.in_triangles[s], encoded.in_rotations[s]};
   }
-  InPatch patch = MakeInPatch(in);
+  InPatch patch = MakeInPatch(updates.triangles, updates.positions, slots);
   const auto row = static_cast<std::ptrdiff_t>(fixture.attributes.row_bytes());
   for (const VertexIndex v : patch.vertices) {
     const auto from = updates.rows.begin() + static_cast<std::ptrdiff_t>(v) * row;

@@ -15,6 +15,10 @@ std::array<Vec3i, 3> Rotated(const std::array<Vec3i, 3>& p, size_t r) {
   return {p[r], p[(r + 1) % 3], p[(r + 2) % 3]};
 }
 
+std::array<Vec3i, 3> Corners(const std::array<uint32_t, 3>& t, const std::vector<Vec3i>& p) {
+  return {p[t[0]], p[t[1]], p[t[2]]};
+}
+
 TEST_CASE("the canonical order is that of the least rotations, whatever the numbers") {
   std::mt19937 random(7);
   // Small ranges make ties; the last one is all of int32.
@@ -23,37 +27,35 @@ TEST_CASE("the canonical order is that of the least rotations, whatever the numb
       return static_cast<int32_t>(static_cast<uint32_t>(random() % range) -
                                   static_cast<uint32_t>(range / 2));
     };
-    std::vector<InTriangle> triangles(400);
-    for (uint32_t i = 0; i < triangles.size(); ++i) {
-      InTriangle& t = triangles[i];
-      t.origin = i;
-      for (size_t c = 0; c < 3; ++c) {
-        t.positions[c] = {coordinate(), coordinate(), coordinate()};
-        t.vertices[c] = 3 * i + c;
-        t.parent_vertices[c] = 3 * i + static_cast<uint32_t>(c);
-      }
+    const auto position = [&] { return Vec3i{coordinate(), coordinate(), coordinate()}; };
+    // Vertices that many triangles share, and others.
+    std::vector<Vec3i> positions(1000);
+    for (Vec3i& p : positions) p = position();
+    std::vector<std::array<uint32_t, 3>> triangles(400);
+    for (auto& t : triangles) {
+      for (uint32_t& v : t) v = static_cast<uint32_t>(random() % positions.size());
     }
-    const std::vector<InTriangle> before = triangles;
+    for (uint32_t i = 100; i < 300; ++i) triangles[i][i % 3] = 7;
     bool unique = true;
     std::vector<std::pair<std::array<Vec3i, 3>, uint32_t>> expected;
-    for (const InTriangle& t : before) {
+    for (uint32_t i = 0; i < triangles.size(); ++i) {
       std::set<std::array<Vec3i, 3>> rotations;
-      for (size_t r = 0; r < 3; ++r) rotations.insert(Rotated(t.positions, r));
+      for (size_t r = 0; r < 3; ++r) rotations.insert(Rotated(Corners(triangles[i], positions), r));
       unique &= rotations.size() == 3;
-      expected.emplace_back(*rotations.begin(), t.origin);
+      expected.emplace_back(*rotations.begin(), i);
     }
     std::sort(expected.begin(), expected.end());
     for (size_t i = 1; i < expected.size(); ++i) {
       unique &= expected[i - 1].first != expected[i].first;
     }
-    REQUIRE(SortCanonically(triangles) == unique);
-    for (size_t i = 0; i < triangles.size(); ++i) {
-      const InTriangle& t = triangles[i];
-      REQUIRE(t.positions == expected[i].first);
-      REQUIRE(t.origin == expected[i].second);
-      const size_t r = t.vertices[0] - 3 * t.origin;
-      REQUIRE(Rotated(before[t.origin].positions, r) == t.positions);
-      for (size_t c = 0; c < 3; ++c) REQUIRE(t.vertices[c] == t.parent_vertices[c]);
+    const CanonicalOrder order = SortCanonically(triangles, positions);
+    REQUIRE(order.unique == unique);
+    REQUIRE(order.slots.size() == triangles.size());
+    for (size_t s = 0; s < triangles.size(); ++s) {
+      const InSlot slot = order.slots[s];
+      REQUIRE(slot.triangle == expected[s].second);
+      REQUIRE(Rotated(Corners(triangles[slot.triangle], positions), slot.first_corner) ==
+              expected[s].first);
     }
   }
 }

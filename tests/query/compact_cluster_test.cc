@@ -118,4 +118,35 @@ TEST_CASE("A decoded cluster has no spare room") {
   REQUIRE(bytes <= needed);
 }
 
+TEST_CASE("A decoded cluster knows who creates and removes its slots") {
+  const MtFixture f = MakeTorus(40, 16);
+  ClusterCache cache(f.source, {size_t{1} << 30});
+  LoadStats stats;
+  size_t to_children = 0;
+  for (UnitId u = 0; u < f.source->index().unit_count(); ++u) {
+    const LoadedUnitPtr unit = cache.Get(u, &stats).value();
+    std::vector<std::vector<LocalNumber>> removed_by(unit->children().size());
+    NodeIndex creator = kNone32;
+    for (uint32_t slot = 0; slot < unit->cluster.slots(); ++slot) {
+      // kNone32 + 1 is the first node.
+      while (creator + 1 < unit->nodes() && unit->cluster.star_begin[creator + 1] <= slot) {
+        ++creator;
+      }
+      REQUIRE(unit->creator(slot) == (slot < unit->cluster.listed() ? kNone32 : creator));
+      const uint32_t remover = unit->removers()[slot];
+      if (RemovedByChild(remover)) {
+        removed_by[ChildOrdinal(remover)].push_back(static_cast<LocalNumber>(slot));
+      }
+      if (slot < unit->first_own_slot()) continue;
+      const uint32_t own = slot - unit->first_own_slot();
+      REQUIRE((unit->drain[own >> 6] >> (own & 63) & 1) == (remover == kDrain));
+    }
+    for (uint32_t child = 0; child < removed_by.size(); ++child) {
+      REQUIRE(std::ranges::equal(unit->slots_of_child(child), removed_by[child]));
+      to_children += removed_by[child].size();
+    }
+  }
+  REQUIRE(to_children > 0);
+}
+
 }  // namespace mtdb::testing
