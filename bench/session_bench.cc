@@ -27,9 +27,8 @@
 //   round the time so far, bytes, triangles, and the distance of the last mesh from this one; Draco
 //   shows nothing before its last byte.
 //
-// With --store only the last four, on the first object of the store; with --only one of camera,
-// region, budget and rounds. --json writes all rows to a
-// file.
+// With --store only the last five, on the first object of the store; with --only one of them.
+// --json writes all rows to a file.
 //
 // Checks after each frame that the client's mesh has as many triangles and vertices as the cut, and
 // that the session applied as many nodes as Select; of a clipped client, that it has as many
@@ -237,7 +236,7 @@ TriangleMesh NewTriangles(const ClientMesh& mesh, uint64_t born) {
   TriangleMesh result;
   std::vector<VertexIndex> number(mesh.vertex_slots(), ~VertexIndex{0});
   for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    if (!mesh.has_triangle(slot) || mesh.triangle(slot).born <= born) continue;
+    if (!mesh.has_triangle(slot) || mesh.triangle(slot).born() <= born) continue;
     TriangleVertices& t = result.triangles.emplace_back();
     for (size_t c = 0; c < 3; ++c) {
       const uint32_t v = mesh.triangle(slot).corners[c];
@@ -256,7 +255,7 @@ TriangleMesh NewTriangles(const ClientMesh& mesh, uint64_t born) {
 uint64_t NewestBorn(const ClientMesh& mesh) {
   uint64_t born = 0;
   for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    born = std::max(born, mesh.triangle(slot).born);
+    born = std::max(born, mesh.triangle(slot).born());
   }
   return born;
 }
@@ -400,8 +399,12 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
   std::printf("progressive: %.0f nodes; stream %.2f bits a node, payloads %.2f: %.3f times\n",
               nodes, 8.0 * static_cast<double>(frame.bytes) / nodes,
               8.0 * static_cast<double>(payloads) / nodes, ratio);
-  std::printf("  update %.2f us, encode %.2f us, decode %.2f us a node\n",
-              1e6 * frame.update / nodes, 1e6 * frame.encode / nodes, 1e6 * frame.decode / nodes);
+  const double memory = static_cast<double>(connection.encoder().memory_bytes()) /
+                        static_cast<double>(connection.mesh().triangle_count());
+  std::printf(
+      "  update %.2f us, encode %.2f us, decode %.2f us a node; the sender keeps %.1f bytes a "
+      "triangle\n",
+      1e6 * frame.update / nodes, 1e6 * frame.encode / nodes, 1e6 * frame.decode / nodes, memory);
   AddRow({{"experiment", "progressive"},
           {"object_triangles", surface->record().triangles},
           {"nodes", frame.insertions},
@@ -409,7 +412,8 @@ void Progressive(const std::shared_ptr<Surface>& surface) {
           {"payload_bits_per_node", 8.0 * static_cast<double>(payloads) / nodes},
           {"update_us_per_node", 1e6 * frame.update / nodes},
           {"encode_us_per_node", 1e6 * frame.encode / nodes},
-          {"decode_us_per_node", 1e6 * frame.decode / nodes}});
+          {"decode_us_per_node", 1e6 * frame.decode / nodes},
+          {"sender_bytes_per_triangle", memory}});
   Expect(ratio <= 1.4, "the progressive stream is at most 1.4 times the payloads");
 }
 
@@ -693,6 +697,7 @@ void MeasureStore(const std::string& file, int frames, const std::string& only) 
                                      {.cache_bytes = size_t{8} << 30, .threads = 1})
                            .value();
   const auto asked = [&](const char* what) { return only.empty() || only == what; };
+  if (asked("progressive")) Progressive(surface);
   if (asked("camera")) FollowCameras(surface, frames);
   if (asked("region")) FollowRegions(surface, frames);
   if (asked("budget")) FollowBudgets(surface, frames);
@@ -711,10 +716,10 @@ int Main(int argc, char** argv) {
   app.add_option("--triangles", triangles, "of the sculpture without MESH");
   app.add_option("--large", large, "triangles of the larger sculpture; 0: none");
   app.add_option("MESH", file);
-  app.add_option("--store", store_file, "measure the camera and the rounds on its first object");
+  app.add_option("--store", store_file, "measure its first object");
   std::string only;
-  app.add_option("--only", only, "of a store: camera, region, budget or rounds")
-      ->check(CLI::IsMember({"camera", "region", "budget", "rounds"}));
+  app.add_option("--only", only, "of a store: progressive, camera, region, budget or rounds")
+      ->check(CLI::IsMember({"progressive", "camera", "region", "budget", "rounds"}));
   app.add_option("--json", json_file, "write the rows there");
   CLI11_PARSE(app, argc, argv);
 

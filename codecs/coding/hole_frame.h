@@ -6,7 +6,7 @@
 // known (v by the ring's regression line, n by the hole's own surface above (u, v)), which makes
 // the three residuals as independent as those in a rotated frame, by shears alone.
 //
-// A mesh is a Patch or a ClientMesh (hole_frame.inc): points() of vertices, triangle(slot).corners.
+// A mesh is a Patch or a ClientMesh (hole_frame.inc): points()[vertex], triangle(slot).corners.
 //
 // Numbers are IEEE binary32, relative to the ring's first vertex; each operation is rounded
 // correctly and done in the order of codecs/FORMAT.md, so that every machine predicts the same bits

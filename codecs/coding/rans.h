@@ -197,12 +197,9 @@ class RansEncoder {
   // does.
   class Log {
    public:
-    void Append(Entry entry) {
-      if (left_ == 0) {
-        chunks_.push_back(std::make_unique_for_overwrite<Entry[]>(kChunk));
-        next_ = chunks_.back().get();
-        left_ = kChunk;
-      }
+    [[gnu::always_inline]] void Append(Entry entry) {
+      if (left_ == 0) [[unlikely]]
+        AddChunk();
       *next_++ = entry;
       --left_;
     }
@@ -216,6 +213,11 @@ class RansEncoder {
 
    private:
     static constexpr size_t kChunk = 4096;
+    [[gnu::noinline]] void AddChunk() {
+      chunks_.push_back(std::make_unique_for_overwrite<Entry[]>(kChunk));
+      next_ = chunks_.back().get();
+      left_ = kChunk;
+    }
     std::vector<std::unique_ptr<Entry[]>> chunks_;
     Entry* next_ = nullptr;
     size_t left_ = 0;  // places in the last chunk

@@ -2,6 +2,7 @@
 #include "codecs/stream/client_mesh.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <tuple>
 
@@ -15,20 +16,6 @@ using namespace internal;
 
 namespace {
 
-std::vector<ClientMesh::Range> Ranges(std::vector<uint32_t>& slots) {
-  std::sort(slots.begin(), slots.end());
-  std::vector<ClientMesh::Range> ranges;
-  for (const uint32_t slot : slots) {
-    if (ranges.empty() || slot > ranges.back().end) {
-      ranges.push_back({slot, slot + 1});
-    } else {
-      ranges.back().end = slot + 1;
-    }
-  }
-  slots.clear();
-  return ranges;
-}
-
 uint32_t NextCorner(uint32_t i) { return i == 2 ? 0 : i + 1; }
 
 }  // namespace
@@ -37,7 +24,28 @@ ClientMesh::ClientMesh(const ClientMeshOptions& options, bool drawn)
     : options_(options), row_bytes_(options.attributes.row_bytes()), drawn_(drawn) {}
 
 ClientMesh::Changes ClientMesh::TakeChanges() {
-  return {Ranges(changed_triangles_), Ranges(changed_vertices_)};
+  const auto ranges = [](SlotSet& slots) {
+    std::vector<Range> result;
+    slots.TakeEach([&](uint32_t slot) {
+      if (result.empty() || slot > result.back().end) {
+        result.push_back({slot, slot + 1});
+      } else {
+        result.back().end = slot + 1;
+      }
+    });
+    return result;
+  };
+  return {ranges(changed_triangles_), ranges(changed_vertices_)};
+}
+
+void ClientMesh::Draw() {
+  indices_.resize(3 * triangles_.size());
+  undrawn_.TakeEach([&](uint32_t slot) {
+    const Triangle& t = triangles_[slot];
+    const bool here = t.born() != 0;
+    for (size_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = here ? t.corners[i] : 0;
+    changed_triangles_.Add(slot);
+  });
 }
 
 void ClientMesh::Start(Vec3d origin, std::span<const Vec3i> positions, const Bytes& rows,
@@ -46,7 +54,10 @@ void ClientMesh::Start(Vec3d origin, std::span<const Vec3i> positions, const Byt
   for (size_t v = 0; v < positions.size(); ++v) {
     AddVertex(positions[v], rows.data() + v * row_bytes_);
   }
-  for (const auto& t : triangles) AddTriangle(t, kNone32);
+  std::vector<uint32_t> slots;
+  AddSlots(triangles.size(), slots);
+  for (size_t t = 0; t < triangles.size(); ++t) PutTriangle(slots[t], triangles[t], kNone32);
+  Measure(slots);
   PairAll();
 }
 
@@ -55,46 +66,41 @@ void ClientMesh::ExpectMore(size_t vertices) {
     if (more > reused) ReserveTight(values, values.size() + more - reused);
   };
   room(triangles_, 2 * vertices, free_triangles_.size());
-  room(points_, vertices, free_vertices_.size());
-  room(degree_, vertices, free_vertices_.size());
-  room(half_edge_, vertices, free_vertices_.size());
-  room(first_of_ring_, vertices, free_vertices_.size());
-  room(place_, vertices, free_vertices_.size());
+  room(vertices_, vertices, free_vertices_.size());
   room(rows_, vertices * row_bytes_, free_vertices_.size() * row_bytes_);
 }
 
 uint32_t ClientMesh::AddVertex(Vec3i position, const std::byte* row) {
   uint32_t vertex = vertex_slots();
   if (free_vertices_.empty()) {
-    ResizeTight(points_, points_.size() + 1);
     if (drawn_) floats_.resize(floats_.size() + 3);
-    ResizeTight(rows_, rows_.size() + row_bytes_);
-    AppendTight(degree_, 0U);
-    AppendTight(half_edge_, kNone32);
-    AppendTight(first_of_ring_, kNone32);
-    AppendTight(place_, kNone32);
+    MakeRoom(rows_, row_bytes_);
+    rows_.resize(rows_.size() + row_bytes_);
+    MakeRoom(vertices_, 1);
+    vertices_.emplace_back();
   } else {
     vertex = free_vertices_.back();
     free_vertices_.pop_back();
-    place_[vertex] = kNone32;
+    vertices_[vertex].place = kNone32;
   }
-  points_[vertex] = Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
-                          static_cast<uint32_t>(position.z), 0};
+  vertices_[vertex].point =
+      Word4{static_cast<uint32_t>(position.x), static_cast<uint32_t>(position.y),
+            static_cast<uint32_t>(position.z), 0};
   if (row_bytes_ != 0) std::memcpy(rows_.data() + vertex * row_bytes_, row, row_bytes_);
   ++vertex_count_;
   if (!drawn_) return vertex;
   const Vec3d p = options_.grid.Position(position) - origin_;
   for (int i = 0; i < 3; ++i)
     floats_[3 * size_t{vertex} + static_cast<size_t>(i)] = static_cast<float>(p[i]);
-  changed_vertices_.push_back(vertex);
+  changed_vertices_.Add(vertex);
   return vertex;
 }
 
 void ClientMesh::Recall(uint32_t vertex) {
   const uint32_t last = remembered_.back();
-  remembered_[place_[vertex]] = last;
-  place_[last] = place_[vertex];
-  place_[vertex] = kNone32;
+  remembered_[vertices_[vertex].place] = last;
+  vertices_[last].place = vertices_[vertex].place;
+  vertices_[vertex].place = kNone32;
   remembered_.pop_back();
   ++vertex_count_;
 }
@@ -104,59 +110,97 @@ uint32_t ClientMesh::Forget(uint32_t vertex, uint32_t first_of_ring) {
   uint32_t lost = vertex;
   if (remembered_.size() < options_.remembered_vertices) {
     lost = kNone32;
-    place_[vertex] = static_cast<uint32_t>(remembered_.size());
+    vertices_[vertex].place = static_cast<uint32_t>(remembered_.size());
     remembered_.push_back(vertex);
   } else if (!remembered_.empty()) {
     oldest_ = oldest_ < remembered_.size() ? oldest_ : 0;
     lost = remembered_[oldest_];
     remembered_[oldest_] = vertex;
-    place_[vertex] = oldest_++;
+    vertices_[vertex].place = oldest_++;
   }
-  first_of_ring_[vertex] = first_of_ring;
+  vertices_[vertex].first_of_ring = first_of_ring;
   if (lost != kNone32) {
-    place_[lost] = kNowhere;
+    vertices_[lost].place = kNowhere;
     free_vertices_.push_back(lost);
   }
   return lost;
 }
 
-uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills) {
-  uint32_t slot = triangle_slots();
-  if (free_triangles_.empty()) {
-    ResizeTight(triangles_, triangles_.size() + 1);
-    if (drawn_) indices_.resize(indices_.size() + 3);
-  } else {
-    slot = free_triangles_.back();
-    free_triangles_.pop_back();
-  }
-  triangles_[slot] = {corners, {kNone32, kNone32, kNone32}, next_born_++, fills};
-  Measure(triangles_[slot]);
-  for (uint32_t i = 0; i < 3; ++i) {
-    ++degree_[corners[i]];
-    half_edge_[corners[i]] = 4 * slot + i;
-  }
-  ++triangle_count_;
-  if (!drawn_) return slot;
-  for (uint32_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = corners[i];
-  changed_triangles_.push_back(slot);
-  return slot;
+void ClientMesh::AddSlots(size_t count, std::vector<uint32_t>& slots) {
+  const size_t reused = std::min(count, free_triangles_.size());
+  slots.insert(slots.end(), free_triangles_.rbegin(),
+               free_triangles_.rbegin() + static_cast<std::ptrdiff_t>(reused));
+  free_triangles_.resize(free_triangles_.size() - reused);
+  if (reused == count) return;
+  uint32_t next = triangle_slots();
+  MakeRoom(triangles_, count - reused);
+  triangles_.resize(triangles_.size() + count - reused);
+  while (next < triangle_slots()) slots.push_back(next++);
 }
 
-void ClientMesh::Measure(Triangle& t) const {
-  const Word4 p = points_[t.corners[0]];
-  const Word4 q = points_[t.corners[1]];
-  const Word4 r = points_[t.corners[2]];
-  const Float4 a = Offset4(q, p);
-  const Float4 b = Offset4(r, q);
-  const Float4 c = Offset4(p, r);
-  const Columns4 squares = Transpose(a * a, b * b, c * c, Float4{});
-  const Float4 lengths = squares.x + squares.y + squares.z;
-  const Float4 others = Turn(lengths) + Turn(Turn(lengths));
-  const Int4 bluntness = ToInt(Min4(60 * lengths / (others + 1e-30f), Splat4(120)));
-  for (size_t i = 0; i < 3; ++i) {
-    t.exponents[i] =
-        lengths[i] < 1 ? Triangle::kNoLength : static_cast<uint8_t>(ExponentOf(lengths[i]));
-    t.bluntness[i] = static_cast<uint8_t>(bluntness[i]);
+ClientMesh::Triangle& ClientMesh::PutTriangle(uint32_t slot, const std::array<uint32_t, 3>& corners,
+                                              uint32_t fills) {
+  Triangle& t = triangles_[slot];
+  t.corners = corners;
+  t.opposite = {kNone32, kNone32, kNone32};
+  t.fills = fills;
+  t.set_born(next_born_++);
+  for (uint32_t i = 0; i < 3; ++i) {
+    Vertex& v = vertices_[corners[i]];
+    ++v.degree;
+    v.half_edge = 4 * slot + i;
+  }
+  ++triangle_count_;
+  return t;
+}
+
+uint32_t ClientMesh::AddTriangle(const std::array<uint32_t, 3>& corners, uint32_t fills) {
+  scratch_.clear();
+  AddSlots(1, scratch_);
+  PutTriangle(scratch_[0], corners, fills);
+  Measure(scratch_);
+  return scratch_[0];
+}
+
+// Four at a time, the last one again where there are fewer.
+void ClientMesh::Measure(std::span<const uint32_t> slots) {
+  const auto squared = [](const Float4(&edges)[4]) {
+    const Columns4 columns = Transpose(edges[0] * edges[0], edges[1] * edges[1],
+                                       edges[2] * edges[2], edges[3] * edges[3]);
+    return columns.x + columns.y + columns.z;
+  };
+  const auto exponent = [](Float4 length) {
+    const Int4 of_float = (std::bit_cast<Int4>(length) >> 23) - 127;
+    const Int4 most = Int4{} + kMaxExponent;
+    const Int4 clamped = of_float < most ? of_float : most;
+    return std::bit_cast<Word4>(length < 1 ? Int4{} + Triangle::kNoLength : clamped);
+  };
+  const auto bluntness = [](Float4 facing, Float4 b, Float4 c) {
+    return std::bit_cast<Word4>(ToInt(Min4(60 * facing / (b + c + 1e-30f), Splat4(120))));
+  };
+  if (drawn_) {
+    for (const uint32_t slot : slots) undrawn_.Add(slot);
+  }
+  for (size_t first = 0; first < slots.size(); first += 4) {
+    const size_t count = std::min<size_t>(slots.size() - first, 4);
+    Float4 edges[3][4];
+    for (size_t i = 0; i < 4; ++i) {
+      const auto& c = triangles_[slots[first + std::min(i, count - 1)]].corners;
+      const Word4 p = vertices_[c[0]].point;
+      const Word4 q = vertices_[c[1]].point;
+      const Word4 r = vertices_[c[2]].point;
+      edges[0][i] = Offset4(q, p);
+      edges[1][i] = Offset4(r, q);
+      edges[2][i] = Offset4(p, r);
+    }
+    const Float4 a = squared(edges[0]);
+    const Float4 b = squared(edges[1]);
+    const Float4 c = squared(edges[2]);
+    const Word4 exponents = exponent(a) | exponent(b) << 8 | exponent(c) << 16;
+    const Word4 blunt = bluntness(a, b, c) | bluntness(b, c, a) << 8 | bluntness(c, a, b) << 16;
+    for (size_t i = 0; i < count; ++i) {
+      triangles_[slots[first + i]].set_shape(uint64_t{blunt[i]} << 24 | exponents[i]);
+    }
   }
 }
 
@@ -201,7 +245,7 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
     for (uint32_t i = 0; i < 3; ++i) {
       const uint32_t o = t.opposite[i];
       if (o == kNone32) Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
-      if (o == kNone32 || triangles_[o >> 2].born == 0) continue;
+      if (o == kNone32 || triangles_[o >> 2].born() == 0) continue;
       triangles_[o >> 2].opposite[o & 3] = kNone32;
       outer.push_back({t.corners[i], t.corners[NextCorner(i)], o});
     }
@@ -229,39 +273,44 @@ void ClientMesh::Replace(std::span<const uint32_t> removed,
 void ClientMesh::ReplaceByStar(std::span<const uint32_t> hole, std::span<const uint32_t> ring,
                                std::span<const uint32_t> outer, uint32_t vertex, bool boundary,
                                std::vector<uint32_t>* slots) {
-  for (const uint32_t slot : hole) {
-    const Triangle& t = triangles_[slot];
-    for (uint32_t i = 0; i < 3; ++i) {
-      if (t.opposite[i] != kNone32) continue;
-      Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
-    }
-  }
-  GiveUp(hole);
   const size_t count = ring.size() - (boundary ? 1 : 0);
-  uint32_t first = 0;
-  uint32_t last = 0;
+  const size_t first = slots->size();
+  CloseAll(hole);
+  Exchange(hole, count, *slots);
+  const auto star = std::span<const uint32_t>(*slots).subspan(first);
+  uint32_t last = star[count - 1];
   for (size_t j = 0; j < count; ++j) {
+    const uint32_t slot = star[j];
+    const uint32_t o = outer[j];
     const uint32_t to = ring[j + 1 == ring.size() ? 0 : j + 1];
-    const uint32_t slot = AddTriangle({vertex, ring[j], to}, kNone32);
-    slots->push_back(slot);
-    if (outer[j] != kNone32) {
-      Join(4 * slot + 1, outer[j]);
+    Triangle& t = triangles_[slot];
+    t.corners = {vertex, ring[j], to};
+    t.opposite = {4 * last + 2, o, 4 * star[j + 1 == count ? 0 : j + 1]};
+    t.fills = kNone32;
+    t.set_born(next_born_ + j);
+    Vertex& from = vertices_[ring[j]];
+    from.degree += 2;
+    from.half_edge = 4 * slot + 1;
+    if (o != kNone32) {
+      triangles_[o >> 2].opposite[o & 3] = 4 * slot + 1;
     } else {
       Open(ring[j], to, 4 * slot + 1);
     }
-    if (j == 0) {
-      first = slot;
-    } else {
-      Join(4 * last + 2, 4 * slot);
-    }
     last = slot;
   }
-  if (!boundary) {
-    Join(4 * last + 2, 4 * first);
-    return;
-  }
-  Open(vertex, ring.front(), 4 * first);
-  Open(ring.back(), vertex, 4 * last + 2);
+  next_born_ += count;
+  triangle_count_ += static_cast<uint32_t>(count);
+  vertices_[vertex].degree += static_cast<uint32_t>(count);
+  vertices_[vertex].half_edge = 4 * last;
+  vertices_[ring[boundary ? count : 0]].half_edge = 4 * last + 2;
+  Measure(star);
+  if (!boundary) return;
+  --vertices_[ring.front()].degree;
+  ++vertices_[ring.back()].degree;
+  triangles_[star.front()].opposite[0] = kNone32;
+  triangles_[star.back()].opposite[2] = kNone32;
+  Open(vertex, ring.front(), 4 * star.front());
+  Open(ring.back(), vertex, 4 * star.back() + 2);
   // What lay beyond the split edge has no opposite any more.
   if (const uint32_t o = outer[count]; o != kNone32) {
     triangles_[o >> 2].opposite[o & 3] = kNone32;
@@ -269,18 +318,80 @@ void ClientMesh::ReplaceByStar(std::span<const uint32_t> hole, std::span<const u
   }
 }
 
+void ClientMesh::ReplaceStar(std::span<const uint32_t> star, std::span<const uint32_t> ring,
+                             std::span<const std::array<uint32_t, 3>> places, uint32_t vertex,
+                             bool boundary, std::vector<uint32_t>* slots) {
+  // What lies beyond each ring edge, and between two places the half-edge of the triangle that was
+  // made there.
+  uint32_t inner[kMaxRing][kMaxRing];
+  const auto k = static_cast<uint32_t>(ring.size());
+  CloseAll(star);
+  for (uint32_t j = 0; j < star.size(); ++j) {
+    const Triangle& t = triangles_[star[j]];
+    const uint32_t at = t.corners[0] == vertex ? 1 : t.corners[1] == vertex ? 2 : 0;
+    inner[j + 1 == k ? 0 : j][j + 1 == k ? j : j + 1] = t.opposite[at];
+  }
+  if (boundary) inner[0][k - 1] = kNone32;
+  const size_t first = slots->size();
+  Exchange(star, places.size(), *slots);
+  for (size_t i = 0; i < places.size(); ++i) {
+    const uint32_t slot = (*slots)[first + i];
+    const auto [a, b, c] = places[i];
+    Triangle& t = PutTriangle(slot, {ring[a], ring[b], ring[c]}, vertex);
+    // An edge of the ring, or one that a later triangle will lie at.
+    const auto link = [&](uint32_t side, uint32_t from, uint32_t to, bool outer) {
+      uint32_t& beyond = inner[from][to];
+      if (!outer) {
+        beyond = 4 * slot + side;
+        return;
+      }
+      t.opposite[side] = beyond;
+      if (beyond != kNone32) {
+        triangles_[beyond >> 2].opposite[beyond & 3] = 4 * slot + side;
+      } else {
+        Open(t.corners[side], t.corners[NextCorner(side)], 4 * slot + side);
+      }
+    };
+    link(0, a, b, b == a + 1);
+    link(1, b, c, c == b + 1);
+    link(2, a, c, true);
+  }
+  Measure(std::span<const uint32_t>(*slots).subspan(first));
+}
+
 // The triangles are here no more, and give up their slots.
 void ClientMesh::GiveUp(std::span<const uint32_t> triangles) {
   for (const uint32_t slot : triangles) {
     Triangle& t = triangles_[slot];
-    t.born = 0;
-    for (uint32_t i = 0; i < 3; ++i) --degree_[t.corners[i]];
-    if (!drawn_) continue;
-    for (uint32_t i = 0; i < 3; ++i) indices_[3 * size_t{slot} + i] = 0;
-    changed_triangles_.push_back(slot);
+    t.set_born(0);
+    for (const uint32_t v : t.corners) --vertices_[v].degree;
+    if (drawn_) undrawn_.Add(slot);
   }
   triangle_count_ -= static_cast<uint32_t>(triangles.size());
   free_triangles_.insert(free_triangles_.end(), triangles.rbegin(), triangles.rend());
+}
+
+void ClientMesh::Exchange(std::span<const uint32_t> removed, size_t count,
+                          std::vector<uint32_t>& slots) {
+  const size_t kept = std::min(removed.size(), count);
+  for (const uint32_t slot : removed.first(kept)) {
+    for (const uint32_t v : triangles_[slot].corners) --vertices_[v].degree;
+  }
+  triangle_count_ -= static_cast<uint32_t>(kept);
+  GiveUp(removed.subspan(kept));
+  slots.insert(slots.end(), removed.begin(), removed.begin() + static_cast<std::ptrdiff_t>(kept));
+  AddSlots(count - kept, slots);
+}
+
+// Edges of the triangles without anything beyond them are none of the mesh any more.
+void ClientMesh::CloseAll(std::span<const uint32_t> triangles) {
+  if (open_.empty()) return;
+  for (const uint32_t slot : triangles) {
+    const Triangle& t = triangles_[slot];
+    for (uint32_t i = 0; i < 3; ++i) {
+      if (t.opposite[i] == kNone32) Close(t.corners[i], t.corners[NextCorner(i)], 4 * slot + i);
+    }
+  }
 }
 
 // Makes two half-edges opposite.
@@ -295,7 +406,7 @@ void ClientMesh::Drop(std::span<const uint32_t> triangles, std::vector<uint32_t>
   const auto first = static_cast<std::ptrdiff_t>(left_over->size());
   for (const uint32_t slot : triangles) {
     for (const uint32_t v : triangles_[slot].corners) {
-      if (degree_[v] == 0) left_over->push_back(v);
+      if (vertices_[v].degree == 0) left_over->push_back(v);
     }
   }
   std::sort(left_over->begin() + first, left_over->end());
@@ -335,11 +446,10 @@ void ClientMesh::Close(uint32_t from, uint32_t to, uint32_t half_edge) {
 size_t ClientMesh::memory_bytes() const {
   constexpr size_t kOpenEdgeBytes = 64;  // a node of a tree
   return sizeof(*this) + CapacityBytes(triangles_) + CapacityBytes(indices_) +
-         CapacityBytes(free_triangles_) + CapacityBytes(points_) + CapacityBytes(floats_) +
-         CapacityBytes(rows_) + CapacityBytes(degree_) + CapacityBytes(half_edge_) +
-         CapacityBytes(first_of_ring_) + CapacityBytes(place_) + CapacityBytes(remembered_) +
-         CapacityBytes(free_vertices_) + CapacityBytes(outer_) + CapacityBytes(changed_triangles_) +
-         CapacityBytes(changed_vertices_) + open_.size() * kOpenEdgeBytes;
+         CapacityBytes(free_triangles_) + CapacityBytes(floats_) + CapacityBytes(rows_) +
+         CapacityBytes(vertices_) + CapacityBytes(remembered_) + CapacityBytes(free_vertices_) +
+         CapacityBytes(outer_) + undrawn_.memory_bytes() + changed_triangles_.memory_bytes() +
+         changed_vertices_.memory_bytes() + open_.size() * kOpenEdgeBytes;
 }
 
 }  // namespace mtdb

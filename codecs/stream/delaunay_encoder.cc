@@ -135,7 +135,7 @@ void DelaunayEncoder::Clear() {
 
 // The triangle goes, perhaps to come back before the end.
 void DelaunayEncoder::Erase(uint32_t slot) {
-  if (s_.mesh.triangle(slot).born >= first_born_) return;
+  if (s_.mesh.triangle(slot).born() >= first_born_) return;
   const TriangleKey key = s_.triangles.key(slot);
   if (!gone_.Has(key)) keys_.Insert(CornersOf(slot), key);
   s_.triangles.Erase(slot);
@@ -150,7 +150,7 @@ void DelaunayEncoder::Encode(ByteWriter& out) {
   EncodeRemovals(out);
   EncodeInsertions(out);
   for (const auto& [slot, born] : made_) {
-    if (s_.mesh.triangle(slot).born != born) continue;
+    if (s_.mesh.triangle(slot).born() != born) continue;
     const TriangleKey* const key = keys_.Find(CornersOf(slot));
     MTDB_CHECK(key != nullptr, "a cut is not the Delaunay triangulation of its vertices");
     s_.triangles.Put(*key, slot);
@@ -196,7 +196,7 @@ void DelaunayEncoder::EncodeRemoval(uint32_t vertex) {
   for (const uint32_t slot : hole_.slots) Erase(slot);
   slots_.clear();
   s_.mesh.Replace(hole_.slots, filling_, kNone32, &slots_);
-  for (const uint32_t slot : slots_) made_.emplace_back(slot, s_.mesh.triangle(slot).born);
+  for (const uint32_t slot : slots_) made_.emplace_back(slot, s_.mesh.triangle(slot).born());
   if (const uint32_t lost = s_.mesh.Forget(vertex, kNone32); lost != kNone32) {
     s_.vertices.Erase(lost);
   }
@@ -278,7 +278,7 @@ void DelaunayEncoder::EncodeNamed(ByteWriter& out) {
   DelaunayModels& models = s_.models.delaunay;
   std::vector<std::pair<uint32_t, uint64_t>> named;
   for (uint32_t slot = 0; slot < first_.size(); ++slot) {
-    if (first_[slot] != kNone32) named.emplace_back(slot, s_.mesh.triangle(slot).born);
+    if (first_[slot] != kNone32) named.emplace_back(slot, s_.mesh.triangle(slot).born());
   }
   size_t i = 0;
   bool begin = true;
@@ -294,7 +294,7 @@ void DelaunayEncoder::EncodeNamed(ByteWriter& out) {
       EncodeInsertion(slot);
       do {
         ++i;
-      } while (i < named.size() && s_.mesh.triangle(named[i].first).born != named[i].second);
+      } while (i < named.size() && s_.mesh.triangle(named[i].first).born() != named[i].second);
       if (!s_.coder.Bit(models.next, i < named.size() && n < s_.section)) break;
     }
   }
@@ -374,7 +374,7 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
   slots_.clear();
   s_.mesh.ReplaceByStar(hole_.slots, hole_.ring, hole_.outer, vertex, hole_.boundary, &slots_);
   sweep_.AddStar(s_.mesh, slots_);
-  for (const uint32_t made : slots_) made_.emplace_back(made, s_.mesh.triangle(made).born);
+  for (const uint32_t made : slots_) made_.emplace_back(made, s_.mesh.triangle(made).born());
   // Between which spokes they lie.
   spokes_.clear();
   for (const uint32_t v : hole_.ring) spokes_.push_back(s_.mesh.place(v));

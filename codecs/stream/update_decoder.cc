@@ -39,7 +39,7 @@ class UpdateDecoder::Impl {
   Status DecodeStart(ByteSpan body);
   Status TakeGrid(ByteReader& reader, ClientMeshOptions* options) const;
   Status DecodeRecord(ByteSpan record);
-  // `count` slots, ascending; each is handed to `decode`.
+  // `count` slots, ascending; decode(slots, i) is called for each.
   template <typename Decode>
   Status DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count, Decode&& decode);
   Status DecodeClip(Coder& coder);
@@ -82,8 +82,9 @@ class UpdateDecoder::Impl {
   UpdateModels models_{{}};
   Bytes row_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand
-  std::vector<std::pair<uint32_t, uint64_t>> fresh_;
-  std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
+  UpdateHole update_;        // the one at hand
+  FreshTriangles fresh_;
+  FreshTriangles next_fresh_;
   std::vector<uint32_t> slots_;
   std::vector<std::array<uint32_t, 3>> places_;
 };
@@ -92,14 +93,17 @@ Status UpdateDecoder::Impl::Feed(ByteSpan bytes) {
   MTDB_RETURN_IF_ERROR(status_);
   buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
   size_t taken = 0;
+  bool changed = false;
   for (bool complete = true; complete && taken < buffer_.size();) {
     ByteReader reader(ByteSpan(buffer_).subspan(taken));
     status_ = TakePart(reader, &complete);
-    MTDB_RETURN_IF_ERROR(status_);
-    if (!complete) break;
+    changed |= complete;
+    if (!status_.ok() || !complete) break;
     taken += reader.position();
     offset_ += reader.position();
   }
+  if (changed) mesh_.Draw();
+  MTDB_RETURN_IF_ERROR(status_);
   buffer_.erase(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(taken));
   return Status::Ok();
 }
@@ -233,27 +237,34 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
     if (count == 0 || !MayGoOn()) return TooCostly();
     if (!insert) {
       MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.vertex_gap, count,
-                                           [&](uint32_t v) { return DecodeRemoval(coder, v); }));
+                                           [&](std::span<const uint32_t> vertices, size_t i) {
+                                             PrefetchStars(mesh_, vertices, i);
+                                             return DecodeRemoval(coder, vertices[i]);
+                                           }));
       continue;
     }
+    next_fresh_.Clear(mesh_);
     if (fresh) {
       uint32_t left = count;
       for (size_t i = 0; left > 0; ++i) {
         if (i == fresh_.size()) return Corrupted("fewer anchors than insertions");
-        const auto [slot, born] = fresh_[i];
-        if (mesh_.triangle(slot).born != born) continue;
+        fresh_.Prefetch(mesh_, i);
+        fresh_.PrefetchHole(mesh_, i);
+        const uint32_t slot = fresh_.slot(i);
+        if (!fresh_.IsThere(mesh_, i)) continue;
         const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
         if (!models_.topology.CodeAnchor(coder, view, 1, false)) continue;
         MTDB_RETURN_IF_ERROR(DecodeInsertion(coder, slot));
         --left;
       }
     } else {
-      MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.anchor_gap, count, [&](uint32_t slot) {
-        return DecodeInsertion(coder, slot);
-      }));
+      MTDB_RETURN_IF_ERROR(DecodeAscending(coder, models_.anchor_gap, count,
+                                           [&](std::span<const uint32_t> anchors, size_t i) {
+                                             PrefetchAnchors(mesh_, anchors, i);
+                                             return DecodeInsertion(coder, anchors[i]);
+                                           }));
     }
-    fresh_.swap(next_fresh_);
-    next_fresh_.clear();
+    std::swap(fresh_, next_fresh_);
   }
   if (!decoder_.DoneBeforeZeros()) return Corrupted("record does not end where it should");
   return Status::Ok();
@@ -262,19 +273,20 @@ Status UpdateDecoder::Impl::DecodeRecord(ByteSpan record) {
 template <typename Decode>
 Status UpdateDecoder::Impl::DecodeAscending(Coder& coder, NumberModel& gap, uint32_t count,
                                             Decode&& decode) {
+  std::array<uint32_t, kSlotGroup> room{};
   uint64_t next = 0;
-  for (uint32_t i = 0; i < count; ++i) {
-    const uint64_t place = next + CodeNumber(coder, gap, 0);
-    if (place >= kNone32) return Corrupted("an update of what is not there");
-    next = place + 1;
-    MTDB_RETURN_IF_ERROR(decode(static_cast<uint32_t>(place)));
+  for (size_t left = count; left > 0;) {
+    const auto slots = std::span(room).first(std::min(left, kSlotGroup));
+    if (!CodeSlots(coder, gap, next, slots)) return Corrupted("an update of what is not there");
+    for (size_t i = 0; i < slots.size(); ++i) MTDB_RETURN_IF_ERROR(decode(slots, i));
+    left -= slots.size();
   }
   return Status::Ok();
 }
 
 Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
   if (!mesh_.has_triangle(anchor)) return Corrupted("anchor is no triangle");
-  UpdateHole update;
+  UpdateHole& update = update_;
   uint32_t remembered = kNone32;
   Vec3i position{};
   const uint32_t fills = mesh_.triangle(anchor).fills;
@@ -283,9 +295,9 @@ Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
     remembered = fills;
   } else {
     const UpdateShapes shapes(mesh_, models_);
-    const uint64_t born = mesh_.triangle(anchor).born;
+    const uint64_t born = mesh_.triangle(anchor).born();
     if (!WalkHole(mesh_, anchor, update, [&](uint32_t count, uint32_t slot, uint32_t h) {
-          if (mesh_.triangle(slot).born > born) return false;
+          if (mesh_.triangle(slot).born() > born) return false;
           return models_.topology.CodeTake(coder, count, shapes.Shape(h), false);
         })) {
       return Corrupted("a hole is too large, or no disc");
@@ -329,15 +341,13 @@ Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t r
   } else {
     mesh_.Recall(vertex);
   }
-  slots_.clear();
-  InsertStar(mesh_, models_, update, vertex, &slots_);
-  for (const uint32_t slot : slots_) next_fresh_.emplace_back(slot, mesh_.triangle(slot).born);
+  InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
   return Status::Ok();
 }
 
 Status UpdateDecoder::Impl::DecodeRemoval(Coder& coder, uint32_t vertex) {
   if (!mesh_.has_vertex(vertex)) return Corrupted("removal of what is no vertex");
-  UpdateHole update;
+  UpdateHole& update = update_;
   if (!WalkStar(mesh_, vertex, update)) {
     return Corrupted("removal of a vertex whose triangles are no fan");
   }
@@ -349,7 +359,8 @@ Status UpdateDecoder::Impl::FinishRemoval(Coder& coder, const UpdateHole& update
   CodePolygon(
       coder, models_, mesh_, ring, [](uint32_t, uint32_t) { return kNone32; }, places_);
   if (coder.overrun()) return Corrupted("record cut short");
-  RemoveStar(mesh_, update, vertex, places_, nullptr);
+  slots_.clear();
+  RemoveStar(mesh_, update, vertex, places_, &slots_);
   mesh_.Forget(vertex, update.boundary ? ring[0] : kNone32);
   return Status::Ok();
 }
@@ -375,7 +386,7 @@ bool UpdateDecoder::Impl::BoundedBy(std::span<const uint32_t> slots,
 }
 
 Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
-  UpdateHole update;
+  UpdateHole& update = update_;
   Patch::Hole& hole = update.hole;
   update.listed = true;
   update.boundary = coder.Raw(1) != 0;
@@ -429,7 +440,7 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   }
   if (coder.overrun()) return Corrupted("record cut short");
   MTDB_RETURN_IF_ERROR(FinishInsertion(update, vertex, position));
-  next_fresh_.clear();
+  next_fresh_.Clear(mesh_);
   return Status::Ok();
 }
 

@@ -200,15 +200,6 @@ uint32_t UpdateSender::VertexOf(VertexIndex key) const {
   return slot;
 }
 
-void UpdateSender::MarkHole(const Node& node) {
-  if (++mark_ == 0) {
-    std::fill(marks_.begin(), marks_.end(), 0);
-    mark_ = 1;
-  }
-  ResizeTight(marks_, mesh_.triangle_slots());
-  for (const uint32_t slot : HoleSlots(node)) marks_[slot] = mark_;
-}
-
 uint32_t UpdateSender::SplitEdge(const UpdateBatch& batch, const Node& node,
                                  const Patch::Hole& hole) const {
   const std::span<const VertexIndex> ring = batch.ring_of(node);
@@ -220,52 +211,87 @@ uint32_t UpdateSender::SplitEdge(const UpdateBatch& batch, const Node& node,
   return kNone32;
 }
 
-UpdateSender::Sorted UpdateSender::Sort(const UpdateBatch& batch, const Follows& follows,
-                                        bool (UpdateSender::*find)(const UpdateBatch&, const Node&,
-                                                                   Target*)) {
-  Sorted sorted;
-  for (size_t i = 0; i < batch.nodes.size(); ++i) {
-    if (!follows.empty() && !follows[i]) continue;
-    const Node& node = batch.nodes[i];
-    Target target;
-    if ((this->*find)(batch, node, &target)) {
-      sorted.targets.push_back(target);
-    } else {
-      sorted.listed.push_back(&node);
-    }
+void UpdateSender::FindHoles(const UpdateBatch& batch, const Follows& follows) {
+  constexpr size_t kAhead = 8;
+  const size_t nodes = batch.nodes.size();
+  const std::span<const UpdateBatch::HoleTriangle> holes = batch.holes;
+  hole_slots_.resize(holes.size());
+  for (size_t i = 0; i < holes.size(); ++i) {
+    if (i + 2 * kAhead < holes.size()) triangles_.Prefetch(holes[i + 2 * kAhead].key);
+    if (i + kAhead < holes.size()) triangles_.PrefetchPage(holes[i + kAhead].key);
+    hole_slots_[i] = triangles_.Find(holes[i].key);
   }
-  std::sort(sorted.targets.begin(), sorted.targets.end(),
-            [](const Target& a, const Target& b) { return a.at < b.at; });
-  return sorted;
+  for (uint32_t n = 0; n < nodes; ++n) {
+    if (n + kAhead < nodes) {
+      for (const uint32_t slot : HoleSlots(batch.nodes[n + kAhead])) {
+        if (slot != kNone32) mesh_.PrefetchTriangle(slot);
+      }
+    }
+    if (!follows.empty() && !follows[n]) continue;
+    uint32_t anchor = kNone32;
+    uint64_t last_born = 0;
+    for (const uint32_t slot : HoleSlots(batch.nodes[n])) {
+      MTDB_CHECK(slot != kNone32, "an update names a triangle that the client does not have");
+      const uint64_t born = mesh_.triangle(slot).born();
+      anchor = born > last_born ? slot : anchor;
+      last_born = std::max(last_born, born);
+    }
+    if (!CanWalkHole(batch, n, anchor)) {
+      unwalked_.push_back(n);
+      continue;
+    }
+    targets_.push_back({anchor, n});
+  }
 }
 
-bool UpdateSender::FindHole(const UpdateBatch& batch, const Node& node, Target* target) {
-  const std::span<uint32_t> slots = HoleSlots(node);
-  const std::span<const UpdateBatch::HoleTriangle> hole = batch.hole_of(node);
-  for (size_t i = 0; i < hole.size(); ++i) slots[i] = TriangleOf(hole[i].key);
-  MarkHole(node);
-  uint32_t anchor = kNone32;
-  for (const uint32_t slot : slots) {
-    if (anchor == kNone32 || mesh_.triangle(slot).born > mesh_.triangle(anchor).born) {
-      anchor = slot;
+bool UpdateSender::CanWalkHole(const UpdateBatch& batch, uint32_t n, uint32_t anchor) {
+  const Node& node = batch.nodes[n];
+  const std::span<const uint32_t> slots = HoleSlots(node);
+  if (!node.boundary) {
+    // The triangles of a disc with all its vertices on the ring form a tree.
+    SmallSet set;
+    for (const uint32_t slot : slots) set.Add(slot);
+    size_t links = 0;
+    for (const uint32_t slot : slots) {
+      for (const uint32_t o : mesh_.triangle(slot).opposite) {
+        links += o != kNone32 && set.MayHave(o >> 2) && Has(slots, o >> 2) ? 1 : 0;
+      }
     }
+    return links == 2 * (slots.size() - 1) && node.ring_count <= kMaxRing;
   }
-  *target = {&node, anchor};
-  UpdateHole update;
+  UpdateHole& update = update_;
   return WalkHole(mesh_, anchor, update,
-                  [&](uint32_t, uint32_t slot, uint32_t) { return Marked(slot); }) &&
-         update.hole.ring_count == node.ring_count &&
-         update.hole.slot_count == node.ring_count - 2 &&
-         (!node.boundary || SplitEdge(batch, node, update.hole) != kNone32);
+                  [&](uint32_t, uint32_t slot, uint32_t) { return Has(slots, slot); }) &&
+         update.hole.ring_count == node.ring_count && update.hole.slot_count == slots.size() &&
+         SplitEdge(batch, node, update.hole) != kNone32;
 }
 
-bool UpdateSender::FindStar(const UpdateBatch& batch, const Node& node, Target* target) {
-  static_cast<void>(batch);
-  const uint32_t vertex = VertexOf(node.vertex);
-  *target = {&node, vertex};
-  UpdateHole update;
-  return WalkStar(mesh_, vertex, update) && update.hole.ring_count == node.ring_count &&
-         update.boundary == node.boundary;
+void UpdateSender::FindStars(const UpdateBatch& batch, const Follows& follows) {
+  constexpr size_t kAhead = 8;
+  const size_t nodes = batch.nodes.size();
+  for (uint32_t n = 0; n < nodes; ++n) {
+    if (n + 2 * kAhead < nodes) vertices_.Prefetch(batch.nodes[n + 2 * kAhead].vertex);
+    if (n + kAhead < nodes) vertices_.PrefetchPage(batch.nodes[n + kAhead].vertex);
+    if (!follows.empty() && !follows[n]) continue;
+    targets_.push_back({VertexOf(batch.nodes[n].vertex), n});
+  }
+  std::sort(targets_.begin(), targets_.end());
+  slots_.clear();
+  for (const Target target : targets_) slots_.push_back(target.at);
+  size_t walked = 0;
+  for (size_t i = 0; i < slots_.size(); ++i) {
+    PrefetchStars(mesh_, slots_, i);
+    const Target target = targets_[i];
+    const Node& node = batch.nodes[target.node];
+    UpdateHole& update = update_;
+    if (WalkStar(mesh_, target.at, update) && update.hole.ring_count == node.ring_count &&
+        update.boundary == node.boundary) {
+      targets_[walked++] = target;
+    } else {
+      unwalked_.push_back(target.node);
+    }
+  }
+  targets_.resize(walked);
 }
 
 uint32_t UpdateSender::AddVertex(VertexIndex key, Vec3i position, const std::byte* row) {
@@ -288,36 +314,45 @@ uint32_t UpdateSender::PutVertex(const UpdateBatch& batch, const Node& node, uin
 void UpdateSender::FinishInsertion(const UpdateBatch& batch, const Node& node,
                                    const UpdateHole& update, uint32_t vertex) {
   for (const uint32_t slot : update.hole.slot_span()) EraseTriangle(slot);
-  slots_.clear();
-  InsertStar(mesh_, models_, update, vertex, &slots_);
-  const std::span<const VertexIndex> ring = batch.ring_of(node);
-  for (size_t j = 0; j < slots_.size(); ++j) {
-    const VertexIndex key = vertices_.key(update.hole.ring[j]);
-    const auto place = std::find(ring.begin(), ring.end(), key) - ring.begin();
-    PutTriangle(node.first_star + static_cast<uint64_t>(place), slots_[j]);
-    next_fresh_.emplace_back(slots_[j], mesh_.triangle(slots_[j]).born);
+  const size_t first = next_fresh_.size();
+  InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
+  // The ring as it was walked is rotated.
+  uint32_t place = PlaceInRing(batch, node, update.hole.ring[0]);
+  for (size_t i = first; i < next_fresh_.size(); ++i) {
+    PutTriangle(node.first_star + place, next_fresh_.slot(i));
+    place = place + 1 == node.ring_count ? 0 : place + 1;
   }
 }
 
-void UpdateSender::EncodeInsertion(const UpdateBatch& batch, const Target& target) {
-  const Node& node = *target.node;
-  MarkHole(node);
-  UpdateHole update;
+uint32_t UpdateSender::PlaceInRing(const UpdateBatch& batch, const Node& node,
+                                   uint32_t vertex) const {
+  const std::span<const VertexIndex> ring = batch.ring_of(node);
+  const auto at = std::find(ring.begin(), ring.end(), vertices_.key(vertex)) - ring.begin();
+  MTDB_CHECK(static_cast<uint32_t>(at) < node.ring_count, "an update has another ring");
+  return static_cast<uint32_t>(at);
+}
+
+void UpdateSender::EncodeInsertion(const UpdateBatch& batch, Target target) {
+  const Node& node = batch.nodes[target.node];
+  const std::span<const uint32_t> slots = HoleSlots(node);
+  UpdateHole& update = update_;
   uint32_t remembered = RememberedSlot(node);
   bool again = false;
   if (const uint32_t fills = mesh_.triangle(target.at).fills; mesh_.is_remembered(fills)) {
     again = fills == remembered && WalkAgain(mesh_, target.at, fills, update) &&
             update.hole.ring_count == node.ring_count && update.boundary == node.boundary;
-    for (const uint32_t slot : update.hole.slot_span()) again &= Marked(slot);
+    for (const uint32_t slot : update.hole.slot_span()) again &= Has(slots, slot);
     coder_.Bit(models_.again, again);
   }
   if (!again) {
     const UpdateShapes shapes(mesh_, models_);
-    const uint64_t born = mesh_.triangle(target.at).born;
-    WalkHole(mesh_, target.at, update, [&](uint32_t count, uint32_t slot, uint32_t h) {
-      if (mesh_.triangle(slot).born > born) return false;
-      return models_.topology.CodeTake(coder_, count, shapes.Shape(h), Marked(slot));
-    });
+    const uint64_t born = mesh_.triangle(target.at).born();
+    const bool walked =
+        WalkHole(mesh_, target.at, update, [&](uint32_t count, uint32_t slot, uint32_t h) {
+          if (mesh_.triangle(slot).born() > born) return false;
+          return models_.topology.CodeTake(coder_, count, shapes.Shape(h), Has(slots, slot));
+        });
+    MTDB_CHECK(walked && update.hole.ring_count == node.ring_count, "an update has no hole");
     const uint32_t split = node.boundary ? SplitEdge(batch, node, update.hole) : kNone32;
     CodeSplitEdge(coder_, models_.topology, update.hole, split);
     update.boundary = node.boundary;
@@ -338,54 +373,114 @@ void UpdateSender::EncodeInsertion(const UpdateBatch& batch, const Target& targe
   FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
 }
 
+[[gnu::always_inline]] inline void UpdateSender::PrefetchHole(const UpdateBatch& batch,
+                                                              uint32_t n) const {
+  const Node& node = batch.nodes[n];
+  for (const uint32_t slot : HoleSlots(node)) {
+    mesh_.PrefetchTriangle(slot);
+    triangles_.PrefetchPlace(slot);
+  }
+  triangles_.Prefetch(node.first_star);
+  vertices_.Prefetch(node.vertex);
+}
+
+[[gnu::always_inline]] inline void UpdateSender::PrefetchAround(const UpdateBatch& batch,
+                                                                uint32_t n) const {
+  const Node& node = batch.nodes[n];
+  __builtin_prefetch(&batch.ring[node.ring_begin]);
+  for (const uint32_t slot : HoleSlots(node)) {
+    mesh_.PrefetchBeyond(slot);
+    mesh_.PrefetchCorners(slot);
+    triangles_.PrefetchPlacePage(slot);
+  }
+  triangles_.PrefetchPage(node.first_star);
+  vertices_.PrefetchPage(node.vertex);
+}
+
+// When all anchors of the batch are among the triangles that the last one made, at_fresh_ tells
+// which ones; else it is empty.
+void UpdateSender::FindFresh() {
+  at_fresh_.clear();
+  if (fresh_.size() >= 32 * targets_.size() || targets_.size() > max_updates_) return;
+  at_fresh_.assign(fresh_.size(), kNone32);
+  for (const Target target : targets_) {
+    const uint64_t i = fresh_.NumberOf(mesh_.triangle(target.at).born());
+    if (i >= fresh_.size()) {
+      at_fresh_.clear();
+      return;
+    }
+    at_fresh_[i] = target.node;
+  }
+}
+
+template <typename Visit>
+void UpdateSender::EncodeAscending(NumberModel& gap, std::span<const Target> targets,
+                                   Visit&& visit) {
+  std::array<uint32_t, kSlotGroup> slots{};
+  uint64_t next = 0;
+  for (; !targets.empty(); targets = targets.subspan(std::min(targets.size(), kSlotGroup))) {
+    const auto group = targets.first(std::min(targets.size(), kSlotGroup));
+    for (size_t i = 0; i < group.size(); ++i) slots[i] = group[i].at;
+    CodeSlots(coder_, gap, next, std::span(slots).first(group.size()));
+    for (size_t i = 0; i < group.size(); ++i) visit(group, i);
+  }
+}
+
 void UpdateSender::EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets) {
-  ResizeTight(target_at_, mesh_.triangle_slots(), kNone32);
-  for (uint32_t i = 0; i < targets.size(); ++i) target_at_[targets[i].at] = i;
-  // The last batch made nothing but fresh ones.
-  const auto is_fresh = [&](const Target& target) {
-    const uint64_t born = mesh_.triangle(target.at).born;
-    return !fresh_.empty() && born >= fresh_.front().second && born <= fresh_.back().second;
-  };
-  const bool all_fresh = std::all_of(targets.begin(), targets.end(), is_fresh);
+  const bool fresh = !at_fresh_.empty();
+  next_fresh_.Clear(mesh_);
   coder_.Bit(models_.more, true);
   coder_.Bit(models_.other, false);
   coder_.Bit(models_.insert, true);
-  const bool fresh = all_fresh && fresh_.size() < 32 * targets.size();
   coder_.Bit(models_.fresh, fresh);
   CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
   if (fresh) {
+    constexpr size_t kAhead = FreshTriangles::kAhead;
+    const auto soon = [&](size_t i, auto&& prefetch) {
+      if (i < at_fresh_.size() && at_fresh_[i] != kNone32) prefetch(at_fresh_[i]);
+    };
+    // The first of the ring.
+    const auto first_corner = [&](size_t i) { return mesh_.triangle(fresh_.slot(i)).corners[0]; };
     size_t left = targets.size();
     for (size_t i = 0; left > 0; ++i) {
-      const auto [slot, born] = fresh_[i];
-      if (mesh_.triangle(slot).born != born) continue;
+      fresh_.Prefetch(mesh_, i);
+      soon(i + 4 * kAhead, [&](uint32_t n) { __builtin_prefetch(&batch.nodes[n]); });
+      soon(i + 3 * kAhead,
+           [&](uint32_t n) { __builtin_prefetch(hole_slots_.data() + batch.nodes[n].hole_begin); });
+      soon(i + 2 * kAhead, [&](uint32_t n) { PrefetchHole(batch, n); });
+      soon(i + kAhead, [&](uint32_t n) {
+        PrefetchAround(batch, n);
+        vertices_.PrefetchPlace(first_corner(i + kAhead));
+      });
+      soon(i + kAhead / 2,
+           [&](uint32_t) { vertices_.PrefetchPlacePage(first_corner(i + kAhead / 2)); });
+      const uint32_t slot = fresh_.slot(i);
+      if (!fresh_.IsThere(mesh_, i)) continue;
       const Patch::Triangle view = UpdateShapes(mesh_, models_).AnchorView(slot);
-      const uint32_t target = target_at_[slot];
-      if (!models_.topology.CodeAnchor(coder_, view, 1, target != kNone32)) continue;
-      EncodeInsertion(batch, targets[target]);
+      if (!models_.topology.CodeAnchor(coder_, view, 1, at_fresh_[i] != kNone32)) continue;
+      EncodeInsertion(batch, {slot, at_fresh_[i]});
       --left;
     }
   } else {
-    uint32_t next = 0;
-    for (const Target& target : targets) {
-      CodeNumber(coder_, models_.anchor_gap, target.at - next);
-      next = target.at + 1;
-      EncodeInsertion(batch, target);
-    }
+    constexpr size_t kAhead = 4;
+    EncodeAscending(models_.anchor_gap, targets, [&](std::span<const Target> group, size_t i) {
+      if (i + 2 * kAhead < group.size()) PrefetchHole(batch, group[i + 2 * kAhead].node);
+      if (i + kAhead < group.size()) PrefetchAround(batch, group[i + kAhead].node);
+      EncodeInsertion(batch, group[i]);
+    });
   }
-  for (const Target& target : targets) target_at_[target.at] = kNone32;
-  fresh_.swap(next_fresh_);
-  next_fresh_.clear();
+  std::swap(fresh_, next_fresh_);
 }
 
 void UpdateSender::FinishRemoval(const UpdateBatch& batch, const Node& node,
                                  const UpdateHole& update, uint32_t vertex) {
   // Places in the ring as the client walks it -> the hole's triangles, by their outer corners.
-  const std::span<const VertexIndex> ring = batch.ring_of(node);
   const std::span<const uint32_t> walked = update.hole.ring_span();
-  std::array<uint32_t, kMaxRing + 1> place{};
+  std::array<uint32_t, kMaxRing> place;
+  uint32_t i = PlaceInRing(batch, node, walked[0]);
   for (uint32_t j = 0; j < walked.size(); ++j) {
-    const auto i = std::find(ring.begin(), ring.end(), vertices_.key(walked[j])) - ring.begin();
-    place[static_cast<size_t>(i)] = j;
+    place[i] = j;
+    i = i + 1 == node.ring_count ? 0 : i + 1;
   }
   for (const auto& t : batch.hole_of(node)) {
     std::array<uint32_t, 3> c = {place[t.corners[0]], place[t.corners[1]], place[t.corners[2]]};
@@ -393,13 +488,13 @@ void UpdateSender::FinishRemoval(const UpdateBatch& batch, const Node& node,
     hole_at_[c[0]][c[2]] = {t.key, c[1]};
   }
   CodePolygon(
-      coder_, models_, mesh_, walked, [&](uint32_t i, uint32_t j) { return hole_at_[i][j].apex; },
+      coder_, models_, mesh_, walked, [&](uint32_t a, uint32_t b) { return hole_at_[a][b].apex; },
       places_);
   for (const uint32_t slot : update.hole.slot_span()) EraseTriangle(slot);
   slots_.clear();
   RemoveStar(mesh_, update, vertex, places_, &slots_);
-  for (size_t i = 0; i < slots_.size(); ++i) {
-    PutTriangle(hole_at_[places_[i][0]][places_[i][2]].key, slots_[i]);
+  for (size_t t = 0; t < slots_.size(); ++t) {
+    PutTriangle(hole_at_[places_[t][0]][places_[t][2]].key, slots_[t]);
   }
   const uint32_t first = update.boundary ? walked[0] : kNone32;
   if (const uint32_t lost = mesh_.Forget(vertex, first); lost != kNone32) {
@@ -407,10 +502,10 @@ void UpdateSender::FinishRemoval(const UpdateBatch& batch, const Node& node,
   }
 }
 
-void UpdateSender::EncodeRemoval(const UpdateBatch& batch, const Target& target) {
-  UpdateHole update;
+void UpdateSender::EncodeRemoval(const UpdateBatch& batch, Target target) {
+  UpdateHole& update = update_;
   WalkStar(mesh_, target.at, update);
-  FinishRemoval(batch, *target.node, update, target.at);
+  FinishRemoval(batch, batch.nodes[target.node], update, target.at);
 }
 
 void UpdateSender::EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets) {
@@ -418,19 +513,21 @@ void UpdateSender::EncodeRemovals(const UpdateBatch& batch, std::span<const Targ
   coder_.Bit(models_.other, false);
   coder_.Bit(models_.insert, false);
   CodeNumber(coder_, models_.count, static_cast<uint32_t>(targets.size()));
-  uint32_t next = 0;
-  for (const Target& target : targets) {
-    CodeNumber(coder_, models_.vertex_gap, target.at - next);
-    next = target.at + 1;
-    EncodeRemoval(batch, target);
-  }
+  EncodeAscending(models_.vertex_gap, targets,
+                  [&](std::span<const Target> group, size_t i) { EncodeRemoval(batch, group[i]); });
 }
 
 void UpdateSender::EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out) {
-  if (batch.insert) hole_slots_.resize(batch.holes.size());
-  const Sorted sorted =
-      Sort(batch, follows, batch.insert ? &UpdateSender::FindHole : &UpdateSender::FindStar);
-  for (std::span<const Target> left = sorted.targets; !left.empty();) {
+  targets_.clear();
+  unwalked_.clear();
+  if (batch.insert) {
+    FindHoles(batch, follows);
+    FindFresh();
+    if (at_fresh_.empty()) std::sort(targets_.begin(), targets_.end());
+  } else {
+    FindStars(batch, follows);
+  }
+  for (std::span<const Target> left = targets_; !left.empty();) {
     const auto targets = left.first(std::min<size_t>(left.size(), max_updates_));
     left = left.subspan(targets.size());
     MakeRoom(targets.size(), out);
@@ -441,10 +538,10 @@ void UpdateSender::EncodeBatch(const UpdateBatch& batch, const Follows& follows,
       EncodeRemovals(batch, targets);
     }
   }
-  for (const Node* node : sorted.listed) {
+  for (const uint32_t node : unwalked_) {
     MakeRoom(1, out);
     cost_.AddUpdates(1);
-    EncodeListed(batch, *node);
+    EncodeListed(batch, batch.nodes[node]);
   }
 }
 
@@ -456,8 +553,9 @@ void UpdateSender::EncodeListed(const UpdateBatch& batch, const Node& node) {
   coder_.Bit(models_.clip, false);
   if (options_.delaunay) coder_.Bit(models_.delaunay.ruled, false);
   coder_.Bit(models_.insert, batch.insert);
-  UpdateHole update;
+  UpdateHole& update = update_;
   Patch::Hole& hole = update.hole;
+  hole.ring_count = hole.slot_count = 0;
   update.listed = true;
   update.boundary = node.boundary;
   for (const VertexIndex v : batch.ring_of(node)) hole.ring[hole.ring_count++] = VertexOf(v);
@@ -486,7 +584,7 @@ void UpdateSender::EncodeListed(const UpdateBatch& batch, const Node& node) {
     for (size_t i = 0; i < row_bytes_; ++i) coder_.Raw(8, static_cast<uint32_t>(row[i]));
   }
   FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
-  next_fresh_.clear();
+  next_fresh_.Clear(mesh_);
 }
 
 void UpdateSender::MakeRoom(uint64_t updates, ByteWriter& out) {
@@ -540,15 +638,16 @@ Bytes UpdateSender::Encode(std::span<const UpdateBatch> batches, const MeetsRegi
     whole_.reset();
     lawful_ = options_.delaunay && rule_.IsMeshLawful();
   }
+  targets_ = {};
   hole_slots_ = {};
+  at_fresh_ = {};
   return out.Take();
 }
 
 size_t UpdateSender::memory_bytes() const {
   return sizeof(*this) + mesh_.memory_bytes() + (whole_ ? whole_->memory_bytes() : 0) +
          triangles_.memory_bytes() + vertices_.memory_bytes() + CapacityBytes(start_) +
-         CapacityBytes(fresh_) + CapacityBytes(next_fresh_) + CapacityBytes(marks_) +
-         CapacityBytes(slots_) + CapacityBytes(hole_slots_) + CapacityBytes(target_at_);
+         fresh_.memory_bytes() + next_fresh_.memory_bytes() + CapacityBytes(slots_);
 }
 
 class UpdateEncoder::Impl : public UpdateSender {

@@ -60,5 +60,22 @@ TEST_CASE("a table of keys finds what a map finds, whatever was put and erased")
   }
 }
 
+TEST_CASE("a table of keys that come and go in runs takes no more memory with time") {
+  KeyTable table;
+  size_t memory = 0;
+  for (uint64_t round = 0; round < 1000; ++round) {
+    for (uint32_t slot = 0; slot < 700; ++slot) table.Put(round << 32 | (3 + slot), slot);
+    for (uint32_t slot = 0; slot < 700; ++slot) {
+      REQUIRE(table.Find(round << 32 | (3 + slot)) == slot);
+      REQUIRE(table.key(slot) == (round << 32 | (3 + slot)));
+    }
+    for (uint32_t slot = 0; slot < 700; ++slot) table.Erase(slot);
+    REQUIRE(table.Find(round << 32 | 3) == kNone32);
+    REQUIRE(table.Slots().empty());
+    if (round == 1) memory = table.memory_bytes();
+  }
+  CHECK(table.memory_bytes() == memory);
+}
+
 }  // namespace
 }  // namespace mtdb::internal

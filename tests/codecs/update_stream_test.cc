@@ -89,6 +89,27 @@ TEST_CASE("a client has the sender's mesh after every update of a random walk") 
   }
 }
 
+TEST_CASE("slots that travel in several groups are those of the updates") {
+  const UpdateFixture f({.side = 64});
+  const std::vector<bool> none(f.cluster().nodes());
+  const std::vector<bool> all(f.cluster().nodes(), true);
+  const std::vector<UpdateBatch> in = f.Batches(none, all);
+  const std::vector<UpdateBatch> out = f.Batches(all, none);
+  REQUIRE(in.front().nodes.size() > internal::kSlotGroup);
+  REQUIRE(std::any_of(out.begin(), out.end(), [](const UpdateBatch& batch) {
+    return batch.nodes.size() > internal::kSlotGroup;
+  }));
+  UpdateEncoder encoder(f.options(0), f.base());
+  UpdateDecoder decoder;
+  Require(decoder.Feed(encoder.start()));
+  for (int step = 0; step < 4; ++step) {
+    Require(decoder.Feed(encoder.Encode(step % 2 == 0 ? in : out)));
+    CHECK(ClientMeshFault(decoder.mesh()).empty());
+    CHECK(ClientTriangles(decoder.mesh()) == f.Triangles(step % 2 == 0 ? all : none));
+  }
+  CHECK(encoder.listed_updates() == 0);
+}
+
 TEST_CASE("a vertex travels once while the client remembers it") {
   const UpdateFixture f({.side = 16, .attributes = true});
   UpdateEncoder encoder(f.options(1000), f.base());

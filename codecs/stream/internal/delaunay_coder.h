@@ -280,7 +280,7 @@ class DelaunaySweep {
   bool Next(const ReplayedMesh& mesh, uint32_t* slot, bool* near_none) {
     while (front_ < queue_.size()) {
       const Entry entry = queue_[front_++];
-      if (mesh.triangle(entry.slot).born != entry.born) continue;
+      if (mesh.triangle(entry.slot).born() != entry.born) continue;
       *slot = entry.slot;
       *near_none = entry.near_none;
       return true;
@@ -289,7 +289,7 @@ class DelaunaySweep {
   }
   void GetsNone(const ReplayedMesh& mesh, uint32_t slot) {
     if (none_.size() <= slot) none_.resize(mesh.triangle_slots());
-    none_[slot] = mesh.triangle(slot).born;
+    none_[slot] = mesh.triangle(slot).born();
   }
   // Before a hole goes: what is to be known of it when its star is there.
   void NoteHole(const ReplayedMesh& mesh, const DelaunayHole& hole) {
@@ -298,8 +298,8 @@ class DelaunaySweep {
     for (size_t i = 0; i < hole.slots.size(); ++i) {
       const uint32_t slot = hole.slots[i];
       const ClientMesh::Triangle& t = mesh.triangle(slot);
-      const bool none = (slot < none_.size() && none_[slot] == t.born) ||
-                        (t.born < first_born_ && slot < next_slot_ && i > 0);
+      const bool none = (slot < none_.size() && none_[slot] == t.born()) ||
+                        (t.born() < first_born_ && slot < next_slot_ && i > 0);
       if (none) near_none_.insert(near_none_.end(), t.corners.begin(), t.corners.end());
     }
     std::sort(near_none_.begin(), near_none_.end());
@@ -311,10 +311,10 @@ class DelaunaySweep {
     };
     for (const uint32_t slot : star) {
       const ClientMesh::Triangle& t = mesh.triangle(slot);
-      queue_.push_back({slot, near(t.corners[1]) && near(t.corners[2]), t.born});
+      queue_.push_back({slot, near(t.corners[1]) && near(t.corners[2]), t.born()});
     }
     if (queue_.size() <= 64 + 2 * size_t{mesh.triangle_count()} + front_) return;
-    std::erase_if(queue_, [&](const Entry& e) { return mesh.triangle(e.slot).born != e.born; });
+    std::erase_if(queue_, [&](const Entry& e) { return mesh.triangle(e.slot).born() != e.born; });
     front_ = 0;
   }
 

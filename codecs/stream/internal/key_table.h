@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -13,70 +14,132 @@
 
 namespace mtdb::internal {
 
-// A hash table with linear probing, at most half full. It holds slots alone; their keys lie in an
-// array by slot.
+// Keys that follow each other lie in one page: what a node creates has such keys, and comes and
+// goes together. Pages are found by a hash table with linear probing, at most half full, of their
+// numbers; for each slot there is the number and the place of its key.
 class KeyTable {
  public:
   // The slot of a key, or kNone32.
   uint32_t Find(uint64_t key) const {
-    if (size_ == 0) return kNone32;
-    return table_[PlaceOf(key)];
+    const uint32_t page = FindPage(key / kPage);
+    return page == kNone32 ? kNone32 : pages_[page].slots[key % kPage];
   }
-  // Of a slot that was put; it is there until the slot is put again.
-  uint64_t key(uint32_t slot) const { return keys_[slot]; }
+  // Of a slot that is there.
+  uint64_t key(uint32_t slot) const {
+    return pages_[places_[slot] / kPage].number * kPage + places_[slot] % kPage;
+  }
   // The slot is not there. If the key is, it gets another slot.
   void Put(uint64_t key, uint32_t slot) {
-    if (2 * (size_ + size_t{1}) > table_.size()) Grow();
-    if (slot >= keys_.size()) ResizeTight(keys_, slot + size_t{1});
-    keys_[slot] = key;
-    uint32_t& place = table_[PlaceOf(key)];
-    size_ += place == kNone32 ? 1 : 0;
-    place = slot;
+    // What is put together mostly lies in the page of the last one.
+    if (last_ == kNone32 || pages_[last_].number != key / kPage) last_ = TakePage(key / kPage);
+    if (slot >= places_.size()) [[unlikely]]
+      ResizeTight(places_, slot + size_t{1});
+    places_[slot] = static_cast<uint32_t>(last_ * kPage + key % kPage);
+    Page& page = pages_[last_];
+    uint32_t& at = page.slots[key % kPage];
+    page.used += at == kNone32 ? 1 : 0;
+    at = slot;
   }
   // The slot is there.
   void Erase(uint32_t slot) {
-    const size_t mask = table_.size() - 1;
-    size_t hole = PlaceOf(keys_[slot]);
-    // What follows moves up, unless it lies between its home and the hole.
-    for (size_t i = (hole + 1) & mask; table_[i] != kNone32; i = (i + 1) & mask) {
-      if (((i - Home(keys_[table_[i]])) & mask) < ((i - hole) & mask)) continue;
-      table_[hole] = table_[i];
-      hole = i;
-    }
-    table_[hole] = kNone32;
-    --size_;
+    const uint32_t page = places_[slot] / kPage;
+    pages_[page].slots[places_[slot] % kPage] = kNone32;
+    if (--pages_[page].used == 0) GiveUp(page);
   }
   // Slots that are there, ascending.
   std::vector<uint32_t> Slots() const {
     std::vector<uint32_t> slots;
-    for (const uint32_t slot : table_) {
-      if (slot != kNone32) slots.push_back(slot);
+    for (const Page& page : pages_) {
+      std::copy_if(page.slots.begin(), page.slots.end(), std::back_inserter(slots),
+                   [](uint32_t slot) { return slot != kNone32; });
     }
     std::sort(slots.begin(), slots.end());
     return slots;
   }
-  size_t memory_bytes() const { return CapacityBytes(keys_) + CapacityBytes(table_); }
+  // Asks for the memory that a search begins with, and when that is there for what it ends with.
+  [[gnu::always_inline]] void Prefetch(uint64_t key) const {
+    if (!table_.empty()) __builtin_prefetch(&table_[Home(key / kPage)]);
+  }
+  [[gnu::always_inline]] void PrefetchPage(uint64_t key) const {
+    if (table_.empty()) return;
+    const uint32_t page = table_[Home(key / kPage)];
+    if (page != kNone32) __builtin_prefetch(&pages_[page].slots[key % kPage]);
+  }
+  // Likewise of the key of a slot that is there.
+  [[gnu::always_inline]] void PrefetchPlace(uint32_t slot) const {
+    __builtin_prefetch(&places_[slot]);
+  }
+  [[gnu::always_inline]] void PrefetchPlacePage(uint32_t slot) const {
+    __builtin_prefetch(&pages_[places_[slot] / kPage].slots[places_[slot] % kPage]);
+  }
+  size_t memory_bytes() const {
+    return CapacityBytes(pages_) + CapacityBytes(free_) + CapacityBytes(table_) +
+           CapacityBytes(places_);
+  }
 
  private:
-  size_t Home(uint64_t key) const { return key * 0x9e3779b97f4a7c15ull >> shift_; }
-  // Where the key is, or would be.
-  size_t PlaceOf(uint64_t key) const {
-    size_t i = Home(key);
-    while (table_[i] != kNone32 && keys_[table_[i]] != key) i = (i + 1) & (table_.size() - 1);
+  static constexpr uint64_t kPage = 16;  // keys
+  struct Page {
+    uint64_t number = 0;  // its keys over kPage
+    uint32_t used = 0;
+    std::array<uint32_t, kPage> slots;  // kNone32: the key is not there
+  };
+
+  size_t Home(uint64_t number) const { return number * 0x9e3779b97f4a7c15ull >> shift_; }
+  // Where the page is in the table, or would be.
+  size_t PlaceOf(uint64_t number) const {
+    size_t i = Home(number);
+    while (table_[i] != kNone32 && pages_[table_[i]].number != number) {
+      i = (i + 1) & (table_.size() - 1);
+    }
     return i;
+  }
+  uint32_t FindPage(uint64_t number) const {
+    return table_.empty() ? kNone32 : table_[PlaceOf(number)];
+  }
+  uint32_t TakePage(uint64_t number) {
+    if (2 * (pages_.size() - free_.size() + 1) > table_.size()) Grow();
+    uint32_t& page = table_[PlaceOf(number)];
+    if (page == kNone32) {
+      if (free_.empty()) {
+        page = static_cast<uint32_t>(pages_.size());
+        ResizeTight(pages_, pages_.size() + 1);
+      } else {
+        page = free_.back();
+        free_.pop_back();
+      }
+      pages_[page].number = number;
+      pages_[page].slots.fill(kNone32);
+    }
+    return page;
+  }
+  void GiveUp(uint32_t page) {
+    if (page == last_) last_ = kNone32;
+    const size_t mask = table_.size() - 1;
+    size_t hole = PlaceOf(pages_[page].number);
+    // What follows moves up, unless it lies between its home and the hole.
+    for (size_t i = (hole + 1) & mask; table_[i] != kNone32; i = (i + 1) & mask) {
+      if (((i - Home(pages_[table_[i]].number)) & mask) < ((i - hole) & mask)) continue;
+      table_[hole] = table_[i];
+      hole = i;
+    }
+    table_[hole] = kNone32;
+    free_.push_back(page);
   }
   void Grow() {
     std::vector<uint32_t> old(std::max<size_t>(16, 2 * table_.size()), kNone32);
     old.swap(table_);
     shift_ = 64 - std::countr_zero(table_.size());
-    for (const uint32_t slot : old) {
-      if (slot != kNone32) table_[PlaceOf(keys_[slot])] = slot;
+    for (const uint32_t page : old) {
+      if (page != kNone32) table_[PlaceOf(pages_[page].number)] = page;
     }
   }
 
-  std::vector<uint64_t> keys_;   // by slot
-  std::vector<uint32_t> table_;  // kNone32: empty
-  size_t size_ = 0;
+  std::vector<Page> pages_;
+  std::vector<uint32_t> free_;    // of pages_
+  std::vector<uint32_t> table_;   // pages; kNone32: empty
+  std::vector<uint32_t> places_;  // by slot: page * kPage + place
+  uint32_t last_ = kNone32;       // the page that was put into last, while it is used
   int shift_ = 60;
 };
 

@@ -26,9 +26,5 @@ void ResizeTight(std::vector<T>& values, size_t size, const T& value = T()) {
   ReserveTight(values, size);
   values.resize(size, value);
 }
-template <typename T>
-void AppendTight(std::vector<T>& values, const T& value) {
-  ResizeTight(values, values.size() + 1, value);
-}
 
 }  // namespace mtdb::internal

@@ -13,6 +13,7 @@ class ReplayedMesh : public ClientMesh {
  public:
   using ClientMesh::AddVertex;
   using ClientMesh::Attach;
+  using ClientMesh::Draw;
   using ClientMesh::Drop;
   using ClientMesh::ExpectMore;
   using ClientMesh::first_of_ring;
@@ -21,8 +22,13 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::next_born;
   using ClientMesh::OpenHalfEdge;
   using ClientMesh::points;
+  using ClientMesh::PrefetchBeyond;
+  using ClientMesh::PrefetchCorners;
+  using ClientMesh::PrefetchTriangle;
+  using ClientMesh::PrefetchVertex;
   using ClientMesh::Replace;
   using ClientMesh::ReplaceByStar;
+  using ClientMesh::ReplaceStar;
   using ClientMesh::Start;
 
   ReplayedMesh() = default;

@@ -14,13 +14,14 @@
 #include "codecs/coding/cluster_model.h"
 #include "codecs/coding/hole_frame.h"
 #include "codecs/coding/rans.h"
+#include "codecs/stream/internal/memory_bytes.h"
 #include "codecs/stream/internal/replayed_mesh.h"
 #include "store/base/ids.h"
 
 namespace mtdb::internal {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 4;
+inline constexpr uint8_t kUpdateVersion = 5;
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
 
 // What a record does, in 64ths of a byte. A record is padded with zeros until it is no shorter than
@@ -85,6 +86,49 @@ struct UpdateModels {
   int32_t reference = 0;  // 256 times the typical exponent of a star's squared longest edge
 };
 
+// The triangles that the last batch of insertions made, which are born one after the other.
+class FreshTriangles {
+ public:
+  size_t size() const { return slots_.size(); }
+  uint32_t slot(size_t i) const { return slots_[i]; }
+  // Which one was born then; any number of at least size() for none of them.
+  uint64_t NumberOf(uint64_t born) const { return born - first_born_; }
+  // Whether triangle i is still there.
+  bool IsThere(const ReplayedMesh& mesh, size_t i) const {
+    return mesh.triangle(slots_[i]).born() == first_born_ + i;
+  }
+  // Asks for the memory that will be needed soon, when triangle i is at hand. Beyond its edge 1 is
+  // what is no triangle of its star.
+  [[gnu::always_inline]] void Prefetch(const ReplayedMesh& mesh, size_t i) const {
+    if (i + 2 * kAhead < slots_.size()) mesh.PrefetchTriangle(slots_[i + 2 * kAhead]);
+    if (i + kAhead >= slots_.size()) return;
+    const uint32_t o = mesh.triangle(slots_[i + kAhead]).opposite[1];
+    if (o != kNone32) mesh.PrefetchTriangle(o >> 2);
+  }
+  // Likewise of a hole there, for whoever does not know which of them are anchors.
+  [[gnu::always_inline]] void PrefetchHole(const ReplayedMesh& mesh, size_t i) const {
+    if (i + kAhead / 2 >= slots_.size()) return;
+    const uint32_t slot = slots_[i + kAhead / 2];
+    mesh.PrefetchCorners(slot);
+    const uint32_t o = mesh.triangle(slot).opposite[1];
+    if (o == kNone32) return;
+    mesh.PrefetchCorners(o >> 2);
+    mesh.PrefetchBeyond(o >> 2);
+  }
+  static constexpr size_t kAhead = 16;
+  // Of the batch that begins.
+  void Clear(const ReplayedMesh& mesh) {
+    slots_.clear();
+    first_born_ = mesh.next_born();
+  }
+  std::vector<uint32_t>& slots() { return slots_; }
+  size_t memory_bytes() const { return CapacityBytes(slots_); }
+
+ private:
+  std::vector<uint32_t> slots_;
+  uint64_t first_born_ = 0;
+};
+
 // The corners that an update is made of, with room for the largest.
 struct UpdateHole {
   uint32_t slot_room[kHoleEntries];
@@ -92,6 +136,10 @@ struct UpdateHole {
   Patch::Hole hole{slot_room, ring_room};
   bool boundary = false;
   bool listed = false;  // hole.outer is not known
+
+  UpdateHole() = default;
+  UpdateHole(const UpdateHole&) = delete;
+  UpdateHole& operator=(const UpdateHole&) = delete;
 };
 
 // A number, mostly small, as its length and its bits below the top one.
@@ -109,43 +157,120 @@ uint32_t CodeNumber(Coder& coder, NumberModel& model, uint32_t value) {
   return 1u << low | coder.Raw(low, value & ((1u << low) - 1));
 }
 
+// ---- slots ----
+
+// The slots of updates travel before the updates, so many at a time, so that a reader can ask for
+// the memory of some while it works on those before.
+inline constexpr size_t kSlotGroup = 256;
+
+// Codes ascending slots; `next`: the least that may come. False on what can be none.
+template <typename Coder>
+bool CodeSlots(Coder& coder, NumberModel& gap, uint64_t& next, std::span<uint32_t> slots) {
+  for (uint32_t& slot : slots) {
+    const uint64_t coded = next + CodeNumber(coder, gap, slot - static_cast<uint32_t>(next));
+    if (coded >= kNone32) return false;
+    slot = static_cast<uint32_t>(coded);
+    next = coded + 1;
+  }
+  return true;
+}
+
+// Asks for the memory that the update at slot i of a group needs, for some slots behind i: those
+// of anchors, or of vertices to be removed. The slots may be hostile.
+[[gnu::always_inline]] inline void PrefetchAnchors(const ReplayedMesh& mesh,
+                                                   std::span<const uint32_t> slots, size_t i) {
+  constexpr size_t kAhead = 4;
+  const auto is_slot = [&](size_t k) {
+    return k < slots.size() && slots[k] < mesh.triangle_slots();
+  };
+  if (is_slot(i + 2 * kAhead)) mesh.PrefetchTriangle(slots[i + 2 * kAhead]);
+  if (!is_slot(i + kAhead)) return;
+  mesh.PrefetchBeyond(slots[i + kAhead]);
+  mesh.PrefetchCorners(slots[i + kAhead]);
+}
+[[gnu::always_inline]] inline void PrefetchStars(const ReplayedMesh& mesh,
+                                                 std::span<const uint32_t> vertices, size_t i) {
+  constexpr size_t kAhead = 4;
+  const auto is_vertex = [&](size_t k) {
+    return k < vertices.size() && vertices[k] < mesh.vertex_slots();
+  };
+  const auto triangle_at = [&](size_t k) {
+    const uint32_t slot = is_vertex(k) ? mesh.half_edge_of(vertices[k]) >> 2 : kNone32;
+    return slot < mesh.triangle_slots() ? slot : kNone32;
+  };
+  if (is_vertex(i + 3 * kAhead)) mesh.PrefetchVertex(vertices[i + 3 * kAhead]);
+  if (const uint32_t t = triangle_at(i + 2 * kAhead); t != kNone32) mesh.PrefetchTriangle(t);
+  if (const uint32_t t = triangle_at(i + kAhead); t != kNone32) {
+    mesh.PrefetchBeyond(t);
+    mesh.PrefetchCorners(t);
+  }
+}
+
 // ---- walks ----
+
+// Whether numbers occur twice, as far as their last bits tell.
+class SmallSet {
+ public:
+  bool MayHave(uint32_t number) const { return (bits_ >> (number & 63) & 1) != 0; }
+  void Add(uint32_t number) { bits_ |= uint64_t{1} << (number & 63); }
+
+ private:
+  uint64_t bits_ = 0;
+};
+
+inline bool Has(std::span<const uint32_t> numbers, uint32_t number) {
+  return std::find(numbers.begin(), numbers.end(), number) != numbers.end();
+}
+
+// Whether a hole that was walked is a disc.
+inline bool IsDisc(const Patch::Hole& hole) {
+  for (uint32_t j = 0; j < hole.ring_count; ++j) {
+    const uint32_t o = hole.outer[j];
+    if (o != kNone32 && Has(hole.slot_span(), o >> 2)) return false;
+    if (Has(hole.ring_span().first(j), hole.ring[j])) return false;
+  }
+  return true;
+}
 
 // As Patch::WalkHole: the hole of the anchor across the edges that `take(count, slot, half_edge)`
 // says. False when it is no disc, or too large.
 template <typename Take>
-bool WalkHole(const ReplayedMesh& mesh, uint32_t anchor, UpdateHole& out, Take&& take) {
+[[gnu::always_inline]] inline bool WalkHole(const ReplayedMesh& mesh, uint32_t anchor,
+                                            UpdateHole& out, Take&& take) {
   Patch::Hole& hole = out.hole;
-  uint32_t stack[kMaxRing + 2] = {4 * anchor + 2, 4 * anchor + 1, 4 * anchor};
-  uint32_t depth = 3;
+  uint32_t stack[kMaxRing];
+  uint32_t depth = 2;
+  stack[0] = 4 * anchor + 2;
+  stack[1] = 4 * anchor + 1;
   hole.slots[0] = anchor;
   hole.slot_count = 1;
   hole.ring_count = 0;
-  const auto has = [&](uint32_t slot) {
-    return std::find(hole.slots, hole.slots + hole.slot_count, slot) !=
-           hole.slots + hole.slot_count;
-  };
-  while (depth > 0) {
-    const uint32_t h = stack[--depth];
+  out.boundary = out.listed = false;
+  SmallSet slots;
+  SmallSet corners;
+  slots.Add(anchor);
+  bool repeats = false;
+  for (uint32_t h = 4 * anchor;;) {
     const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
     const uint32_t o = t.opposite[h & 3];
     if (o != kNone32 && take(hole.slot_count, o >> 2, h)) {
-      if (hole.slot_count + 2 >= kMaxRing || has(o >> 2)) return false;
+      if (hole.slot_count + 2 >= kMaxRing || Has(hole.slot_span(), o >> 2)) return false;
       hole.slots[hole.slot_count++] = o >> 2;
-      stack[depth++] = Patch::Next(Patch::Next(o));
-      stack[depth++] = Patch::Next(o);
+      slots.Add(o >> 2);
+      h = Patch::Next(o);
+      stack[depth++] = Patch::Next(h);
       continue;
     }
-    hole.ring[hole.ring_count] = t.corners[h & 3];
+    const uint32_t corner = t.corners[h & 3];
+    repeats |= corners.MayHave(corner);
+    corners.Add(corner);
+    hole.ring[hole.ring_count] = corner;
     hole.outer[hole.ring_count++] = o;
+    if (depth == 0) break;
+    h = stack[--depth];
   }
-  for (uint32_t j = 0; j < hole.ring_count; ++j) {
-    if (hole.outer[j] != kNone32 && has(hole.outer[j] >> 2)) return false;
-    for (uint32_t i = 0; i < j; ++i) {
-      if (hole.ring[i] == hole.ring[j]) return false;
-    }
-  }
-  return true;
+  for (uint32_t j = 0; j < hole.ring_count; ++j) repeats |= slots.MayHave(hole.outer[j] >> 2);
+  return !repeats || IsDisc(hole);
 }
 
 // The star of a vertex and its ring, from the half-edge that the mesh names; of a boundary vertex
@@ -160,7 +285,7 @@ inline bool WalkStar(const ReplayedMesh& mesh, uint32_t vertex, UpdateHole& out)
   if (h == kNone32 || !leaves(h) || mesh.degree(vertex) > kMaxRing) return false;
   const uint32_t start = h;
   uint32_t steps = 0;
-  out.boundary = false;
+  out.boundary = out.listed = false;
   for (;; ++steps) {
     const uint32_t o = mesh.triangle(h >> 2).opposite[h & 3];
     if (o == kNone32) {
@@ -208,19 +333,24 @@ class UpdateShapes {
 
   // LengthClass << 3 | SharpnessClass; the half-edge has an opposite.
   uint32_t Shape(uint32_t h) const {
-    return LengthClass(mesh_.triangle(h >> 2).exponents[h & 3]) << 3 | SharpnessClass(h);
+    const ClientMesh::Triangle& t = mesh_.triangle(h >> 2);
+    return LengthClass(t.exponents[h & 3]) << 3 | SharpnessClass(t, h & 3);
   }
   // What an anchor's context is made of: opposites that are older than the slot are 0.
   Patch::Triangle AnchorView(uint32_t slot) const {
     const ClientMesh::Triangle& t = mesh_.triangle(slot);
-    Patch::Triangle view{};
+    const uint64_t born = t.born();
+    Patch::Triangle view;
+    uint32_t longest = 0;
     for (uint32_t i = 0; i < 3; ++i) {
-      view.longest = std::max(view.longest, static_cast<uint8_t>(LengthClass(t.exponents[i])));
-      const uint32_t o = t.opposite[i];
-      const bool older = o != kNone32 && mesh_.triangle(o >> 2).born < t.born;
-      view.opposite[i] = older ? 0 : kNone32;
-      if (older) view.shape[i] = static_cast<uint8_t>(SharpnessClass(4 * slot + i));
+      longest = std::max(longest, LengthClass(t.exponents[i]));
+      view.opposite[i] = kNone32;
+      view.shape[i] = 0;
+      if (t.opposite[i] == kNone32) continue;
+      if (mesh_.triangle(t.opposite[i] >> 2).born() < born) view.opposite[i] = 0;
+      view.shape[i] = SharpnessClass(t, i);
     }
+    view.longest = static_cast<uint8_t>(longest);
     return view;
   }
   // The exponent of the squared longest edge.
@@ -238,11 +368,18 @@ class UpdateShapes {
                ? 0
                : static_cast<uint32_t>(std::clamp(exponent - shortest_, 0, 7));
   }
-  uint32_t SharpnessClass(uint32_t h) const {
-    const ClientMesh::Triangle& t = mesh_.triangle(h >> 2);
-    const uint32_t o = t.opposite[h & 3];
-    const int sum = t.bluntness[h & 3] + mesh_.triangle(o >> 2).bluntness[o & 3];
-    return static_cast<uint32_t>(std::clamp((248 - sum) / 16 - 5, 0, 7));
+  uint8_t SharpnessClass(const ClientMesh::Triangle& t, uint32_t i) const {
+    // Of the sum of two bluntnesses.
+    static constexpr auto kClasses = [] {
+      std::array<uint8_t, 256> classes{};
+      for (int sum = 0; sum < 256; ++sum) {
+        classes[static_cast<size_t>(sum)] =
+            static_cast<uint8_t>(std::clamp((248 - sum) / 16 - 5, 0, 7));
+      }
+      return classes;
+    }();
+    const uint32_t o = t.opposite[i];
+    return kClasses[t.bluntness[i] + mesh_.triangle(o >> 2).bluntness[o & 3]];
   }
 
   const ReplayedMesh& mesh_;
@@ -267,11 +404,16 @@ inline int32_t UpdateReference(const ReplayedMesh& mesh) {
 
 // ---- removals: how a star's polygon is cut into triangles ----
 
+struct RankedApexes {
+  std::array<std::pair<float, uint32_t>, kMaxRing> at;  // measures and places
+  uint32_t count = 0;
+};
+
 // The candidates for the third corner of edge (i, j), of which the one that sees it under the
 // largest angle is the likeliest, as in a Delaunay triangulation.
 inline void RankApexes(const ReplayedMesh& mesh, std::span<const uint32_t> ring, uint32_t i,
-                       uint32_t j, std::vector<std::pair<float, uint32_t>>& ranked) {
-  ranked.clear();
+                       uint32_t j, RankedApexes& ranked) {
+  ranked.count = 0;
   for (uint32_t m = i + 1; m < j; ++m) {
     const Float4 a = Offset4(mesh.points()[ring[i]], mesh.points()[ring[m]]);
     const Float4 b = Offset4(mesh.points()[ring[j]], mesh.points()[ring[m]]);
@@ -279,9 +421,9 @@ inline void RankApexes(const ReplayedMesh& mesh, std::span<const uint32_t> ring,
     const float aa = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
     const float bb = b[0] * b[0] + b[1] * b[1] + b[2] * b[2];
     const float cosine = aa > 0 && bb > 0 ? (dot / aa) * (dot / bb) : 1;
-    ranked.emplace_back(dot < 0 ? 0 - cosine : cosine, m);
+    ranked.at[ranked.count++] = {dot < 0 ? 0 - cosine : cosine, m};
   }
-  std::sort(ranked.begin(), ranked.end());
+  std::sort(ranked.at.begin(), ranked.at.begin() + ranked.count);
 }
 
 // The triangles of the polygon's part from corner i to corner j. `apex_of(i, j)`: the encoder's
@@ -290,36 +432,40 @@ template <typename Coder, typename ApexOf>
 void CodePolygon(Coder& coder, UpdateModels& models, const ReplayedMesh& mesh,
                  std::span<const uint32_t> ring, ApexOf&& apex_of,
                  std::vector<std::array<uint32_t, 3>>& places) {
-  std::vector<std::pair<uint32_t, uint32_t>> open{{0, static_cast<uint32_t>(ring.size()) - 1}};
-  std::vector<std::pair<float, uint32_t>> ranked;
+  std::array<std::pair<uint32_t, uint32_t>, kMaxRing> open;
+  open[0] = {0, static_cast<uint32_t>(ring.size()) - 1};
+  RankedApexes ranked;
   places.clear();
-  while (!open.empty()) {
-    const auto [i, j] = open.back();
-    open.pop_back();
+  for (uint32_t depth = 1; depth > 0;) {
+    const auto [i, j] = open[--depth];
     if (j - i < 2) continue;
     RankApexes(mesh, ring, i, j, ranked);
     const uint32_t apex = apex_of(i, j);
-    const auto count = static_cast<uint32_t>(ranked.size());
+    const uint32_t count = ranked.count;
     uint32_t rank = 0;
     while (rank + 1 < count) {
       AdaptiveBit& model = models.apex[std::min(count, 7u)][std::min(rank, 7u)];
-      if (coder.Bit(model, ranked[rank].second == apex)) break;
+      if (coder.Bit(model, ranked.at[rank].second == apex)) break;
       ++rank;
     }
-    const uint32_t m = ranked[rank].second;
+    const uint32_t m = ranked.at[rank].second;
     places.push_back({i, m, j});
-    open.emplace_back(m, j);
-    open.emplace_back(i, m);
+    open[depth++] = {m, j};
+    open[depth++] = {i, m};
   }
 }
 
-// Cuts the star's polygon into the triangles that `places` names by places in the ring.
+// Cuts the star's polygon into the triangles that `places` names by places in the ring. Appends
+// their slots.
 inline void RemoveStar(ReplayedMesh& mesh, const UpdateHole& update, uint32_t vertex,
                        std::span<const std::array<uint32_t, 3>> places,
                        std::vector<uint32_t>* slots) {
+  const std::span<const uint32_t> ring = update.hole.ring_span();
+  if (!update.listed) {
+    mesh.ReplaceStar(update.hole.slot_span(), ring, places, vertex, update.boundary, slots);
+    return;
+  }
   std::vector<std::array<uint32_t, 3>> triangles;
-  triangles.reserve(places.size());
-  const uint32_t* const ring = update.hole.ring;
   for (const auto& p : places) triangles.push_back({ring[p[0]], ring[p[1]], ring[p[2]]});
   mesh.Replace(update.hole.slot_span(), triangles, vertex, slots);
 }
@@ -356,7 +502,7 @@ inline AttributeCoder::Star AttributeStar(const ReplayedMesh& mesh, const Update
   return {p, update.hole.ring_span(), *positions};
 }
 
-// Puts the star in the place of the hole. `slots`: those of the star's triangles, in ring order.
+// Puts the star in the place of the hole. Appends the slots of its triangles, in ring order.
 inline void InsertStar(ReplayedMesh& mesh, UpdateModels& models, const UpdateHole& update,
                        uint32_t vertex, std::vector<uint32_t>* slots) {
   const std::span<const uint32_t> ring = update.hole.ring_span();

@@ -41,9 +41,11 @@ class UpdateSender {
   class AttachedSide;
   using Node = UpdateBatch::Node;
   using Follows = std::vector<bool>;  // which nodes of a batch the client follows; empty: all
+  // A node of a batch whose hole (star) the client finds by walking.
   struct Target {
-    const Node* node;
     uint32_t at;  // the anchor's slot, or the vertex's
+    uint32_t node;
+    friend auto operator<=>(const Target&, const Target&) = default;
   };
 
   void WriteStart(const BaseMesh& base, Vec3d origin);
@@ -67,36 +69,39 @@ class UpdateSender {
   void EncodeBatch(const UpdateBatch& batch, const Follows& follows, ByteWriter& out);
   // Ends the record if there is no room in it for so many more.
   void MakeRoom(uint64_t updates, ByteWriter& out);
-  // The nodes of a batch: those whose hole (star) the client finds by walking, in the order of
-  // their places, and those that have to be listed.
-  struct Sorted {
-    std::vector<Target> targets;
-    std::vector<const Node*> listed;
-  };
-  Sorted Sort(const UpdateBatch& batch, const Follows& follows,
-              bool (UpdateSender::*find)(const UpdateBatch&, const Node&, Target*));
-  // True when the client can find the node's hole (star) by walking; *target says from where.
-  bool FindHole(const UpdateBatch& batch, const Node& node, Target* target);
-  bool FindStar(const UpdateBatch& batch, const Node& node, Target* target);
+  // Fill targets_ and unwalked_; stars in the order of their vertices.
+  void FindHoles(const UpdateBatch& batch, const Follows& follows);
+  void FindStars(const UpdateBatch& batch, const Follows& follows);
+  // Whether the client can find the node's hole by walking.
+  bool CanWalkHole(const UpdateBatch& batch, uint32_t node, uint32_t anchor);
   uint32_t SplitEdge(const UpdateBatch& batch, const Node& node, const Patch::Hole& hole) const;
-  void MarkHole(const Node& node);
-  bool Marked(uint32_t slot) const { return slot < marks_.size() && marks_[slot] == mark_; }
+  // Ask for the memory that the insertion of a node will need.
+  void PrefetchHole(const UpdateBatch& batch, uint32_t node) const;
+  void PrefetchAround(const UpdateBatch& batch, uint32_t node) const;
 
+  void FindFresh();
+  // The slots of targets, and visit(group of them, i) for each.
+  template <typename Visit>
+  void EncodeAscending(NumberModel& gap, std::span<const Target> targets, Visit&& visit);
   void EncodeInsertions(const UpdateBatch& batch, std::span<const Target> targets);
   void EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets);
-  void EncodeInsertion(const UpdateBatch& batch, const Target& target);
-  void EncodeRemoval(const UpdateBatch& batch, const Target& target);
+  void EncodeInsertion(const UpdateBatch& batch, Target target);
+  void EncodeRemoval(const UpdateBatch& batch, Target target);
   void EncodeListed(const UpdateBatch& batch, const Node& node);
   const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
     return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * row_bytes_;
   }
   // Which remembered vertex the node's is, or kNone32.
-  uint32_t RememberedSlot(const Node& node) const { return vertices_.Find(node.vertex); }
-  std::span<uint32_t> HoleSlots(const Node& node) {
+  uint32_t RememberedSlot(const Node& node) const {
+    return mesh_.remembered().empty() ? kNone32 : vertices_.Find(node.vertex);
+  }
+  std::span<const uint32_t> HoleSlots(const Node& node) const {
     return std::span(hole_slots_).subspan(node.hole_begin, node.ring_count - 2);
   }
   uint32_t PutVertex(const UpdateBatch& batch, const Node& node, uint32_t remembered);
   uint32_t AddVertex(VertexIndex key, Vec3i position, const std::byte* row);
+  // Where the ring of a node has a vertex.
+  uint32_t PlaceInRing(const UpdateBatch& batch, const Node& node, uint32_t vertex) const;
   void FinishInsertion(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                        uint32_t vertex);
   void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
@@ -114,13 +119,15 @@ class UpdateSender {
   uint64_t record_updates_ = 0;  // in the record that is begun
   RecordCost cost_;              // likewise
   DropScratch drop_scratch_;
-  // The triangles that the last batch made: slots and when they were born.
-  std::vector<std::pair<uint32_t, uint64_t>> fresh_;
-  std::vector<std::pair<uint32_t, uint64_t>> next_fresh_;
-  std::vector<uint32_t> marks_;  // per triangle slot
-  uint32_t mark_ = 0;
-  std::vector<uint32_t> hole_slots_;  // of the batch at hand, as its holes
-  std::vector<uint32_t> target_at_;   // per triangle slot, of the insertions at hand; kNone32: none
+  UpdateHole update_;  // the one at hand
+  FreshTriangles fresh_;
+  FreshTriangles next_fresh_;
+  // Of the batch at hand: its targets, those whose triangles have to be listed, the slots of its
+  // holes.
+  std::vector<Target> targets_;
+  std::vector<uint32_t> unwalked_;
+  std::vector<uint32_t> hole_slots_;
+  std::vector<uint32_t> at_fresh_;  // by number in fresh_: the node whose anchor it is, or kNone32
   std::vector<uint32_t> slots_;
   std::vector<std::array<uint32_t, 3>> places_;
   // Of the removal at hand: the hole's triangle on the side of the least and the greatest corner.

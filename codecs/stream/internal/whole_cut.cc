@@ -94,7 +94,9 @@ void WholeCut::Apply(const UpdateBatch& batch) {
 void WholeCut::Choose(const MeetsRegion& region) {
   const Grid& grid = mesh_.options().grid;
   chosen_.assign(mesh_.triangle_slots(), false);
+  constexpr uint32_t kAhead = 16;
   for (uint32_t slot = 0; slot < mesh_.triangle_slots(); ++slot) {
+    if (slot + kAhead < mesh_.triangle_slots()) mesh_.PrefetchCorners(slot + kAhead);
     if (!mesh_.has_triangle(slot)) continue;
     const auto& c = mesh_.triangle(slot).corners;
     chosen_[slot] =
