@@ -52,7 +52,7 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   measure.Measure(filled, filling);
   measure.MeasureFolded(filled, filling);
   measure.HandOn(filled, filling, n);
-  { constant.errors() } -> std::same_as<const std::vector<float>&>;
+  { constant.errors() } -> std::convertible_to<std::vector<float>>;
 };
 
 }  // namespace mtdb::internal

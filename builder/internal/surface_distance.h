@@ -63,9 +63,26 @@ class SurfaceMeasure {
   void Measure(const Hole& hole, Filling& filling);
   void MeasureFolded(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
-  const std::vector<float>& errors() const { return errors_; }
+  std::vector<float> errors() const;
 
  private:
+  // What is known of a triangle, current or past: read together, of triangles anywhere in the tile.
+  struct alignas(64) Triangle {
+    // Of its edges' curves, and how far each may be from the edge, less than its error.
+    std::array<double, 3> curve_errors{};
+    std::array<float, 3> curve_reaches{};
+    // Of border edges: removed border vertices on the edge's curve.
+    std::array<uint32_t, 3> chain_heads{kNone32, kNone32, kNone32};
+    float error = 0;
+    // The removed vertices that it may stand for: all that it does, and some near by. A part of
+    // held_, which keeps those of triangles that are gone for a while.
+    uint32_t held_begin = 0, held_end = 0;
+    bool own = false;           // of the tile's: it is one of the surface's
+    bool conservative = false;  // made by a conservative bound, or in the place of such
+  };
+  // Of a half-edge.
+  double curve_error(uint32_t h) const { return triangles_[h / 3].curve_errors[h % 3]; }
+  uint32_t chain_head(uint32_t h) const { return triangles_[h / 3].chain_heads[h % 3]; }
   void LoadSurface(const TileSurface& surface, const Grid& grid);
   void MeasureHeights();
   void MeasureBorder(Hole& hole) const;
@@ -80,8 +97,8 @@ class SurfaceMeasure {
   void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {
-    const auto [begin, end] = held_by_[triangle];
-    return std::span(held_).subspan(begin, end - begin);
+    const Triangle& t = triangles_[triangle];
+    return std::span(held_).subspan(t.held_begin, t.held_end - t.held_begin);
   }
   // Gives sample `item[i].second` to triangle first + item[i].first.
   template <typename Items>
@@ -93,25 +110,9 @@ class SurfaceMeasure {
   const BorderPlane* border_plane_ = nullptr;
   RoundMesh round_;
 
-  // Triangles, current and past.
-  std::vector<float> errors_;
-  std::vector<uint8_t> own_;           // of the tile's: it is one of the surface's
-  std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
-  // The removed vertices that the triangle may stand for: all that it does, and some near by.
-  // Parts of held_, which keeps those of triangles that are gone for a while.
-  struct Part {
-    uint32_t begin = 0, end = 0;
-  };
-  std::vector<Part> held_by_;
+  std::vector<Triangle> triangles_;
   std::vector<uint32_t> held_;
   size_t held_in_use_ = 0;
-  // Half-edges.
-  struct Curve {
-    double error = 0;
-    float reach = 0;  // how far the curve may be from the edge, less than its error
-  };
-  std::vector<Curve> curves_;
-  std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
   // Vertices: the mesh's, then others of the surface.
   std::vector<Vec3d> positions_;
   std::vector<uint32_t> next_on_chain_;
