@@ -104,7 +104,7 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
     heights_.clear();
     if (kIsVertical) MeasureHeights();
     next_on_chain_.assign(positions_.size(), kNone32);
-    round_.Build(mesh.input_corners(), mesh.input_opposites(), positions_, errors());
+    BuildSurface(mesh.input_corners(), errors(), mesh.input_opposites());
   }
   // A curve bounds both of its triangles' parts.
   const std::span<const uint32_t> opposites = mesh.input_opposites();
@@ -160,9 +160,7 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
     triangles.push_back({number[a], number[b], number[c]});
     errors.push_back(surface.errors[t]);
   }
-  std::vector<uint32_t> opposites;
-  PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), opposites);
-  round_.Build(triangles, opposites, positions_, errors);
+  BuildSurface(triangles, errors, {});
   next_on_chain_.assign(positions_.size(), kNone32);
   std::vector<std::pair<uint32_t, uint32_t>> inside;
   for (const HeldVertex& held : surface.held) {
@@ -175,6 +173,21 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
     head = number[held.vertex];
   }
   HoldIn(0, static_cast<uint32_t>(triangles_.size()), inside);
+}
+
+// `opposites`: of half-edges, or empty.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::BuildSurface(std::span<const std::array<uint32_t, 3>> triangles,
+                                         std::span<const float> errors,
+                                         std::span<const uint32_t> opposites) {
+  raster_.Clear();
+  if (kIsVertical && raster_.Build(triangles, positions_, errors)) return;
+  std::vector<uint32_t> found;
+  if (opposites.empty()) {
+    PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), found);
+    opposites = found;
+  }
+  round_.Build(triangles, opposites, positions_, errors);
 }
 
 template <ErrorMeasure kKind>
@@ -270,7 +283,7 @@ std::vector<float> SurfaceMeasure<kKind>::errors() const {
 
 template <ErrorMeasure kKind>
 double SurfaceMeasure<kKind>::FirstGuess(uint32_t v) const {
-  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + round_.vertex_error(v);
+  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + vertex_error(v);
 }
 
 template <ErrorMeasure kKind>
@@ -291,8 +304,8 @@ void SurfaceMeasure<kKind>::Open(Hole& hole) {
   if (!hole.boundary) samples_.push_back(hole.vertex);
   const double length = kIsVertical ? normal.z : Length(normal);
   const bool upwards = kIsVertical || !(length > 0);
-  hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
   hole.flat = kIsVertical;
+  hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
   points_.clear();
   for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
   if (kIsVertical && hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
@@ -323,7 +336,7 @@ void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
     const BorderPlane& plane = *border_plane_;
     const double squared =
         SquaredDistancePointSegment(plane.Place(positions_[w]), plane.Place(a), plane.Place(b));
-    away = std::max(away, std::sqrt(squared) + round_.vertex_error(w));
+    away = std::max(away, std::sqrt(squared) + vertex_error(w));
   };
   look(hole.vertex);
   for (const uint32_t h : {hole.border_out, hole.border_in}) {
@@ -357,7 +370,7 @@ void SurfaceMeasure<kKind>::MeasureBorder(Hole& hole) const {
     const double distance = kIsVertical
                                 ? HeightOverEdge(positions_[w], a, b)
                                 : std::sqrt(SquaredDistancePointSegment(positions_[w], a, b));
-    error = std::max(error, distance + round_.vertex_error(w));
+    error = std::max(error, distance + vertex_error(w));
     reach = std::max(reach, distance);
   };
   add(hole.vertex);
@@ -409,6 +422,10 @@ bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
+  if (!raster_.empty()) {
+    hole.edge_error[i][j] = raster_.CurveError(hole.positions[i], hole.positions[j]);
+    return;
+  }
   const RoundMesh::Curve curve =
       round_.CurveOf<kKind>(hole.ring[i], hole.ring[j], hole.normal, {opened_in_, opened_});
   hole.edge_error[i][j] = curve.error;
@@ -614,7 +631,7 @@ void SurfaceMeasure<kKind>::Charge(const Hole& hole, Filling& filling, uint32_t 
   }
   const double distance =
       kIsVertical ? HeightOver(p, a, b, c) : std::sqrt(SquaredDistancePointTriangle(p, a, b, c));
-  filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
+  filling.errors[t] = std::max(filling.errors[t], distance + vertex_error(samples_[s]));
   charges_.push_back({static_cast<uint8_t>(t), s});
   is_charged_[s] = 1;
 }

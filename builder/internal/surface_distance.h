@@ -11,6 +11,7 @@
 
 #include "builder/internal/filling_measure.h"
 #include "builder/internal/hole.h"
+#include "builder/internal/raster_surface.h"
 #include "builder/internal/round_mesh.h"
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
@@ -84,6 +85,10 @@ class SurfaceMeasure {
   double curve_error(uint32_t h) const { return triangles_[h / 3].curve_errors[h % 3]; }
   uint32_t chain_head(uint32_t h) const { return triangles_[h / 3].chain_heads[h % 3]; }
   void LoadSurface(const TileSurface& surface, const Grid& grid);
+  void BuildSurface(std::span<const std::array<uint32_t, 3>> triangles,
+                    std::span<const float> errors, std::span<const uint32_t> opposites);
+  // What the surface around one of its vertices has accumulated.
+  double vertex_error(uint32_t v) const { return raster_.empty() ? round_.vertex_error(v) : 0; }
   void MeasureHeights();
   void MeasureBorder(Hole& hole) const;
   void MeasureMovedBorder(Hole& hole) const;
@@ -108,6 +113,8 @@ class SurfaceMeasure {
 
   const TileMesh* mesh_ = nullptr;
   const BorderPlane* border_plane_ = nullptr;
+  // The surface: of a raster at full resolution the first one, else the second.
+  RasterSurface raster_;
   RoundMesh round_;
 
   std::vector<Triangle> triangles_;
