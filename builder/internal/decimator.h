@@ -70,6 +70,7 @@ class Decimator final : public TileDecimator {
   struct Vertex {
     Verdict verdict = Verdict::kLegal;
     bool stale = true;     // its star has changed since it was evaluated
+    bool bounded = false;  // a lower bound on its error is known, not the error itself
     bool careful = false;  // a filling used an edge that exists: look for them first
   };
   // The part of a filling that is dear to find again; of vertices that went back to the queue and
@@ -196,19 +197,26 @@ std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileT
 // back to the queue since others are cheaper.
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::IsReady(uint32_t v) {
-  const bool was_stale = states_[v].stale;
-  if (!was_stale && kept_[v].valid() && Recall(v)) return true;
-  Evaluate(v);
-  if (states_[v].verdict != Verdict::kLegal) return false;
-  if (!was_stale || !queue_.HasCheaperThan(filling_.error)) return true;
+  Vertex& state = states_[v];
+  const bool was_stale = state.stale;
+  const bool was_bounded = state.bounded;
+  if (!was_stale && kept_[v].valid() && Recall(v)) {
+    if (!was_bounded || !queue_.HasCheaperThan(filling_.error)) return true;
+    state.bounded = false;
+  } else {
+    Evaluate(v);
+    if (state.verdict != Verdict::kLegal) return false;
+    if (!state.bounded && (!was_stale || !queue_.HasCheaperThan(filling_.error))) return true;
+  }
   PutBack(v);
   return false;
 }
 
+// Finds the error of `v`, or as much of it as is enough to see that others are cheaper.
 template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   Vertex& state = states_[v];
-  state.stale = false;
+  state.stale = state.bounded = false;
   state.verdict = Verdict::kDegree;
   if (!mesh_.OpenHole(v, degree_limit_, hole_)) return;
   state.verdict = Verdict::kTopology;
@@ -220,7 +228,9 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
     mesh_.ForbidEdges(hole_, state.careful);
   }
   if (measure_.Sees(hole_) && FillSeen()) {
-    measure_.Measure(hole_, filling_);
+    filling_.error = measure_.LowerBound(hole_, filling_);
+    state.bounded = queue_.HasCheaperThan(filling_.error);
+    if (!state.bounded) measure_.Measure(hole_, filling_);
   } else {
     if (!Measure::kMeasuresFolds) return;
     hole_.folded = true;

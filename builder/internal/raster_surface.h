@@ -23,10 +23,11 @@ class RasterSurface {
   void Clear() { heights_.clear(); }
   bool empty() const { return heights_.empty(); }
 
-  // What RoundMesh::CurveOf says of an edge between two samples, seen along z, bit for bit: the
-  // largest difference in height between the edge and the surface, which is at a crossing with an
-  // edge of the surface; negative when there is no surface below. The edges lie on three families
-  // of parallel lines, so that the crossings follow from the ends.
+  // Of an edge between two samples that runs above the surface: what RoundMesh::CurveOf says, bit
+  // for bit, seen along z. That is the largest difference in height between the two, which is at a
+  // crossing with an edge of the surface; these lie on three families of parallel lines, so that
+  // the crossings follow from the ends. Negative when the edge is too long. Of an edge that leaves
+  // the surface it is negative or means nothing.
   double CurveError(Vec3d a, Vec3d b) const;
 
  private:

@@ -289,26 +289,43 @@ double SurfaceMeasure<kKind>::FirstGuess(uint32_t v) const {
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Open(Hole& hole) {
   if (hole.boundary) MeasureBorder(hole);
-  samples_.clear();
-  ++opened_;
-  for (const uint32_t v : hole.ring) opened_in_[v] = opened_;
+  hole.flat = kIsVertical;
+  gathered_ = false;
+  if (kIsVertical) {
+    double area = 0;
+    for (uint32_t i = 0; i < hole.star.size(); ++i) {
+      area += Hole::Side(hole.apex, hole.positions[i], hole.positions[i + 1 == hole.k ? 0 : i + 1]);
+    }
+    hole.LookAlong({0, 0, 1}, area);
+    if (hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
+    return;
+  }
   Vec3d normal{};
   for (const uint32_t t : hole.star) {
-    for (const uint32_t w : HeldBy(t)) {
-      if (std::exchange(opened_in_[w], opened_) != opened_) samples_.push_back(w);
-    }
     const auto& c = mesh_->corners(t);
     const Vec3d first = mesh_->position(c[0]);
     normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
   }
+  const double length = Length(normal);
+  hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
+  GatherSamples(hole);
+}
+
+// When they are first asked for.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::GatherSamples(const Hole& hole) {
+  if (std::exchange(gathered_, true)) return;
+  samples_.clear();
+  ++opened_;
+  for (const uint32_t v : hole.ring) opened_in_[v] = opened_;
+  for (const uint32_t t : hole.star) {
+    for (const uint32_t w : HeldBy(t)) {
+      if (std::exchange(opened_in_[w], opened_) != opened_) samples_.push_back(w);
+    }
+  }
   if (!hole.boundary) samples_.push_back(hole.vertex);
-  const double length = kIsVertical ? normal.z : Length(normal);
-  const bool upwards = kIsVertical || !(length > 0);
-  hole.flat = kIsVertical;
-  hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
   points_.clear();
   for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
-  if (kIsVertical && hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
 }
 
 // True when the new border edge cuts off the vertex alone, seen along z.
@@ -325,7 +342,8 @@ bool SurfaceMeasure<kKind>::MovesInwards(const Hole& hole) const {
 
 // As MeasureBorder, where vertices have gone that are not on the edge.
 template <ErrorMeasure kKind>
-void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
+void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) {
+  GatherSamples(hole);
   const Vec3d a = hole.positions[hole.k - 1];
   const Vec3d b = hole.positions[0];
   double away = 0;
@@ -408,7 +426,8 @@ bool SurfaceMeasure<kKind>::IsFresh(const Hole& hole) const {
 // Curves are dear, so that those of diagonals that no filling uses are found only where they are
 // cheap. Elsewhere a guess decides.
 template <ErrorMeasure kKind>
-bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
+bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) {
+  GatherSamples(hole);
   if (!IsFresh(hole)) {
     GuessEdges(hole);
     return false;
@@ -422,7 +441,7 @@ bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
-  if (!raster_.empty()) {
+  if (is_raster()) {
     hole.edge_error[i][j] = raster_.CurveError(hole.positions[i], hole.positions[j]);
     return;
   }
@@ -528,17 +547,33 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
   });
 }
 
+// Of the curve of a filling's edge, a < b.
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::CurveError(const Hole& hole, uint32_t a, uint32_t b) const {
+  if (b == a + 1) return curve_error(hole.ring_edges[a]);
+  if (hole.OnRing(b, a)) return curve_error(hole.ring_edges[b]);
+  return hole.edge_error[a][b];
+}
+
+// Curves alone.
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::LowerBound(const Hole& hole, const Filling& filling) const {
+  double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
+  for (uint32_t t = 1; t < hole.k - 2; ++t) {
+    bound = std::max(bound, hole.edge_error[filling.triangles[t][0]][filling.triangles[t][2]]);
+  }
+  for (const uint32_t h : hole.ring_edges) bound = std::max(bound, curve_error(h));
+  return bound;
+}
+
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
+  GatherSamples(hole);
   const uint32_t count = hole.k - 2;
-  const auto curve = [&](uint32_t a, uint32_t b) {  // a < b
-    if (b == a + 1) return curve_error(hole.ring_edges[a]);
-    if (hole.OnRing(b, a)) return curve_error(hole.ring_edges[b]);
-    return hole.edge_error[a][b];
-  };
   for (uint32_t t = 0; t < count; ++t) {
     const auto [i, m, j] = filling.triangles[t];
-    filling.errors[t] = std::max({curve(i, m), curve(m, j), curve(i, j)});
+    filling.errors[t] =
+        std::max({CurveError(hole, i, m), CurveError(hole, m, j), CurveError(hole, i, j)});
   }
   ChargeSamples(hole, filling);
   filling.error = 0;
@@ -638,6 +673,7 @@ void SurfaceMeasure<kKind>::Charge(const Hole& hole, Filling& filling, uint32_t 
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureFolded(const Hole& hole, Filling& filling) {
+  GatherSamples(hole);
   double star_error = 0;
   for (const uint32_t t : hole.star) {
     star_error = std::max<double>(star_error, triangles_[t].error);

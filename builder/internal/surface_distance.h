@@ -59,8 +59,9 @@ class SurfaceMeasure {
   double FirstGuess(uint32_t v) const;
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const;
-  bool PriceEdges(Hole& hole) const;
+  bool PriceEdges(Hole& hole);
   void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const;
+  double LowerBound(const Hole& hole, const Filling& filling) const;
   void Measure(const Hole& hole, Filling& filling);
   void MeasureFolded(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
@@ -88,15 +89,18 @@ class SurfaceMeasure {
   void BuildSurface(std::span<const std::array<uint32_t, 3>> triangles,
                     std::span<const float> errors, std::span<const uint32_t> opposites);
   // What the surface around one of its vertices has accumulated.
-  double vertex_error(uint32_t v) const { return raster_.empty() ? round_.vertex_error(v) : 0; }
+  bool is_raster() const { return kIsVertical && !raster_.empty(); }
+  double vertex_error(uint32_t v) const { return is_raster() ? 0 : round_.vertex_error(v); }
   void MeasureHeights();
   void MeasureBorder(Hole& hole) const;
-  void MeasureMovedBorder(Hole& hole) const;
+  void MeasureMovedBorder(Hole& hole);
   bool MovesInwards(const Hole& hole) const;
   // True when the star is the round's input, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   void MeasureOverSpokes(Hole& hole) const;
   void GuessEdges(Hole& hole) const;
+  void GatherSamples(const Hole& hole);
+  double CurveError(const Hole& hole, uint32_t a, uint32_t b) const;
   double Reach(const Hole& hole, const Hole::Triangle& triangle) const;
   void ChargeSamples(const Hole& hole, Filling& filling);
   void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
@@ -127,6 +131,7 @@ class SurfaceMeasure {
   std::vector<double> heights_;      // of the mesh's, when the surface is not the tile
 
   // Of the open hole.
+  bool gathered_ = false;            // its samples are known
   std::vector<uint32_t> samples_;    // removed vertices of its star, and the one that goes
   std::vector<Vec3d> points_;        // their places in the hole's frame
   uint32_t opened_ = 0;              // its number
