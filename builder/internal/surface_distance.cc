@@ -6,9 +6,9 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
 #include <utility>
 
+#include "builder/internal/number_table.h"
 #include "store/base/float4.h"
 
 namespace mtdb::internal {
@@ -136,14 +136,12 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
       triangle.curve_reaches[c] = triangle.own ? 0 : error;
     }
   }
-  std::unordered_map<uint32_t, uint32_t> in_mesh;
-  for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.emplace(mesh_->vertex(v), v);
+  NumberTable in_mesh(mesh_->vertices());
+  for (uint32_t v = 0; v < mesh_->vertices(); ++v) in_mesh.Add(mesh_->vertex(v), v);
   std::vector<uint32_t> number(surface.vertices.size());
   for (size_t v = 0; v < number.size(); ++v) {
-    if (const auto at = in_mesh.find(surface.vertices[v]); at != in_mesh.end()) {
-      number[v] = at->second;
-      continue;
-    }
+    number[v] = in_mesh.Find(surface.vertices[v]);
+    if (number[v] != kNone32) continue;
     number[v] = static_cast<uint32_t>(positions_.size());
     positions_.push_back(grid.is_linear() ? ToDouble(surface.positions[v])
                                           : grid.Position(surface.positions[v]));

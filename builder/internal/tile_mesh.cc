@@ -2,8 +2,9 @@
 #include "builder/internal/tile_mesh.h"
 
 #include <algorithm>
-#include <bit>
 #include <utility>
+
+#include "builder/internal/number_table.h"
 
 namespace mtdb::internal {
 
@@ -53,8 +54,7 @@ void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t 
 }
 
 void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
-  const size_t capacity = std::bit_ceil(6 * tile.size() + 2);
-  std::vector<std::pair<uint32_t, uint32_t>> table(capacity, {kNone32, 0});
+  NumberTable numbers(tile.size());  // a closed surface has half as many
   vertices_.clear();
   first_corner_.clear();
   grid_positions_.clear();
@@ -63,17 +63,15 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
   for (uint32_t t = 0; t < tile.size(); ++t) {
     for (uint32_t c = 0; c < 3; ++c) {
       const uint32_t v = tile[t].vertices[c];
-      size_t i = (v * 0x9e3779b97f4a7c15ull >> 24) & (capacity - 1);
-      while (table[i].first != kNone32 && table[i].first != v) i = (i + 1) & (capacity - 1);
-      if (table[i].first == kNone32) {
-        table[i] = {v, vertices()};
+      const auto [number, fresh] = numbers.Add(v, vertices());
+      if (fresh) {
         vertices_.push_back(v);
         first_corner_.push_back(3 * t + c);
         grid_positions_.push_back(tile[t].positions[c]);
         fixed_.push_back(0);
       }
-      input_corners_[t][c] = table[i].second;
-      fixed_[table[i].second] |= tile[t].fixed_corners >> c & 1;
+      input_corners_[t][c] = number;
+      fixed_[number] |= tile[t].fixed_corners >> c & 1;
     }
   }
 }

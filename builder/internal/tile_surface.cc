@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cstring>
 #include <numeric>
-#include <unordered_map>
 
+#include "builder/internal/number_table.h"
 #include "builder/internal/squeeze.h"
 
 namespace mtdb::internal {
@@ -28,17 +28,16 @@ void ForEachList(Surface& s, F&& f) {
 // Puts the surfaces of several clusters together, as far as they lie beneath a tile.
 class Gathering {
  public:
-  explicit Gathering(std::span<const TileTriangle> tile) {
+  explicit Gathering(std::span<const TileTriangle> tile)
+      : in_tile_(tile.size()), numbers_(tile.size()) {
     const size_t n = tile.size();
     all_.own.assign(n, 1);
     all_.conservative.assign(n, 0);
     all_.curve_errors.resize(n);
     for (size_t t = 0; t < n; ++t) {
       all_.curve_errors[t].fill(tile[t].error);
-      for (const uint32_t v : tile[t].vertices) in_tile_.push_back(v);
+      for (const uint32_t v : tile[t].vertices) in_tile_.Add(v, 0);
     }
-    std::sort(in_tile_.begin(), in_tile_.end());
-    in_tile_.erase(std::unique(in_tile_.begin(), in_tile_.end()), in_tile_.end());
   }
 
   // `triangles` of the tile are in-triangles of this surface's cluster.
@@ -56,7 +55,7 @@ class Gathering {
     const size_t count = surface.vertices.size();
     std::vector<uint8_t> wanted(count);
     for (size_t v = 0; v < count; ++v) {
-      wanted[v] = std::binary_search(in_tile_.begin(), in_tile_.end(), surface.vertices[v]);
+      wanted[v] = in_tile_.Find(surface.vertices[v]) != kNone32;
     }
     for (const HeldVertex& held : surface.held) {
       if (in_tile[held.triangle] != kNone32) wanted[held.vertex] = 1;
@@ -82,17 +81,16 @@ class Gathering {
 
  private:
   uint32_t Number(uint32_t vertex, Vec3i position) {
-    const auto [at, fresh] =
-        numbers_.try_emplace(vertex, static_cast<uint32_t>(all_.vertices.size()));
+    const auto [number, fresh] = numbers_.Add(vertex, static_cast<uint32_t>(all_.vertices.size()));
     if (fresh) {
       all_.vertices.push_back(vertex);
       all_.positions.push_back(position);
     }
-    return at->second;
+    return number;
   }
 
-  std::vector<uint32_t> in_tile_;  // the tile's vertices, sorted
-  std::unordered_map<uint32_t, uint32_t> numbers_;
+  NumberTable in_tile_;  // the tile's vertices; what it says of them is nothing
+  NumberTable numbers_;
   TileSurface all_;
 };
 
