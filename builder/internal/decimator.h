@@ -69,22 +69,27 @@ class Decimator final : public TileDecimator {
   struct Vertex {
     Verdict verdict = Verdict::kLegal;
     bool stale = true;     // its star has changed since it was evaluated
+    bool bounded = false;  // a lower bound on its error is known, not the error itself
     bool careful = false;  // a filling used an edge that exists: look for them first
   };
-  // The part of a filling that is dear to find again; of vertices that are not stale.
+  // The part of a filling that is dear to find again; of vertices that went back to the queue and
+  // are not stale.
   struct KeptFilling {
-    bool valid = false;
-    std::array<Hole::Triangle, Hole::kMaxRing - 2> triangles;
-    std::array<double, Hole::kMaxRing - 2>
-        edge_errors;  // of triangle t's edge (first, last); t > 0
-    std::array<float, Hole::kMaxRing - 2> edge_reaches;
+    struct Part {
+      Hole::Triangle triangle;
+      bool valid;  // of the first one: of the filling
+      float edge_reach;
+      double edge_error;  // of the triangle's edge (first, last); not of the first one
+    };
+    std::array<Part, Hole::kMaxRing - 2> parts;
+    bool valid() const { return parts[0].valid; }
   };
 
   void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
   bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
   bool FillSeen();
-  void Keep(uint32_t v);
+  void PutBack(uint32_t v);
   bool Recall(uint32_t v);
   bool IsReady(uint32_t v);
   void Remove();
@@ -157,7 +162,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
       // Rare, and found out here only: plan again without the edges that exist.
       states_[*v].careful = true;
       Evaluate(*v);
-      if (states_[*v].verdict == Verdict::kLegal) queue_.Push(*v, filling_.error);
+      if (states_[*v].verdict == Verdict::kLegal) PutBack(*v);
       continue;
     }
     Remove();
@@ -189,19 +194,26 @@ std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileT
 // back to the queue since others are cheaper.
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::IsReady(uint32_t v) {
-  const bool was_stale = states_[v].stale;
-  if (!was_stale && kept_[v].valid && Recall(v)) return true;
-  Evaluate(v);
-  if (states_[v].verdict != Verdict::kLegal) return false;
-  if (!was_stale || !queue_.HasCheaperThan(filling_.error)) return true;
-  queue_.Push(v, filling_.error);
+  Vertex& state = states_[v];
+  const bool was_stale = state.stale;
+  const bool was_bounded = state.bounded;
+  if (!was_stale && kept_[v].valid() && Recall(v)) {
+    if (!was_bounded || !queue_.HasCheaperThan(filling_.error)) return true;
+    state.bounded = false;
+  } else {
+    Evaluate(v);
+    if (state.verdict != Verdict::kLegal) return false;
+    if (!state.bounded && (!was_stale || !queue_.HasCheaperThan(filling_.error))) return true;
+  }
+  PutBack(v);
   return false;
 }
 
+// Finds the error of `v`, or as much of it as is enough to see that others are cheaper.
 template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   Vertex& state = states_[v];
-  state.stale = false;
+  state.stale = state.bounded = false;
   state.verdict = Verdict::kDegree;
   if (!mesh_.OpenHole(v, degree_limit_, hole_)) return;
   state.verdict = Verdict::kTopology;
@@ -213,7 +225,9 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
     mesh_.ForbidEdges(hole_, state.careful);
   }
   if (measure_.Sees(hole_) && FillSeen()) {
-    measure_.Measure(hole_, filling_);
+    filling_.error = measure_.LowerBound(hole_, filling_);
+    state.bounded = queue_.HasCheaperThan(filling_.error);
+    if (!state.bounded) measure_.Measure(hole_, filling_);
   } else {
     if (!Measure::kMeasuresFolds) return;
     hole_.folded = true;
@@ -223,7 +237,6 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
     measure_.MeasureFolded(hole_, filling_);
   }
   state.verdict = Verdict::kLegal;
-  Keep(v);
 }
 
 // Chooses the filling and measures its diagonals. Guesses say which diagonals are worth measuring,
@@ -254,17 +267,16 @@ bool Decimator<Measure, Rule>::FillSeen() {
   }
 }
 
+// Puts the vertex that was evaluated into the queue.
 template <FillingMeasure Measure, FillingRule Rule>
-void Decimator<Measure, Rule>::Keep(uint32_t v) {
+void Decimator<Measure, Rule>::PutBack(uint32_t v) {
+  queue_.Push(v, filling_.error);
   KeptFilling& kept = kept_[v];
-  kept.valid = !hole_.folded;
-  if (!kept.valid) return;
-  for (uint32_t t = 0; t < hole_.k - 2; ++t) {
+  kept.parts[0] = {filling_.triangles[0], !hole_.folded, 0, 0};
+  for (uint32_t t = 1; t < hole_.k - 2; ++t) {
     const Hole::Triangle triangle = filling_.triangles[t];
-    kept.triangles[t] = triangle;
-    if (t == 0) continue;
-    kept.edge_errors[t] = hole_.edge_error[triangle[0]][triangle[2]];
-    kept.edge_reaches[t] = hole_.edge_reach[triangle[0]][triangle[2]];
+    kept.parts[t] = {triangle, true, hole_.edge_reach[triangle[0]][triangle[2]],
+                     hole_.edge_error[triangle[0]][triangle[2]]};
   }
 }
 
@@ -277,11 +289,11 @@ bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   measure_.Open(hole_);
   const KeptFilling& kept = kept_[v];
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {
-    const Hole::Triangle triangle = kept.triangles[t];
+    const auto& [triangle, valid, edge_reach, edge_error] = kept.parts[t];
     filling_.triangles[t] = triangle;
     if (t == 0) continue;
-    hole_.edge_error[triangle[0]][triangle[2]] = kept.edge_errors[t];
-    hole_.edge_reach[triangle[0]][triangle[2]] = kept.edge_reaches[t];
+    hole_.edge_error[triangle[0]][triangle[2]] = edge_error;
+    hole_.edge_reach[triangle[0]][triangle[2]] = edge_reach;
   }
   measure_.Measure(hole_, filling_);
   return true;
@@ -306,7 +318,7 @@ void Decimator<Measure, Rule>::Remove() {
   for (const uint32_t r : ring) {
     if (mesh_.locked(r) || states_[r].verdict == Verdict::kLegal) continue;
     Evaluate(r);
-    if (states_[r].verdict == Verdict::kLegal) queue_.Push(r, filling_.error);
+    if (states_[r].verdict == Verdict::kLegal) PutBack(r);
   }
 }
 

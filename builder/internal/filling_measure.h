@@ -23,7 +23,9 @@ namespace mtdb::internal {
 //   PriceEdges  sets the error of every diagonal that may be used, for rules that want them; true
 //               when all are measured, false when some are guesses
 //   MeasureEdge measures a diagonal (i, j), i < j; negative: it cannot be
-//   Measure     the errors of a filling, whose diagonals are measured
+//   LowerBound  of a filling, whose diagonals are measured: what its error is at least, for less
+//               than it takes to find the error
+//   Measure     the errors of such a filling
 //   MeasureFolded  likewise when Sees was false, or no filling could be measured; only of measures
 //               with kMeasuresFolds, with the others such vertices stay
 //   HandOn      the filling has been put in the mesh, its triangles numbered from `first`
@@ -49,10 +51,11 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   { measure.Sees(filled) } -> std::same_as<bool>;
   { measure.PriceEdges(hole) } -> std::same_as<bool>;
   measure.MeasureEdge(hole, n, n);
+  { constant.LowerBound(filled, filling) } -> std::convertible_to<double>;
   measure.Measure(filled, filling);
   measure.MeasureFolded(filled, filling);
   measure.HandOn(filled, filling, n);
-  { constant.errors() } -> std::same_as<const std::vector<float>&>;
+  { constant.errors() } -> std::convertible_to<std::vector<float>>;
 };
 
 }  // namespace mtdb::internal

@@ -44,7 +44,8 @@ struct Hole {
   double area = 0;                     // twice the star's, seen along `normal`
   std::array<Vec3d, kMaxRing> points;  // the ring in the hole's frame: z along `normal`
   bool folded = false;                 // not seen whole: curves and projections mean nothing
-  bool flat = false;  // of a height field: shapes are those of what is seen, without heights
+  // Of a height field, which is seen along z: shapes are those of what is seen, without heights.
+  bool flat = false;
   // Of the edge (i, j), i < j; negative where there can be none. edge_error[0][k - 1] is the new
   // border edge's.
   PerEdge<double> edge_error;
@@ -76,6 +77,8 @@ struct Hole {
   void LookAlong(Vec3d unit_normal, double twice_area) {
     normal = unit_normal;
     area = twice_area;
+    for (uint32_t i = 0; flat && i < k; ++i) points[i] = InFrame(positions[i]);
+    if (flat) return;
     const Vec3d across = std::abs(normal.x) < 0.6 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
     const Vec3d y = Cross(normal, across);
     e2_ = y * (1 / Length(y));
@@ -84,6 +87,7 @@ struct Hole {
   }
   Vec3d InFrame(Vec3d position) const {
     const Vec3d p = position - positions[0];
+    if (flat) return p;
     return {Dot(p, e1_), Dot(p, e2_), Dot(p, normal)};
   }
   // Twice the area of abp, seen along z: positive when p lies left of ab.

@@ -8,7 +8,6 @@
 namespace mtdb::internal {
 
 namespace {
-constexpr int kMaxSteps = 256;  // of a path; longer ones are not worth their error
 constexpr uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 }  // namespace
 

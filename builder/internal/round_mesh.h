@@ -31,6 +31,8 @@ struct VertexMarks {
 
 class RoundMesh {
  public:
+  static constexpr int kMaxSteps = 256;  // of a curve; longer ones are not worth their error
+
   // Half-edge 3 * triangle + i leaves corner i; `opposites`: see PairHalfEdges. `positions` in work
   // units; `errors` accumulated per triangle. Copies what it needs.
   void Build(std::span<const std::array<uint32_t, 3>> triangles,

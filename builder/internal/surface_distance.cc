@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -17,8 +18,9 @@ constexpr double kUnknown = -2;      // of a diagonal's error
 constexpr double kSlack = 1e-9;      // of a hole's size: what rounding may move a sample by
 constexpr double kFirstGuess = 0.4;  // of a vertex's error, by its height over its neighbours
 
+// The next larger float than that nearest to x, which is at least 0.
 float RoundedUp(double x) {
-  return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::infinity());
+  return std::bit_cast<float>(std::bit_cast<uint32_t>(static_cast<float>(x)) + 1);
 }
 
 // The nearest triangle of a filling, and the square of its distance.
@@ -84,33 +86,36 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
                                  const TileSurface* surface, const Grid& grid) {
   mesh_ = &mesh;
   const size_t n = tile.size();
-  errors_.resize(n);
-  for (size_t t = 0; t < n; ++t) errors_[t] = tile[t].error;
-  positions_.assign(mesh.positions().begin(), mesh.positions().end());
-  chain_head_.assign(3 * n, kNone32);
-  held_by_.assign(n, {});
+  triangles_.assign(n, Triangle{});
+  for (size_t t = 0; t < n; ++t) {
+    triangles_[t].error = tile[t].error;
+    triangles_[t].curve_errors.fill(tile[t].error);
+    triangles_[t].own = true;
+  }
+  positions_.clear();
+  for (uint32_t v = 0; v < mesh.vertices(); ++v) positions_.push_back(mesh.position(v));
   held_.clear();
   held_in_use_ = 0;
-  curves_.resize(3 * n);
   if (surface != nullptr && !surface->empty()) {
     LoadSurface(*surface, grid);
     MeasureHeights();
   } else {
-    for (size_t h = 0; h < 3 * n; ++h) curves_[h] = {errors_[h / 3], 0};
-    own_.assign(n, 1);
-    conservative_.assign(n, 0);
     heights_.clear();
     if (kIsVertical) MeasureHeights();
     next_on_chain_.assign(positions_.size(), kNone32);
-    round_.Build(mesh.corners(), mesh.opposites(), positions_, errors_);
+    BuildSurface(mesh.input_corners(), errors(), mesh.input_opposites());
   }
   // A curve bounds both of its triangles' parts.
-  const std::span<const uint32_t> opposites = mesh.opposites();
+  const std::span<const uint32_t> opposites = mesh.input_opposites();
   for (uint32_t h = 0; h < 3 * n; ++h) {
-    if (const uint32_t o = opposites[h]; o != kNone32 && o > h) {
-      curves_[h] = curves_[o] = {std::max(curves_[h].error, curves_[o].error),
-                                 std::max(curves_[h].reach, curves_[o].reach)};
-    }
+    const uint32_t o = opposites[h];
+    if (o == kNone32 || o < h) continue;
+    double& error = triangles_[h / 3].curve_errors[h % 3];
+    double& twin_error = triangles_[o / 3].curve_errors[o % 3];
+    error = twin_error = std::max(error, twin_error);
+    float& reach = triangles_[h / 3].curve_reaches[h % 3];
+    float& twin_reach = triangles_[o / 3].curve_reaches[o % 3];
+    reach = twin_reach = std::max(reach, twin_reach);
   }
   opened_in_.assign(positions_.size(), 0);
   opened_ = 0;
@@ -120,10 +125,14 @@ void SurfaceMeasure<kKind>::Load(const TileMesh& mesh, std::span<const TileTrian
 // of vertices, which others follow.
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& grid) {
-  own_ = surface.own;
-  conservative_ = surface.conservative;
-  for (size_t h = 0; h < curves_.size(); ++h) {
-    curves_[h] = {surface.curve_errors[h / 3][h % 3], surface.curve_reaches[h / 3][h % 3]};
+  for (size_t t = 0; t < triangles_.size(); ++t) {
+    Triangle& triangle = triangles_[t];
+    triangle.own = surface.own[t] != 0;
+    triangle.conservative = surface.conservative[t] != 0;
+    for (size_t c = 0; c < 3; ++c) {
+      triangle.curve_errors[c] = surface.curve_errors[t][c];
+      triangle.curve_reaches[c] = surface.curve_reaches[t][c];
+    }
   }
   const std::vector<uint32_t> number = NumberVertices(surface, mesh_->vertex_numbers());
   for (size_t v = 0; v < number.size(); ++v) {
@@ -133,19 +142,17 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
   }
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<float> errors;
-  for (uint32_t t = 0; t < own_.size(); ++t) {
-    if (!own_[t]) continue;
-    triangles.push_back(mesh_->corners()[t]);
-    errors.push_back(errors_[t]);
+  for (uint32_t t = 0; t < triangles_.size(); ++t) {
+    if (!triangles_[t].own) continue;
+    triangles.push_back(mesh_->corners(t));
+    errors.push_back(triangles_[t].error);
   }
   for (size_t t = 0; t < surface.triangles.size(); ++t) {
     const auto [a, b, c] = surface.triangles[t];
     triangles.push_back({number[a], number[b], number[c]});
     errors.push_back(surface.errors[t]);
   }
-  std::vector<uint32_t> opposites;
-  PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), opposites);
-  round_.Build(triangles, opposites, positions_, errors);
+  BuildSurface(triangles, errors, {});
   next_on_chain_.assign(positions_.size(), kNone32);
   std::vector<std::pair<uint32_t, uint32_t>> inside;
   for (const HeldVertex& held : surface.held) {
@@ -153,26 +160,41 @@ void SurfaceMeasure<kKind>::LoadSurface(const TileSurface& surface, const Grid& 
       inside.push_back({held.triangle, number[held.vertex]});
       continue;
     }
-    uint32_t& head = chain_head_[3 * held.triangle + held.edge];
+    uint32_t& head = triangles_[held.triangle].chain_heads[held.edge];
     next_on_chain_[number[held.vertex]] = head;
     head = number[held.vertex];
   }
-  HoldIn(0, static_cast<uint32_t>(own_.size()), inside);
+  HoldIn(0, static_cast<uint32_t>(triangles_.size()), inside);
+}
+
+// `opposites`: of half-edges, or empty.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::BuildSurface(std::span<const std::array<uint32_t, 3>> triangles,
+                                         std::span<const float> errors,
+                                         std::span<const uint32_t> opposites) {
+  raster_.Clear();
+  if (kIsVertical && raster_.Build(triangles, positions_, errors)) return;
+  std::vector<uint32_t> found;
+  if (opposites.empty()) {
+    PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), found);
+    opposites = found;
+  }
+  round_.Build(triangles, opposites, positions_, errors);
 }
 
 template <ErrorMeasure kKind>
 template <typename Items>
 void SurfaceMeasure<kKind>::HoldIn(uint32_t first, uint32_t triangles, const Items& items) {
-  const std::span<Part> parts = std::span(held_by_).subspan(first, triangles);
-  for (const auto& [t, vertex] : items) ++parts[t].end;
+  const std::span<Triangle> parts = std::span(triangles_).subspan(first, triangles);
+  for (const auto& [t, vertex] : items) ++parts[t].held_end;
   auto at = static_cast<uint32_t>(held_.size());
-  for (Part& part : parts) {
-    at += part.end;
-    part = {at, at};
+  for (Triangle& part : parts) {
+    at += part.held_end;
+    part.held_begin = part.held_end = at;
   }
   held_.resize(at);
   held_in_use_ += items.size();
-  for (const auto& [t, vertex] : items) held_[--parts[t].begin] = vertex;
+  for (const auto& [t, vertex] : items) held_[--parts[t].held_begin] = vertex;
 }
 
 // Of triangles that are gone.
@@ -180,16 +202,17 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::FreeHeld(std::span<const uint32_t> triangles) {
   constexpr size_t kSpare = 1 << 16;
   for (const uint32_t t : triangles) {
-    const Part gone = std::exchange(held_by_[t], {});
-    held_in_use_ -= gone.end - gone.begin;
+    held_in_use_ -= HeldBy(t).size();
+    triangles_[t].held_begin = triangles_[t].held_end = 0;
   }
   if (held_.size() < 4 * held_in_use_ + kSpare) return;
   std::vector<uint32_t> kept;
   kept.reserve(held_.size() / 2);
-  for (Part& part : held_by_) {
+  for (Triangle& t : triangles_) {
     const auto begin = static_cast<uint32_t>(kept.size());
-    kept.insert(kept.end(), held_.begin() + part.begin, held_.begin() + part.end);
-    part = {begin, static_cast<uint32_t>(kept.size())};
+    kept.insert(kept.end(), held_.begin() + t.held_begin, held_.begin() + t.held_end);
+    t.held_begin = begin;
+    t.held_end = static_cast<uint32_t>(kept.size());
   }
   held_ = std::move(kept);
 }
@@ -201,7 +224,7 @@ void SurfaceMeasure<kKind>::MeasureHeights() {
   std::vector<Vec3d> sums(vertices);
   std::vector<Vec3d> normals(vertices);
   std::vector<uint32_t> counts(vertices, 0);
-  for (const auto& t : mesh_->corners()) {
+  for (const auto& t : mesh_->input_corners()) {
     const Vec3d a = positions_[t[0]];
     const Vec3d b = positions_[t[1]];
     const Vec3d c = positions_[t[2]];
@@ -225,18 +248,19 @@ void SurfaceMeasure<kKind>::MeasureHeights() {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
-  result.conservative = conservative_;
-  result.curve_errors.resize(curves_.size());
-  result.curve_reaches.resize(curves_.size());
-  for (size_t h = 0; h < curves_.size(); ++h) {
-    result.curve_errors[h] = RoundedUp(curves_[h].error);
-    result.curve_reaches[h] = curves_[h].reach;
-  }
-  for (uint32_t t = 0; t < held_by_.size(); ++t) {
+  result.conservative.reserve(triangles_.size());
+  result.curve_errors.reserve(3 * triangles_.size());
+  result.curve_reaches.reserve(3 * triangles_.size());
+  for (uint32_t t = 0; t < triangles_.size(); ++t) {
+    result.conservative.push_back(triangles_[t].conservative);
+    for (size_t c = 0; c < 3; ++c) {
+      result.curve_errors.push_back(RoundedUp(triangles_[t].curve_errors[c]));
+      result.curve_reaches.push_back(triangles_[t].curve_reaches[c]);
+    }
     if (!result.alive[t]) continue;
     for (const uint32_t w : HeldBy(t)) result.held.push_back({w, t, 3});
     for (uint32_t c = 0; c < 3; ++c) {
-      for (uint32_t w = chain_head_[3 * t + c]; w != kNone32; w = next_on_chain_[w]) {
+      for (uint32_t w = triangles_[t].chain_heads[c]; w != kNone32; w = next_on_chain_[w]) {
         result.held.push_back({w, t, c});
       }
     }
@@ -244,37 +268,62 @@ void SurfaceMeasure<kKind>::Hold(TileResult& result) const {
 }
 
 template <ErrorMeasure kKind>
+std::vector<float> SurfaceMeasure<kKind>::errors() const {
+  std::vector<float> errors;
+  errors.reserve(triangles_.size());
+  for (const Triangle& t : triangles_) errors.push_back(t.error);
+  return errors;
+}
+
+template <ErrorMeasure kKind>
 double SurfaceMeasure<kKind>::FirstGuess(uint32_t v) const {
-  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + round_.vertex_error(v);
+  return kFirstGuess * (heights_.empty() ? round_.Height(v) : heights_[v]) + vertex_error(v);
 }
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Open(Hole& hole) {
   if (hole.boundary) MeasureBorder(hole);
+  hole.flat = kIsVertical;
+  gathered_ = false;
+  if (kIsVertical) {
+    double area = 0;
+    for (uint32_t i = 0; i < hole.star.size(); ++i) {
+      area += Hole::Side(hole.apex, hole.positions[i], hole.positions[i + 1 == hole.k ? 0 : i + 1]);
+    }
+    hole.LookAlong({0, 0, 1}, area);
+    if (hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
+    return;
+  }
+  Vec3d normal{};
+  for (const uint32_t t : hole.star) {
+    const auto& c = mesh_->corners(t);
+    const Vec3d first = mesh_->position(c[0]);
+    normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
+  }
+  const double length = Length(normal);
+  hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
+  GatherSamples(hole);
+}
+
+// When they are first asked for.
+template <ErrorMeasure kKind>
+void SurfaceMeasure<kKind>::GatherSamples(const Hole& hole) {
+  if (std::exchange(gathered_, true)) return;
   samples_.clear();
   ++opened_;
   for (const uint32_t v : hole.ring) opened_in_[v] = opened_;
-  Vec3d normal{};
   for (const uint32_t t : hole.star) {
     for (const uint32_t w : HeldBy(t)) {
       if (std::exchange(opened_in_[w], opened_) != opened_) samples_.push_back(w);
     }
-    const auto& c = mesh_->corners()[t];
-    const Vec3d first = mesh_->position(c[0]);
-    normal += Cross(mesh_->position(c[1]) - first, mesh_->position(c[2]) - first);
   }
   if (!hole.boundary) samples_.push_back(hole.vertex);
-  const double length = kIsVertical ? normal.z : Length(normal);
-  const bool upwards = kIsVertical || !(length > 0);
-  hole.LookAlong(upwards ? Vec3d{0, 0, 1} : normal * (1 / length), length);
-  hole.flat = kIsVertical;
   points_.clear();
   sample_errors_.clear();
   for (const uint32_t w : samples_) {
     points_.push_back(hole.InFrame(positions_[w]));
-    sample_errors_.push_back(static_cast<float>(round_.vertex_error(w) * (1 + 1e-6)));
+    sample_errors_.push_back(static_cast<float>(vertex_error(w) * (1 + 1e-6)));
   }
-  if (kIsVertical && hole.boundary && border_plane_ != nullptr) MeasureMovedBorder(hole);
 }
 
 // True when the new border edge cuts off the vertex alone, seen along z.
@@ -291,7 +340,8 @@ bool SurfaceMeasure<kKind>::MovesInwards(const Hole& hole) const {
 
 // As MeasureBorder, where vertices have gone that are not on the edge.
 template <ErrorMeasure kKind>
-void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
+void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) {
+  GatherSamples(hole);
   const Vec3d a = hole.positions[hole.k - 1];
   const Vec3d b = hole.positions[0];
   double away = 0;
@@ -302,11 +352,11 @@ void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
     const BorderPlane& plane = *border_plane_;
     const double squared =
         SquaredDistancePointSegment(plane.Place(positions_[w]), plane.Place(a), plane.Place(b));
-    away = std::max(away, std::sqrt(squared) + round_.vertex_error(w));
+    away = std::max(away, std::sqrt(squared) + vertex_error(w));
   };
   look(hole.vertex);
   for (const uint32_t h : {hole.border_out, hole.border_in}) {
-    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_on_chain_[w]) look(w);
+    for (uint32_t w = chain_head(h); w != kNone32; w = next_on_chain_[w]) look(w);
   }
   for (const uint32_t w : samples_) {
     if (Hole::Side(a, b, positions_[w]) < 0) look(w);
@@ -316,7 +366,7 @@ void SurfaceMeasure<kKind>::MeasureMovedBorder(Hole& hole) const {
   if (Hole::Side(a, b, hole.apex) == 0) {
     // Both edges together, but for their heights at the vertex.
     error = HeightOverEdge(hole.apex, a, b) +
-            std::max(curves_[hole.border_out].error, curves_[hole.border_in].error);
+            std::max(curve_error(hole.border_out), curve_error(hole.border_in));
   } else {
     error = -1;
     if (MovesInwards(hole)) MeasureEdge(hole, 0, hole.k - 1);
@@ -336,12 +386,12 @@ void SurfaceMeasure<kKind>::MeasureBorder(Hole& hole) const {
     const double distance = kIsVertical
                                 ? HeightOverEdge(positions_[w], a, b)
                                 : std::sqrt(SquaredDistancePointSegment(positions_[w], a, b));
-    error = std::max(error, distance + round_.vertex_error(w));
+    error = std::max(error, distance + vertex_error(w));
     reach = std::max(reach, distance);
   };
   add(hole.vertex);
   for (const uint32_t h : {hole.border_out, hole.border_in}) {
-    for (uint32_t w = chain_head_[h]; w != kNone32; w = next_on_chain_[w]) add(w);
+    for (uint32_t w = chain_head(h); w != kNone32; w = next_on_chain_[w]) add(w);
   }
   hole.edge_error[0][hole.k - 1] = error;
   hole.edge_reach[0][hole.k - 1] = RoundedUp(reach);
@@ -356,7 +406,7 @@ bool SurfaceMeasure<kKind>::Sees(const Hole& hole) const {
     return border_plane_ != nullptr && hole.edge_error[0][hole.k - 1] >= 0;
   }
   for (const uint32_t t : hole.star) {
-    if (conservative_[t]) return false;
+    if (triangles_[t].conservative) return false;
   }
   for (const uint32_t w : samples_) {
     if (!round_.Faces(w, hole.normal)) return false;
@@ -368,13 +418,14 @@ template <ErrorMeasure kKind>
 bool SurfaceMeasure<kKind>::IsFresh(const Hole& hole) const {
   return !hole.boundary && samples_.size() == 1 &&
          std::all_of(hole.star.begin(), hole.star.end(),
-                     [&](uint32_t t) { return t < own_.size() && own_[t]; });
+                     [&](uint32_t t) { return triangles_[t].own; });
 }
 
 // Curves are dear, so that those of diagonals that no filling uses are found only where they are
 // cheap. Elsewhere a guess decides.
 template <ErrorMeasure kKind>
-bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
+bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) {
+  GatherSamples(hole);
   if (!IsFresh(hole)) {
     GuessEdges(hole);
     return false;
@@ -388,6 +439,10 @@ bool SurfaceMeasure<kKind>::PriceEdges(Hole& hole) const {
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
+  if (is_raster()) {
+    hole.edge_error[i][j] = raster_.CurveError(hole.positions[i], hole.positions[j]);
+    return;
+  }
   const RoundMesh::Curve curve =
       round_.CurveOf<kKind>(hole.ring[i], hole.ring[j], hole.normal, {opened_in_, opened_});
   hole.edge_error[i][j] = curve.error;
@@ -448,7 +503,8 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
   const uint32_t k = hole.k;
   std::array<double, Hole::kMaxRing> spoke_error;  // what the surface around it has accumulated
   for (uint32_t m = 0; m < k; ++m) {
-    spoke_error[m] = std::max(errors_[hole.star[m]], errors_[hole.star[m == 0 ? k - 1 : m - 1]]);
+    spoke_error[m] = std::max(triangles_[hole.star[m]].error,
+                              triangles_[hole.star[m == 0 ? k - 1 : m - 1]].error);
   }
   const Vec3d apex = points_[0];
   hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
@@ -489,17 +545,33 @@ void SurfaceMeasure<kKind>::MeasureOverSpokes(Hole& hole) const {
   });
 }
 
+// Of the curve of a filling's edge, a < b.
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::CurveError(const Hole& hole, uint32_t a, uint32_t b) const {
+  if (b == a + 1) return curve_error(hole.ring_edges[a]);
+  if (hole.OnRing(b, a)) return curve_error(hole.ring_edges[b]);
+  return hole.edge_error[a][b];
+}
+
+// Curves alone.
+template <ErrorMeasure kKind>
+double SurfaceMeasure<kKind>::LowerBound(const Hole& hole, const Filling& filling) const {
+  double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
+  for (uint32_t t = 1; t < hole.k - 2; ++t) {
+    bound = std::max(bound, hole.edge_error[filling.triangles[t][0]][filling.triangles[t][2]]);
+  }
+  for (const uint32_t h : hole.ring_edges) bound = std::max(bound, curve_error(h));
+  return bound;
+}
+
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::Measure(const Hole& hole, Filling& filling) {
+  GatherSamples(hole);
   const uint32_t count = hole.k - 2;
-  const auto curve = [&](uint32_t a, uint32_t b) {  // a < b
-    if (b == a + 1) return curves_[hole.ring_edges[a]].error;
-    if (hole.OnRing(b, a)) return curves_[hole.ring_edges[b]].error;
-    return hole.edge_error[a][b];
-  };
   for (uint32_t t = 0; t < count; ++t) {
     const auto [i, m, j] = filling.triangles[t];
-    filling.errors[t] = std::max({curve(i, m), curve(m, j), curve(i, j)});
+    filling.errors[t] =
+        std::max({CurveError(hole, i, m), CurveError(hole, m, j), CurveError(hole, i, j)});
   }
   ChargeSamples(hole, filling);
   filling.error = 0;
@@ -514,7 +586,10 @@ double SurfaceMeasure<kKind>::Reach(const Hole& hole, const Hole::Triangle& tria
   float reach = 0;
   for (uint32_t c = 0; c < 3; ++c) {
     const auto [a, b] = Hole::Edge(triangle, c);
-    if (hole.OnRing(a, b)) reach = std::max(reach, curves_[hole.ring_edges[a]].reach);
+    if (hole.OnRing(a, b)) {
+      const uint32_t h = hole.ring_edges[a];
+      reach = std::max(reach, triangles_[h / 3].curve_reaches[h % 3]);
+    }
     if (hole.IsNewBorder(a, b)) reach = std::max(reach, hole.edge_reach[b][a]);
   }
   return reach;
@@ -615,17 +690,18 @@ void SurfaceMeasure<kKind>::Charge(const Hole& hole, Filling& filling, uint32_t 
   }
   const double distance =
       kIsVertical ? HeightOver(p, a, b, c) : std::sqrt(SquaredDistancePointTriangle(p, a, b, c));
-  filling.errors[t] = std::max(filling.errors[t], distance + round_.vertex_error(samples_[s]));
+  filling.errors[t] = std::max(filling.errors[t], distance + vertex_error(samples_[s]));
   charges_.push_back({static_cast<uint8_t>(t), s});
   is_charged_[s] = 1;
 }
 
 template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureFolded(const Hole& hole, Filling& filling) {
+  GatherSamples(hole);
   double star_error = 0;
   for (const uint32_t t : hole.star) {
-    star_error = std::max<double>(star_error, errors_[t]);
-    for (uint32_t c = 0; c < 3; ++c) star_error = std::max(star_error, curves_[3 * t + c].error);
+    star_error = std::max<double>(star_error, triangles_[t].error);
+    for (const double error : triangles_[t].curve_errors) star_error = std::max(star_error, error);
   }
   filling.error = DistanceToStar(hole, filling.triangles) + star_error;
   if (hole.boundary) filling.error = std::max(filling.error, hole.edge_error[0][hole.k - 1]);
@@ -641,29 +717,31 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uint32_t first) {
   const uint32_t count = hole.k - 2;
   bool conservative = hole.folded;
-  for (const uint32_t t : hole.star) conservative |= conservative_[t] != 0;
+  for (const uint32_t t : hole.star) conservative |= triangles_[t].conservative;
   const uint32_t new_chain = hole.boundary ? JoinBorderChains(hole) : kNone32;
-  errors_.resize(first + count);
-  conservative_.resize(first + count, conservative);
-  held_by_.resize(first + count);
-  curves_.resize(3 * (first + count));
-  chain_head_.resize(3 * (first + count), kNone32);
   for (uint32_t t = 0; t < count; ++t) {
-    errors_[first + t] = RoundedUp(filling.errors[t]);
+    Triangle made;
+    made.error = RoundedUp(filling.errors[t]);
+    made.conservative = conservative;
     for (uint32_t c = 0; c < 3; ++c) {
-      const uint32_t h = 3 * (first + t) + c;
       const auto [a, b] = Hole::Edge(filling.triangles[t], c);
       if (hole.OnRing(a, b)) {  // takes over what the star's half-edge had
-        curves_[h] = curves_[hole.ring_edges[a]];
-        chain_head_[h] = chain_head_[hole.ring_edges[a]];
+        const uint32_t h = hole.ring_edges[a];
+        const Triangle& old = triangles_[h / 3];
+        made.curve_errors[c] = old.curve_errors[h % 3];
+        made.curve_reaches[c] = old.curve_reaches[h % 3];
+        made.chain_heads[c] = old.chain_heads[h % 3];
       } else if (hole.IsNewBorder(a, b)) {
-        curves_[h] = {hole.edge_error[b][a], hole.edge_reach[b][a]};
-        chain_head_[h] = new_chain;
+        made.curve_errors[c] = hole.edge_error[b][a];
+        made.curve_reaches[c] = hole.edge_reach[b][a];
+        made.chain_heads[c] = new_chain;
       } else {
         const auto [i, j] = std::minmax(a, b);
-        curves_[h] = {hole.folded ? filling.error : hole.edge_error[i][j], hole.edge_reach[i][j]};
+        made.curve_errors[c] = hole.folded ? filling.error : hole.edge_error[i][j];
+        made.curve_reaches[c] = hole.edge_reach[i][j];
       }
     }
+    triangles_.push_back(made);
   }
   FreeHeld(hole.star);
   for (auto& [triangle, s] : charges_) s = samples_[s];
@@ -673,10 +751,10 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
 // The new border edge's chain: both old ones and the vertex that goes.
 template <ErrorMeasure kKind>
 uint32_t SurfaceMeasure<kKind>::JoinBorderChains(const Hole& hole) {
-  next_on_chain_[hole.vertex] = chain_head_[hole.border_out];
+  next_on_chain_[hole.vertex] = chain_head(hole.border_out);
   uint32_t tail = hole.vertex;
   while (next_on_chain_[tail] != kNone32) tail = next_on_chain_[tail];
-  next_on_chain_[tail] = chain_head_[hole.border_in];
+  next_on_chain_[tail] = chain_head(hole.border_in);
   uint32_t head = hole.vertex;
   if (!kIsVertical || border_plane_ == nullptr) return head;
   // And what a border that moves leaves outside.

@@ -11,6 +11,7 @@
 
 #include "builder/internal/filling_measure.h"
 #include "builder/internal/hole.h"
+#include "builder/internal/raster_surface.h"
 #include "builder/internal/round_mesh.h"
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
@@ -58,30 +59,55 @@ class SurfaceMeasure {
   double FirstGuess(uint32_t v) const;
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const;
-  bool PriceEdges(Hole& hole) const;
+  bool PriceEdges(Hole& hole);
   void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const;
+  double LowerBound(const Hole& hole, const Filling& filling) const;
   void Measure(const Hole& hole, Filling& filling);
   void MeasureFolded(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
-  const std::vector<float>& errors() const { return errors_; }
+  std::vector<float> errors() const;
 
  private:
+  // What is known of a triangle, current or past: read together, of triangles anywhere in the tile.
+  struct alignas(64) Triangle {
+    // Of its edges' curves, and how far each may be from the edge, less than its error.
+    std::array<double, 3> curve_errors{};
+    std::array<float, 3> curve_reaches{};
+    // Of border edges: removed border vertices on the edge's curve.
+    std::array<uint32_t, 3> chain_heads{kNone32, kNone32, kNone32};
+    float error = 0;
+    // The removed vertices that it may stand for: all that it does, and some near by. A part of
+    // held_, which keeps those of triangles that are gone for a while.
+    uint32_t held_begin = 0, held_end = 0;
+    bool own = false;           // of the tile's: it is one of the surface's
+    bool conservative = false;  // made by a conservative bound, or in the place of such
+  };
+  // Of a half-edge.
+  double curve_error(uint32_t h) const { return triangles_[h / 3].curve_errors[h % 3]; }
+  uint32_t chain_head(uint32_t h) const { return triangles_[h / 3].chain_heads[h % 3]; }
   void LoadSurface(const TileSurface& surface, const Grid& grid);
+  void BuildSurface(std::span<const std::array<uint32_t, 3>> triangles,
+                    std::span<const float> errors, std::span<const uint32_t> opposites);
+  // What the surface around one of its vertices has accumulated.
+  bool is_raster() const { return kIsVertical && !raster_.empty(); }
+  double vertex_error(uint32_t v) const { return is_raster() ? 0 : round_.vertex_error(v); }
   void MeasureHeights();
   void MeasureBorder(Hole& hole) const;
-  void MeasureMovedBorder(Hole& hole) const;
+  void MeasureMovedBorder(Hole& hole);
   bool MovesInwards(const Hole& hole) const;
   // True when the star is the round's input, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   void MeasureOverSpokes(Hole& hole) const;
   void GuessEdges(Hole& hole) const;
+  void GatherSamples(const Hole& hole);
+  double CurveError(const Hole& hole, uint32_t a, uint32_t b) const;
   double Reach(const Hole& hole, const Hole::Triangle& triangle) const;
   void ChargeSamples(const Hole& hole, Filling& filling);
   void Charge(const Hole& hole, Filling& filling, uint32_t t, uint32_t s, double reach);
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {
-    const auto [begin, end] = held_by_[triangle];
-    return std::span(held_).subspan(begin, end - begin);
+    const Triangle& t = triangles_[triangle];
+    return std::span(held_).subspan(t.held_begin, t.held_end - t.held_begin);
   }
   // Gives sample `item[i].second` to triangle first + item[i].first.
   template <typename Items>
@@ -91,27 +117,13 @@ class SurfaceMeasure {
 
   const TileMesh* mesh_ = nullptr;
   const BorderPlane* border_plane_ = nullptr;
+  // The surface: of a raster at full resolution the first one, else the second.
+  RasterSurface raster_;
   RoundMesh round_;
 
-  // Triangles, current and past.
-  std::vector<float> errors_;
-  std::vector<uint8_t> own_;           // of the tile's: it is one of the surface's
-  std::vector<uint8_t> conservative_;  // made by a conservative bound, or in the place of such
-  // The removed vertices that the triangle may stand for: all that it does, and some near by.
-  // Parts of held_, which keeps those of triangles that are gone for a while.
-  struct Part {
-    uint32_t begin = 0, end = 0;
-  };
-  std::vector<Part> held_by_;
+  std::vector<Triangle> triangles_;
   std::vector<uint32_t> held_;
   size_t held_in_use_ = 0;
-  // Half-edges.
-  struct Curve {
-    double error = 0;
-    float reach = 0;  // how far the curve may be from the edge, less than its error
-  };
-  std::vector<Curve> curves_;
-  std::vector<uint32_t> chain_head_;  // of border edges: removed border vertices on its curve
   // Vertices: the mesh's, then others of the surface.
   std::vector<Vec3d> positions_;
   std::vector<uint32_t> next_on_chain_;
@@ -119,6 +131,7 @@ class SurfaceMeasure {
   std::vector<double> heights_;      // of the mesh's, when the surface is not the tile
 
   // Of the open hole.
+  bool gathered_ = false;             // its samples are known
   std::vector<uint32_t> samples_;     // removed vertices of its star, and the one that goes
   std::vector<Vec3d> points_;         // their places in the hole's frame
   uint32_t opened_ = 0;               // its number

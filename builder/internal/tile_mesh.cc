@@ -2,8 +2,9 @@
 #include "builder/internal/tile_mesh.h"
 
 #include <algorithm>
-#include <bit>
 #include <utility>
+
+#include "builder/internal/number_table.h"
 
 namespace mtdb::internal {
 
@@ -53,27 +54,24 @@ void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t 
 }
 
 void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
-  const size_t capacity = std::bit_ceil(6 * tile.size() + 2);
-  std::vector<std::pair<uint32_t, uint32_t>> table(capacity, {kNone32, 0});
+  NumberTable numbers(tile.size());  // a closed surface has half as many
   vertices_.clear();
   first_corner_.clear();
   grid_positions_.clear();
   fixed_.clear();
-  corners_.resize(tile.size());
+  input_corners_.resize(tile.size());
   for (uint32_t t = 0; t < tile.size(); ++t) {
     for (uint32_t c = 0; c < 3; ++c) {
       const uint32_t v = tile[t].vertices[c];
-      size_t i = (v * 0x9e3779b97f4a7c15ull >> 24) & (capacity - 1);
-      while (table[i].first != kNone32 && table[i].first != v) i = (i + 1) & (capacity - 1);
-      if (table[i].first == kNone32) {
-        table[i] = {v, vertices()};
+      const auto [number, fresh] = numbers.Add(v, vertices());
+      if (fresh) {
         vertices_.push_back(v);
         first_corner_.push_back(3 * t + c);
         grid_positions_.push_back(tile[t].positions[c]);
         fixed_.push_back(0);
       }
-      corners_[t][c] = table[i].second;
-      fixed_[table[i].second] |= tile[t].fixed_corners >> c & 1;
+      input_corners_[t][c] = number;
+      fixed_[number] |= tile[t].fixed_corners >> c & 1;
     }
   }
 }
@@ -81,32 +79,32 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
 void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid) {
   NumberVertices(tile);
   const auto n = static_cast<uint32_t>(tile.size());
-  positions_.resize(vertices());
+  places_.assign(vertices(), Place{});
   for (uint32_t v = 0; v < vertices(); ++v) {
-    positions_[v] =
+    places_[v].position =
         grid.is_linear() ? ToDouble(grid_positions_[v]) : grid.Position(grid_positions_[v]);
+    places_[v].locked = fixed_[v];
   }
-  PairHalfEdges(corners_, vertices(), opposite_);
-  border_.resize(n);
-  for (uint32_t t = 0; t < n; ++t) border_[t] = tile[t].border_edges;
-  half_edge_.assign(vertices(), kNone32);
-  locked_ = fixed_;
-  on_border_.assign(vertices(), 0);
+  PairHalfEdges(input_corners_, vertices(), input_opposites_);
+  triangles_.clear();
+  for (uint32_t t = 0; t < n; ++t) {
+    const uint32_t* const across = &input_opposites_[3 * size_t{t}];
+    triangles_.push_back(
+        {input_corners_[t], {across[0], across[1], across[2]}, tile[t].border_edges});
+  }
   for (uint32_t h = 0; h < 3 * n; ++h) {
-    const uint32_t a = Origin(h);
-    const uint32_t b = Origin(Next(h));
-    if (opposite_[h] == kNone32) {
+    Place& a = places_[Origin(h)];
+    Place& b = places_[Origin(Next(h))];
+    if (opposite(h) == kNone32) {
       if (IsBorderEdge(h)) {
-        on_border_[a] = on_border_[b] = 1;
-        half_edge_[a] = h;
+        a.on_border = b.on_border = true;
+        a.half_edge = h;
       } else {
-        locked_[a] = locked_[b] = 1;
+        a.locked = b.locked = true;
       }
     }
-    if (half_edge_[a] == kNone32) half_edge_[a] = h;
+    if (a.half_edge == kNone32) a.half_edge = h;
   }
-  alive_.assign(n, 1);
-  removed_.assign(vertices(), 0);
   ring_mark_.assign(vertices(), 0);
   holes_.clear();
   stars_.clear();
@@ -117,7 +115,7 @@ bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
   hole.ring.clear();
   hole.star.clear();
   hole.ring_edges.clear();
-  const uint32_t first = half_edge_[v];
+  const uint32_t first = places_[v].half_edge;
   uint32_t h = first;
   do {
     if (hole.ring.size() >= limit) return false;
@@ -125,7 +123,7 @@ bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
     hole.star.push_back(h / 3);
     hole.ring_edges.push_back(Next(h));
     const uint32_t last = Previous(h);
-    h = opposite_[last];
+    h = opposite(last);
     if (h == kNone32) {  // the far end of a border vertex's fan
       if (hole.ring.size() >= limit) return false;
       hole.ring.push_back(Origin(last));
@@ -135,22 +133,22 @@ bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
   } while (h != first);
   hole.vertex = v;
   hole.k = static_cast<uint32_t>(hole.ring.size());
-  hole.boundary = on_border_[v];
+  hole.boundary = places_[v].on_border;
   hole.border_out = first;
   hole.folded = false;
-  hole.apex = positions_[v];
-  for (uint32_t i = 0; i < hole.k; ++i) hole.positions[i] = positions_[hole.ring[i]];
+  hole.apex = places_[v].position;
+  for (uint32_t i = 0; i < hole.k; ++i) hole.positions[i] = places_[hole.ring[i]].position;
   return true;
 }
 
 template <typename F>
 bool TileMesh::AnyNeighbour(uint32_t v, F&& f) const {
-  const uint32_t first = half_edge_[v];
+  const uint32_t first = places_[v].half_edge;
   uint32_t h = first;
   do {
     if (f(Origin(Next(h)))) return true;
     const uint32_t last = Previous(h);
-    h = opposite_[last];
+    h = opposite(last);
     if (h == kNone32) return f(Origin(last));
   } while (h != first);
   return false;
@@ -167,12 +165,12 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
   if (hole.boundary) {
     const uint32_t a = ring[0];
     const uint32_t b = ring[k - 1];
-    return locked_[a] ? !locked_[b] && !AreAdjacent(b, a) : !AreAdjacent(a, b);
+    return locked(a) ? !locked(b) && !AreAdjacent(b, a) : !AreAdjacent(a, b);
   }
   if (k > 3) return true;
-  if (locked_[ring[0]] && locked_[ring[1]] && locked_[ring[2]]) return false;
+  if (locked(ring[0]) && locked(ring[1]) && locked(ring[2])) return false;
   for (uint32_t i = 0; i < 3; ++i) {
-    const uint32_t o = opposite_[hole.ring_edges[i]];
+    const uint32_t o = opposite(hole.ring_edges[i]);
     if (o != kNone32 && Origin(Previous(o)) == ring[(i + 2) % 3]) return false;
   }
   return true;
@@ -183,14 +181,14 @@ void TileMesh::ForbidEdges(Hole& hole, bool existing) {
   const std::vector<uint32_t>& ring = hole.ring;
   for (uint32_t i = 0; i < k; ++i) {
     for (uint32_t j = 0; j < k; ++j) {
-      hole.forbidden[i][j] = locked_[ring[i]] && locked_[ring[j]];
+      hole.forbidden[i][j] = locked(ring[i]) && locked(ring[j]);
     }
   }
   if (!existing) return;
   // Every edge with an unlocked end is in the fan of that end, which is whole.
   for (uint32_t i = 0; i < k; ++i) ring_mark_[ring[i]] = i + 1;
   for (uint32_t i = 0; i < k; ++i) {
-    if (locked_[ring[i]]) continue;
+    if (locked(ring[i])) continue;
     AnyNeighbour(ring[i], [&](uint32_t w) {
       if (const uint32_t j = ring_mark_[w]; j != 0) {
         hole.forbidden[i][j - 1] = hole.forbidden[j - 1][i] = 1;
@@ -205,7 +203,7 @@ bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangl
   for (uint32_t t = 1; t < hole.k - 2; ++t) {
     const uint32_t a = hole.ring[triangles[t][0]];
     const uint32_t b = hole.ring[triangles[t][2]];
-    if (locked_[a] ? AreAdjacent(b, a) : AreAdjacent(a, b)) return true;
+    if (locked(a) ? AreAdjacent(b, a) : AreAdjacent(a, b)) return true;
   }
   return false;
 }
@@ -220,20 +218,16 @@ Removal TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles) {
   removal.hole_begin = static_cast<uint32_t>(holes_.size());
   removal.hole_count = count;
   for (const uint32_t t : hole.star) {
-    alive_[t] = 0;
+    triangles_[t].alive = false;
     stars_.push_back(t);
   }
-  corners_.resize(first + count);
-  border_.resize(first + count, 0);
-  alive_.resize(first + count, 1);
-  opposite_.resize(3 * (first + count), kNone32);
   for (uint32_t t = 0; t < count; ++t) {
     const auto [i, m, j] = triangles[t];
-    corners_[first + t] = {hole.ring[i], hole.ring[m], hole.ring[j]};
+    triangles_.push_back({.corners = {hole.ring[i], hole.ring[m], hole.ring[j]}});
     holes_.push_back(first + t);
   }
   LinkFilling(hole, triangles, first);
-  removed_[hole.vertex] = 1;
+  places_[hole.vertex].removed = true;
   live_triangles_ -= removal.star_count - count;
   return removal;
 }
@@ -249,11 +243,12 @@ void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, u
       const uint32_t h = 3 * id + c;
       if (hole.OnRing(a, b)) {
         const uint32_t old = hole.ring_edges[a];
-        opposite_[h] = opposite_[old];
-        if (opposite_[h] != kNone32) opposite_[opposite_[h]] = h;
-        border_[id] |= static_cast<uint8_t>(IsBorderEdge(old) << c);
+        const uint32_t beyond = opposite(old);
+        opposite(h) = beyond;
+        if (beyond != kNone32) opposite(beyond) = h;
+        triangles_[id].border |= static_cast<uint8_t>(IsBorderEdge(old) << c);
       } else if (hole.IsNewBorder(a, b)) {
-        border_[id] |= static_cast<uint8_t>(1 << c);
+        triangles_[id].border |= static_cast<uint8_t>(1 << c);
       } else {
         diagonal[a][b] = h;
       }
@@ -261,16 +256,16 @@ void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, u
   }
   for (uint32_t t = 1; t < count; ++t) {  // each hangs on the diagonal (i, j)
     const auto [i, m, j] = triangles[t];
-    opposite_[diagonal[i][j]] = diagonal[j][i];
-    opposite_[diagonal[j][i]] = diagonal[i][j];
+    opposite(diagonal[i][j]) = diagonal[j][i];
+    opposite(diagonal[j][i]) = diagonal[i][j];
   }
   // Outgoing half-edges of the ring; a border vertex keeps the one on the border.
   for (uint32_t h = 3 * first; h < 3 * (first + count); ++h) {
     const uint32_t a = Origin(h);
-    if (!alive_[half_edge_[a] / 3]) half_edge_[a] = h;
+    if (!triangles_[places_[a].half_edge / 3].alive) places_[a].half_edge = h;
   }
   for (uint32_t h = 3 * first; h < 3 * (first + count); ++h) {
-    if (opposite_[h] == kNone32) half_edge_[Origin(h)] = h;
+    if (opposite(h) == kNone32) places_[Origin(h)].half_edge = h;
   }
 }
 
@@ -278,9 +273,14 @@ void TileMesh::CopyTo(TileResult& result) const {
   result.vertices = vertices_;
   result.first_corner = first_corner_;
   result.positions = grid_positions_;
-  result.triangles = corners_;
-  result.border_edges = border_;
-  result.alive = alive_;
+  result.triangles.reserve(triangles());
+  result.border_edges.reserve(triangles());
+  result.alive.reserve(triangles());
+  for (const Triangle& t : triangles_) {
+    result.triangles.push_back(t.corners);
+    result.border_edges.push_back(t.border);
+    result.alive.push_back(t.alive);
+  }
   result.fixed = fixed_;
   result.holes = holes_;
   result.stars = stars_;

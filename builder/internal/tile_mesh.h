@@ -25,17 +25,17 @@ class TileMesh {
   void Load(std::span<const TileTriangle> tile, const Grid& grid);
 
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
-  uint32_t triangles() const { return static_cast<uint32_t>(corners_.size()); }
+  uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
   uint32_t live_triangles() const { return live_triangles_; }
   // The input's numbering.
   std::span<const uint32_t> vertex_numbers() const { return vertices_; }
-  bool locked(uint32_t v) const { return locked_[v]; }
-  bool removed(uint32_t v) const { return removed_[v]; }
-  Vec3d position(uint32_t v) const { return positions_[v]; }  // work units
-  std::span<const Vec3d> positions() const { return positions_; }
-  std::span<const std::array<uint32_t, 3>> corners() const { return corners_; }
-  // Twins of half-edges; kNone32 at the rim.
-  std::span<const uint32_t> opposites() const { return opposite_; }
+  bool locked(uint32_t v) const { return places_[v].locked; }
+  bool removed(uint32_t v) const { return places_[v].removed; }
+  Vec3d position(uint32_t v) const { return places_[v].position; }  // work units
+  const std::array<uint32_t, 3>& corners(uint32_t t) const { return triangles_[t].corners; }
+  // The tile as it was loaded: triangles, and twins of half-edges; kNone32 at the rim.
+  std::span<const std::array<uint32_t, 3>> input_corners() const { return input_corners_; }
+  std::span<const uint32_t> input_opposites() const { return input_opposites_; }
 
   // Fills in what a hole is, of a vertex that is there and not locked. False when it has more than
   // `limit` neighbours (at most Hole::kMaxRing).
@@ -55,6 +55,18 @@ class TileMesh {
   void CopyTo(TileResult& result) const;
 
  private:
+  // Holes open anywhere in the tile: what is read of a triangle or a vertex lies together.
+  struct alignas(32) Triangle {  // current or past
+    std::array<uint32_t, 3> corners;
+    std::array<uint32_t, 3> opposites{kNone32, kNone32, kNone32};
+    uint8_t border = 0;
+    bool alive = true;
+  };
+  struct alignas(32) Place {  // of a vertex
+    Vec3d position;
+    uint32_t half_edge = kNone32;  // outgoing; of a border vertex the one on the border
+    bool locked = false, on_border = false, removed = false;
+  };
   void NumberVertices(std::span<const TileTriangle> tile);
   void LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first);
   bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
@@ -63,24 +75,23 @@ class TileMesh {
   template <typename F>
   bool AnyNeighbour(uint32_t v, F&& f) const;
 
-  uint32_t Origin(uint32_t h) const { return corners_[h / 3][h % 3]; }
+  uint32_t Origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
+  uint32_t opposite(uint32_t h) const { return triangles_[h / 3].opposites[h % 3]; }
+  uint32_t& opposite(uint32_t h) { return triangles_[h / 3].opposites[h % 3]; }
   static uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
   static uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
-  bool IsBorderEdge(uint32_t h) const { return border_[h / 3] >> (h % 3) & 1; }
+  bool IsBorderEdge(uint32_t h) const { return triangles_[h / 3].border >> (h % 3) & 1; }
 
+  std::vector<Triangle> triangles_;
+  std::vector<std::array<uint32_t, 3>> input_corners_;
+  std::vector<uint32_t> input_opposites_;
   // Vertices.
+  std::vector<Place> places_;
   std::vector<uint32_t> vertices_;      // the input's numbering
   std::vector<uint32_t> first_corner_;  // 3 * input triangle + corner
   std::vector<Vec3i> grid_positions_;
-  std::vector<Vec3d> positions_;
-  std::vector<uint32_t> half_edge_;  // outgoing; of a border vertex the one on the border
-  std::vector<uint8_t> locked_, fixed_, on_border_, removed_;
+  std::vector<uint8_t> fixed_;
   std::vector<uint32_t> ring_mark_;
-  // Triangles, current and past.
-  std::vector<std::array<uint32_t, 3>> corners_;
-  std::vector<uint8_t> border_, alive_;
-  // Half-edges.
-  std::vector<uint32_t> opposite_;
   // Of removals.
   std::vector<uint32_t> holes_, stars_;
   uint32_t live_triangles_ = 0;

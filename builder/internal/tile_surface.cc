@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cstring>
-#include <unordered_map>
 #include <utility>
 
+#include "builder/internal/number_table.h"
 #include "builder/internal/squeeze.h"
 
 namespace mtdb::internal {
@@ -33,7 +33,8 @@ void ForEachList(Surface& s, F&& f) {
 // Puts the surfaces of several clusters together, as far as they lie beneath a tile.
 class Gathering {
  public:
-  Gathering(std::span<const TileTriangle> tile, uint32_t round) {
+  Gathering(std::span<const TileTriangle> tile, uint32_t round)
+      : in_tile_(tile.size()), numbers_(tile.size()) {
     all_.round = round;
     const size_t n = tile.size();
     all_.own.assign(n, 1);
@@ -42,10 +43,8 @@ class Gathering {
     all_.curve_reaches.resize(n);
     for (size_t t = 0; t < n; ++t) {
       all_.curve_errors[t].fill(tile[t].error);
-      for (const uint32_t v : tile[t].vertices) in_tile_.push_back(v);
+      for (const uint32_t v : tile[t].vertices) in_tile_.Add(v, 0);
     }
-    std::sort(in_tile_.begin(), in_tile_.end());
-    in_tile_.erase(std::unique(in_tile_.begin(), in_tile_.end()), in_tile_.end());
   }
 
   // `triangles` of the tile are in-triangles of this surface's cluster.
@@ -64,7 +63,7 @@ class Gathering {
     const size_t count = surface.vertices.size();
     std::vector<uint8_t> wanted(count);
     for (size_t v = 0; v < count; ++v) {
-      wanted[v] = std::binary_search(in_tile_.begin(), in_tile_.end(), surface.vertices[v]);
+      wanted[v] = in_tile_.Find(surface.vertices[v]) != kNone32;
     }
     for (const HeldVertex& held : surface.held) {
       if (in_tile[held.triangle] != kNone32) wanted[held.vertex] = 1;
@@ -114,17 +113,16 @@ class Gathering {
   }
 
   uint32_t Number(uint32_t vertex, Vec3i position) {
-    const auto [at, fresh] =
-        numbers_.try_emplace(vertex, static_cast<uint32_t>(all_.vertices.size()));
+    const auto [number, fresh] = numbers_.Add(vertex, static_cast<uint32_t>(all_.vertices.size()));
     if (fresh) {
       all_.vertices.push_back(vertex);
       all_.positions.push_back(position);
     }
-    return at->second;
+    return number;
   }
 
-  std::vector<uint32_t> in_tile_;  // the tile's vertices, sorted
-  std::unordered_map<uint32_t, uint32_t> numbers_;
+  NumberTable in_tile_;  // the tile's vertices; what it says of them is nothing
+  NumberTable numbers_;
   TileSurface all_;
 };
 
@@ -132,13 +130,13 @@ class Gathering {
 
 std::vector<uint32_t> NumberVertices(const TileSurface& surface,
                                      std::span<const uint32_t> tile_vertices) {
-  std::unordered_map<uint32_t, uint32_t> in_tile;
-  for (uint32_t v = 0; v < tile_vertices.size(); ++v) in_tile.emplace(tile_vertices[v], v);
+  NumberTable in_tile(tile_vertices.size());
+  for (uint32_t v = 0; v < tile_vertices.size(); ++v) in_tile.Add(tile_vertices[v], v);
   std::vector<uint32_t> numbers(surface.vertices.size());
   auto next = static_cast<uint32_t>(tile_vertices.size());
   for (size_t v = 0; v < numbers.size(); ++v) {
-    const auto at = in_tile.find(surface.vertices[v]);
-    numbers[v] = at != in_tile.end() ? at->second : next++;
+    const uint32_t found = in_tile.Find(surface.vertices[v]);
+    numbers[v] = found != kNone32 ? found : next++;
   }
   return numbers;
 }

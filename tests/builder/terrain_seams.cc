@@ -73,7 +73,7 @@ void VerticalMeasure::Load(const TileMesh& mesh, std::span<const TileTriangle> t
   Box3d box;
   for (uint32_t t = 0; t < tile.size(); ++t) {
     errors_.push_back(tile[t].error);
-    const auto& c = mesh.corners()[t];
+    const auto& c = mesh.corners(t);
     input_.push_back({mesh.position(c[0]), mesh.position(c[1]), mesh.position(c[2])});
     for (const Vec3d p : input_.back()) box.Add(p);
   }
