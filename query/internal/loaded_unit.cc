@@ -367,6 +367,10 @@ Result<Cluster> DecodeFromParents(const ObjectRecord& record, const ClusterIndex
   if (parents.size() > kMostSlots) {
     return Corrupt(name + ": " + std::to_string(parents.size()) + " parents");
   }
+  if (entry.in_triangles > kMostSlots) {
+    return Corrupt(name + ": " + std::to_string(entry.in_triangles) +
+                   " in-triangles are more than a cluster may have");
+  }
   Gatherer gatherer(index, unit.id, name, parents);
   for (uint32_t i = 0; i < parents.size(); ++i) MTDB_RETURN_IF_ERROR(gatherer.Add(i));
   MTDB_ASSIGN_OR_RETURN(const std::vector<InSlot> slots, gatherer.FindSlots());

@@ -82,6 +82,29 @@ TEST_CASE("A cluster of more than 16 bits count is refused") {
   REQUIRE(CodeOf(larger) == StatusCode::kCorrupt);
 }
 
+TEST_CASE("A cluster whose row in the index names too many in-triangles is refused") {
+  const MtFixture f = MakeTorus(40, 16);
+  const ClusterIndex& index = f.source->index();
+  ClusterCache cache(f.source, {size_t{1} << 30});
+  LoadStats stats;
+  for (const uint32_t in_triangles : {kMostSlots, kMostSlots + 1, kNone32}) {
+    ClusterIndex hostile;
+    for (UnitId u = 0; u < index.unit_count(); ++u) {
+      UnitEntry entry = index.unit(u);
+      if (u == 0) entry.in_triangles = in_triangles;
+      hostile.Add(entry, index.location(u), index.children(u));
+    }
+    hostile.Finish(index.root_vertices());
+    std::vector<LoadedUnitPtr> parents;
+    for (const UnitId p : index.parents(0)) parents.push_back(cache.Get(p, &stats).value());
+    const Status status = LoadUnit(f.source->record(), hostile, 0, {}, parents).status();
+    REQUIRE(status.code() == StatusCode::kCorrupt);
+    const bool is_refused =
+        status.message().find("more than a cluster may have") != std::string::npos;
+    REQUIRE(is_refused == (in_triangles > kMostSlots));
+  }
+}
+
 TEST_CASE("Positions are kept, near and far") {
   constexpr int32_t kLeast = std::numeric_limits<int32_t>::min();
   constexpr int32_t kGreatest = std::numeric_limits<int32_t>::max();
