@@ -79,6 +79,46 @@ double DistanceToStar(const Hole& hole, const Hole::Triangles& triangles) {
   return std::sqrt(distance2);
 }
 
+// A triangle of a filling for four samples at once, in binary32.
+class TriangleLanes {
+ public:
+  TriangleLanes(const Hole& hole, const Hole::Triangle& triangle) {
+    const Vec3d corner = hole.points[triangle[0]];
+    const Vec3d up = Cross(hole.points[triangle[1]] - corner, hole.points[triangle[2]] - corner);
+    const double slope_x = up.x / up.z;
+    const double slope_y = up.y / up.z;
+    steepness_ = std::abs(slope_x) + std::abs(slope_y);
+    slope_x_ = Splat4(static_cast<float>(slope_x));
+    slope_y_ = Splat4(static_cast<float>(slope_y));
+    height_ = Splat4(static_cast<float>(corner.z + slope_x * corner.x + slope_y * corner.y));
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto [a, b] = Hole::Edge(triangle, c);
+      const Vec3d from = hole.points[a];
+      const Vec3d d = hole.points[b] - from;
+      const double length = std::sqrt(d.x * d.x + d.y * d.y);
+      x_[c] = Splat4(static_cast<float>(-d.y / length));
+      y_[c] = Splat4(static_cast<float>(d.x / length));
+      offset_[c] = Splat4(static_cast<float>((d.y * from.x - d.x * from.y) / length));
+    }
+  }
+  // How far inside they are, seen along z; below 0: outside, by so much at least.
+  Float4 Inwards(Float4 x, Float4 y) const {
+    return Min4(Min4(x_[0] * x + y_[0] * y + offset_[0], x_[1] * x + y_[1] * y + offset_[1]),
+                x_[2] * x + y_[2] * y + offset_[2]);
+  }
+  // How far off the triangle's plane they are, along z.
+  Float4 HeightAbove(Float4 x, Float4 y, Float4 z) const {
+    return Abs4(z + slope_x_ * x + slope_y_ * y - height_);
+  }
+  // How much the plane rises over a step along x and one along y.
+  double steepness() const { return steepness_; }
+
+ private:
+  std::array<Float4, 3> x_, y_, offset_;  // of the edges
+  Float4 slope_x_, slope_y_, height_;
+  double steepness_;
+};
+
 }  // namespace
 
 template <ErrorMeasure kKind>
@@ -625,36 +665,16 @@ void SurfaceMeasure<kKind>::ChargeSamples(const Hole& hole, Filling& filling) {
     // Four samples at once, in binary32, find those that may be meant.
     const auto blur = static_cast<float>(1e-5 * size);
     const float allowed = static_cast<float>(reach) + blur;
-    // How far off its plane, along z, and how much of that rounding may hide.
-    const Vec3d corner = hole.points[triangle[0]];
-    const Vec3d up = Cross(hole.points[triangle[1]] - corner, hole.points[triangle[2]] - corner);
-    const double slope_x = up.x / up.z;
-    const double slope_y = up.y / up.z;
-    const Float4 sx = Splat4(static_cast<float>(slope_x));
-    const Float4 sy = Splat4(static_cast<float>(slope_y));
-    const Float4 s0 =
-        Splat4(static_cast<float>(corner.z + slope_x * corner.x + slope_y * corner.y));
-    const double steep = std::abs(slope_x) + std::abs(slope_y);
-    const auto hidden = static_cast<float>(1e-5 * (high + steep * size));
-    std::array<Float4, 3> nx, ny, n0;
-    for (uint32_t c = 0; c < 3; ++c) {
-      const auto [a, b] = Hole::Edge(triangle, c);
-      const Vec3d from = hole.points[a];
-      const Vec3d d = hole.points[b] - from;
-      const double length = std::sqrt(d.x * d.x + d.y * d.y);
-      nx[c] = Splat4(static_cast<float>(-d.y / length));
-      ny[c] = Splat4(static_cast<float>(d.x / length));
-      n0[c] = Splat4(static_cast<float>((d.y * from.x - d.x * from.y) / length));
-    }
+    const TriangleLanes lanes(hole, triangle);
+    // How much of a height rounding may hide.
+    const auto hidden = static_cast<float>(1e-5 * (high + lanes.steepness() * size));
     for (size_t g = 0; g < groups; ++g) {
       const Float4 x = Load4<Float4>(&x_[4 * g]);
       const Float4 y = Load4<Float4>(&y_[4 * g]);
-      const Float4 least = Min4(Min4(nx[0] * x + ny[0] * y + n0[0], nx[1] * x + ny[1] * y + n0[1]),
-                                nx[2] * x + ny[2] * y + n0[2]);
-      const Float4 off = Load4<Float4>(&z_[4 * g]) + sx * x + sy * y - s0;
-      const Float4 height = off < 0 ? -off : off;
+      const Float4 inside = lanes.Inwards(x, y);
+      const Float4 height = lanes.HeightAbove(x, y, Load4<Float4>(&z_[4 * g]));
       for (size_t s = 4 * g; s < std::min(4 * g + 4, count); ++s) {
-        const float inwards = least[static_cast<int>(s - 4 * g)];
+        const float inwards = inside[static_cast<int>(s - 4 * g)];
         if (!(inwards >= -allowed)) continue;
         // Most lie over the triangle, and add nothing to its error.
         const float known = height[static_cast<int>(s - 4 * g)] + hidden;

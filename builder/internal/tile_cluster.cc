@@ -81,6 +81,27 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
   }
 }
 
+// Appends what `surface` says of the cluster's in-triangles, and finds their slots by the tile's
+// numbers (kNone32: not one of them). Marks their vertices in `wanted`.
+void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, TileSurface& surface,
+                    std::vector<uint32_t>& slots, std::vector<uint8_t>& wanted) {
+  slots.assign(result.triangles.size(), kNone32);
+  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
+    const uint32_t t = encoded.in_triangles[slot];
+    const uint32_t turn = encoded.in_rotations[slot];
+    slots[t] = slot;
+    for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
+    surface.own.push_back(0);
+    surface.conservative.push_back(result.conservative[t]);
+    auto& errors = surface.curve_errors.emplace_back();
+    auto& reaches = surface.curve_reaches.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) {
+      errors[c] = result.curve_errors[3 * t + (c + turn) % 3];
+      reaches[c] = result.curve_reaches[3 * t + (c + turn) % 3];
+    }
+  }
+}
+
 // The surface that the tile was measured against, as far as it lies beneath the cluster's
 // in-triangles, and what of it they stand for.
 TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
@@ -111,21 +132,8 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
     return places[v];
   };
   std::vector<uint8_t> wanted(numbers.size());
-  std::vector<uint32_t> slots(result.triangles.size(), kNone32);
-  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
-    const uint32_t t = encoded.in_triangles[slot];
-    const uint32_t turn = encoded.in_rotations[slot];
-    slots[t] = slot;
-    for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
-    surface.own.push_back(0);
-    surface.conservative.push_back(result.conservative[t]);
-    auto& errors = surface.curve_errors.emplace_back();
-    auto& reaches = surface.curve_reaches.emplace_back();
-    for (uint32_t c = 0; c < 3; ++c) {
-      errors[c] = result.curve_errors[3 * t + (c + turn) % 3];
-      reaches[c] = result.curve_reaches[3 * t + (c + turn) % 3];
-    }
-  }
+  std::vector<uint32_t> slots;
+  AddInTriangles(result, encoded, surface, slots, wanted);
   if (IsFolded(surface.conservative)) return {};
   for (const auto& [vertex, triangle, edge] : result.held) {
     const uint32_t slot = slots[triangle];
