@@ -170,7 +170,13 @@ class ClientMesh {
   };
   Points points() const { return Points(*this); }
   // Ask for the memory of a vertex; of a triangle; of what lies beyond its edges; of its corners.
-  // Always inline: GCC leaves out calls of functions that do nothing else.
+  // Always inline: GCC leaves out calls of functions that do nothing else. WebAssembly cannot ask:
+  // there all that leads up to it is left out.
+#ifdef __wasm__
+  static constexpr bool kPrefetches = false;
+#else
+  static constexpr bool kPrefetches = true;
+#endif
   [[gnu::always_inline]] void PrefetchVertex(uint32_t vertex) const {
     __builtin_prefetch(vertices_.data() + vertex);
   }
@@ -180,11 +186,13 @@ class ClientMesh {
     __builtin_prefetch(at + sizeof(Triangle) - 1);
   }
   [[gnu::always_inline]] void PrefetchBeyond(uint32_t slot) const {
+    if constexpr (!kPrefetches) return;
     for (const uint32_t o : triangles_[slot].opposite) {
       if (o != kNone32) PrefetchTriangle(o >> 2);
     }
   }
   [[gnu::always_inline]] void PrefetchCorners(uint32_t slot) const {
+    if constexpr (!kPrefetches) return;
     for (const uint32_t v : triangles_[slot].corners) PrefetchVertex(v);
   }
   // What the next triangle's `born` will be.

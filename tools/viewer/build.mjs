@@ -38,6 +38,8 @@ const compileDecoder = () => compileWasm({
   root, build: join(build, 'decoder'), cxx: options['wasm-cxx'], launcher: options.launcher, out: join(page, 'decoder.wasm'), stackBytes: 262144,
   sources: [...readLines(join(root, 'codecs/client_sources.txt')), 'tools/viewer/wasm/decoder.cc'],
   headers: ['xxhash.h'], flags: [],
+  // What no update spends its time in is made small.
+  optimize: file => (/attribute_coder|cluster_model|coding\/(patch|rans)|base\/(grid|attribute_grid|status)/.test(file) ? ['-Os'] : ['-O2']),
 });
 
 function writeFiles(names, why) {

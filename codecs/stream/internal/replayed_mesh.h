@@ -22,6 +22,7 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::next_born;
   using ClientMesh::OpenHalfEdge;
   using ClientMesh::points;
+  using ClientMesh::kPrefetches;
   using ClientMesh::PrefetchBeyond;
   using ClientMesh::PrefetchCorners;
   using ClientMesh::PrefetchTriangle;

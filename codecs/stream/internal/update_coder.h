@@ -100,6 +100,7 @@ class FreshTriangles {
   // Asks for the memory that will be needed soon, when triangle i is at hand. Beyond its edge 1 is
   // what is no triangle of its star.
   [[gnu::always_inline]] void Prefetch(const ReplayedMesh& mesh, size_t i) const {
+    if constexpr (!ReplayedMesh::kPrefetches) return;
     if (i + 2 * kAhead < slots_.size()) mesh.PrefetchTriangle(slots_[i + 2 * kAhead]);
     if (i + kAhead >= slots_.size()) return;
     const uint32_t o = mesh.triangle(slots_[i + kAhead]).opposite[1];
@@ -107,6 +108,7 @@ class FreshTriangles {
   }
   // Likewise of a hole there, for whoever does not know which of them are anchors.
   [[gnu::always_inline]] void PrefetchHole(const ReplayedMesh& mesh, size_t i) const {
+    if constexpr (!ReplayedMesh::kPrefetches) return;
     if (i + kAhead / 2 >= slots_.size()) return;
     const uint32_t slot = slots_[i + kAhead / 2];
     mesh.PrefetchCorners(slot);
@@ -179,6 +181,7 @@ bool CodeSlots(Coder& coder, NumberModel& gap, uint64_t& next, std::span<uint32_
 // of anchors, or of vertices to be removed. The slots may be hostile.
 [[gnu::always_inline]] inline void PrefetchAnchors(const ReplayedMesh& mesh,
                                                    std::span<const uint32_t> slots, size_t i) {
+  if constexpr (!ReplayedMesh::kPrefetches) return;
   constexpr size_t kAhead = 4;
   const auto is_slot = [&](size_t k) {
     return k < slots.size() && slots[k] < mesh.triangle_slots();
@@ -190,6 +193,7 @@ bool CodeSlots(Coder& coder, NumberModel& gap, uint64_t& next, std::span<uint32_
 }
 [[gnu::always_inline]] inline void PrefetchStars(const ReplayedMesh& mesh,
                                                  std::span<const uint32_t> vertices, size_t i) {
+  if constexpr (!ReplayedMesh::kPrefetches) return;
   constexpr size_t kAhead = 4;
   const auto is_vertex = [&](size_t k) {
     return k < vertices.size() && vertices[k] < mesh.vertex_slots();
