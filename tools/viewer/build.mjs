@@ -39,7 +39,7 @@ const compileDecoder = () => compileWasm({
   sources: [...readLines(join(root, 'codecs/client_sources.txt')), 'tools/viewer/wasm/decoder.cc'],
   headers: ['xxhash.h'], flags: [],
   // What no update spends its time in is made small.
-  optimize: file => (/attribute_coder|cluster_model|coding\/(patch|rans)|base\/(grid|attribute_grid|status)/.test(file) ? ['-Os'] : ['-O2']),
+  optimize: file => (/attribute_coder|cluster_model|coding\/(patch|rans)|base\/(grid|attribute_grid|hash|status)/.test(file) ? ['-Os'] : ['-O2']),
 });
 
 function writeFiles(names, why) {

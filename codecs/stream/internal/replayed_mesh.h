@@ -19,10 +19,10 @@ class ReplayedMesh : public ClientMesh {
   using ClientMesh::first_of_ring;
   using ClientMesh::half_edge_of;
   using ClientMesh::is_known;
+  using ClientMesh::kPrefetches;
   using ClientMesh::next_born;
   using ClientMesh::OpenHalfEdge;
   using ClientMesh::points;
-  using ClientMesh::kPrefetches;
   using ClientMesh::PrefetchBeyond;
   using ClientMesh::PrefetchCorners;
   using ClientMesh::PrefetchTriangle;
