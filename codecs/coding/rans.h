@@ -247,19 +247,7 @@ class RansDecoder {
     explicit Lane(RansDecoder& decoder) : d_(decoder) {}
     // With a branch, since who asks will branch on it: a processor that guesses it has the next
     // state early.
-    [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) {
-      constexpr int kBits = AdaptiveBit::kBits;
-      const uint32_t one = model.probability;
-      const uint32_t at = static_cast<uint32_t>(state()) & (AdaptiveBit::kOne - 1);
-      if (at < one) {
-        Take<kBits>(0, one, at);
-        model.Update(true);
-        return true;
-      }
-      Take<kBits>(one, AdaptiveBit::kOne - one, at);
-      model.Update(false);
-      return false;
-    }
+    [[gnu::always_inline]] bool Bit(AdaptiveBit& model, bool = false) { return BitIf(true, model); }
     // A bit that is zero and not coded unless it is `possible`. One branch in all, where two would
     // both be hard to predict: a zero that is certain leaves the state as it is.
     [[gnu::always_inline]] bool BitIf(bool possible, AdaptiveBit& model, bool = false) {
