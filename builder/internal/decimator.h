@@ -14,6 +14,7 @@
 #include "builder/internal/filling_measure.h"
 #include "builder/internal/filling_rule.h"
 #include "builder/internal/free_filling.h"
+#include "builder/internal/height_difference.h"
 #include "builder/internal/hole.h"
 #include "builder/internal/removal_queue.h"
 #include "builder/internal/surface_distance.h"
@@ -77,8 +78,7 @@ class Decimator final : public TileDecimator {
   struct KeptFilling {
     struct Part {
       Hole::Triangle triangle;
-      bool valid;  // of the first one: of the filling
-      float edge_reach;
+      bool valid;         // of the first one: of the filling
       double edge_error;  // of the triangle's edge (first, last); not of the first one
     };
     std::array<Part, Hole::kMaxRing - 2> parts;
@@ -89,6 +89,7 @@ class Decimator final : public TileDecimator {
   bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
   bool FillSeen();
+  bool FillFolded();
   void PutBack(uint32_t v);
   bool Recall(uint32_t v);
   bool IsReady(uint32_t v);
@@ -228,13 +229,8 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
     filling_.error = measure_.LowerBound(hole_, filling_);
     state.bounded = queue_.HasCheaperThan(filling_.error);
     if (!state.bounded) measure_.Measure(hole_, filling_);
-  } else {
-    if (!Measure::kMeasuresFolds) return;
-    hole_.folded = true;
-    hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole_.edge_error[i][j] = 0; });
-    rule_.Open(hole_);
-    if (!rule_.Fill(hole_, filling_.triangles)) return;
-    measure_.MeasureFolded(hole_, filling_);
+  } else if (!Measure::kMeasuresFolds || !FillFolded()) {
+    return;
   }
   state.verdict = Verdict::kLegal;
 }
@@ -249,22 +245,35 @@ bool Decimator<Measure, Rule>::FillSeen() {
   if (!rule_.Fill(hole_, filling_.triangles)) return false;
   if (measured) return true;
   Hole::PerEdge<bool> known{};
+  std::array<double, Hole::kMaxRing> guesses;
   for (;;) {
+    for (uint32_t t = 1; t < hole_.k - 2; ++t) {
+      guesses[t] = hole_.edge_error[filling_.triangles[t][0]][filling_.triangles[t][2]];
+    }
+    measure_.MeasureEdges(hole_, filling_, known);
     bool dearer = false;  // than guessed; else no other filling has become better than this one
     bool measurable = true;
     for (uint32_t t = 1; t < hole_.k - 2; ++t) {
       const auto [i, m, j] = filling_.triangles[t];
-      double& error = hole_.edge_error[i][j];
-      if (!std::exchange(known[i][j], true)) {
-        const double guess = error;
-        measure_.MeasureEdge(hole_, i, j);
-        dearer |= error < 0 || error > guess;
-      }
+      const double error = hole_.edge_error[i][j];
       measurable &= error >= 0;
+      if (!std::exchange(known[i][j], true)) dearer |= error < 0 || error > guesses[t];
     }
     if (!dearer || !Rule::kReadsEdgeErrors) return measurable;
     if (!rule_.Fill(hole_, filling_.triangles)) return false;
   }
+}
+
+// Likewise where projections mean nothing.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::FillFolded() {
+  hole_.folded = true;
+  hole_.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole_.edge_error[i][j] = 0; });
+  rule_.Open(hole_);
+  if (!rule_.Fill(hole_, filling_.triangles)) return false;
+  measure_.MeasureEdges(hole_, filling_, {});
+  measure_.Measure(hole_, filling_);
+  return true;
 }
 
 // Puts the vertex that was evaluated into the queue.
@@ -272,11 +281,10 @@ template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::PutBack(uint32_t v) {
   queue_.Push(v, filling_.error);
   KeptFilling& kept = kept_[v];
-  kept.parts[0] = {filling_.triangles[0], !hole_.folded, 0, 0};
+  kept.parts[0] = {filling_.triangles[0], !hole_.folded, 0};
   for (uint32_t t = 1; t < hole_.k - 2; ++t) {
     const Hole::Triangle triangle = filling_.triangles[t];
-    kept.parts[t] = {triangle, true, hole_.edge_reach[triangle[0]][triangle[2]],
-                     hole_.edge_error[triangle[0]][triangle[2]]};
+    kept.parts[t] = {triangle, true, hole_.edge_error[triangle[0]][triangle[2]]};
   }
 }
 
@@ -289,11 +297,10 @@ bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   measure_.Open(hole_);
   const KeptFilling& kept = kept_[v];
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {
-    const auto& [triangle, valid, edge_reach, edge_error] = kept.parts[t];
+    const auto& [triangle, valid, edge_error] = kept.parts[t];
     filling_.triangles[t] = triangle;
     if (t == 0) continue;
     hole_.edge_error[triangle[0]][triangle[2]] = edge_error;
-    hole_.edge_reach[triangle[0]][triangle[2]] = edge_reach;
   }
   measure_.Measure(hole_, filling_);
   return true;

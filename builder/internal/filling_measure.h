@@ -19,15 +19,14 @@ namespace mtdb::internal {
 //   FirstGuess  when a vertex should be looked at first: about its error, rather too low
 // and for a vertex, whose hole is open in the mesh:
 //   Open        looks at the hole (Hole::LookAlong), and measures the new border edge
-//   Sees        false when the hole cannot be measured along that direction
+//   Sees        false when the hole is folded, seen along that direction: a measure with
+//               kMeasuresFolds is asked all the same, but for prices; with others the vertex stays
 //   PriceEdges  sets the error of every diagonal that may be used, for rules that want them; true
 //               when all are measured, false when some are guesses
-//   MeasureEdge measures a diagonal (i, j), i < j; negative: it cannot be
-//   LowerBound  of a filling, whose diagonals are measured: what its error is at least, for less
-//               than it takes to find the error
-//   Measure     the errors of such a filling
-//   MeasureFolded  likewise when Sees was false, or no filling could be measured; only of measures
-//               with kMeasuresFolds, with the others such vertices stay
+//   MeasureEdges  measures the diagonals of a filling, of which some were `known` as parts of
+//               others; negative: it cannot be
+//   LowerBound  of such a filling: what its error is at least, for less than it takes to find it
+//   Measure     its errors
 //   HandOn      the filling has been put in the mesh, its triangles numbered from `first`
 // With kIsHeightField edges are segments in the plane, so that no two of them have the same ends:
 // no removal need look for edges that exist. A measure with kGoesOn can be given another surface
@@ -41,7 +40,8 @@ namespace mtdb::internal {
 template <typename M>
 concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& mesh,
                                   std::span<const TileTriangle> tile, Hole& hole,
-                                  const Hole& filled, Filling& filling, uint32_t n) {
+                                  const Hole& filled, Filling& filling, uint32_t n,
+                                  const Hole::PerEdge<bool>& known) {
   { M::kMeasure } -> std::convertible_to<ErrorMeasure>;
   { M::kMeasuresFolds } -> std::convertible_to<bool>;
   { M::kGoesOn } -> std::convertible_to<bool>;
@@ -50,10 +50,9 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   measure.Open(hole);
   { measure.Sees(filled) } -> std::same_as<bool>;
   { measure.PriceEdges(hole) } -> std::same_as<bool>;
-  measure.MeasureEdge(hole, n, n);
+  measure.MeasureEdges(hole, filling, known);
   { constant.LowerBound(filled, filling) } -> std::convertible_to<double>;
   measure.Measure(filled, filling);
-  measure.MeasureFolded(filled, filling);
   measure.HandOn(filled, filling, n);
   { constant.errors() } -> std::convertible_to<std::vector<float>>;
 };

@@ -43,16 +43,12 @@ struct Hole {
   Vec3d normal;                        // unit
   double area = 0;                     // twice the star's, seen along `normal`
   std::array<Vec3d, kMaxRing> points;  // the ring in the hole's frame: z along `normal`
-  bool folded = false;                 // not seen whole: curves and projections mean nothing
+  bool folded = false;                 // not seen whole: projections mean nothing
   // Of a height field, which is seen along z: shapes are those of what is seen, without heights.
   bool flat = false;
   // Of the edge (i, j), i < j; negative where there can be none. edge_error[0][k - 1] is the new
   // border edge's.
   PerEdge<double> edge_error;
-  // What the edge stands for lies so far beside it at most, where its error is known; for measures
-  // that ask for it.
-  PerEdge<float> edge_reach{};
-
   // The two ends of side c of a triangle, in its orientation.
   static std::pair<uint32_t, uint32_t> Edge(const Triangle& t, uint32_t c) {
     return {t[c], t[c == 2 ? 0 : c + 1]};

@@ -92,13 +92,8 @@ void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, Til
     slots[t] = slot;
     for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
     surface.own.push_back(0);
-    surface.conservative.push_back(result.conservative[t]);
-    auto& errors = surface.curve_errors.emplace_back();
-    auto& reaches = surface.curve_reaches.emplace_back();
-    for (uint32_t c = 0; c < 3; ++c) {
-      errors[c] = result.curve_errors[3 * t + (c + turn) % 3];
-      reaches[c] = result.curve_reaches[3 * t + (c + turn) % 3];
-    }
+    auto& errors = surface.edge_errors.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) errors[c] = result.edge_errors[3 * t + (c + turn) % 3];
   }
 }
 
@@ -134,13 +129,22 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
   std::vector<uint8_t> wanted(numbers.size());
   std::vector<uint32_t> slots;
   AddInTriangles(result, encoded, surface, slots, wanted);
-  if (IsFolded(surface.conservative)) return {};
+  const auto turned = [&](uint32_t slot, uint32_t side) {
+    return side == 3 ? 3 : (side + 3 - encoded.in_rotations[slot]) % 3;
+  };
   for (const auto& [vertex, triangle, edge] : result.held) {
     const uint32_t slot = slots[triangle];
     if (slot == kNone32) continue;  // the tile's own: the cluster that made it has what it holds
     wanted[vertex] = 1;
-    const uint32_t turned = edge == 3 ? 3 : (edge + 3 - encoded.in_rotations[slot]) % 3;
-    surface.held.push_back({place_of(vertex), slot, turned});
+    surface.held.push_back({place_of(vertex), slot, turned(slot, edge)});
+  }
+  for (const Chord& chord : result.chords) {
+    const uint32_t slot = slots[chord.triangle];
+    if (slot == kNone32) continue;
+    const auto enters = static_cast<uint8_t>(turned(slot, chord.enters));
+    const auto leaves = static_cast<uint8_t>(turned(slot, chord.leaves));
+    surface.chords.push_back(
+        {place_of(chord.from), place_of(chord.to), chord.error, slot, enters, leaves});
   }
   const auto add = [&](uint32_t a, uint32_t b, uint32_t c, float error) {
     if (!wanted[a] && !wanted[b] && !wanted[c]) return;
@@ -183,7 +187,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     entry.out_triangles = cluster.encoded.out_triangles;
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
-    if (!result.curve_errors.empty()) {
+    if (!result.edge_errors.empty()) {
       cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded, against));
     }
   }

@@ -13,8 +13,7 @@ namespace mtdb::internal {
 namespace {
 
 // docs/design.md, section 3, has the measurements behind these.
-constexpr size_t kMostSurface = 24;       // of its triangles, for each of the tile's
-constexpr size_t kConservativePart = 20;  // one in so many of a tile's may be conservative
+constexpr size_t kMostSurface = 24;  // of its triangles, for each of the tile's
 
 // Calls f(list) for all of them, in the order of the bytes.
 template <typename Surface, typename F>
@@ -24,10 +23,9 @@ void ForEachList(Surface& s, F&& f) {
   f(s.triangles);
   f(s.errors);
   f(s.held);
+  f(s.chords);
   f(s.own);
-  f(s.conservative);
-  f(s.curve_errors);
-  f(s.curve_reaches);
+  f(s.edge_errors);
 }
 
 // Puts the surfaces of several clusters together, as far as they lie beneath a tile.
@@ -38,11 +36,9 @@ class Gathering {
     all_.round = round;
     const size_t n = tile.size();
     all_.own.assign(n, 1);
-    all_.conservative.assign(n, 0);
-    all_.curve_errors.resize(n);
-    all_.curve_reaches.resize(n);
+    all_.edge_errors.resize(n);
     for (size_t t = 0; t < n; ++t) {
-      all_.curve_errors[t].fill(tile[t].error);
+      all_.edge_errors[t].fill(tile[t].error);
       for (const uint32_t v : tile[t].vertices) in_tile_.Add(v, 0);
     }
   }
@@ -55,9 +51,7 @@ class Gathering {
       const uint32_t slot = tile[t].child_slot;
       in_tile[slot] = t;
       all_.own[t] = 0;
-      all_.conservative[t] = surface.conservative[slot];
-      all_.curve_errors[t] = surface.curve_errors[slot];
-      all_.curve_reaches[t] = surface.curve_reaches[slot];
+      all_.edge_errors[t] = surface.edge_errors[slot];
     }
     // What lies around the vertices that the tile has or holds.
     const size_t count = surface.vertices.size();
@@ -76,6 +70,13 @@ class Gathering {
     for (const HeldVertex& held : surface.held) {
       if (in_tile[held.triangle] == kNone32) continue;
       all_.held.push_back({number_of(held.vertex), in_tile[held.triangle], held.edge});
+    }
+    for (const Chord& chord : surface.chords) {
+      if (in_tile[chord.triangle] == kNone32) continue;
+      Chord& added = all_.chords.emplace_back(chord);
+      added.from = number_of(chord.from);
+      added.to = number_of(chord.to);
+      added.triangle = in_tile[chord.triangle];
     }
     for (size_t t = 0; t < surface.triangles.size(); ++t) {
       const auto [a, b, c] = surface.triangles[t];
@@ -141,14 +142,8 @@ std::vector<uint32_t> NumberVertices(const TileSurface& surface,
   return numbers;
 }
 
-bool IsFolded(std::span<const uint8_t> conservative) {
-  const auto count = std::count(conservative.begin(), conservative.end(), uint8_t{1});
-  return static_cast<size_t>(count) * kConservativePart > conservative.size();
-}
-
 bool IsWorthGoingOn(const TileSurface& surface) {
-  return !surface.empty() && surface.triangles.size() <= kMostSurface * surface.own.size() &&
-         !IsFolded(surface.conservative);
+  return !surface.empty() && surface.triangles.size() <= kMostSurface * surface.own.size();
 }
 
 Bytes EncodeTileSurface(const TileSurface& surface) {

@@ -36,21 +36,17 @@ struct TileSurface {
   std::vector<float> errors;
   // On a border edge's curve in the order in which they were removed from it.
   std::vector<HeldVertex> held;
+  std::vector<Chord> chords;  // ends: of `vertices`; triangles: the tile's
   // Of the tile's triangles.
-  std::vector<uint8_t> own;                         // it is one of the surface's itself
-  std::vector<uint8_t> conservative;                // it has no curves
-  std::vector<std::array<float, 3>> curve_errors;   // work units; of the curves of its edges ...
-  std::vector<std::array<float, 3>> curve_reaches;  // ... and how far these lie from the edges
+  std::vector<uint8_t> own;                       // it is one of the surface's itself
+  std::vector<std::array<float, 3>> edge_errors;  // work units
 
   bool empty() const { return triangles.empty(); }
 };
 
-// Whether a tile is measured against the surface, or begins afresh: when there is none, when it has
-// many triangles for each of the tile's, which costs time and memory, or when the tile is folded.
+// Whether a tile is measured against the surface, or begins afresh: when there is none, or when it
+// has many triangles for each of the tile's, which costs time and memory.
 bool IsWorthGoingOn(const TileSurface& surface);
-// True when more than a few of so many triangles are conservative. Such bounds spread, and a tile
-// that begins afresh has none.
-bool IsFolded(std::span<const uint8_t> conservative);
 
 // Numbers the surface's vertices: those of the tile as there, the others behind them.
 std::vector<uint32_t> NumberVertices(const TileSurface& surface,

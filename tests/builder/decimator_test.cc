@@ -379,6 +379,11 @@ class HiddenErrors {
     chosen_ = true;
     return false;
   }
+  void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) const {
+    for (uint32_t t = 1; t < hole.k - 2; ++t) {
+      MeasureEdge(hole, filling.triangles[t][0], filling.triangles[t][2]);
+    }
+  }
   void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
     const uint64_t random = Mix64(Mix64(hole.ring[i] ^ hole.ring[j]) + hole.vertex);
     hole.edge_error[i][j] = random % 10 == 0 ? -1 : 100.0 * static_cast<double>(random % 1000);
@@ -406,7 +411,6 @@ class HiddenErrors {
     REQUIRE(cost(filling.triangles) == Approx(cost(best)));
     ++measured;
   }
-  void MeasureFolded(const Hole&, Filling&) const {}
   void HandOn(const Hole& hole, const Filling&, uint32_t first) {
     errors_.resize(first + hole.k - 2, 1);
   }

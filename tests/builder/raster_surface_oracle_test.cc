@@ -68,7 +68,7 @@ size_t CompareCurves(const Raster& r) {
   for (uint32_t a = 0; a < r.positions.size(); ++a) {
     for (uint32_t b = 0; b < r.positions.size(); ++b) {
       if (a == b || !used[a] || !used[b]) continue;
-      const double expected = walked.CurveOf<ErrorMeasure::kVertical>(a, b, {0, 0, 1}).error;
+      const double expected = walked.CurveError(a, b);
       const double found = surface.CurveError(r.positions[a], r.positions[b]);
       if (expected < 0) continue;
       ++curves;

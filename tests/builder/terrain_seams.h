@@ -32,10 +32,11 @@ class VerticalMeasure {
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const { return !hole.boundary; }
   bool PriceEdges(Hole& hole) const;
-  void MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const { hole.edge_error[i][j] = 0; }
+  void MeasureEdges(Hole& hole, const Filling&, const Hole::PerEdge<bool>&) const {
+    hole.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole.edge_error[i][j] = 0; });
+  }
   double LowerBound(const Hole&, const Filling&) const { return 0; }
   void Measure(const Hole& hole, Filling& filling) const;
-  void MeasureFolded(const Hole&, Filling&) const {}
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
   const std::vector<float>& errors() const { return errors_; }
 

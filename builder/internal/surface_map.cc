@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "builder/internal/surface_map.h"
+
+#include <algorithm>
+#include <numeric>
+#include <tuple>
+
+namespace mtdb::internal {
+
+namespace {
+constexpr uint8_t kSpoke = 255;
+constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+constexpr uint32_t Twin(uint32_t crossing) { return crossing ^ 1; }
+}  // namespace
+
+void SurfaceMap::Masks::Set(const Hole& hole, const Hole::Triangles& triangles) {
+  triangle_.fill(0);
+  ring_edge_.fill(0);
+  ring_vertex_.fill({});
+  for (uint32_t t = 1; t + 2 < hole.k; ++t) {
+    const auto [i, m, j] = triangles[t];
+    const uint32_t bit = 1u << t;
+    for (uint32_t r = i; r < j; ++r) ring_edge_[r] |= bit;
+    for (uint32_t r = i + 1u; r < j; ++r) ring_vertex_[r].behind |= bit;
+    ring_vertex_[i].on |= bit;
+    ring_vertex_[j].on |= bit;
+    for (uint32_t s = t; s + 2 < hole.k; ++s) {
+      if (triangles[s][0] >= i && triangles[s][2] <= j) triangle_[s] |= bit;
+    }
+  }
+}
+
+void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t, 3>> triangles,
+                       std::span<const float> errors, std::span<const uint32_t> numbers) {
+  const auto vertices = static_cast<uint32_t>(numbers.size());
+  AddEdges(triangles, errors, numbers, vertices);
+  edges_begin_.assign(vertices + 1, 0);
+  for (const auto& ends : edges_) {
+    for (const uint32_t v : ends) ++edges_begin_[v + 1];
+  }
+  for (uint32_t v = 0; v < vertices; ++v) edges_begin_[v + 1] += edges_begin_[v];
+  edges_at_.resize(2 * edges_.size());
+  std::vector<uint32_t> at(edges_begin_.begin(), edges_begin_.end() - 1);
+  for (uint32_t e = 0; e < edges_.size(); ++e) {
+    for (const uint32_t v : edges_[e]) edges_at_[at[v]++] = e;
+  }
+  path_at_.assign(edges_.size(), 0);
+  pool_.assign(1, 0);
+  pool_unused_ = 0;
+  NumberMeshEdges(mesh);
+  opened_ = 0;
+  marked_in_.assign(vertices, 0);
+  ends_.assign(vertices, {});
+  looked_at_in_.assign(edges_.size(), 0);
+}
+
+void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
+                          std::span<const float> errors, std::span<const uint32_t> numbers,
+                          uint32_t vertices) {
+  edges_.clear();
+  errors_.clear();
+  std::vector<uint32_t> opposites;
+  PairHalfEdges(triangles, vertices, opposites);
+  for (uint32_t h = 0; h < opposites.size(); ++h) {
+    const uint32_t o = opposites[h];
+    if (o != kNone32 && o < h) continue;
+    const auto& t = triangles[h / 3];
+    const uint32_t a = t[h % 3];
+    const uint32_t b = t[h % 3 == 2 ? 0 : h % 3 + 1];
+    edges_.push_back(numbers[a] < numbers[b] ? std::array{a, b} : std::array{b, a});
+    errors_.push_back(o == kNone32 ? errors[h / 3] : std::max(errors[h / 3], errors[o / 3]));
+  }
+}
+
+void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
+  const std::span<const uint32_t> opposites = mesh.input_opposites();
+  heads_.clear();
+  crossers_.clear();
+  free_crossers_ = kNone32;
+  crossing_of_.assign(opposites.size(), 0);
+  for (uint32_t h = 0; h < opposites.size(); ++h) {
+    const uint32_t o = opposites[h];
+    crossing_of_[h] = o != kNone32 && o < h ? Twin(crossing_of_[o]) : 2 * NewMeshEdge();
+  }
+  first_made_ = static_cast<uint32_t>(heads_.size());
+  coded_in_.assign(heads_.size(), 0);
+  codes_.assign(heads_.size(), 0);
+}
+
+uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
+  for (uint32_t i = edges_begin_[from]; i < edges_begin_[from + 1]; ++i) {
+    if (edges_[edges_at_[i]] == std::array{from, to}) return edges_at_[i];
+  }
+  return kNone32;
+}
+
+void SurfaceMap::AddChords(std::span<const Chord> chords, const TileMesh& mesh,
+                           std::span<const uint32_t> numbers) {
+  std::vector<Chord> sorted(chords.begin(), chords.end());
+  const auto key = [&](const Chord& c) {
+    return std::tuple(numbers[c.from], numbers[c.to], c.triangle, c.enters, c.leaves);
+  };
+  std::sort(sorted.begin(), sorted.end(),
+            [&](const Chord& a, const Chord& b) { return key(a) < key(b); });
+  for (size_t begin = 0; begin < sorted.size();) {
+    size_t end = begin;
+    const auto [from, to] = std::pair(sorted[begin].from, sorted[begin].to);
+    while (end < sorted.size() && sorted[end].from == from && sorted[end].to == to) ++end;
+    uint32_t edge = FindEdge(from, to);
+    if (edge == kNone32) {
+      // It only passes through the tile: none of its ends will go.
+      edge = static_cast<uint32_t>(edges_.size());
+      edges_.push_back({from, to});
+      errors_.push_back(0);
+      path_at_.push_back(0);
+      looked_at_in_.push_back(0);
+    }
+    JoinChords(edge, std::span(sorted).subspan(begin, end - begin), mesh);
+    begin = end;
+  }
+}
+
+// All chords of an edge of S: one after the other as they follow each other, with gaps where the
+// path leaves the tile. A path that is not plain gets a gap between any two chords, so that no hole
+// that it passes through will be filled.
+void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const TileMesh& mesh) {
+  const auto count = static_cast<uint32_t>(chords.size());
+  // Crossings by which chords enter and leave their triangles.
+  std::vector<uint32_t> in(count, kNone32);
+  std::vector<uint32_t> out(count, kNone32);
+  for (uint32_t c = 0; c < count; ++c) {
+    const Chord& chord = chords[c];
+    errors_[edge] = std::max(errors_[edge], chord.error);
+    if (chord.enters < 3) in[c] = Twin(crossing_of_[3 * chord.triangle + chord.enters]);
+    if (chord.leaves < 3) out[c] = crossing_of_[3 * chord.triangle + chord.leaves];
+  }
+  std::vector<uint32_t> next(count, kNone32);
+  std::vector<uint8_t> follows(count, 0);
+  bool plain = true;
+  uint32_t begins = 0;
+  uint32_t ends = 0;
+  for (uint32_t c = 0; c < count; ++c) {
+    begins += in[c] == kNone32;
+    ends += out[c] == kNone32;
+    for (uint32_t d = 0; d < count && out[c] != kNone32; ++d) {
+      if (in[d] != out[c]) continue;
+      plain &= next[c] == kNone32 && follows[d] == 0;
+      next[c] = d;
+      follows[d] = 1;
+    }
+    const uint32_t h = out[c] == kNone32 ? kNone32 : 3 * chords[c].triangle + chords[c].leaves;
+    plain &= h == kNone32 || (next[c] == kNone32) == (mesh.input_opposites()[h] == kNone32);
+  }
+  plain &= begins <= 1 && ends <= 1;
+  std::vector<uint32_t> path;
+  std::vector<uint8_t> done(count, 0);
+  const auto run = [&](uint32_t c) {
+    if (!path.empty()) path.push_back(kGap);
+    if (in[c] != kNone32) path.push_back(in[c]);
+    for (; c != kNone32 && done[c] == 0; c = next[c]) {
+      done[c] = 1;
+      if (out[c] != kNone32) path.push_back(out[c]);
+    }
+  };
+  // That which begins the path is the first run, that which ends it the last.
+  const auto last_of = [&](uint32_t c) {
+    for (uint32_t steps = 0; next[c] != kNone32 && steps < count; ++steps) c = next[c];
+    return c;
+  };
+  for (const uint32_t turn : {0, 1, 2}) {
+    for (uint32_t c = 0; plain && c < count; ++c) {
+      if (done[c] != 0 || follows[c] != 0) continue;
+      const bool is_last = in[c] != kNone32 && out[last_of(c)] == kNone32;
+      if (turn == (in[c] == kNone32 ? 0u : is_last ? 2u : 1u)) run(c);
+    }
+  }
+  plain &= std::find(done.begin(), done.end(), 0) == done.end();
+  if (!plain) {
+    path.assign(1, kGap);
+    for (uint32_t c = 0; c < count; ++c) {
+      for (const uint32_t x : {in[c], out[c]}) {
+        if (x != kNone32) path.insert(path.end(), {x, kGap});
+      }
+    }
+  }
+  SetPath(edge, path);
+  for (const uint32_t x : path) {
+    if (x != kGap) AddCrosser(x, edge);
+  }
+}
+
+void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const {
+  std::vector<uint32_t> half_edges(2 * heads_.size(), kNone32);
+  for (uint32_t h = 0; h < crossing_of_.size(); ++h) {
+    if (alive[h / 3] != 0) half_edges[crossing_of_[h]] = h;
+  }
+  for (uint32_t e = 0; e < edges_.size(); ++e) {
+    const std::span<const uint32_t> path = this->path(e);
+    if (path.empty()) continue;
+    for (size_t i = 0; i <= path.size(); ++i) {
+      // Between two crossings.
+      const uint32_t in = i > 0 && path[i - 1] != kGap ? half_edges[Twin(path[i - 1])] : kNone32;
+      const uint32_t out = i < path.size() && path[i] != kGap ? half_edges[path[i]] : kNone32;
+      if (in == kNone32 && out == kNone32) continue;
+      const auto side = [](uint32_t h) { return static_cast<uint8_t>(h == kNone32 ? 3 : h % 3); };
+      const uint32_t triangle = (in != kNone32 ? in : out) / 3;
+      chords.push_back({edges_[e][0], edges_[e][1], errors_[e], triangle, side(in), side(out)});
+    }
+  }
+}
+
+void SurfaceMap::Open(const Hole& hole) {
+  ++opened_;
+  coded_in_.resize(heads_.size(), 0);
+  codes_.resize(heads_.size(), 0);
+  marked_.clear();
+  star_edges_.clear();
+  parts_.clear();
+  known_ = true;
+  for (uint32_t r = 0; r < hole.k; ++r) {
+    known_ &= marked_in_[hole.ring[r]] != opened_;
+    marked_in_[hole.ring[r]] = opened_;
+    ends_[hole.ring[r]] = {End::kRingVertex, r};
+  }
+  for (uint32_t r = 0; r < hole.ring_edges.size(); ++r) {
+    leaving_[r] = crossing_of_[hole.ring_edges[r]];
+    MarkMeshEdge(hole.ring_edges[r], static_cast<uint8_t>(r));
+    MarkMeshEdge(Previous(hole.ring_edges[r]), kSpoke);
+  }
+  if (hole.boundary) MarkMeshEdge(hole.border_in, kSpoke);
+}
+
+void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
+  const uint32_t edge = crossing_of_[half_edge] / 2;
+  coded_in_[edge] = opened_;
+  codes_[edge] = code;
+  star_edges_.push_back(edge);
+}
+
+bool SurfaceMap::FindParts() {
+  const auto look = [&](uint32_t edge) {
+    if (looked_at_in_[edge] == opened_) return;
+    looked_at_in_[edge] = opened_;
+    known_ &= FindParts(edge);
+  };
+  for (const uint32_t v : marked_) {
+    for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) look(edges_at_[i]);
+  }
+  for (const uint32_t mesh_edge : star_edges_) {
+    for (uint32_t c = heads_[mesh_edge]; c != kNone32; c = crossers_[c].next) {
+      look(crossers_[c].edge);
+    }
+  }
+  return known_;
+}
+
+// The parts of an edge's path that lie in the star. It enters and leaves through the ring.
+bool SurfaceMap::FindParts(uint32_t edge) {
+  const std::span<const uint32_t> path = this->path(edge);
+  const End first = EndOf(edges_[edge][0]);
+  const End last = EndOf(edges_[edge][1]);
+  const auto is_inside = [](End end) {
+    return end.kind == End::kSample || end.kind == End::kRingEdge;
+  };
+  constexpr uint32_t kElsewhere = 256;
+  const auto code_of = [&](uint32_t crossing) -> uint32_t {
+    if (crossing == kGap || coded_in_[crossing / 2] != opened_) return kElsewhere;
+    return codes_[crossing / 2];
+  };
+  bool inside = is_inside(first);
+  if (first.kind == End::kRingVertex) {
+    if (path.empty()) {
+      inside = is_inside(last);
+    } else {
+      const uint32_t code = code_of(path[0]);
+      inside = code == kSpoke || (code != kElsewhere && path[0] == leaving_[code]);
+    }
+  }
+  Part part{edge, first, {}, 0, 0};
+  for (uint32_t i = 0; i < path.size(); ++i) {
+    const uint32_t code = code_of(path[i]);
+    if (code == kElsewhere || code == kSpoke) {
+      if (inside != (code == kSpoke)) return false;
+      continue;
+    }
+    if (inside != (path[i] == leaving_[code])) return false;
+    const End here{End::kRingEdge, code};
+    if (inside) {
+      part.to = here;
+      part.end = i;
+      parts_.push_back(part);
+    } else {
+      part.from = here;
+      part.begin = i + 1;
+    }
+    inside = !inside;
+  }
+  if (!inside) return !is_inside(last);
+  part.to = last;
+  part.end = static_cast<uint32_t>(path.size());
+  parts_.push_back(part);
+  return last.kind != End::kOutside;
+}
+
+void SurfaceMap::SetPath(uint32_t edge, std::span<const uint32_t> path) {
+  const uint32_t at = path_at_[edge];
+  if (at != 0) pool_unused_ += pool_[at] + 1;
+  if (at != 0 && path.size() <= pool_[at]) {
+    // In the place of the old one.
+    pool_unused_ -= path.size() + 1;
+    pool_[at] = static_cast<uint32_t>(path.size());
+    std::copy(path.begin(), path.end(), pool_.begin() + at + 1);
+    if (path.empty()) path_at_[edge] = 0;
+    return;
+  }
+  path_at_[edge] = 0;
+  if (path.empty()) return;
+  path_at_[edge] = static_cast<uint32_t>(pool_.size());
+  pool_.push_back(static_cast<uint32_t>(path.size()));
+  pool_.insert(pool_.end(), path.begin(), path.end());
+}
+
+void SurfaceMap::DropUnused() {
+  constexpr size_t kSpare = 1 << 16;
+  if (pool_unused_ * 4 < pool_.size() * 3 || pool_.size() < kSpare) return;
+  std::vector<uint32_t> kept(1, 0);
+  for (uint32_t e = 0; e < edges_.size(); ++e) {
+    const std::span<const uint32_t> path = this->path(e);
+    if (path.empty()) continue;
+    const auto at = static_cast<uint32_t>(kept.size());
+    kept.push_back(static_cast<uint32_t>(path.size()));
+    kept.insert(kept.end(), path.begin(), path.end());
+    path_at_[e] = at;
+  }
+  pool_ = std::move(kept);
+  pool_unused_ = 0;
+}
+
+void SurfaceMap::AddCrosser(uint32_t crossing, uint32_t edge) {
+  uint32_t& head = heads_[crossing / 2];
+  if (head != kNone32 && crossers_[head].edge == edge) return;
+  if (free_crossers_ == kNone32) {
+    crossers_.push_back({edge, head});
+    head = static_cast<uint32_t>(crossers_.size() - 1);
+    return;
+  }
+  const uint32_t c = free_crossers_;
+  free_crossers_ = crossers_[c].next;
+  crossers_[c] = {edge, head};
+  head = c;
+}
+
+void SurfaceMap::FreeCrossers(uint32_t mesh_edge) {
+  uint32_t c = std::exchange(heads_[mesh_edge], kNone32);
+  while (c != kNone32) {
+    const uint32_t next = std::exchange(crossers_[c].next, free_crossers_);
+    free_crossers_ = std::exchange(c, next);
+  }
+}
+
+// Takes out where the path crosses an edge there and back. Not of edges that triangles have which
+// the tile began with: others have noted down what crosses these.
+void SurfaceMap::Reduce(std::vector<uint32_t>& path) const {
+  size_t n = 0;
+  for (const uint32_t x : path) {
+    if (n > 0 && x != kGap && path[n - 1] == Twin(x) && x / 2 >= first_made_) {
+      --n;
+    } else {
+      path[n++] = x;
+    }
+  }
+  path.resize(n);
+}
+
+void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
+                        std::span<const uint8_t> homes, uint32_t first) {
+  const uint32_t count = hole.k - 2;
+  const auto made = static_cast<uint32_t>(heads_.size());
+  std::array<uint32_t, Hole::kMaxRing> diagonals;  // crossings towards triangle 0
+  for (uint32_t t = 1; t < count; ++t) diagonals[t] = 2 * NewMeshEdge();
+  crossing_of_.resize(3 * (first + count));
+  for (uint32_t t = 0; t < count; ++t) {
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto [a, b] = Hole::Edge(triangles[t], c);
+      uint32_t& crossing = crossing_of_[3 * (first + t) + c];
+      if (hole.OnRing(a, b)) {
+        crossing = leaving_[a];
+      } else if (hole.IsNewBorder(a, b)) {
+        crossing = 2 * NewMeshEdge();
+      } else if (a > b) {  // the diagonal that t hangs on
+        crossing = diagonals[t];
+      } else {
+        uint32_t s = t + 1;
+        while (triangles[s][0] != a || triangles[s][2] != b) ++s;
+        crossing = Twin(diagonals[s]);
+      }
+    }
+  }
+  for (const uint32_t edge : star_edges_) {
+    if (codes_[edge] == kSpoke) FreeCrossers(edge);
+  }
+  for (size_t p = 0; p < parts_.size();) {
+    const uint32_t edge = parts_[p].edge;
+    const std::span<const uint32_t> old = path(edge);
+    changed_.clear();
+    uint32_t from = 0;
+    for (; p < parts_.size() && parts_[p].edge == edge; ++p) {
+      const Part& part = parts_[p];
+      changed_.insert(changed_.end(), old.begin() + from, old.begin() + part.begin);
+      const auto [behind_from, on_from] = masks.Of(part.from, homes);
+      const auto [behind_to, on_to] = masks.Of(part.to, homes);
+      uint32_t up = behind_from & ~behind_to & ~on_to;
+      for (; up != 0; up &= ~std::bit_floor(up)) {
+        changed_.push_back(diagonals[static_cast<uint32_t>(std::bit_width(up)) - 1]);
+      }
+      uint32_t down = behind_to & ~behind_from & ~on_from;
+      for (; down != 0; down &= down - 1) {
+        changed_.push_back(Twin(diagonals[static_cast<uint32_t>(std::countr_zero(down))]));
+      }
+      from = part.end;
+    }
+    if (changed_.empty() && old.empty()) continue;
+    changed_.insert(changed_.end(), old.begin() + from, old.end());
+    Reduce(changed_);
+    SetPath(edge, changed_);
+    for (const uint32_t x : changed_) {
+      if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
+    }
+  }
+  DropUnused();
+}
+
+}  // namespace mtdb::internal
