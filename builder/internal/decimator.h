@@ -88,7 +88,8 @@ class Decimator final : public TileDecimator {
   void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
   bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
-  bool FillSeen();
+  bool FillSeen(Vertex& state);
+  bool MeasureBest();
   bool FillFolded();
   void PutBack(uint32_t v);
   bool Recall(uint32_t v);
@@ -106,6 +107,7 @@ class Decimator final : public TileDecimator {
   // Of the vertex under evaluation.
   Hole hole_;
   Filling filling_;
+  bool measured_ = false;  // the filling's diagonals, as far as they are seen
 };
 
 // What the builder uses: for surfaces in space, and for terrains.
@@ -204,7 +206,8 @@ bool Decimator<Measure, Rule>::IsReady(uint32_t v) {
   } else {
     Evaluate(v);
     if (state.verdict != Verdict::kLegal) return false;
-    if (!state.bounded && (!was_stale || !queue_.HasCheaperThan(filling_.error))) return true;
+    const bool is_new = was_stale || was_bounded;
+    if (!state.bounded && (!is_new || !queue_.HasCheaperThan(filling_.error))) return true;
   }
   PutBack(v);
   return false;
@@ -225,9 +228,8 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   } else {
     mesh_.ForbidEdges(hole_, state.careful);
   }
-  if (measure_.Sees(hole_) && FillSeen()) {
-    filling_.error = measure_.LowerBound(hole_, filling_);
-    state.bounded = queue_.HasCheaperThan(filling_.error);
+  measured_ = false;
+  if (measure_.Sees(hole_) && FillSeen(state)) {
     if (!state.bounded) measure_.Measure(hole_, filling_);
   } else if (!Measure::kMeasuresFolds || !FillFolded()) {
     return;
@@ -236,14 +238,29 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
 }
 
 // Chooses the filling and measures its diagonals. Guesses say which diagonals are worth measuring,
-// until the best filling is one of measured diagonals. False when none can be measured.
+// until the best filling is one of measured diagonals. Stops when others are cheaper, whatever is
+// found. False when none can be measured.
 template <FillingMeasure Measure, FillingRule Rule>
-bool Decimator<Measure, Rule>::FillSeen() {
+bool Decimator<Measure, Rule>::FillSeen(Vertex& state) {
   bool measured = false;
   if constexpr (Rule::kReadsEdgeErrors) measured = measure_.PriceEdges(hole_);
   rule_.Open(hole_);
   if (!rule_.Fill(hole_, filling_.triangles)) return false;
-  if (measured) return true;
+  const auto is_dear = [&](double bound) {
+    filling_.error = bound;
+    return state.bounded = queue_.HasCheaperThan(bound);
+  };
+  if (!measured) {
+    if (is_dear(measure_.FirstBound(hole_, filling_, queue_.cheapest()))) return true;
+    if (!MeasureBest()) return false;
+  }
+  measured_ = true;
+  is_dear(measure_.LowerBound(hole_, filling_));
+  return true;
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::MeasureBest() {
   Hole::PerEdge<bool> known{};
   std::array<double, Hole::kMaxRing> guesses;
   for (;;) {
@@ -281,7 +298,7 @@ template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::PutBack(uint32_t v) {
   queue_.Push(v, filling_.error);
   KeptFilling& kept = kept_[v];
-  kept.parts[0] = {filling_.triangles[0], !hole_.folded, 0};
+  kept.parts[0] = {filling_.triangles[0], measured_, 0};
   for (uint32_t t = 1; t < hole_.k - 2; ++t) {
     const Hole::Triangle triangle = filling_.triangles[t];
     kept.parts[t] = {triangle, true, hole_.edge_error[triangle[0]][triangle[2]]};

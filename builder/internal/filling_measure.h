@@ -23,6 +23,8 @@ namespace mtdb::internal {
 //               kMeasuresFolds is asked all the same, but for prices; with others the vertex stays
 //   PriceEdges  sets the error of every diagonal that may be used, for rules that want them; true
 //               when all are measured, false when some are guesses
+//   FirstBound  of a filling whose diagonals are not measured: what its error is at least; it need
+//               not look further when that is more than `enough`
 //   MeasureEdges  measures the diagonals of a filling, of which some were `known` as parts of
 //               others; negative: it cannot be
 //   LowerBound  of such a filling: what its error is at least, for less than it takes to find it
@@ -50,6 +52,7 @@ concept FillingMeasure = requires(M measure, const M& constant, const TileMesh& 
   measure.Open(hole);
   { measure.Sees(filled) } -> std::same_as<bool>;
   { measure.PriceEdges(hole) } -> std::same_as<bool>;
+  { measure.FirstBound(filled, filling, 0.0) } -> std::convertible_to<double>;
   measure.MeasureEdges(hole, filling, known);
   { constant.LowerBound(filled, filling) } -> std::convertible_to<double>;
   measure.Measure(filled, filling);

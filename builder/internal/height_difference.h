@@ -47,6 +47,7 @@ class HeightDifference : public TileMeasure {
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const;
   bool PriceEdges(Hole& hole);
+  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>& known) const;
   void Measure(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);

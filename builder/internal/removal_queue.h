@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <limits>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -41,11 +42,16 @@ class RemovalQueue {
     }
     return std::nullopt;
   }
-  // True when a vertex may be in the queue that is cheaper than this.
-  bool HasCheaperThan(double error) const {
-    return !heap_.empty() &&
-           static_cast<float>(error) > std::bit_cast<float>(static_cast<uint32_t>(heap_[0] >> 32));
+  // What a vertex in the queue has at least; infinity when it is empty but for those behind all
+  // others.
+  float cheapest() const {
+    constexpr float kNone = std::numeric_limits<float>::infinity();
+    const float first =
+        heap_.empty() ? kNone : std::bit_cast<float>(static_cast<uint32_t>(heap_[0] >> 32));
+    return first < 0 ? kNone : first;
   }
+  // True when a vertex may be in the queue that is cheaper than this.
+  bool HasCheaperThan(double error) const { return static_cast<float>(error) > cheapest(); }
 
  private:
   static constexpr float kNotQueued = -1;

@@ -6,26 +6,67 @@
 #include <cmath>
 #include <limits>
 
+#include "store/base/float4.h"
+
 namespace mtdb::internal {
 
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// The nearest triangle of a filling, and the square of its distance.
-std::pair<uint8_t, double> Nearest(const Hole& hole, const Hole::Triangles& triangles, Vec3d p) {
-  uint8_t nearest = 0;
-  double least = kInfinity;
-  for (uint8_t t = 0; t + 2u < hole.k; ++t) {
-    const auto [i, m, j] = triangles[t];
-    const double d =
-        SquaredDistancePointTriangle(p, hole.positions[i], hole.positions[m], hole.positions[j]);
-    if (d < least) {
-      least = d;
-      nearest = t;
+// A triangle of a filling for four points at once, in binary32 and the hole's frame.
+class TriangleLanes {
+ public:
+  TriangleLanes(const Hole& hole, const Hole::Triangle& triangle) {
+    const Vec3d first = hole.points[triangle[0]];
+    const Vec3d up =
+        Cross(hole.points[triangle[1]] - first, hole.points[triangle[2]] - first);
+    const double length = Length(up);
+    const Vec3d normal = up * (length > 0 ? 1 / length : 0);
+    normal_ = Splat(normal);
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto [a, b] = Hole::Edge(triangle, c);
+      const Vec3d along = hole.points[b] - hole.points[a];
+      const double squared = SquaredLength(along);
+      corner_[c] = Splat(hole.points[a]);
+      along_[c] = Splat(along);
+      per_length2_[c] = Splat4(squared > 0 ? static_cast<float>(1 / squared) : 0);
+      // Without a normal nothing lies over it.
+      inwards_[c] = Splat(Cross(normal, along));
+      least_[c] = Splat4(length > 0 ? 0 : 1);
     }
   }
-  return {nearest, least};
-}
+  Float4 SquaredDistance(Float4 x, Float4 y, Float4 z) const {
+    Float4 least{};
+    Int4 over{};
+    for (uint32_t c = 0; c < 3; ++c) {
+      const Lanes p{x - corner_[c].x, y - corner_[c].y, z - corner_[c].z};
+      const Float4 t =
+          Min4(Max4(Dot(p, along_[c]) * per_length2_[c], Float4{}), Splat4(1));
+      const Lanes off{p.x - t * along_[c].x, p.y - t * along_[c].y, p.z - t * along_[c].z};
+      const Float4 squared = Dot(off, off);
+      const Int4 inside = Dot(p, inwards_[c]) >= least_[c];
+      least = c == 0 ? squared : Min4(least, squared);
+      over = c == 0 ? inside : over & inside;
+    }
+    const Float4 height =
+        Dot({x - corner_[0].x, y - corner_[0].y, z - corner_[0].z}, normal_);
+    return over ? height * height : least;
+  }
+
+ private:
+  struct Lanes {
+    Float4 x, y, z;
+  };
+  static Lanes Splat(Vec3d v) {
+    return {Splat4(static_cast<float>(v.x)), Splat4(static_cast<float>(v.y)),
+            Splat4(static_cast<float>(v.z))};
+  }
+  static Float4 Dot(const Lanes& a, const Lanes& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+  Lanes normal_;
+  std::array<Lanes, 3> corner_, along_, inwards_;  // of the edges
+  std::array<Float4, 3> per_length2_, least_;
+};
 }  // namespace
 
 void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
@@ -67,6 +108,25 @@ void SurfaceDistance::Open(Hole& hole) {
   const double length = Length(normal);
   hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
   GatherSamples(hole);
+  SpreadPoints(hole);
+}
+
+// Puts the samples' places into lanes of four.
+void SurfaceDistance::SpreadPoints(const Hole& hole) {
+  const size_t count = (points_.size() + 3) / 4 * 4;
+  x_.resize(count);
+  y_.resize(count);
+  z_.resize(count);
+  size_ = 0;
+  for (uint32_t i = 0; i < hole.k; ++i) size_ = std::max(size_, SquaredLength(hole.points[i]));
+  for (size_t s = 0; s < count; ++s) {
+    const Vec3d& p = points_[std::min(s, points_.size() - 1)];
+    x_[s] = static_cast<float>(p.x);
+    y_[s] = static_cast<float>(p.y);
+    z_[s] = static_cast<float>(p.z);
+    size_ = std::max(size_, SquaredLength(p));
+  }
+  size_ = std::sqrt(size_);
 }
 
 // The border vertices that were removed between the ends of the new border edge lie on it.
@@ -95,7 +155,6 @@ bool SurfaceDistance::PriceEdges(Hole& hole) {
 bool SurfaceDistance::FindParts(const Hole& hole) {
   if (std::exchange(looked_, true)) return known_;
   map_.Open(hole);
-  inner_samples_ = static_cast<uint32_t>(samples_.size());
   if (hole.boundary) ForEachOnNewBorder(hole, [&](uint32_t w) { samples_.push_back(w); });
   for (uint32_t s = 0; s < samples_.size(); ++s) map_.MarkSample(samples_[s], s);
   for (uint32_t r = 0; r < hole.ring_edges.size(); ++r) {
@@ -105,33 +164,77 @@ bool SurfaceDistance::FindParts(const Hole& hole) {
   return known_;
 }
 
+// Homes are chosen by distances in binary32.
 void SurfaceDistance::FindHomes(const Hole& hole, const Filling& filling) {
-  homes_.assign(samples_.size(), 0);  // the new border edge is one of triangle 0
-  squared_.resize(inner_samples_);
-  for (uint32_t s = 0; s < inner_samples_; ++s) {
-    std::tie(homes_[s], squared_[s]) = Nearest(hole, filling.triangles, positions_[samples_[s]]);
-  }
-  masks_.Set(hole, filling.triangles);
   at_home_ = true;
+  homes_.assign(samples_.size(), 0);  // the new border edge is one of triangle 0
+  squared_.assign(points_.size() + 3, std::numeric_limits<float>::infinity());
+  masks_.Set(hole, filling.triangles);
+  if (points_.empty()) return;
+  for (uint8_t t = 0; t + 2u < hole.k; ++t) {
+    const TriangleLanes triangle(hole, filling.triangles[t]);
+    for (size_t s = 0; s < points_.size(); s += 4) {
+      const Float4 squared = triangle.SquaredDistance(
+          Load4<Float4>(&x_[s]), Load4<Float4>(&y_[s]), Load4<Float4>(&z_[s]));
+      const Float4 before = Load4<Float4>(&squared_[s]);
+      uint32_t nearer = MaskBits(squared < before);
+      if (nearer == 0) continue;
+      Store4(&squared_[s], Min4(squared, before));
+      for (; nearer != 0; nearer &= nearer - 1) {
+        const size_t at = s + static_cast<size_t>(std::countr_zero(nearer));
+        if (at < points_.size()) homes_[at] = t;
+      }
+    }
+  }
+}
+
+double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, double enough) {
+  double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
+  for (const uint32_t h : hole.ring_edges) bound = std::max(bound, edge_error(h));
+  if (bound > enough || points_.empty()) return bound;
+  double least = kInfinity;
+  for (uint32_t t = 0; t + 2 < hole.k && !hole.boundary; ++t) {
+    const auto [i, m, j] = filling.triangles[t];
+    least = std::min(least, SquaredDistancePointTriangle(hole.apex, hole.positions[i],
+                                                         hole.positions[m], hole.positions[j]));
+  }
+  if (!hole.boundary) bound = std::max(bound, std::sqrt(least) + vertex_error(hole.vertex));
+  if (bound > enough || points_.size() == 1) return bound;
+  FindHomes(hole, filling);
+  for (size_t s = 0; s < points_.size(); ++s) {
+    bound = std::max(bound, std::sqrt(double{squared_[s]}) + vertex_error(samples_[s]));
+  }
+  return bound;
 }
 
 void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling,
                                    const Hole::PerEdge<bool>&) {
+  at_home_ &= !looked_;
   const bool known = FindParts(hole);
-  if (known) FindHomes(hole, filling);
+  if (known && (!at_home_ || homes_.size() != samples_.size())) FindHomes(hole, filling);
   std::array<double, Hole::kMaxRing> errors{};
-  for (const SurfaceMap::Part& part : map_.parts()) {
-    if (!known) break;
-    const auto [behind_from, on_from] = masks_.Of(part.from, homes_);
-    const auto [behind_to, on_to] = masks_.Of(part.to, homes_);
-    uint32_t crossed = (behind_from ^ behind_to) & ~(on_from | on_to);
-    const auto& [a, b] = map_.ends(part.edge);
+  const auto cross = [&](uint32_t e, uint32_t crossed) {
+    const SurfaceMap::Edge& edge = map_.edge(e);
     for (; crossed != 0; crossed &= crossed - 1) {
       const auto t = static_cast<uint32_t>(std::countr_zero(crossed));
       const auto [i, m, j] = filling.triangles[t];
-      const double squared = SquaredDistanceSegmentSegment(
-          positions_[a], positions_[b], hole.positions[i], hole.positions[j]);
-      errors[t] = std::max(errors[t], std::sqrt(squared) + map_.error(part.edge));
+      const double squared =
+          SquaredDistanceSegmentSegment(positions_[edge.from], positions_[edge.to],
+                                        hole.positions[i], hole.positions[j]);
+      errors[t] = std::max(errors[t], std::sqrt(squared) + edge.error);
+    }
+  };
+  if (known) {
+    for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
+      const uint8_t from = homes_[inner.from];
+      const uint8_t to = homes_[inner.to];
+      if (from == to) continue;
+      cross(inner.edge, masks_.OfTriangle(from).behind ^ masks_.OfTriangle(to).behind);
+    }
+    for (const SurfaceMap::Part& part : map_.parts()) {
+      const auto [behind_from, on_from] = masks_.Of(part.from, homes_);
+      const auto [behind_to, on_to] = masks_.Of(part.to, homes_);
+      cross(part.edge, (behind_from ^ behind_to) & ~(on_from | on_to));
     }
   }
   for (uint32_t t = 1; t + 2 < hole.k; ++t) {
@@ -147,12 +250,19 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     filling.error = kInfinity;
     return;
   }
-  if (!at_home_) FindHomes(hole, filling);
+  if (!at_home_ || homes_.size() != samples_.size()) FindHomes(hole, filling);
   TakeEdgeErrors(hole, filling);
-  for (uint32_t s = 0; s < inner_samples_; ++s) {
-    double& error = filling.errors[homes_[s]];
-    error = std::max(error, std::sqrt(squared_[s]) + vertex_error(samples_[s]));
+  for (uint32_t s = 0; s < points_.size(); ++s) {
     charges_.push_back({homes_[s], s});
+    double& error = filling.errors[homes_[s]];
+    // What rounding may hide is far less than this.
+    const double about = std::sqrt(double{squared_[s]});
+    const double own = vertex_error(samples_[s]);
+    if (about * 1.001 + 1e-4 * size_ + own <= error) continue;
+    const auto [i, m, j] = filling.triangles[homes_[s]];
+    const double squared = SquaredDistancePointTriangle(
+        positions_[samples_[s]], hole.positions[i], hole.positions[m], hole.positions[j]);
+    error = std::max(error, std::sqrt(squared) + own);
   }
   filling.error = *std::max_element(filling.errors.begin(), filling.errors.begin() + (hole.k - 2));
 }

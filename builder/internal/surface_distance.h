@@ -34,22 +34,25 @@ class SurfaceDistance : public TileMeasure {
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const { return hole.area > 0; }
   bool PriceEdges(Hole& hole);
+  double FirstBound(const Hole& hole, const Filling& filling, double enough);
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>& known);
   void Measure(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
 
  private:
+  void SpreadPoints(const Hole& hole);
   void MeasureBorder(Hole& hole) const;
   bool FindParts(const Hole& hole);
   void FindHomes(const Hole& hole, const Filling& filling);
 
   SurfaceMap map_;
-  // Of the open hole.
+  // Of the open hole. Samples behind the points lie on the new border edge.
+  std::vector<float> x_, y_, z_;         // of the points; room for whole groups of four
+  double size_ = 0;                      // how far ring and points are from the frame's origin
   bool looked_ = false, known_ = false;  // the parts of paths in it are looked for, and known
-  uint32_t inner_samples_ = 0;           // those behind lie on the new border edge
   bool at_home_ = false;                 // homes are those of the filling that is measured
   std::vector<uint8_t> homes_;           // of the samples: triangles of the filling
-  std::vector<double> squared_;          // how far they are from these
+  std::vector<float> squared_;           // how far the points are from these, about
   SurfaceMap::Masks masks_;
   std::vector<std::pair<uint8_t, uint32_t>> charges_;
 };

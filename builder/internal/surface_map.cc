@@ -35,22 +35,22 @@ void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t
   const auto vertices = static_cast<uint32_t>(numbers.size());
   AddEdges(triangles, errors, numbers, vertices);
   edges_begin_.assign(vertices + 1, 0);
-  for (const auto& ends : edges_) {
-    for (const uint32_t v : ends) ++edges_begin_[v + 1];
+  for (const Edge& e : edges_) {
+    for (const uint32_t v : {e.from, e.to}) ++edges_begin_[v + 1];
   }
   for (uint32_t v = 0; v < vertices; ++v) edges_begin_[v + 1] += edges_begin_[v];
   edges_at_.resize(2 * edges_.size());
   std::vector<uint32_t> at(edges_begin_.begin(), edges_begin_.end() - 1);
   for (uint32_t e = 0; e < edges_.size(); ++e) {
-    for (const uint32_t v : edges_[e]) edges_at_[at[v]++] = e;
+    const auto [from, to] = std::pair(edges_[e].from, edges_[e].to);
+    edges_at_[at[from]++] = {e, to};
+    edges_at_[at[to]++] = {e, from};
   }
-  path_at_.assign(edges_.size(), 0);
   pool_.assign(1, 0);
   pool_unused_ = 0;
   NumberMeshEdges(mesh);
   opened_ = 0;
-  marked_in_.assign(vertices, 0);
-  ends_.assign(vertices, {});
+  places_.assign(vertices, {});
   looked_at_in_.assign(edges_.size(), 0);
 }
 
@@ -58,7 +58,6 @@ void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
                           std::span<const float> errors, std::span<const uint32_t> numbers,
                           uint32_t vertices) {
   edges_.clear();
-  errors_.clear();
   std::vector<uint32_t> opposites;
   PairHalfEdges(triangles, vertices, opposites);
   for (uint32_t h = 0; h < opposites.size(); ++h) {
@@ -67,8 +66,9 @@ void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
     const auto& t = triangles[h / 3];
     const uint32_t a = t[h % 3];
     const uint32_t b = t[h % 3 == 2 ? 0 : h % 3 + 1];
-    edges_.push_back(numbers[a] < numbers[b] ? std::array{a, b} : std::array{b, a});
-    errors_.push_back(o == kNone32 ? errors[h / 3] : std::max(errors[h / 3], errors[o / 3]));
+    const float error = o == kNone32 ? errors[h / 3] : std::max(errors[h / 3], errors[o / 3]);
+    const auto [from, to] = numbers[a] < numbers[b] ? std::pair(a, b) : std::pair(b, a);
+    edges_.push_back({from, to, 0, error});
   }
 }
 
@@ -89,7 +89,8 @@ void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
 
 uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
   for (uint32_t i = edges_begin_[from]; i < edges_begin_[from + 1]; ++i) {
-    if (edges_[edges_at_[i]] == std::array{from, to}) return edges_at_[i];
+    const auto& [edge, other_end] = edges_at_[i];
+    if (other_end == to && edges_[edge].to == to) return edge;
   }
   return kNone32;
 }
@@ -110,9 +111,7 @@ void SurfaceMap::AddChords(std::span<const Chord> chords, const TileMesh& mesh,
     if (edge == kNone32) {
       // It only passes through the tile: none of its ends will go.
       edge = static_cast<uint32_t>(edges_.size());
-      edges_.push_back({from, to});
-      errors_.push_back(0);
-      path_at_.push_back(0);
+      edges_.push_back({from, to, 0, 0});
       looked_at_in_.push_back(0);
     }
     JoinChords(edge, std::span(sorted).subspan(begin, end - begin), mesh);
@@ -130,7 +129,7 @@ void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const 
   std::vector<uint32_t> out(count, kNone32);
   for (uint32_t c = 0; c < count; ++c) {
     const Chord& chord = chords[c];
-    errors_[edge] = std::max(errors_[edge], chord.error);
+    edges_[edge].error = std::max(edges_[edge].error, chord.error);
     if (chord.enters < 3) in[c] = Twin(crossing_of_[3 * chord.triangle + chord.enters]);
     if (chord.leaves < 3) out[c] = crossing_of_[3 * chord.triangle + chord.leaves];
   }
@@ -204,7 +203,8 @@ void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords
       if (in == kNone32 && out == kNone32) continue;
       const auto side = [](uint32_t h) { return static_cast<uint8_t>(h == kNone32 ? 3 : h % 3); };
       const uint32_t triangle = (in != kNone32 ? in : out) / 3;
-      chords.push_back({edges_[e][0], edges_[e][1], errors_[e], triangle, side(in), side(out)});
+      chords.push_back(
+          {edges_[e].from, edges_[e].to, edges_[e].error, triangle, side(in), side(out)});
     }
   }
 }
@@ -216,11 +216,12 @@ void SurfaceMap::Open(const Hole& hole) {
   marked_.clear();
   star_edges_.clear();
   parts_.clear();
+  inner_edges_.clear();
   known_ = true;
   for (uint32_t r = 0; r < hole.k; ++r) {
-    known_ &= marked_in_[hole.ring[r]] != opened_;
-    marked_in_[hole.ring[r]] = opened_;
-    ends_[hole.ring[r]] = {End::kRingVertex, r};
+    Place& place = places_[hole.ring[r]];
+    known_ &= place.opened != opened_;
+    place = {opened_, {End::kRingVertex, r}};
   }
   for (uint32_t r = 0; r < hole.ring_edges.size(); ++r) {
     leaving_[r] = crossing_of_[hole.ring_edges[r]];
@@ -238,27 +239,38 @@ void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
 }
 
 bool SurfaceMap::FindParts() {
-  const auto look = [&](uint32_t edge) {
-    if (looked_at_in_[edge] == opened_) return;
-    looked_at_in_[edge] = opened_;
-    known_ &= FindParts(edge);
+  const auto is_marked = [](End end) {
+    return end.kind == End::kSample || end.kind == End::kRingEdge;
   };
   for (const uint32_t v : marked_) {
-    for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) look(edges_at_[i]);
+    const End here = places_[v].end;
+    for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) {
+      const auto [e, other_end] = edges_at_[i];
+      const End other = EndOf(other_end);
+      const Edge& edge = edges_[e];
+      if (is_marked(other) && edge.from != v) continue;  // it is looked at from there
+      if (edge.path_at == 0 && here.kind == End::kSample && other.kind == End::kSample) {
+        inner_edges_.push_back({e, here.index, other.index});
+      } else {
+        known_ &= edge.from == v ? FindParts(e, here, other) : FindParts(e, other, here);
+      }
+    }
   }
   for (const uint32_t mesh_edge : star_edges_) {
     for (uint32_t c = heads_[mesh_edge]; c != kNone32; c = crossers_[c].next) {
-      look(crossers_[c].edge);
+      const uint32_t e = crossers_[c].edge;
+      if (std::exchange(looked_at_in_[e], opened_) == opened_) continue;
+      const End first = EndOf(edges_[e].from);
+      const End last = EndOf(edges_[e].to);
+      if (!is_marked(first) && !is_marked(last)) known_ &= FindParts(e, first, last);
     }
   }
   return known_;
 }
 
 // The parts of an edge's path that lie in the star. It enters and leaves through the ring.
-bool SurfaceMap::FindParts(uint32_t edge) {
+bool SurfaceMap::FindParts(uint32_t edge, End first, End last) {
   const std::span<const uint32_t> path = this->path(edge);
-  const End first = EndOf(edges_[edge][0]);
-  const End last = EndOf(edges_[edge][1]);
   const auto is_inside = [](End end) {
     return end.kind == End::kSample || end.kind == End::kRingEdge;
   };
@@ -303,19 +315,20 @@ bool SurfaceMap::FindParts(uint32_t edge) {
 }
 
 void SurfaceMap::SetPath(uint32_t edge, std::span<const uint32_t> path) {
-  const uint32_t at = path_at_[edge];
+  uint32_t& path_at = edges_[edge].path_at;
+  const uint32_t at = path_at;
   if (at != 0) pool_unused_ += pool_[at] + 1;
   if (at != 0 && path.size() <= pool_[at]) {
     // In the place of the old one.
     pool_unused_ -= path.size() + 1;
     pool_[at] = static_cast<uint32_t>(path.size());
     std::copy(path.begin(), path.end(), pool_.begin() + at + 1);
-    if (path.empty()) path_at_[edge] = 0;
+    if (path.empty()) path_at = 0;
     return;
   }
-  path_at_[edge] = 0;
+  path_at = 0;
   if (path.empty()) return;
-  path_at_[edge] = static_cast<uint32_t>(pool_.size());
+  path_at = static_cast<uint32_t>(pool_.size());
   pool_.push_back(static_cast<uint32_t>(path.size()));
   pool_.insert(pool_.end(), path.begin(), path.end());
 }
@@ -330,7 +343,7 @@ void SurfaceMap::DropUnused() {
     const auto at = static_cast<uint32_t>(kept.size());
     kept.push_back(static_cast<uint32_t>(path.size()));
     kept.insert(kept.end(), path.begin(), path.end());
-    path_at_[e] = at;
+    edges_[e].path_at = at;
   }
   pool_ = std::move(kept);
   pool_unused_ = 0;
@@ -399,6 +412,28 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
   for (const uint32_t edge : star_edges_) {
     if (codes_[edge] == kSpoke) FreeCrossers(edge);
   }
+  const auto append = [&](Behind from, Behind to) {
+    uint32_t up = from.behind & ~to.behind & ~to.on;
+    for (; up != 0; up &= ~std::bit_floor(up)) {
+      changed_.push_back(diagonals[static_cast<uint32_t>(std::bit_width(up)) - 1]);
+    }
+    uint32_t down = to.behind & ~from.behind & ~from.on;
+    for (; down != 0; down &= down - 1) {
+      changed_.push_back(Twin(diagonals[static_cast<uint32_t>(std::countr_zero(down))]));
+    }
+  };
+  const auto change = [&](uint32_t edge) {
+    SetPath(edge, changed_);
+    for (const uint32_t x : changed_) {
+      if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
+    }
+  };
+  for (const InnerEdge& inner : inner_edges_) {
+    if (homes[inner.from] == homes[inner.to]) continue;
+    changed_.clear();
+    append(masks.OfTriangle(homes[inner.from]), masks.OfTriangle(homes[inner.to]));
+    change(inner.edge);
+  }
   for (size_t p = 0; p < parts_.size();) {
     const uint32_t edge = parts_[p].edge;
     const std::span<const uint32_t> old = path(edge);
@@ -407,25 +442,13 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
     for (; p < parts_.size() && parts_[p].edge == edge; ++p) {
       const Part& part = parts_[p];
       changed_.insert(changed_.end(), old.begin() + from, old.begin() + part.begin);
-      const auto [behind_from, on_from] = masks.Of(part.from, homes);
-      const auto [behind_to, on_to] = masks.Of(part.to, homes);
-      uint32_t up = behind_from & ~behind_to & ~on_to;
-      for (; up != 0; up &= ~std::bit_floor(up)) {
-        changed_.push_back(diagonals[static_cast<uint32_t>(std::bit_width(up)) - 1]);
-      }
-      uint32_t down = behind_to & ~behind_from & ~on_from;
-      for (; down != 0; down &= down - 1) {
-        changed_.push_back(Twin(diagonals[static_cast<uint32_t>(std::countr_zero(down))]));
-      }
+      append(masks.Of(part.from, homes), masks.Of(part.to, homes));
       from = part.end;
     }
     if (changed_.empty() && old.empty()) continue;
     changed_.insert(changed_.end(), old.begin() + from, old.end());
     Reduce(changed_);
-    SetPath(edge, changed_);
-    for (const uint32_t x : changed_) {
-      if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
-    }
+    change(edge);
   }
   DropUnused();
 }

@@ -28,14 +28,17 @@ class SurfaceMap {
  public:
   // Where a part of a path that lies in the star begins or ends.
   struct End {
-    enum Kind : uint8_t { kOutside, kSample, kRingEdge, kRingVertex };
-    Kind kind = kOutside;
-    uint32_t index = 0;  // of the sample, or ring position: of an edge, its first vertex
+    enum Kind : uint32_t { kOutside, kSample, kRingEdge, kRingVertex };
+    Kind kind : 2 = kOutside;
+    uint32_t index : 30 = 0;  // of the sample, or ring position: of an edge, its first vertex
   };
   struct Part {
     uint32_t edge = 0;  // of S
     End from, to;
     uint32_t begin = 0, end = 0;  // its crossings, of the path's
+  };
+  struct InnerEdge {  // of S, that crosses nothing: its ends are samples in one triangle of the star
+    uint32_t edge = 0, from = 0, to = 0;
   };
   // Which diagonals of a filling lie between an end and the filling's first triangle, a bit for the
   // triangle that hangs on each; and on which of them it lies itself.
@@ -46,8 +49,9 @@ class SurfaceMap {
   class Masks {
    public:
     void Set(const Hole& hole, const Hole::Triangles& triangles);
+    Behind OfTriangle(uint32_t triangle) const { return {triangle_[triangle], 0}; }
     Behind Of(End end, std::span<const uint8_t> homes) const {
-      if (end.kind == End::kSample) return {triangle_[homes[end.index]], 0};
+      if (end.kind == End::kSample) return OfTriangle(homes[end.index]);
       if (end.kind == End::kRingEdge) return {ring_edge_[end.index], 0};
       return ring_vertex_[end.index];
     }
@@ -67,9 +71,12 @@ class SurfaceMap {
   // What the next round needs, of the triangles that are there.
   void Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const;
 
-  // The ends of an edge of S, and the largest accumulated error of its triangles.
-  const std::array<uint32_t, 2>& ends(uint32_t edge) const { return edges_[edge]; }
-  float error(uint32_t edge) const { return errors_[edge]; }
+  struct Edge {  // of S
+    uint32_t from = 0, to = 0;  // from the end with the smaller number in the input to the other
+    uint32_t path_at = 0;       // of its path: in pool_, a length and the crossings; 0: none
+    float error = 0;            // the largest that its triangles have accumulated
+  };
+  const Edge& edge(uint32_t e) const { return edges_[e]; }
 
   // Of a hole: Open, then MarkSample and MarkChain for the vertices of S whose places will change,
   // or which lie on the border edges of the ring; then FindParts. False when a path is not known
@@ -81,6 +88,7 @@ class SurfaceMap {
   }
   bool FindParts();
   std::span<const Part> parts() const { return parts_; }
+  std::span<const InnerEdge> inner_edges() const { return inner_edges_; }
   // The filling has been put in the mesh, its triangles numbered from `first`.
   void HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
               std::span<const uint8_t> homes, uint32_t first);
@@ -101,15 +109,14 @@ class SurfaceMap {
     return static_cast<uint32_t>(heads_.size() - 1);
   }
   void Mark(uint32_t vertex, End end) {
-    marked_in_[vertex] = opened_;
-    ends_[vertex] = end;
+    places_[vertex] = {opened_, end};
     marked_.push_back(vertex);
   }
-  End EndOf(uint32_t v) const { return marked_in_[v] == opened_ ? ends_[v] : End{}; }
+  End EndOf(uint32_t v) const { return places_[v].opened == opened_ ? places_[v].end : End{}; }
   void MarkMeshEdge(uint32_t half_edge, uint8_t code);
-  bool FindParts(uint32_t edge);
+  bool FindParts(uint32_t edge, End first, End last);
   std::span<const uint32_t> path(uint32_t edge) const {
-    const uint32_t at = path_at_[edge];
+    const uint32_t at = edges_[edge].path_at;
     return at == 0 ? std::span<const uint32_t>{} : std::span(pool_).subspan(at + 1, pool_[at]);
   }
   void SetPath(uint32_t edge, std::span<const uint32_t> path);
@@ -119,10 +126,12 @@ class SurfaceMap {
   void Reduce(std::vector<uint32_t>& path) const;
 
   // Of S.
-  std::vector<std::array<uint32_t, 2>> edges_;  // from the end with the smaller number to the other
-  std::vector<float> errors_;
-  std::vector<uint32_t> edges_begin_, edges_at_;  // of the vertices
-  std::vector<uint32_t> path_at_;  // of the edges: in pool_, a length and the crossings; 0: none
+  struct EdgeAt {  // a vertex
+    uint32_t edge = 0, other_end = 0;
+  };
+  std::vector<Edge> edges_;
+  std::vector<uint32_t> edges_begin_;  // of the vertices
+  std::vector<EdgeAt> edges_at_;
   std::vector<uint32_t> pool_;
   size_t pool_unused_ = 0;
   // Of the mesh: twice the edge's number, and 1 for one of its two half-edges.
@@ -134,13 +143,18 @@ class SurfaceMap {
 
   // Of the open hole.
   uint32_t opened_ = 0;
-  std::vector<uint32_t> marked_in_, looked_at_in_, coded_in_;
-  std::vector<End> ends_;
+  struct Place {  // of a vertex of S, when it was marked in the hole that is open
+    uint32_t opened = 0;
+    End end;
+  };
+  std::vector<Place> places_;
+  std::vector<uint32_t> looked_at_in_, coded_in_;
   std::vector<uint8_t> codes_;  // of edges of the mesh: a ring position, or kSpoke
   std::vector<uint32_t> marked_;
   std::vector<uint32_t> star_edges_;
   std::array<uint32_t, Hole::kMaxRing> leaving_;  // crossings out of the star
   std::vector<Part> parts_;
+  std::vector<InnerEdge> inner_edges_;
   bool known_ = true;
   std::vector<uint32_t> changed_;  // a path
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <cstdlib>
 #include <utility>
 
 #include "builder/internal/number_table.h"
@@ -13,7 +14,7 @@ namespace mtdb::internal {
 namespace {
 
 // docs/design.md, section 3, has the measurements behind these.
-constexpr size_t kMostSurface = 24;  // of its triangles, for each of the tile's
+const size_t kMostSurface = getenv("K") ? atoi(getenv("K")) : 24;  // of its triangles, for each of the tile's
 
 // Calls f(list) for all of them, in the order of the bytes.
 template <typename Surface, typename F>

@@ -379,6 +379,7 @@ class HiddenErrors {
     chosen_ = true;
     return false;
   }
+  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) const {
     for (uint32_t t = 1; t < hole.k - 2; ++t) {
       MeasureEdge(hole, filling.triangles[t][0], filling.triangles[t][2]);

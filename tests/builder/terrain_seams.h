@@ -32,6 +32,7 @@ class VerticalMeasure {
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const { return !hole.boundary; }
   bool PriceEdges(Hole& hole) const;
+  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling&, const Hole::PerEdge<bool>&) const {
     hole.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole.edge_error[i][j] = 0; });
   }
