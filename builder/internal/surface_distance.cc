@@ -13,6 +13,11 @@ namespace mtdb::internal {
 namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+double SquaredDistance(const Hole& hole, const Hole::Triangle& triangle, Vec3d p) {
+  const auto [i, m, j] = triangle;
+  return SquaredDistancePointTriangle(p, hole.positions[i], hole.positions[m], hole.positions[j]);
+}
+
 // A triangle of a filling for four points at once, in binary32 and the hole's frame.
 class TriangleLanes {
  public:
@@ -108,7 +113,8 @@ void SurfaceDistance::Open(Hole& hole) {
   const double length = Length(normal);
   hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
   GatherSamples(hole);
-  SpreadPoints(hole);
+  fresh_ = IsFresh(hole);
+  if (!fresh_) SpreadPoints(hole);
 }
 
 // Puts the samples' places into lanes of four.
@@ -140,15 +146,14 @@ void SurfaceDistance::MeasureBorder(Hole& hole) const {
   hole.edge_error[0][hole.k - 1] = error;
 }
 
-// All but those over a star of the surface itself are guesses, and these are high at most.
+// Of a star of the surface itself they are not too low, but for those that leave it, which are not
+// used then.
 bool SurfaceDistance::PriceEdges(Hole& hole) {
-  GuessEdges(hole);
-  if (!IsFresh(hole)) return false;
-  const Hole::PerEdge<double> guesses = hole.edge_error;
-  MeasureOverSpokes(hole);
-  hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
-    if (hole.edge_error[i][j] == kUnknown) hole.edge_error[i][j] = guesses[i][j];
-  });
+  if (fresh_) {
+    MeasureOverSpokes(hole);
+  } else {
+    GuessEdges(hole);
+  }
   return false;
 }
 
@@ -188,18 +193,36 @@ void SurfaceDistance::FindHomes(const Hole& hole, const Filling& filling) {
   }
 }
 
+// Of a star of the surface itself: where the vertex goes.
+void SurfaceDistance::FindHome(const Hole& hole, const Filling& filling) {
+  at_home_ = true;
+  homes_.assign(1, 0);
+  double least = kInfinity;
+  for (uint8_t t = 0; t + 2u < hole.k; ++t) {
+    const double squared = SquaredDistance(hole, filling.triangles[t], hole.apex);
+    if (squared >= least) continue;
+    least = squared;
+    homes_[0] = t;
+  }
+  squared_.assign(1, static_cast<float>(least));
+}
+
 double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, double enough) {
   double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
   for (const uint32_t h : hole.ring_edges) bound = std::max(bound, edge_error(h));
   if (bound > enough || points_.empty()) return bound;
-  double least = kInfinity;
-  for (uint32_t t = 0; t + 2 < hole.k && !hole.boundary; ++t) {
-    const auto [i, m, j] = filling.triangles[t];
-    least = std::min(least, SquaredDistancePointTriangle(hole.apex, hole.positions[i],
-                                                         hole.positions[m], hole.positions[j]));
+  if (fresh_) {
+    FindHome(hole, filling);
+    return std::max(bound, std::sqrt(double{squared_[0]}) + vertex_error(hole.vertex));
   }
-  if (!hole.boundary) bound = std::max(bound, std::sqrt(least) + vertex_error(hole.vertex));
-  if (bound > enough || points_.size() == 1) return bound;
+  if (!hole.boundary) {
+    double least = kInfinity;
+    for (uint32_t t = 0; t + 2 < hole.k; ++t) {
+      least = std::min(least, SquaredDistance(hole, filling.triangles[t], hole.apex));
+    }
+    bound = std::max(bound, std::sqrt(least) + vertex_error(hole.vertex));
+    if (bound > enough) return bound;
+  }
   FindHomes(hole, filling);
   for (size_t s = 0; s < points_.size(); ++s) {
     bound = std::max(bound, std::sqrt(double{squared_[s]}) + vertex_error(samples_[s]));
@@ -207,12 +230,49 @@ double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, dou
   return bound;
 }
 
+// Over a star of the surface itself: diagonals cross its spokes.
+void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
+  FindHome(hole, filling);
+  const auto [hi, hm, hj] = filling.triangles[homes_[0]];
+  const uint32_t k = hole.k;
+  for (uint32_t t = 1; t + 2 < k; ++t) {
+    const auto [i, m, j] = filling.triangles[t];
+    const bool home_behind = hi >= i && hj <= j;
+    double error = 0;
+    const uint32_t begin = home_behind ? j + 1u : i + 1u;
+    const uint32_t end = home_behind ? i + k : j;
+    for (uint32_t n = begin; n < end; ++n) {
+      const uint32_t r = n < k ? n : n - k;
+      const double squared = SquaredDistanceSegmentSegment(
+          hole.apex, hole.positions[r], hole.positions[i], hole.positions[j]);
+      const double own = std::max(triangles_[hole.star[r]].error,
+                                  triangles_[hole.star[r == 0 ? k - 1 : r - 1]].error);
+      error = std::max(error, std::sqrt(squared) + own);
+    }
+    hole.edge_error[i][j] = error;
+  }
+}
+
 void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling,
                                    const Hole::PerEdge<bool>&) {
+  if (fresh_) {
+    MeasureFreshEdges(hole, filling);
+    return;
+  }
   at_home_ &= !looked_;
   const bool known = FindParts(hole);
   if (known && (!at_home_ || homes_.size() != samples_.size())) FindHomes(hole, filling);
   std::array<double, Hole::kMaxRing> errors{};
+  if (known) MeasureCrossings(hole, filling, errors);
+  for (uint32_t t = 1; t + 2 < hole.k; ++t) {
+    const auto [i, m, j] = filling.triangles[t];
+    hole.edge_error[i][j] = known ? errors[t] : -1;
+  }
+}
+
+// `errors`: of the diagonals, by the triangle that hangs on each.
+void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
+                                       std::array<double, Hole::kMaxRing>& errors) const {
   const auto cross = [&](uint32_t e, uint32_t crossed) {
     const SurfaceMap::Edge& edge = map_.edge(e);
     for (; crossed != 0; crossed &= crossed - 1) {
@@ -224,22 +284,16 @@ void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling,
       errors[t] = std::max(errors[t], std::sqrt(squared) + edge.error);
     }
   };
-  if (known) {
-    for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
-      const uint8_t from = homes_[inner.from];
-      const uint8_t to = homes_[inner.to];
-      if (from == to) continue;
-      cross(inner.edge, masks_.OfTriangle(from).behind ^ masks_.OfTriangle(to).behind);
-    }
-    for (const SurfaceMap::Part& part : map_.parts()) {
-      const auto [behind_from, on_from] = masks_.Of(part.from, homes_);
-      const auto [behind_to, on_to] = masks_.Of(part.to, homes_);
-      cross(part.edge, (behind_from ^ behind_to) & ~(on_from | on_to));
-    }
+  for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
+    const uint8_t from = homes_[inner.from];
+    const uint8_t to = homes_[inner.to];
+    if (from == to || map_.edge(inner.edge).path_at != 0) continue;
+    cross(inner.edge, masks_.OfTriangle(from).behind ^ masks_.OfTriangle(to).behind);
   }
-  for (uint32_t t = 1; t + 2 < hole.k; ++t) {
-    const auto [i, m, j] = filling.triangles[t];
-    hole.edge_error[i][j] = known ? errors[t] : -1;
+  for (const SurfaceMap::Part& part : map_.parts()) {
+    const auto [behind_from, on_from] = masks_.Of(part.from, homes_);
+    const auto [behind_to, on_to] = masks_.Of(part.to, homes_);
+    cross(part.edge, (behind_from ^ behind_to) & ~(on_from | on_to));
   }
 }
 
@@ -250,7 +304,12 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     filling.error = kInfinity;
     return;
   }
-  if (!at_home_ || homes_.size() != samples_.size()) FindHomes(hole, filling);
+  if (fresh_) {
+    if (!at_home_) FindHome(hole, filling);
+    masks_.Set(hole, filling.triangles);
+  } else if (!at_home_ || homes_.size() != samples_.size()) {
+    FindHomes(hole, filling);
+  }
   TakeEdgeErrors(hole, filling);
   for (uint32_t s = 0; s < points_.size(); ++s) {
     charges_.push_back({homes_[s], s});
@@ -258,10 +317,9 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     // What rounding may hide is far less than this.
     const double about = std::sqrt(double{squared_[s]});
     const double own = vertex_error(samples_[s]);
-    if (about * 1.001 + 1e-4 * size_ + own <= error) continue;
-    const auto [i, m, j] = filling.triangles[homes_[s]];
-    const double squared = SquaredDistancePointTriangle(
-        positions_[samples_[s]], hole.positions[i], hole.positions[m], hole.positions[j]);
+    if (!fresh_ && about * 1.001 + 1e-4 * size_ + own <= error) continue;
+    const double squared =
+        SquaredDistance(hole, filling.triangles[homes_[s]], positions_[samples_[s]]);
     error = std::max(error, std::sqrt(squared) + own);
   }
   filling.error = *std::max_element(filling.errors.begin(), filling.errors.begin() + (hole.k - 2));

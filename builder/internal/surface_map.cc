@@ -43,8 +43,8 @@ void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t
   std::vector<uint32_t> at(edges_begin_.begin(), edges_begin_.end() - 1);
   for (uint32_t e = 0; e < edges_.size(); ++e) {
     const auto [from, to] = std::pair(edges_[e].from, edges_[e].to);
-    edges_at_[at[from]++] = {e, to};
-    edges_at_[at[to]++] = {e, from};
+    edges_at_[at[from]++] = {1, e, to};
+    edges_at_[at[to]++] = {0, e, from};
   }
   pool_.assign(1, 0);
   pool_unused_ = 0;
@@ -89,8 +89,8 @@ void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
 
 uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
   for (uint32_t i = edges_begin_[from]; i < edges_begin_[from + 1]; ++i) {
-    const auto& [edge, other_end] = edges_at_[i];
-    if (other_end == to && edges_[edge].to == to) return edge;
+    const EdgeAt& at = edges_at_[i];
+    if (at.other_end == to && at.begins_here) return at.edge;
   }
   return kNone32;
 }
@@ -245,14 +245,13 @@ bool SurfaceMap::FindParts() {
   for (const uint32_t v : marked_) {
     const End here = places_[v].end;
     for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) {
-      const auto [e, other_end] = edges_at_[i];
-      const End other = EndOf(other_end);
-      const Edge& edge = edges_[e];
-      if (is_marked(other) && edge.from != v) continue;  // it is looked at from there
-      if (edge.path_at == 0 && here.kind == End::kSample && other.kind == End::kSample) {
-        inner_edges_.push_back({e, here.index, other.index});
+      const EdgeAt& at = edges_at_[i];
+      const End other = EndOf(at.other_end);
+      if (is_marked(other) && !at.begins_here) continue;  // it is looked at from there
+      if (here.kind == End::kSample && other.kind == End::kSample) {
+        inner_edges_.push_back({at.edge, here.index, other.index});
       } else {
-        known_ &= edge.from == v ? FindParts(e, here, other) : FindParts(e, other, here);
+        known_ &= at.begins_here ? FindParts(at.edge, here, other) : FindParts(at.edge, other, here);
       }
     }
   }
@@ -262,7 +261,10 @@ bool SurfaceMap::FindParts() {
       if (std::exchange(looked_at_in_[e], opened_) == opened_) continue;
       const End first = EndOf(edges_[e].from);
       const End last = EndOf(edges_[e].to);
-      if (!is_marked(first) && !is_marked(last)) known_ &= FindParts(e, first, last);
+      const bool inner = first.kind == End::kSample && last.kind == End::kSample;
+      if (inner ? edges_[e].path_at != 0 : !is_marked(first) && !is_marked(last)) {
+        known_ &= FindParts(e, first, last);
+      }
     }
   }
   return known_;
@@ -429,7 +431,7 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
     }
   };
   for (const InnerEdge& inner : inner_edges_) {
-    if (homes[inner.from] == homes[inner.to]) continue;
+    if (homes[inner.from] == homes[inner.to] || edges_[inner.edge].path_at != 0) continue;
     changed_.clear();
     append(masks.OfTriangle(homes[inner.from]), masks.OfTriangle(homes[inner.to]));
     change(inner.edge);

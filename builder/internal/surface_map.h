@@ -37,7 +37,7 @@ class SurfaceMap {
     End from, to;
     uint32_t begin = 0, end = 0;  // its crossings, of the path's
   };
-  struct InnerEdge {  // of S, that crosses nothing: its ends are samples in one triangle of the star
+  struct InnerEdge {  // of S, between two samples
     uint32_t edge = 0, from = 0, to = 0;
   };
   // Which diagonals of a filling lie between an end and the filling's first triangle, a bit for the
@@ -88,6 +88,7 @@ class SurfaceMap {
   }
   bool FindParts();
   std::span<const Part> parts() const { return parts_; }
+  // Those that cross something are among the parts, too.
   std::span<const InnerEdge> inner_edges() const { return inner_edges_; }
   // The filling has been put in the mesh, its triangles numbered from `first`.
   void HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
@@ -127,7 +128,9 @@ class SurfaceMap {
 
   // Of S.
   struct EdgeAt {  // a vertex
-    uint32_t edge = 0, other_end = 0;
+    uint32_t begins_here : 1 = 0;
+    uint32_t edge : 31 = 0;
+    uint32_t other_end = 0;
   };
   std::vector<Edge> edges_;
   std::vector<uint32_t> edges_begin_;  // of the vertices

@@ -187,7 +187,9 @@ void TileMeasure::GatherSamples(const Hole& hole) {
   ++opened_;
   for (const uint32_t t : hole.star) {
     for (const uint32_t w : HeldBy(t)) {
-      if (std::exchange(opened_in_[w], opened_) != opened_) samples_.push_back(w);
+      // Several triangles of a height field may stand for it.
+      if (vertical_ && std::exchange(opened_in_[w], opened_) == opened_) continue;
+      samples_.push_back(w);
     }
   }
   if (!hole.boundary) samples_.push_back(hole.vertex);
