@@ -2,7 +2,6 @@
 #include "builder/build.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -50,10 +49,12 @@ constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
 // A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
 // not resemble the object any more, and the bound is loose there.
 constexpr double kLargestError = 1.0 / 16;
-// Rounds that are measured against one surface; three where that has few triangles, since the third
-// round of a window holds 16 for each of its own. docs/design.md, section 3.
-constexpr uint32_t kMostWindow = 3;
-constexpr uint64_t kLongWindowTriangles = uint64_t{1} << 18;
+// Rounds that are measured against one surface (docs/design.md, section 3): two, or, where it has
+// no more triangles than a tile may have beneath it, as many as it takes to the root. A terrain's
+// curves become too long for that.
+constexpr uint32_t kWindow = 2;
+constexpr uint32_t kTerrainWindow = 3;
+constexpr uint32_t kMostWindow = 8;
 constexpr uint64_t kTerrainVertexBytes = 3;  // about what a vertex takes in the store
 // Shares of the whole work, for progress only.
 constexpr double kReadShare = 0.04;
@@ -412,8 +413,9 @@ class Builder {
 
   // Whether no round after this one is measured against the surface that `begun` began with.
   bool IsLast(uint32_t round, uint32_t begun) const {
-    const bool is_long = triangles_in_[begun - 1] <= kLongWindowTriangles;
-    return round + 1 >= begun + (getenv("W") ? atoi(getenv("W")) : is_long ? kMostWindow : kMostWindow - 1);
+    uint32_t window = is_terrain() ? kTerrainWindow : kMostWindow;
+    if (triangles_in_[begun - 1] > kMostSurface) window = kWindow;
+    return round + 1 >= begun + window;
   }
 
   Status Decimate(unsigned worker, uint32_t round, TileJob& job) {
@@ -421,7 +423,7 @@ class Builder {
     options.border = border_plane_ ? &*border_plane_ : nullptr;
     TileSurface surface;
     MTDB_ASSIGN_OR_RETURN(surface, GatherSurface(beneath_, job.tile.triangles));
-    if (IsWorthGoingOn(surface)) options.surface = &surface;
+    if (IsWorthGoingOn(surface, is_terrain())) options.surface = &surface;
     const TileResult result =
         decimators_[worker]->Decimate(job.tile.triangles, record_.grid, options);
     TileOutcome& outcome = job.outcome;

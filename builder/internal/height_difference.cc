@@ -96,9 +96,9 @@ void HeightDifference::Open(Hole& hole) {
 void HeightDifference::MeasureBorder(Hole& hole) const {
   double error = 0;
   ForEachOnNewBorder(hole, [&](uint32_t w) {
-    error = std::max(error, vertex_error(w) + HeightOverEdge(positions_[w],
-                                                             hole.positions[hole.k - 1],
-                                                             hole.positions[0]));
+    error =
+        std::max(error, vertex_error(w) + HeightOverEdge(positions_[w], hole.positions[hole.k - 1],
+                                                         hole.positions[0]));
   });
   hole.edge_error[0][hole.k - 1] = error;
 }

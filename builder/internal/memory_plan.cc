@@ -16,7 +16,7 @@ constexpr uint64_t kMiB = uint64_t{1} << 20;
 constexpr uint64_t kFixedBytes = 128 * kMiB;
 // A thread's decimator and encoder on a tile of 8192 triangles, the surface beneath that, and its
 // share of tiles on their way, without attributes. Where that surface may have more triangles, of
-// small objects (kLongWindowTriangles in build.cc), it is in the place of spools that stay empty.
+// small objects (kMostSurface), it is in the place of spools that stay empty.
 constexpr uint64_t kThreadBytes = 24 * kMiB;
 constexpr uint64_t kThreadTriangles = 8192;
 constexpr uint64_t kLeastSpoolBytes = 64 * kMiB;

@@ -23,8 +23,7 @@ class TriangleLanes {
  public:
   TriangleLanes(const Hole& hole, const Hole::Triangle& triangle) {
     const Vec3d first = hole.points[triangle[0]];
-    const Vec3d up =
-        Cross(hole.points[triangle[1]] - first, hole.points[triangle[2]] - first);
+    const Vec3d up = Cross(hole.points[triangle[1]] - first, hole.points[triangle[2]] - first);
     const double length = Length(up);
     const Vec3d normal = up * (length > 0 ? 1 / length : 0);
     normal_ = Splat(normal);
@@ -45,16 +44,14 @@ class TriangleLanes {
     Int4 over{};
     for (uint32_t c = 0; c < 3; ++c) {
       const Lanes p{x - corner_[c].x, y - corner_[c].y, z - corner_[c].z};
-      const Float4 t =
-          Min4(Max4(Dot(p, along_[c]) * per_length2_[c], Float4{}), Splat4(1));
+      const Float4 t = Min4(Max4(Dot(p, along_[c]) * per_length2_[c], Float4{}), Splat4(1));
       const Lanes off{p.x - t * along_[c].x, p.y - t * along_[c].y, p.z - t * along_[c].z};
       const Float4 squared = Dot(off, off);
       const Int4 inside = Dot(p, inwards_[c]) >= least_[c];
       least = c == 0 ? squared : Min4(least, squared);
       over = c == 0 ? inside : over & inside;
     }
-    const Float4 height =
-        Dot({x - corner_[0].x, y - corner_[0].y, z - corner_[0].z}, normal_);
+    const Float4 height = Dot({x - corner_[0].x, y - corner_[0].y, z - corner_[0].z}, normal_);
     return over ? height * height : least;
   }
 
@@ -139,8 +136,8 @@ void SurfaceDistance::SpreadPoints(const Hole& hole) {
 void SurfaceDistance::MeasureBorder(Hole& hole) const {
   double error = 0;
   ForEachOnNewBorder(hole, [&](uint32_t w) {
-    const double squared = SquaredDistancePointSegment(positions_[w], hole.positions[hole.k - 1],
-                                                       hole.positions[0]);
+    const double squared =
+        SquaredDistancePointSegment(positions_[w], hole.positions[hole.k - 1], hole.positions[0]);
     error = std::max(error, std::sqrt(squared) + vertex_error(w));
   });
   hole.edge_error[0][hole.k - 1] = error;
@@ -179,8 +176,8 @@ void SurfaceDistance::FindHomes(const Hole& hole, const Filling& filling) {
   for (uint8_t t = 0; t + 2u < hole.k; ++t) {
     const TriangleLanes triangle(hole, filling.triangles[t]);
     for (size_t s = 0; s < points_.size(); s += 4) {
-      const Float4 squared = triangle.SquaredDistance(
-          Load4<Float4>(&x_[s]), Load4<Float4>(&y_[s]), Load4<Float4>(&z_[s]));
+      const Float4 squared = triangle.SquaredDistance(Load4<Float4>(&x_[s]), Load4<Float4>(&y_[s]),
+                                                      Load4<Float4>(&z_[s]));
       const Float4 before = Load4<Float4>(&squared_[s]);
       uint32_t nearer = MaskBits(squared < before);
       if (nearer == 0) continue;
@@ -243,8 +240,8 @@ void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
     const uint32_t end = home_behind ? i + k : j;
     for (uint32_t n = begin; n < end; ++n) {
       const uint32_t r = n < k ? n : n - k;
-      const double squared = SquaredDistanceSegmentSegment(
-          hole.apex, hole.positions[r], hole.positions[i], hole.positions[j]);
+      const double squared = SquaredDistanceSegmentSegment(hole.apex, hole.positions[r],
+                                                           hole.positions[i], hole.positions[j]);
       const double own = std::max(triangles_[hole.star[r]].error,
                                   triangles_[hole.star[r == 0 ? k - 1 : r - 1]].error);
       error = std::max(error, std::sqrt(squared) + own);
@@ -253,8 +250,7 @@ void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
   }
 }
 
-void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling,
-                                   const Hole::PerEdge<bool>&) {
+void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) {
   if (fresh_) {
     MeasureFreshEdges(hole, filling);
     return;
@@ -278,22 +274,17 @@ void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
     for (; crossed != 0; crossed &= crossed - 1) {
       const auto t = static_cast<uint32_t>(std::countr_zero(crossed));
       const auto [i, m, j] = filling.triangles[t];
-      const double squared =
-          SquaredDistanceSegmentSegment(positions_[edge.from], positions_[edge.to],
-                                        hole.positions[i], hole.positions[j]);
+      const double squared = SquaredDistanceSegmentSegment(
+          positions_[edge.from], positions_[edge.to], hole.positions[i], hole.positions[j]);
       errors[t] = std::max(errors[t], std::sqrt(squared) + edge.error);
     }
   };
   for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
-    const uint8_t from = homes_[inner.from];
-    const uint8_t to = homes_[inner.to];
-    if (from == to || map_.edge(inner.edge).path_at != 0) continue;
-    cross(inner.edge, masks_.OfTriangle(from).behind ^ masks_.OfTriangle(to).behind);
+    const uint32_t crossed = masks_.Between(inner.from, inner.to, homes_);
+    if (crossed != 0 && map_.edge(inner.edge).path_at == 0) cross(inner.edge, crossed);
   }
   for (const SurfaceMap::Part& part : map_.parts()) {
-    const auto [behind_from, on_from] = masks_.Of(part.from, homes_);
-    const auto [behind_to, on_to] = masks_.Of(part.to, homes_);
-    cross(part.edge, (behind_from ^ behind_to) & ~(on_from | on_to));
+    cross(part.edge, masks_.Between(part.from, part.to, homes_));
   }
 }
 

@@ -16,8 +16,8 @@ namespace mtdb::internal {
 
 // Bounds the two-sided distance between a triangle and the part of the surface that it stands for,
 // by how far the surface's removed vertices are from their homes, and its edges from the edges that
-// they cross (docs/design.md, section 3; SurfaceMap). A removed vertex's home is the triangle of the
-// filling that is nearest to it. Where the star is folded, shapes choose the filling.
+// they cross (docs/design.md, section 3; SurfaceMap). A removed vertex's home is the triangle of
+// the filling that is nearest to it. Where the star is folded, shapes choose the filling.
 class SurfaceDistance : public TileMeasure {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;

@@ -11,6 +11,68 @@ namespace {
 constexpr uint8_t kSpoke = 255;
 constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 constexpr uint32_t Twin(uint32_t crossing) { return crossing ^ 1; }
+
+// The chords of an edge of S in a tile, in any order, and how they follow each other.
+class ChordChain {
+ public:
+  struct Chord {
+    uint32_t in, out;  // crossings; kNone32: the path begins or ends here
+    bool to_outside;   // what is left for is not of the tile
+    uint32_t next = kNone32;
+    bool follows = false, done = false;
+  };
+
+  void Add(const Chord& link) { links_.push_back(link); }
+  std::span<const Chord> links() const { return links_; }
+
+  // False when they do not follow each other in one way only.
+  bool Link() {
+    bool plain = true;
+    uint32_t begins = 0;
+    uint32_t ends = 0;
+    for (Chord& link : links_) {
+      begins += link.in == kNone32;
+      ends += link.out == kNone32;
+      for (uint32_t d = 0; d < links_.size() && link.out != kNone32; ++d) {
+        if (links_[d].in != link.out) continue;
+        plain &= link.next == kNone32 && !links_[d].follows;
+        link.next = d;
+        links_[d].follows = true;
+      }
+      if (link.out != kNone32) plain &= (link.next == kNone32) == link.to_outside;
+    }
+    return plain && begins <= 1 && ends <= 1;
+  }
+
+  // Their crossings, with `gap` where the path is outside; first what begins the path, last what
+  // ends it. False when some form a ring.
+  bool Run(uint32_t gap, std::vector<uint32_t>& path) {
+    for (const uint32_t turn : {0u, 1u, 2u}) {
+      for (Chord& link : links_) {
+        if (link.done || link.follows || turn != Turn(link)) continue;
+        if (!path.empty()) path.push_back(gap);
+        if (link.in != kNone32) path.push_back(link.in);
+        for (Chord* at = &link;; at = &links_[at->next]) {
+          at->done = true;
+          if (at->out != kNone32) path.push_back(at->out);
+          if (at->next == kNone32) break;
+        }
+      }
+    }
+    return std::all_of(links_.begin(), links_.end(), [](const auto& link) { return link.done; });
+  }
+
+ private:
+  // Of a run's first link.
+  uint32_t Turn(const Chord& first) const {
+    if (first.in == kNone32) return 0;
+    const Chord* last = &first;
+    while (last->next != kNone32) last = &links_[last->next];
+    return last->out == kNone32 ? 2 : 1;
+  }
+
+  std::vector<Chord> links_;
+};
 }  // namespace
 
 void SurfaceMap::Masks::Set(const Hole& hole, const Hole::Triangles& triangles) {
@@ -119,65 +181,28 @@ void SurfaceMap::AddChords(std::span<const Chord> chords, const TileMesh& mesh,
   }
 }
 
-// All chords of an edge of S: one after the other as they follow each other, with gaps where the
-// path leaves the tile. A path that is not plain gets a gap between any two chords, so that no hole
-// that it passes through will be filled.
+// A path that is not plain gets a gap between any two crossings, so that no hole that it passes
+// through will be filled.
 void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const TileMesh& mesh) {
-  const auto count = static_cast<uint32_t>(chords.size());
-  // Crossings by which chords enter and leave their triangles.
-  std::vector<uint32_t> in(count, kNone32);
-  std::vector<uint32_t> out(count, kNone32);
-  for (uint32_t c = 0; c < count; ++c) {
-    const Chord& chord = chords[c];
+  ChordChain chain;
+  for (const Chord& chord : chords) {
     edges_[edge].error = std::max(edges_[edge].error, chord.error);
-    if (chord.enters < 3) in[c] = Twin(crossing_of_[3 * chord.triangle + chord.enters]);
-    if (chord.leaves < 3) out[c] = crossing_of_[3 * chord.triangle + chord.leaves];
-  }
-  std::vector<uint32_t> next(count, kNone32);
-  std::vector<uint8_t> follows(count, 0);
-  bool plain = true;
-  uint32_t begins = 0;
-  uint32_t ends = 0;
-  for (uint32_t c = 0; c < count; ++c) {
-    begins += in[c] == kNone32;
-    ends += out[c] == kNone32;
-    for (uint32_t d = 0; d < count && out[c] != kNone32; ++d) {
-      if (in[d] != out[c]) continue;
-      plain &= next[c] == kNone32 && follows[d] == 0;
-      next[c] = d;
-      follows[d] = 1;
+    uint32_t in = kNone32;
+    uint32_t out = kNone32;
+    bool to_outside = false;
+    if (chord.enters < 3) in = Twin(crossing_of_[3 * chord.triangle + chord.enters]);
+    if (chord.leaves < 3) {
+      const uint32_t h = 3 * chord.triangle + chord.leaves;
+      out = crossing_of_[h];
+      to_outside = mesh.input_opposites()[h] == kNone32;
     }
-    const uint32_t h = out[c] == kNone32 ? kNone32 : 3 * chords[c].triangle + chords[c].leaves;
-    plain &= h == kNone32 || (next[c] == kNone32) == (mesh.input_opposites()[h] == kNone32);
+    chain.Add({in, out, to_outside});
   }
-  plain &= begins <= 1 && ends <= 1;
   std::vector<uint32_t> path;
-  std::vector<uint8_t> done(count, 0);
-  const auto run = [&](uint32_t c) {
-    if (!path.empty()) path.push_back(kGap);
-    if (in[c] != kNone32) path.push_back(in[c]);
-    for (; c != kNone32 && done[c] == 0; c = next[c]) {
-      done[c] = 1;
-      if (out[c] != kNone32) path.push_back(out[c]);
-    }
-  };
-  // That which begins the path is the first run, that which ends it the last.
-  const auto last_of = [&](uint32_t c) {
-    for (uint32_t steps = 0; next[c] != kNone32 && steps < count; ++steps) c = next[c];
-    return c;
-  };
-  for (const uint32_t turn : {0, 1, 2}) {
-    for (uint32_t c = 0; plain && c < count; ++c) {
-      if (done[c] != 0 || follows[c] != 0) continue;
-      const bool is_last = in[c] != kNone32 && out[last_of(c)] == kNone32;
-      if (turn == (in[c] == kNone32 ? 0u : is_last ? 2u : 1u)) run(c);
-    }
-  }
-  plain &= std::find(done.begin(), done.end(), 0) == done.end();
-  if (!plain) {
+  if (!chain.Link() || !chain.Run(kGap, path)) {
     path.assign(1, kGap);
-    for (uint32_t c = 0; c < count; ++c) {
-      for (const uint32_t x : {in[c], out[c]}) {
+    for (const auto& link : chain.links()) {
+      for (const uint32_t x : {link.in, link.out}) {
         if (x != kNone32) path.insert(path.end(), {x, kGap});
       }
     }
@@ -203,8 +228,13 @@ void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords
       if (in == kNone32 && out == kNone32) continue;
       const auto side = [](uint32_t h) { return static_cast<uint8_t>(h == kNone32 ? 3 : h % 3); };
       const uint32_t triangle = (in != kNone32 ? in : out) / 3;
-      chords.push_back(
-          {edges_[e].from, edges_[e].to, edges_[e].error, triangle, side(in), side(out)});
+      const Chord chord{edges_[e].from, edges_[e].to, edges_[e].error,
+                        triangle,       side(in),     side(out)};
+      chords.push_back(chord);
+      // A path that was not plain stays so.
+      const bool lost =
+          in == kNone32 ? i > 0 && path[i - 1] == kGap : out == kNone32 && i < path.size();
+      if (lost) chords.push_back(chord);
     }
   }
 }
@@ -239,40 +269,32 @@ void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
 }
 
 bool SurfaceMap::FindParts() {
-  const auto is_marked = [](End end) {
-    return end.kind == End::kSample || end.kind == End::kRingEdge;
-  };
   for (const uint32_t v : marked_) {
     const End here = places_[v].end;
     for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) {
       const EdgeAt& at = edges_at_[i];
       const End other = EndOf(at.other_end);
-      if (is_marked(other) && !at.begins_here) continue;  // it is looked at from there
-      if (here.kind == End::kSample && other.kind == End::kSample) {
-        inner_edges_.push_back({at.edge, here.index, other.index});
-      } else {
-        known_ &= at.begins_here ? FindParts(at.edge, here, other) : FindParts(at.edge, other, here);
-      }
+      if (other.kind == End::kOutside) continue;
+      if (other.kind != End::kRingVertex && !at.begins_here) continue;  // seen from the other end
+      inner_edges_.push_back(
+          {at.edge, at.begins_here ? here : other, at.begins_here ? other : here});
     }
   }
   for (const uint32_t mesh_edge : star_edges_) {
     for (uint32_t c = heads_[mesh_edge]; c != kNone32; c = crossers_[c].next) {
       const uint32_t e = crossers_[c].edge;
-      if (std::exchange(looked_at_in_[e], opened_) == opened_) continue;
-      const End first = EndOf(edges_[e].from);
-      const End last = EndOf(edges_[e].to);
-      const bool inner = first.kind == End::kSample && last.kind == End::kSample;
-      if (inner ? edges_[e].path_at != 0 : !is_marked(first) && !is_marked(last)) {
-        known_ &= FindParts(e, first, last);
-      }
+      if (std::exchange(looked_at_in_[e], opened_) == opened_ || edges_[e].path_at == 0) continue;
+      known_ &= FindParts(e);
     }
   }
   return known_;
 }
 
 // The parts of an edge's path that lie in the star. It enters and leaves through the ring.
-bool SurfaceMap::FindParts(uint32_t edge, End first, End last) {
+bool SurfaceMap::FindParts(uint32_t edge) {
   const std::span<const uint32_t> path = this->path(edge);
+  const End first = EndOf(edges_[edge].from);
+  const End last = EndOf(edges_[edge].to);
   const auto is_inside = [](End end) {
     return end.kind == End::kSample || end.kind == End::kRingEdge;
   };
@@ -283,12 +305,8 @@ bool SurfaceMap::FindParts(uint32_t edge, End first, End last) {
   };
   bool inside = is_inside(first);
   if (first.kind == End::kRingVertex) {
-    if (path.empty()) {
-      inside = is_inside(last);
-    } else {
-      const uint32_t code = code_of(path[0]);
-      inside = code == kSpoke || (code != kElsewhere && path[0] == leaving_[code]);
-    }
+    const uint32_t code = code_of(path[0]);
+    inside = code == kSpoke || (code != kElsewhere && path[0] == leaving_[code]);
   }
   Part part{edge, first, {}, 0, 0};
   for (uint32_t i = 0; i < path.size(); ++i) {
@@ -387,11 +405,13 @@ void SurfaceMap::Reduce(std::vector<uint32_t>& path) const {
   path.resize(n);
 }
 
-void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
-                        std::span<const uint8_t> homes, uint32_t first) {
+// Numbers the edges of the filling. Gives the crossings of diagonals, by the triangle that hangs on
+// each, towards triangle 0.
+std::array<uint32_t, Hole::kMaxRing> SurfaceMap::NumberFilling(const Hole& hole,
+                                                               const Hole::Triangles& triangles,
+                                                               uint32_t first) {
   const uint32_t count = hole.k - 2;
-  const auto made = static_cast<uint32_t>(heads_.size());
-  std::array<uint32_t, Hole::kMaxRing> diagonals;  // crossings towards triangle 0
+  std::array<uint32_t, Hole::kMaxRing> diagonals{};
   for (uint32_t t = 1; t < count; ++t) diagonals[t] = 2 * NewMeshEdge();
   crossing_of_.resize(3 * (first + count));
   for (uint32_t t = 0; t < count; ++t) {
@@ -411,10 +431,27 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
       }
     }
   }
+  return diagonals;
+}
+
+// Sets the path of an edge of S to changed_; edges of the mesh from `made` on are new to it.
+void SurfaceMap::Change(uint32_t edge, uint32_t made) {
+  SetPath(edge, changed_);
+  for (const uint32_t x : changed_) {
+    if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
+  }
+}
+
+void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
+                        std::span<const uint8_t> homes, uint32_t first) {
+  const auto made = static_cast<uint32_t>(heads_.size());
+  const auto diagonals = NumberFilling(hole, triangles, first);
   for (const uint32_t edge : star_edges_) {
     if (codes_[edge] == kSpoke) FreeCrossers(edge);
   }
-  const auto append = [&](Behind from, Behind to) {
+  const auto append = [&](End a, End b) {
+    const Behind from = masks.Of(a, homes);
+    const Behind to = masks.Of(b, homes);
     uint32_t up = from.behind & ~to.behind & ~to.on;
     for (; up != 0; up &= ~std::bit_floor(up)) {
       changed_.push_back(diagonals[static_cast<uint32_t>(std::bit_width(up)) - 1]);
@@ -424,17 +461,12 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
       changed_.push_back(Twin(diagonals[static_cast<uint32_t>(std::countr_zero(down))]));
     }
   };
-  const auto change = [&](uint32_t edge) {
-    SetPath(edge, changed_);
-    for (const uint32_t x : changed_) {
-      if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
-    }
-  };
   for (const InnerEdge& inner : inner_edges_) {
-    if (homes[inner.from] == homes[inner.to] || edges_[inner.edge].path_at != 0) continue;
+    if (masks.Between(inner.from, inner.to, homes) == 0) continue;
+    if (edges_[inner.edge].path_at != 0) continue;
     changed_.clear();
-    append(masks.OfTriangle(homes[inner.from]), masks.OfTriangle(homes[inner.to]));
-    change(inner.edge);
+    append(inner.from, inner.to);
+    Change(inner.edge, made);
   }
   for (size_t p = 0; p < parts_.size();) {
     const uint32_t edge = parts_[p].edge;
@@ -444,13 +476,12 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
     for (; p < parts_.size() && parts_[p].edge == edge; ++p) {
       const Part& part = parts_[p];
       changed_.insert(changed_.end(), old.begin() + from, old.begin() + part.begin);
-      append(masks.Of(part.from, homes), masks.Of(part.to, homes));
+      append(part.from, part.to);
       from = part.end;
     }
-    if (changed_.empty() && old.empty()) continue;
     changed_.insert(changed_.end(), old.begin() + from, old.end());
     Reduce(changed_);
-    change(edge);
+    Change(edge, made);
   }
   DropUnused();
 }

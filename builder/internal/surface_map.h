@@ -17,9 +17,9 @@
 namespace mtdb::internal {
 
 // A vertex of S lies at a vertex of the mesh or, when it is removed, in a triangle of the mesh that
-// is named its home, or on an edge of the border. An edge of S then follows a path from the place of
-// one end to that of the other, from triangle to triangle; the map keeps which edges of the mesh it
-// crosses, one after the other. Where exactly homes and crossings lie is nobody's business:
+// is named its home, or on an edge of the border. An edge of S then follows a path from the place
+// of one end to that of the other, from triangle to triangle; the map keeps which edges of the mesh
+// it crosses, one after the other. Where exactly homes and crossings lie is nobody's business:
 // docs/design.md, section 3, says what follows for the distance.
 //
 // A crossing names an edge of the mesh and the triangle that is left through it; so each half-edge
@@ -37,8 +37,9 @@ class SurfaceMap {
     End from, to;
     uint32_t begin = 0, end = 0;  // its crossings, of the path's
   };
-  struct InnerEdge {  // of S, between two samples
-    uint32_t edge = 0, from = 0, to = 0;
+  struct InnerEdge {  // of S, with both ends in the star
+    uint32_t edge = 0;
+    End from, to;
   };
   // Which diagonals of a filling lie between an end and the filling's first triangle, a bit for the
   // triangle that hangs on each; and on which of them it lies itself.
@@ -49,11 +50,17 @@ class SurfaceMap {
   class Masks {
    public:
     void Set(const Hole& hole, const Hole::Triangles& triangles);
-    Behind OfTriangle(uint32_t triangle) const { return {triangle_[triangle], 0}; }
     Behind Of(End end, std::span<const uint8_t> homes) const {
-      if (end.kind == End::kSample) return OfTriangle(homes[end.index]);
+      if (end.kind == End::kSample) return {triangle_[homes[end.index]], 0};
       if (end.kind == End::kRingEdge) return {ring_edge_[end.index], 0};
       return ring_vertex_[end.index];
+    }
+
+    // The diagonals that lie between two ends.
+    uint32_t Between(End a, End b, std::span<const uint8_t> homes) const {
+      const Behind from = Of(a, homes);
+      const Behind to = Of(b, homes);
+      return (from.behind ^ to.behind) & ~(from.on | to.on);
     }
 
    private:
@@ -71,7 +78,7 @@ class SurfaceMap {
   // What the next round needs, of the triangles that are there.
   void Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const;
 
-  struct Edge {  // of S
+  struct Edge {                 // of S
     uint32_t from = 0, to = 0;  // from the end with the smaller number in the input to the other
     uint32_t path_at = 0;       // of its path: in pool_, a length and the crossings; 0: none
     float error = 0;            // the largest that its triangles have accumulated
@@ -83,12 +90,10 @@ class SurfaceMap {
   // well enough: the hole must stay.
   void Open(const Hole& hole);
   void MarkSample(uint32_t vertex, uint32_t sample) { Mark(vertex, {End::kSample, sample}); }
-  void MarkChain(uint32_t vertex, uint32_t ring_edge) {
-    Mark(vertex, {End::kRingEdge, ring_edge});
-  }
+  void MarkChain(uint32_t vertex, uint32_t ring_edge) { Mark(vertex, {End::kRingEdge, ring_edge}); }
   bool FindParts();
   std::span<const Part> parts() const { return parts_; }
-  // Those that cross something are among the parts, too.
+  // Those whose paths cross something are among the parts, and mean nothing here.
   std::span<const InnerEdge> inner_edges() const { return inner_edges_; }
   // The filling has been put in the mesh, its triangles numbered from `first`.
   void HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
@@ -96,7 +101,7 @@ class SurfaceMap {
 
  private:
   static constexpr uint32_t kGap = kNone32;  // in a path: a part of it that is outside the tile
-  struct Crosser {  // of an edge of the mesh, with others in a list
+  struct Crosser {                           // of an edge of the mesh, with others in a list
     uint32_t edge = 0, next = kNone32;
   };
 
@@ -115,11 +120,15 @@ class SurfaceMap {
   }
   End EndOf(uint32_t v) const { return places_[v].opened == opened_ ? places_[v].end : End{}; }
   void MarkMeshEdge(uint32_t half_edge, uint8_t code);
-  bool FindParts(uint32_t edge, End first, End last);
+  bool FindParts(uint32_t edge);
   std::span<const uint32_t> path(uint32_t edge) const {
     const uint32_t at = edges_[edge].path_at;
     return at == 0 ? std::span<const uint32_t>{} : std::span(pool_).subspan(at + 1, pool_[at]);
   }
+  std::array<uint32_t, Hole::kMaxRing> NumberFilling(const Hole& hole,
+                                                     const Hole::Triangles& triangles,
+                                                     uint32_t first);
+  void Change(uint32_t edge, uint32_t made);
   void SetPath(uint32_t edge, std::span<const uint32_t> path);
   void DropUnused();
   void AddCrosser(uint32_t crossing, uint32_t edge);

@@ -46,13 +46,14 @@ struct Removal {
   bool boundary() const { return star_count == hole_count + 1; }
 };
 
-// Where an edge of the surface that errors are measured against runs over a triangle of the mesh, on
-// the way of its path from one end to the other (SurfaceMap).
+// Where an edge of the surface that errors are measured against runs over a triangle of the mesh,
+// on the way of its path from one end to the other (SurfaceMap).
 struct Chord {
   uint32_t from = 0, to = 0;  // the edge's ends, the one with the smaller number in the input first
   float error = 0;            // work units; accumulated in the triangles of that edge
   uint32_t triangle = 0;
-  uint8_t enters = 3, leaves = 3;  // through these edges of the triangle; 3: the path begins or ends
+  uint8_t enters = 3,
+          leaves = 3;  // through these edges of the triangle; 3: the path begins or ends
   std::array<uint8_t, 2> unused{};  // instead of padding
 };
 static_assert(sizeof(Chord) == 20);
@@ -71,8 +72,8 @@ struct TileResult {
   std::vector<uint32_t> holes, stars;
   // Of a round that another one goes on from (TileSurface); else empty. Of half-edges, of all local
   // triangles; of the removed vertices that triangles stand for: local vertex (those of the surface
-  // beneath follow, see NumberVertices), local triangle, and the border edge on whose curve it lies,
-  // or 3; and paths on triangles that are there.
+  // beneath follow, see NumberVertices), local triangle, and the border edge on whose curve it
+  // lies, or 3; and paths on triangles that are there.
   std::vector<float> edge_errors;
   std::vector<std::array<uint32_t, 3>> held;
   std::vector<Chord> chords;

@@ -268,7 +268,7 @@ void TileMeasure::MeasureOverSpokes(Hole& hole) const {
     const double length2 = SquaredLength(d);
     double& error = hole.edge_error[i][j];
     error = 0;
-      // The ring beyond the edge, seen from the apex.
+    // The ring beyond the edge, seen from the apex.
     const bool left = apex_side >= 0;
     const uint32_t begin = left ? i + 1 : j + 1;
     const uint32_t end = left ? j : i + k;

@@ -31,7 +31,7 @@ class TileMeasure {
   std::vector<float> errors() const;
 
  protected:
-  static constexpr double kUnknown = -2;  // of a diagonal's error
+  static constexpr double kUnknown = -2;      // of a diagonal's error
   static constexpr double kFirstGuess = 0.4;  // of a vertex's error, by its height over others
   // What is known of a triangle, current or past: read together, of triangles anywhere in the tile.
   struct alignas(64) Triangle {

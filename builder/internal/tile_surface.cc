@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <cstdlib>
 #include <utility>
 
 #include "builder/internal/number_table.h"
@@ -13,8 +12,9 @@ namespace mtdb::internal {
 
 namespace {
 
-// docs/design.md, section 3, has the measurements behind these.
-const size_t kMostSurface = getenv("K") ? atoi(getenv("K")) : 24;  // of its triangles, for each of the tile's
+// Of a height field's triangles, for each of the tile's (docs/design.md, section 3): longer curves
+// are dear, and the longest are not found.
+constexpr size_t kMostField = 24;
 
 // Calls f(list) for all of them, in the order of the bytes.
 template <typename Surface, typename F>
@@ -143,8 +143,10 @@ std::vector<uint32_t> NumberVertices(const TileSurface& surface,
   return numbers;
 }
 
-bool IsWorthGoingOn(const TileSurface& surface) {
-  return !surface.empty() && surface.triangles.size() <= kMostSurface * surface.own.size();
+bool IsWorthGoingOn(const TileSurface& surface, bool is_height_field) {
+  const size_t count = surface.triangles.size();
+  return count > 0 && count <= kMostSurface &&
+         !(is_height_field && count > kMostField * surface.own.size());
 }
 
 Bytes EncodeTileSurface(const TileSurface& surface) {
@@ -204,7 +206,6 @@ Result<TileSurface> GatherSurface(std::span<const std::unique_ptr<SurfaceSpool>>
     }
     if (left_by[t] == nullptr) continue;
     order.push_back(t);
-    if (left_by[t]->SurfaceRound(child) == 0) return TileSurface{};
     round = std::max(round, left_by[t]->SurfaceRound(child));
   }
   if (round < rounds.front()->round()) return TileSurface{};

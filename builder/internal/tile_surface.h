@@ -44,9 +44,11 @@ struct TileSurface {
   bool empty() const { return triangles.empty(); }
 };
 
+// The surface's triangles that a tile may have beneath it.
+constexpr size_t kMostSurface = size_t{1} << 18;
 // Whether a tile is measured against the surface, or begins afresh: when there is none, or when it
-// has many triangles for each of the tile's, which costs time and memory.
-bool IsWorthGoingOn(const TileSurface& surface);
+// has too many triangles; those of height fields have too many for each of the tile's earlier.
+bool IsWorthGoingOn(const TileSurface& surface, bool is_height_field);
 
 // Numbers the surface's vertices: those of the tile as there, the others behind them.
 std::vector<uint32_t> NumberVertices(const TileSurface& surface,

@@ -166,12 +166,17 @@ TEST_CASE("Where a tile began afresh, only tiles that lie on what it left go on"
 
 TEST_CASE("A surface is not gone on from where it is too fine") {
   TileSurface surface;
-  REQUIRE(!IsWorthGoingOn(surface));
+  REQUIRE(!IsWorthGoingOn(surface, false));
+  REQUIRE(!IsWorthGoingOn(surface, true));
   surface.own.resize(100);
   surface.triangles.resize(2400);
-  REQUIRE(IsWorthGoingOn(surface));
+  REQUIRE(IsWorthGoingOn(surface, true));
   surface.triangles.resize(2401);
-  REQUIRE(!IsWorthGoingOn(surface));
+  REQUIRE(!IsWorthGoingOn(surface, true));
+  surface.triangles.resize(kMostSurface);
+  REQUIRE(IsWorthGoingOn(surface, false));
+  surface.triangles.resize(kMostSurface + 1);
+  REQUIRE(!IsWorthGoingOn(surface, false));
 }
 
 TEST_CASE("A part of a round's triangles finds all that lies around what it stands for") {
