@@ -208,7 +208,6 @@ Result<TileSurface> GatherSurface(std::span<const std::unique_ptr<SurfaceSpool>>
     }
     if (left_by[t] == nullptr) continue;
     order.push_back(t);
-    if (left_by[t]->SurfaceRound(child) == 0) return TileSurface{};
     round = std::max(round, left_by[t]->SurfaceRound(child));
   }
   if (round < rounds.front()->round()) return TileSurface{};
