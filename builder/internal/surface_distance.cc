@@ -481,6 +481,7 @@ template <ErrorMeasure kKind>
 void SurfaceMeasure<kKind>::MeasureEdge(Hole& hole, uint32_t i, uint32_t j) const {
   if (is_raster()) {
     hole.edge_error[i][j] = raster_.CurveError(hole.positions[i], hole.positions[j]);
+    hole.edge_reach[i][j] = 0;
     return;
   }
   const RoundMesh::Curve curve =
@@ -739,6 +740,7 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
   bool conservative = hole.folded;
   for (const uint32_t t : hole.star) conservative |= triangles_[t].conservative;
   const uint32_t new_chain = hole.boundary ? JoinBorderChains(hole) : kNone32;
+  FreeHeld(hole.star);
   for (uint32_t t = 0; t < count; ++t) {
     Triangle made;
     made.error = RoundedUp(filling.errors[t]);
@@ -763,7 +765,6 @@ void SurfaceMeasure<kKind>::HandOn(const Hole& hole, const Filling& filling, uin
     }
     triangles_.push_back(made);
   }
-  FreeHeld(hole.star);
   for (auto& [triangle, s] : charges_) s = samples_[s];
   HoldIn(first, count, charges_);
 }
