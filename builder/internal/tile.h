@@ -58,10 +58,10 @@ struct TileResult {
   std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
   std::vector<Removal> removals;                   // in order of removal
   std::vector<uint32_t> holes, stars;
-  // Of a round that another one goes on from (TileSurface); else empty. Of half-edges, of all local
-  // triangles, and of the removed vertices that triangles stand for: local vertex (those of the
-  // surface beneath follow, see NumberVertices), local triangle, and the border edge on whose curve
-  // it lies, or 3.
+  // Of measures that go on from round to round (TileSurface); else empty. Of half-edges, of all
+  // local triangles, and of the removed vertices that triangles stand for: local vertex (those of
+  // the surface beneath follow, see NumberVertices), local triangle, and the border edge on whose
+  // curve it lies, or 3.
   std::vector<float> curve_errors, curve_reaches;
   std::vector<uint8_t> conservative;
   std::vector<std::array<uint32_t, 3>> held;
