@@ -508,7 +508,7 @@ class Builder {
       MTDB_ASSIGN_OR_RETURN(const UnitId id, writer_.Add(cluster.entry, cluster.encoded.children,
                                                          cluster.encoded.payload));
       own = id;
-      if (left_ != nullptr && !cluster.surface.empty()) {
+      if (!cluster.surface.empty()) {
         MTDB_RETURN_IF_ERROR(left_->Add(id, cluster.surface));
       }
       ++report.clusters;

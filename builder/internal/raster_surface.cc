@@ -69,7 +69,13 @@ bool RasterSurface::Build(std::span<const std::array<uint32_t, 3>> triangles,
   for (const auto& t : triangles) {
     for (const uint32_t v : t) {
       const Corner c = corner_of(v);
-      heights_[static_cast<size_t>(c.y * width_ + c.x)] = static_cast<int32_t>(positions[v].z);
+      int32_t& height = heights_[static_cast<size_t>(c.y * width_ + c.x)];
+      const auto z = static_cast<int32_t>(positions[v].z);
+      if (height != kNone && height != z) {
+        Clear();
+        return false;
+      }
+      height = z;
     }
   }
   return true;

@@ -17,7 +17,8 @@ class RasterSurface {
  public:
   // `positions` are integers, of which x and y are columns and rows. False, and the surface is
   // empty, when `triangles` are not halves of cells that are all cut by the same diagonal, when one
-  // has an error, or when they are too far apart for a table of heights.
+  // has an error, when they are too far apart for a table of heights, or when a place has two
+  // heights, as at the foot and the edge of a cliff.
   bool Build(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3d> positions,
              std::span<const float> errors);
   void Clear() { heights_.clear(); }

@@ -70,7 +70,7 @@ struct TileResult {
   std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
   std::vector<Removal> removals;                   // in order of removal
   std::vector<uint32_t> holes, stars;
-  // Of a round that another one goes on from (TileSurface); else empty. Of half-edges, of all local
+  // Of measures that go on from round to round (TileSurface); else empty. Of half-edges, of all local
   // triangles; of the removed vertices that triangles stand for: local vertex (those of the surface
   // beneath follow, see NumberVertices), local triangle, and the border edge on whose curve it
   // lies, or 3; and paths on triangles that are there.

@@ -329,6 +329,7 @@ double TileMeasure::LowerBound(const Hole& hole, const Filling& filling) const {
 void TileMeasure::Add(const Hole& hole, const Filling& filling, uint32_t first, uint32_t new_chain,
                       std::span<const std::pair<uint8_t, uint32_t>> charges) {
   const uint32_t count = hole.k - 2;
+  FreeHeld(hole.star);
   for (uint32_t t = 0; t < count; ++t) {
     Triangle made;
     made.error = RoundedUp(filling.errors[t]);
@@ -348,7 +349,6 @@ void TileMeasure::Add(const Hole& hole, const Filling& filling, uint32_t first, 
     }
     triangles_.push_back(made);
   }
-  FreeHeld(hole.star);
   std::vector<std::pair<uint32_t, uint32_t>> held;
   for (const auto& [triangle, s] : charges) held.push_back({triangle, samples_[s]});
   HoldIn(first, count, held);

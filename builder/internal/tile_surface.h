@@ -34,8 +34,7 @@ struct TileSurface {
   std::vector<Vec3i> positions;    // grid
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<float> errors;
-  // On a border edge's curve in the order in which they were removed from it.
-  std::vector<HeldVertex> held;
+  std::vector<HeldVertex> held;  // in no order that has a meaning
   std::vector<Chord> chords;  // ends: of `vertices`; triangles: the tile's
   // Of the tile's triangles.
   std::vector<uint8_t> own;                       // it is one of the surface's itself

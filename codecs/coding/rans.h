@@ -237,6 +237,7 @@ class RansDecoder {
     for (uint64_t& state : state_) {
       state = static_cast<uint64_t>(Word()) << 32;
       state |= Word();
+      overrun_ |= state < kRansLow;
     }
   }
 
@@ -312,7 +313,7 @@ class RansDecoder {
   bool DoneBeforeZeros() const {
     return AtEnd() && std::all_of(next_, end_, [](std::byte b) { return b == std::byte{0}; });
   }
-  // It has read beyond the end: no use to go on.
+  // It has read beyond the end, or began where no encoder ends: no use to go on.
   bool overrun() const { return overrun_; }
 
  private:

@@ -182,6 +182,19 @@ TEST_CASE("A journal of another input or other options is refused, and kept") {
   REQUIRE(BuildOnce(folder, mesh, Options(folder, true)).ok());
 }
 
+TEST_CASE("A journal of a version that made other tiles is refused") {
+  const TriangleMesh mesh = MakeSculpture(20000);
+  Folder folder;
+  REQUIRE(BuildAndDie(folder, mesh, false, 6));
+  std::string journal = ReadFile(folder.journal());
+  constexpr std::string_view kBefore = "mtdb journal 06";
+  journal.replace(0, kBefore.size(), kBefore);
+  std::ofstream(folder.journal(), std::ios::binary) << journal;
+  const auto record = BuildOnce(folder, mesh, Options(folder, true));
+  REQUIRE(record.status().code() == StatusCode::kInvalidArgument);
+  REQUIRE(record.status().message().find("another version of mtdb") != std::string::npos);
+}
+
 TEST_CASE("A full disk stops the build, and it goes on when there is room") {
   const TriangleMesh mesh = MakeSculpture(20000);
   Folder folder;

@@ -127,6 +127,10 @@ TEST_CASE("what is no raster at full resolution has no table of heights") {
   }
   SECTION("a triangle over more than a cell") { other.triangles[0][1] += 1; }
   SECTION("a triangle without area") { other.triangles[0][1] = other.triangles[0][0]; }
+  SECTION("two heights at one place") {
+    other.positions.push_back(other.positions[whole.triangles[0][1]] + Vec3d{0, 0, 1});
+    other.triangles[0][1] = static_cast<uint32_t>(other.positions.size() - 1);
+  }
   SECTION("an error") { other.errors[3] = 0.5F; }
   SECTION("samples that are far apart") { other.positions.push_back({4e5, 4e5, 0}); }
   SECTION("numbers that are too large") { other.positions[0].z = 1e9; }

@@ -50,8 +50,9 @@ class Rounds {
     Run(tiles);
   }
 
-  // The next round, of tiles for which begins_afresh(i) is false.
-  void Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh = {}) {
+  // The next round, of tiles for which begins_afresh(i) is false. `over`: its clusters leave
+  // nothing.
+  void Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh = {}, bool over = false) {
     const auto round = static_cast<uint32_t>(surfaces.size() + 1);
     const RoundCurve curve(bounds_, round);
     std::stable_sort(after.begin(), after.end(), [&](const TileTriangle& a, const TileTriangle& b) {
@@ -74,8 +75,9 @@ class Rounds {
       if (!afresh) options.surface = &surface;
       const TileResult result = decimator.Decimate(tile.triangles, grid, options);
       for (const Removal& r : result.removals) removed.push_back(result.vertices[r.vertex]);
-      TileCluster cluster = MakeTileCluster(tile, result, grid, {},
-                                            {afresh ? round : surface.round, options.surface});
+      const uint32_t begun = afresh ? round : surface.round;
+      TileCluster cluster =
+          MakeTileCluster(tile, result, grid, {}, {over ? 0 : begun, options.surface});
       REQUIRE(spool->Add(next_, cluster.surface).ok());
       for (TileTriangle& t : cluster.left.triangles) {
         if (t.child == TileCluster::kOwnCluster) t.child = next_;
@@ -162,6 +164,25 @@ TEST_CASE("Where a tile began afresh, only tiles that lie on what it left go on"
   // Of a window that is over nothing is kept.
   rounds.surfaces.erase(rounds.surfaces.begin());
   REQUIRE(GatherSurface(rounds.surfaces, first).value().empty());
+}
+
+TEST_CASE("A window that is over stands in the way of none that began after it") {
+  Rounds rounds(MakeSculpture(20000), 4);
+  rounds.Run(4, {}, true);                     // clusters 11 to 14
+  rounds.Run(4, [](size_t) { return true; });  // 15 to 18
+  const auto made_by = [&](UnitId first, UnitId last) {
+    std::vector<TileTriangle> triangles;
+    for (const TileTriangle& t : rounds.after) {
+      if (t.child != kNone32 && t.child >= first && t.child <= last) triangles.push_back(t);
+    }
+    REQUIRE(!triangles.empty());
+    return triangles;
+  };
+  REQUIRE(GatherSurface(rounds.surfaces, made_by(11, 14)).value().empty());
+  const TileSurface surface = GatherSurface(rounds.surfaces, made_by(11, 18)).value();
+  REQUIRE(surface.round == 3);
+  REQUIRE(std::count(surface.own.begin(), surface.own.end(), uint8_t{1}) ==
+          static_cast<std::ptrdiff_t>(made_by(11, 14).size()));
 }
 
 TEST_CASE("A surface is not gone on from where it is too fine") {

@@ -54,6 +54,18 @@ uint32_t Code(Coder&& coder, Models& models, const Decision& d, uint32_t value) 
   }
 }
 
+// No encoder leaves such a state, and what follows of it would differ by whether bits that are
+// certain are counted as decisions.
+TEST_CASE("a stream whose state begins below 2^31 is refused") {
+  ByteWriter w;
+  for (const uint32_t word : {0u, 5u, 0x80000000u}) w.Put(word);
+  RansDecoder<> decoder(w.bytes());
+  REQUIRE(decoder.overrun());
+  REQUIRE(decoder.lane().Raw(16) == 5);
+  REQUIRE_FALSE(decoder.Done());
+  REQUIRE_FALSE(decoder.DoneBeforeZeros());
+}
+
 TEST_CASE("what the coder writes on three lanes, it reads, and it ends where it began") {
   for (uint32_t seed = 0; seed < 20; ++seed) {
     const std::vector<Decision> decisions = RandomDecisions(seed, 1 + seed * 300, 3);
