@@ -29,6 +29,7 @@
 #include "builder/internal/root_writer.h"
 #include "builder/internal/round_level.h"
 #include "builder/internal/tile_cluster.h"
+#include "builder/internal/tile_cutter.h"
 #include "builder/internal/tile_surface.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
@@ -453,6 +454,10 @@ class Builder {
     std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
     left_ = std::make_unique<SurfaceSpool>(round, &space_, memory_ / (4 * kMostWindow));
     triangles_in_.push_back(count);
+    const RoundCurve this_curve = CurveOf(round);
+    TileCutter cutter(
+        from, this_curve, input_grid(),
+        {tiles, round, options_.tile_triangles, record_.attributes.row_bytes(), is_terrain()});
     const RoundCurve curve = CurveOf(round + 1);
     OrderedPipeline<TileJob> pipeline(threads_, [&](unsigned worker, TileJob& job) {
       if (!job.replayed) job.status = Decimate(worker, round, job);
@@ -461,7 +466,6 @@ class Builder {
     uint64_t given = 0;
     for (uint64_t taken = 0; taken < tiles; ++taken) {
       while (given < tiles && pipeline.in_flight() < ahead_) {
-        const auto [begin, end] = TileRange(count, tiles, given);
         TileJob job;
         job.alone = tiles == 1;
         if (journal_ != nullptr) {
@@ -469,7 +473,7 @@ class Builder {
           job.replayed = known.has_value();
           if (known) job.outcome = *std::move(known);
         }
-        MTDB_RETURN_IF_ERROR(from.Next(end - begin, job.replayed ? nullptr : &job.tile, &job.code));
+        MTDB_RETURN_IF_ERROR(cutter.Next(job.replayed ? nullptr : &job.tile, &job.code));
         pipeline.Submit(std::move(job));
         ++given;
       }

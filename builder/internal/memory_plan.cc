@@ -6,6 +6,7 @@
 
 #include "builder/internal/round_level.h"
 #include "builder/internal/tile.h"
+#include "builder/internal/tile_cutter.h"
 
 namespace mtdb::internal {
 
@@ -69,9 +70,10 @@ Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
   const uint64_t thread_bytes = kThreadBytes *
                                 std::max<uint64_t>(options.tile_triangles, kThreadTriangles) /
                                 kThreadTriangles;
+  const uint64_t window = TileCutter::WindowBytes(options.tile_triangles, row);
   const auto need = [&](uint64_t workers, uint64_t ahead) {
-    return kFixedBytes + workers * (thread_bytes + cost.worker) + ahead * cost.tile + cost.writer +
-           kLeastSpoolBytes;
+    return kFixedBytes + window + workers * (thread_bytes + cost.worker) + ahead * cost.tile +
+           cost.writer + kLeastSpoolBytes;
   };
   for (unsigned workers = threads; workers >= 1; --workers) {
     const size_t most = workers == 1 ? 1 : 3 * size_t{workers};

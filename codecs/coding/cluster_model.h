@@ -247,7 +247,9 @@ class PositionModel {
   [[gnu::always_inline]] int32_t CodeScaled(Coder&& coder, BitCoder& bits, size_t which,
                                             size_t ring_class, float variance, int32_t value) {
     const int exponent = ExponentOf(variance);
-    const int shift = std::max(0, exponent / 2 - 4);
+    // A symbol stands for about an eighth of the deviation, or for a half of it along n, where
+    // tails are long: few residuals are beyond the symbols.
+    const int shift = std::max(0, exponent / 2 - (which == 2 ? 1 : 3));
     const size_t scale = static_cast<size_t>(exponent < 8 ? exponent : 8 + (exponent & 1));
     AdaptiveSymbol& model = scaled_[(which * kRingClasses + ring_class) * kScales + scale];
     const uint32_t magnitude = Magnitude(value);

@@ -115,6 +115,7 @@ Result<LoadedUnitPtr> ClusterCache::GetPinned(UnitId unit, LoadStats* stats) {
     const auto client = std::make_shared<Client>();
     client->stats = *stats;
     client->read.resize(entries_.size());
+    client->done.resize(entries_.size());
     LoadRequest request{client};
     Enter();
     Result<LoadedUnitPtr> loaded = Load(unit, request, lock);
@@ -366,7 +367,7 @@ bool ClusterCache::RunJob(Lock& lock) {
     const Job job = jobs_.top();
     jobs_.pop();
     if (job.client->stopped || exclusive_ || exclusive_waiting_ > 0) continue;
-    if (entries_[job.unit].state != State::kEmpty) continue;
+    if (entries_[job.unit].state != State::kEmpty || job.client->done[job.unit]) continue;
     Enter();
     LoadRequest request{job.client};
     request.waits = at_once_;
@@ -469,6 +470,20 @@ void ClusterCache::RemoveReader(Client& client, bool spills) {
   }
   dropped.clear();
   if (trim) GiveMemoryBack();
+}
+
+void ClusterCache::Forget(UnitId unit, Client& client) {
+  const MutexLock lock(mutex_);
+  client.done[unit] = true;
+  Entry& entry = entries_[unit];
+  if (spillers_ > 1 || entry.state != State::kReady || entry.pins > 0) return;
+  entry.used_in = 0;
+  if (oldest_ == unit) return;
+  Unlink(unit);
+  entry.older = kNone32;
+  entry.newer = oldest_;
+  (oldest_ == kNone32 ? newest_ : entries_[oldest_].older) = unit;
+  oldest_ = unit;
 }
 
 size_t ClusterCache::bytes() const {
@@ -633,6 +648,11 @@ void ClusterCache::DropPayload(UnitId unit) {
 size_t ClusterCache::PayloadBytes(UnitId unit) const {
   const bool counted = !at_once_ || options_.form == RuntimeForm::kImplicit;
   return counted ? index_.location(unit).length : 0;
+}
+
+size_t ClusterCache::UnitBudget() const {
+  const bool implicit = options_.form == RuntimeForm::kImplicit;
+  return options_.budget_bytes - (implicit ? options_.budget_bytes / kPayloadShare : 0);
 }
 
 // Some 60 bytes a node are usual.

@@ -120,6 +120,7 @@ class ClusterCache {
   struct Client {
     LoadStats stats;
     std::vector<bool> read;             // per unit: by this query
+    std::vector<bool> done;             // likewise: it will not want it again
     std::map<UnitId, Status> failures;  // of reads
     QueryControl* control = nullptr;    // null when the query is over
     bool stopped = false;               // it is over: its jobs are void
@@ -182,6 +183,9 @@ class ClusterCache {
   void Work();
   void AddReader(bool spills);
   void RemoveReader(Client& client, bool spills);
+  // A query has done with the unit. When it is the only one, the unit leaves the cache first, and
+  // need not come back.
+  void Forget(UnitId unit, Client& client);
 
   // What is not there for the plan can be waited for: asks for it. kBudgetExceeded when there is no
   // room for a single payload, or none may be read.
@@ -231,6 +235,8 @@ class ClusterCache {
   // Bytes of the unit when decoded, guessed from the index.
   size_t EstimateBytes(UnitId unit) const;
   size_t TypicalBytes() const;
+  // Of the budget, what payloads leave for units.
+  size_t UnitBudget() const;
 
   const std::shared_ptr<ClusterSource> source_;
   const ClusterIndex& index_;

@@ -245,9 +245,17 @@ Status CutImpl::Emit(MeshSink& sink) {
   }
   MTDB_RETURN_IF_ERROR(sink.Begin(header));
   BlockWriter out(sink, record.grid, record.attributes.row_bytes(), normals);
-  MTDB_RETURN_IF_ERROR(EmitVertices(out));
-  MTDB_RETURN_IF_ERROR(EmitTriangles(out, true));
-  if (stats_.active_triangles < stats_.triangles) MTDB_RETURN_IF_ERROR(EmitTriangles(out, false));
+  const std::vector<UnitId> units = OutputUnits();
+  const bool all_active = stats_.active_triangles == stats_.triangles;
+  // Without room for all units they are loaded for their vertices and triangles together.
+  kept_.clear();
+  if (!reader_.Fit(units)) {
+    kept_.resize(all_active ? 1 : 2,
+                 KeptTriangles(reader_.spill_file(), units.size(), stats_.vertices));
+  }
+  MTDB_RETURN_IF_ERROR(EmitVertices(units, out));
+  MTDB_RETURN_IF_ERROR(EmitTriangles(units, out, true));
+  if (!all_active) MTDB_RETURN_IF_ERROR(EmitTriangles(units, out, false));
   if (out.vertices() != stats_.vertices || out.triangles() != stats_.triangles) {
     return Corrupt(record.name + ": expected " + std::to_string(stats_.vertices) +
                    " vertices and " + std::to_string(stats_.triangles) + " triangles, found " +
@@ -276,13 +284,17 @@ std::span<const uint64_t> CutImpl::Slots(const LoadedUnit& unit, bool active) {
   return inactive_;
 }
 
-template <typename F, typename After>
-Status CutImpl::ForEachUnit(F&& f, After&& after) {
+std::vector<UnitId> CutImpl::OutputUnits() const {
   std::vector<UnitId> units;
   for (UnitId id = index_.cluster_count(); id < index_.unit_count(); ++id) units.push_back(id);
   for (UnitId id = 0; id < index_.cluster_count(); ++id) {
     if (!Skips(id)) units.push_back(id);
   }
+  return units;
+}
+
+template <typename F, typename After>
+Status CutImpl::ForEachUnit(std::span<const UnitId> units, F&& f, After&& after) {
   const size_t ahead = reader_.prefetch_units() / 2;
   for (size_t i = 0; i < units.size(); ++i) {
     MTDB_RETURN_IF_ERROR(reader_.Check());
@@ -290,7 +302,7 @@ Status CutImpl::ForEachUnit(F&& f, After&& after) {
       // The half window after this one; the first time both.
       const size_t begin = i == 0 ? 1 : std::min(i + ahead, units.size());
       const size_t end = std::min(i + 2 * ahead, units.size());
-      reader_.Prefetch(std::span(units).subspan(begin, end - begin));
+      reader_.Prefetch(units.subspan(begin, end - begin));
     }
     MTDB_ASSIGN_OR_RETURN(const LoadedUnit* const unit, reader_.Get(units[i]));
     f(*unit);
@@ -300,29 +312,71 @@ Status CutImpl::ForEachUnit(F&& f, After&& after) {
   return Status::Ok();
 }
 
-Status CutImpl::EmitVertices(BlockWriter& out) {
+// Clusters come finest first, so that when one has been sent, nothing is decoded from it any more.
+Status CutImpl::EmitVertices(std::span<const UnitId> units, BlockWriter& out) {
   uint64_t next = 0;
+  size_t i = 0;
+  bool done = false;
   MTDB_RETURN_IF_ERROR(ForEachUnit(
+      units,
       [&](const LoadedUnit& unit) {
         if (unit.nodes() == 0) {
           EmitRootVertices(unit, out, &next);
         } else {
           EmitClusterVertices(unit, out);
         }
+        done = KeepTriangles(unit, i++) && everything_ && unit.nodes() > 0;
       },
-      [&] { return out.FlushBlocks(); }));
+      [&] {
+        if (done) reader_.Forget(units[i - 1]);
+        return out.FlushBlocks();
+      }));
   return out.FlushVertices();
 }
 
-Status CutImpl::EmitTriangles(BlockWriter& out, bool active) {
-  MTDB_RETURN_IF_ERROR(ForEachUnit(
-      [&](const LoadedUnit& unit) { EmitUnitTriangles(unit, Slots(unit, active), out); },
-      [&] {
-        if (query_.control != nullptr) {
-          query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);
-        }
-        return out.FlushBlocks();
-      }));
+bool CutImpl::KeepTriangles(const LoadedUnit& unit, size_t i) {
+  bool kept = !kept_.empty();
+  for (size_t k = 0; k < kept_.size(); ++k) {
+    kept = kept && kept_[k].open();
+    if (!kept) break;
+    to_keep_.resize(std::max<size_t>(to_keep_.size(), unit.own_slots()));
+    const TriangleVertices* const end = PutTriangles(unit, k == 0, to_keep_.data());
+    kept = kept_[k].Keep(i, {to_keep_.data(), end});
+  }
+  return kept;
+}
+
+Status CutImpl::EmitTriangles(std::span<const UnitId> units, BlockWriter& out, bool active) {
+  KeptTriangles none;
+  KeptTriangles& kept = kept_.empty() ? none : kept_[active ? 0 : 1];
+  const auto sent = [&] {
+    if (query_.control != nullptr) {
+      query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);
+    }
+    return out.FlushBlocks();
+  };
+  for (size_t i = 0; i < units.size();) {
+    if (kept.Has(i)) {
+      MTDB_RETURN_IF_ERROR(reader_.Check());
+      const size_t count = kept.size(i);
+      TriangleVertices* const room = out.TriangleRoom(count);
+      if (kept.Read(i, room)) {
+        out.AddTriangles(room + count);
+        MTDB_RETURN_IF_ERROR(sent());
+        ++i;
+        continue;
+      }
+    }
+    size_t end = i + 1;
+    while (end < units.size() && !kept.Has(end)) ++end;
+    MTDB_RETURN_IF_ERROR(ForEachUnit(
+        units.subspan(i, end - i),
+        [&](const LoadedUnit& unit) {
+          out.AddTriangles(PutTriangles(unit, active, out.TriangleRoom(unit.own_slots())));
+        },
+        sent));
+    i = end;
+  }
   return out.FlushTriangles();
 }
 
@@ -400,19 +454,18 @@ void CutImpl::NumberOwn(const LoadedUnit& unit) {
   ForEachNode(unit, [&](NodeIndex i) { numbers_[external + i] = next++; });
 }
 
-void CutImpl::EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots,
-                                BlockWriter& out) {
+TriangleVertices* CutImpl::PutTriangles(const LoadedUnit& unit, bool active,
+                                        TriangleVertices* next) {
   NumberOwn(unit);
   VertexIndex* const numbers = numbers_.data();
   const auto number = [&](uint32_t local) {
     const VertexIndex n = numbers[local];
     return n != kUnset ? n : NumberOther(unit, local);
   };
-  TriangleVertices* next = out.TriangleRoom(unit.own_slots());
-  ForEachTriangle(unit, slots, [&](const std::array<uint32_t, 3>& t) {
+  ForEachTriangle(unit, Slots(unit, active), [&](const std::array<uint32_t, 3>& t) {
     *next++ = {number(t[0]), number(t[1]), number(t[2])};
   });
-  out.AddTriangles(next);
+  return next;
 }
 
 bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {
@@ -426,6 +479,7 @@ Status CutImpl::FindNormals(std::vector<Vec3f>* normals) {
   std::vector<Vec3d> sums(stats_.vertices);
   const Grid& grid = surface_->record().grid;
   MTDB_RETURN_IF_ERROR(ForEachUnit(
+      OutputUnits(),
       [&](const LoadedUnit& unit) {
         NumberOwn(unit);
         const uint32_t external = unit.cluster.external_vertices();

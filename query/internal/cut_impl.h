@@ -2,6 +2,7 @@
 // CutImpl: what stands behind Cut: the selected nodes, the numbering of the output, the emission.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "query/cut.h"
 #include "query/internal/block_writer.h"
 #include "query/internal/cut_state.h"
+#include "query/internal/kept_triangles.h"
 #include "query/internal/root_numbering.h"
 #include "query/internal/search.h"
 #include "query/internal/unit_reader.h"
@@ -52,20 +54,24 @@ class CutImpl {
   // What the answer promises when the sink moves vertices by up to `rounding`, whatever was
   // expected.
   void SetBounds(double rounding);
-  // Calls f(unit) for each root piece, then for each cluster with something in the output. Holds
-  // one at a time, and none when `after` has it sent.
+  // Each root piece, then each cluster with something in the output.
+  std::vector<UnitId> OutputUnits() const;
+  // Calls f(unit) for each of them. Holds one at a time, and none when `after` has it sent.
   template <typename F, typename After>
-  Status ForEachUnit(F&& f, After&& after);
+  Status ForEachUnit(std::span<const UnitId> units, F&& f, After&& after);
   // Marks the triangles that meet the region, and their vertices.
   Status MarkClipped();
   Status NumberVertices();
 
-  Status EmitVertices(BlockWriter& out);
+  Status EmitVertices(std::span<const UnitId> units, BlockWriter& out);
   // Active triangles, or the others.
-  Status EmitTriangles(BlockWriter& out, bool active);
+  Status EmitTriangles(std::span<const UnitId> units, BlockWriter& out, bool active);
+  // What EmitTriangles sends of unit `i`. False when it will need the unit.
+  bool KeepTriangles(const LoadedUnit& unit, size_t i);
   void EmitRootVertices(const LoadedUnit& unit, BlockWriter& out, uint64_t* next) const;
   void EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
-  void EmitUnitTriangles(const LoadedUnit& unit, std::span<const uint64_t> slots, BlockWriter& out);
+  // Into `next`, which has room for the unit's own slots. Returns their end.
+  TriangleVertices* PutTriangles(const LoadedUnit& unit, bool active, TriangleVertices* next);
   // Of all vertices of the output, in their order.
   Status FindNormals(std::vector<Vec3f>* normals);
   // Calls f(local vertices) for each triangle of the unit in `slots`, which has a bit per own slot.
@@ -109,10 +115,13 @@ class CutImpl {
   Search::Outcome outcome_;
   Bits root_used_;  // per root vertex, when clipped
   RootNumbering root_numbers_;
-  std::vector<Output> outputs_;       // per place in cut_.open()
-  std::vector<VertexIndex> numbers_;  // scratch: per local vertex
-  std::vector<NodeIndex> creators_;   // scratch: per own slot
-  std::vector<uint64_t> inactive_;    // scratch: a bit per own slot
+  std::vector<Output> outputs_;  // per place in cut_.open()
+  // Lists by unit of the output, where the cache has no room for all: active triangles, the others.
+  std::vector<KeptTriangles> kept_;
+  std::vector<TriangleVertices> to_keep_;  // scratch
+  std::vector<VertexIndex> numbers_;       // scratch: per local vertex
+  std::vector<NodeIndex> creators_;        // scratch: per own slot
+  std::vector<uint64_t> inactive_;         // scratch: a bit per own slot
   UnitReader reader_;
   ExtractStats stats_;
 };

@@ -11,7 +11,9 @@ namespace mtdb::internal {
 SpillFile::~SpillFile() = default;
 std::optional<SpillPlace> SpillFile::Take(size_t) { return std::nullopt; }
 std::optional<SpillPlace> SpillFile::Write(const LoadedUnit&) noexcept { return std::nullopt; }
+std::optional<SpillPlace> SpillFile::Write(ByteSpan) noexcept { return std::nullopt; }
 LoadedUnitPtr SpillFile::Read(const SpillPlace&) const { return nullptr; }
+bool SpillFile::Read(const SpillPlace&, std::span<std::byte>) const { return false; }
 bool SpillFile::open() const { return false; }
 bool SpillFile::empty() const { return true; }
 
@@ -60,12 +62,18 @@ std::optional<SpillPlace> SpillFile::Take(size_t bytes) {
 
 std::optional<SpillPlace> SpillFile::Write(const LoadedUnit& unit) noexcept {
   std::optional<SpillPlace> place;
-  const bool enough_memory = TryAllocate([&] {
-    const Bytes image = MakeUnitImage(unit);
-    place = Take(image.size());
-    if (place && !WriteFully(file_, place->offset, image.data(), image.size())) place.reset();
-  });
-  if (enough_memory && place) return place;
+  if (TryAllocate([&] { place = Write(MakeUnitImage(unit)); })) return place;
+  const MutexLock lock(mutex_);
+  failed_ = true;
+  return std::nullopt;
+}
+
+std::optional<SpillPlace> SpillFile::Write(ByteSpan bytes) noexcept {
+  std::optional<SpillPlace> place;
+  const bool enough_memory = TryAllocate([&] { place = Take(bytes.size()); });
+  if (enough_memory && place && WriteFully(file_, place->offset, bytes.data(), bytes.size())) {
+    return place;
+  }
   const MutexLock lock(mutex_);
   failed_ = true;
   return std::nullopt;
@@ -73,8 +81,12 @@ std::optional<SpillPlace> SpillFile::Write(const LoadedUnit& unit) noexcept {
 
 LoadedUnitPtr SpillFile::Read(const SpillPlace& place) const {
   Bytes image(place.bytes);
-  const ssize_t n = ReadFully(file_, place.offset, image.data(), image.size());
-  return n == static_cast<ssize_t>(place.bytes) ? UnitFromImage(image) : nullptr;
+  return Read(place, image) ? UnitFromImage(image) : nullptr;
+}
+
+bool SpillFile::Read(const SpillPlace& place, std::span<std::byte> bytes) const {
+  return ReadFully(file_, place.offset, bytes.data(), bytes.size()) ==
+         static_cast<ssize_t>(place.bytes);
 }
 
 }  // namespace mtdb::internal

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// SpillFile: the decoded units that found no room in memory, in a temporary file.
+// SpillFile: what a query will want again and finds no room for in memory, in a temporary file.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "query/internal/loaded_unit.h"
@@ -11,15 +12,15 @@
 
 namespace mtdb::internal {
 
-// Where in the file a unit is.
+// Where in the file something is.
 struct SpillPlace {
   uint64_t offset = 0;
   size_t bytes = 0;
 };
 
 // The file has no name, and is there from the first Write on until the object goes. Whatever fails
-// (no such folder, a full disk, no memory), the unit is not kept, and whoever wants it decodes it
-// again. Safe for many threads.
+// (no such folder, a full disk, no memory), it is not kept, and whoever wants it makes it again
+// from what is stored. Safe for many threads.
 class SpillFile {
  public:
   // `folder`: empty for the system's. Holds at most `limit` bytes.
@@ -30,8 +31,11 @@ class SpillFile {
 
   // After a failure nothing more is written.
   std::optional<SpillPlace> Write(const LoadedUnit& unit) noexcept;
+  std::optional<SpillPlace> Write(ByteSpan bytes) noexcept;
   // Null when it cannot be read. Throws std::bad_alloc.
   LoadedUnitPtr Read(const SpillPlace& place) const;
+  // `bytes` has the size of the place; false when they cannot be read.
+  bool Read(const SpillPlace& place, std::span<std::byte> bytes) const;
   // False when Write would fail.
   bool open() const;
   // True until something has been written.

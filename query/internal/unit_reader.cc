@@ -32,6 +32,7 @@ UnitReader::UnitReader(ClusterCache& cache, const ReaderLimits& limits)
       client_(std::make_shared<ClusterCache::Client>()),
       seen_(cache.entries_.size()) {
   client_->read.resize(cache.entries_.size());
+  client_->done.resize(cache.entries_.size());
   client_->control = limits.control;
   cache.AddReader(limits.spills);
   if (limits.available_only) {
@@ -222,6 +223,23 @@ void UnitReader::Release() {
   cache_.Leave();
 }
 
+bool UnitReader::Fit(std::span<const UnitId> units) const {
+  const MutexLock lock(cache_.mutex_);
+  size_t left = cache_.UnitBudget();
+  for (const UnitId u : units) {
+    const size_t decoded = cache_.entries_[u].decoded_bytes;
+    const size_t bytes = decoded > 0 ? decoded : cache_.EstimateBytes(u);
+    if (bytes > left) return false;
+    left -= bytes;
+  }
+  return true;
+}
+
+std::shared_ptr<SpillFile> UnitReader::spill_file() const {
+  const MutexLock lock(cache_.mutex_);
+  return limits_.spills ? cache_.spill_ : nullptr;
+}
+
 bool UnitReader::IsReady(UnitId unit) {
   const MutexLock lock(cache_.mutex_);
   return cache_.entries_[unit].state == ClusterCache::State::kReady;
@@ -242,6 +260,7 @@ void UnitReader::Prefetch(std::span<const UnitId> units) {
       return;
     }
     for (const UnitId u : units) {
+      client_->done[u] = false;
       if (missing(u)) cache_.jobs_.push({u, client_});
     }
   }));

@@ -46,6 +46,12 @@ class UnitReader {
   Result<const LoadedUnit*> Get(UnitId unit);
   // Lets go of all units.
   void Release();
+  // A unit that this reader has let go of and will not want again.
+  void Forget(UnitId unit) { cache_.Forget(unit, *client_); }
+  // True when the cache has room for all of them.
+  bool Fit(std::span<const UnitId> units) const;
+  // For what the reader will want again beside units; null when it does not spill.
+  std::shared_ptr<SpillFile> spill_file() const;
   // Not null: a reader that waits for nothing. Its Get fails with kNotYet for what is missing, and
   // is never crowded; Release keeps what was got.
   AvailableUnits* available() const { return available_.get(); }

@@ -4,27 +4,42 @@
 #include <algorithm>
 
 namespace mtdb {
+namespace {
+
+// Room for `count` more elements, at once for as many as were announced, so that a large list is
+// not copied again and again. Counts from files may be false: they are believed up to so many times
+// what has come.
+template <typename T>
+void MakeRoom(std::vector<T>& list, size_t count, uint64_t announced) {
+  constexpr uint64_t kTrusted = 1 << 20;
+  constexpr uint64_t kTrustedTimes = 256;
+  const size_t needed = list.size() + count;
+  if (needed <= list.capacity()) return;
+  const uint64_t trusted = std::max<uint64_t>(kTrusted, kTrustedTimes * needed);
+  const size_t grown = announced > needed ? 0 : 2 * list.capacity();
+  list.reserve(std::max({needed, static_cast<size_t>(std::min(announced, trusted)), grown}));
+}
+
+}  // namespace
 
 Status TriangleMeshSink::Begin(const MeshHeader& header) {
   mesh_->header = header;
   mesh_->positions.clear();
   mesh_->triangles.clear();
   mesh_->rows.clear();
-  constexpr uint64_t kTrusted = 1 << 20;  // counts from files may be false: the blocks then decide
-  const uint64_t vertices = std::min(header.vertex_count.value_or(0), kTrusted);
-  mesh_->positions.reserve(vertices);
-  mesh_->rows.reserve(vertices * header.attributes.row_bytes());
-  mesh_->triangles.reserve(std::min(header.triangle_count.value_or(0), 2 * kTrusted));
   return Status::Ok();
 }
 
 Status TriangleMeshSink::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) {
+  MakeRoom(mesh_->positions, positions.size(), mesh_->header.vertex_count.value_or(0));
+  mesh_->rows.reserve(mesh_->positions.capacity() * mesh_->header.attributes.row_bytes());
   mesh_->positions.insert(mesh_->positions.end(), positions.begin(), positions.end());
   mesh_->rows.insert(mesh_->rows.end(), rows.begin(), rows.end());
   return Status::Ok();
 }
 
 Status TriangleMeshSink::AddTriangles(std::span<const TriangleVertices> triangles) {
+  MakeRoom(mesh_->triangles, triangles.size(), mesh_->header.triangle_count.value_or(0));
   mesh_->triangles.insert(mesh_->triangles.end(), triangles.begin(), triangles.end());
   return Status::Ok();
 }

@@ -25,23 +25,23 @@ struct Case {
 };
 
 const Case kCases[] = {
-    {"torus", {}, 1627},
-    {"sheet", {.surface = Surface::kSheet, .seed = 2}, 1552},
-    {"pierced sheet", {.surface = Surface::kSheet, .pierced = true, .seed = 3}, 1574},
-    {"no children", {.children = 0, .seed = 4}, 1582},
-    {"many children", {.children = 20, .seed = 5}, 1802},
-    {"lossless", {.surface = Surface::kSheet, .numbers = Numbers::kLossless, .seed = 6}, 3936},
-    {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4491},
+    {"torus", {}, 1596},
+    {"sheet", {.surface = Surface::kSheet, .seed = 2}, 1535},
+    {"pierced sheet", {.surface = Surface::kSheet, .pierced = true, .seed = 3}, 1552},
+    {"no children", {.children = 0, .seed = 4}, 1555},
+    {"many children", {.children = 20, .seed = 5}, 1768},
+    {"lossless", {.surface = Surface::kSheet, .numbers = Numbers::kLossless, .seed = 6}, 3794},
+    {"wild numbers", {.numbers = Numbers::kWild, .seed = 7}, 4342},
     {"coinciding positions", {.numbers = Numbers::kCoincident, .seed = 8}, 2554},
-    {"attributes", {.attributes = true, .seed = 9}, 8365},
-    {"rounded attributes", {.rounded_attributes = true, .seed = 12}, 3728},
-    {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 83},
+    {"attributes", {.attributes = true, .seed = 9}, 8333},
+    {"rounded attributes", {.rounded_attributes = true, .seed = 12}, 3695},
+    {"a single node", {.side = 4, .keep = 0.94, .seed = 10}, 82},
     {"terrain", {.surface = Surface::kTerrain, .side = 24, .seed = 13}, 977},
-    {"full terrain", {.surface = Surface::kTerrain, .side = 24, .keep = 0, .seed = 14}, 1295},
+    {"full terrain", {.surface = Surface::kTerrain, .side = 24, .keep = 0, .seed = 14}, 1298},
     {"terrain by another rule",
      {.surface = Surface::kOtherTerrain, .side = 24, .keep = 0.9, .seed = 15},
      305},
-    {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12444},
+    {"a larger sheet", {.surface = Surface::kSheet, .side = 60, .seed = 11}, 12273},
 };
 
 Result<Cluster> Decode(const ClusterFixture& fixture, const EncodedCluster& encoded,
@@ -208,11 +208,11 @@ TEST_CASE("the worked example of the format has these bytes") {
     hex += kDigits[static_cast<uint8_t>(b) & 15];
   }
   CHECK(hex ==
-        "05800500811000822000830200840800"
+        "05800500811000822000830300840800"
         "0210010107"
         "36000000f800039d0000000000000080"
-        "41000000847f100405000000899addf6080000000d152085020000004cf04b88"
-        "44342f0000002dcd4c4c");
+        "41000000847f1004020000005a17ff4f0200000080002770020000004cf04b88"
+        "4474012f0000002dcd4c4c");
   const Result<Cluster> cluster = Decode(fixture, encoded, encoded.payload);
   REQUIRE(cluster.ok());
   REQUIRE(Difference(fixture, encoded, *cluster) == "");

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "query/internal/cluster_cache.h"
+#include "query/internal/kept_triangles.h"
 #include "query/internal/unit_image.h"
 #include "query/surface.h"
 #include "tests/query/mt_fixture.h"
@@ -93,6 +94,55 @@ std::set<int> OpenFiles() {
   }
   closedir(folder);
   return files;
+}
+
+// Calls f(descriptor, bytes) for each regular file that has been opened since.
+template <typename F>
+void ForEachNewFile(const std::set<int>& before, F&& f) {
+  for (const int file : OpenFiles()) {
+    struct stat info {};
+    if (before.contains(file) || fstat(file, &info) != 0 || !S_ISREG(info.st_mode)) continue;
+    f(file, info.st_size);
+  }
+}
+
+// Takes a mesh, and calls f() before its first triangles.
+template <typename F>
+class InterruptedSink final : public MeshSink {
+ public:
+  InterruptedSink(TriangleMesh* mesh, F f) : sink_(mesh), f_(std::move(f)) {}
+  Status Begin(const MeshHeader& header) override { return sink_.Begin(header); }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    return sink_.AddVertices(positions, rows);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    if (!called_) f_();
+    called_ = true;
+    return sink_.AddTriangles(triangles);
+  }
+  Status End() override { return sink_.End(); }
+
+ private:
+  TriangleMeshSink sink_;
+  F f_;
+  bool called_ = false;
+};
+
+// Loses the second half, or changes the first one here and there.
+void Damage(int file, off_t size, bool cut_off) {
+  const off_t half = size / 2;
+  REQUIRE(half > 0);
+  if (cut_off) REQUIRE(ftruncate(file, half) == 0);
+  for (off_t at = 100; at < half; at += 1000) {
+    const char byte = '?';
+    REQUIRE(pwrite(file, &byte, 1, at) == 1);
+  }
+}
+
+size_t DecodedBytes(const MtFixture& f) {
+  const auto surface = Open(f, {.cache_bytes = size_t{1} << 30, .threads = 1});
+  Ask(*surface, {});
+  return surface->cache().bytes();
 }
 
 }  // namespace
@@ -196,6 +246,83 @@ TEST_CASE("The file is there as long as its query, and one at a time") {
   REQUIRE(OpenFiles().size() == before);
 }
 
+TEST_CASE("Triangles that wait for the vertices are in the file, and what has been sent is not") {
+  for (uint32_t seed = 1; seed <= 3; ++seed) {
+    const MtFixture f = Fixture(seed);
+    const Answer expected = Ask(*Open(f, {.threads = 1}), {});
+    const std::set<int> before = OpenFiles();
+    if (before.empty()) return;  // no /proc
+    const size_t decoded = DecodedBytes(f);
+    for (const size_t cache_bytes : {decoded - 1, decoded / 2, 2 * decoded}) {
+      const auto surface = Open(f, {.cache_bytes = cache_bytes, .threads = 1});
+      size_t file_bytes = 0;
+      Answer answer;
+      InterruptedSink sink(&answer.mesh, [&] {
+        ForEachNewFile(before, [&](int, off_t size) { file_bytes += static_cast<size_t>(size); });
+      });
+      answer.status = surface->Extract({}, sink).status();
+      REQUIRE(SameMesh(answer, expected));
+      const size_t lists = 12 * expected.mesh.triangles.size() + 8 * f.source->index().unit_count();
+      if (cache_bytes > decoded) {
+        CHECK(file_bytes == 0);
+      } else {
+        CHECK(file_bytes >= lists);
+        CHECK(file_bytes <= lists + decoded / 4);
+      }
+    }
+  }
+}
+
+TEST_CASE("Triangles that the file has lost or changed are made again") {
+  std::mt19937 random(5);
+  for (const bool cut_off : {true, false}) {
+    const MtFixture f = Fixture(2);
+    for (const Query& query : SomeQueries(f, random)) {
+      const Answer expected = Ask(*Open(f, {.threads = 1}), query);
+      const std::set<int> before = OpenFiles();
+      const auto surface = Open(f, {.cache_bytes = SmallCache(f, query), .threads = 2});
+      Answer answer;
+      InterruptedSink sink(&answer.mesh, [&] {
+        ForEachNewFile(before, [&](int file, off_t size) { Damage(file, size, cut_off); });
+      });
+      answer.status = surface->Extract(query, sink).status();
+      REQUIRE(SameMesh(answer, expected));
+    }
+  }
+}
+
+TEST_CASE("Lists of triangles come back from the file, with numbers of any size") {
+  for (const uint64_t vertices : {uint64_t{1000}, uint64_t{0xffffffff}, uint64_t{1} << 40}) {
+    std::mt19937_64 random(1);
+    std::vector<std::vector<TriangleVertices>> lists(8);
+    for (size_t i = 0; i < lists.size(); ++i) {
+      lists[i].resize(i * i * 7);
+      for (TriangleVertices& t : lists[i]) {
+        for (VertexIndex& v : t) v = random() % vertices;
+      }
+    }
+    const auto file = std::make_shared<SpillFile>("", 20'000);
+    KeptTriangles kept(file, lists.size(), vertices);
+    REQUIRE(kept.open());
+    for (const size_t i : {5, 0, 3}) REQUIRE(kept.Keep(i, lists[i]));
+    for (const size_t i : {0, 3, 5}) {
+      REQUIRE(kept.Has(i));
+      std::vector<TriangleVertices> found(kept.size(i));
+      REQUIRE(kept.Read(i, found.data()));
+      REQUIRE(found == lists[i]);
+    }
+    REQUIRE(!kept.Has(1));
+    REQUIRE(!kept.Has(lists.size()));
+    // No room for more than the file may have.
+    lists[7].resize(2000);
+    REQUIRE(!kept.Keep(7, lists[7]));
+    REQUIRE(!kept.Has(7));
+    REQUIRE(!kept.open());
+  }
+  REQUIRE(!KeptTriangles().open());
+  REQUIRE(!KeptTriangles().Has(0));
+}
+
 TEST_CASE("What the file has lost or changed is decoded again") {
   for (const bool cut_off : {true, false}) {
     for (uint32_t seed = 1; seed <= 4; ++seed) {
@@ -208,17 +335,7 @@ TEST_CASE("What the file has lost or changed is decoded again") {
       const auto surface = Open(f, {.cache_bytes = SmallCache(f, query), .threads = 1 + seed % 2});
       Cut cut = surface->Select(query).value();
       const uint64_t decoded = surface->cache().decoded();
-      for (const int file : OpenFiles()) {
-        struct stat info {};
-        if (before.contains(file) || fstat(file, &info) != 0 || !S_ISREG(info.st_mode)) continue;
-        const off_t half = info.st_size / 2;
-        REQUIRE(half > 0);
-        if (cut_off) REQUIRE(ftruncate(file, half) == 0);
-        for (off_t at = 100; at < half; at += 1000) {
-          const char byte = '?';
-          REQUIRE(pwrite(file, &byte, 1, at) == 1);
-        }
-      }
+      ForEachNewFile(before, [&](int file, off_t size) { Damage(file, size, cut_off); });
       Answer answer;
       TriangleMeshSink sink(&answer.mesh);
       answer.status = cut.Emit(sink);
