@@ -2,8 +2,11 @@
 // MovingUnits: what a moving cut keeps of its units, and what those who work on it share.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -77,7 +80,7 @@ struct MovingUnit final : CutUnit {
 class MovingUnits final : public CutState {
  public:
   explicit MovingUnits(const ClusterSource& source)
-      : CutState(source, true), judge_(source, source.record().rounding_error) {}
+      : CutState(source, true), judge_(source, source.record().rounding_error), queue_(*this) {}
 
   MovingUnit* Find(UnitId unit) const { return static_cast<MovingUnit*>(CutState::Find(unit)); }
   // A unit that is opened goes to the queue, to be looked at.
@@ -105,9 +108,15 @@ class MovingUnits final : public CutState {
   // Calls f(node) for the removers of the triangles that have come or gone, and forgets these.
   template <typename F>
   Status ForEachArrival(MovingUnit& u, const LoadedUnit& unit, F&& f) {
-    for (const Arc& arc : u.arrivals) {
-      MTDB_ASSIGN_OR_RETURN(const uint32_t slot, InSlotOf(unit, arc));
-      f(unit.cluster.removers[slot]);
+    std::array<uint32_t, LoadedUnit::kArcsAtOnce> slots;
+    for (std::span<const Arc> rest = u.arrivals; !rest.empty();) {
+      const std::span<const Arc> some = rest.first(std::min(slots.size(), rest.size()));
+      rest = rest.subspan(some.size());
+      unit.FindInSlots(some, slots.data());
+      for (size_t i = 0; i < some.size(); ++i) {
+        if (slots[i] == kNone32) return NotArriving(unit.id);
+        f(unit.cluster.removers[slots[i]]);
+      }
     }
     u.arrivals.clear();
     return Status::Ok();
