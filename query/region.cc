@@ -90,7 +90,8 @@ class AxisBox final : public Region {
       if (!(within.min[i] - box_.min[i] > reach && within.min[i] - other->box_.min[i] > reach_into))
         step[i] = std::max(step[i], std::abs(other->box_.min[i] - box_.min[i]));
     }
-    return Length(step) + slack;
+    const double moved = Length(step);
+    return moved > 0 ? moved + slack : 0;
   }
 
   const Box3d& box() const { return box_; }

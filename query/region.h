@@ -42,7 +42,7 @@ class Region {
   virtual double Depth(const Box3d& box) const;
   // How far the border may have moved, between this region and `to`: the depth of no box inside
   // `within` differs by more. Infinite when that is not known, as by default of two regions; 0 only
-  // of regions that are the same by value.
+  // when both say the same of all triangles inside `within`.
   virtual double Shift(const Region& to, const Box3d& within) const;
 };
 

@@ -185,7 +185,7 @@ TriangleFacts Session::FactsOf(TriangleKey key) const {
   if (!RemovedByChild(remover)) return facts(unit->cluster.error_codes[remover], true);
   const UnitId child_id = unit->children()[ChildOrdinal(remover)];
   const LoadedUnit* const child = units.Find(child_id);
-  const uint32_t in_slot = child == nullptr ? kNone32 : child->FindInSlot(id, slot);
+  const uint32_t in_slot = child == nullptr ? kNone32 : child->FindInSlot({id, slot});
   if (in_slot == kNone32) {
     return facts(index.Has(child_id) ? index.unit(child_id).error_code_max : 255, false);
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <span>
@@ -77,14 +78,9 @@ class Bits {
     for (size_t w = 0; w < words_.size(); ++w) n += PopCount(words_[w] & other[w]);
     return n;
   }
-  // Clears the flags that are set in `other`, which is as long; returns the number of those left.
-  uint32_t RemoveAll(std::span<const uint64_t> other) {
-    uint32_t n = 0;
-    for (size_t w = 0; w < words_.size(); ++w) {
-      words_[w] &= ~other[w];
-      n += PopCount(words_[w]);
-    }
-    return n;
+  // Clears the flags that are set in `other`, which is as long.
+  void RemoveAll(std::span<const uint64_t> other) {
+    for (size_t w = 0; w < words_.size(); ++w) words_[w] &= ~other[w];
   }
   // The number of flags that are set here and not in `other`, which is as long.
   uint32_t CountWithout(std::span<const uint64_t> other) const {
@@ -162,5 +158,13 @@ class Bits {
  private:
   std::vector<uint64_t> words_;
 };
+
+// Of 64 values: those of which `is` says so, as bits.
+template <typename T, typename Is>
+uint64_t BitsWhere(const T* values, Is&& is) {
+  std::array<uint8_t, 64> flags;
+  for (size_t i = 0; i < 64; ++i) flags[i] = is(values[i]) ? 1 : 0;
+  return Bits::PackWord(flags.data());
+}
 
 }  // namespace mtdb::internal

@@ -155,18 +155,29 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
 }
 
 Result<uint32_t> CutState::InSlotOf(const LoadedUnit& unit, const Arc& arc) const {
-  const uint32_t slot = unit.FindInSlot(arc.parent, arc.slot);
-  if (slot == kNone32) return Inconsistent(unit.id, "an arc to it does not arrive");
+  const uint32_t slot = unit.FindInSlot(arc);
+  if (slot == kNone32) return NotArriving(unit.id);
   return slot;
+}
+
+Status CutState::NotArriving(UnitId unit) const {
+  return Inconsistent(unit, "an arc to it does not arrive");
 }
 
 void CutState::Keep(CutUnit& u) {
   MakeRoomForOne(touched_);
-  u.before = std::make_unique<CutFlags>(u);
+  if (spare_.empty()) {
+    u.before = std::make_unique<CutFlags>(u);
+  } else {
+    *spare_.back() = u;
+    u.before = std::move(spare_.back());
+    spare_.pop_back();
+  }
   touched_.push_back(u.id);
 }
 
 void CutState::CountRound() {
+  spare_.reserve(touched_.size());
   for (const UnitId id : touched_) {
     CutUnit& u = *units_[id];
     const uint32_t forced = u.applied_count == 0 ? 0 : u.applied.CountWithout(u.refusing.words());
@@ -179,9 +190,11 @@ void CutState::CountRound() {
 }
 
 void CutState::EndRound() {
+  spare_.clear();
   for (const UnitId id : touched_) {
-    units_[id]->before.reset();
-    units_[id]->fresh = false;
+    CutUnit& u = *units_[id];
+    if (u.before != nullptr) spare_.push_back(std::move(u.before));
+    u.fresh = false;
   }
   touched_.clear();
   counts_before_ = counts_;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <compare>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -18,13 +17,6 @@
 namespace mtdb::internal {
 
 class UnitPins;
-
-// A triangle that one unit creates and a child of it removes.
-struct Arc {
-  UnitId parent;
-  uint32_t slot;  // of the parent
-  friend auto operator<=>(const Arc&, const Arc&) = default;
-};
 
 // What a cut knows of one unit. "Own slot" s is the unit's slot first_own + s: in-triangles are
 // counted where they are created. The last four are empty in a cut that is not to move.
@@ -175,6 +167,7 @@ class CutState {
   }
 
   Status Inconsistent(UnitId unit, const char* what) const;
+  Status NotArriving(UnitId unit) const;  // an arc to it
 
  protected:
   // In all lists or in none.
@@ -191,6 +184,8 @@ class CutState {
   std::vector<std::unique_ptr<CutUnit>> units_;
   std::vector<UnitId> open_;
   std::vector<UnitId> touched_;
+  std::vector<std::unique_ptr<CutFlags>>
+      spare_;  // for CutUnit::before; as many as the last round's
   Counts counts_;
   Counts counts_before_;
   std::vector<NodeRef> stack_;

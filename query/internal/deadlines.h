@@ -38,11 +38,16 @@ class Deadlines {
   static void Begin(const Judge& judge, const ClusterIndex& index, MovingUnit& u);
   const Expired& Advance(MovingUnit& u, const Moved& moved);
 
-  // After Advance, with the unit at hand: looks where the border may have come, and adds to the
-  // nodes those that it has come to.
-  const Expired& LookAside(MovingUnit& u, const LoadedUnit& unit);
-  // Of the triangles of the node's hole and star, in a unit through which the border passes.
+  // After Advance, with the unit at hand: leaves those nodes whose decisions a box around them does
+  // not confirm.
+  const Expired& LookAround(MovingUnit& u, const LoadedUnit& unit, const Moved& moved);
+  // Of the triangles of the node's hole and star, in a unit through which the border passes, as far
+  // as a box around them tells.
   static Activity SideOf(const Judge& judge, MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
+  // Of UnitDeadlines::sides; kSome when that has not been asked.
+  static Activity SideToActivity(float side) {
+    return side > 0 ? Activity::kAll : side < 0 ? Activity::kNone : Activity::kSome;
+  }
   // Looks which triangles of the node's hole are refused, present or not. True when that is new.
   bool Evaluate(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   // Makes a node known; true when it has to be evaluated: its code does not tell that it is valid.
@@ -75,6 +80,7 @@ class Deadlines {
  private:
   static constexpr float kPassed =
       std::numeric_limits<float>::infinity();  // as a deadline of `low`
+  static constexpr float kMixed = std::numeric_limits<float>::quiet_NaN();  // compares false
 
   struct Verdict {
     bool some = false, all = false;  // triangles are refused
@@ -82,14 +88,31 @@ class Deadlines {
   };
   Verdict Look(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   Verdict LookAtTriangles(const LoadedUnit& unit, NodeIndex node, bool all_active, double shift);
+  // Until the border can have come to the triangle, or left it.
+  double ActiveLeeway(const Triangle3d& t, double bound, bool active, double most) const;
   // By how much the query changed in the unit; false when that is not known.
   bool AddChange(MovingUnit& u, const Moved& moved, bool was_clear) const;
   // Of the threshold by which the unit's nodes are judged, or its children are wanted.
-  FieldChange ChangeIn(const MovingUnit& u, const Judge::Fields& from) const;
+  FieldChange ChangeIn(const MovingUnit& u, const Box3d& box, const Judge::Fields& from) const;
   static void FindRanges(const Judge& judge, MovingUnit& u);
   void FindExpired(MovingUnit& u);
+  void FindExpiredNodes(MovingUnit& u);
+  void FindExpiredMixed(MovingUnit& u);
+  static void SetNode(UnitDeadlines& d, NodeIndex node, bool refuses, float deadline);
+  static void SetShift(UnitDeadlines& d, NodeIndex node, float shift);
+  static void SetSide(UnitDeadlines& d, NodeIndex node, float side);
+  static void FindSide(const Judge& judge, UnitDeadlines& d, const LoadedUnit& unit,
+                       NodeIndex node);
+  static void SetReach(UnitDeadlines& d, const LoadedUnit& unit, NodeIndex node, const Box3i& box);
+  static void SetLeeway(UnitDeadlines& d, NodeIndex node, bool refuses, const Leeway& leeway);
+  // In model units; what the node removes and creates is inside.
+  Box3d BoxAround(const MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
   // The border was not at the node and is not: its decision stands.
-  bool StaysAside(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
+  bool StaysAside(MovingUnit& u, const Box3d& around, NodeIndex node) const;
+  // Borders moved in the unit, but around the node by less than its deadline allows.
+  bool StaysNear(MovingUnit& u, const Box3d& around, NodeIndex node, const Moved& moved) const;
+  // What is known of all triangles in the box decides as was decided.
+  bool Stands(MovingUnit& u, const Box3d& around, NodeIndex node, uint8_t code) const;
 
   MovingUnits& units_;
   const Judge& judge_;

@@ -214,23 +214,18 @@ void Insertion::LookAt(MovingUnit& u, const LoadedUnit& unit) {
 }
 
 void Insertion::LookAtChildren(MovingUnit& u, const LoadedUnit& unit) {
-  looks_.assign(unit.children().size(), false);
-  bool any = false;
   for (const uint32_t ordinal : u.undecided_children) {
-    const Leeway margin = deadlines_.ChildMargin(u, unit.children()[ordinal]);
-    looks_[ordinal] = margin.fall < 0;
-    any |= looks_[ordinal];
+    const UnitId child = unit.children()[ordinal];
+    const Leeway margin = deadlines_.ChildMargin(u, child);
     Deadlines::SetChild(u, ordinal, margin);
+    if (margin.fall >= 0) continue;
+    for (const uint32_t slot : unit.slots_of_child(ordinal)) {
+      // A child that has been opened will look for itself.
+      if (units_.Find(child) != nullptr) break;
+      if (u.present.Test(slot - u.first_own)) ReachChild(u, unit, slot, ordinal);
+    }
   }
   u.undecided_children.clear();
-  if (!any) return;
-  u.present.ForEach([&](uint32_t own) {
-    const uint32_t remover = unit.removers()[own + u.first_own];
-    if (!RemovedByChild(remover) || !looks_[ChildOrdinal(remover)]) return;
-    // A child that has been opened meanwhile will look for itself.
-    if (units_.Find(unit.children()[ChildOrdinal(remover)]) != nullptr) return;
-    ReachChild(u, unit, own + u.first_own, ChildOrdinal(remover));
-  });
 }
 
 void Insertion::ReachNode(MovingUnit& u, NodeIndex node, uint8_t code) {

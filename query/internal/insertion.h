@@ -79,7 +79,6 @@ class Insertion {
   uint64_t inserted_before_ = 0;
   std::vector<NodeRef> closure_;
   std::vector<NodeIndex> nodes_;
-  std::vector<bool> looks_;  // per child of the unit at hand
 };
 
 }  // namespace mtdb::internal

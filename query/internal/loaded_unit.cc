@@ -2,6 +2,7 @@
 #include "query/internal/loaded_unit.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <string>
@@ -334,16 +335,40 @@ std::vector<LocalNumber> FindCreators(const LoadedUnit& unit) {
 
 }  // namespace
 
-uint32_t LoadedUnit::FindInSlot(UnitId parent, uint32_t parent_slot) const {
-  const auto p = std::find(parents.begin(), parents.end(), parent);
-  const std::pair<uint32_t, uint32_t> key(p - parents.begin(), parent_slot);
-  const auto origin_of = [&](uint32_t slot) {
-    return std::pair<uint32_t, uint32_t>(origins[slot].parent, origins[slot].slot);
+uint32_t LoadedUnit::FindInSlot(const Arc& arc) const {
+  uint32_t slot = kNone32;
+  FindInSlots({&arc, 1}, &slot);
+  return slot;
+}
+
+void LoadedUnit::FindInSlots(std::span<const Arc> arcs, uint32_t* slots) const {
+  struct Search {
+    uint64_t key;
+    size_t first;  // in by_origin: those before are smaller
   };
-  const auto it =
-      std::lower_bound(by_origin.begin(), by_origin.end(), key,
-                       [&](uint32_t slot, const auto& k) { return origin_of(slot) < k; });
-  return it == by_origin.end() || origin_of(*it) != key ? kNone32 : *it;
+  std::array<Search, kArcsAtOnce> searches;
+  const auto key_at = [&](size_t place) {
+    const SlotOrigin& origin = origins[by_origin[place]];
+    return uint64_t{origin.parent} << 32 | origin.slot;
+  };
+  for (size_t i = 0; i < arcs.size(); ++i) {
+    const auto p = static_cast<uint64_t>(std::find(parents.begin(), parents.end(), arcs[i].parent) -
+                                         parents.begin());
+    searches[i] = {p << 32 | arcs[i].slot, 0};
+    slots[i] = kNone32;
+  }
+  if (by_origin.empty()) return;
+  for (size_t left = by_origin.size(); left > 1;) {
+    const size_t half = left / 2;
+    for (size_t i = 0; i < arcs.size(); ++i) {
+      Search& s = searches[i];
+      s.first += key_at(s.first + half - 1) < s.key ? half : 0;
+    }
+    left -= half;
+  }
+  for (size_t i = 0; i < arcs.size(); ++i) {
+    if (key_at(searches[i].first) == searches[i].key) slots[i] = by_origin[searches[i].first];
+  }
 }
 
 size_t LoadedUnit::memory_bytes() const {

@@ -2,6 +2,8 @@
 // LoadedUnit: a decoded unit, and where its in-triangles come from.
 #pragma once
 
+#include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -26,6 +28,13 @@ struct SlotOrigin {
   // As LoadedUnit::creator() says of the parent.
   NodeIndex creator() const { return made_by == kNobody ? kNone32 : made_by; }
   static constexpr LocalNumber kNobody = 0xffff;
+};
+
+// A triangle that one unit creates and a child of it removes.
+struct Arc {
+  UnitId parent;
+  uint32_t slot;  // of the parent
+  friend auto operator<=>(const Arc&, const Arc&) = default;
 };
 
 constexpr uint32_t kLongStar = 16;  // triangles; nearly all stars have less
@@ -98,8 +107,11 @@ struct LoadedUnit {
     for (const uint32_t local : cluster.created_vertices(node)) bounds.Add(cluster.position(local));
     return bounds;
   }
-  // The in-slot that a parent's slot arrives at, or kNone32.
-  uint32_t FindInSlot(UnitId parent, uint32_t parent_slot) const;
+  // The in-slot that an arc arrives at, or kNone32.
+  uint32_t FindInSlot(const Arc& arc) const;
+  // Likewise of up to kArcsAtOnce: the searches wait for the memory together.
+  static constexpr size_t kArcsAtOnce = 8;
+  void FindInSlots(std::span<const Arc> arcs, uint32_t* slots) const;
   size_t memory_bytes() const;
 
   static constexpr uint32_t kCreatorStep = 16;

@@ -148,17 +148,18 @@ Status MovingCut::Decide(const Query& query, const Cutoff& cutoff, bool* anythin
         (expired.all || (id + moves_) % kAskEvery == 0)) {
       idle_.push_back(id);
     }
-    MTDB_RETURN_IF_ERROR(DecideUnit(u, expired));
+    MTDB_RETURN_IF_ERROR(DecideUnit(u, expired, moved));
   }
   return Status::Ok();
 }
 
-Status MovingCut::DecideUnit(MovingUnit& u, const Deadlines::Expired& expired) {
+Status MovingCut::DecideUnit(MovingUnit& u, const Deadlines::Expired& expired,
+                             const Deadlines::Moved& moved) {
   if (expired.nodes.empty() && expired.sides.empty() && expired.children.empty()) {
     return Status::Ok();
   }
   return units_.pins().RunOn(u, [&](const LoadedUnit& unit) {
-    deadlines_.LookAside(u, unit);
+    deadlines_.LookAround(u, unit, moved);
     ForEachFetched(unit, expired.nodes, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) {
         if (!deadlines_.Evaluate(u, unit, node)) return;

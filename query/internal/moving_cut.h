@@ -88,7 +88,8 @@ class MovingCut {
   // What the query decides otherwise: sets refused triangles, tells Strength and Insertion. All
   // units were asked if `anything_moved`.
   Status Decide(const Query& query, const Cutoff& cutoff, bool* anything_moved);
-  Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired);
+  Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired,
+                    const Deadlines::Moved& moved);
   Status EndRound(const Commit& commit);
   void AskForMissing();
   // Closes units that no present triangle can need.

@@ -2,8 +2,11 @@
 // MovingUnits: what a moving cut keeps of its units, and what those who work on it share.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -45,9 +48,10 @@ struct UnitDeadlines {
   // Bounds of the sum of all changes of Min in the box since the deadlines began, where no border
   // passed; and of how far borders shifted.
   double low = 0, high = 0, shift = 0;
+  double shift_before = 0;                        // `shift`, without this move
   bool fell = true, rose = true, shifted = true;  // in this move
   // Per known node, whole words of them: its decision stands until `low` has fallen to this; or,
-  // of a node that refuses, until `high` has risen to it.
+  // of a node that refuses, until `high` has risen to it. NaN of those in `mixed`.
   std::vector<float> nodes;
   std::vector<Mixed> mixed;
   // Per child that is not open: it is not needed until `low` has fallen to this.
@@ -57,11 +61,20 @@ struct UnitDeadlines {
   std::vector<float> node_shifts, child_shifts;
   // Of known nodes of a unit through which the region's border passes, else empty: all triangles of
   // the hole and the star are active until `shift` has grown to this or, negative, inactive; 0: the
-  // border is there. NaN: not asked, since the threshold alone decided.
+  // border is there, and node_shifts tells when the decision may be otherwise. NaN: not asked,
+  // since the threshold alone decided.
   std::vector<float> sides;
-  // Likewise: the hole and the star lie in the cube of so many steps around the node's first
+  // Per node: the hole and the star lie in the cube of so many steps around the node's first
   // vertex; 0: not known.
   std::vector<uint16_t> reaches;
+  // Per word of nodes: no deadline of its nodes passes before these.
+  struct Soonest {
+    float low = -std::numeric_limits<float>::infinity();
+    float high = std::numeric_limits<float>::infinity();
+    float shift = std::numeric_limits<float>::infinity();
+    float side = std::numeric_limits<float>::infinity();
+  };
+  std::vector<Soonest> soonest;
 };
 
 struct MovingUnit final : CutUnit {
@@ -77,7 +90,7 @@ struct MovingUnit final : CutUnit {
 class MovingUnits final : public CutState {
  public:
   explicit MovingUnits(const ClusterSource& source)
-      : CutState(source, true), judge_(source, source.record().rounding_error) {}
+      : CutState(source, true), judge_(source, source.record().rounding_error), queue_(*this) {}
 
   MovingUnit* Find(UnitId unit) const { return static_cast<MovingUnit*>(CutState::Find(unit)); }
   // A unit that is opened goes to the queue, to be looked at.
@@ -105,9 +118,15 @@ class MovingUnits final : public CutState {
   // Calls f(node) for the removers of the triangles that have come or gone, and forgets these.
   template <typename F>
   Status ForEachArrival(MovingUnit& u, const LoadedUnit& unit, F&& f) {
-    for (const Arc& arc : u.arrivals) {
-      MTDB_ASSIGN_OR_RETURN(const uint32_t slot, InSlotOf(unit, arc));
-      f(unit.cluster.removers[slot]);
+    std::array<uint32_t, LoadedUnit::kArcsAtOnce> slots;
+    for (std::span<const Arc> rest = u.arrivals; !rest.empty();) {
+      const std::span<const Arc> some = rest.first(std::min(slots.size(), rest.size()));
+      rest = rest.subspan(some.size());
+      unit.FindInSlots(some, slots.data());
+      for (size_t i = 0; i < some.size(); ++i) {
+        if (slots[i] == kNone32) return NotArriving(unit.id);
+        f(unit.cluster.removers[slots[i]]);
+      }
     }
     u.arrivals.clear();
     return Status::Ok();

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <unordered_map>
-#include <utility>
 #include <vector>
 
 #include "query/internal/moving_units.h"
@@ -24,7 +22,21 @@ class Removal {
   Status Run(const std::vector<NodeKey>& changed);
 
  private:
+  struct Suspended {
+    NodeKey key;
+    int32_t needed = 0;       // its triangles that nodes remove which are not suspended
+    uint32_t lead = kNone32;  // in leads_: the first of its own
+  };
+  struct Lead {
+    uint32_t to;  // in suspended_: founded when the one that it leads from is
+    uint32_t next;
+  };
   void Suspend(MovingUnit& u, NodeIndex node);
+  // Of a suspended node: its place in suspended_.
+  uint32_t PlaceOf(NodeKey key) const { return table_[SlotOf(key)]; }
+  size_t SlotOf(NodeKey key) const;
+  void AddToTable(uint32_t place);
+  void AddLead(uint32_t from, uint32_t to);
   Status SuspendAll();
   void SuspendAround(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
   // Leaves unfounded nodes suspended, and no others.
@@ -33,10 +45,9 @@ class Removal {
   void Remove(MovingUnit& u, const LoadedUnit& unit, NodeIndex node);
 
   MovingUnits& units_;
-  std::vector<NodeKey> suspended_;
-  // Per suspended node: its triangles that nodes remove which are not suspended. Not listed: none.
-  std::unordered_map<NodeKey, int32_t> needed_;
-  std::vector<std::pair<NodeKey, NodeKey>> leads_;  // the first, if founded, makes the second so
+  std::vector<Suspended> suspended_;
+  std::vector<uint32_t> table_;  // places by keys, with open addresses; a power of 2
+  std::vector<Lead> leads_;
   std::vector<NodeIndex> nodes_;
 };
 

@@ -40,6 +40,7 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
       judge_(source, rounding),
       pass_(*cut, judge_),
       by_level_(query.max_triangles || query.max_bytes || query.max_milliseconds),
+      queue_(*cut),
       pending_(source.index().unit_count()) {
   judge_.SetQuery(query);
   judge_.SetMeter(&meter_);

@@ -11,15 +11,6 @@
 
 namespace mtdb::internal {
 
-namespace {
-
-// NaN: not known.
-Activity SideToActivity(float side) {
-  return side > 0 ? Activity::kAll : side < 0 ? Activity::kNone : Activity::kSome;
-}
-
-}  // namespace
-
 Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
   active_.all = judge_.whole();
   falls_short_ = !complete || MayFallShort(judge_.asked(), bounds, judge_.rounding());
@@ -51,13 +42,17 @@ Result<ActiveTriangles> Survey::Run(bool complete, const Box3d& bounds) {
     const double reach = judge_.Reach(id);
     In in{judge_.ActivityIn(box, reach), -std::numeric_limits<double>::infinity()};
     if (in.activity == Activity::kNone) continue;
-    const bool counts = in.activity == Activity::kAll && falls_short_ && (!marks_ || active_.all);
     if (falls_short_) {
       const Threshold& asked = judge_.asked() == nullptr ? *FullResolution() : *judge_.asked();
       const ErrorRange range = asked.Range(box, reach);
       in.least = range.low;
       in.most = range.high;
     }
+    // Where a border makes codes tell little, stars tell more.
+    const bool by_codes =
+        !moving_ || static_cast<MovingUnit&>(u).deadlines.margin > 0 || in.most < judge_.rounding();
+    const bool counts =
+        in.activity == Activity::kAll && falls_short_ && by_codes && (!marks_ || active_.all);
     MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
       counts ? CountShort(u, unit, in) : SurveyUnit(u, unit, in);
       return Status::Ok();
@@ -180,7 +175,7 @@ void Survey::SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit) 
   const bool asks = moving_ && in_unit.activity == Activity::kSome;
   u.applied.ForEach([&](NodeIndex node) {
     In in = in_unit;
-    if (asks) in.activity = ActivityOfStar(static_cast<MovingUnit&>(u), unit, node);
+    if (asks) in.activity = Deadlines::SideOf(judge_, static_cast<MovingUnit&>(u), unit, node);
     if (in.activity == Activity::kNone) return;
     const uint32_t begin = cluster.star_begin[node] - u.first_own;
     const uint32_t size = cluster.star_begin[node + 1] - u.first_own - begin;
@@ -227,13 +222,6 @@ void Survey::LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest,
   in->drains_fall_short = !(asked.low > bound) && asked.high >= 0;
 }
 
-// Of whatever triangles of the star: as a rule the node's decision has told.
-Activity Survey::ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const {
-  const std::vector<float>& sides = u.deadlines.sides;
-  if (sides.empty() || std::isnan(sides[node])) Deadlines::SideOf(judge_, u, unit, node);
-  return SideToActivity(sides[node]);
-}
-
 // Of an in-triangle: as its creator's star.
 Activity Survey::ActivityOf(const LoadedUnit& unit, uint32_t slot) const {
   const SlotOrigin& origin = unit.origins[slot];
@@ -244,7 +232,8 @@ Activity Survey::ActivityOf(const LoadedUnit& unit, uint32_t slot) const {
 Activity Survey::ActivityOf(const MovingUnit& u, NodeIndex creator) const {
   const UnitDeadlines& d = u.deadlines;
   if (d.activity != Activity::kSome) return d.activity;
-  return creator == kNone32 || d.sides.empty() ? Activity::kSome : SideToActivity(d.sides[creator]);
+  return creator == kNone32 || d.sides.empty() ? Activity::kSome
+                                               : Deadlines::SideToActivity(d.sides[creator]);
 }
 
 // Where the region's border is not near, which the decisions have told, triangles are counted by
@@ -320,20 +309,42 @@ void Survey::CountStars(MovingUnit& u, const LoadedUnit& unit) {
   };
   if (unit.nodes() == 0) u.present.ForEach([&](uint32_t own) { count(own, kNone32); });
   const CompactCluster& cluster = unit.cluster;
-  u.applied.ForEach([&](NodeIndex node) {
-    const Activity activity = ActivityOfStar(u, unit, node);
-    const uint32_t begin = cluster.star_begin[node] - u.first_own;
-    const uint32_t size = cluster.star_begin[node + 1] - u.first_own - begin;
-    if (activity == Activity::kNone || size == 0) return;
+  const auto star_begin = [&](NodeIndex node) { return cluster.star_begin[node] - u.first_own; };
+  const auto count_star = [&](NodeIndex node) {
+    const uint32_t begin = star_begin(node);
+    const uint32_t size = star_begin(node + 1) - begin;
+    if (size == 0) return;
     const uint64_t present = BitsAt(u.present.words(), begin, size);
-    if (activity == Activity::kAll) {
-      active_.count += PopCount(present);
-      return;
-    }
+    if (present == 0) return;
+    const Activity activity = Deadlines::SideOf(judge_, u, unit, node);
+    if (activity == Activity::kAll) active_.count += PopCount(present);
+    if (activity != Activity::kSome) return;
     for (uint64_t rest = present; rest != 0; rest &= rest - 1) {
       count(begin + static_cast<uint32_t>(std::countr_zero(rest)), node);
     }
-  });
+  };
+  for (NodeIndex first = 0; first < unit.nodes(); first += 64) {
+    const uint64_t applied = u.applied.words()[first / 64];
+    uint64_t inside = 0;
+    uint64_t near = applied;
+    if (const std::vector<float>& sides = u.deadlines.sides; applied != 0 && !sides.empty()) {
+      inside = applied & BitsWhere(sides.data() + first, [](float side) { return side > 0; });
+      near &= ~inside & ~BitsWhere(sides.data() + first, [](float side) { return side < 0; });
+    }
+    // Stars follow each other; those of nodes that are not applied have no present triangles.
+    const uint32_t nodes = std::min(unit.nodes() - first, uint32_t{64});
+    for (uint32_t i = 0; inside != 0 && i < nodes;) {
+      const uint64_t rest = (inside | ~applied) >> i;
+      const uint32_t run = std::min(static_cast<uint32_t>(std::countr_one(rest)), nodes - i);
+      if (run > 0) {
+        active_.count += u.present.CountRange(star_begin(first + i), star_begin(first + i + run));
+      }
+      i += run + 1;
+    }
+    for (; near != 0; near &= near - 1) {
+      count_star(first + static_cast<uint32_t>(std::countr_zero(near)));
+    }
+  }
 }
 
 void Survey::CountNear(const LoadedUnit& unit, uint32_t slot, NodeIndex creator, uint8_t code,

@@ -48,7 +48,6 @@ class Survey {
   void SurveyUnit(CutUnit& u, const LoadedUnit& unit, const In& in);
   void SurveyStars(CutUnit& u, const LoadedUnit& unit, const In& in_unit);
   void LookAround(const LoadedUnit& unit, NodeIndex node, uint8_t largest, In* in) const;
-  Activity ActivityOfStar(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) const;
   Activity ActivityOf(const LoadedUnit& unit, uint32_t slot) const;
   Activity ActivityOf(const MovingUnit& u, NodeIndex creator) const;
   Result<ActiveTriangles> RunMoving();

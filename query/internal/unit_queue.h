@@ -2,7 +2,9 @@
 // UnitQueue: the units of a cut that have work to do, coarsest first.
 #pragma once
 
-#include <set>
+#include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <vector>
 
 #include "query/internal/cut_state.h"
@@ -15,10 +17,14 @@ namespace mtdb::internal {
 // What the work is, whoever takes a unit finds in it. One queue at a time for each cut.
 class UnitQueue {
  public:
-  bool empty() const { return units_.empty(); }
+  explicit UnitQueue(const CutState& cut) : cut_(cut), words_(cut.index().unit_count() / 64 + 1) {}
+
+  bool empty() const { return size_ == 0; }
   void Add(CutUnit& u) {
     if (u.queued) return;
-    units_.insert(&u);
+    words_[u.id / 64] |= uint64_t{1} << (u.id % 64);
+    first_ = std::max(first_, size_t{u.id / 64});
+    ++size_;
     u.queued = true;
   }
   // A triangle that the unit removes has come or gone.
@@ -28,8 +34,9 @@ class UnitQueue {
   }
   // The first, of a queue that is not empty.
   CutUnit& Take() {
-    CutUnit& u = **units_.begin();
-    units_.erase(units_.begin());
+    CutUnit& u = First();
+    words_[first_] &= ~(uint64_t{1} << (u.id % 64));
+    --size_;
     u.queued = false;
     return u;
   }
@@ -39,29 +46,51 @@ class UnitQueue {
   void Prefetch(UnitReader& reader, const Judge& judge) {
     ahead_.clear();
     if (reader.asks_ahead()) {
-      if (units_.empty() || reader.IsReady((*units_.begin())->id)) return;
-      for (auto it = units_.begin(); it != units_.end() && ahead_.size() < kMostAsked; ++it) {
-        ahead_.push_back((*it)->id);
-      }
+      if (empty() || reader.IsReady(First().id)) return;
+      ForEach(kMostAsked, [&](CutUnit& u) { ahead_.push_back(u.id); });
       AskForWanted(judge, ahead_, reader);
       return;
     }
-    size_t window = reader.prefetch_units();
-    for (auto it = units_.begin(); it != units_.end() && window > 0; ++it, --window) {
-      CutUnit& u = **it;
-      if (!u.prefetched && it != units_.begin()) ahead_.push_back(u.id);
+    bool first = true;
+    ForEach(reader.prefetch_units(), [&](CutUnit& u) {
+      if (!u.prefetched && !first) ahead_.push_back(u.id);
       u.prefetched = true;
-    }
+      first = false;
+    });
     if (!ahead_.empty()) reader.Prefetch(ahead_);
   }
-  void Clear() { units_.clear(); }
+  void Clear() {
+    std::fill(words_.begin(), words_.end(), 0);
+    first_ = size_ = 0;
+  }
 
  private:
-  struct Coarser {
-    bool operator()(const CutUnit* a, const CutUnit* b) const { return a->id > b->id; }
-  };
+  CutUnit& UnitAt(size_t word, uint64_t bits) const {
+    return *cut_.Find(static_cast<UnitId>(word * 64 + 63) -
+                      static_cast<UnitId>(std::countl_zero(bits)));
+  }
+  CutUnit& First() {
+    while (words_[first_] == 0) --first_;
+    return UnitAt(first_, words_[first_]);
+  }
+  // The first ones, `most` at most.
+  template <typename F>
+  void ForEach(size_t most, F&& f) const {
+    most = std::min(most, size_);
+    for (size_t word = first_; most > 0; --word) {
+      for (uint64_t rest = words_[word]; rest != 0 && most > 0; --most) {
+        CutUnit& u = UnitAt(word, rest);
+        rest &= ~(uint64_t{1} << (u.id % 64));
+        f(u);
+      }
+    }
+  }
+
   static constexpr size_t kMostAsked = 512;
-  std::set<CutUnit*, Coarser> units_;
+  const CutState& cut_;
+  std::vector<uint64_t> words_;  // a bit for each unit of the object
+  size_t first_ = 0;             // a word; those after it are 0
+  size_t size_ = 0;
   std::vector<UnitId> ahead_;
 };
 

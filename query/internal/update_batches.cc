@@ -11,9 +11,10 @@
 namespace mtdb::internal {
 
 void UpdateBatches::AddUnit(UnitId unit, const Bits& from, const Bits& to) {
-  Bits changes = to;
-  const uint32_t count = from.empty() ? changes.Count() : changes.RemoveAll(from.words());
+  const uint32_t count = from.empty() ? to.Count() : to.CountWithout(from.words());
   if (count == 0) return;
+  Bits changes = to;
+  if (!from.empty()) changes.RemoveAll(from.words());
   Unit& u = units_.emplace_back();
   u.unit = unit;
   u.before = changes.Ranks();
@@ -93,6 +94,11 @@ void UpdateBatches::PrefetchShapes(const LoadedUnit& unit) const {
   }
   for (const NodeIndex creator : creators_) {
     __builtin_prefetch(cluster.ring_vertices.data() + cluster.ring_begin[creator]);
+  }
+  for (const NodeIndex node : nodes_) {
+    for (const uint32_t v : cluster.ring(node)) {
+      if (v < cluster.external_vertices()) __builtin_prefetch(&cluster.vertices[v]);
+    }
   }
 }
 

@@ -2,9 +2,12 @@
 // A compact cluster says what the cluster says that it was made of, and refuses what it cannot.
 #include "query/internal/compact_cluster.h"
 
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <limits>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "query/internal/cluster_cache.h"
@@ -141,6 +144,27 @@ TEST_CASE("A decoded cluster has no spare room") {
   REQUIRE(bytes <= needed);
 }
 
+// Each at its in-slot, however many are asked about at once; others nowhere.
+void RequireArcsArrive(const LoadedUnit& unit) {
+  std::vector<Arc> arcs;
+  for (const SlotOrigin& origin : unit.origins) {
+    arcs.push_back({unit.parents[origin.parent], origin.slot});
+    REQUIRE(unit.FindInSlot(arcs.back()) == arcs.size() - 1);
+  }
+  const size_t known = arcs.size();
+  for (const UnitId parent : unit.parents) arcs.push_back({parent, 70000});
+  arcs.push_back({unit.id, 0});
+  std::array<uint32_t, LoadedUnit::kArcsAtOnce> slots{};
+  for (size_t first = 0; first < arcs.size();) {
+    const size_t n = std::min(1 + first % slots.size(), arcs.size() - first);
+    unit.FindInSlots(std::span(arcs).subspan(first, n), slots.data());
+    for (size_t i = 0; i < n; ++i) {
+      REQUIRE(slots[i] == (first + i < known ? first + i : size_t{kNone32}));
+    }
+    first += n;
+  }
+}
+
 TEST_CASE("A decoded cluster knows who creates and removes its slots") {
   const MtFixture f = MakeTorus(40, 16);
   ClusterCache cache(f.source, {size_t{1} << 30});
@@ -164,6 +188,7 @@ TEST_CASE("A decoded cluster knows who creates and removes its slots") {
       const uint32_t own = slot - unit->first_own_slot();
       REQUIRE((unit->drain[own >> 6] >> (own & 63) & 1) == (remover == kDrain));
     }
+    RequireArcsArrive(*unit);
     for (uint32_t child = 0; child < removed_by.size(); ++child) {
       REQUIRE(std::ranges::equal(unit->slots_of_child(child), removed_by[child]));
       to_children += removed_by[child].size();

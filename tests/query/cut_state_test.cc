@@ -10,6 +10,7 @@
 #include "query/internal/judge.h"
 #include "query/internal/stored_order_pass.h"
 #include "query/internal/unit_pins.h"
+#include "query/internal/unit_queue.h"
 #include "query/surface.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
@@ -132,6 +133,27 @@ TEST_CASE("A cut holds what was inserted with its ancestors, until it is removed
       }
     }
   }
+}
+
+TEST_CASE("Units with work are taken once, coarsest first") {
+  const MtFixture f = Fixture(0);
+  Holder holder(f, false);
+  UnitQueue queue(holder.cut);
+  const UnitId units = f.source->index_.unit_count();
+  REQUIRE(units > 3);
+  for (const UnitId id : {UnitId{1}, units - 1, UnitId{0}, UnitId{1}}) {
+    queue.Add(holder.cut.Open(id));
+  }
+  REQUIRE(queue.Take().id == units - 1);
+  queue.Add(holder.cut.Open(2));
+  for (const UnitId id : {UnitId{2}, UnitId{1}, UnitId{0}}) {
+    REQUIRE(!queue.empty());
+    REQUIRE(queue.Take().id == id);
+  }
+  REQUIRE(queue.empty());
+  queue.Add(holder.cut.Open(1));
+  queue.Clear();
+  REQUIRE(queue.empty());
 }
 
 TEST_CASE("Two nodes that remove one triangle are found, and nothing has changed") {

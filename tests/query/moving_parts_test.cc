@@ -79,7 +79,7 @@ struct Parts {
       MovingUnit& u = *units.Find(id);
       deadlines.Advance(u, moved);
       const LoadedUnit* const unit = pins.Pin(u).value();
-      const Deadlines::Expired expired = deadlines.LookAside(u, *unit);
+      const Deadlines::Expired expired = deadlines.LookAround(u, *unit, moved);
       decide(u, *unit, expired);
     }
   }
@@ -199,6 +199,40 @@ TEST_CASE("Decisions whose deadlines have not passed are still right") {
     }
   }
   CHECK(stand > 1000);
+}
+
+TEST_CASE("What a border that moves elsewhere cannot change is not asked about") {
+  const MtFixture f = MakeTorus(48, 20);
+  const Box3d& bounds = f.source->record_.bounds;
+  const Vec3d centre = (bounds.min + bounds.max) * 0.5;
+  const auto query_at = [&](double share) {
+    Box3d box;
+    box.Add(bounds.min - Vec3d{1, 1, 1});
+    box.Add(
+        Vec3d{bounds.min.x + share * (bounds.max.x - bounds.min.x), centre.y, bounds.max.z + 1});
+    Query query;
+    query.region = BoxRegion(box);
+    return query;
+  };
+  Parts parts(f);
+  parts.Begin(query_at(0.7));
+  uint64_t near = 0;
+  uint64_t far = 0;
+  for (int step = 1; step < 20; ++step) {
+    const double share = 0.7 + 0.003 * step;
+    const double face = bounds.min.x + share * (bounds.max.x - bounds.min.x);
+    parts.Ask(query_at(share), [&](MovingUnit& u, const LoadedUnit& unit, const auto& expired) {
+      for (const NodeIndex node : expired.nodes) {
+        const Box3d box = f.source->record_.grid.Bounds(unit.star_bounds(node));
+        const bool may_meet = box.max.x + 2 * Diagonal(box) > face;
+        ++(expired.all || may_meet || u.deadlines.reaches[node] == 0 ? near : far);
+      }
+      std::vector<NodeKey> weak;
+      parts.Evaluate(u, unit, expired, &weak);
+    });
+  }
+  CHECK(near > 100);
+  CHECK(far == 0);
 }
 
 TEST_CASE("A node is strong by a chain of refused triangles from the root, and by nothing else") {

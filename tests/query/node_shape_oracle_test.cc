@@ -226,6 +226,7 @@ class ShapelessMt {
     }
     unit->cluster = MakeCompact(c, "unit").value();
     FillOrigins(*unit, listed, unit_of, slot_of, units);
+    FillOutSlots(*unit);
     for (uint32_t s = c.listed(); s < slots.size(); s += LoadedUnit::kCreatorStep) {
       const auto creator = static_cast<size_t>(mt.triangles[slots[s]].creator);
       unit->creators.push_back(static_cast<LocalNumber>(mt.nodes[creator].index));
@@ -241,6 +242,17 @@ class ShapelessMt {
       entry.error_code_min = std::min(entry.error_code_min, code);
       entry.error_code_max = std::max(entry.error_code_max, code);
     }
+  }
+
+  static void FillOutSlots(LoadedUnit& unit) {
+    for (uint32_t child = 0; child < unit.children().size(); ++child) {
+      unit.out_begin.push_back(static_cast<LocalNumber>(unit.out_slots.size()));
+      for (uint32_t s = unit.first_own_slot(); s < unit.cluster.slots(); ++s) {
+        if (unit.removers()[s] != (kChildFlag | child)) continue;
+        unit.out_slots.push_back(static_cast<LocalNumber>(s));
+      }
+    }
+    unit.out_begin.push_back(static_cast<LocalNumber>(unit.out_slots.size()));
   }
 
   static void FillOrigins(LoadedUnit& unit, const std::vector<uint32_t>& listed,

@@ -350,6 +350,29 @@ TEST_CASE("Depths in a region are kept where its border has shifted by less") {
   CHECK(kept > 5000);
 }
 
+TEST_CASE("A box has not shifted where the faces that moved do not matter") {
+  const auto box = [](Vec3d max) {
+    Box3d b;
+    b.Add(Vec3d{0, 0, 0});
+    b.Add(max);
+    return BoxRegion(b);
+  };
+  const auto around = [](Vec3d p) {
+    Box3d b;
+    b.Add(p - Vec3d{0.1, 0.1, 0.1});
+    b.Add(p + Vec3d{0.1, 0.1, 0.1});
+    return b;
+  };
+  const RegionPtr from = box({1, 1, 1});
+  const RegionPtr to = box({1.25, 1, 1});
+  for (const Vec3d p : {Vec3d{0, 0.5, 0.5}, Vec3d{0.5, 1, 0.5}, Vec3d{-3, 0.5, 0.5}}) {
+    REQUIRE(from->Shift(*to, around(p)) == 0);
+  }
+  for (const Vec3d p : {Vec3d{1, 0.5, 0.5}, Vec3d{2, 0.5, 0.5}, Vec3d{0.8, 0.5, 0.5}}) {
+    REQUIRE(from->Shift(*to, around(p)) >= 0.25);
+  }
+}
+
 TEST_CASE("A camera that cannot see says why") {
   const auto message = [](auto&& change) {
     Camera camera;
