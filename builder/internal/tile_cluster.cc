@@ -97,6 +97,31 @@ void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, Til
   }
 }
 
+// Appends the removed vertices and the paths on the cluster's in-triangles, and marks the vertices
+// in `wanted`. What is on others is left by the clusters that made them.
+template <typename PlaceOf>
+void AddWhatTheyStandFor(const TileResult& result, const EncodedCluster& encoded,
+                         std::span<const uint32_t> slots, const PlaceOf& place_of,
+                         TileSurface& surface, std::vector<uint8_t>& wanted) {
+  const auto turned = [&](uint32_t slot, uint32_t side) {
+    return side == 3 ? 3 : (side + 3 - encoded.in_rotations[slot]) % 3;
+  };
+  for (const auto& [vertex, triangle, edge] : result.held) {
+    const uint32_t slot = slots[triangle];
+    if (slot == kNone32) continue;
+    wanted[vertex] = 1;
+    surface.held.push_back({place_of(vertex), slot, turned(slot, edge)});
+  }
+  for (const Chord& chord : result.chords) {
+    const uint32_t slot = slots[chord.triangle];
+    if (slot == kNone32) continue;
+    const auto enters = static_cast<uint8_t>(turned(slot, chord.enters));
+    const auto leaves = static_cast<uint8_t>(turned(slot, chord.leaves));
+    surface.chords.push_back(
+        {place_of(chord.from), place_of(chord.to), chord.error, slot, enters, leaves});
+  }
+}
+
 // The surface that the tile was measured against, as far as it lies beneath the cluster's
 // in-triangles, and what of it they stand for.
 TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
@@ -129,23 +154,7 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
   std::vector<uint8_t> wanted(numbers.size());
   std::vector<uint32_t> slots;
   AddInTriangles(result, encoded, surface, slots, wanted);
-  const auto turned = [&](uint32_t slot, uint32_t side) {
-    return side == 3 ? 3 : (side + 3 - encoded.in_rotations[slot]) % 3;
-  };
-  for (const auto& [vertex, triangle, edge] : result.held) {
-    const uint32_t slot = slots[triangle];
-    if (slot == kNone32) continue;  // the tile's own: the cluster that made it has what it holds
-    wanted[vertex] = 1;
-    surface.held.push_back({place_of(vertex), slot, turned(slot, edge)});
-  }
-  for (const Chord& chord : result.chords) {
-    const uint32_t slot = slots[chord.triangle];
-    if (slot == kNone32) continue;
-    const auto enters = static_cast<uint8_t>(turned(slot, chord.enters));
-    const auto leaves = static_cast<uint8_t>(turned(slot, chord.leaves));
-    surface.chords.push_back(
-        {place_of(chord.from), place_of(chord.to), chord.error, slot, enters, leaves});
-  }
+  AddWhatTheyStandFor(result, encoded, slots, place_of, surface, wanted);
   const auto add = [&](uint32_t a, uint32_t b, uint32_t c, float error) {
     if (!wanted[a] && !wanted[b] && !wanted[c]) return;
     surface.triangles.push_back({place_of(a), place_of(b), place_of(c)});

@@ -23,8 +23,6 @@ constexpr std::array kFolders{"store", "codecs", "query", "builder", "tools", "b
 const std::map<std::pair<std::string, std::string>, std::string> kLonger{
     {{"store/internal/page.cc", " Page::Decode("},
      "reads and checks the fields of a page one after the other, as the bytes come"},
-    {{"builder/internal/round_mesh.cc", " RoundMesh::CurveOf("},
-     "one walk; its steps share nearly all of its variables"},
     {{"codecs/coding/attribute_coder.cc", " AttributeCoder::CodeNormal("},
      "encodes and decodes, statement by statement as codecs/FORMAT.md has it"},
     {{"codecs/coding/hole_frame.inc", " HoleFrame::Set("},
