@@ -70,10 +70,10 @@ struct TileResult {
   std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
   std::vector<Removal> removals;                   // in order of removal
   std::vector<uint32_t> holes, stars;
-  // Of measures that go on from round to round (TileSurface); else empty. Of half-edges, of all local
-  // triangles; of the removed vertices that triangles stand for: local vertex (those of the surface
-  // beneath follow, see NumberVertices), local triangle, and the border edge on whose curve it
-  // lies, or 3; and paths on triangles that are there.
+  // Of measures that go on from round to round (TileSurface); else empty. Of half-edges, of all
+  // local triangles; of the removed vertices that triangles stand for: local vertex (those of the
+  // surface beneath follow, see NumberVertices), local triangle, and the border edge on whose curve
+  // it lies, or 3; and paths on triangles that are there.
   std::vector<float> edge_errors;
   std::vector<std::array<uint32_t, 3>> held;
   std::vector<Chord> chords;

@@ -35,7 +35,7 @@ struct TileSurface {
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<float> errors;
   std::vector<HeldVertex> held;  // in no order that has a meaning
-  std::vector<Chord> chords;  // ends: of `vertices`; triangles: the tile's
+  std::vector<Chord> chords;     // ends: of `vertices`; triangles: the tile's
   // Of the tile's triangles.
   std::vector<uint8_t> own;                       // it is one of the surface's itself
   std::vector<std::array<float, 3>> edge_errors;  // work units
