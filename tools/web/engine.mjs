@@ -10,9 +10,9 @@ const root = join(source, '../..');
 export const engineSources = () => [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))];
 
 // What runs seldom is made small.
-const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|deadlines|session|batches|root_codec|streams|explicit|circle_masks|convex|segment_tree|threshold|spill|kept_triangles|unit_image|compact_cluster|strength|survey|insertion|removal|search|moving|budget|levels|scaled|cut_impl|root_numbering|loaded_unit|attribute_coder|lattice|vertical|stored_order|update_batches/.test(file);
+const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|session|batches|root_codec|streams|explicit|circle_masks|convex|segment_tree|threshold|spill|kept_triangles|unit_image|compact_cluster|strength|survey|insertion|removal|search|moving|budget|levels|scaled|cut_impl|root_numbering|loaded_unit|attribute_coder|lattice|vertical|stored_order|update_batches/.test(file);
 // What a flight does for each node, and where a cluster's bits are decoded.
-const isFlown = file => /internal\/(survey|convex|deadlines|judge)\.cc|query\/threshold\.cc|wasm\/engine\.cc/.test(file);
+const isFlown = file => /internal\/(survey|convex|judge)\.cc|query\/threshold\.cc|wasm\/engine\.cc/.test(file);
 const isDecoding = file => file.startsWith('codecs/c') && !/lattice/.test(file) && !isSeldom(file);
 
 export const compileEngine = ({build, cxx, launcher, out}) => compileWasm({

@@ -203,6 +203,7 @@ const transient = new Set([408, 425, 429, 500, 502, 503, 504]);
 class FileRanges {
   size = 0;
   bytes = 0;
+  private asked = 0;
   requests = 0;
   bytesPerSecond: number;
   replaced = false;
@@ -229,7 +230,19 @@ class FileRanges {
 
   async read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array> {
     const most = this.options.maxBytes ?? Infinity;
-    if (this.bytes + length > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached`, 'budget');
+    if (this.asked + length > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached`, 'budget');
+    this.asked += length; // what is on its way counts, too
+    try {
+      const read = await this.tryOften(offset, length, signal);
+      this.asked += read.length - length;
+      return read;
+    } catch (error) {
+      this.asked -= length;
+      throw error;
+    }
+  }
+
+  private async tryOften(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array> {
     this.free = Math.max(this.free, performance.now()) + (1000 * length) / this.bytesPerSecond;
     for (let tries = 1, pause = 250; ; ++tries, pause *= 2) {
       try {
