@@ -69,9 +69,7 @@ class TriangleLanes {
 
 void HeightDifference::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
                             const TileSurface* surface, const Grid& grid) {
-  std::vector<std::array<uint32_t, 3>> triangles;
-  std::vector<float> errors;
-  LoadTile(mesh, tile, surface, grid, triangles, errors);
+  const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
   raster_.Clear();
   if (raster_.Build(triangles, positions_, errors)) return;
   std::vector<uint32_t> opposites;
@@ -194,17 +192,9 @@ void HeightDifference::Measure(const Hole& hole, Filling& filling) {
 void HeightDifference::ChargeSamples(const Hole& hole, Filling& filling) {
   const size_t count = samples_.size();
   const size_t groups = (count + 3) / 4;
-  x_.resize(4 * groups);
-  y_.resize(4 * groups);
-  z_.resize(4 * groups);
+  SpreadPoints();
   double high = 0;
-  for (size_t s = 0; s < 4 * groups; ++s) {
-    const Vec3d& p = points_[std::min(s, count - 1)];
-    x_[s] = static_cast<float>(p.x);
-    y_[s] = static_cast<float>(p.y);
-    z_[s] = static_cast<float>(p.z);
-    high = std::max(high, std::abs(p.z));
-  }
+  for (const float z : z_) high = std::max<double>(high, std::abs(z));
   double size = 0;
   for (uint32_t i = 0; i < hole.k; ++i) {
     size = std::max({size, std::abs(hole.points[i].x), std::abs(hole.points[i].y)});

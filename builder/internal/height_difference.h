@@ -65,7 +65,6 @@ class HeightDifference : public TileMeasure {
   RasterSurface raster_;
   RoundMesh round_;
   // Of the open hole.
-  std::vector<float> x_, y_, z_;  // of the points; room for whole groups of four
   // A triangle of the filling, and a sample that it stands for.
   std::vector<std::pair<uint8_t, uint32_t>> charges_;
 };

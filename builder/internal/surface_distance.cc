@@ -73,13 +73,10 @@ class TriangleLanes {
 
 void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
                            const TileSurface* surface, const Grid& grid) {
-  std::vector<std::array<uint32_t, 3>> triangles;
-  std::vector<float> errors;
-  LoadTile(mesh, tile, surface, grid, triangles, errors);
+  const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
   std::vector<uint32_t> numbers(mesh.vertex_numbers().begin(), mesh.vertex_numbers().end());
   std::vector<Chord> chords;
   if (surface != nullptr) {
-    const std::vector<uint32_t> local = NumberVertices(*surface, mesh.vertex_numbers());
     numbers.resize(positions_.size());
     for (size_t v = 0; v < local.size(); ++v) numbers[local[v]] = surface->vertices[v];
     chords = surface->chords;
@@ -89,7 +86,7 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
     }
   }
   map_.Build(mesh, triangles, errors, numbers);
-  map_.AddChords(chords, mesh, numbers);
+  map_.AddChords(std::move(chords), mesh, numbers);
 }
 
 void SurfaceDistance::Hold(TileResult& result) const {
@@ -111,25 +108,11 @@ void SurfaceDistance::Open(Hole& hole) {
   hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
   GatherSamples(hole);
   fresh_ = IsFresh(hole);
-  if (!fresh_) SpreadPoints(hole);
-}
-
-// Puts the samples' places into lanes of four.
-void SurfaceDistance::SpreadPoints(const Hole& hole) {
-  const size_t count = (points_.size() + 3) / 4 * 4;
-  x_.resize(count);
-  y_.resize(count);
-  z_.resize(count);
+  if (fresh_) return;
+  SpreadPoints();
   size_ = 0;
-  for (uint32_t i = 0; i < hole.k; ++i) size_ = std::max(size_, SquaredLength(hole.points[i]));
-  for (size_t s = 0; s < count; ++s) {
-    const Vec3d& p = points_[std::min(s, points_.size() - 1)];
-    x_[s] = static_cast<float>(p.x);
-    y_[s] = static_cast<float>(p.y);
-    z_[s] = static_cast<float>(p.z);
-    size_ = std::max(size_, SquaredLength(p));
-  }
-  size_ = std::sqrt(size_);
+  for (uint32_t i = 0; i < hole.k; ++i) size_ = std::max(size_, Length(hole.points[i]));
+  for (const Vec3d& p : points_) size_ = std::max(size_, Length(p));
 }
 
 // The border vertices that were removed between the ends of the new border edge lie on it.
@@ -205,8 +188,7 @@ void SurfaceDistance::FindHome(const Hole& hole, const Filling& filling) {
 }
 
 double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, double enough) {
-  double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
-  for (const uint32_t h : hole.ring_edges) bound = std::max(bound, edge_error(h));
+  double bound = RimError(hole);
   if (bound > enough || points_.empty()) return bound;
   if (fresh_) {
     FindHome(hole, filling);
@@ -281,7 +263,7 @@ void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
   };
   for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
     const uint32_t crossed = masks_.Between(inner.from, inner.to, homes_);
-    if (crossed != 0 && map_.edge(inner.edge).path_at == 0) cross(inner.edge, crossed);
+    if (crossed != 0 && !map_.HasPath(inner.edge)) cross(inner.edge, crossed);
   }
   for (const SurfaceMap::Part& part : map_.parts()) {
     cross(part.edge, masks_.Between(part.from, part.to, homes_));

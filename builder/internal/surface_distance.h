@@ -40,7 +40,6 @@ class SurfaceDistance : public TileMeasure {
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
 
  private:
-  void SpreadPoints(const Hole& hole);
   void MeasureBorder(Hole& hole) const;
   bool FindParts(const Hole& hole);
   void FindHome(const Hole& hole, const Filling& filling);
@@ -52,7 +51,6 @@ class SurfaceDistance : public TileMeasure {
   SurfaceMap map_;
   // Of the open hole. Samples behind the points lie on the new border edge.
   bool fresh_ = false;                   // its star is one of the surface itself
-  std::vector<float> x_, y_, z_;         // of the points; room for whole groups of four
   double size_ = 0;                      // how far ring and points are from the frame's origin
   bool looked_ = false, known_ = false;  // the parts of paths in it are looked for, and known
   bool at_home_ = false;                 // homes are those of the filling that is measured

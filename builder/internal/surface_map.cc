@@ -2,8 +2,9 @@
 #include "builder/internal/surface_map.h"
 
 #include <algorithm>
-#include <numeric>
+#include <bit>
 #include <tuple>
+#include <utility>
 
 namespace mtdb::internal {
 
@@ -15,22 +16,22 @@ constexpr uint32_t Twin(uint32_t crossing) { return crossing ^ 1; }
 // The chords of an edge of S in a tile, in any order, and how they follow each other.
 class ChordChain {
  public:
-  struct Chord {
+  struct Link {
     uint32_t in, out;  // crossings; kNone32: the path begins or ends here
     bool to_outside;   // what is left for is not of the tile
     uint32_t next = kNone32;
     bool follows = false, done = false;
   };
 
-  void Add(const Chord& link) { links_.push_back(link); }
-  std::span<const Chord> links() const { return links_; }
+  void Add(const Link& link) { links_.push_back(link); }
+  std::span<const Link> links() const { return links_; }
 
   // False when they do not follow each other in one way only.
-  bool Link() {
+  bool Connect() {
     bool plain = true;
     uint32_t begins = 0;
     uint32_t ends = 0;
-    for (Chord& link : links_) {
+    for (Link& link : links_) {
       begins += link.in == kNone32;
       ends += link.out == kNone32;
       for (uint32_t d = 0; d < links_.size() && link.out != kNone32; ++d) {
@@ -48,11 +49,11 @@ class ChordChain {
   // ends it. False when some form a ring.
   bool Run(uint32_t gap, std::vector<uint32_t>& path) {
     for (const uint32_t turn : {0u, 1u, 2u}) {
-      for (Chord& link : links_) {
+      for (Link& link : links_) {
         if (link.done || link.follows || turn != Turn(link)) continue;
         if (!path.empty()) path.push_back(gap);
         if (link.in != kNone32) path.push_back(link.in);
-        for (Chord* at = &link;; at = &links_[at->next]) {
+        for (Link* at = &link;; at = &links_[at->next]) {
           at->done = true;
           if (at->out != kNone32) path.push_back(at->out);
           if (at->next == kNone32) break;
@@ -64,14 +65,14 @@ class ChordChain {
 
  private:
   // Of a run's first link.
-  uint32_t Turn(const Chord& first) const {
+  uint32_t Turn(const Link& first) const {
     if (first.in == kNone32) return 0;
-    const Chord* last = &first;
+    const Link* last = &first;
     while (last->next != kNone32) last = &links_[last->next];
     return last->out == kNone32 ? 2 : 1;
   }
 
-  std::vector<Chord> links_;
+  std::vector<Link> links_;
 };
 }  // namespace
 
@@ -157,18 +158,17 @@ uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
   return kNone32;
 }
 
-void SurfaceMap::AddChords(std::span<const Chord> chords, const TileMesh& mesh,
+void SurfaceMap::AddChords(std::vector<Chord> chords, const TileMesh& mesh,
                            std::span<const uint32_t> numbers) {
-  std::vector<Chord> sorted(chords.begin(), chords.end());
   const auto key = [&](const Chord& c) {
     return std::tuple(numbers[c.from], numbers[c.to], c.triangle, c.enters, c.leaves);
   };
-  std::sort(sorted.begin(), sorted.end(),
+  std::sort(chords.begin(), chords.end(),
             [&](const Chord& a, const Chord& b) { return key(a) < key(b); });
-  for (size_t begin = 0; begin < sorted.size();) {
+  for (size_t begin = 0; begin < chords.size();) {
     size_t end = begin;
-    const auto [from, to] = std::pair(sorted[begin].from, sorted[begin].to);
-    while (end < sorted.size() && sorted[end].from == from && sorted[end].to == to) ++end;
+    const auto [from, to] = std::pair(chords[begin].from, chords[begin].to);
+    while (end < chords.size() && chords[end].from == from && chords[end].to == to) ++end;
     uint32_t edge = FindEdge(from, to);
     if (edge == kNone32) {
       // It only passes through the tile: none of its ends will go.
@@ -176,7 +176,7 @@ void SurfaceMap::AddChords(std::span<const Chord> chords, const TileMesh& mesh,
       edges_.push_back({from, to, 0, 0});
       looked_at_in_.push_back(0);
     }
-    JoinChords(edge, std::span(sorted).subspan(begin, end - begin), mesh);
+    JoinChords(edge, std::span(chords).subspan(begin, end - begin), mesh);
     begin = end;
   }
 }
@@ -199,7 +199,7 @@ void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const 
     chain.Add({in, out, to_outside});
   }
   std::vector<uint32_t> path;
-  if (!chain.Link() || !chain.Run(kGap, path)) {
+  if (!chain.Connect() || !chain.Run(kGap, path)) {
     path.assign(1, kGap);
     for (const auto& link : chain.links()) {
       for (const uint32_t x : {link.in, link.out}) {
@@ -283,7 +283,7 @@ bool SurfaceMap::FindParts() {
   for (const uint32_t mesh_edge : star_edges_) {
     for (uint32_t c = heads_[mesh_edge]; c != kNone32; c = crossers_[c].next) {
       const uint32_t e = crossers_[c].edge;
-      if (std::exchange(looked_at_in_[e], opened_) == opened_ || edges_[e].path_at == 0) continue;
+      if (std::exchange(looked_at_in_[e], opened_) == opened_ || !HasPath(e)) continue;
       known_ &= FindParts(e);
     }
   }
@@ -335,22 +335,19 @@ bool SurfaceMap::FindParts(uint32_t edge) {
 }
 
 void SurfaceMap::SetPath(uint32_t edge, std::span<const uint32_t> path) {
-  uint32_t& path_at = edges_[edge].path_at;
-  const uint32_t at = path_at;
-  if (at != 0) pool_unused_ += pool_[at] + 1;
-  if (at != 0 && path.size() <= pool_[at]) {
-    // In the place of the old one.
-    pool_unused_ -= path.size() + 1;
-    pool_[at] = static_cast<uint32_t>(path.size());
-    std::copy(path.begin(), path.end(), pool_.begin() + at + 1);
-    if (path.empty()) path_at = 0;
-    return;
+  uint32_t& at = edges_[edge].path_at;
+  const size_t room = at == 0 ? 0 : pool_[at];
+  if (path.empty() || path.size() > room) {
+    if (at != 0) pool_unused_ += room + 1;
+    at = 0;
+    if (path.empty()) return;
+    at = static_cast<uint32_t>(pool_.size());
+    pool_.resize(pool_.size() + 1 + path.size());
+  } else {
+    pool_unused_ += room - path.size();
   }
-  path_at = 0;
-  if (path.empty()) return;
-  path_at = static_cast<uint32_t>(pool_.size());
-  pool_.push_back(static_cast<uint32_t>(path.size()));
-  pool_.insert(pool_.end(), path.begin(), path.end());
+  pool_[at] = static_cast<uint32_t>(path.size());
+  std::copy(path.begin(), path.end(), pool_.begin() + at + 1);
 }
 
 void SurfaceMap::DropUnused() {
@@ -463,7 +460,7 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
   };
   for (const InnerEdge& inner : inner_edges_) {
     if (masks.Between(inner.from, inner.to, homes) == 0) continue;
-    if (edges_[inner.edge].path_at != 0) continue;
+    if (HasPath(inner.edge)) continue;
     changed_.clear();
     append(inner.from, inner.to);
     Change(inner.edge, made);

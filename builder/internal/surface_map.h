@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -73,7 +72,7 @@ class SurfaceMap {
   void Build(const TileMesh& mesh, std::span<const std::array<uint32_t, 3>> triangles,
              std::span<const float> errors, std::span<const uint32_t> numbers);
   // Of a surface that earlier rounds have moved on; once, after Build.
-  void AddChords(std::span<const Chord> chords, const TileMesh& mesh,
+  void AddChords(std::vector<Chord> chords, const TileMesh& mesh,
                  std::span<const uint32_t> numbers);
   // What the next round needs, of the triangles that are there.
   void Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const;
@@ -84,6 +83,8 @@ class SurfaceMap {
     float error = 0;            // the largest that its triangles have accumulated
   };
   const Edge& edge(uint32_t e) const { return edges_[e]; }
+  // Whether the edge crosses something.
+  bool HasPath(uint32_t e) const { return edges_[e].path_at != 0; }
 
   // Of a hole: Open, then MarkSample and MarkChain for the vertices of S whose places will change,
   // or which lie on the border edges of the ring; then FindParts. False when a path is not known

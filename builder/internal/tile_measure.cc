@@ -16,10 +16,9 @@ float RoundedUp(double x) {
 }
 }  // namespace
 
-void TileMeasure::LoadTile(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                           const TileSurface* surface, const Grid& grid,
-                           std::vector<std::array<uint32_t, 3>>& triangles,
-                           std::vector<float>& errors) {
+TileMeasure::Surface TileMeasure::LoadTile(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                                           const TileSurface* surface, const Grid& grid) {
+  Surface all;
   mesh_ = &mesh;
   const size_t n = tile.size();
   triangles_.assign(n, Triangle{});
@@ -32,11 +31,10 @@ void TileMeasure::LoadTile(const TileMesh& mesh, std::span<const TileTriangle> t
   for (uint32_t v = 0; v < mesh.vertices(); ++v) positions_.push_back(mesh.position(v));
   held_.clear();
   held_in_use_ = 0;
-  std::vector<uint32_t> number;
   if (surface != nullptr) {
-    number = NumberVertices(*surface, mesh.vertex_numbers());
-    for (size_t v = 0; v < number.size(); ++v) {
-      if (number[v] < mesh.vertices()) continue;
+    all.local = NumberVertices(*surface, mesh.vertex_numbers());
+    for (size_t v = 0; v < all.local.size(); ++v) {
+      if (all.local[v] < mesh.vertices()) continue;
       positions_.push_back(grid.is_linear() ? ToDouble(surface->positions[v])
                                             : grid.Position(surface->positions[v]));
     }
@@ -44,16 +42,15 @@ void TileMeasure::LoadTile(const TileMesh& mesh, std::span<const TileTriangle> t
   next_on_chain_.assign(positions_.size(), kNone32);
   for (uint32_t t = 0; t < n; ++t) {
     if (!triangles_[t].own) continue;
-    triangles.push_back(mesh.corners(t));
-    errors.push_back(tile[t].error);
+    all.triangles.push_back(mesh.corners(t));
+    all.errors.push_back(tile[t].error);
   }
   if (surface != nullptr) {
-    for (size_t t = 0; t < surface->triangles.size(); ++t) {
-      const auto [a, b, c] = surface->triangles[t];
-      triangles.push_back({number[a], number[b], number[c]});
-      errors.push_back(surface->errors[t]);
+    for (const auto& [a, b, c] : surface->triangles) {
+      all.triangles.push_back({all.local[a], all.local[b], all.local[c]});
     }
-    LoadHeld(*surface, number);
+    all.errors.insert(all.errors.end(), surface->errors.begin(), surface->errors.end());
+    LoadHeld(*surface, all.local);
   }
   // An edge's error counts for both of its triangles.
   const std::span<const uint32_t> opposites = mesh.input_opposites();
@@ -64,37 +61,37 @@ void TileMeasure::LoadTile(const TileMesh& mesh, std::span<const TileTriangle> t
     double& twin_error = triangles_[o / 3].edge_errors[o % 3];
     error = twin_error = std::max(error, twin_error);
   }
-  MeasureVertices(triangles, errors);
+  MeasureVertices(all);
   MeasureHeights();
   opened_in_.assign(positions_.size(), 0);
   opened_ = 0;
   Close();
+  return all;
 }
 
-// `number`: of the surface's vertices.
-void TileMeasure::LoadHeld(const TileSurface& surface, std::span<const uint32_t> number) {
+// `local`: of the surface's vertices.
+void TileMeasure::LoadHeld(const TileSurface& surface, std::span<const uint32_t> local) {
   for (size_t t = 0; t < triangles_.size(); ++t) {
     for (size_t c = 0; c < 3; ++c) triangles_[t].edge_errors[c] = surface.edge_errors[t][c];
   }
   std::vector<std::pair<uint32_t, uint32_t>> inside;
   for (const HeldVertex& held : surface.held) {
     if (held.edge == 3) {
-      inside.push_back({held.triangle, number[held.vertex]});
+      inside.push_back({held.triangle, local[held.vertex]});
       continue;
     }
     uint32_t& head = triangles_[held.triangle].chain_heads[held.edge];
-    next_on_chain_[number[held.vertex]] = head;
-    head = number[held.vertex];
+    next_on_chain_[local[held.vertex]] = head;
+    head = local[held.vertex];
   }
   HoldIn(0, static_cast<uint32_t>(triangles_.size()), inside);
 }
 
-void TileMeasure::MeasureVertices(std::span<const std::array<uint32_t, 3>> triangles,
-                                  std::span<const float> errors) {
+void TileMeasure::MeasureVertices(const Surface& surface) {
   vertex_errors_.assign(positions_.size(), 0);
-  for (size_t t = 0; t < triangles.size(); ++t) {
-    for (const uint32_t v : triangles[t]) {
-      vertex_errors_[v] = std::max<double>(vertex_errors_[v], errors[t]);
+  for (size_t t = 0; t < surface.triangles.size(); ++t) {
+    for (const uint32_t v : surface.triangles[t]) {
+      vertex_errors_[v] = std::max<double>(vertex_errors_[v], surface.errors[t]);
     }
   }
 }
@@ -195,6 +192,19 @@ void TileMeasure::GatherSamples(const Hole& hole) {
   if (!hole.boundary) samples_.push_back(hole.vertex);
   points_.clear();
   for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
+}
+
+void TileMeasure::SpreadPoints() {
+  const size_t count = (points_.size() + 3) / 4 * 4;
+  x_.resize(count);
+  y_.resize(count);
+  z_.resize(count);
+  for (size_t s = 0; s < count; ++s) {
+    const Vec3d& p = points_[std::min(s, points_.size() - 1)];
+    x_[s] = static_cast<float>(p.x);
+    y_[s] = static_cast<float>(p.y);
+    z_[s] = static_cast<float>(p.z);
+  }
 }
 
 bool TileMeasure::IsFresh(const Hole& hole) const {
@@ -317,12 +327,17 @@ void TileMeasure::TakeEdgeErrors(const Hole& hole, Filling& filling) const {
   }
 }
 
+double TileMeasure::RimError(const Hole& hole) const {
+  double error = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
+  for (const uint32_t h : hole.ring_edges) error = std::max(error, edge_error(h));
+  return error;
+}
+
 double TileMeasure::LowerBound(const Hole& hole, const Filling& filling) const {
-  double bound = hole.boundary ? hole.edge_error[0][hole.k - 1] : 0;
+  double bound = RimError(hole);
   for (uint32_t t = 1; t < hole.k - 2; ++t) {
     bound = std::max(bound, hole.edge_error[filling.triangles[t][0]][filling.triangles[t][2]]);
   }
-  for (const uint32_t h : hole.ring_edges) bound = std::max(bound, edge_error(h));
   return bound;
 }
 

@@ -46,10 +46,14 @@ class TileMeasure {
   };
   explicit TileMeasure(bool vertical) : vertical_(vertical) {}
 
-  // Gives the triangles of the surface, in the numbering of its vertices, and their errors.
-  void LoadTile(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                const TileSurface* surface, const Grid& grid,
-                std::vector<std::array<uint32_t, 3>>& triangles, std::vector<float>& errors);
+  // The surface, with the mesh's vertices first.
+  struct Surface {
+    std::vector<std::array<uint32_t, 3>> triangles;
+    std::vector<float> errors;
+    std::vector<uint32_t> local;  // of TileSurface::vertices: their numbers here
+  };
+  Surface LoadTile(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                   const TileSurface* surface, const Grid& grid);
   // Of a half-edge.
   double edge_error(uint32_t h) const { return triangles_[h / 3].edge_errors[h % 3]; }
   uint32_t chain_head(uint32_t h) const { return triangles_[h / 3].chain_heads[h % 3]; }
@@ -59,12 +63,17 @@ class TileMeasure {
   // before another hole.
   void GatherSamples(const Hole& hole);
   void Close() { gathered_ = false; }
+  // Puts the samples' places into lanes of four, in binary32; the last ones again where a group is
+  // not full.
+  void SpreadPoints();
   // True when the star is a part of the surface, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   // Of such a star: diagonals that leave it get kUnknown.
   void MeasureOverSpokes(Hole& hole) const;
   // From the samples that lie near an edge.
   void GuessEdges(Hole& hole) const;
+  // The largest error of edges that every filling has: the ring's, and the new border edge.
+  double RimError(const Hole& hole) const;
   // Of a filling's edge, a < b.
   double EdgeError(const Hole& hole, uint32_t a, uint32_t b) const;
   // Sets the errors of a filling's triangles to those of their edges.
@@ -95,13 +104,13 @@ class TileMeasure {
   // Of the open hole.
   std::vector<uint32_t> samples_;  // removed vertices of its star, and the one that goes
   std::vector<Vec3d> points_;      // their places in the hole's frame
+  std::vector<float> x_, y_, z_;   // the same, spread
 
  private:
   template <bool kIsVertical>
   void MeasureOverSpokes(Hole& hole) const;
-  void LoadHeld(const TileSurface& surface, std::span<const uint32_t> number);
-  void MeasureVertices(std::span<const std::array<uint32_t, 3>> triangles,
-                       std::span<const float> errors);
+  void LoadHeld(const TileSurface& surface, std::span<const uint32_t> local);
+  void MeasureVertices(const Surface& surface);
   void MeasureHeights();
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {

@@ -3,20 +3,16 @@
 // whole, and closed ones around each triangle of the surface that can be drawn together.
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <filesystem>
 #include <map>
-#include <memory>
-#include <set>
+#include <span>
 #include <utility>
 
-#include "builder/internal/decimator.h"
 #include "builder/internal/surface_map.h"
-#include "builder/internal/tile_cluster.h"
+#include "builder/internal/tile_mesh.h"
 #include "builder/internal/tile_surface.h"
-#include "builder/internal/tiling.h"
 #include "tests/builder/fixture.h"
-#include "tests/builder/input_oracle.h"
 #include "tests/builder/nasty_meshes.h"
+#include "tests/builder/rounds.h"
 
 namespace mtdb::testing {
 
@@ -26,71 +22,14 @@ namespace {
 
 using Ends = std::pair<uint32_t, uint32_t>;  // of an edge, in the input's numbering
 
-const SpoolSpace& Space() {
-  static const SpoolSpace kSpace{std::filesystem::temp_directory_path().string()};
-  return kSpace;
-}
-
-// A mesh after some rounds of several tiles, and what it stands for.
-struct Mapped {
-  std::vector<TileTriangle> input, mesh;
-  TileSurface surface;
-};
-
-Mapped Run(const TriangleMesh& input, std::span<const size_t> tiles_of_rounds) {
-  Box3d bounds;
-  for (const Vec3d& p : input.positions) bounds.Add(p);
-  Grid grid;
-  grid.origin = bounds.min;
-  grid.step = Diagonal(bounds) / 30000;
-  Mapped mapped;
-  mapped.input = mapped.mesh = ClassifiedTriangles(input, grid);
-  std::vector<std::unique_ptr<SurfaceSpool>> surfaces;
-  SurfaceDecimator decimator;
-  UnitId next = 7;
-  for (const size_t tiles : tiles_of_rounds) {
-    const auto round = static_cast<uint32_t>(surfaces.size() + 1);
-    const RoundCurve curve(bounds, round);
-    std::stable_sort(mapped.mesh.begin(), mapped.mesh.end(), [&](const auto& a, const auto& b) {
-      return curve.Code(a, grid) < curve.Code(b, grid);
-    });
-    std::vector<TileTriangle> left;
-    surfaces.push_back(std::make_unique<SurfaceSpool>(round, &Space(), 0));
-    const std::span rounds_before(surfaces.data(), surfaces.size() - 1);
-    for (size_t i = 0; i < tiles; ++i) {
-      const auto [begin, end] = TileRange(mapped.mesh.size(), tiles, i);
-      TriangleBlock tile;
-      tile.triangles.assign(mapped.mesh.begin() + static_cast<std::ptrdiff_t>(begin),
-                            mapped.mesh.begin() + static_cast<std::ptrdiff_t>(end));
-      const TileSurface surface = GatherSurface(rounds_before, tile.triangles).value();
-      DecimateOptions options;
-      options.target_triangles = static_cast<uint32_t>(tile.triangles.size() / 3);
-      options.largest_error = 1e9;
-      if (!surface.empty()) options.surface = &surface;
-      const TileResult result = decimator.Decimate(tile.triangles, grid, options);
-      TileCluster cluster = MakeTileCluster(tile, result, grid, {}, {1, options.surface});
-      REQUIRE(surfaces.back()->Add(next, cluster.surface).ok());
-      for (TileTriangle& t : cluster.left.triangles) {
-        if (t.child == TileCluster::kOwnCluster) t.child = next;
-        left.push_back(t);
-      }
-      ++next;
-    }
-    REQUIRE(surfaces.back()->Finish().ok());
-    mapped.mesh = std::move(left);
-  }
-  mapped.surface = GatherSurface(surfaces, mapped.mesh).value();
-  REQUIRE(mapped.surface.round == 1);
-  return mapped;
-}
-
 // Where paths run, and along which triangles.
 class Paths {
  public:
-  explicit Paths(const Mapped& mapped) : mapped_(mapped) {
+  // Of the mesh that some rounds have left, and what it stands for.
+  Paths(std::span<const TileTriangle> mesh, const TileSurface& surface) : mesh_(mesh) {
     std::map<uint32_t, uint32_t> numbers;
     std::vector<std::array<uint32_t, 3>> corners;
-    for (const TileTriangle& t : mapped.mesh) {
+    for (const TileTriangle& t : mesh) {
       auto& made = corners.emplace_back();
       for (size_t c = 0; c < 3; ++c) {
         made[c] = numbers.emplace(t.vertices[c], numbers.size()).first->second;
@@ -100,11 +39,11 @@ class Paths {
       }
     }
     PairHalfEdges(corners, static_cast<uint32_t>(numbers.size()), opposites_);
-    for (const HeldVertex& h : mapped.surface.held) {
-      homes_[mapped.surface.vertices[h.vertex]] = h.triangle;
+    for (const HeldVertex& h : surface.held) {
+      homes_[surface.vertices[h.vertex]] = h.triangle;
     }
-    for (const Chord& c : mapped.surface.chords) {
-      chords_[{mapped.surface.vertices[c.from], mapped.surface.vertices[c.to]}].push_back(c);
+    for (const Chord& c : surface.chords) {
+      chords_[{surface.vertices[c.from], surface.vertices[c.to]}].push_back(c);
     }
   }
 
@@ -205,7 +144,7 @@ class Paths {
     for (const uint32_t step : {2u, 0u}) {
       std::vector<uint32_t> between;
       for (uint32_t at = from; at != kNone32;) {
-        const auto& v = mapped_.mesh[at].vertices;
+        const auto& v = mesh_[at].vertices;
         const auto c = static_cast<uint32_t>(std::find(v.begin(), v.end(), vertex) - v.begin());
         at = Beyond(at, (c + step) % 3);
         if (at == to) {
@@ -232,7 +171,7 @@ class Paths {
     return kept.size();
   }
 
-  const Mapped& mapped_;
+  std::span<const TileTriangle> mesh_;
   std::vector<uint32_t> opposites_;
   std::map<uint32_t, std::vector<uint32_t>> around_;
   std::map<uint32_t, uint32_t> homes_;
@@ -244,13 +183,16 @@ class Paths {
 
 TEST_CASE("Closed paths around the surface's triangles can be drawn together on every mesh") {
   const TriangleMesh meshes[] = {MakeSculpture(4000), MakeTerrain(3000), MakeSheet(40, 0.03)};
-  const std::vector<size_t> rounds[] = {{1}, {3}, {4, 3}, {4, 3, 2, 1}};
+  const std::vector<size_t> tiles_of_rounds[] = {{1}, {3}, {4, 3}, {4, 3, 2, 1}};
   for (const TriangleMesh& mesh : meshes) {
-    for (const std::vector<size_t>& tiles : rounds) {
-      const Mapped mapped = Run(mesh, tiles);
-      CAPTURE(mesh.triangles.size(), tiles.size(), mapped.mesh.size());
-      Paths paths(mapped);
-      for (const TileTriangle& t : mapped.input) {
+    for (const std::vector<size_t>& tiles : tiles_of_rounds) {
+      Rounds rounds(mesh, tiles[0]);
+      for (size_t r = 1; r < tiles.size(); ++r) rounds.Run(tiles[r]);
+      CAPTURE(mesh.triangles.size(), tiles.size(), rounds.after.size());
+      const TileSurface surface = GatherSurface(rounds.surfaces, rounds.after).value();
+      REQUIRE(surface.round == 1);
+      Paths paths(rounds.after, surface);
+      for (const TileTriangle& t : rounds.before) {
         if (!paths.CanBeDrawnTogether(t.vertices)) {
           FAIL("around " << t.vertices[0] << ", " << t.vertices[1] << ", " << t.vertices[2]);
         }

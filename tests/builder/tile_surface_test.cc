@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <filesystem>
-#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -19,6 +17,7 @@
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 #include "tests/builder/nasty_meshes.h"
+#include "tests/builder/rounds.h"
 
 namespace mtdb::testing {
 
@@ -28,77 +27,11 @@ namespace {
 
 using Corners = std::array<uint32_t, 3>;
 
-const SpoolSpace& Space() {
-  static const SpoolSpace kSpace{std::filesystem::temp_directory_path().string()};
-  return kSpace;
-}
-
 // The same triangle, from its smallest vertex on.
 Corners Turned(Corners t) {
   std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
   return t;
 }
-
-// Rounds that go on, of several tiles each.
-class Rounds {
- public:
-  Rounds(const TriangleMesh& mesh, size_t tiles) {
-    for (const Vec3d& p : mesh.positions) bounds_.Add(p);
-    grid.origin = bounds_.min;
-    grid.step = Diagonal(bounds_) / 30000;
-    before = after = ClassifiedTriangles(mesh, grid);
-    Run(tiles);
-  }
-
-  // The next round, of tiles for which begins_afresh(i) is false. `over`: its clusters leave
-  // nothing.
-  void Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh = {}, bool over = false) {
-    const auto round = static_cast<uint32_t>(surfaces.size() + 1);
-    const RoundCurve curve(bounds_, round);
-    std::stable_sort(after.begin(), after.end(), [&](const TileTriangle& a, const TileTriangle& b) {
-      return curve.Code(a, grid) < curve.Code(b, grid);
-    });
-    SurfaceDecimator decimator;
-    std::vector<TileTriangle> left;
-    auto spool = std::make_unique<SurfaceSpool>(round, &Space(), 0);
-    for (size_t i = 0; i < tiles; ++i) {
-      const auto [begin, end] = TileRange(after.size(), tiles, i);
-      TriangleBlock tile;
-      tile.triangles.assign(after.begin() + static_cast<std::ptrdiff_t>(begin),
-                            after.begin() + static_cast<std::ptrdiff_t>(end));
-      const TileSurface surface = GatherSurface(surfaces, tile.triangles).value();
-      DecimateOptions options;
-      options.target_triangles =
-          static_cast<uint32_t>(tile.triangles.size() / (round == 1 ? 4 : 2));
-      options.largest_error = 1e9;
-      const bool afresh = surface.empty() || (begins_afresh && begins_afresh(i));
-      if (!afresh) options.surface = &surface;
-      const TileResult result = decimator.Decimate(tile.triangles, grid, options);
-      for (const Removal& r : result.removals) removed.push_back(result.vertices[r.vertex]);
-      const uint32_t begun = afresh ? round : surface.round;
-      TileCluster cluster =
-          MakeTileCluster(tile, result, grid, {}, {over ? 0 : begun, options.surface});
-      REQUIRE(spool->Add(next_, cluster.surface).ok());
-      for (TileTriangle& t : cluster.left.triangles) {
-        if (t.child == TileCluster::kOwnCluster) t.child = next_;
-        left.push_back(t);
-      }
-      ++next_;
-    }
-    REQUIRE(spool->Finish().ok());
-    surfaces.push_back(std::move(spool));
-    after = std::move(left);
-  }
-
-  Grid grid;
-  std::vector<TileTriangle> before, after;
-  std::vector<uint32_t> removed;
-  std::vector<std::unique_ptr<SurfaceSpool>> surfaces;
-
- private:
-  Box3d bounds_;
-  UnitId next_ = 7;
-};
 
 TriangleMesh AsMesh(const std::vector<std::array<Vec3i, 3>>& triangles) {
   TriangleMesh mesh;
