@@ -150,10 +150,14 @@ void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
   codes_.assign(heads_.size(), 0);
 }
 
+// Around the end that has fewer of them.
 uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
-  for (uint32_t i = edges_begin_[from]; i < edges_begin_[from + 1]; ++i) {
+  const auto count = [&](uint32_t v) { return edges_begin_[v + 1] - edges_begin_[v]; };
+  const bool at_begin = count(from) <= count(to);
+  const auto [here, there] = at_begin ? std::pair(from, to) : std::pair(to, from);
+  for (uint32_t i = edges_begin_[here]; i < edges_begin_[here + 1]; ++i) {
     const EdgeAt& at = edges_at_[i];
-    if (at.other_end == to && at.begins_here) return at.edge;
+    if (at.other_end == there && at.begins_here == at_begin) return at.edge;
   }
   return kNone32;
 }

@@ -10,7 +10,7 @@ namespace mtdb::internal {
 
 void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
                    std::vector<uint32_t>& opposite) {
-  // Buckets by smaller end; within a bucket (a handful of edges) all pairs are compared.
+  // Buckets by smaller end, and in each by the other one: a vertex may have any number of edges.
   struct Use {
     uint32_t larger;
     uint32_t half_edge;
@@ -35,20 +35,13 @@ void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t 
   }
   for (uint32_t v = 0; v < vertex_count; ++v) {
     const auto bucket = std::span(uses).subspan(begin[v], begin[v + 1] - begin[v]);
-    for (const Use& use : bucket) {
-      uint32_t twin = kNone32;
-      int forward = 0;
-      int backward = 0;
-      for (const Use& other : bucket) {
-        if (other.larger != use.larger) continue;
-        if (other.forward == use.forward) {
-          ++forward;
-        } else {
-          ++backward;
-          twin = other.half_edge;
-        }
-      }
-      if (forward == 1 && backward == 1) opposite[use.half_edge] = twin;
+    std::sort(bucket.begin(), bucket.end(),
+              [](const Use& a, const Use& b) { return a.larger < b.larger; });
+    for (size_t i = 0, end = 0; i < bucket.size(); i = end) {
+      while (end < bucket.size() && bucket[end].larger == bucket[i].larger) ++end;
+      if (end != i + 2 || bucket[i].forward == bucket[i + 1].forward) continue;
+      opposite[bucket[i].half_edge] = bucket[i + 1].half_edge;
+      opposite[bucket[i + 1].half_edge] = bucket[i].half_edge;
     }
   }
 }

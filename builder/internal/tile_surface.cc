@@ -2,6 +2,7 @@
 #include "builder/internal/tile_surface.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <utility>
 
@@ -96,22 +97,29 @@ class Gathering {
   // Clusters of a later round than the surface's leave all that lies around what they hold, which
   // those beside them may leave too.
   void DropTwins() {
-    std::vector<uint32_t> last(all_.vertices.size(), kNone32);  // kept triangle, by smallest vertex
-    std::vector<uint32_t> before;                               // of a kept one
+    std::vector<uint32_t> last(std::bit_ceil(all_.triangles.size()), kNone32);  // kept, by hash
+    std::vector<uint32_t> before;                                               // of a kept one
     before.reserve(all_.triangles.size());
     for (size_t t = 0; t < all_.triangles.size(); ++t) {
       std::array<uint32_t, 3> turned = all_.triangles[t];
       std::rotate(turned.begin(), std::min_element(turned.begin(), turned.end()), turned.end());
-      uint32_t twin = last[turned[0]];
+      uint32_t& head = last[Hash(turned) & (last.size() - 1)];
+      uint32_t twin = head;
       while (twin != kNone32 && all_.triangles[twin] != turned) twin = before[twin];
       if (twin != kNone32) continue;
       const size_t kept = before.size();
-      before.push_back(std::exchange(last[turned[0]], static_cast<uint32_t>(kept)));
+      before.push_back(std::exchange(head, static_cast<uint32_t>(kept)));
       all_.triangles[kept] = turned;
       all_.errors[kept] = all_.errors[t];
     }
     all_.triangles.resize(before.size());
     all_.errors.resize(before.size());
+  }
+
+  static uint64_t Hash(const std::array<uint32_t, 3>& triangle) {
+    uint64_t hash = 0;
+    for (const uint32_t v : triangle) hash = (hash ^ v) * 0x9e3779b97f4a7c15ull;
+    return hash >> 32;
   }
 
   uint32_t Number(uint32_t vertex, Vec3i position) {

@@ -39,4 +39,18 @@ TEST_CASE("Half-edges are paired once, and never where an edge is used twice in 
   }
 }
 
+// Comparing all edges at the vertex with each other would take hours.
+TEST_CASE("Half-edges are paired around a vertex of a million triangles") {
+  constexpr uint32_t kCount = 1'000'000;
+  std::vector<std::array<uint32_t, 3>> fan;
+  for (uint32_t i = 1; i <= kCount; ++i) fan.push_back({0, i, i % kCount + 1});
+  std::vector<uint32_t> opposite;
+  PairHalfEdges(fan, kCount + 1, opposite);
+  for (uint32_t t = 0; t < kCount; ++t) {
+    const uint32_t next = (t + 1) % kCount;
+    const bool paired = opposite[3 * t + 2] == 3 * next && opposite[3 * next] == 3 * t + 2;
+    if (!paired || opposite[3 * t + 1] != kNone32) FAIL("triangle " << t);
+  }
+}
+
 }  // namespace mtdb::testing

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <numbers>
+#include <random>
 #include <set>
 
 #include "bench/internal/hausdorff.h"
@@ -74,6 +76,26 @@ TEST_CASE("What clusters left is, beneath one tile, the surface that their round
       if (h.edge != 3) REQUIRE((rounds.after[h.triangle].border_edges >> h.edge & 1));
     }
   }
+}
+
+// Comparing all triangles at the vertex with each other would take minutes.
+TEST_CASE("What lies beneath a vertex of 200,000 triangles is put together") {
+  constexpr uint32_t kCount = 200'000;
+  std::mt19937 random(3);
+  TriangleMesh fan;
+  fan.positions.push_back({0, 0, 0.3});
+  for (uint32_t i = 1; i <= kCount; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kCount;
+    const double radius = 1 + 1e-3 * static_cast<double>(random() % 100);
+    fan.positions.push_back({radius * std::cos(angle), radius * std::sin(angle), 0});
+    fan.triangles.push_back({0, i, i % kCount + 1});
+  }
+  Rounds rounds(fan, 32);
+  rounds.Run(16);
+  rounds.Run(8);
+  const TileSurface surface = GatherSurface(rounds.surfaces, rounds.after).value();
+  const auto own = std::count(surface.own.begin(), surface.own.end(), uint8_t{1});
+  REQUIRE(surface.triangles.size() + static_cast<size_t>(own) == kCount);
 }
 
 TEST_CASE("Where a tile began afresh, only tiles that lie on what it left go on") {
