@@ -18,7 +18,11 @@ double SquaredDistance(const Hole& hole, const Hole::Triangle& triangle, Vec3d p
   return SquaredDistancePointTriangle(p, hole.positions[i], hole.positions[m], hole.positions[j]);
 }
 
-// A triangle of a filling for four points at once, in binary32 and the hole's frame.
+// Height over length: rounding decides what lies over thinner triangles.
+constexpr double kNeedle = 1.0 / 128;
+
+// A triangle of a filling for four points at once, in binary32 and the hole's frame. Of a needle
+// only the edges count, which are nowhere nearer than the triangle.
 class TriangleLanes {
  public:
   TriangleLanes(const Hole& hole, const Hole::Triangle& triangle) {
@@ -27,17 +31,19 @@ class TriangleLanes {
     const double length = Length(up);
     const Vec3d normal = up * (length > 0 ? 1 / length : 0);
     normal_ = Splat(normal);
+    double longest2 = 0;
     for (uint32_t c = 0; c < 3; ++c) {
       const auto [a, b] = Hole::Edge(triangle, c);
       const Vec3d along = hole.points[b] - hole.points[a];
       const double squared = SquaredLength(along);
+      longest2 = std::max(longest2, squared);
       corner_[c] = Splat(hole.points[a]);
       along_[c] = Splat(along);
       per_length2_[c] = Splat4(squared > 0 ? static_cast<float>(1 / squared) : 0);
-      // Without a normal nothing lies over it.
       inwards_[c] = Splat(Cross(normal, along));
-      least_[c] = Splat4(length > 0 ? 0 : 1);
     }
+    constexpr float kNowhere = std::numeric_limits<float>::infinity();
+    least_ = Splat4(length > kNeedle * longest2 ? 0 : kNowhere);
   }
   Float4 SquaredDistance(Float4 x, Float4 y, Float4 z) const {
     Float4 least{};
@@ -47,7 +53,7 @@ class TriangleLanes {
       const Float4 t = Min4(Max4(Dot(p, along_[c]) * per_length2_[c], Float4{}), Splat4(1));
       const Lanes off{p.x - t * along_[c].x, p.y - t * along_[c].y, p.z - t * along_[c].z};
       const Float4 squared = Dot(off, off);
-      const Int4 inside = Dot(p, inwards_[c]) >= least_[c];
+      const Int4 inside = Dot(p, inwards_[c]) >= least_;
       least = c == 0 ? squared : Min4(least, squared);
       over = c == 0 ? inside : over & inside;
     }
@@ -67,7 +73,8 @@ class TriangleLanes {
 
   Lanes normal_;
   std::array<Lanes, 3> corner_, along_, inwards_;  // of the edges
-  std::array<Float4, 3> per_length2_, least_;
+  std::array<Float4, 3> per_length2_;
+  Float4 least_;  // inwards of the edges: what lies over it
 };
 }  // namespace
 
@@ -284,13 +291,16 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     FindHomes(hole, filling);
   }
   TakeEdgeErrors(hole, filling);
+  // In smaller holes squares of distances are too small for binary32.
+  constexpr double kLeastSize = 1e-15;
+  const bool about_is_known = !fresh_ && size_ > kLeastSize;
   for (uint32_t s = 0; s < points_.size(); ++s) {
     charges_.push_back({homes_[s], s});
     double& error = filling.errors[homes_[s]];
     // What rounding may hide is far less than this.
     const double about = std::sqrt(double{squared_[s]});
     const double own = vertex_error(samples_[s]);
-    if (!fresh_ && about * 1.001 + 1e-4 * size_ + own <= error) continue;
+    if (about_is_known && about * 1.001 + 1e-4 * size_ + own <= error) continue;
     const double squared =
         SquaredDistance(hole, filling.triangles[homes_[s]], positions_[samples_[s]]);
     error = std::max(error, std::sqrt(squared) + own);

@@ -73,6 +73,25 @@ TEST_CASE("The bound holds for folded, rough and coarsely quantised surfaces") {
   check(MakeSculpture(6000), options);
 }
 
+// Squares of such lengths are 0 in binary32.
+TEST_CASE("The bound holds where a model unit is far larger than the model") {
+  TriangleMesh mesh = MakeSheet(40, 0.3);
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i] * 1e-21);
+  }
+  BuildOptions options;
+  options.mode = PositionMode::kLossless;
+  const BuiltObject built = Build(mesh, options);
+  for (const double share : {0.1, 0.25, 0.5, 1.0}) {
+    Query query;
+    query.threshold = ConstantThreshold(share * built.record.diagonal() / 16);
+    ExtractStats stats;
+    const TriangleMesh cut = Extract(*built.surface, query, &stats);
+    CAPTURE(share, stats.triangles);
+    CHECK(SymmetricHausdorff(mesh, cut, 10000) * 1e21 <= stats.error_bound * 1e21);
+  }
+}
+
 TEST_CASE("Surfaces without curvature cost no error") {
   BuildOptions options;
   options.step = 1.0 / 128;  // so that the grid keeps the border straight
