@@ -183,7 +183,7 @@ class Paths {
 
 TEST_CASE("Closed paths around the surface's triangles can be drawn together on every mesh") {
   const TriangleMesh meshes[] = {MakeSculpture(4000), MakeTerrain(3000), MakeSheet(40, 0.03)};
-  const std::vector<size_t> tiles_of_rounds[] = {{1}, {3}, {4, 3}, {4, 3, 2, 1}};
+  const std::vector<size_t> tiles_of_rounds[] = {{1}, {3}, {4, 3}, {4, 3, 2, 1}, {4, 9, 8, 7}};
   for (const TriangleMesh& mesh : meshes) {
     for (const std::vector<size_t>& tiles : tiles_of_rounds) {
       Rounds rounds(mesh, tiles[0]);
