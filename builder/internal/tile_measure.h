@@ -24,7 +24,7 @@ namespace mtdb::internal {
 class TileMeasure {
  public:
   double FirstGuess(uint32_t v) const { return kFirstGuess * heights_[v] + vertex_error(v); }
-  // Of curves alone.
+  // Of edges alone.
   double LowerBound(const Hole& hole, const Filling& filling) const;
   // Sets what the next round has to know to go on.
   void Hold(TileResult& result) const;

@@ -22,11 +22,13 @@ const SpoolSpace& Space() {
 }
 }  // namespace
 
-Rounds::Rounds(const TriangleMesh& mesh, size_t tiles) {
+Rounds::Rounds(const TriangleMesh& mesh, size_t tiles, float error) {
   for (const Vec3d& p : mesh.positions) bounds_.Add(p);
   grid.origin = bounds_.min;
   grid.step = Diagonal(bounds_) / 30000;
-  before = after = ClassifiedTriangles(mesh, grid);
+  before = ClassifiedTriangles(mesh, grid);
+  for (TileTriangle& t : before) t.error = error;
+  after = before;
   Run(tiles);
 }
 

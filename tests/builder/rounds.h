@@ -19,8 +19,8 @@ namespace mtdb::testing {
 // Of several tiles each: the first one to a quarter, later ones to a half of their triangles.
 class Rounds {
  public:
-  // Runs the first one.
-  Rounds(const TriangleMesh& mesh, size_t tiles);
+  // Runs the first one. `error`: of all triangles that it begins with.
+  Rounds(const TriangleMesh& mesh, size_t tiles, float error = 0);
   // The next round, of tiles for which begins_afresh(i) is false. `over`: its clusters leave
   // nothing.
   void Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh = {}, bool over = false);

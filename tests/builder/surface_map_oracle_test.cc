@@ -186,11 +186,12 @@ TEST_CASE("Closed paths around the surface's triangles can be drawn together on 
   const std::vector<size_t> tiles_of_rounds[] = {{1}, {3}, {4, 3}, {4, 3, 2, 1}, {4, 9, 8, 7}};
   for (const TriangleMesh& mesh : meshes) {
     for (const std::vector<size_t>& tiles : tiles_of_rounds) {
-      Rounds rounds(mesh, tiles[0]);
+      Rounds rounds(mesh, tiles[0], 0.5f);
       for (size_t r = 1; r < tiles.size(); ++r) rounds.Run(tiles[r]);
       CAPTURE(mesh.triangles.size(), tiles.size(), rounds.after.size());
       const TileSurface surface = GatherSurface(rounds.surfaces, rounds.after).value();
       REQUIRE(surface.round == 1);
+      for (const Chord& c : surface.chords) REQUIRE(c.error == 0.5f);  // also of edges that pass
       Paths paths(rounds.after, surface);
       for (const TileTriangle& t : rounds.before) {
         if (!paths.CanBeDrawnTogether(t.vertices)) {
