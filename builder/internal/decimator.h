@@ -277,7 +277,10 @@ bool Decimator<Measure, Rule>::MeasureBest() {
       if (!std::exchange(known[i][j], true)) dearer |= error < 0 || error > guesses[t];
     }
     if (!dearer || !Rule::kReadsEdgeErrors) return measurable;
+    const Hole::Triangles before = filling_.triangles;
     if (!rule_.Fill(hole_, filling_.triangles)) return false;
+    if (std::equal(before.begin(), before.begin() + (hole_.k - 2), filling_.triangles.begin()))
+      return measurable;
   }
 }
 

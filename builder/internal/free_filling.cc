@@ -91,21 +91,23 @@ bool FreeFilling::Fill(const Hole& hole, Hole::Triangles& triangles) const {
   for (uint32_t span = 2; span < k; ++span) {
     for (uint32_t i = 0; i + span < k; ++i) {
       const uint32_t j = i + span;
-      best[i][j] = kInfinity;
-      apex[i][j] = 0;
       const double* costs = cost;
       cost += span - 1;
       const bool closing = span == k - 1;  // the ring's own edge, or the new border edge
-      if (!closing && (hole.forbidden[i][j] || hole.edge_error[i][j] < 0)) continue;
-      for (uint32_t m = i + 1; m < j; ++m) {
-        const double total = best[i][m] + best[m][j] + *costs++;
-        if (total < best[i][j]) {
-          best[i][j] = total;
-          apex[i][j] = static_cast<uint8_t>(m);
+      double least = kInfinity;
+      uint32_t at = 0;
+      if (closing || !(hole.forbidden[i][j] || hole.edge_error[i][j] < 0)) {
+        for (uint32_t m = i + 1; m < j; ++m) {
+          const double total = best[i][m] + best[m][j] + *costs++;
+          at = total < least ? m : at;
+          least = total < least ? total : least;
         }
       }
-      const double e = hole.edge_error[i][j];
-      if (!closing || hole.boundary) best[i][j] += e * e;
+      apex[i][j] = static_cast<uint8_t>(at);
+      // That of an edge which may not be used means nothing.
+      const bool priced = least < kInfinity && (!closing || hole.boundary);
+      const double e = priced ? hole.edge_error[i][j] : 0;
+      best[i][j] = least + e * e;
     }
   }
   if (!(best[0][k - 1] < kInfinity)) return false;

@@ -156,6 +156,7 @@ bool HeightDifference::Sees(const Hole& hole) const {
 bool HeightDifference::PriceEdges(Hole& hole) {
   GatherSamples(hole);
   if (!IsFresh(hole)) {
+    spread_.Set(points_, 1);
     GuessEdges(hole);
     return false;
   }
@@ -192,9 +193,9 @@ void HeightDifference::Measure(const Hole& hole, Filling& filling) {
 void HeightDifference::ChargeSamples(const Hole& hole, Filling& filling) {
   const size_t count = samples_.size();
   const size_t groups = (count + 3) / 4;
-  SpreadPoints();
+  spread_.Set(points_, 1);
   double high = 0;
-  for (const float z : z_) high = std::max<double>(high, std::abs(z));
+  for (const float z : spread_.z) high = std::max<double>(high, std::abs(z));
   double size = 0;
   for (uint32_t i = 0; i < hole.k; ++i) {
     size = std::max({size, std::abs(hole.points[i].x), std::abs(hole.points[i].y)});
@@ -207,10 +208,10 @@ void HeightDifference::ChargeSamples(const Hole& hole, Filling& filling) {
     // How much of a height rounding may hide.
     const auto hidden = static_cast<float>(1e-5 * (high + lanes.steepness() * size));
     for (size_t g = 0; g < groups; ++g) {
-      const Float4 x = Load4<Float4>(&x_[4 * g]);
-      const Float4 y = Load4<Float4>(&y_[4 * g]);
+      const Float4 x = Load4<Float4>(&spread_.x[4 * g]);
+      const Float4 y = Load4<Float4>(&spread_.y[4 * g]);
       const Float4 inside = lanes.Inwards(x, y);
-      const Float4 height = lanes.HeightAbove(x, y, Load4<Float4>(&z_[4 * g]));
+      const Float4 height = lanes.HeightAbove(x, y, Load4<Float4>(&spread_.z[4 * g]));
       for (size_t s = 4 * g; s < std::min(4 * g + 4, count); ++s) {
         const float inwards = inside[static_cast<int>(s - 4 * g)];
         if (!(inwards >= -blur)) continue;

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <limits>
 
-#include "store/base/float4.h"
-
 namespace mtdb::internal {
 
 namespace {
@@ -17,65 +15,6 @@ double SquaredDistance(const Hole& hole, const Hole::Triangle& triangle, Vec3d p
   const auto [i, m, j] = triangle;
   return SquaredDistancePointTriangle(p, hole.positions[i], hole.positions[m], hole.positions[j]);
 }
-
-// Height over length: rounding decides what lies over thinner triangles.
-constexpr double kNeedle = 1.0 / 128;
-
-// A triangle of a filling for four points at once, in binary32 and the hole's frame. Of a needle
-// only the edges count, which are nowhere nearer than the triangle.
-class TriangleLanes {
- public:
-  TriangleLanes(const Hole& hole, const Hole::Triangle& triangle) {
-    const Vec3d first = hole.points[triangle[0]];
-    const Vec3d up = Cross(hole.points[triangle[1]] - first, hole.points[triangle[2]] - first);
-    const double length = Length(up);
-    const Vec3d normal = up * (length > 0 ? 1 / length : 0);
-    normal_ = Splat(normal);
-    double longest2 = 0;
-    for (uint32_t c = 0; c < 3; ++c) {
-      const auto [a, b] = Hole::Edge(triangle, c);
-      const Vec3d along = hole.points[b] - hole.points[a];
-      const double squared = SquaredLength(along);
-      longest2 = std::max(longest2, squared);
-      corner_[c] = Splat(hole.points[a]);
-      along_[c] = Splat(along);
-      per_length2_[c] = Splat4(squared > 0 ? static_cast<float>(1 / squared) : 0);
-      inwards_[c] = Splat(Cross(normal, along));
-    }
-    constexpr float kNowhere = std::numeric_limits<float>::infinity();
-    least_ = Splat4(length > kNeedle * longest2 ? 0 : kNowhere);
-  }
-  Float4 SquaredDistance(Float4 x, Float4 y, Float4 z) const {
-    Float4 least{};
-    Int4 over{};
-    for (uint32_t c = 0; c < 3; ++c) {
-      const Lanes p{x - corner_[c].x, y - corner_[c].y, z - corner_[c].z};
-      const Float4 t = Min4(Max4(Dot(p, along_[c]) * per_length2_[c], Float4{}), Splat4(1));
-      const Lanes off{p.x - t * along_[c].x, p.y - t * along_[c].y, p.z - t * along_[c].z};
-      const Float4 squared = Dot(off, off);
-      const Int4 inside = Dot(p, inwards_[c]) >= least_;
-      least = c == 0 ? squared : Min4(least, squared);
-      over = c == 0 ? inside : over & inside;
-    }
-    const Float4 height = Dot({x - corner_[0].x, y - corner_[0].y, z - corner_[0].z}, normal_);
-    return over ? height * height : least;
-  }
-
- private:
-  struct Lanes {
-    Float4 x, y, z;
-  };
-  static Lanes Splat(Vec3d v) {
-    return {Splat4(static_cast<float>(v.x)), Splat4(static_cast<float>(v.y)),
-            Splat4(static_cast<float>(v.z))};
-  }
-  static Float4 Dot(const Lanes& a, const Lanes& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-  Lanes normal_;
-  std::array<Lanes, 3> corner_, along_, inwards_;  // of the edges
-  std::array<Float4, 3> per_length2_;
-  Float4 least_;  // inwards of the edges: what lies over it
-};
 }  // namespace
 
 void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
@@ -83,7 +22,11 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
   const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
   std::vector<uint32_t> numbers(mesh.vertex_numbers().begin(), mesh.vertex_numbers().end());
   std::vector<Chord> chords;
+  std::span<const uint32_t> opposites = mesh.input_opposites();
+  std::vector<uint32_t> paired;
   if (surface != nullptr) {
+    PairHalfEdges(triangles, static_cast<uint32_t>(positions_.size()), paired);
+    opposites = paired;
     numbers.resize(positions_.size());
     for (size_t v = 0; v < local.size(); ++v) numbers[local[v]] = surface->vertices[v];
     chords = surface->chords;
@@ -92,7 +35,7 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
       chord.to = local[chord.to];
     }
   }
-  map_.Build(mesh, triangles, errors, numbers);
+  map_.Build(mesh, triangles, opposites, errors, numbers);
   map_.AddChords(std::move(chords), mesh, numbers);
 }
 
@@ -103,7 +46,8 @@ void SurfaceDistance::Hold(TileResult& result) const {
 
 void SurfaceDistance::Open(Hole& hole) {
   Close();
-  looked_ = at_home_ = false;
+  for (const uint32_t t : hole.star) __builtin_prefetch(&triangles_[t]);
+  looked_ = looked_at_ = false;
   if (hole.boundary) MeasureBorder(hole);
   Vec3d normal{};
   for (const uint32_t t : hole.star) {
@@ -116,10 +60,11 @@ void SurfaceDistance::Open(Hole& hole) {
   GatherSamples(hole);
   fresh_ = IsFresh(hole);
   if (fresh_) return;
-  SpreadPoints();
-  size_ = 0;
-  for (uint32_t i = 0; i < hole.k; ++i) size_ = std::max(size_, Length(hole.points[i]));
-  for (const Vec3d& p : points_) size_ = std::max(size_, Length(p));
+  double squared = 0;
+  for (uint32_t i = 0; i < hole.k; ++i) squared = std::max(squared, SquaredLength(hole.points[i]));
+  for (const Vec3d& p : points_) squared = std::max(squared, SquaredLength(p));
+  size_ = squared > 0 ? std::sqrt(squared) : 1;
+  spread_.Set(points_, 1 / size_);
 }
 
 // The border vertices that were removed between the ends of the new border edge lie on it.
@@ -156,69 +101,68 @@ bool SurfaceDistance::FindParts(const Hole& hole) {
   return known_;
 }
 
-// Homes are chosen by distances in binary32.
-void SurfaceDistance::FindHomes(const Hole& hole, const Filling& filling) {
-  at_home_ = true;
-  homes_.assign(samples_.size(), 0);  // the new border edge is one of triangle 0
-  squared_.assign(points_.size() + 3, std::numeric_limits<float>::infinity());
-  masks_.Set(hole, filling.triangles);
-  if (points_.empty()) return;
-  for (uint8_t t = 0; t + 2u < hole.k; ++t) {
-    const TriangleLanes triangle(hole, filling.triangles[t]);
-    for (size_t s = 0; s < points_.size(); s += 4) {
-      const Float4 squared = triangle.SquaredDistance(Load4<Float4>(&x_[s]), Load4<Float4>(&y_[s]),
-                                                      Load4<Float4>(&z_[s]));
-      const Float4 before = Load4<Float4>(&squared_[s]);
-      uint32_t nearer = MaskBits(squared < before);
-      if (nearer == 0) continue;
-      Store4(&squared_[s], Min4(squared, before));
-      for (; nearer != 0; nearer &= nearer - 1) {
-        const size_t at = s + static_cast<size_t>(std::countr_zero(nearer));
-        if (at < points_.size()) homes_[at] = t;
-      }
-    }
-  }
+// Makes the filling the one that homes are of.
+void SurfaceDistance::LookAt(const Hole& hole, const Filling& filling) {
+  if (looked_at_ &&
+      std::equal(seen_.begin(), seen_.begin() + (hole.k - 2), filling.triangles.begin()))
+    return;
+  looked_at_ = true;
+  at_home_ = placed_ = false;
+  seen_ = filling.triangles;
+  if (!fresh_) lanes_.Set(hole, seen_, spread_.scale);
 }
 
-// Of a star of the surface itself: where the vertex goes.
-void SurfaceDistance::FindHome(const Hole& hole, const Filling& filling) {
-  at_home_ = true;
+// Where the removed vertices that are points go. Homes are chosen by distances in binary32; of a
+// star of the surface itself, where the vertex goes, in binary64.
+void SurfaceDistance::FindHomes(const Hole& hole) {
+  if (std::exchange(at_home_, true)) return;
+  if (!fresh_) {
+    lanes_.FindNearest(spread_, squared_, homes_);
+    return;
+  }
   homes_.assign(1, 0);
   double least = kInfinity;
-  for (uint8_t t = 0; t + 2u < hole.k; ++t) {
-    const double squared = SquaredDistance(hole, filling.triangles[t], hole.apex);
+  for (uint32_t t = 0; t + 2 < hole.k; ++t) {
+    const double squared = SquaredDistance(hole, seen_[t], hole.apex);
     if (squared >= least) continue;
     least = squared;
     homes_[0] = t;
   }
-  squared_.assign(1, static_cast<float>(least));
+  distance_ = std::sqrt(least);
+}
+
+// And where ends of paths lie. The new border edge is one of triangle 0.
+void SurfaceDistance::PlaceEnds(const Hole& hole) {
+  FindHomes(hole);
+  if (std::exchange(placed_, true)) return;
+  homes_.resize(points_.size());
+  homes_.resize(samples_.size(), 0);
+  masks_.Set(hole, seen_, homes_);
 }
 
 double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, double enough) {
   double bound = RimError(hole);
   if (bound > enough || points_.empty()) return bound;
+  LookAt(hole, filling);
   if (fresh_) {
-    FindHome(hole, filling);
-    return std::max(bound, std::sqrt(double{squared_[0]}) + vertex_error(hole.vertex));
+    FindHomes(hole);
+    return std::max(bound, distance_ + vertex_error(hole.vertex));
   }
   if (!hole.boundary) {
-    double least = kInfinity;
-    for (uint32_t t = 0; t + 2 < hole.k; ++t) {
-      least = std::min(least, SquaredDistance(hole, filling.triangles[t], hole.apex));
-    }
-    bound = std::max(bound, std::sqrt(least) + vertex_error(hole.vertex));
+    const double about = std::sqrt(double{lanes_.SquaredDistance(points_.back())}) * size_;
+    bound = std::max(bound, about + vertex_error(hole.vertex));
     if (bound > enough) return bound;
   }
-  FindHomes(hole, filling);
+  FindHomes(hole);
   for (size_t s = 0; s < points_.size(); ++s) {
-    bound = std::max(bound, std::sqrt(double{squared_[s]}) + vertex_error(samples_[s]));
+    bound = std::max(bound, AboutDistance(s) + vertex_error(samples_[s]));
   }
   return bound;
 }
 
 // Over a star of the surface itself: diagonals cross its spokes.
 void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
-  FindHome(hole, filling);
+  FindHomes(hole);
   const auto [hi, hm, hj] = filling.triangles[homes_[0]];
   const uint32_t k = hole.k;
   for (uint32_t t = 1; t + 2 < k; ++t) {
@@ -240,15 +184,17 @@ void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
 }
 
 void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) {
+  LookAt(hole, filling);
   if (fresh_) {
     MeasureFreshEdges(hole, filling);
     return;
   }
-  at_home_ &= !looked_;
   const bool known = FindParts(hole);
-  if (known && (!at_home_ || homes_.size() != samples_.size())) FindHomes(hole, filling);
   std::array<double, Hole::kMaxRing> errors{};
-  if (known) MeasureCrossings(hole, filling, errors);
+  if (known) {
+    PlaceEnds(hole);
+    MeasureCrossings(hole, filling, errors);
+  }
   for (uint32_t t = 1; t + 2 < hole.k; ++t) {
     const auto [i, m, j] = filling.triangles[t];
     hole.edge_error[i][j] = known ? errors[t] : -1;
@@ -269,11 +215,11 @@ void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
     }
   };
   for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
-    const uint32_t crossed = masks_.Between(inner.from, inner.to, homes_);
+    const uint32_t crossed = masks_.Between(inner.from, inner.to);
     if (crossed != 0 && !map_.HasPath(inner.edge)) cross(inner.edge, crossed);
   }
   for (const SurfaceMap::Part& part : map_.parts()) {
-    cross(part.edge, masks_.Between(part.from, part.to, homes_));
+    cross(part.edge, masks_.Between(part.from, part.to));
   }
 }
 
@@ -284,23 +230,15 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     filling.error = kInfinity;
     return;
   }
-  if (fresh_) {
-    if (!at_home_) FindHome(hole, filling);
-    masks_.Set(hole, filling.triangles);
-  } else if (!at_home_ || homes_.size() != samples_.size()) {
-    FindHomes(hole, filling);
-  }
+  LookAt(hole, filling);
+  PlaceEnds(hole);
   TakeEdgeErrors(hole, filling);
-  // In smaller holes squares of distances are too small for binary32.
-  constexpr double kLeastSize = 1e-15;
-  const bool about_is_known = !fresh_ && size_ > kLeastSize;
   for (uint32_t s = 0; s < points_.size(); ++s) {
-    charges_.push_back({homes_[s], s});
+    charges_.push_back({static_cast<uint8_t>(homes_[s]), s});
     double& error = filling.errors[homes_[s]];
-    // What rounding may hide is far less than this.
-    const double about = std::sqrt(double{squared_[s]});
     const double own = vertex_error(samples_[s]);
-    if (about_is_known && about * 1.001 + 1e-4 * size_ + own <= error) continue;
+    // What rounding may hide is far less than this.
+    if (!fresh_ && AboutDistance(s) * 1.001 + 1e-4 * size_ + own <= error) continue;
     const double squared =
         SquaredDistance(hole, filling.triangles[homes_[s]], positions_[samples_[s]]);
     error = std::max(error, std::sqrt(squared) + own);
@@ -309,7 +247,7 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
 }
 
 void SurfaceDistance::HandOn(const Hole& hole, const Filling& filling, uint32_t first) {
-  map_.HandOn(hole, filling.triangles, masks_, homes_, first);
+  map_.HandOn(hole, filling.triangles, masks_, first);
   Add(hole, filling, first, hole.boundary ? JoinBorderChains(hole) : kNone32, charges_);
 }
 

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "builder/internal/filling_lanes.h"
 #include "builder/internal/filling_measure.h"
 #include "builder/internal/surface_map.h"
 #include "builder/internal/tile_measure.h"
@@ -42,8 +44,11 @@ class SurfaceDistance : public TileMeasure {
  private:
   void MeasureBorder(Hole& hole) const;
   bool FindParts(const Hole& hole);
-  void FindHome(const Hole& hole, const Filling& filling);
-  void FindHomes(const Hole& hole, const Filling& filling);
+  void LookAt(const Hole& hole, const Filling& filling);
+  void FindHomes(const Hole& hole);
+  void PlaceEnds(const Hole& hole);
+  // Of a point from its home, not of a star of the surface itself.
+  double AboutDistance(size_t s) const { return std::sqrt(double{squared_[s]}) * size_; }
   void MeasureFreshEdges(Hole& hole, const Filling& filling);
   void MeasureCrossings(const Hole& hole, const Filling& filling,
                         std::array<double, Hole::kMaxRing>& errors) const;
@@ -53,9 +58,14 @@ class SurfaceDistance : public TileMeasure {
   bool fresh_ = false;                   // its star is one of the surface itself
   double size_ = 0;                      // how far ring and points are from the frame's origin
   bool looked_ = false, known_ = false;  // the parts of paths in it are looked for, and known
-  bool at_home_ = false;                 // homes are those of the filling that is measured
-  std::vector<uint8_t> homes_;           // of the samples: triangles of the filling
-  std::vector<float> squared_;           // how far the points are from these, about
+  bool looked_at_ = false;               // a filling, of which ...
+  bool at_home_ = false;                 // ... the homes are known, and ...
+  bool placed_ = false;                  // ... the masks
+  Hole::Triangles seen_;
+  FillingLanes lanes_;
+  std::vector<uint32_t> homes_;  // of the samples: triangles of the filling
+  std::vector<float> squared_;   // distances of the points from these, about, over size_
+  double distance_ = 0;          // of the one point of a star of the surface itself
   SurfaceMap::Masks masks_;
   std::vector<std::pair<uint8_t, uint32_t>> charges_;
 };

@@ -10,6 +10,9 @@ namespace mtdb::internal {
 
 namespace {
 constexpr uint8_t kSpoke = 255;
+// Of scans and sculptures the longest path crosses 15 edges. Where longer ones are many, a build
+// would be spent with them: holes that they pass stay.
+constexpr size_t kLongestPath = 128;
 constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 constexpr uint32_t Twin(uint32_t crossing) { return crossing ^ 1; }
 
@@ -76,27 +79,29 @@ class ChordChain {
 };
 }  // namespace
 
-void SurfaceMap::Masks::Set(const Hole& hole, const Hole::Triangles& triangles) {
-  triangle_.fill(0);
-  ring_edge_.fill(0);
-  ring_vertex_.fill({});
+void SurfaceMap::Masks::Set(const Hole& hole, const Hole::Triangles& triangles,
+                            std::span<const uint32_t> homes) {
+  ends_.assign(Sample(0), {});
+  std::array<uint32_t, Hole::kMaxRing> behind{};  // of the triangles
   for (uint32_t t = 1; t + 2 < hole.k; ++t) {
     const auto [i, m, j] = triangles[t];
     const uint32_t bit = 1u << t;
-    for (uint32_t r = i; r < j; ++r) ring_edge_[r] |= bit;
-    for (uint32_t r = i + 1u; r < j; ++r) ring_vertex_[r].behind |= bit;
-    ring_vertex_[i].on |= bit;
-    ring_vertex_[j].on |= bit;
+    for (uint32_t r = i; r < j; ++r) ends_[RingEdge(r)].behind |= bit;
+    for (uint32_t r = i + 1u; r < j; ++r) ends_[RingVertex(r)].behind |= bit;
+    ends_[RingVertex(i)].on |= bit;
+    ends_[RingVertex(j)].on |= bit;
     for (uint32_t s = t; s + 2 < hole.k; ++s) {
-      if (triangles[s][0] >= i && triangles[s][2] <= j) triangle_[s] |= bit;
+      if (triangles[s][0] >= i && triangles[s][2] <= j) behind[s] |= bit;
     }
   }
+  for (const uint32_t home : homes) ends_.push_back({behind[home], 0});
 }
 
 void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t, 3>> triangles,
-                       std::span<const float> errors, std::span<const uint32_t> numbers) {
+                       std::span<const uint32_t> opposites, std::span<const float> errors,
+                       std::span<const uint32_t> numbers) {
   const auto vertices = static_cast<uint32_t>(numbers.size());
-  AddEdges(triangles, errors, numbers, vertices);
+  AddEdges(triangles, opposites, errors, numbers);
   edges_begin_.assign(vertices + 1, 0);
   for (const Edge& e : edges_) {
     for (const uint32_t v : {e.from, e.to}) ++edges_begin_[v + 1];
@@ -109,20 +114,17 @@ void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t
     edges_at_[at[from]++] = {1, e, to};
     edges_at_[at[to]++] = {0, e, from};
   }
-  pool_.assign(1, 0);
+  pool_.clear();
   pool_unused_ = 0;
   NumberMeshEdges(mesh);
   opened_ = 0;
   places_.assign(vertices, {});
-  looked_at_in_.assign(edges_.size(), 0);
 }
 
 void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
-                          std::span<const float> errors, std::span<const uint32_t> numbers,
-                          uint32_t vertices) {
+                          std::span<const uint32_t> opposites, std::span<const float> errors,
+                          std::span<const uint32_t> numbers) {
   edges_.clear();
-  std::vector<uint32_t> opposites;
-  PairHalfEdges(triangles, vertices, opposites);
   for (uint32_t h = 0; h < opposites.size(); ++h) {
     const uint32_t o = opposites[h];
     if (o != kNone32 && o < h) continue;
@@ -131,13 +133,13 @@ void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
     const uint32_t b = t[h % 3 == 2 ? 0 : h % 3 + 1];
     const float error = o == kNone32 ? errors[h / 3] : std::max(errors[h / 3], errors[o / 3]);
     const auto [from, to] = numbers[a] < numbers[b] ? std::pair(a, b) : std::pair(b, a);
-    edges_.push_back({from, to, 0, error});
+    edges_.push_back({.from = from, .to = to, .error = error});
   }
 }
 
 void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
   const std::span<const uint32_t> opposites = mesh.input_opposites();
-  heads_.clear();
+  mesh_edges_.clear();
   crossers_.clear();
   free_crossers_ = kNone32;
   crossing_of_.assign(opposites.size(), 0);
@@ -145,9 +147,7 @@ void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
     const uint32_t o = opposites[h];
     crossing_of_[h] = o != kNone32 && o < h ? Twin(crossing_of_[o]) : 2 * NewMeshEdge();
   }
-  first_made_ = static_cast<uint32_t>(heads_.size());
-  coded_in_.assign(heads_.size(), 0);
-  codes_.assign(heads_.size(), 0);
+  first_made_ = static_cast<uint32_t>(mesh_edges_.size());
 }
 
 // Around the end that has fewer of them.
@@ -177,8 +177,7 @@ void SurfaceMap::AddChords(std::vector<Chord> chords, const TileMesh& mesh,
     if (edge == kNone32) {
       // It only passes through the tile: none of its ends will go.
       edge = static_cast<uint32_t>(edges_.size());
-      edges_.push_back({from, to, 0, 0});
-      looked_at_in_.push_back(0);
+      edges_.push_back({.from = from, .to = to});
     }
     JoinChords(edge, std::span(chords).subspan(begin, end - begin), mesh);
     begin = end;
@@ -211,19 +210,19 @@ void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const 
       }
     }
   }
-  SetPath(edge, path);
+  SetPath(edges_[edge], path);
   for (const uint32_t x : path) {
     if (x != kGap) AddCrosser(x, edge);
   }
 }
 
 void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const {
-  std::vector<uint32_t> half_edges(2 * heads_.size(), kNone32);
+  std::vector<uint32_t> half_edges(2 * mesh_edges_.size(), kNone32);
   for (uint32_t h = 0; h < crossing_of_.size(); ++h) {
     if (alive[h / 3] != 0) half_edges[crossing_of_[h]] = h;
   }
-  for (uint32_t e = 0; e < edges_.size(); ++e) {
-    const std::span<const uint32_t> path = this->path(e);
+  for (const Edge& edge : edges_) {
+    const std::span<const uint32_t> path = this->path(edge);
     if (path.empty()) continue;
     for (size_t i = 0; i <= path.size(); ++i) {
       // Between two crossings.
@@ -232,8 +231,7 @@ void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords
       if (in == kNone32 && out == kNone32) continue;
       const auto side = [](uint32_t h) { return static_cast<uint8_t>(h == kNone32 ? 3 : h % 3); };
       const uint32_t triangle = (in != kNone32 ? in : out) / 3;
-      const Chord chord{edges_[e].from, edges_[e].to, edges_[e].error,
-                        triangle,       side(in),     side(out)};
+      const Chord chord{edge.from, edge.to, edge.error, triangle, side(in), side(out)};
       chords.push_back(chord);
       // A path that was not plain stays so.
       const bool lost =
@@ -245,17 +243,15 @@ void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords
 
 void SurfaceMap::Open(const Hole& hole) {
   ++opened_;
-  coded_in_.resize(heads_.size(), 0);
-  codes_.resize(heads_.size(), 0);
   marked_.clear();
   star_edges_.clear();
   parts_.clear();
-  inner_edges_.clear();
+  inner_edge_count_ = 0;
   known_ = true;
   for (uint32_t r = 0; r < hole.k; ++r) {
     Place& place = places_[hole.ring[r]];
     known_ &= place.opened != opened_;
-    place = {opened_, {End::kRingVertex, r}};
+    place = {opened_, RingVertex(r)};
   }
   for (uint32_t r = 0; r < hole.ring_edges.size(); ++r) {
     leaving_[r] = crossing_of_[hole.ring_edges[r]];
@@ -267,52 +263,69 @@ void SurfaceMap::Open(const Hole& hole) {
 
 void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
   const uint32_t edge = crossing_of_[half_edge] / 2;
-  coded_in_[edge] = opened_;
-  codes_[edge] = code;
+  mesh_edges_[edge].coded_in = opened_;
+  mesh_edges_[edge].code = code;
   star_edges_.push_back(edge);
 }
 
+// What is looked at lies anywhere in the tile: it is fetched before it is needed.
 bool SurfaceMap::FindParts() {
-  for (const uint32_t v : marked_) {
-    const End here = places_[v].end;
-    for (uint32_t i = edges_begin_[v]; i < edges_begin_[v + 1]; ++i) {
-      const EdgeAt& at = edges_at_[i];
-      const End other = EndOf(at.other_end);
-      if (other.kind == End::kOutside) continue;
-      if (other.kind != End::kRingVertex && !at.begins_here) continue;  // seen from the other end
-      inner_edges_.push_back(
-          {at.edge, at.begins_here ? here : other, at.begins_here ? other : here});
+  found_.clear();
+  for (const uint32_t mesh_edge : star_edges_) {
+    for (uint32_t c = mesh_edges_[mesh_edge].head; c != kNone32; c = crossers_[c].next) {
+      const uint32_t e = crossers_[c].edge;
+      __builtin_prefetch(&edges_[e], 1);
+      found_.push_back(e);
     }
   }
-  for (const uint32_t mesh_edge : star_edges_) {
-    for (uint32_t c = heads_[mesh_edge]; c != kNone32; c = crossers_[c].next) {
-      const uint32_t e = crossers_[c].edge;
-      if (std::exchange(looked_at_in_[e], opened_) == opened_ || !HasPath(e)) continue;
-      known_ &= FindParts(e);
-    }
+  FindInnerEdges();
+  for (const uint32_t e : found_) {
+    Edge& edge = edges_[e];
+    if (std::exchange(edge.looked_at_in, opened_) == opened_ || edge.length == 0) continue;
+    known_ &= FindParts(e);
   }
   return known_;
 }
 
+// An edge between two vertices that are marked is seen from where it begins.
+void SurfaceMap::FindInnerEdges() {
+  for (const uint32_t v : marked_) __builtin_prefetch(&edges_at_[edges_begin_[v]]);
+  size_t count = 0;
+  for (const uint32_t v : marked_) {
+    const End here = places_[v].end;
+    const auto edges =
+        std::span(edges_at_).subspan(edges_begin_[v], edges_begin_[v + 1] - edges_begin_[v]);
+    if (inner_edges_.size() < count + edges.size()) inner_edges_.resize(2 * (count + edges.size()));
+    for (const EdgeAt& at : edges) {
+      const End other = EndOf(at.other_end);
+      inner_edges_[count] = {at.edge, at.begins_here ? here : other, at.begins_here ? other : here};
+      // Half of them are none; no branch could be foretold.
+      count += static_cast<size_t>(other != kOutside) &
+               (static_cast<size_t>(!IsInside(other)) | at.begins_here);
+    }
+  }
+  inner_edge_count_ = count;
+}
+
 // The parts of an edge's path that lie in the star. It enters and leaves through the ring.
-bool SurfaceMap::FindParts(uint32_t edge) {
+bool SurfaceMap::FindParts(uint32_t e) {
+  const Edge& edge = edges_[e];
+  if (edge.length > kLongestPath) return false;
   const std::span<const uint32_t> path = this->path(edge);
-  const End first = EndOf(edges_[edge].from);
-  const End last = EndOf(edges_[edge].to);
-  const auto is_inside = [](End end) {
-    return end.kind == End::kSample || end.kind == End::kRingEdge;
-  };
+  const End first = EndOf(edge.from);
+  const End last = EndOf(edge.to);
   constexpr uint32_t kElsewhere = 256;
   const auto code_of = [&](uint32_t crossing) -> uint32_t {
-    if (crossing == kGap || coded_in_[crossing / 2] != opened_) return kElsewhere;
-    return codes_[crossing / 2];
+    if (crossing == kGap) return kElsewhere;
+    const MeshEdge& mesh_edge = mesh_edges_[crossing / 2];
+    return mesh_edge.coded_in == opened_ ? mesh_edge.code : kElsewhere;
   };
-  bool inside = is_inside(first);
-  if (first.kind == End::kRingVertex) {
+  bool inside = IsInside(first);
+  if (!inside && first != kOutside) {
     const uint32_t code = code_of(path[0]);
     inside = code == kSpoke || (code != kElsewhere && path[0] == leaving_[code]);
   }
-  Part part{edge, first, {}, 0, 0};
+  Part part{e, first, kOutside, 0, 0};
   for (uint32_t i = 0; i < path.size(); ++i) {
     const uint32_t code = code_of(path[i]);
     if (code == kElsewhere || code == kSpoke) {
@@ -320,58 +333,58 @@ bool SurfaceMap::FindParts(uint32_t edge) {
       continue;
     }
     if (inside != (path[i] == leaving_[code])) return false;
-    const End here{End::kRingEdge, code};
     if (inside) {
-      part.to = here;
+      part.to = RingEdge(code);
       part.end = i;
       parts_.push_back(part);
     } else {
-      part.from = here;
+      part.from = RingEdge(code);
       part.begin = i + 1;
     }
     inside = !inside;
   }
-  if (!inside) return !is_inside(last);
+  if (!inside) return !IsInside(last);
   part.to = last;
   part.end = static_cast<uint32_t>(path.size());
   parts_.push_back(part);
-  return last.kind != End::kOutside;
+  return last != kOutside;
 }
 
-void SurfaceMap::SetPath(uint32_t edge, std::span<const uint32_t> path) {
-  uint32_t& at = edges_[edge].path_at;
-  const size_t room = at == 0 ? 0 : pool_[at];
-  if (path.empty() || path.size() > room) {
-    if (at != 0) pool_unused_ += room + 1;
-    at = 0;
-    if (path.empty()) return;
-    at = static_cast<uint32_t>(pool_.size());
-    pool_.resize(pool_.size() + 1 + path.size());
-  } else {
-    pool_unused_ += room - path.size();
+void SurfaceMap::SetPath(Edge& edge, std::span<const uint32_t> path) {
+  const bool was_long = edge.length > Edge::kShort;
+  const uint32_t room = was_long ? edge.crossings[1] : 0;
+  const auto length = static_cast<uint32_t>(path.size());
+  edge.length = length;
+  if (length <= Edge::kShort) {
+    pool_unused_ += room;
+    std::copy(path.begin(), path.end(), edge.crossings.begin());
+    return;
   }
-  pool_[at] = static_cast<uint32_t>(path.size());
-  std::copy(path.begin(), path.end(), pool_.begin() + at + 1);
+  if (length > room) {
+    pool_unused_ += room;
+    edge.crossings = {static_cast<uint32_t>(pool_.size()), length, 0};
+    pool_.insert(pool_.end(), path.begin(), path.end());
+    return;
+  }
+  std::copy(path.begin(), path.end(), pool_.begin() + edge.crossings[0]);
 }
 
 void SurfaceMap::DropUnused() {
   constexpr size_t kSpare = 1 << 16;
   if (pool_unused_ * 4 < pool_.size() * 3 || pool_.size() < kSpare) return;
-  std::vector<uint32_t> kept(1, 0);
-  for (uint32_t e = 0; e < edges_.size(); ++e) {
-    const std::span<const uint32_t> path = this->path(e);
-    if (path.empty()) continue;
-    const auto at = static_cast<uint32_t>(kept.size());
-    kept.push_back(static_cast<uint32_t>(path.size()));
+  std::vector<uint32_t> kept;
+  for (Edge& edge : edges_) {
+    if (edge.length <= Edge::kShort) continue;
+    const std::span<const uint32_t> path = this->path(edge);
+    edge.crossings = {static_cast<uint32_t>(kept.size()), edge.length, 0};
     kept.insert(kept.end(), path.begin(), path.end());
-    edges_[e].path_at = at;
   }
   pool_ = std::move(kept);
   pool_unused_ = 0;
 }
 
 void SurfaceMap::AddCrosser(uint32_t crossing, uint32_t edge) {
-  uint32_t& head = heads_[crossing / 2];
+  uint32_t& head = mesh_edges_[crossing / 2].head;
   if (head != kNone32 && crossers_[head].edge == edge) return;
   if (free_crossers_ == kNone32) {
     crossers_.push_back({edge, head});
@@ -385,7 +398,7 @@ void SurfaceMap::AddCrosser(uint32_t crossing, uint32_t edge) {
 }
 
 void SurfaceMap::FreeCrossers(uint32_t mesh_edge) {
-  uint32_t c = std::exchange(heads_[mesh_edge], kNone32);
+  uint32_t c = std::exchange(mesh_edges_[mesh_edge].head, kNone32);
   while (c != kNone32) {
     const uint32_t next = std::exchange(crossers_[c].next, free_crossers_);
     free_crossers_ = std::exchange(c, next);
@@ -437,22 +450,22 @@ std::array<uint32_t, Hole::kMaxRing> SurfaceMap::NumberFilling(const Hole& hole,
 
 // Sets the path of an edge of S to changed_; edges of the mesh from `made` on are new to it.
 void SurfaceMap::Change(uint32_t edge, uint32_t made) {
-  SetPath(edge, changed_);
+  SetPath(edges_[edge], changed_);
   for (const uint32_t x : changed_) {
     if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
   }
 }
 
 void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
-                        std::span<const uint8_t> homes, uint32_t first) {
-  const auto made = static_cast<uint32_t>(heads_.size());
+                        uint32_t first) {
+  const auto made = static_cast<uint32_t>(mesh_edges_.size());
   const auto diagonals = NumberFilling(hole, triangles, first);
   for (const uint32_t edge : star_edges_) {
-    if (codes_[edge] == kSpoke) FreeCrossers(edge);
+    if (mesh_edges_[edge].code == kSpoke) FreeCrossers(edge);
   }
   const auto append = [&](End a, End b) {
-    const Behind from = masks.Of(a, homes);
-    const Behind to = masks.Of(b, homes);
+    const Behind from = masks.Of(a);
+    const Behind to = masks.Of(b);
     uint32_t up = from.behind & ~to.behind & ~to.on;
     for (; up != 0; up &= ~std::bit_floor(up)) {
       changed_.push_back(diagonals[static_cast<uint32_t>(std::bit_width(up)) - 1]);
@@ -462,8 +475,8 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
       changed_.push_back(Twin(diagonals[static_cast<uint32_t>(std::countr_zero(down))]));
     }
   };
-  for (const InnerEdge& inner : inner_edges_) {
-    if (masks.Between(inner.from, inner.to, homes) == 0) continue;
+  for (const InnerEdge& inner : inner_edges()) {
+    if (masks.Between(inner.from, inner.to) == 0) continue;
     if (HasPath(inner.edge)) continue;
     changed_.clear();
     append(inner.from, inner.to);
@@ -471,7 +484,7 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
   }
   for (size_t p = 0; p < parts_.size();) {
     const uint32_t edge = parts_[p].edge;
-    const std::span<const uint32_t> old = path(edge);
+    const std::span<const uint32_t> old = path(edges_[edge]);
     changed_.clear();
     uint32_t from = 0;
     for (; p < parts_.size() && parts_[p].edge == edge; ++p) {

@@ -187,24 +187,12 @@ void TileMeasure::GatherSamples(const Hole& hole) {
       // Several triangles of a height field may stand for it.
       if (vertical_ && std::exchange(opened_in_[w], opened_) == opened_) continue;
       samples_.push_back(w);
+      __builtin_prefetch(&positions_[w]);
     }
   }
   if (!hole.boundary) samples_.push_back(hole.vertex);
-  points_.clear();
-  for (const uint32_t w : samples_) points_.push_back(hole.InFrame(positions_[w]));
-}
-
-void TileMeasure::SpreadPoints() {
-  const size_t count = (points_.size() + 3) / 4 * 4;
-  x_.resize(count);
-  y_.resize(count);
-  z_.resize(count);
-  for (size_t s = 0; s < count; ++s) {
-    const Vec3d& p = points_[std::min(s, points_.size() - 1)];
-    x_[s] = static_cast<float>(p.x);
-    y_[s] = static_cast<float>(p.y);
-    z_[s] = static_cast<float>(p.z);
-  }
+  points_.resize(samples_.size());
+  for (size_t s = 0; s < samples_.size(); ++s) points_[s] = hole.InFrame(positions_[samples_[s]]);
 }
 
 bool TileMeasure::IsFresh(const Hole& hole) const {
@@ -215,23 +203,13 @@ bool TileMeasure::IsFresh(const Hole& hole) const {
 
 // From the samples that lie near an edge.
 void TileMeasure::GuessEdges(Hole& hole) const {
-  // Four points at once. More than these hardly change a guess.
+  // More than these hardly change a guess.
   constexpr size_t kMost = 64;
-  const size_t count = std::min(points_.size(), kMost);
-  const size_t groups = (count + 3) / 4;
-  std::array<float, kMost> x;
-  std::array<float, kMost> y;
-  std::array<float, kMost> z;
-  for (size_t s = 0; s < 4 * groups; ++s) {
-    const Vec3d& p = points_[std::min(s, count - 1)];
-    x[s] = static_cast<float>(p.x);
-    y[s] = static_cast<float>(p.y);
-    z[s] = static_cast<float>(p.z);
-  }
+  const size_t count = std::min(spread_.size(), kMost);
   hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
     // How far points near the edge's line stand off it; nearer ones count more.
-    const Vec3d origin = hole.points[i];
-    const Vec3d d = hole.points[j] - origin;
+    const Vec3d origin = hole.points[i] * spread_.scale;
+    const Vec3d d = hole.points[j] * spread_.scale - origin;
     const double length2 = d.x * d.x + d.y * d.y;
     if (!(length2 > 0)) {
       hole.edge_error[i][j] = 0;
@@ -245,17 +223,18 @@ void TileMeasure::GuessEdges(Hole& hole) const {
     const auto oy = static_cast<float>(origin.y);
     const auto oz = static_cast<float>(origin.z);
     Float4 most{};
-    for (size_t g = 0; g < groups; ++g) {
-      const Float4 px = Load4<Float4>(&x[4 * g]) - ox;
-      const Float4 py = Load4<Float4>(&y[4 * g]) - oy;
-      const Float4 pz = Load4<Float4>(&z[4 * g]) - oz;
+    for (size_t p = 0; p < count; p += 4) {
+      const Float4 px = Load4<Float4>(&spread_.x[p]) - ox;
+      const Float4 py = Load4<Float4>(&spread_.y[p]) - oy;
+      const Float4 pz = Load4<Float4>(&spread_.z[p]) - oz;
       const Float4 t = px * ux + py * uy;
       const Float4 side = px * uy - py * ux;
       const Float4 off = pz - t * dz;
       const Float4 value = (off < 0 ? -off : off) * (1 - 4 * side * side);
       most = Max4(most, ((t > 0) & (t < 1)) ? value : Float4{});
     }
-    hole.edge_error[i][j] = std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
+    const float guess = std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
+    hole.edge_error[i][j] = guess / spread_.scale;
   });
 }
 

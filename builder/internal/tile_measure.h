@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "builder/internal/filling_lanes.h"
 #include "builder/internal/hole.h"
 #include "builder/internal/tile.h"
 #include "builder/internal/tile_mesh.h"
@@ -63,14 +64,11 @@ class TileMeasure {
   // before another hole.
   void GatherSamples(const Hole& hole);
   void Close() { gathered_ = false; }
-  // Puts the samples' places into lanes of four, in binary32; the last ones again where a group is
-  // not full.
-  void SpreadPoints();
   // True when the star is a part of the surface, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   // Of such a star: diagonals that leave it get kUnknown.
   void MeasureOverSpokes(Hole& hole) const;
-  // From the samples that lie near an edge.
+  // From the samples that lie near an edge, spread.
   void GuessEdges(Hole& hole) const;
   // The largest error of edges that every filling has: the ring's, and the new border edge.
   double RimError(const Hole& hole) const;
@@ -104,7 +102,7 @@ class TileMeasure {
   // Of the open hole.
   std::vector<uint32_t> samples_;  // removed vertices of its star, and the one that goes
   std::vector<Vec3d> points_;      // their places in the hole's frame
-  std::vector<float> x_, y_, z_;   // the same, spread
+  SpreadPoints spread_;            // the same, when they are set
 
  private:
   template <bool kIsVertical>

@@ -13,8 +13,8 @@ void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t 
   // Buckets by smaller end, and in each by the other one: a vertex may have any number of edges.
   struct Use {
     uint32_t larger;
-    uint32_t half_edge;
-    bool forward;  // from the smaller end to the larger
+    uint32_t half_edge : 31;
+    uint32_t forward : 1;  // from the smaller end to the larger
   };
   const auto n = static_cast<uint32_t>(3 * triangles.size());
   opposite.assign(n, kNone32);
@@ -30,7 +30,7 @@ void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t 
     for (size_t c = 0; c < 3; ++c, ++h) {
       const uint32_t a = t[c];
       const uint32_t b = t[c == 2 ? 0 : c + 1];
-      uses[at[std::min(a, b)]++] = {std::max(a, b), h, a < b};
+      uses[at[std::min(a, b)]++] = {std::max(a, b), h & 0x7fffffff, a < b};
     }
   }
   for (uint32_t v = 0; v < vertex_count; ++v) {

@@ -8,6 +8,7 @@
 
 #include "builder/internal/number_table.h"
 #include "builder/internal/squeeze.h"
+#include "store/base/hash.h"
 
 namespace mtdb::internal {
 
@@ -16,6 +17,9 @@ namespace {
 // Of a height field's triangles, for each of the tile's (docs/design.md, section 3): longer curves
 // are dear, and the longest are not found.
 constexpr size_t kMostField = 24;
+// For each of the surface's triangles. Where there are more, paths are long, and those that are too
+// long stand in the way of removals.
+constexpr size_t kMostChords = 16;
 
 // Calls f(list) for all of them, in the order of the bytes.
 template <typename Surface, typename F>
@@ -153,7 +157,7 @@ std::vector<uint32_t> NumberVertices(const TileSurface& surface,
 
 bool IsWorthGoingOn(const TileSurface& surface, bool is_height_field) {
   const size_t count = surface.triangles.size();
-  return count > 0 && count <= kMostSurface &&
+  return count > 0 && count <= kMostSurface && surface.chords.size() <= kMostChords * count &&
          !(is_height_field && count > kMostField * surface.own.size());
 }
 

@@ -46,7 +46,8 @@ struct TileSurface {
 // The surface's triangles that a tile may have beneath it.
 constexpr size_t kMostSurface = size_t{1} << 18;
 // Whether a tile is measured against the surface, or begins afresh: when there is none, or when it
-// has too many triangles; those of height fields have too many for each of the tile's earlier.
+// has too many triangles, or too many chords; those of height fields have too many triangles for
+// each of the tile's earlier.
 bool IsWorthGoingOn(const TileSurface& surface, bool is_height_field);
 
 // Numbers the surface's vertices: those of the tile as there, the others behind them.

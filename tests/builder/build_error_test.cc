@@ -103,4 +103,34 @@ TEST_CASE("Surfaces without curvature cost no error") {
   REQUIRE(stats.triangles < 100);
 }
 
+TEST_CASE("A mesh that is tiny or huge is built like others, when it keeps its bits") {
+  TriangleMesh mesh = MakeSculpture(8000);
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+  }
+  BuildOptions options;
+  options.mode = PositionMode::kLossless;
+  options.tile_triangles = 1024;
+  const BuiltObject usual = Build(mesh, options);
+  // Squares of these are no numbers of binary32.
+  for (const double scale : {0x1p-70, 0x1p70}) {
+    TriangleMesh scaled = mesh;
+    for (Vec3d& p : scaled.positions) p = p * scale;
+    const BuiltObject built = Build(scaled, options);
+    CAPTURE(scale);
+    CHECK(built.record.nodes == Approx(usual.record.nodes).epsilon(0.01));
+    for (const double share : {0.5, 0.1, 0.01}) {
+      Query query;
+      query.threshold = ConstantThreshold(share * usual.record.diagonal() / 16);
+      ExtractStats expected;
+      Extract(*usual.surface, query, &expected);
+      query.threshold = ConstantThreshold(share * built.record.diagonal() / 16);
+      ExtractStats stats;
+      const TriangleMesh cut = Extract(*built.surface, query, &stats);
+      CHECK(stats.triangles == Approx(expected.triangles).epsilon(0.1));
+      CHECK(SymmetricHausdorff(scaled, cut, 10000) <= stats.error_bound);
+    }
+  }
+}
+
 }  // namespace mtdb::testing

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <ctime>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -43,6 +44,15 @@ TriangleMesh AsMesh(const std::vector<std::array<Vec3i, 3>>& triangles) {
     mesh.triangles.push_back({first, first + 1, first + 2});
   }
   return mesh;
+}
+
+double BuildSeconds(const TriangleMesh& mesh) {
+  BuildOptions options;
+  options.threads = 1;
+  TempStore store;
+  const std::clock_t begin = std::clock();
+  REQUIRE(BuildInto(store.database(), "mesh", mesh, options).ok());
+  return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
 }
 
 }  // namespace
@@ -153,6 +163,12 @@ TEST_CASE("A surface is not gone on from where it is too fine") {
   REQUIRE(IsWorthGoingOn(surface, false));
   surface.triangles.resize(kMostSurface + 1);
   REQUIRE(!IsWorthGoingOn(surface, false));
+  // Or where its edges run over too many triangles.
+  surface.triangles.resize(100);
+  surface.chords.resize(1600);
+  REQUIRE(IsWorthGoingOn(surface, false));
+  surface.chords.resize(1601);
+  REQUIRE(!IsWorthGoingOn(surface, false));
 }
 
 TEST_CASE("A part of a round's triangles finds all that lies around what it stands for") {
@@ -210,6 +226,77 @@ TEST_CASE("Later rounds are measured against what the first began with") {
     const double sum = run(nullptr);
     if (&mesh == &meshes[0] || (&mesh == &meshes[1] && more_rounds == 0)) REQUIRE(beneath < sum);
   }
+}
+
+TEST_CASE("A vertex where many triangles meet is not dearer than others") {
+  // A ragged cone that stands on a ragged band, the apex before and after the others.
+  const auto cone = [](uint32_t n, bool apex_first) {
+    TriangleMesh mesh;
+    std::mt19937 random(1);
+    const auto ragged = [&] { return 1e-5 * static_cast<double>(random() % 1000); };
+    if (apex_first) mesh.positions.push_back({0, 0, 1});
+    for (uint32_t i = 0; i < 2 * n; ++i) {
+      const double angle = 2 * M_PI * (i % n) / n;
+      const double radius = 1 + ragged();
+      mesh.positions.push_back(
+          {radius * std::cos(angle), radius * std::sin(angle), (i < n ? 0 : -0.01) + ragged()});
+    }
+    if (!apex_first) mesh.positions.push_back({0, 0, 1});
+    const uint32_t first = apex_first ? 1 : 0;
+    const uint32_t apex = apex_first ? 0 : 2 * n;
+    for (uint32_t i = 0; i < n; ++i) {
+      const uint32_t a = first + i;
+      const uint32_t b = first + (i + 1) % n;
+      mesh.triangles.push_back({apex, a, b});
+      mesh.triangles.push_back({a, a + n, b + n});
+      mesh.triangles.push_back({a, b + n, b});
+    }
+    return mesh;
+  };
+  constexpr uint32_t kTriangles = 90000;
+  const double usual = BuildSeconds(MakeSculpture(kTriangles));
+  // It takes 1.2 times as long. When all edges or triangles of the apex were compared with each
+  // other, an apex that comes first took 7 or 11 times as long.
+  for (const bool apex_first : {true, false}) {
+    CAPTURE(apex_first);
+    REQUIRE(BuildSeconds(cone(kTriangles / 3, apex_first)) < 4 * usual);
+  }
+}
+
+TEST_CASE("Paths that are long do not make a build long") {
+  // A plate of n^2 cells in rings, each three times as large as the one before: all but the last
+  // ones lie in one cell of the grid, where any home is as good as any other.
+  constexpr int kCells = 140;
+  constexpr int kRings = 21;
+  TriangleMesh mesh = MakeSheet(kCells, 0);
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (Vec3d& p : mesh.positions) p = (p - Vec3d{0.5, 0.5, 0}) * 1e-3;
+  const auto at = [](int i, int j) { return static_cast<VertexIndex>(j * (kCells + 1) + i); };
+  std::vector<VertexIndex> inner;
+  for (int i = 0; i < kCells; ++i) inner.push_back(at(i, 0));
+  for (int i = 0; i < kCells; ++i) inner.push_back(at(kCells, i));
+  for (int i = kCells; i > 0; --i) inner.push_back(at(i, kCells));
+  for (int i = kCells; i > 0; --i) inner.push_back(at(0, i));
+  const size_t k = inner.size();
+  double height = 1e-3;
+  for (int ring = 0; ring < kRings; ++ring, height *= 3) {
+    std::vector<VertexIndex> outer;
+    for (const VertexIndex v : inner) {
+      const Vec3d p = mesh.positions[v] * 3;
+      outer.push_back(static_cast<VertexIndex>(mesh.positions.size()));
+      mesh.positions.push_back({p.x * (1 + 1e-3 * uniform(random)),
+                                p.y * (1 + 1e-3 * uniform(random)), height * uniform(random)});
+    }
+    for (size_t i = 0; i < k; ++i) {
+      const size_t next = (i + 1) % k;
+      mesh.triangles.push_back({inner[i], outer[i], outer[next]});
+      mesh.triangles.push_back({inner[i], outer[next], inner[next]});
+    }
+    inner = outer;
+  }
+  // It takes as long. When paths could have any length, five times.
+  REQUIRE(BuildSeconds(mesh) < 2.5 * BuildSeconds(MakeSculpture(mesh.triangles.size())));
 }
 
 }  // namespace mtdb::testing

@@ -277,6 +277,55 @@ TEST_CASE("each triangle is as near to the removed vertices at home in it as it 
   REQUIRE(held > 50000);
 }
 
+// What lies beyond the tip of a needle, close to the lines of two of its sides, is not over it.
+TEST_CASE("a needle that points at a removed vertex is no nearer to it than its tip") {
+  std::array<int, 28> fibonacci{1, 1};
+  for (size_t i = 2; i < fibonacci.size(); ++i) fibonacci[i] = fibonacci[i - 2] + fibonacci[i - 1];
+  for (size_t n = 14; n + 1 < fibonacci.size(); ++n) {
+    // The ring 0, 1, 2, 3 of a spike 4 that has the vertex 5 in one of its sides. 0, 1 and 2 are
+    // nearly in line, the spike as far again behind 2. 1 and 3 are fixed, so that its hole
+    // becomes the needle 012 and the triangle 023.
+    const int x = fibonacci[n + 1];
+    const int y = fibonacci[n];
+    const int far = 6 * x;
+    const std::array<Vec3i, 10> places = {{{0, 0, 0},
+                                           {fibonacci[n - 1], fibonacci[n - 2], 0},
+                                           {2 * x, 2 * y, 0},
+                                           {x - 2 * y / 5, y + 2 * x / 5, 0},
+                                           {3 * x, 3 * y, 0},
+                                           {4 * x / 3, 4 * y / 3, 0},
+                                           {-far, 0, -far},
+                                           {x, -far, far},
+                                           {far, -far / 3, -far},
+                                           {0, far, far}}};
+    std::vector<TileTriangle> tile;
+    const auto add = [&](uint32_t a, uint32_t b, uint32_t c) {
+      TileTriangle& t = tile.emplace_back();
+      t.vertices = {a, b, c};
+      for (uint32_t i = 0; i < 3; ++i) {
+        t.positions[i] = places[t.vertices[i]];
+        if (t.vertices[i] >= 1 && t.vertices[i] <= 3) t.fixed_corners |= 1u << i;
+      }
+    };
+    for (const auto& [a, b, c] :
+         {std::array{0u, 1u, 4u}, {1, 2, 4}, {2, 3, 4}, {3, 0, 5}, {4, 3, 5}, {0, 4, 5}}) {
+      add(a, b, c);
+    }
+    for (uint32_t i = 0; i < 4; ++i) {
+      const uint32_t next = (i + 1) % 4;
+      add(next, i, 6 + i);
+      add(next, 6 + i, 6 + next);
+    }
+    SurfaceDecimator decimator;
+    DecimateOptions options;
+    options.largest_error = 1e9;
+    options.target_triangles = 10;
+    const TileResult r = decimator.Decimate(tile, Grid{}, options);
+    REQUIRE(r.removals.size() == 2);
+    REQUIRE(LargestBreach(tile, r, tile.size()) < 1e-3);
+  }
+}
+
 TEST_CASE("each triangle of a terrain is as near to what lies above and below it as it says") {
   SECTION("free") { CheckTerrains<FreeTerrainDecimator>(400); }
   SECTION("Delaunay") { CheckTerrains<internal::TerrainDecimator>(400); }
