@@ -248,10 +248,10 @@ Status CutImpl::Emit(MeshSink& sink) {
   const std::vector<UnitId> units = OutputUnits();
   const bool all_active = stats_.active_triangles == stats_.triangles;
   // Without room for all units they are loaded for their vertices and triangles together.
-  kept_.clear();
-  if (!reader_.Fit(units)) {
-    kept_.resize(all_active ? 1 : 2,
-                 KeptTriangles(reader_.spill_file(), units.size(), stats_.vertices));
+  const auto file = reader_.Fit(units) ? nullptr : reader_.spill_file();
+  keeps_ = file == nullptr ? 0 : all_active ? 1 : 2;
+  for (size_t k = 0; k < kept_.size(); ++k) {
+    kept_[k].Begin(k < keeps_ ? file : nullptr, units.size(), stats_.vertices);
   }
   MTDB_RETURN_IF_ERROR(EmitVertices(units, out));
   MTDB_RETURN_IF_ERROR(EmitTriangles(units, out, true));
@@ -335,8 +335,8 @@ Status CutImpl::EmitVertices(std::span<const UnitId> units, BlockWriter& out) {
 }
 
 bool CutImpl::KeepTriangles(const LoadedUnit& unit, size_t i) {
-  bool kept = !kept_.empty();
-  for (size_t k = 0; k < kept_.size(); ++k) {
+  bool kept = keeps_ > 0;
+  for (size_t k = 0; k < keeps_; ++k) {
     kept = kept && kept_[k].open();
     if (!kept) break;
     to_keep_.resize(std::max<size_t>(to_keep_.size(), unit.own_slots()));
@@ -347,8 +347,7 @@ bool CutImpl::KeepTriangles(const LoadedUnit& unit, size_t i) {
 }
 
 Status CutImpl::EmitTriangles(std::span<const UnitId> units, BlockWriter& out, bool active) {
-  KeptTriangles none;
-  KeptTriangles& kept = kept_.empty() ? none : kept_[active ? 0 : 1];
+  KeptTriangles& kept = kept_[active ? 0 : 1];
   const auto sent = [&] {
     if (query_.control != nullptr) {
       query_.control->triangles_emitted_.store(out.triangles(), std::memory_order_relaxed);

@@ -117,7 +117,8 @@ class CutImpl {
   RootNumbering root_numbers_;
   std::vector<Output> outputs_;  // per place in cut_.open()
   // Lists by unit of the output, where the cache has no room for all: active triangles, the others.
-  std::vector<KeptTriangles> kept_;
+  std::array<KeptTriangles, 2> kept_;
+  size_t keeps_ = 0;                       // of these, in the answer that is emitted
   std::vector<TriangleVertices> to_keep_;  // scratch
   std::vector<VertexIndex> numbers_;       // scratch: per local vertex
   std::vector<NodeIndex> creators_;        // scratch: per own slot

@@ -5,7 +5,7 @@
 
 namespace mtdb::internal {
 
-KeptTriangles::KeptTriangles(std::shared_ptr<SpillFile>, size_t, uint64_t) {}
+void KeptTriangles::Begin(std::shared_ptr<SpillFile>, size_t, uint64_t) {}
 bool KeptTriangles::open() const { return false; }
 bool KeptTriangles::Keep(size_t, std::span<const TriangleVertices>) { return false; }
 size_t KeptTriangles::size(size_t) const { return 0; }
@@ -15,9 +15,11 @@ bool KeptTriangles::Read(size_t, TriangleVertices*) { return false; }
 
 #else
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 #include "store/base/hash.h"
 
@@ -31,15 +33,18 @@ uint64_t Checksum(ByteSpan image) { return Hash64(image.subspan(kHead)); }
 
 }  // namespace
 
-KeptTriangles::KeptTriangles(std::shared_ptr<SpillFile> file, size_t lists, uint64_t vertices)
-    : file_(std::move(file)),
-      narrow_(vertices <= std::numeric_limits<uint32_t>::max()),
-      places_(lists) {}
+void KeptTriangles::Begin(std::shared_ptr<SpillFile> file, size_t lists, uint64_t vertices) {
+  if (file == nullptr || file != file_) lists_.clear();
+  file_ = std::move(file);
+  narrow_ = vertices <= std::numeric_limits<uint32_t>::max();
+  for (List& list : lists_) list.bytes = 0;
+  if (file_ != nullptr) lists_.resize(std::max(lists, lists_.size()));
+}
 
 bool KeptTriangles::open() const { return file_ != nullptr && file_->open(); }
 
 size_t KeptTriangles::size(size_t list) const {
-  return (places_[list]->bytes - kHead) / (narrow_ ? sizeof(Narrow) : sizeof(TriangleVertices));
+  return (lists_[list].bytes - kHead) / (narrow_ ? sizeof(Narrow) : sizeof(TriangleVertices));
 }
 
 bool KeptTriangles::Keep(size_t list, std::span<const TriangleVertices> triangles) {
@@ -57,18 +62,28 @@ bool KeptTriangles::Keep(size_t list, std::span<const TriangleVertices> triangle
   }
   const uint64_t checksum = Checksum(image_);
   std::memcpy(image_.data(), &checksum, kHead);
-  places_[list] = file_->Write(image_);
-  return Has(list);
+  List& kept = lists_[list];
+  kept.bytes = 0;
+  if (image_.size() > kept.room.bytes) {
+    const std::optional<SpillPlace> room = file_->Write(image_);
+    if (!room) return false;
+    kept.room = *room;
+  } else if (!file_->Rewrite(kept.room, image_)) {
+    return false;
+  }
+  kept.bytes = image_.size();
+  return true;
 }
 
 bool KeptTriangles::Read(size_t list, TriangleVertices* triangles) {
   const size_t count = size(list);
-  image_.resize(places_[list]->bytes);
+  List& kept = lists_[list];
+  image_.resize(kept.bytes);
   uint64_t checksum = 0;
-  const bool read = file_->Read(*places_[list], image_);
+  const bool read = file_->Read({kept.room.offset, kept.bytes}, image_);
   std::memcpy(&checksum, image_.data(), kHead);
   if (!read || checksum != Checksum(image_)) {
-    places_[list].reset();
+    kept.bytes = 0;
     return false;
   }
   const std::byte* const numbers = image_.data() + kHead;

@@ -5,7 +5,6 @@
 
 #include <cstddef>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -15,18 +14,19 @@
 
 namespace mtdb::internal {
 
-// Lists of triangles, some 12 bytes each. One thread. A list that is not there any more is made
-// again by whoever wants it.
+// Lists of triangles, some 12 bytes each, of one answer after the other. One thread. A list that is
+// not there any more is made again by whoever wants it.
 class KeptTriangles {
  public:
-  // `lists`: how many there may be; `vertices`: more than any triangle names.
-  KeptTriangles(std::shared_ptr<SpillFile> file, size_t lists, uint64_t vertices);
-  KeptTriangles() = default;  // keeps nothing
+  // Before an answer: no list is there. `file`: null when nothing is to be kept; what an answer
+  // before took of the same file serves this one. `lists`: how many there may be; `vertices`: more
+  // than any triangle names.
+  void Begin(std::shared_ptr<SpillFile> file, size_t lists, uint64_t vertices);
 
   // False when Keep would fail.
   bool open() const;
   bool Keep(size_t list, std::span<const TriangleVertices> triangles);
-  bool Has(size_t list) const { return list < places_.size() && places_[list].has_value(); }
+  bool Has(size_t list) const { return list < lists_.size() && lists_[list].bytes > 0; }
   // How many triangles a list has that is there.
   size_t size(size_t list) const;
   // Fills in that many; false when the file has lost or changed them: then the list is there no
@@ -36,7 +36,11 @@ class KeptTriangles {
  private:
   std::shared_ptr<SpillFile> file_;
   bool narrow_ = false;  // numbers fit 32 bits
-  std::vector<std::optional<SpillPlace>> places_;
+  struct List {
+    SpillPlace room;   // in the file
+    size_t bytes = 0;  // of these; 0: it is not there
+  };
+  std::vector<List> lists_;
   Bytes image_;  // scratch: a checksum, then the numbers
 };
 

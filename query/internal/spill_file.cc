@@ -12,6 +12,7 @@ SpillFile::~SpillFile() = default;
 std::optional<SpillPlace> SpillFile::Take(size_t) { return std::nullopt; }
 std::optional<SpillPlace> SpillFile::Write(const LoadedUnit&) noexcept { return std::nullopt; }
 std::optional<SpillPlace> SpillFile::Write(ByteSpan) noexcept { return std::nullopt; }
+bool SpillFile::Rewrite(const SpillPlace&, ByteSpan) noexcept { return false; }
 LoadedUnitPtr SpillFile::Read(const SpillPlace&) const { return nullptr; }
 bool SpillFile::Read(const SpillPlace&, std::span<std::byte>) const { return false; }
 bool SpillFile::open() const { return false; }
@@ -71,12 +72,21 @@ std::optional<SpillPlace> SpillFile::Write(const LoadedUnit& unit) noexcept {
 std::optional<SpillPlace> SpillFile::Write(ByteSpan bytes) noexcept {
   std::optional<SpillPlace> place;
   const bool enough_memory = TryAllocate([&] { place = Take(bytes.size()); });
-  if (enough_memory && place && WriteFully(file_, place->offset, bytes.data(), bytes.size())) {
-    return place;
-  }
+  if (enough_memory && place && WriteAt(place->offset, bytes)) return place;
   const MutexLock lock(mutex_);
   failed_ = true;
   return std::nullopt;
+}
+
+bool SpillFile::Rewrite(const SpillPlace& place, ByteSpan bytes) noexcept {
+  return open() && WriteAt(place.offset, bytes);
+}
+
+bool SpillFile::WriteAt(uint64_t offset, ByteSpan bytes) noexcept {
+  if (WriteFully(file_, offset, bytes.data(), bytes.size())) return true;
+  const MutexLock lock(mutex_);
+  failed_ = true;
+  return false;
 }
 
 LoadedUnitPtr SpillFile::Read(const SpillPlace& place) const {

@@ -32,6 +32,8 @@ class SpillFile {
   // After a failure nothing more is written.
   std::optional<SpillPlace> Write(const LoadedUnit& unit) noexcept;
   std::optional<SpillPlace> Write(ByteSpan bytes) noexcept;
+  // Writes over what is at a place, as many bytes or fewer.
+  bool Rewrite(const SpillPlace& place, ByteSpan bytes) noexcept;
   // Null when it cannot be read. Throws std::bad_alloc.
   LoadedUnitPtr Read(const SpillPlace& place) const;
   // `bytes` has the size of the place; false when they cannot be read.
@@ -42,6 +44,7 @@ class SpillFile {
   bool empty() const;
 
  private:
+  bool WriteAt(uint64_t offset, ByteSpan bytes) noexcept;
   // Room for so many bytes, in a file that is open.
   std::optional<SpillPlace> Take(size_t bytes);
 
