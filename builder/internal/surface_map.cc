@@ -289,7 +289,7 @@ bool SurfaceMap::FindParts() {
 
 // An edge between two vertices that are marked is seen from where it begins.
 void SurfaceMap::FindInnerEdges() {
-  for (const uint32_t v : marked_) __builtin_prefetch(&edges_at_[edges_begin_[v]]);
+  for (const uint32_t v : marked_) __builtin_prefetch(edges_at_.data() + edges_begin_[v]);
   size_t count = 0;
   for (const uint32_t v : marked_) {
     const End here = places_[v].end;
