@@ -279,8 +279,7 @@ bool Decimator<Measure, Rule>::MeasureBest() {
     if (!dearer || !Rule::kReadsEdgeErrors) return measurable;
     const Hole::Triangles before = filling_.triangles;
     if (!rule_.Fill(hole_, filling_.triangles)) return false;
-    if (std::equal(before.begin(), before.begin() + (hole_.k - 2), filling_.triangles.begin()))
-      return measurable;
+    if (filling_.IsOf(before, hole_.k)) return measurable;
   }
 }
 

@@ -25,11 +25,13 @@ struct SpreadPoints {
 // Rounding makes the distances a little too large or too small. Work of one thread.
 class FillingLanes {
  public:
-  // Reads the hole's points. Distances are of binary32 where `scale` makes them at most 1 or so.
+  // Reads the hole's points. `scale` makes all distances at most 1 or so, so that their squares are
+  // numbers of binary32; those below are so many times as large.
   void Set(const Hole& hole, const Hole::Triangles& triangles, double scale);
-  // Of a point from the filling, scaled.
+  // Of a point of the hole's frame from the filling.
   float SquaredDistance(Vec3d point) const;
-  // Of all points, scaled likewise, from the triangles that are nearest to them; which those are.
+  // Of all points, which have the same scale, from the triangles that are nearest to them; which
+  // those are.
   void FindNearest(const SpreadPoints& points, std::vector<float>& squared,
                    std::vector<uint32_t>& nearest) const;
 

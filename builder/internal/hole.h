@@ -100,6 +100,11 @@ struct Hole {
 };
 
 struct Filling {
+  // Whether it is made of these, in a hole of k ring vertices.
+  bool IsOf(const Hole::Triangles& others, uint32_t k) const {
+    return std::equal(triangles.begin(), triangles.begin() + (k - 2), others.begin());
+  }
+
   Hole::Triangles triangles;
   std::array<double, Hole::kMaxRing> errors;  // of the triangles, work units
   double error = 0;                           // the largest of them

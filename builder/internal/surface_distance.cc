@@ -103,9 +103,7 @@ bool SurfaceDistance::FindParts(const Hole& hole) {
 
 // Makes the filling the one that homes are of.
 void SurfaceDistance::LookAt(const Hole& hole, const Filling& filling) {
-  if (looked_at_ &&
-      std::equal(seen_.begin(), seen_.begin() + (hole.k - 2), filling.triangles.begin()))
-    return;
+  if (looked_at_ && filling.IsOf(seen_, hole.k)) return;
   looked_at_ = true;
   at_home_ = placed_ = false;
   seen_ = filling.triangles;

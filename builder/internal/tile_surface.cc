@@ -107,7 +107,8 @@ class Gathering {
     for (size_t t = 0; t < all_.triangles.size(); ++t) {
       std::array<uint32_t, 3> turned = all_.triangles[t];
       std::rotate(turned.begin(), std::min_element(turned.begin(), turned.end()), turned.end());
-      uint32_t& head = last[Hash(turned) & (last.size() - 1)];
+      const auto [a, b, c] = turned;
+      uint32_t& head = last[Mix64(Mix64(uint64_t{a} << 32 | b) ^ c) & (last.size() - 1)];
       uint32_t twin = head;
       while (twin != kNone32 && all_.triangles[twin] != turned) twin = before[twin];
       if (twin != kNone32) continue;
@@ -118,12 +119,6 @@ class Gathering {
     }
     all_.triangles.resize(before.size());
     all_.errors.resize(before.size());
-  }
-
-  static uint64_t Hash(const std::array<uint32_t, 3>& triangle) {
-    uint64_t hash = 0;
-    for (const uint32_t v : triangle) hash = (hash ^ v) * 0x9e3779b97f4a7c15ull;
-    return hash >> 32;
   }
 
   uint32_t Number(uint32_t vertex, Vec3i position) {

@@ -71,11 +71,12 @@ std::optional<SpillPlace> SpillFile::Write(const LoadedUnit& unit) noexcept {
 
 std::optional<SpillPlace> SpillFile::Write(ByteSpan bytes) noexcept {
   std::optional<SpillPlace> place;
-  const bool enough_memory = TryAllocate([&] { place = Take(bytes.size()); });
-  if (enough_memory && place && WriteAt(place->offset, bytes)) return place;
-  const MutexLock lock(mutex_);
-  failed_ = true;
-  return std::nullopt;
+  if (!TryAllocate([&] { place = Take(bytes.size()); })) {
+    const MutexLock lock(mutex_);
+    failed_ = true;
+  }
+  if (place && !WriteAt(place->offset, bytes)) place.reset();
+  return place;
 }
 
 bool SpillFile::Rewrite(const SpillPlace& place, ByteSpan bytes) noexcept {

@@ -57,12 +57,12 @@ void Rounds::Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh,
     const uint32_t begun = afresh ? round : surface.round;
     TileCluster cluster =
         MakeTileCluster(tile, result, grid, {}, {over ? 0 : begun, options.surface});
-    REQUIRE(spool->Add(next_, cluster.surface).ok());
+    if (!cluster.empty) REQUIRE(spool->Add(next_, cluster.surface).ok());
     for (TileTriangle& t : cluster.left.triangles) {
       if (t.child == TileCluster::kOwnCluster) t.child = next_;
       left.push_back(t);
     }
-    ++next_;
+    if (!cluster.empty) ++next_;
   }
   REQUIRE(spool->Finish().ok());
   surfaces.push_back(std::move(spool));
