@@ -91,6 +91,29 @@ TriangleMesh MakeTangle(int64_t size, uint64_t seed) {
   return mesh;
 }
 
+// A sheet whose points lie on a few lines, in any order: needles, triangles without area, folds.
+// Half of it is a fan, all of whose triangles meet in one vertex.
+TriangleMesh MakeNeedles(int64_t size, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  TriangleMesh mesh = MakeSheetOf(size / 2, seed);
+  const double width = 0.1 * static_cast<double>(1 + seed % 4);
+  for (Vec3d& p : mesh.positions) {
+    p.x = width * std::floor(p.x / width);
+    if (random() % 2 == 0) p.y = 0.05 * static_cast<double>(random() % 20);
+    p.z = 0;
+  }
+  const VertexIndex hub = mesh.positions.size();
+  const VertexIndex count = 3 + static_cast<VertexIndex>(size / 2);
+  mesh.positions.push_back({3, 0, 0.5});
+  for (VertexIndex i = 0; i < count; ++i) {
+    const double angle = 2 * kPi * static_cast<double>(i) / static_cast<double>(count);
+    const double radius = 1 + 0.01 * static_cast<double>(random() % 10);
+    mesh.positions.push_back({3 + radius * std::cos(angle), radius * std::sin(angle), 0});
+    mesh.triangles.push_back({hub, hub + 1 + i, hub + 1 + (i + 1) % count});
+  }
+  return mesh;
+}
+
 TriangleMesh Generated(Status (*generate)(const GenerateOptions&, MeshSink&), int64_t size,
                        uint64_t seed) {
   TriangleMesh mesh;
@@ -121,7 +144,7 @@ struct Shape {
 constexpr Shape kShapes[] = {
     {"sheet", MakeSheetOf},         {"wave", MakeWave},       {"torus", MakeTorus},
     {"tetrahedra", MakeTetrahedra}, {"tangle", MakeTangle},   {"nasty", MakeNasty},
-    {"sculpture", MakeSculpture},   {"terrain", MakeTerrain},
+    {"sculpture", MakeSculpture},   {"terrain", MakeTerrain}, {"needles", MakeNeedles},
 };
 
 }  // namespace
