@@ -12,6 +12,7 @@
 #include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/internal/open_input.h"
 #include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/internal/text_reader.h"
 #include "store/base/coordinate_limit.h"
 
 namespace mtdb {
@@ -129,6 +130,7 @@ namespace {
 // The format that fits the file best, and how the file begins.
 struct FoundFormat {
   const MeshFormatRow* row = nullptr;  // null: none
+  MeshFileFit fit = MeshFileFit::kNone;
   MeshFileStart start;
   std::array<std::byte, 512> bytes;
 };
@@ -137,15 +139,15 @@ Status FindFormat(const InputFile& file, const std::string& suffix, FoundFormat*
   MTDB_ASSIGN_OR_RETURN(const size_t size, file.ReadAt(0, found->bytes));
   if (size == 0) return BadInput(file.path() + ": the file is empty, expected a mesh");
   found->start.bytes = AsString(ByteSpan(found->bytes).first(size));
+  found->start.text = found->start.bytes.substr(ByteOrderMarkBytes(found->start.bytes));
   found->start.file_bytes = file.size_bytes();
-  MeshFileFit best_fit = MeshFileFit::kNone;
   for (const MeshFormatRow& row : MeshFormatTable()) {
     if (row.read == nullptr) continue;
     found->start.named = HasSuffix(row.format, suffix);
     const MeshFileFit fit = row.recognise(found->start);
-    if (fit <= best_fit) continue;
+    if (fit <= found->fit) continue;
     found->row = &row;
-    best_fit = fit;
+    found->fit = fit;
   }
   found->start.named = found->row != nullptr && HasSuffix(found->row->format, suffix);
   return Status::Ok();
@@ -163,6 +165,7 @@ bool IsMeshFile(const std::string& path) {
 struct MeshInput::Impl {
   std::unique_ptr<InputFile> file;
   std::string suffix;
+  std::string tmp_directory;
 };
 
 MeshInput::MeshInput(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -174,6 +177,7 @@ Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions
   auto impl = std::make_unique<Impl>();
   MTDB_ASSIGN_OR_RETURN(impl->file, OpenInputFile(path, options.descriptor, options.tmp_directory));
   impl->suffix = options.suffix.empty() ? LowerSuffix(path) : options.suffix;
+  impl->tmp_directory = options.tmp_directory;
   return MeshInput(std::move(impl));
 }
 
@@ -185,6 +189,10 @@ Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
   *report = {};
   FoundFormat found;
   MTDB_RETURN_IF_ERROR(FindFormat(*impl_->file, impl_->suffix, &found));
+  found.start.tmp_directory = impl_->tmp_directory;
+  if (found.fit < MeshFileFit::kCertain && IsWideText(found.start.bytes)) {
+    return WideTextError(path());
+  }
   if (found.row == nullptr) {
     return BadInput(
         path() + ": not a mesh file that mtdb reads, expected " +
@@ -223,6 +231,15 @@ std::string internal::CoordinateFault(Vec3d p) {
            (std::isfinite(p[axis]) ? "number from -1e30 to 1e30" : "finite number");
   }
   return "";
+}
+
+Status internal::NoVertexLeft(const std::string& path, const LeftOutVertices& left_out) {
+  return BadInput(path + ": " + left_out.first_fault() + ", and no vertex of the file is better");
+}
+
+Status internal::LeftOutError(const std::string& path, const LeftOutVertices& left_out,
+                              VertexIndex vertex, const std::string& face) {
+  return BadInput(path + ": " + left_out.FaultOf(vertex) + "; " + face + " uses this vertex");
 }
 
 void internal::AddIgnored(MeshReadReport* report, std::string what) {

@@ -42,10 +42,14 @@ Result<MeshFormat> WrittenMeshFormatOf(const std::string& path);
 
 // What a reader found in the file besides vertices and triangles.
 struct MeshReadReport {
-  std::string format;                // "PLY binary little endian", "STL ASCII", ...
-  uint64_t polygons = 0;             // faces of more than three corners, split into fans
-  uint64_t strips = 0;               // tristrips split
-  uint64_t short_faces = 0;          // faces of fewer than three corners, dropped
+  std::string format;     // "PLY binary little endian", "STL ASCII", ...
+  uint64_t polygons = 0;  // faces of more than three corners, split into triangles
+  uint64_t fans = 0;      // of these, those that were not split inside of their outline, but round
+                          // their first corner: it crosses itself, or has more than 2^18 corners
+  uint64_t strips = 0;    // tristrips split
+  uint64_t short_faces = 0;        // faces of fewer than three corners, dropped
+  uint64_t left_out_vertices = 0;  // that no face uses, with coordinates that are no finite numbers
+  std::vector<std::string> notes;  // sentences about how the file was understood
   std::vector<std::string> ignored;  // elements and properties that mtdb does not carry
 };
 
@@ -56,8 +60,9 @@ struct MeshReadOptions {
   // The format's suffix ("stl"), where neither the file's name nor its content tells it; empty:
   // that of the name.
   std::string suffix;
-  // The folder of the nameless temporary file that a pipe, or a file compressed by gzip, is copied
-  // to, since readers go back and forth; empty: the system's.
+  // The folder of nameless temporary files: what a pipe, or a file compressed by gzip, is copied
+  // to, since readers go back and forth, and positions that polygons of texts need; empty: the
+  // system's.
   std::string tmp_directory;
 };
 

@@ -30,10 +30,25 @@ std::string OwnRasterSuffixes() { return ".hgt .asc .dem"; }
 Result<std::unique_ptr<RasterReader>> OpenOwnRaster(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(RasterInput file, RasterInput::Open(path));
   const std::string suffix = SmallSuffix(path);
+  std::array<char, 9> begin{};
+  MTDB_RETURN_IF_ERROR(file.Read(0, begin.data(), std::min<uint64_t>(begin.size(), file.size())));
+  const std::string_view start(begin.data(), begin.size());
+  if (suffix == ".gz" && start.starts_with("\x1f\x8b")) {
+    return BadInput(path +
+                    ": rasters are not read compressed; decompress it first, e.g. by gunzip "
+                    "--keep");
+  }
   if (suffix == ".hgt") return OpenHgt(path, std::move(file));
   // Both are texts of their own kinds under suffixes that others use too.
-  std::array<char, 6> begin{};
-  MTDB_RETURN_IF_ERROR(file.Read(0, begin.data(), std::min<uint64_t>(begin.size(), file.size())));
+  if (suffix == ".asc" && (start.starts_with("\xff\xfe") || start.starts_with("\xfe\xff"))) {
+    return BadInput(path +
+                    ": text in UTF-16 or UTF-32, expected ASCII or UTF-8; convert it first, "
+                    "e.g. by iconv -f UTF-16 -t UTF-8");
+  }
+  if (start.starts_with("\xef\xbb\xbf")) {
+    file.SkipFront(3);
+    std::shift_left(begin.begin(), begin.end(), 3);
+  }
   if (suffix == ".asc" && strncasecmp(begin.data(), "ncols", 5) == 0) {
     return OpenAsciiGrid(path, std::move(file));
   }

@@ -21,7 +21,8 @@ struct RasterInfo {
   // All heights are multiples of it, as they are written: 1 for integers, 0.01 for two decimals. 0:
   // not known.
   double height_step = 0;
-  double height_origin = 0;  // heights are multiples of the step from here
+  double height_origin = 0;        // heights are multiples of the step from here
+  std::vector<std::string> notes;  // sentences about how the file was understood, with its path
 };
 
 // A raster that is open. Single thread. Memory does not grow with the number of rows, but for

@@ -94,6 +94,7 @@ Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader
   double left = 0, top = 0, right = 0, bottom = 0;
   for (const auto& file : files) {
     const RasterInfo& own = file->info();
+    if (file != files[0]) info.notes.insert(info.notes.end(), own.notes.begin(), own.notes.end());
     std::string why = Mismatch(info, own);
     const auto first = FirstSample(own.frame);
     const double x = first[0] - origin[0], y = first[1] - origin[1];

@@ -92,8 +92,8 @@ TEST_CASE("OBJ: bad lines are refused with line, expectation and text") {
   };
   bad("v 1 2\n", {"line 1: expected 'v X Y Z', found 2 numbers"});
   bad(kVertices + "v 1 2 3,5\n", {"line 5: expected a number, found '3,5'"});
-  bad(kVertices + "v 1 nan 3\n", {"line 5: y is nan"});
-  bad(kVertices + "v 1 2 1e400\n", {"line 5: z is inf"});
+  bad(kVertices + "v 1 nan 3\nf 1 2 5\n", {"line 5: y is nan", "the face of line 6"});
+  bad(kVertices + "v 1 2 1e400\nf -1 2 3\n", {"line 5: z is inf"});
   bad(kVertices + "f 1 2 5\n", {"line 5: vertex index 5, but the file has 4 vertices"});
   bad(kVertices + "f 1 2 -5\n", {"line 5: vertex index -5, but the file has 4 vertices up to"});
   bad(kVertices + "f 0 1 2\n", {"line 5: vertex index 0", "counted from 1"});

@@ -213,10 +213,10 @@ TEST_CASE("PLY ASCII floats are read as double, tiny ones kept or 0") {
   REQUIRE(outcome.mesh.positions[0].z == 0);
 }
 
-TEST_CASE("PLY polygons are split into fans and short faces dropped, in all encodings") {
+TEST_CASE("PLY polygons are split and short faces dropped, in all encodings") {
   const ReadOutcome ascii = ReadGood(
       "p.ply", Header("ascii", 5, 4) +
-                   "0 0 0 1 0 0 1 1 0 0 1 0 2 2 2\n4 0 1 2 3\n2 0 1\n3 4 1 0\n5 4 3 2 1 0\n");
+                   "0 0 0 1 0 0 1 1 0 0 1 0 -1 0.5 0\n4 0 1 2 3\n2 0 1\n3 4 1 0\n5 4 3 2 1 0\n");
   std::string file = Header("binary_little_endian", 5, 4);
   for (int i = 0; i < 15; ++i) AppendValue(&file, static_cast<float>(i));
   for (const std::vector<int>& face :
@@ -316,7 +316,8 @@ TEST_CASE("PLY binary is sent in blocks of at most 65536, over the reader's buff
       // A quad now and then leaves the fast path.
       const int corners = i % 1000 == 999 ? 4 : 3;
       file += static_cast<char>(corners);
-      const int v[4] = {i / 3, (i * 7) % (kSide * kSide), i % 1001, 5};
+      // The last corner twice: both diagonals are as good.
+      const int v[4] = {i / 3, (i * 7) % (kSide * kSide), i % 1001, i % 1001};
       for (int k = 0; k < corners; ++k) AppendValue(&file, v[k], big);
       sum += static_cast<uint64_t>(v[0]) + 2 * v[1] + 3 * v[2];
       if (corners == 4) sum += static_cast<uint64_t>(v[0]) + 2 * v[2] + 3 * v[3];
@@ -383,14 +384,19 @@ TEST_CASE("PLY: a bad vertex index names the face, the index and the count") {
 }
 
 TEST_CASE("PLY: coordinates that are not finite are refused with their place") {
-  RequireBadInput("n.ply", Header("ascii", 2, 0) + "0 0 0\n0 nan 0\n",
-                  {"vertex 1 (line 12): y is nan"});
-  RequireBadInput("n.ply", Header("ascii", 2, 0) + "0 0 0\n0 0 -inf\n", {"vertex 1", "z is -inf"});
-  RequireBadInput("n.ply", Header("ascii", 2, 0) + "0 0 0\n1e390 0 0\n", {"vertex 1", "x is inf"});
+  const std::string face = "3 0 1 0\n";
+  RequireBadInput("n.ply", Header("ascii", 2, 1) + "0 0 0\n0 nan 0\n" + face,
+                  {"vertex 1 (line 12): y is nan", "face 0 (line 13) uses this vertex"});
+  RequireBadInput("n.ply", Header("ascii", 2, 1) + "0 0 0\n0 0 -inf\n" + face,
+                  {"vertex 1", "z is -inf"});
+  RequireBadInput("n.ply", Header("ascii", 2, 1) + "0 0 0\n1e390 0 0\n" + face,
+                  {"vertex 1", "x is inf"});
   for (const bool big : {false, true}) {
     for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
-      std::string file = Header(big ? "binary_big_endian" : "binary_little_endian", 2, 0);
+      std::string file = Header(big ? "binary_big_endian" : "binary_little_endian", 2, 1);
       for (const float v : {0.f, 0.f, 0.f, 0.f, 0.f, bad}) AppendValue(&file, v, big);
+      file += '\3';
+      for (const int v : {0, 1, 0}) AppendValue(&file, v, big);
       RequireBadInput("n.ply", file, {"vertex 1: z is", "expected a finite number"});
     }
   }

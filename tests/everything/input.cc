@@ -375,10 +375,19 @@ double LongestSide(const TriangleMesh& mesh) {
 
 }  // namespace
 
+TextDress DressOf(const Step& step) {
+  const std::string end = step.Text("lineend", "lf");
+  return {step.Flag("polygons"), step.Flag("bom"),
+          end == "cr"     ? "\r"
+          : end == "crlf" ? "\r\n"
+                          : "\n"};
+}
+
 Input MakeInput(const Step& step, const std::string& folder) {
   const int64_t size = std::clamp<int64_t>(step.Int("size", 100), 1, 4'000'000);
   TriangleMesh mesh =
       MakeShape(step.Text("shape", "sheet"), size, static_cast<uint64_t>(step.Int("shapeseed", 1)));
+  if (step.Flag("polygons")) AddDarts(static_cast<uint64_t>(step.Int("shapeseed", 1)), &mesh);
   Spoil(step, &mesh);
   AddAttributes(step, &mesh);
   MovePositions(step, &mesh);
@@ -407,7 +416,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
     input.paths.push_back(folder + "/" + stem + (i == 0 ? "" : std::to_string(i)) +
                           format.extension);
     if (step.Flag("gzip")) input.paths.back() += ".gz";
-    WriteInputFile(format, input.paths.back(), &parts.back());
+    WriteInputFile(format, input.paths.back(), DressOf(step), &parts.back());
     if (input.standard_input.empty() && step.Flag("stdin")) {
       input.standard_input = std::exchange(input.paths.back(), "-");
       input.format = format.extension + 1;

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <zlib.h>
 
+#include "tests/everything/polygons.h"
 #include "tests/everything/process.h"
 #include "tests/everything/step.h"
 #include "tests/support/mesh_changes.h"
@@ -57,7 +58,7 @@ void AppendBytes(std::string* out, const void* data, size_t size, bool big_endia
   for (size_t i = 0; i < size; ++i) out->push_back(bytes[big_endian ? size - 1 - i : i]);
 }
 
-std::string PlyHeader(const TriangleMesh& mesh, const char* encoding) {
+std::string PlyHeader(const TriangleMesh& mesh, const Faces& faces, const char* encoding) {
   std::string text = std::string("ply\nformat ") + encoding + " 1.0\nelement vertex " +
                      std::to_string(mesh.positions.size()) + "\n";
   for (const char* axis : {"x", "y", "z"}) {
@@ -67,12 +68,12 @@ std::string PlyHeader(const TriangleMesh& mesh, const char* encoding) {
   for (const VertexAttribute& a : mesh.header.attributes.attributes) {
     text += std::string("property ") + kPlyTypes[static_cast<size_t>(a.type)] + " " + a.name + "\n";
   }
-  return text + "element face " + std::to_string(mesh.triangles.size()) +
+  return text + "element face " + std::to_string(faces.size()) +
          "\nproperty list uchar int vertex_indices\nend_header\n";
 }
 
-std::string PlyBinary(const TriangleMesh& mesh, bool big) {
-  std::string text = PlyHeader(mesh, big ? "binary_big_endian" : "binary_little_endian");
+std::string PlyBinary(const TriangleMesh& mesh, const Faces& faces, bool big) {
+  std::string text = PlyHeader(mesh, faces, big ? "binary_big_endian" : "binary_little_endian");
   const size_t row_bytes = mesh.header.attributes.row_bytes();
   for (size_t v = 0; v < mesh.positions.size(); ++v) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -90,9 +91,9 @@ std::string PlyBinary(const TriangleMesh& mesh, bool big) {
       offset += ScalarSize(a.type);
     }
   }
-  for (const TriangleVertices& t : mesh.triangles) {
-    text += '\3';
-    for (const VertexIndex v : t) {
+  for (const auto& face : faces) {
+    text += static_cast<char>(face.size());
+    for (const VertexIndex v : face) {
       const auto index = static_cast<int32_t>(v);
       AppendBytes(&text, &index, sizeof(index), big);
     }
@@ -100,8 +101,19 @@ std::string PlyBinary(const TriangleMesh& mesh, bool big) {
   return text;
 }
 
-std::string PlyText(const TriangleMesh& mesh) {
-  std::string text = PlyHeader(mesh, "ascii");
+// "4 0 1 2 3", line by line.
+std::string FaceLines(const Faces& faces) {
+  std::string text;
+  for (const auto& face : faces) {
+    text += std::to_string(face.size());
+    for (const VertexIndex v : face) text += " " + std::to_string(v);
+    text += '\n';
+  }
+  return text;
+}
+
+std::string PlyText(const TriangleMesh& mesh, const Faces& faces) {
+  std::string text = PlyHeader(mesh, faces, "ascii");
   for (size_t v = 0; v < mesh.positions.size(); ++v) {
     text += PointText(mesh.positions[v]);
     size_t offset = 0;
@@ -111,14 +123,10 @@ std::string PlyText(const TriangleMesh& mesh) {
     }
     text += '\n';
   }
-  for (const TriangleVertices& t : mesh.triangles) {
-    text += "3 " + std::to_string(t[0]) + " " + std::to_string(t[1]) + " " + std::to_string(t[2]) +
-            "\n";
-  }
-  return text;
+  return text + FaceLines(faces);
 }
 
-std::string ObjText(const TriangleMesh& mesh) {
+std::string ObjText(const TriangleMesh& mesh, const Faces& faces) {
   std::string text = "o mesh\n";
   const bool coloured = !mesh.header.attributes.empty();
   for (size_t v = 0; v < mesh.positions.size(); ++v) {
@@ -129,22 +137,19 @@ std::string ObjText(const TriangleMesh& mesh) {
     }
     text += '\n';
   }
-  for (const TriangleVertices& t : mesh.triangles) {
-    text += "f " + std::to_string(t[0] + 1) + " " + std::to_string(t[1] + 1) + " " +
-            std::to_string(t[2] + 1) + "\n";
+  for (const auto& face : faces) {
+    text += 'f';
+    for (const VertexIndex v : face) text += " " + std::to_string(v + 1);
+    text += '\n';
   }
   return text;
 }
 
-std::string OffText(const TriangleMesh& mesh) {
-  std::string text = "OFF\n" + std::to_string(mesh.positions.size()) + " " +
-                     std::to_string(mesh.triangles.size()) + " 0\n";
+std::string OffText(const TriangleMesh& mesh, const Faces& faces) {
+  std::string text =
+      "OFF\n" + std::to_string(mesh.positions.size()) + " " + std::to_string(faces.size()) + " 0\n";
   for (const Vec3d& p : mesh.positions) text += PointText(p) + "\n";
-  for (const TriangleVertices& t : mesh.triangles) {
-    text += "3 " + std::to_string(t[0]) + " " + std::to_string(t[1]) + " " + std::to_string(t[2]) +
-            "\n";
-  }
-  return text;
+  return text + FaceLines(faces);
 }
 
 std::string StlBinary(const TriangleMesh& mesh) {
@@ -291,6 +296,25 @@ void WriteCompressed(const std::string& path, const std::string& text) {
   }
 }
 
+// Of a format that has nothing but triangles.
+template <std::string (*kText)(const TriangleMesh& mesh)>
+std::string OfTriangles(const TriangleMesh& mesh, const Faces&) {
+  return kText(mesh);
+}
+
+// A text as other programs and systems write it.
+void Dress(const TextDress& dress, std::string* text) {
+  std::string dressed = dress.byte_order_mark ? "\xef\xbb\xbf" : "";
+  for (const char c : *text) {
+    if (c == '\n') {
+      dressed += dress.line_end;
+    } else {
+      dressed += c;
+    }
+  }
+  *text = std::move(dressed);
+}
+
 void CarryAll(AttributeLayout*) {}
 void CarryNothing(AttributeLayout* layout) { layout->attributes.clear(); }
 void CarryColours(AttributeLayout* layout) {
@@ -305,17 +329,17 @@ void CarryColours(AttributeLayout* layout) {
 const std::vector<FileFormat>& FileFormats() {
   static const std::vector<FileFormat> kFormats = {
       {"ply", ".ply", false, false, false, true, CarryAll,
-       [](const TriangleMesh& mesh) { return PlyBinary(mesh, false); }},
+       [](const TriangleMesh& mesh, const Faces& f) { return PlyBinary(mesh, f, false); }},
       {"ply-big", ".ply", false, false, false, true, CarryAll,
-       [](const TriangleMesh& mesh) { return PlyBinary(mesh, true); }},
+       [](const TriangleMesh& mesh, const Faces& f) { return PlyBinary(mesh, f, true); }},
       {"ply-text", ".ply", false, false, true, true, CarryAll, PlyText},
       {"obj", ".obj", false, false, true, false, CarryColours, ObjText},
       {"off", ".off", false, false, true, false, CarryNothing, OffText},
-      {"stl", ".stl", true, true, false, true, CarryNothing, StlBinary},
-      {"stl-text", ".stl", true, false, true, false, CarryNothing, StlText},
-      {"glb", ".glb", false, true, false, true, CarryColours, GltfBinary},
-      {"gltf", ".gltf", false, true, false, true, CarryColours, GltfText},
-      {"drc", ".drc", false, true, false, true, CarryNothing, DracoFile},
+      {"stl", ".stl", true, true, false, true, CarryNothing, OfTriangles<StlBinary>},
+      {"stl-text", ".stl", true, false, true, false, CarryNothing, OfTriangles<StlText>},
+      {"glb", ".glb", false, true, false, true, CarryColours, OfTriangles<GltfBinary>},
+      {"gltf", ".gltf", false, true, false, true, CarryColours, OfTriangles<GltfText>},
+      {"drc", ".drc", false, true, false, true, CarryNothing, OfTriangles<DracoFile>},
   };
   return kFormats;
 }
@@ -326,7 +350,8 @@ const FileFormat& FormatOf(const std::string& name) {
   return at == all.end() ? all.front() : *at;
 }
 
-void WriteInputFile(const FileFormat& format, const std::string& path, TriangleMesh* mesh) {
+void WriteInputFile(const FileFormat& format, const std::string& path, const TextDress& dress,
+                    TriangleMesh* mesh) {
   AttributeLayout& layout = mesh->header.attributes;
   const AttributeLayout before = layout;
   format.carry(&layout);
@@ -344,10 +369,12 @@ void WriteInputFile(const FileFormat& format, const std::string& path, TriangleM
   }
   if (layout != before) mesh->rows = std::move(rows);
   if (format.floats_only || !mesh->header.double_positions) mtdb::testing::RoundToFloat32(mesh);
+  std::string text = format.text(*mesh, dress.polygons ? JoinedFaces(*mesh) : TriangleFaces(*mesh));
+  if (format.is_text) Dress(dress, &text);
   if (path.ends_with(".gz")) {
-    WriteCompressed(path, format.text(*mesh));
+    WriteCompressed(path, text);
   } else {
-    WriteText(path, format.text(*mesh));
+    WriteText(path, text);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "store/base/mesh_sink.h"
+#include "tests/everything/polygons.h"
 
 namespace mtdb::everything {
 
@@ -19,13 +20,21 @@ struct FileFormat {
   bool typed;  // says whether positions are doubles
   // Leaves in `layout` what the format carries.
   void (*carry)(AttributeLayout* layout);
-  std::string (*text)(const TriangleMesh& mesh);
+  std::string (*text)(const TriangleMesh& mesh, const Faces& faces);
 };
 const std::vector<FileFormat>& FileFormats();
 // The first one when there is none of that name.
 const FileFormat& FormatOf(const std::string& name);
 
+// How a file is written that says the same.
+struct TextDress {
+  bool polygons = false;         // where the format has them (JoinedFaces)
+  bool byte_order_mark = false;  // of texts
+  std::string line_end = "\n";
+};
+
 // Writes the mesh and makes of it what the file says: floats, fewer attributes.
-void WriteInputFile(const FileFormat& format, const std::string& path, TriangleMesh* mesh);
+void WriteInputFile(const FileFormat& format, const std::string& path, const TextDress& dress,
+                    TriangleMesh* mesh);
 
 }  // namespace mtdb::everything

@@ -21,23 +21,43 @@ namespace {
 TEST_CASE("what a file says is what the product's reader reads") {
   for (const FileFormat& format : FileFormats()) {
     for (const std::string& shape : ShapeNames()) {
-      const mtdb::testing::TemporaryFolder folder;
-      Step step{"ingest",
-                {{"shape", shape}, {"attr", "rgb,normal,double,short"}, {"format", format.name}}};
-      const Input input = MakeInput(step, folder.path());
-      INFO(format.name << " " << shape);
-      TriangleMesh read;
-      TriangleMeshSink sink(&read);
-      std::vector<std::string> notes;
-      REQUIRE(ReadMeshes(OpenMeshes(input.paths, "", "").value(), sink, &notes).ok());
-      const Truth truth = MakeTruth({read}, {false});
-      CHECK(truth.mesh.header.attributes == input.truth.mesh.header.attributes);
-      const size_t row = truth.mesh.header.attributes.row_bytes();
-      const bool same =
-          TriangleKeys(truth.mesh, true, row) == TriangleKeys(input.truth.mesh, true, row);
-      CHECK(same);
-      CHECK(truth.report == input.truth.report);
+      for (const char* line_end : {"", "cr", "crlf"}) {
+        const mtdb::testing::TemporaryFolder folder;
+        Step step{"ingest",
+                  {{"shape", shape}, {"attr", "rgb,normal,double,short"}, {"format", format.name}}};
+        if (line_end[0] != '\0') {
+          step.Set("lineend", std::string(line_end));
+          step.Set("polygons", 1);
+          step.Set("bom", 1);
+        }
+        const Input input = MakeInput(step, folder.path());
+        INFO(format.name << " " << shape << " " << line_end);
+        TriangleMesh read;
+        TriangleMeshSink sink(&read);
+        std::vector<std::string> notes;
+        REQUIRE(ReadMeshes(OpenMeshes(input.paths, "", "").value(), sink, &notes).ok());
+        const Truth truth = MakeTruth({read}, {false});
+        CHECK(truth.mesh.header.attributes == input.truth.mesh.header.attributes);
+        const size_t row = truth.mesh.header.attributes.row_bytes();
+        const bool same =
+            TriangleKeys(truth.mesh, true, row) == TriangleKeys(input.truth.mesh, true, row);
+        CHECK(same);
+        CHECK(truth.report == input.truth.report);
+      }
     }
+  }
+}
+
+TEST_CASE("walks join triangles to faces of four corners, some of them concave") {
+  for (const std::string& shape : ShapeNames()) {
+    CAPTURE(shape);
+    TriangleMesh mesh = MakeShape(shape, 1000, 1);
+    AddDarts(1, &mesh);
+    const Faces faces = JoinedFaces(mesh);
+    CHECK(faces.size() < mesh.triangles.size());
+    size_t corners = 0;
+    for (const auto& face : faces) corners += face.size() - 2;
+    CHECK(corners == mesh.triangles.size());
   }
 }
 

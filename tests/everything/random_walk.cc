@@ -222,6 +222,9 @@ class Maker {
     if (Chance(0.7)) step->Set("format", formats);
     if (step->has("files") && Chance(0.3)) step->Set("order", 1);
     if (Chance(0.12)) step->Set("gzip", 1);
+    if (Chance(0.3)) step->Set("polygons", 1);
+    if (Chance(0.15)) step->Set("bom", 1);
+    if (Chance(0.3)) step->Set("lineend", std::string(Chance(0.5) ? "cr" : "crlf"));
     if (Chance(0.12)) step->Set("stdin", 1);
     if (Chance(0.2)) step->Set("weld", Chance(0.4) ? "0" : Short(Scaled(1e-6, 0.03)));
   }

@@ -104,6 +104,18 @@ void Note(const std::string& path, const MeshReadReport& report, std::vector<std
     notes->push_back(path + ": " + std::to_string(report.short_faces) +
                      " faces of fewer than three corners dropped");
   }
+  if (report.fans != 0) {
+    notes->push_back(path + ": " + std::to_string(report.fans) + " of " +
+                     std::to_string(report.polygons) +
+                     " polygons have outlines that cross themselves, or too many corners: they "
+                     "became fans, which may lie outside of them");
+  }
+  if (report.left_out_vertices != 0) {
+    notes->push_back(path + ": " + std::to_string(report.left_out_vertices) +
+                     " vertices left out that no face uses: their coordinates are no finite "
+                     "numbers");
+  }
+  for (const std::string& note : report.notes) notes->push_back(path + ": " + note);
 }
 
 }  // namespace

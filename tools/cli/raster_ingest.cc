@@ -67,7 +67,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
 
 std::vector<std::string> RasterIngest::Notes() const {
   const RasterFrame& f = input_->info().frame;
-  std::vector<std::string> notes;
+  std::vector<std::string> notes = input_->info().notes;
   if (input_->files() > 1) {
     const RasterDisagreement& d = input_->disagreement();
     std::string note = Text("%zu files joined to %u x %u samples; %llu lie in more than one",
@@ -114,6 +114,7 @@ void RasterIngest::Print(const std::string& name) const {
               Printable(f.sample_type).c_str(), Printable(info.format).c_str());
   std::printf("  heights      steps of %.9g %s\n", input_->height_step(),
               Printable(f.height_units).c_str());
+  for (const std::string& note : info.notes) std::printf("  note: %s\n", Printable(note).c_str());
   std::printf("  crs          %s\n", info.crs.empty() ? "not known" : Printable(info.crs).c_str());
 }
 
@@ -122,6 +123,7 @@ Json RasterIngest::InfoJson() const {
   Json json = RasterJson(info.frame, info.crs);
   json["format"] = info.format;
   json["height_step"] = input_->height_step();
+  json["notes"] = info.notes;
   return json;
 }
 

@@ -22,7 +22,9 @@ bool HasRasterSuffix(const std::string& path) {
   static const std::set<std::string> kSuffixes{
       ".hgt", ".asc", ".dem", ".tif", ".tiff", ".vrt", ".img", ".adf", ".bil", ".flt",
       ".dt0", ".dt1", ".dt2", ".grd", ".nc",   ".bag", ".jp2", ".bt",  ".ter"};
-  std::string suffix = std::filesystem::path(path).extension().string();
+  std::filesystem::path name(path);
+  if (name.extension() == ".gz") name.replace_extension();  // to be refused as what it is
+  std::string suffix = name.extension().string();
   for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return kSuffixes.contains(suffix);
 }
@@ -30,7 +32,8 @@ bool HasRasterSuffix(const std::string& path) {
 }  // namespace
 
 bool IsRaster(const std::string& path) {
-  return path != "-" && HasRasterSuffix(path) && !IsMeshFile(path);
+  if (path == "-" || !HasRasterSuffix(path)) return false;
+  return path.ends_with(".gz") || !IsMeshFile(path);
 }
 
 Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes) {

@@ -520,8 +520,8 @@ MeshFileFit RecogniseGltf(const MeshFileStart& start) {
 }
 
 MeshFileFit RecogniseGltfJson(const MeshFileStart& start) {
-  const size_t first = start.bytes.find_first_not_of(" \t\r\n");
-  const bool is_object = first != std::string_view::npos && start.bytes[first] == '{';
+  const size_t first = start.text.find_first_not_of(" \t\r\n");
+  const bool is_object = first != std::string_view::npos && start.text[first] == '{';
   return is_object && start.named ? MeshFileFit::kContent : MeshFileFit::kNone;
 }
 

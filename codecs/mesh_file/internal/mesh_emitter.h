@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "codecs/mesh_file/mesh_file.h"
@@ -79,27 +78,6 @@ class MeshEmitter {
   std::vector<Vec3d> positions_;
   Bytes rows_;
   std::vector<TriangleVertices> triangles_;
-};
-
-// A polygon, corner by corner, as triangles around its first corner.
-class FanEmitter {
- public:
-  explicit FanEmitter(MeshEmitter& emitter) : emitter_(emitter) {}
-  Status AddCorner(VertexIndex v) {
-    if (corners_ == 0) first_ = v;
-    const VertexIndex before = std::exchange(last_, v);
-    return corners_++ < 2 ? Status::Ok() : emitter_.AddTriangle(first_, before, v);
-  }
-  // After the last corner.
-  void CountIn(MeshReadReport* report) const {
-    if (corners_ < 3) ++report->short_faces;
-    if (corners_ > 3) ++report->polygons;
-  }
-
- private:
-  MeshEmitter& emitter_;
-  uint64_t corners_ = 0;
-  VertexIndex first_ = 0, last_ = 0;
 };
 
 }  // namespace mtdb::internal

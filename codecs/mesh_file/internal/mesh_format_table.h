@@ -17,8 +17,10 @@ namespace mtdb::internal {
 // How a file begins, and whether its name has one of the format's suffixes.
 struct MeshFileStart {
   std::string_view bytes;  // 512, or as many as there are
+  std::string_view text;   // these, without a byte order mark
   uint64_t file_bytes = 0;
   bool named = false;
+  std::string tmp_directory;  // for temporary files of a reader; empty: the system's
 };
 // How well a file fits a format. The best one reads it, of equals the first of the table.
 enum class MeshFileFit {

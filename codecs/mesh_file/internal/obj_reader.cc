@@ -5,10 +5,15 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <utility>
 
+#include "codecs/mesh_file/internal/face_emitter.h"
+#include "codecs/mesh_file/internal/left_out_vertices.h"
 #include "codecs/mesh_file/internal/mesh_emitter.h"
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/internal/vertex_positions.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
 namespace {
@@ -26,32 +31,65 @@ constexpr std::array<std::array<std::string_view, 2>, 9> kDropped{{{"vt", "textu
                                                                    {"l", "lines"},
                                                                    {"p", "points"}}};
 
-// Lines with a backslash at their end joined to the next.
+// The lines of a file. A vertex or a face may go on in the next line, behind a backslash. In what
+// mtdb does not read, a backslash may be the end of a name or of a comment, as of "C:\scans\":
+// there, only a line that begins with a number belongs to the one before, and is left out.
 class ObjLines {
  public:
   explicit ObjLines(const InputFile& file) : text_(file) {}
 
   bool Next(std::string_view* line) {
-    if (!text_.NextLine(line)) return false;
-    line_ = text_.line();
-    if (line->empty() || line->back() != '\\') return true;
-    joined_.assign(*line);
-    while (!joined_.empty() && joined_.back() == '\\') {
-      joined_.back() = ' ';
-      std::string_view next;
-      if (joined_.size() > TextReader::kMaxLineBytes || !text_.NextLine(&next)) break;
-      joined_ += next;
+    for (;;) {
+      if (!text_.NextLine(line)) return false;
+      const std::string_view word = FirstWord(*line);
+      const bool goes_on = std::exchange(may_go_on_, false);
+      if (goes_on && IsNumber(word)) {
+        may_go_on_ = EndsInBackslash(*line);
+        continue;
+      }
+      line_ = text_.line();
+      if (line->empty() || !EndsInBackslash(*line)) return true;
+      if (word == "v" || word == "f") return Join(line);
+      may_go_on_ = word[0] != '#';
+      return true;
     }
-    *line = joined_;
-    return text_.status().ok();
   }
   uint64_t line() const { return line_; }  // the first of the joined ones
   const Status& status() const { return text_.status(); }
 
  private:
+  static std::string_view FirstWord(std::string_view line) {
+    std::string_view word;
+    LineTokens(line).Next(&word);
+    return word;
+  }
+  static bool IsNumber(std::string_view word) {
+    return !word.empty() &&
+           std::string_view("0123456789.+-").find(word[0]) != std::string_view::npos;
+  }
+  // White space behind it is hard to see, and does not count.
+  static bool EndsInBackslash(std::string_view line) {
+    const size_t last = line.find_last_not_of(" \t\v\f");
+    return last != std::string_view::npos && line[last] == '\\';
+  }
+  // A comment ends with its line, whatever is in it.
+  bool Join(std::string_view* line) {
+    joined_.clear();
+    while (EndsInBackslash(*line) && line->find('#') == std::string_view::npos) {
+      joined_ += line->substr(0, line->rfind('\\'));
+      joined_ += ' ';
+      *line = {};
+      if (joined_.size() > TextReader::kMaxLineBytes || !text_.NextLine(line)) break;
+    }
+    joined_ += *line;
+    *line = joined_;
+    return text_.status().ok();
+  }
+
   TextReader text_;
   std::string joined_;
   uint64_t line_ = 0;
+  bool may_go_on_ = false;  // the line before was none of mtdb's, and ended in a backslash
 };
 
 // Colours as they stand in the file.
@@ -59,8 +97,13 @@ enum class ColourScale { kNone, kUnit, kByte };
 
 class ObjReader {
  public:
-  ObjReader(const InputFile& file, MeshSink& sink, MeshReadReport* report)
-      : file_(file), emitter_(sink), report_(report) {}
+  ObjReader(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+            MeshReadReport* report)
+      : file_(file),
+        emitter_(sink),
+        report_(report),
+        faces_(emitter_, report, left_out_,
+               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
 
   Status Read() {
     report_->format = "OBJ";
@@ -68,8 +111,10 @@ class ObjReader {
     if (vertex_count_ == 0) {
       return BadInput(file_.path() + ": no vertices, expected lines 'v X Y Z'");
     }
+    if (left_out_.count() == vertex_count_) return NoVertexLeft(file_.path(), left_out_);
+    report_->left_out_vertices = left_out_.count();
     MeshHeader header;
-    header.vertex_count = vertex_count_;
+    header.vertex_count = vertex_count_ - left_out_.count();
     header.double_positions = double_positions_;
     header.from_text = true;
     if (colours_ != ColourScale::kNone) {
@@ -79,6 +124,7 @@ class ObjReader {
     }
     MTDB_RETURN_IF_ERROR(emitter_.Begin(header));
     MTDB_RETURN_IF_ERROR(Emit());
+    MTDB_RETURN_IF_ERROR(faces_.End());
     return emitter_.End();
   }
 
@@ -88,6 +134,7 @@ class ObjReader {
     std::array<double, 3> colour{};
     bool has_colour = false;
     bool has_weight = false;
+    bool has_more = false;  // than a colour with alpha
     bool colour_is_integer = true;
     bool long_digits = false;
   };
@@ -96,13 +143,14 @@ class ObjReader {
     return BadInput(file_.path() + ": line " + std::to_string(lines.line()) + ": " + what);
   }
 
-  // "v X Y Z", "v X Y Z W", "v X Y Z R G B", "v X Y Z R G B A".
+  // "v X Y Z", "v X Y Z W", "v X Y Z R G B", "v X Y Z R G B A"; numbers behind these are reported.
   Status ParseVertex(const ObjLines& lines, LineTokens tokens, Vertex* vertex) const {
-    constexpr size_t kMax = 7;
+    constexpr size_t kMax = 8;
     std::string_view values[kMax];
     size_t count = 0;
     std::string_view token;
     while (count < kMax && tokens.Next(&token) && token[0] != '#') values[count++] = token;
+    vertex->has_more = count == kMax;
     if (count < 3) {
       return Error(lines, "expected 'v X Y Z', found " + std::to_string(count) + " numbers");
     }
@@ -136,9 +184,14 @@ class ObjReader {
       if (!tokens.Next(&word) || word != "v") continue;
       Vertex vertex;
       MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
+      if (!AreCoordinates(vertex.position)) {
+        left_out_.Add(vertex_count_, "line " + std::to_string(lines.line()) + ": " +
+                                         CoordinateFault(vertex.position));
+      }
       ++vertex_count_;
       double_positions_ |= vertex.long_digits;
       if (vertex.has_weight) AddIgnored(report_, "vertex weights");
+      if (vertex.has_more) AddIgnored(report_, "numbers behind the colour of a vertex");
       if (!vertex.has_colour) continue;
       ++coloured;
       for (const double c : vertex.colour) {
@@ -197,15 +250,12 @@ class ObjReader {
   Status EmitVertex(const ObjLines& lines, LineTokens tokens) {
     Vertex vertex;
     MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
-    if (std::string problem = CoordinateFault(vertex.position); !problem.empty()) {
-      return Error(lines, problem);
-    }
+    if (left_out_.Has(vertices_seen_++)) return Status::Ok();
     std::array<std::byte, 3> row{};
     const double scale = colours_ == ColourScale::kUnit ? 255 : 1;
     for (size_t i = 0; colours_ != ColourScale::kNone && i < row.size(); ++i) {
       row[i] = static_cast<std::byte>(std::lround(vertex.colour[i] * scale));
     }
-    ++vertices_seen_;
     return emitter_.AddVertex(vertex.position,
                               ByteSpan(row).first(colours_ == ColourScale::kNone ? 0 : row.size()));
   }
@@ -226,7 +276,9 @@ class ObjReader {
                               (index < 0 ? " vertices up to here" : " vertices, counted from 1"));
     }
     *vertex = static_cast<VertexIndex>(absolute);
-    return Status::Ok();
+    if (!left_out_.Has(*vertex)) return Status::Ok();
+    return LeftOutError(file_.path(), left_out_, *vertex,
+                        "the face of line " + std::to_string(lines.line()));
   }
 
   static bool IsReferences(std::string_view text) {
@@ -236,19 +288,36 @@ class ObjReader {
 
   Status EmitFace(const ObjLines& lines, LineTokens tokens) {
     std::string_view token;
-    FanEmitter fan(emitter_);
     while (tokens.Next(&token) && token[0] != '#') {
       VertexIndex v = 0;
       MTDB_RETURN_IF_ERROR(ParseCorner(lines, token, &v));
-      MTDB_RETURN_IF_ERROR(fan.AddCorner(v));
+      MTDB_RETURN_IF_ERROR(faces_.AddCorner(v));
     }
-    fan.CountIn(report_);
-    return Status::Ok();
+    return faces_.EndFace();
+  }
+
+  // In a pass of its own, which files without polygons are spared.
+  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) const {
+    auto positions = std::make_unique<PositionSpool>(folder);
+    ObjLines lines(file_);
+    std::string_view line, word;
+    while (lines.Next(&line)) {
+      LineTokens tokens(line);
+      if (!tokens.Next(&word) || word != "v") continue;
+      Vertex vertex;
+      MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
+      MTDB_RETURN_IF_ERROR(positions->Append(vertex.position));
+    }
+    MTDB_RETURN_IF_ERROR(lines.status());
+    MTDB_RETURN_IF_ERROR(positions->Finish());
+    return std::unique_ptr<VertexPositions>(std::move(positions));
   }
 
   const InputFile& file_;
   MeshEmitter emitter_;
   MeshReadReport* report_;
+  LeftOutVertices left_out_;
+  FaceEmitter faces_;
   std::vector<std::pair<std::string, uint64_t>> dropped_;  // in the order of first sight
   uint64_t vertex_count_ = 0;
   uint64_t vertices_seen_ = 0;
@@ -262,8 +331,9 @@ MeshFileFit RecogniseObj(const MeshFileStart& start) {
   return start.named ? MeshFileFit::kContent : MeshFileFit::kNone;
 }
 
-Status ReadObj(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
-  return ObjReader(file, sink, report).Read();
+Status ReadObj(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+               MeshReadReport* report) {
+  return ObjReader(file, start, sink, report).Read();
 }
 
 }  // namespace mtdb::internal

@@ -4,11 +4,16 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <utility>
 #include <vector>
 
+#include "codecs/mesh_file/internal/face_emitter.h"
+#include "codecs/mesh_file/internal/left_out_vertices.h"
 #include "codecs/mesh_file/internal/mesh_emitter.h"
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/internal/vertex_positions.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
 namespace {
@@ -24,8 +29,24 @@ struct OffKeyword {
   bool unsupported = false;  // texture coordinates, other dimensions
 };
 
+// Whether the word is a number of a header without keyword.
+bool IsCount(std::string_view word) {
+  int64_t count = 0;
+  return ParseInteger(word, &count) && count >= 0;
+}
+
+// Cuts "OFF5", as many files begin, into the keyword and the first count.
+std::string_view TakeKeyword(std::string_view* word) {
+  const size_t digits = word->find("OFF") == std::string_view::npos ? 0 : word->find("OFF") + 3;
+  if (digits == 0 || !IsCount(word->substr(digits))) return std::exchange(*word, {});
+  const std::string_view keyword = word->substr(0, digits);
+  word->remove_prefix(digits);
+  return keyword;
+}
+
 OffKeyword ParseKeyword(std::string_view word) {
   OffKeyword keyword;
+  if (word == "off") word = "OFF";
   if (!word.ends_with("OFF")) return keyword;
   word.remove_suffix(3);
   keyword.valid = true;
@@ -45,8 +66,13 @@ OffKeyword ParseKeyword(std::string_view word) {
 
 class OffReader {
  public:
-  OffReader(const InputFile& file, MeshSink& sink, MeshReadReport* report)
-      : file_(file), emitter_(sink), report_(report) {}
+  OffReader(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+            MeshReadReport* report)
+      : file_(file),
+        emitter_(sink),
+        report_(report),
+        faces_(emitter_, report, left_out_,
+               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
 
   Status Read() {
     {
@@ -54,8 +80,10 @@ class OffReader {
       MTDB_RETURN_IF_ERROR(ReadHeader(text));
       MTDB_RETURN_IF_ERROR(ScanVertices(text));
     }
+    if (left_out_.count() == vertex_count_) return NoVertexLeft(file_.path(), left_out_);
+    report_->left_out_vertices = left_out_.count();
     MeshHeader header;
-    header.vertex_count = vertex_count_;
+    header.vertex_count = vertex_count_ - left_out_.count();
     header.double_positions = double_positions_;
     header.from_text = true;
     if (keyword_.normals) {
@@ -71,6 +99,7 @@ class OffReader {
     TextReader text(file_, body_offset_, body_line_);
     for (uint64_t i = 0; i < vertex_count_; ++i) MTDB_RETURN_IF_ERROR(EmitVertex(text, i));
     for (uint64_t i = 0; i < face_count_; ++i) MTDB_RETURN_IF_ERROR(EmitFace(text, i));
+    MTDB_RETURN_IF_ERROR(faces_.End());
     std::string_view rest;
     if (NextLine(text, &rest)) AddIgnored(report_, "lines after the last face");
     MTDB_RETURN_IF_ERROR(text.status());
@@ -102,15 +131,20 @@ class OffReader {
     if (!NextLine(text, &line)) return EndError(text, "expected 'OFF'");
     LineTokens tokens(line);
     tokens.Next(&word);
-    keyword_ = ParseKeyword(word);
-    if (!keyword_.valid) return Error(text, "expected 'OFF', found " + Quoted(word));
+    bool more = IsCount(word);  // the keyword may be left out
+    std::string_view keyword = "OFF";
+    if (!more) {
+      keyword = TakeKeyword(&word);
+      keyword_ = ParseKeyword(keyword);
+      if (!keyword_.valid) return Error(text, "expected 'OFF', found " + Quoted(keyword));
+      more = !word.empty() || tokens.Next(&word);
+    }
     if (keyword_.unsupported) {
-      return Unsupported(file_.path() + ": " + Quoted(word) +
+      return Unsupported(file_.path() + ": " + Quoted(keyword) +
                          " is a kind of OFF that mtdb does not read, expected OFF, COFF, NOFF or "
                          "CNOFF");
     }
-    report_->format = std::string(word) + " ASCII";
-    bool more = tokens.Next(&word);
+    report_->format = (keyword == "off" ? "OFF" : std::string(keyword)) + " ASCII";
     if (more && word == "BINARY") {
       return Unsupported(file_.path() +
                          ": binary OFF is not read; convert it to text OFF or to PLY");
@@ -120,6 +154,12 @@ class OffReader {
       tokens = LineTokens(line);
       tokens.Next(&word);
     }
+    return ReadCounts(text, line, word, tokens);
+  }
+
+  // The first count is read already.
+  Status ReadCounts(TextReader& text, std::string_view line, std::string_view word,
+                    LineTokens tokens) {
     int64_t vertices = 0, faces = 0;
     std::string_view second;
     if (!ParseInteger(word, &vertices) || vertices < 0 || !tokens.Next(&second) ||
@@ -160,6 +200,34 @@ class OffReader {
     return Status::Ok();
   }
 
+  Status ParsePosition(const TextReader& text,
+                       const std::array<std::string_view, kMaxVertexValues>& values,
+                       Vec3d* position) const {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!ParseReal(values[axis], &(*position)[axis])) {
+        return Error(text, "expected a number, found " + Quoted(values[axis]));
+      }
+    }
+    return Status::Ok();
+  }
+
+  // In a pass of its own, which files without polygons are spared.
+  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) const {
+    auto positions = std::make_unique<PositionSpool>(folder);
+    TextReader text(file_, body_offset_, body_line_);
+    std::array<std::string_view, kMaxVertexValues> values;
+    for (uint64_t i = 0; i < vertex_count_; ++i) {
+      size_t count = 0;
+      MTDB_RETURN_IF_ERROR(VertexLine(text, i, &values, &count));
+      if (count < 3) return EndError(text, "expected vertex values");
+      Vec3d position;
+      MTDB_RETURN_IF_ERROR(ParsePosition(text, values, &position));
+      MTDB_RETURN_IF_ERROR(positions->Append(position));
+    }
+    MTDB_RETURN_IF_ERROR(positions->Finish());
+    return std::unique_ptr<VertexPositions>(std::move(positions));
+  }
+
   Status ScanVertices(TextReader& text) {
     std::array<std::string_view, kMaxVertexValues> values;
     for (uint64_t i = 0; i < vertex_count_; ++i) {
@@ -175,6 +243,11 @@ class OffReader {
       for (size_t k = 0; k < 3; ++k) {
         double_positions_ |= SignificantDigits(values[k]) > kFloatDigits;
       }
+      Vec3d position;
+      MTDB_RETURN_IF_ERROR(ParsePosition(text, values, &position));
+      if (!AreCoordinates(position)) {
+        left_out_.Add(i, "line " + std::to_string(text.line()) + ": " + CoordinateFault(position));
+      }
       for (size_t k = 0; k < colour_values_; ++k) {
         const std::string_view colour = values[values_expected() - colour_values_ + k];
         unit_colours_ |= colour.find_first_of(".eE") != std::string_view::npos;
@@ -189,13 +262,8 @@ class OffReader {
     MTDB_RETURN_IF_ERROR(VertexLine(text, index, &values, &count));
     if (count < values_expected()) return EndError(text, "expected vertex values");
     Vec3d position;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!ParseReal(values[axis], &position[axis])) {
-        return Error(text, "expected a number, found " + Quoted(values[axis]));
-      }
-    }
-    if (std::string problem = CoordinateFault(position); !problem.empty())
-      return Error(text, problem);
+    MTDB_RETURN_IF_ERROR(ParsePosition(text, values, &position));
+    if (left_out_.Has(index)) return Status::Ok();
     std::byte row[kNormalValues * sizeof(float) + 4];
     size_t row_bytes = 0;
     size_t next = 3;
@@ -230,7 +298,6 @@ class OffReader {
     if (!tokens.Next(&token) || !ParseInteger(token, &corners) || corners < 0) {
       return error("expected a count of corners, found " + Quoted(token));
     }
-    FanEmitter fan(emitter_);
     for (int64_t i = 0; i < corners; ++i) {
       int64_t v = 0;
       if (!tokens.Next(&token)) {
@@ -244,16 +311,22 @@ class OffReader {
         return error("vertex index " + std::to_string(v) + ", but the file has " +
                      std::to_string(vertex_count_) + " vertices");
       }
-      MTDB_RETURN_IF_ERROR(fan.AddCorner(static_cast<VertexIndex>(v)));
+      if (left_out_.Has(static_cast<VertexIndex>(v))) {
+        return LeftOutError(
+            file_.path(), left_out_, static_cast<VertexIndex>(v),
+            "face " + std::to_string(index) + " of line " + std::to_string(text.line()));
+      }
+      MTDB_RETURN_IF_ERROR(faces_.AddCorner(static_cast<VertexIndex>(v)));
     }
-    fan.CountIn(report_);
     if (tokens.Next(&token)) AddIgnored(report_, "face colours");
-    return Status::Ok();
+    return faces_.EndFace();
   }
 
   const InputFile& file_;
   MeshEmitter emitter_;
   MeshReadReport* report_;
+  LeftOutVertices left_out_;
+  FaceEmitter faces_;
   OffKeyword keyword_;
   uint64_t vertex_count_ = 0;
   uint64_t face_count_ = 0;
@@ -267,14 +340,15 @@ class OffReader {
 }  // namespace
 
 MeshFileFit RecogniseOff(const MeshFileStart& start) {
-  LineTokens tokens(start.bytes.substr(0, start.bytes.find_first_of("#\n")));
+  LineTokens tokens(start.text.substr(0, start.text.find_first_of("#\r\n")));
   std::string_view word;
-  if (tokens.Next(&word) && ParseKeyword(word).valid) return MeshFileFit::kContent;
+  if (tokens.Next(&word) && ParseKeyword(TakeKeyword(&word)).valid) return MeshFileFit::kContent;
   return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
 }
 
-Status ReadOff(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
-  return OffReader(file, sink, report).Read();
+Status ReadOff(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+               MeshReadReport* report) {
+  return OffReader(file, start, sink, report).Read();
 }
 
 }  // namespace mtdb::internal

@@ -22,12 +22,12 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   std::vector<MeshFormatRow> rows;
   rows.push_back({.format = {.name = "PLY", .suffixes = {"ply"}, .exact = true},
                   .recognise = RecognisePly,
-                  .read = Read<ReadPly>,
+                  .read = ReadPly,
                   .create_writer = Create<CreatePlyWriter>});
   rows.push_back(
       {.format = {.name = "OBJ", .suffixes = {"obj"}, .content_type = "model/obj", .exact = true},
        .recognise = RecogniseObj,
-       .read = Read<ReadObj>,
+       .read = ReadObj,
        .create_writer = Create<CreateObjWriter>});
   rows.push_back({.format = {.name = "STL", .suffixes = {"stl"}, .content_type = "model/stl"},
                   .recognise = RecogniseStl,
@@ -35,7 +35,7 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
                   .create_writer = Create<CreateStlWriter>});
   rows.push_back({.format = {.name = "OFF", .suffixes = {"off"}, .exact = true},
                   .recognise = RecogniseOff,
-                  .read = Read<ReadOff>,
+                  .read = ReadOff,
                   .create_writer = Create<CreateOffWriter>});
   rows.push_back(
       {.format = {.name = "glTF", .suffixes = {"glb"}, .content_type = "model/gltf-binary"},

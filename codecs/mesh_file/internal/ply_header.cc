@@ -44,6 +44,7 @@ class HeaderParser {
       MTDB_RETURN_IF_ERROR(text_.status());
       return BadInput(file_.path() + ": line 1: expected 'ply', found " + Quoted(line));
     }
+    const TextReader::LineEnd first_end = text_.line_end();
     bool ended = false;
     while (!ended) {
       if (!NextLine(&line)) {
@@ -58,6 +59,11 @@ class HeaderParser {
     }
     if (!has_format_) return BadInput(file_.path() + ": the header has no format line");
     header_.body_offset = text_.offset();
+    // Where lines end in CR, an LF behind the last one is a value's byte.
+    if (first_end == TextReader::LineEnd::kCr && text_.line_end() == TextReader::LineEnd::kCrLf &&
+        header_.encoding != PlyEncoding::kAscii) {
+      --header_.body_offset;
+    }
     header_.line_count = text_.line();
     MTDB_RETURN_IF_ERROR(CheckCounts());
     return std::move(header_);
@@ -75,7 +81,7 @@ class HeaderParser {
   bool EndsWithNewline() const {
     std::byte last{};
     const Result<size_t> n = file_.ReadAt(file_.size_bytes() - 1, {&last, 1});
-    return n.ok() && *n == 1 && last == std::byte{'\n'};
+    return n.ok() && *n == 1 && (last == std::byte{'\n'} || last == std::byte{'\r'});
   }
 
   Status Error(const std::string& what) const {

@@ -7,12 +7,16 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <utility>
 #include <vector>
 
+#include "codecs/mesh_file/internal/face_emitter.h"
+#include "codecs/mesh_file/internal/left_out_vertices.h"
 #include "codecs/mesh_file/internal/mesh_emitter.h"
 #include "codecs/mesh_file/internal/ply_header.h"
 #include "codecs/mesh_file/internal/ply_source.h"
 #include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/internal/vertex_positions.h"
 #include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
@@ -141,12 +145,50 @@ void CopyRows(const RowCopy& copy, const std::byte* in, size_t in_stride, std::b
   }
 }
 
+// Where the coordinates of binary vertices of one size lie.
+struct VertexBytes {
+  uint64_t begin = 0;  // of the first vertex in the file
+  uint64_t count = 0;
+  size_t stride = 0;
+  std::array<size_t, kAxes> offsets{};  // of the coordinates in a vertex
+};
+
+// Positions that are read from the file itself.
+template <typename T, bool kSwap>
+class PlyPositions final : public VertexPositions {
+ public:
+  PlyPositions(const InputFile& file, const VertexBytes& place) : file_(file), place_(place) {}
+  uint64_t block_vertices() const override {
+    return BlockOf(place_.count * place_.stride, place_.stride);
+  }
+  Status Read(uint64_t first, std::span<Vec3d> out) override {
+    rows_.resize(out.size() * place_.stride);
+    MTDB_ASSIGN_OR_RETURN(const size_t n,
+                          file_.ReadAt(place_.begin + first * place_.stride, rows_));
+    if (n < rows_.size()) return BadInput(file_.path() + ": became shorter while it was read");
+    DecodePositions<T, kSwap>(rows_.data(), out.size(), place_.stride, place_.offsets, out.data());
+    return Status::Ok();
+  }
+
+ private:
+  const InputFile& file_;
+  VertexBytes place_;
+  Bytes rows_;
+};
+
 template <typename Source>
 class PlyBody {
  public:
-  PlyBody(const std::string& path, const PlyHeader& header, Source& source, MeshSink& sink,
-          MeshReadReport* report)
-      : path_(path), header_(header), source_(source), emitter_(sink), report_(report) {}
+  PlyBody(const InputFile& file, const MeshFileStart& start, const PlyHeader& header,
+          Source& source, MeshSink& sink, MeshReadReport* report)
+      : file_(file),
+        path_(file.path()),
+        header_(header),
+        source_(&source),
+        emitter_(sink),
+        report_(report),
+        faces_(emitter_, report, left_out_,
+               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
 
   Status Read() {
     const PlyElement* const vertices = header_.Find("vertex");
@@ -160,6 +202,7 @@ class PlyBody {
     mesh.from_text = !Source::kBinary;
     mesh.vertex_count = vertex_count_;
     MTDB_RETURN_IF_ERROR(emitter_.Begin(mesh));
+    if (FacesComeFirst()) MTDB_RETURN_IF_ERROR(LookAhead());
     for (const PlyElement& element : header_.elements) {
       element_ = &element;
       if (element.name == "vertex") {
@@ -173,8 +216,14 @@ class PlyBody {
         MTDB_RETURN_IF_ERROR(SkipElement());
       }
     }
-    if (source_.remaining() > 0) {
-      AddIgnored(report_, std::to_string(source_.remaining()) + " bytes after the last element");
+    MTDB_RETURN_IF_ERROR(faces_.End());
+    if (left_out_.count() == vertex_count_) return NoVertexLeft(path_, left_out_);
+    report_->left_out_vertices = left_out_.count();
+    if (const uint64_t left = source_->remaining(); left > 0) {
+      if (source_->NumberFollows()) {
+        return BadInput(path_ + ": " + source_->Problem() + source_->Doubt());
+      }
+      AddIgnored(report_, std::to_string(left) + " bytes after the last element");
     }
     return emitter_.End();
   }
@@ -183,32 +232,33 @@ class PlyBody {
   // An error in element `index` of element_.
   Status ErrorAt(uint64_t index, const std::string& what) const {
     return BadInput(path_ + ": " + (element_->name == "tristrips" ? "strip" : element_->name) +
-                    " " + std::to_string(index) + source_.Place() + ": " + what);
+                    " " + std::to_string(index) + source_->Place() + ": " + what +
+                    source_->Doubt());
   }
   // After the source failed.
   Status SourceError(uint64_t index, const PlyProperty& property) const {
-    MTDB_RETURN_IF_ERROR(source_.status());
-    return ErrorAt(index, "property " + property.name + ": " + source_.Problem());
+    MTDB_RETURN_IF_ERROR(source_->status());
+    return ErrorAt(index, "property " + property.name + ": " + source_->Problem());
   }
 
   Status SkipProperty(uint64_t index, const PlyProperty& property) {
     uint64_t count = 1;
     if (property.is_list) MTDB_RETURN_IF_ERROR(ListCount(index, property, &count));
-    return source_.Skip(property.type, count) ? Status::Ok() : SourceError(index, property);
+    return source_->Skip(property.type, count) ? Status::Ok() : SourceError(index, property);
   }
 
   Status ListCount(uint64_t index, const PlyProperty& property, uint64_t* count) {
     PlyValue value;
-    if (!source_.Get(property.count_type, &value)) return SourceError(index, property);
+    if (!source_->Get(property.count_type, &value)) return SourceError(index, property);
     const int64_t n = value.ToInteger(property.count_type);
     if (n < 0) {
       return ErrorAt(index, "list " + property.name + ": expected a count of 0 or more, found " +
                                 std::to_string(n));
     }
     *count = static_cast<uint64_t>(n);
-    if (source_.Fits(property.type, *count)) return Status::Ok();
+    if (source_->Fits(property.type, *count)) return Status::Ok();
     return ErrorAt(index, "list " + property.name + " of " + std::to_string(n) +
-                              " items, but only " + std::to_string(source_.remaining()) +
+                              " items, but only " + std::to_string(source_->remaining()) +
                               " bytes are left; the file is cut short or damaged");
   }
 
@@ -218,32 +268,93 @@ class PlyBody {
       // In one step; the header's counts were compared with the file's size, lists may have
       // taken more since.
       const uint64_t each = element_->min_bytes();
-      const uint64_t there = source_.remaining() / each;
-      if (there < element_->count || !source_.Skip(ScalarType::kUint8, each * element_->count)) {
-        MTDB_RETURN_IF_ERROR(source_.status());
+      const uint64_t there = source_->remaining() / each;
+      if (there < element_->count || !source_->Skip(ScalarType::kUint8, each * element_->count)) {
+        MTDB_RETURN_IF_ERROR(source_->status());
         return ErrorAt(there, "the file ends in the middle of it; the file is cut short");
       }
       return Status::Ok();
     }
     for (uint64_t i = 0; i < element_->count; ++i) {
       for (const PlyProperty& p : element_->properties) MTDB_RETURN_IF_ERROR(SkipProperty(i, p));
+      source_->EndInstance();
     }
     return Status::Ok();
   }
 
+  bool FacesComeFirst() const {
+    for (const PlyElement& element : header_.elements) {
+      if (element.name == "vertex") return false;
+      if ((element.name == "face" || element.name == "tristrips") && element.count > 0) return true;
+    }
+    return false;
+  }
+
+  // Where faces come before the vertices: finds these, and those that are left out.
+  Status LookAhead() {
+    Source ahead = *source_;
+    Source* const here = std::exchange(source_, &ahead);
+    Status status = Status::Ok();
+    for (const PlyElement& element : header_.elements) {
+      element_ = &element;
+      if (element.name != "vertex") {
+        status = SkipElement();
+        if (!status.ok()) break;
+        continue;
+      }
+      vertices_at_.emplace(ahead);
+      status = ForEachVertex([&](uint64_t i, Vec3d position, ByteSpan) {
+        if (!AreCoordinates(position)) LeaveOut(i, position);
+        return Status::Ok();
+      });
+      break;
+    }
+    source_ = here;
+    return status;
+  }
+
+  void LeaveOut(uint64_t vertex, Vec3d position) {
+    left_out_.Add(vertex, "vertex " + std::to_string(vertex) + source_->Place() + ": " +
+                              CoordinateFault(position));
+  }
+
+  // Whether vertices are binary and of one size; their coordinates have the type PositionType().
+  bool IsFixed() const {
+    return Source::kBinary && !element_->has_list() &&
+           element_->min_bytes() <= BlockReader::kBufferBytes && PositionType().has_value();
+  }
+
+  // Calls visit with T, the type of the coordinates of vertices of one size, and their byte order.
+  template <typename Visit>
+  auto VisitFixed(Visit&& visit) {
+    const bool swap = source_->big_endian();
+    if (PositionType() == ScalarType::kFloat32) {
+      return swap ? visit.template operator()<float, true>()
+                  : visit.template operator()<float, false>();
+    }
+    return swap ? visit.template operator()<double, true>()
+                : visit.template operator()<double, false>();
+  }
+
   Status ReadVertices() {
+    const bool looked_ahead = vertices_at_.has_value();
+    if (!looked_ahead) vertices_at_.emplace(*source_);
     if constexpr (Source::kBinary) {
-      if (!element_->has_list() && element_->min_bytes() <= BlockReader::kBufferBytes) {
-        const std::optional<ScalarType> type = PositionType();
-        const bool swap = source_.big_endian();
-        if (type == ScalarType::kFloat32) {
-          return swap ? ReadFixedVertices<float, true>() : ReadFixedVertices<float, false>();
-        }
-        if (type == ScalarType::kFloat64) {
-          return swap ? ReadFixedVertices<double, true>() : ReadFixedVertices<double, false>();
-        }
+      if (IsFixed()) {
+        return VisitFixed(
+            [&]<typename T, bool kSwap>() { return ReadFixedVertices<T, kSwap>(looked_ahead); });
       }
     }
+    return ForEachVertex([&](uint64_t i, Vec3d position, ByteSpan row) {
+      if (AreCoordinates(position)) return emitter_.AddVertex(position, row);
+      if (!looked_ahead) LeaveOut(i, position);
+      return Status::Ok();
+    });
+  }
+
+  // Calls receive(index, position, row) for each vertex of element_.
+  template <typename Receive>
+  Status ForEachVertex(Receive&& receive) {
     Bytes row(plan_.attributes.row_bytes());
     for (uint64_t i = 0; i < element_->count; ++i) {
       Vec3d position;
@@ -255,20 +366,51 @@ class PlyBody {
           continue;
         }
         PlyValue value;
-        if (!source_.Get(property.type, &value)) return SourceError(i, property);
+        if (!source_->Get(property.type, &value)) return SourceError(i, property);
         if (column.axis >= 0) {
           position[column.axis] = value.ToReal(property.type);
         } else {
           std::memcpy(row.data() + column.row_offset, value.bytes, ScalarSize(property.type));
         }
       }
-      if (!AreCoordinates(position)) return ErrorAt(i, CoordinateFault(position));
-      MTDB_RETURN_IF_ERROR(emitter_.AddVertex(position, row));
+      source_->EndInstance();
+      MTDB_RETURN_IF_ERROR(receive(i, position, ByteSpan(row)));
     }
     return Status::Ok();
   }
 
-  // The type of the coordinates when they share one.
+  // In a pass of its own where vertices have no fixed size, which files without polygons are
+  // spared.
+  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) {
+    const PlyElement* const face = std::exchange(element_, header_.Find("vertex"));
+    if constexpr (Source::kBinary) {
+      if (IsFixed()) {
+        VertexBytes place;
+        place.begin = vertices_at_->reader().offset();
+        place.count = element_->count;
+        place.stride = element_->min_bytes();
+        place.offsets = CoordinateOffsets();
+        auto positions = VisitFixed([&]<typename T, bool kSwap>() {
+          return std::unique_ptr<VertexPositions>(
+              std::make_unique<PlyPositions<T, kSwap>>(file_, place));
+        });
+        element_ = face;
+        return positions;
+      }
+    }
+    auto positions = std::make_unique<PositionSpool>(folder);
+    Source vertices = *vertices_at_;
+    Source* const here = std::exchange(source_, &vertices);
+    const Status status = ForEachVertex(
+        [&](uint64_t, Vec3d position, ByteSpan) { return positions->Append(position); });
+    source_ = here;
+    element_ = face;
+    MTDB_RETURN_IF_ERROR(status);
+    MTDB_RETURN_IF_ERROR(positions->Finish());
+    return std::unique_ptr<VertexPositions>(std::move(positions));
+  }
+
+  // The type of the coordinates when they share one, of float32 and float64.
   std::optional<ScalarType> PositionType() const {
     std::optional<ScalarType> type;
     for (size_t k = 0; k < plan_.columns.size(); ++k) {
@@ -276,54 +418,87 @@ class PlyBody {
       if (type && *type != element_->properties[k].type) return std::nullopt;
       type = element_->properties[k].type;
     }
-    return type;
+    return type && *type >= ScalarType::kFloat32 ? type : std::nullopt;
   }
 
-  // Binary rows of one size.
-  template <typename T, bool kSwap>
-  Status ReadFixedVertices() {
-    const size_t stride = element_->min_bytes();
-    const size_t row_bytes = plan_.attributes.row_bytes();
+  // Of the coordinates in a vertex of one size.
+  std::array<size_t, kAxes> CoordinateOffsets() const {
     std::array<size_t, kAxes> offsets{};
+    size_t at = 0;
+    for (size_t k = 0; k < plan_.columns.size(); ++k) {
+      if (plan_.columns[k].axis >= 0) offsets[plan_.columns[k].axis] = at;
+      at += ScalarSize(element_->properties[k].type);
+    }
+    return offsets;
+  }
+
+  // What is copied of each vertex of one size into its row.
+  std::vector<RowCopy> RowCopies(bool swap) const {
     std::vector<RowCopy> copies;
     size_t at = 0;
     for (size_t k = 0; k < plan_.columns.size(); ++k) {
       const size_t size = ScalarSize(element_->properties[k].type);
-      const VertexPlan::Column& column = plan_.columns[k];
-      if (column.axis >= 0) {
-        offsets[column.axis] = at;
-      } else if (!kSwap && !copies.empty() && copies.back().from + copies.back().size_bytes == at) {
+      if (plan_.columns[k].axis >= 0) {
+        at += size;
+        continue;
+      }
+      if (!swap && !copies.empty() && copies.back().from + copies.back().size_bytes == at) {
         copies.back().size_bytes += size;
       } else {
-        copies.push_back({at, column.row_offset, size});
+        copies.push_back({at, plan_.columns[k].row_offset, size});
       }
       at += size;
     }
-    BlockReader& reader = source_.reader();
+    return copies;
+  }
+
+  // Binary rows of one size.
+  template <typename T, bool kSwap>
+  Status ReadFixedVertices(bool looked_ahead) {
+    const size_t stride = element_->min_bytes();
+    const size_t row_bytes = plan_.attributes.row_bytes();
+    const std::array<size_t, kAxes> offsets = CoordinateOffsets();
+    const std::vector<RowCopy> copies = RowCopies(kSwap);
+    BlockReader& reader = source_->reader();
     const size_t block = emitter_.vertices_per_block();
     std::vector<Vec3d> positions(block);
     Bytes rows(row_bytes * block);
     for (uint64_t done = 0; done < element_->count;) {
       if (!reader.Ensure(stride)) {
         MTDB_RETURN_IF_ERROR(reader.status());
-        return ErrorAt(done, source_.Problem());
+        return ErrorAt(done, source_->Problem());
       }
       const size_t n = static_cast<size_t>(
           std::min<uint64_t>({element_->count - done, reader.available() / stride, block}));
-      if (!DecodePositions<T, kSwap>(reader.data(), n, stride, offsets, positions.data())) {
-        size_t bad = 0;
-        while (AreCoordinates(positions[bad])) ++bad;
-        return ErrorAt(done + bad, CoordinateFault(positions[bad]));
-      }
+      const bool all_fit =
+          DecodePositions<T, kSwap>(reader.data(), n, stride, offsets, positions.data());
       for (const RowCopy& copy : copies) {
         CopyRows(copy, reader.data(), stride, rows.data(), row_bytes, n, kSwap);
       }
       reader.Consume(n * stride);
-      MTDB_RETURN_IF_ERROR(
-          emitter_.AddVertices(std::span(positions).first(n), ByteSpan(rows).first(n * row_bytes)));
+      const size_t kept =
+          all_fit ? n : KeepGood(done, looked_ahead, std::span(positions).first(n), rows.data());
+      MTDB_RETURN_IF_ERROR(emitter_.AddVertices(std::span(positions).first(kept),
+                                                ByteSpan(rows).first(kept * row_bytes)));
       done += n;
     }
     return Status::Ok();
+  }
+
+  // Moves the vertices with legal coordinates to the front; returns their number.
+  size_t KeepGood(uint64_t first, bool looked_ahead, std::span<Vec3d> positions, std::byte* rows) {
+    const size_t row_bytes = plan_.attributes.row_bytes();
+    size_t kept = 0;
+    for (size_t i = 0; i < positions.size(); ++i) {
+      if (!AreCoordinates(positions[i])) {
+        if (!looked_ahead) LeaveOut(first + i, positions[i]);
+        continue;
+      }
+      positions[kept] = positions[i];
+      if (row_bytes > 0) std::memmove(rows + kept * row_bytes, rows + i * row_bytes, row_bytes);
+      ++kept;
+    }
+    return kept;
   }
 
   // The faces, or the strips.
@@ -351,8 +526,8 @@ class PlyBody {
     for (uint64_t i = 0; i < element_->count; ++i) {
       if constexpr (Source::kBinary) {
         if (plain) {
-          MTDB_RETURN_IF_ERROR(source_.big_endian() ? ReadPlainTriangles<true>(*indices, &i)
-                                                    : ReadPlainTriangles<false>(*indices, &i));
+          MTDB_RETURN_IF_ERROR(source_->big_endian() ? ReadPlainTriangles<true>(*indices, &i)
+                                                     : ReadPlainTriangles<false>(*indices, &i));
           if (i == element_->count) break;
         }
       }
@@ -363,6 +538,7 @@ class PlyBody {
           MTDB_RETURN_IF_ERROR(strips ? ReadStrip(i, p) : ReadFace(i, p));
         }
       }
+      source_->EndInstance();
     }
     return Status::Ok();
   }
@@ -370,6 +546,21 @@ class PlyBody {
   Status IndexError(uint64_t index, int64_t vertex) const {
     return ErrorAt(index, "vertex index " + std::to_string(vertex) + ", but the file has " +
                               std::to_string(vertex_count_) + " vertices");
+  }
+
+  Status CheckVertex(uint64_t index, int64_t v) const {
+    if (v < 0 || static_cast<uint64_t>(v) >= vertex_count_) return IndexError(index, v);
+    if (!left_out_.Has(static_cast<VertexIndex>(v))) return Status::Ok();
+    return LeftOutError(path_, left_out_, static_cast<VertexIndex>(v),
+                        element_->name + " " + std::to_string(index) + source_->Place());
+  }
+  Status CheckLeftOut(uint64_t index, std::span<const TriangleVertices> triangles) const {
+    for (size_t i = 0; i < triangles.size() && left_out_.count() > 0; ++i) {
+      for (const VertexIndex v : triangles[i]) {
+        MTDB_RETURN_IF_ERROR(CheckVertex(index + i, static_cast<int64_t>(v)));
+      }
+    }
+    return Status::Ok();
   }
 
   // Binary triangles "3 a b c" of 13 bytes, as many as follow one another; *index moves on.
@@ -380,7 +571,7 @@ class PlyBody {
     const uint64_t limit = property.type == ScalarType::kInt32
                                ? std::min<uint64_t>(vertex_count_, uint64_t{1} << 31)
                                : vertex_count_;
-    BlockReader& reader = source_.reader();
+    BlockReader& reader = source_->reader();
     triangles_.resize(MeshEmitter::kBlock);
     while (*index < element_->count && reader.Ensure(kTriangleBytes)) {
       const size_t most = static_cast<size_t>(std::min<uint64_t>(
@@ -409,7 +600,9 @@ class PlyBody {
         }
       }
       reader.Consume(n * kTriangleBytes);
-      MTDB_RETURN_IF_ERROR(emitter_.AddTriangles(std::span(triangles_).first(n)));
+      const auto triangles = std::span<const TriangleVertices>(triangles_).first(n);
+      MTDB_RETURN_IF_ERROR(CheckLeftOut(*index, triangles));
+      MTDB_RETURN_IF_ERROR(faces_.AddTriangles(triangles));
       *index += n;
       if (n < most) return Status::Ok();
     }
@@ -418,24 +611,21 @@ class PlyBody {
 
   Status GetVertex(uint64_t index, const PlyProperty& property, VertexIndex* vertex) {
     PlyValue value;
-    if (!source_.Get(property.type, &value)) return SourceError(index, property);
+    if (!source_->Get(property.type, &value)) return SourceError(index, property);
     const int64_t v = value.ToInteger(property.type);
-    if (v < 0 || static_cast<uint64_t>(v) >= vertex_count_) return IndexError(index, v);
     *vertex = static_cast<VertexIndex>(v);
-    return Status::Ok();
+    return CheckVertex(index, v);
   }
 
   Status ReadFace(uint64_t index, const PlyProperty& property) {
     uint64_t corners = 0;
     MTDB_RETURN_IF_ERROR(ListCount(index, property, &corners));
-    FanEmitter fan(emitter_);
     for (uint64_t i = 0; i < corners; ++i) {
       VertexIndex v = 0;
       MTDB_RETURN_IF_ERROR(GetVertex(index, property, &v));
-      MTDB_RETURN_IF_ERROR(fan.AddCorner(v));
+      MTDB_RETURN_IF_ERROR(faces_.AddCorner(v));
     }
-    fan.CountIn(report_);
-    return Status::Ok();
+    return faces_.EndFace();
   }
 
   // Every second triangle of a strip has its first two corners swapped; -1 starts a new strip.
@@ -446,7 +636,7 @@ class PlyBody {
     VertexIndex a = 0, b = 0;
     for (uint64_t i = 0; i < items; ++i) {
       PlyValue value;
-      if (!source_.Get(property.type, &value)) return SourceError(index, property);
+      if (!source_->Get(property.type, &value)) return SourceError(index, property);
       const int64_t v = value.ToInteger(property.type);
       const bool restart =
           v == -1 || (property.type == ScalarType::kUint32 && v == int64_t{0xffffffff});
@@ -454,14 +644,14 @@ class PlyBody {
         length = 0;
         continue;
       }
-      if (v < 0 || static_cast<uint64_t>(v) >= vertex_count_) return IndexError(index, v);
+      MTDB_RETURN_IF_ERROR(CheckVertex(index, v));
       const auto c = static_cast<VertexIndex>(v);
       ++length;
       if (length == 3) ++report_->strips;
       // Repeated indices only stitch strips together.
       if (length >= 3 && a != b && b != c && c != a) {
-        MTDB_RETURN_IF_ERROR(length % 2 == 1 ? emitter_.AddTriangle(a, b, c)
-                                             : emitter_.AddTriangle(b, a, c));
+        MTDB_RETURN_IF_ERROR(length % 2 == 1 ? faces_.AddTriangle(a, b, c)
+                                             : faces_.AddTriangle(b, a, c));
       }
       a = b;
       b = c;
@@ -469,11 +659,15 @@ class PlyBody {
     return Status::Ok();
   }
 
+  const InputFile& file_;
   const std::string& path_;
   const PlyHeader& header_;
-  Source& source_;
+  Source* source_;
+  std::optional<Source> vertices_at_;  // as the source stood before the vertices
   MeshEmitter emitter_;
   MeshReadReport* report_;
+  LeftOutVertices left_out_;
+  FaceEmitter faces_;
   VertexPlan plan_;
   uint64_t vertex_count_ = 0;
   const PlyElement* element_ = nullptr;  // being read
@@ -483,22 +677,23 @@ class PlyBody {
 }  // namespace
 
 MeshFileFit RecognisePly(const MeshFileStart& start) {
-  if (StartsWithWord(start.bytes, "ply")) return MeshFileFit::kContent;
+  if (StartsWithWord(start.text, "ply")) return MeshFileFit::kContent;
   return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
 }
 
-Status ReadPly(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+Status ReadPly(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+               MeshReadReport* report) {
   MTDB_ASSIGN_OR_RETURN(PlyHeader header, ReadPlyHeader(file));
   if (header.encoding == PlyEncoding::kAscii) {
     report->format = "PLY ASCII";
     ReadAsDouble(&header);
     PlyTextSource source(file, header.body_offset, header.line_count);
-    return PlyBody(file.path(), header, source, sink, report).Read();
+    return PlyBody(file, start, header, source, sink, report).Read();
   }
   const bool big_endian = header.encoding == PlyEncoding::kBinaryBigEndian;
   report->format = big_endian ? "PLY binary big endian" : "PLY binary little endian";
   PlyBinarySource source(file, header.body_offset, big_endian);
-  return PlyBody(file.path(), header, source, sink, report).Read();
+  return PlyBody(file, start, header, source, sink, report).Read();
 }
 
 }  // namespace mtdb::internal

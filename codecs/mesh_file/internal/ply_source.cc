@@ -72,9 +72,29 @@ bool PlyTextSource::Get(ScalarType type, PlyValue* value) {
                ", found the end of the file; the file is cut short";
     return false;
   }
+  if (first_line_ == 0) first_line_ = reader_.line();
   if (Parse(token, type, value)) return true;
   problem_ = std::string("expected ") + Expected(type) + ", found " + Quoted(token);
   return false;
+}
+
+void PlyTextSource::EndInstance() {
+  if (first_line_ == 0) return;
+  const uint64_t line = reader_.line();
+  if (doubtful_line_ == 0 && first_line_ == before_line_ && line != first_line_) {
+    doubtful_line_ = first_line_;
+  }
+  before_line_ = line;
+  first_line_ = 0;
+}
+
+bool PlyTextSource::NumberFollows() {
+  std::string_view token;
+  double value = 0;
+  if (!reader_.NextToken(&token) || !ParseReal(token, &value)) return false;
+  problem_ = "line " + std::to_string(reader_.line()) +
+             ": numbers are left over behind the last element, beginning with " + Quoted(token);
+  return true;
 }
 
 bool PlyTextSource::Skip(ScalarType type, uint64_t count) {

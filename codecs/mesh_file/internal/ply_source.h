@@ -82,7 +82,10 @@ class PlyBinarySource {
   bool Fits(ScalarType type, uint64_t count) const {
     return count <= reader_.remaining() / ScalarSize(type);
   }
+  void EndInstance() {}
   uint64_t remaining() { return reader_.remaining(); }
+  bool NumberFollows() { return false; }
+  std::string Doubt() const { return ""; }
   const Status& status() const { return reader_.status(); }
   std::string Place() const { return ""; }
   std::string Problem() const {
@@ -108,7 +111,19 @@ class PlyTextSource {
   bool Get(ScalarType type, PlyValue* value);
   bool Skip(ScalarType type, uint64_t count);
   bool Fits(ScalarType, uint64_t count) const { return count <= reader_.remaining() / 2 + 1; }
+  // After the last value of an element's instance. Lines may be broken anywhere; but when values
+  // begin behind another instance's in a line and end in another line, lines may have other numbers
+  // of values than the header says, so that all is shifted.
+  void EndInstance();
+  // For the message of an error: the first such line, if there is one.
+  std::string Doubt() const {
+    if (doubtful_line_ == 0) return "";
+    return "; line " + std::to_string(doubtful_line_) +
+           " has other numbers of values than the header's properties";
+  }
   uint64_t remaining() { return reader_.AtEnd() ? 0 : reader_.remaining(); }
+  // Takes the next token; whether it is a number, which Problem() tells of.
+  bool NumberFollows();
   const Status& status() const { return reader_.status(); }
   std::string Place() const { return " (line " + std::to_string(reader_.line()) + ")"; }
   std::string Problem() const { return problem_; }
@@ -116,6 +131,9 @@ class PlyTextSource {
  private:
   TextReader reader_;
   std::string problem_;
+  uint64_t first_line_ = 0;  // of this instance; 0: it has no value yet
+  uint64_t doubtful_line_ = 0;
+  uint64_t before_line_ = 0;  // in which the instance before ended
 };
 
 }  // namespace mtdb::internal

@@ -188,14 +188,17 @@ class AsciiStlReader {
 
   Status ReadFacet() {
     if (!NextWordIs("normal")) return Expected("'facet normal X Y Z'");
-    Vec3d normal;
-    MTDB_RETURN_IF_ERROR(ReadVector(&normal));
-    if (normal != Vec3d{}) AddIgnored(report_, "facet normals");
+    // Normals are not used, and some programs write what is no number.
+    std::string_view token;
+    for (double value = 0; tokens_.Next(&token);) {
+      if (!ParseReal(token, &value) || value != 0) AddIgnored(report_, "facet normals");
+    }
     if (!NextLine() || word_ != "outer" || !NextWordIs("loop")) return Expected("'outer loop'");
     std::array<Vec3d, 3> corners;
     for (Vec3d& corner : corners) {
       if (!NextLine() || word_ != "vertex") return Expected("'vertex X Y Z'");
       MTDB_RETURN_IF_ERROR(ReadVector(&corner));
+      if (tokens_.Next(&token)) return Expected("'vertex X Y Z' and no more");
       if (std::string problem = CoordinateFault(corner); !problem.empty()) {
         return BadInput(file_.path() + ": line " + std::to_string(text_.line()) + ": " + problem);
       }
@@ -222,8 +225,23 @@ bool HasBinarySize(const MeshFileStart& start) {
 }
 
 bool IsText(const MeshFileStart& start) {
+  constexpr std::string_view kSolid = "solid";
+  const size_t word = std::min(start.text.find_first_not_of(" \t\r\n\v\f"), start.text.size());
+  const std::string_view text = start.text.substr(word);
+  const bool is_solid =
+      std::equal(kSolid.begin(), kSolid.end(), text.begin(),
+                 text.begin() + std::min(kSolid.size(), text.size()),
+                 [](char a, char b) { return a == std::tolower(static_cast<unsigned char>(b)); });
+  if (!is_solid || !StartsWithWord(text, text.substr(0, kSolid.size()))) return false;
   const bool has_nul = start.bytes.substr(0, kHeaderBytes).find('\0') != std::string_view::npos;
-  return StartsWithWord(start.bytes, "solid") && !(start.named && has_nul);
+  return !(start.named && has_nul);
+}
+
+// Programs that write as they go may leave 0 or -1 for the count, though facets follow.
+uint64_t FacetsBehind(uint32_t promised, uint64_t bytes) {
+  const bool is_open = promised == 0 || promised == ~uint32_t{0};
+  const uint64_t facets = bytes / kTriangleBytes;
+  return is_open && bytes % kTriangleBytes == 0 && facets < ~uint32_t{0} ? facets : promised;
 }
 
 }  // namespace
@@ -260,8 +278,16 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
   const Vec3d origin = OriginOf({reinterpret_cast<const char*>(reader.data()), kTextBytes});
   header.double_positions = origin != Vec3d{};
   reader.Consume(kHeaderBytes);
-  if (triangles == 0) return BadInput(file.path() + ": no facets");
   const uint64_t left = reader.remaining();
+  if (const uint64_t facets = FacetsBehind(triangles, left); facets != triangles) {
+    report->notes.push_back("the header has no count of facets (" + std::to_string(triangles) +
+                            "), " + std::to_string(facets) + " follow and were read");
+    triangles = static_cast<uint32_t>(facets);
+  }
+  if (triangles == 0) {
+    return BadInput(file.path() + ": no facets: the header's count is 0, and " +
+                    std::to_string(left) + " bytes follow, expected a multiple of 50");
+  }
   if (left / kTriangleBytes < triangles) {
     return BadInput(file.path() + ": the header promises " + std::to_string(triangles) +
                     " facets of 50 bytes, but only " + std::to_string(left) +

@@ -22,17 +22,21 @@ namespace {
 constexpr size_t kBlock = size_t{1} << 16;
 constexpr int kMostDecimals = 9;
 constexpr size_t kLongestWord = 1024;
-constexpr size_t kMostNames = 100;  // of the header
+constexpr size_t kMostNames = 100;     // of the header
+constexpr double kEsriNodata = -9999;  // where the header names none
 
 // The words of a text, block by block, from any place.
 class Words {
  public:
   explicit Words(const RasterInput* file) : file_(file) {}
-  void Seek(uint64_t offset) {
+  void Seek(uint64_t offset, uint64_t line = 1) {
     begin_ = offset;
     at_ = size_ = 0;
+    line_ = line;
+    after_return_ = false;
   }
   uint64_t offset() const { return begin_ + at_; }  // behind the last word
+  uint64_t line() const { return line_; }           // of the last word, from the one of Seek()
   // Empty at the end of the file.
   Status Next(std::string* word) {
     word->clear();
@@ -48,6 +52,8 @@ class Words {
       const char c = block_[at_];
       const bool is_space = c == ' ' || (c >= '\t' && c <= '\r');
       if (is_space && !word->empty()) return Status::Ok();
+      if (c == '\r' || (c == '\n' && !after_return_)) ++line_;
+      after_return_ = c == '\r';
       if (word->size() == kLongestWord) {
         return BadInput(file_->path() + ": byte " + std::to_string(offset()) +
                         ": expected a number or a name, found more than " +
@@ -63,6 +69,8 @@ class Words {
   std::string block_;
   uint64_t begin_ = 0;
   size_t at_ = 0, size_ = 0;
+  uint64_t line_ = 1;
+  bool after_return_ = false;  // of a CR, to which an LF belongs
 };
 
 bool ParseNumber(std::string_view text, double* value) {
@@ -128,6 +136,7 @@ class AsciiGridReader final : public RasterReader {
     uint64_t begin = 0;
     for (;;) {
       begin = words_.offset();
+      rows_line_ = words_.line();
       MTDB_RETURN_IF_ERROR(words_.Next(&word));
       if (word.empty() || std::isalpha(static_cast<unsigned char>(word[0])) == 0 ||
           strcasecmp(word.c_str(), "nan") == 0) {
@@ -175,7 +184,9 @@ class AsciiGridReader final : public RasterReader {
     f.transform_of_samples = centre;
     f.is_area = !centre;
     f.geotransform = {x, dx, 0, y + dy * (centre ? rows - 1 : rows), 0, -dy};
-    if (const auto at = values.find("nodata_value"); at != values.end()) f.nodata = at->second;
+    const auto nodata = values.find("nodata_value");
+    names_nodata_ = nodata != values.end();
+    f.nodata = names_nodata_ ? nodata->second : kEsriNodata;
     return Status::Ok();
   }
 
@@ -188,22 +199,74 @@ class AsciiGridReader final : public RasterReader {
                       std::to_string(f.columns) + " heights do not fit a file of " +
                       std::to_string(file_.size()) + " bytes");
     }
-    words_.Seek(rows_[0]);
+    words_.Seek(rows_[0], rows_line_);
     std::string word;
     int decimals = 0;
+    uint64_t unnamed = 0;  // samples that are holes though the header names no such value
     for (uint32_t row = 0; row < f.rows; ++row) {
       if (row > 0) rows_.push_back(words_.offset());
       for (uint32_t column = 0; column < f.columns; ++column) {
         MTDB_RETURN_IF_ERROR(words_.Next(&word));
         double value = 0;
         if (!ParseNumber(word, &value)) return Wrong(row, column, word);
+        NoteLine(words_.line());
+        if (value == f.nodata && !names_nodata_) ++unnamed;
         if (value == f.nodata || !std::isfinite(value)) continue;
         decimals = std::max(decimals, DecimalsOf(word));
       }
     }
+    MTDB_RETURN_IF_ERROR(CheckEnd());
+    if (unnamed > 0) {
+      info_.notes.push_back(path_ + ": no NODATA_value line: " + std::to_string(unnamed) +
+                            " samples of -9999 count as holes, as ESRI's description says");
+    }
     info_.frame.sample_type = decimals == 0 ? "int32" : "float64";
     info_.height_step = decimals > kMostDecimals ? 0 : std::pow(10.0, -decimals);
     return Status::Ok();
+  }
+
+  // Counts the numbers of each line, and keeps the first line that has other than a row has.
+  void NoteLine(uint64_t line) {
+    if (line != counted_line_) {
+      EndLine();
+      counted_line_ = line;
+      counted_ = 0;
+    }
+    ++counted_;
+  }
+  void EndLine() {
+    if (counted_ == 0 || counted_ == info_.frame.columns || odd_line_ != 0) return;
+    odd_line_ = counted_line_;
+    odd_count_ = counted_;
+  }
+
+  // Nothing may be left behind the last row: rows of other lengths would be shifted. Lines may be
+  // broken anywhere.
+  Status CheckEnd() {
+    uint64_t left = 0;
+    std::string word, first;
+    uint64_t line = 0;
+    for (;; ++left) {
+      MTDB_RETURN_IF_ERROR(words_.Next(&word));
+      if (word.empty()) break;
+      NoteLine(words_.line());
+      if (left == 0) {
+        first = word.substr(0, 40);
+        line = words_.line();
+      }
+    }
+    if (left == 0) return Status::Ok();
+    EndLine();
+    const RasterFrame& f = info_.frame;
+    std::string message = path_ + ": line " + std::to_string(line) + ": behind " +
+                          std::to_string(f.rows) + " rows of " + std::to_string(f.columns) +
+                          " numbers, as the header says, " + std::to_string(left) +
+                          " more are left, beginning with '" + first + "'";
+    if (odd_line_ != 0) {
+      message +=
+          "; line " + std::to_string(odd_line_) + " has " + std::to_string(odd_count_) + " numbers";
+    }
+    return BadInput(message);
   }
 
   static int DecimalsOf(const std::string& word) {
@@ -217,6 +280,10 @@ class AsciiGridReader final : public RasterReader {
   RasterInput file_;
   Words words_;
   std::vector<uint64_t> rows_;  // where they begin
+  uint64_t rows_line_ = 1;      // the line of the first one
+  bool names_nodata_ = false;
+  uint64_t counted_line_ = 0, counted_ = 0;  // see NoteLine()
+  uint64_t odd_line_ = 0, odd_count_ = 0;
 };
 
 }  // namespace

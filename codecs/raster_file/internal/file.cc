@@ -30,12 +30,14 @@ Result<RasterInput> RasterInput::Open(const std::string& path) {
 RasterInput::RasterInput(RasterInput&& other) noexcept
     : path_(std::move(other.path_)),
       descriptor_(std::exchange(other.descriptor_, -1)),
-      size_(other.size_) {}
+      size_(other.size_),
+      front_(other.front_) {}
 
 RasterInput& RasterInput::operator=(RasterInput&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(descriptor_, other.descriptor_);
   std::swap(size_, other.size_);
+  std::swap(front_, other.front_);
   return *this;
 }
 
@@ -44,7 +46,7 @@ RasterInput::~RasterInput() {
 }
 
 Status RasterInput::Read(uint64_t offset, void* to, size_t bytes) const {
-  const ssize_t n = ReadFully(descriptor_, offset, to, bytes);
+  const ssize_t n = ReadFully(descriptor_, front_ + offset, to, bytes);
   if (n < 0) return IoError(path_ + ": " + std::strerror(errno));
   const auto done = static_cast<size_t>(n);
   if (done < bytes) {

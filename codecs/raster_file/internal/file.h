@@ -19,6 +19,11 @@ class RasterInput {
 
   const std::string& path() const { return path_; }
   uint64_t size() const { return size_; }
+  // Reads on as if the file's first bytes were not there.
+  void SkipFront(uint64_t bytes) {
+    front_ += bytes;
+    size_ -= bytes;
+  }
   // Reads `bytes` bytes at `offset`. kIoError; kBadInput when the file ends before.
   Status Read(uint64_t offset, void* to, size_t bytes) const;
 
@@ -27,6 +32,7 @@ class RasterInput {
   std::string path_;
   int descriptor_ = -1;
   uint64_t size_ = 0;
+  uint64_t front_ = 0;  // bytes before offset 0
 };
 
 }  // namespace mtdb::internal
