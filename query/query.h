@@ -62,8 +62,8 @@ struct Query {
   // Adds the attributes nx, ny, nz (float32, the last of the row) to each vertex. They are the unit
   // vector of the sum of the normals of the vertex's triangles times their areas; all triangles of
   // the cut count, also those that are clipped away. Where the sum is 0 they are (0, 0, 1). Takes
-  // 24 bytes a vertex and another pass over the clusters. kInvalidArgument when the object has
-  // attributes of these names.
+  // 24 bytes a vertex and another pass over the clusters. An object that has normals of its own
+  // (FindNormals) keeps them. kInvalidArgument when it has other attributes of these names.
   bool normals = false;
 
   // Lets other threads watch and cancel the query. Must outlive the query and its Cut. May be null.

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "store/base/attribute_grid.h"
+#include "store/base/attribute_layout.h"
 
 namespace mtdb::internal {
 
@@ -31,6 +32,9 @@ Status AttributeSink::Begin(const MeshHeader& header) {
     return BadInput("the vertices have " + std::to_string(all.size()) +
                     " attributes, but an object has at most " + std::to_string(kMaxAttributes) +
                     "; leave some out");
+  }
+  if (const std::string fault = AttributeNamesFault(header.attributes); !fault.empty()) {
+    return BadInput(fault + "; give it another name");
   }
   if (options_->normal_bits) {
     constexpr const char* kNames[] = {"nx", "ny", "nz"};

@@ -22,7 +22,7 @@ struct MeshTexture {
 // As CreateMeshFileWriter, for names that end in .glb: binary glTF with texture coordinates and the
 // image, without colours of vertices. Beyond the image's sides its rim goes on. kUnsupported for
 // other formats.
-Result<std::unique_ptr<MeshFileWriter>> CreateDrapedMeshFileWriter(const std::string& path,
-                                                                   MeshTexture texture);
+Result<std::unique_ptr<MeshFileWriter>> CreateDrapedMeshFileWriter(
+    const std::string& path, MeshTexture texture, const MeshWriteOptions& options = {});
 
 }  // namespace mtdb

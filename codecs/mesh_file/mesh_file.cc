@@ -209,6 +209,10 @@ Status ReadMeshFile(const std::string& path, MeshSink& sink, MeshReadReport* rep
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,
                                                              const MeshWriteOptions& options) {
   MTDB_ASSIGN_OR_RETURN(const MeshFormatRow* const row, RowOfFile(path));
+  if (options.double_positions && !row->format.exact) {
+    return InvalidArgument(path + ": " + std::string(row->format.name) +
+                           " has no positions of float64; write " + internal::ExactSuffixes());
+  }
   const size_t named = options.descriptor >= 0 ? path.rfind('.') : path.size();
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshWriter> writer,
                         row->create_writer(path.substr(0, named), options));

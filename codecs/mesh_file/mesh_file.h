@@ -104,6 +104,32 @@ struct MeshWriteOptions {
   // The descriptor of an open, empty file: the mesh is written to it. `path` names it in messages,
   // without the suffix. The file stays open; it has no mesh in it unless End() succeeded.
   int descriptor = -1;
+  // .off: normals too, where the mesh has some; many programs know only OFF and COFF.
+  bool off_normals = false;
+  // .ply: positions as float64, also where float32 is enough. Formats that are not exact refuse it:
+  // kInvalidArgument.
+  bool double_positions = false;
+  // .glb: z is up in the mesh, and becomes y, which is up in glTF, at the file's node; which also
+  // makes metres of the units of x, y and z, and puts `metres_from` at 0.
+  struct UpFrame {
+    Vec3d metres{1, 1, 1};
+    Vec3d metres_from;
+  };
+  std::optional<UpFrame> up_frame;
+};
+
+// What a file has of the mesh that was given to its writer.
+struct MeshWriteReport {
+  std::string positions;  // "float32", "float64", "decimal" or "quantised"
+  // Positions in the file are offsets from here, and who reads them has to add it: in the header of
+  // .stl, which only mtdb reads, and the metadata of .drc.
+  std::optional<Vec3d> origin;
+  // Positions in a .glb file are offsets from here, which its node adds: nobody else has to.
+  std::optional<Vec3d> node_origin;
+  // Attributes that the file does not have: "red, green, blue (float32)".
+  std::vector<std::string> not_written;
+  // What else was changed on the way: "colours of uint16 are rounded to 8 bits".
+  std::vector<std::string> notes;
 };
 
 // A sink that writes a file. The file appears under its name only when End() succeeds, so that a
@@ -114,13 +140,14 @@ struct MeshWriteOptions {
 // Formats that are not exact store positions as float32; rounding() says how far that moved them.
 // When a mesh is far from 0 for its size, they store offsets from an origin: the node's translation
 // in glTF, the metadata "origin" in Draco, and the header in STL ("binary STL by mtdb, origin X Y
-// Z"), which ReadMeshFile adds again.
+// Z"), which ReadMeshFile adds again. PLY has float32 where that moves no coordinate by more than
+// an eighth of the step of the grid that positions lie on (MeshHeader::position_step).
+//
+// kInvalidArgument when an attribute has a name that none may have (store/base/attribute_layout.h).
 class MeshFileWriter : public MeshSink {
  public:
   virtual uint64_t bytes_written() const = 0;  // after End()
-  // After Begin: the origin of the offsets that the file stores, when float32 alone would lose too
-  // much.
-  virtual std::optional<Vec3d> origin() const = 0;
+  virtual MeshWriteReport report() const = 0;  // after End()
 };
 // The format is that of the suffix of `path`; kUnsupported when no format has it.
 Result<std::unique_ptr<MeshFileWriter>> CreateMeshFileWriter(const std::string& path,

@@ -9,6 +9,7 @@
 #include "query/internal/search.h"
 #include "query/internal/stopwatch.h"
 #include "query/internal/work_meter.h"
+#include "store/base/vertex_meaning.h"
 
 namespace mtdb::internal {
 namespace {
@@ -36,7 +37,12 @@ MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
   header.bounds = record.bounds;
+  if (record.grid.mode == PositionMode::kGrid) header.position_step = record.grid.step;
   return header;
+}
+
+bool CutImpl::MakesNormals() const {
+  return query_.normals && !mtdb::FindNormals(surface_->record().attributes).found;
 }
 
 bool CutImpl::WantsEverything() const {
@@ -49,8 +55,9 @@ bool CutImpl::WantsEverything() const {
 
 Status CutImpl::Select() {
   const Stopwatch watch;
+  const bool makes_normals = MakesNormals();
   for (const VertexAttribute& a : surface_->record().attributes.attributes) {
-    if (query_.normals && std::ranges::find(kNormalNames, a.name) != kNormalNames.end()) {
+    if (makes_normals && std::ranges::find(kNormalNames, a.name) != kNormalNames.end()) {
       return InvalidArgument(surface_->record().name + ": has an attribute " + a.name +
                              " of its own; ask without normals");
     }
@@ -237,7 +244,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
   std::vector<Vec3f> normals;
-  if (query_.normals) {
+  if (MakesNormals()) {
     for (const char* name : kNormalNames) {
       header.attributes.attributes.push_back({name, ScalarType::kFloat32});
     }

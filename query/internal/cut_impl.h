@@ -50,6 +50,8 @@ class CutImpl {
  private:
   // The whole surface at full resolution needs no state: every node is applied, the drain is left.
   bool WantsEverything() const;
+  // Normals are asked for, and the object has none of its own.
+  bool MakesNormals() const;
   void FillStats();
   // What the answer promises when the sink moves vertices by up to `rounding`, whatever was
   // expected.

@@ -28,6 +28,9 @@ struct MeshHeader {
   // none has more digits than a float32 value is written with: the nearest float32 may be the
   // number that was meant.
   bool from_text = false;
+  // Above 0: in each coordinate, different positions differ by at least about so much; set by
+  // queries of objects on a grid.
+  double position_step = 0;
   Box3d bounds;                            // around all positions; set by queries
   bool soup = false;                       // see MeshSink::joins_soup
   std::optional<uint64_t> vertex_count;    // always set by queries

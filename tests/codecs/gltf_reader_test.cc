@@ -265,7 +265,8 @@ TEST_CASE("glTF that is damaged or asks for what mtdb cannot do is refused, and 
   refused(R"("count":4,"type":"VEC3")", R"("count":5,"type":"VEC3")", "5 values of 12 bytes");
   refused(R"("count":4,"type":"VEC3")", R"("count":9007199254740992,"type":"VEC3")", "values");
   refused(R"("count":4,"type":"VEC3")", R"("count":-1,"type":"VEC3")", "wrong number");
-  refused(R"({"bufferView":0,)", "{", "no bufferView");
+  refused(R"({"bufferView":0,"componentType":5126,"count":4)",
+          R"({"componentType":5126,"count":4000000)", "without a bufferView");
   refused(R"("byteOffset":48)", R"("byteOffset":40)", "vertex index");
   refused(R"("byteLength":48)", R"("byteLength":480)", "cut short");
   refused(R"("POSITION":0)", R"("POSITION":7)", "no accessor 7");
@@ -274,6 +275,20 @@ TEST_CASE("glTF that is damaged or asks for what mtdb cannot do is refused, and 
   refused(R"("mode":5)", R"("mode":1)", "no triangles");
   refused(R"("type":"VEC3")", R"("type":"MAT4")", "unknown type");
   refused(R"("type":"VEC3")", R"("sparse":{},"type":"VEC3")", "sparse");
+  const auto sparse = [&](const std::string& count, const std::string& offset, const char* words) {
+    refused(R"("type":"VEC3")",
+            R"("sparse":{"count":)" + count +
+                R"(,"indices":{"bufferView":1,"componentType":5123,"byteOffset":)" + offset +
+                R"(},"values":{"bufferView":0}},"type":"VEC3")",
+            words);
+  };
+  sparse("5", "0", "wrong number");
+  sparse("4", "2", "cut short");
+  sparse("2", "9007199254740992", "cut short");
+  refused(R"("type":"VEC3")",
+          R"("sparse":{"count":2,"indices":{"bufferView":0,"componentType":5121},)"
+          R"("values":{"bufferView":0}},"type":"VEC3")",
+          "sparse value 1");
   refused(R"("x":0)", R"("extensionsRequired":["EXT_other"])", "EXT_other");
   refused(R"("x":0)", R"("scenes":[{"nodes":[0]}],"nodes":[{"children":[0]}])", "twice");
   refused(R"("x":0)", R"("scenes":[{"nodes":[5]}],"nodes":[{"mesh":0}])", "no node 5");

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "store/base/vertex_meaning.h"
 #include "tests/codecs/mesh_file_testing.h"
 
 namespace mtdb {
@@ -137,8 +138,8 @@ TEST_CASE("A .glb file has the positions and triangles, nothing moved") {
 TEST_CASE(".glb carries unit normals, colours, and scalars under names of their own") {
   const ScratchFolder folder;
   TriangleMesh mesh = ColouredTetrahedron();
-  mesh.header.attributes.attributes.push_back({"quality", ScalarType::kInt16});
-  mesh.header.attributes.attributes.push_back({"Qu\"al\xff", ScalarType::kInt8});
+  mesh.header.attributes.attributes.push_back({"QUALITY", ScalarType::kInt16});
+  mesh.header.attributes.attributes.push_back({"Qu\"al\xc3\xa9", ScalarType::kInt8});
   const size_t old_row = mesh.rows.size() / 4;
   ByteWriter rows;
   for (size_t i = 0; i < 4; ++i) {
@@ -157,18 +158,19 @@ TEST_CASE(".glb carries unit normals, colours, and scalars under names of their 
   const json& colour = glb.accessor("COLOR_0");
   REQUIRE(normal.at("type") == "VEC3");
   REQUIRE(colour.at("type") == "VEC4");
-  REQUIRE(colour.at("componentType") == 5121);
+  REQUIRE(colour.at("componentType") == 5123);
   REQUIRE(colour.at("normalized") == true);
   for (size_t i = 0; i < 4; ++i) {
     double length2 = 0;
     for (size_t c = 0; c < 3; ++c) length2 += std::pow(glb.At(normal, i, c), 2);
     REQUIRE(length2 == Approx(1).epsilon(1e-6));
     for (size_t c = 0; c < 4; ++c) {
-      REQUIRE(glb.At(colour, i, c) == ValueInRow<uint8_t>(mesh, i, 12 + c));
+      const double part = ValueInRow<uint8_t>(mesh, i, 12 + c) / 255.0;
+      REQUIRE(glb.At(colour, i, c) == std::round(65535 * (c < 3 ? LinearOfSrgb(part) : part)));
     }
     REQUIRE(glb.At(glb.accessor("_QUALITY"), i, 0) == static_cast<float>(1.0 / (1.0 + double(i))));
     REQUIRE(glb.At(glb.accessor("_QUALITY_2"), i, 0) == -1000 - double(i));
-    REQUIRE(glb.At(glb.accessor("_QU_AL_"), i, 0) == -7);
+    REQUIRE(glb.At(glb.accessor("_QU_AL__"), i, 0) == -7);
   }
   const float expected = 0.2f / std::sqrt(0.2f * 0.2f + 0.5f * 0.5f + 0.3f * 0.3f);
   REQUIRE(glb.At(normal, 2, 0) == Approx(expected).epsilon(1e-6));

@@ -149,7 +149,9 @@ TEST_CASE("PLY keeps every attribute under its name and type") {
 TEST_CASE("OBJ keeps the colours, OFF colours and normals") {
   const ScratchFolder folder;
   const TriangleMesh mesh = ColouredTetrahedron();  // nx ny nz, red green blue alpha, quality
-  REQUIRE(WriteMesh(mesh, folder.Path("c.off")).ok());
+  MeshWriteOptions options;
+  options.off_normals = true;
+  REQUIRE(WriteMesh(mesh, folder.Path("c.off"), options).ok());
   const ReadOutcome off = ReadPath(folder.Path("c.off"));
   REQUIRE(off.status.ok());
   REQUIRE(off.report.format == "CNOFF ASCII");

@@ -498,9 +498,11 @@ bool TooWideForDraco(const Asked& asked) {
   constexpr size_t kMost = 128;
   const auto& attributes = asked.object->layout.attributes;
   size_t count = attributes.size() + (asked.question->normals ? 1 : 0);
-  for (const char* name : {"red", "nx"}) {
-    if (std::ranges::find(attributes, name, &VertexAttribute::name) != attributes.end()) count -= 2;
-  }
+  const auto has = [&](const char* name) {
+    return std::ranges::find(attributes, name, &VertexAttribute::name) != attributes.end();
+  };
+  if (has("red") || has("diffuse_red") || has("r")) count -= 2;
+  if (has("nx") || has("normal_x")) count -= 2;
   return count > kMost;
 }
 

@@ -49,6 +49,13 @@ double Smooth(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
 double Colour(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
   return std::clamp(128 + 40 * Smooth(vertex, p, seed, i), 2.0, 250.0);
 }
+// The same in 16 bits, and from 0 to 1.
+double ShortColour(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
+  return 257 * Colour(vertex, p, seed, i);
+}
+double PartColour(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
+  return Colour(vertex, p, seed, i) / 255;
+}
 double Normal(uint64_t vertex, Vec3d p, uint64_t seed, size_t i) {
   Vec3d n{Smooth(vertex, p, seed, 0), Smooth(vertex, p, seed, 1), Smooth(vertex, p, seed, 2)};
   const double length = Length(n);
@@ -68,6 +75,10 @@ double Label(uint64_t vertex, Vec3d, uint64_t seed, size_t i) {
   return std::floor(1e4 * Chance(vertex / 7, seed + i)) - 5000;
 }
 
+double Sevenths(uint64_t vertex, Vec3d, uint64_t seed, size_t i) {
+  return std::floor(100 * Chance(vertex / 7, seed + i));
+}
+
 const std::vector<AttributeKind>& Kinds() {
   static const std::vector<AttributeKind> kKinds = {
       {"rgb",
@@ -76,6 +87,28 @@ const std::vector<AttributeKind>& Kinds() {
       {"normal",
        {{"nx", ScalarType::kFloat32}, {"ny", ScalarType::kFloat32}, {"nz", ScalarType::kFloat32}},
        Normal},
+      {"rgb16",
+       {{"diffuse_red", ScalarType::kUint16},
+        {"diffuse_green", ScalarType::kUint16},
+        {"diffuse_blue", ScalarType::kUint16}},
+       ShortColour},
+      {"rgba",
+       {{"r", ScalarType::kFloat32},
+        {"g", ScalarType::kFloat32},
+        {"b", ScalarType::kFloat32},
+        {"a", ScalarType::kFloat32}},
+       PartColour},
+      {"normald",
+       {{"normal_x", ScalarType::kFloat64},
+        {"normal_y", ScalarType::kFloat64},
+        {"normal_z", ScalarType::kFloat64}},
+       Normal},
+      {"odd",
+       {{"caf\xc3\xa9", ScalarType::kInt8},
+        {"list", ScalarType::kUint16},
+        {"%s%n", ScalarType::kFloat32},
+        {"X", ScalarType::kFloat32}},
+       Sevenths},
       {"float", {{"quality", ScalarType::kFloat32}}, Smooth},
       {"double", {{"height", ScalarType::kFloat64}}, Smooth},
       {"wild", {{"wild", ScalarType::kFloat32}}, Wild},

@@ -179,11 +179,17 @@ std::string StlText(const TriangleMesh& mesh) {
   return text + "endsolid mesh\n";
 }
 
-// The description of a mesh whose vertices (positions, and colours of four bytes) are followed by
+// The light of a byte of sRGB, as glTF has colours.
+float LinearOf(uint8_t byte) {
+  const double part = byte / 255.0;
+  return static_cast<float>(part <= 0.04045 ? part / 12.92 : std::pow((part + 0.055) / 1.055, 2.4));
+}
+
+// The description of a mesh whose vertices (positions, and colours of three floats) are followed by
 // its corners, in a buffer that `uri` names, and the buffer.
 std::string GltfJson(const TriangleMesh& mesh, const std::string& uri) {
   const bool coloured = !mesh.header.attributes.empty();
-  const size_t stride = coloured ? 16 : 12;
+  const size_t stride = coloured ? 24 : 12;
   const size_t vertices = mesh.positions.size();
   const std::string count = std::to_string(vertices);
   const std::string corners = std::to_string(3 * mesh.triangles.size());
@@ -193,10 +199,10 @@ std::string GltfJson(const TriangleMesh& mesh, const std::string& uri) {
          std::string(coloured ? R"(,"COLOR_0":2)" : "") + R"(},"indices":1}]}],"accessors":[)" +
          R"({"bufferView":0,"componentType":5126,"type":"VEC3","count":)" + count + "}," +
          R"({"bufferView":1,"componentType":5125,"type":"SCALAR","count":)" + corners + "}," +
-         R"({"bufferView":0,"byteOffset":12,"componentType":5121,"normalized":true,)" +
-         R"("type":"VEC3","count":)" + (coloured ? count : "0") + "}]," +
-         R"("bufferViews":[{"buffer":0,"byteStride":)" + std::to_string(stride) +
-         ",\"byteLength\":" + vertex_bytes + R"(},{"buffer":0,"byteOffset":)" + vertex_bytes +
+         R"({"bufferView":0,"byteOffset":12,"componentType":5126,)" + R"("type":"VEC3","count":)" +
+         (coloured ? count : "0") + "}]," + R"("bufferViews":[{"buffer":0,"byteStride":)" +
+         std::to_string(stride) + ",\"byteLength\":" + vertex_bytes +
+         R"(},{"buffer":0,"byteOffset":)" + vertex_bytes +
          ",\"byteLength\":" + std::to_string(12 * mesh.triangles.size()) +
          R"(}],"buffers":[{"byteLength":)" +
          std::to_string(vertices * stride + 12 * mesh.triangles.size()) + uri + "}]}";
@@ -211,9 +217,9 @@ std::string GltfBuffer(const TriangleMesh& mesh) {
       AppendBytes(&bytes, &value, sizeof(value), false);
     }
     for (size_t c = 0; coloured && c < 3; ++c) {
-      bytes += static_cast<char>(ValueAt<uint8_t>(mesh, v, c));
+      const float light = LinearOf(ValueAt<uint8_t>(mesh, v, c));
+      AppendBytes(&bytes, &light, sizeof(light), false);
     }
-    if (coloured) bytes += '\xff';
   }
   for (const TriangleVertices& t : mesh.triangles) {
     for (const VertexIndex v : t) {

@@ -32,12 +32,15 @@ class Judgement {
       largest = std::max(
           {largest, std::abs(object_.truth.bounds.min[i]), std::abs(object_.truth.bounds.max[i])});
     }
+    // A .ply is so where float32 is enough for the grid.
+    lossy_ = answer.lossy || (answer.format == "ply" && !answer.mesh.header.double_positions &&
+                              !object_.grid.FitsFloat(object_.truth.bounds));
     exactness_ = 1e-13 * (largest + object_.truth.diagonal());
     border_ = object_.displaced + 1e-6 * (largest + object_.truth.diagonal()) * 0.2;
   }
 
   std::set<std::string> Run() {
-    if (answer_.triangles != answer_.mesh.triangles.size() && !answer_.lossy) {
+    if (answer_.triangles != answer_.mesh.triangles.size() && !lossy_) {
       Fault("tells another number of triangles", std::to_string(answer_.triangles) + ", sent " +
                                                      std::to_string(answer_.mesh.triangles.size()));
     }
@@ -49,7 +52,7 @@ class Judgement {
     }
     if (reference_ != nullptr) Same();
     if (question_.normals && answer_.exact) Normals();
-    if (answer_.lossy && !answer_.mesh.header.attributes.empty()) CarriedAttributes();
+    if (lossy_ && !answer_.mesh.header.attributes.empty()) CarriedAttributes();
     if (!is_the_same_) Distances();
     return found_;
   }
@@ -154,7 +157,7 @@ class Judgement {
         (question_.has_time && answer_.limit + reference_->limit != "accuracyaccuracy")) {
       return;
     }
-    if (!answer_.lossy) {
+    if (!lossy_) {
       const size_t row = answer_.has_rows ? row_bytes_ : 0;
       const auto mine = TriangleKeys(answer_.mesh, true, row);
       const auto theirs = TriangleKeys(reference_->mesh, true, row);
@@ -173,7 +176,7 @@ class Judgement {
       Fault("another limit", answer_.limit + ", not " + reference_->limit);
     }
     // With a little less error permitted, more triangles may be split, the largest errors too.
-    const bool finer = answer_.lossy && answer_.triangles != reference_->mesh.triangles.size();
+    const bool finer = lossy_ && answer_.triangles != reference_->mesh.triangles.size();
     if (!answer_.any_bound && !finer && answer_.bound < reference_->bound * (1 - 1e-5)) {
       Fault("another error bound",
             NumberText(answer_.bound) + ", not " + NumberText(reference_->bound));
@@ -277,7 +280,7 @@ class Judgement {
   void Distances() {
     if (answer_.mesh.triangles.empty()) return;
     const DistanceTree tree(answer_.mesh);
-    if (question_.partly_full && answer_.lossy) rounded_ = Rounded();
+    if (question_.partly_full && lossy_) rounded_ = Rounded();
     // All of a clipped answer meets the region.
     Side("the answer is", answer_.mesh, *object_.truth.tree, question_.clip ? -kInfinity : border_);
     Side("the input is", object_.truth.original(), tree,
@@ -292,6 +295,7 @@ class Judgement {
   const Answer& answer_;
   const Answer* reference_;
   const size_t row_bytes_;
+  bool lossy_ = false;
   double exactness_ = 0;
   double border_ = 0;
   double rounded_ = 0;

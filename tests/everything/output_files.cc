@@ -135,8 +135,11 @@ Status ReadGlb(const std::string& path, TriangleMesh* mesh) {
   const auto& primitive = json.at("meshes").at(0).at("primitives").at(0);
   Vec3d origin;
   for (const auto& node : json.at("nodes")) {
-    if (!node.contains("translation")) continue;
-    for (int i = 0; i < 3; ++i) origin[i] = node.at("translation").at(static_cast<size_t>(i));
+    // A terrain's node turns it as well.
+    const bool turned = node.contains("matrix");
+    if (!turned && !node.contains("translation")) continue;
+    const auto& place = turned ? node.at("extras").at("origin") : node.at("translation");
+    for (int i = 0; i < 3; ++i) origin[i] = place.at(static_cast<size_t>(i));
   }
   const auto place = [&](const nlohmann::json& accessor) {
     const auto& view = json.at("bufferViews").at(accessor.at("bufferView").get<size_t>());
@@ -198,12 +201,46 @@ Status ReadDraco(const std::string& path, TriangleMesh* mesh) {
 
 }  // namespace
 
-std::string CarriedName(const std::string& format, const std::string& attribute) {
-  constexpr std::array<std::string_view, 7> kNamed{"nx",    "ny",   "nz",   "red",
-                                                   "green", "blue", "alpha"};
-  if (format != "glb" || std::ranges::find(kNamed, attribute) != kNamed.end()) return attribute;
-  std::string name = "_" + attribute;
-  std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::toupper(c); });
+namespace {
+
+// Which attributes of an object mean colours and normals: the first set of names that is there.
+std::array<std::string, 4> ColourNames(const AttributeLayout& layout) {
+  const auto has = [&](const char* name) {
+    return std::ranges::find(layout.attributes, name, &VertexAttribute::name) !=
+           layout.attributes.end();
+  };
+  if (has("red")) return {"red", "green", "blue", "alpha"};
+  if (has("diffuse_red")) {
+    return {"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"};
+  }
+  return {"r", "g", "b", "a"};
+}
+std::array<std::string, 3> NormalNames(const AttributeLayout& layout) {
+  const bool plain =
+      std::ranges::find(layout.attributes, "nx", &VertexAttribute::name) != layout.attributes.end();
+  if (plain) return {"nx", "ny", "nz"};
+  return {"normal_x", "normal_y", "normal_z"};
+}
+template <size_t kSize>
+size_t PlaceIn(const std::array<std::string, kSize>& names, const std::string& name) {
+  return static_cast<size_t>(std::ranges::find(names, name) - names.begin());
+}
+
+}  // namespace
+
+std::string CarriedName(const std::string& format, const AttributeLayout& stored,
+                        const std::string& attribute) {
+  if (format == "ply") return attribute;
+  constexpr std::array<const char*, 4> kColours{"red", "green", "blue", "alpha"};
+  constexpr std::array<const char*, 3> kNormals{"nx", "ny", "nz"};
+  if (const size_t c = PlaceIn(ColourNames(stored), attribute); c < 4) return kColours[c];
+  if (const size_t n = PlaceIn(NormalNames(stored), attribute); n < 3) return kNormals[n];
+  if (format != "glb") return attribute;
+  std::string name = "_";
+  for (const char c : attribute) {
+    const auto byte = static_cast<unsigned char>(c);
+    name += byte < 0x80 && std::isalnum(byte) != 0 ? static_cast<char>(std::toupper(byte)) : '_';
+  }
   return name;
 }
 
@@ -227,16 +264,31 @@ double ScalarOf(ScalarType type, const std::byte* value) {
   return 0;
 }
 
-// Two directions; where one is none, any will do.
-bool IsSameNormal(const std::byte* row, const std::byte* stored, double most) {
+// Two directions; where one is none, any will do. `told` is of float32.
+bool IsSameNormal(const std::byte* told, const std::byte* stored, ScalarType type, double most) {
   Vec3d a, b;
-  for (int i = 0; i < 3; ++i) {
-    a[i] = ScalarOf(ScalarType::kFloat32, row + 4 * i);
-    b[i] = ScalarOf(ScalarType::kFloat32, stored + 4 * i);
+  for (size_t i = 0; i < 3; ++i) {
+    a[static_cast<int>(i)] = ScalarOf(ScalarType::kFloat32, told + 4 * i);
+    b[static_cast<int>(i)] = ScalarOf(type, stored + ScalarSize(type) * i);
   }
   const double length = Length(b);
   if (!(length > 1e-6) || !std::isfinite(length)) return true;
   return Length(a - b * (1 / length)) <= most;
+}
+
+// Bytes of Draco's are what is next to the colour; .glb has its light, but for alpha.
+bool IsSameColour(const std::string& format, size_t component, double told, ScalarType told_type,
+                  double stored, ScalarType stored_type) {
+  const double whole = stored_type >= ScalarType::kFloat32  ? 1
+                       : stored_type == ScalarType::kUint16 ? 65535
+                                                            : 255;
+  const double part = stored / whole;
+  if (format == "drc") return std::abs(told - 255 * part) <= 0.5 + 1e-9;
+  const double light = component == 3    ? part
+                       : part <= 0.04045 ? part / 12.92
+                                         : std::pow((part + 0.055) / 1.055, 2.4);
+  if (told_type == ScalarType::kFloat32) return std::abs(told - light) <= 1e-7;
+  return std::abs(told - 65535 * light) <= 0.5 + 1e-6;
 }
 
 }  // namespace
@@ -245,8 +297,11 @@ bool CarriedRowMatches(const std::string& format, const AttributeLayout& carried
                        const std::byte* row, const AttributeLayout& stored,
                        const std::byte* stored_row) {
   size_t offset = 0;
+  const bool keeps = format == "ply";
+  const auto colours = ColourNames(stored);
+  const auto normals = NormalNames(stored);
   for (const VertexAttribute& a : stored.attributes) {
-    const std::string name = CarriedName(format, a.name);
+    const std::string name = CarriedName(format, stored, a.name);
     const std::byte* value = stored_row + offset;
     offset += ScalarSize(a.type);
     size_t at = 0;
@@ -257,14 +312,19 @@ bool CarriedRowMatches(const std::string& format, const AttributeLayout& carried
       at += ScalarSize(c.type);
     }
     // A vertex of a .glb has room for 252 bytes.
-    if (found == nullptr && format == "glb" && stored.attributes.size() > 50) continue;
+    if (found == nullptr && format == "glb" && stored.attributes.size() > 40) continue;
     if (found == nullptr) return false;
-    if (a.name == "nx" && !IsSameNormal(row + at, value, format == "glb" ? 1e-5 : 0.02)) {
-      return false;
+    if (const size_t n = PlaceIn(normals, a.name); n < 3 && !keeps) {
+      const double most = format == "glb" ? 1e-5 : 0.02;
+      if (n == 0 && !IsSameNormal(row + at, value, a.type, most)) return false;
+      continue;
     }
-    if (a.name == "nx" || a.name == "ny" || a.name == "nz") continue;
     double wanted = ScalarOf(a.type, value);
     const double told = ScalarOf(found->type, row + at);
+    if (const size_t c = PlaceIn(colours, a.name); c < 4 && !keeps) {
+      if (!IsSameColour(format, c, told, found->type, wanted, a.type)) return false;
+      continue;
+    }
     if (format == "glb" && found->type == ScalarType::kFloat32) {
       wanted = static_cast<double>(static_cast<float>(wanted));
       if (!std::isfinite(wanted)) wanted = 0;

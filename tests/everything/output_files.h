@@ -22,11 +22,13 @@ inline constexpr OutputFormat kOutputFormats[] = {
 // The first one when there is none of that name.
 const OutputFormat& OutputFormatOf(const std::string& extension);
 
-// What the format calls an attribute of the input.
-std::string CarriedName(const std::string& format, const std::string& attribute);
+// What the format calls an attribute of an object with these attributes.
+std::string CarriedName(const std::string& format, const AttributeLayout& stored,
+                        const std::string& attribute);
 
 // Whether a row of such a file says what a row of the object does: normals of length 1, in few
-// bits; in .glb numbers as float32, 0 where they are not finite; all else as it is.
+// bits; colours as bytes, or as light; in .glb numbers as float32, 0 where they are not finite; all
+// else as it is.
 bool CarriedRowMatches(const std::string& format, const AttributeLayout& carried,
                        const std::byte* row, const AttributeLayout& stored,
                        const std::byte* stored_row);

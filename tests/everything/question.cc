@@ -524,8 +524,9 @@ Question MakeQuestion(const Step& step, const Truth& truth, double diagonal) {
     q.query.clip = true;
   }
   const auto& attributes = truth.mesh.header.attributes.attributes;
-  q.normals = step.Flag("normals") &&
-              std::ranges::find(attributes, "nx", &VertexAttribute::name) == attributes.end();
+  q.normals = step.Flag("normals") && std::ranges::none_of(attributes, [](const auto& a) {
+                return a.name == "nx" || a.name == "normal_x";
+              });
   if (q.normals) {
     q.json["normals"] = true;
     AddOptions(&q.options, Arguments{"--normals"});

@@ -494,7 +494,9 @@ class TerrainWalk {
                     sizeof(value));
         return double{value};
       };
-      const auto moved = json.at("nodes").at(0).value("translation", std::vector<double>(3));
+      // In the terrain's own coordinates; its node turns them, and makes metres of them.
+      const auto moved =
+          json.at("nodes").at(0).at("extras").at("origin").get<std::vector<double>>();
       const size_t count =
           json.at("accessors").at(attributes.at("POSITION").get<size_t>()).at("count");
       for (size_t v = 0; v < count; ++v) {

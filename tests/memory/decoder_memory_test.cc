@@ -116,7 +116,7 @@ class Meter {
 
 AttributeLayout Many(size_t attributes, ScalarType type = ScalarType::kInt8) {
   AttributeLayout layout;
-  layout.attributes.resize(attributes, {"", type});
+  for (size_t i = 0; i < attributes; ++i) layout.attributes.push_back({std::to_string(i), type});
   return layout;
 }
 

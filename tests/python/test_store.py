@@ -307,3 +307,26 @@ def test_a_packed_file_by_its_url(store: Path, tmp_path: Path) -> None:
     finally:
         server.shutdown()
         server.server_close()
+
+
+def test_a_saved_mesh_tells_what_the_file_has(tmp_path):
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float) + [431234.567, 4812345.678, 0]
+    normals = {name: np.array([0, 0, 1], float) for name in ("nx", "ny", "nz")}
+    mesh = mtdb.Mesh(vertices, [[0, 1, 2]], {**normals, "two words": np.arange(3, dtype=np.int32)})
+    stl = mesh.save(tmp_path / "a.stl")
+    assert stl.origin is not None and 0 < stl < 1e-6
+    assert stl.not_written == ["nx, ny, nz (float64)", "two words (int32)"]
+    assert mesh.save(tmp_path / "a.off").not_written == stl.not_written
+    assert mesh.save(tmp_path / "a.off", normals=True).not_written == ["two words (int32)"]
+    assert (tmp_path / "a.off").read_text().startswith("NOFF\n")
+    ply = mesh.save(tmp_path / "a.ply", double=True)
+    assert ply == 0 and ply.positions == "float64" and ply.origin is None
+    assert ply.notes == ["attribute 'two words' is named 'two_words' in the file"]
+    with pytest.raises(mtdb.InvalidArgument, match="float64"):
+        mesh.save(tmp_path / "b.stl", double=True)
+    for name in ("x", "a\nproperty float b", ""):
+        with pytest.raises(mtdb.InvalidArgument):
+            mtdb.Mesh(vertices, [[0, 1, 2]], {name: np.arange(3)}).save(tmp_path / "b.ply")
+        with pytest.raises(mtdb.MtdbError):
+            mtdb.open(tmp_path / "s.mtdb", create=True).ingest(
+                vertices, [[0, 1, 2]], name="s", attributes={name: np.arange(3)})

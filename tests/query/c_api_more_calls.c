@@ -346,6 +346,8 @@ static void check_meshes(mtdb_object* object) {
   mtdb_attribute attribute;
   mtdb_input input = whole();
   mtdb_database* database = NULL;
+  mtdb_file_options with;
+  mtdb_names* told = NULL;
   double rounding = -1;
   uint64_t i;
   const double origin[3] = {1, 2, 0.5};
@@ -375,6 +377,17 @@ static void check_meshes(mtdb_object* object) {
   CHECK(again.vertices == view.vertices && again.triangles == view.triangles);
   CHECK(memcmp(again.indices, view.indices, (size_t)view.triangles * 12) == 0);
   mtdb_free_mesh(read);
+  MTDB_INIT(with);
+  with.double_positions = 1;
+  OK(mtdb_write_mesh_as(mesh, path(archive, "as.ply"), &with, &told, &error));
+  CHECK(strstr(mtdb_names_at(told, 0), "\"positions\":\"float64\"") != NULL);
+  mtdb_free_names(told);
+  FAILS(MTDB_INVALID_ARGUMENT, "float64",
+        mtdb_cut_write_as(cut, path(archive, "as.stl"), &with, NULL, &error));
+  OK(mtdb_cut_write_as(cut, path(archive, "as.stl"), NULL, &told, &error));
+  CHECK(strstr(mtdb_names_at(told, 0), "heat (float32)") != NULL);
+  CHECK(strstr(mtdb_names_at(told, 0), "\"rounding\":") != NULL);
+  mtdb_free_names(told);
   OK(mtdb_cut_write(cut, path(file, "cut.ply"), NULL, &error));
   OK(mtdb_open_writable(path(archive, "file.mtdb"), &database, &error));
   OK(mtdb_ingest_file(database, "from file", file, NULL, NULL, &error));

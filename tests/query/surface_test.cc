@@ -156,7 +156,7 @@ TEST_CASE("Normals are those of the cut's triangles, also where it is clipped") 
   }
 }
 
-TEST_CASE("An object with normals of its own gets no others") {
+TEST_CASE("An object with a part of normals gets no others") {
   const MtFixture f = MakeMt(Medium(1));
   f.source->record_.attributes.attributes[0].name = "ny";
   Query query;

@@ -71,6 +71,7 @@ TEST_CASE("a wrong parameter is named, with what was expected", "[server]") {
   wrong("/?error=-1", "error: expected a number that is not negative, at most 1e30, found '-1'");
   wrong("/?error=1&error=2", "error: is given twice");
   wrong("/?clip=maybe", "clip: expected true, false or nothing");
+  wrong("/?double=maybe", "double: expected true, false or nothing");
   wrong("/?clip", "clip: needs a region: give box, sphere");
   wrong("/?box=1,2", "box: expected 6 numbers");
   wrong("/?full&error=1", "full: does not go with");

@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "store/base/attribute_layout.h"
 #include "tools/c/internal/handles.h"
+#include "tools/request/mesh_output.h"
 
 namespace mtdb::internal {
 
@@ -134,6 +136,7 @@ Result<std::unique_ptr<mtdb_mesh>> MakeMesh(const MeshHeader& header, const doub
                            " vertices; take the mesh in blocks (mtdb_cut_emit)");
   }
   auto mesh = std::make_unique<mtdb_mesh>();
+  mesh->position_step = header.position_step;
   mesh->attributes = header.attributes;
   mesh->vertices = *header.vertex_count;
   mesh->triangles = *header.triangle_count;
@@ -175,6 +178,9 @@ Result<AttributeLayout> LayoutOf(const mtdb_attribute* attributes, size_t count)
     }
     layout.attributes.push_back(std::move(attribute));
   }
+  if (const std::string fault = AttributeNamesFault(layout); !fault.empty()) {
+    return InvalidArgument("attributes: " + fault);
+  }
   return layout;
 }
 
@@ -185,8 +191,18 @@ Status SendPart(const mtdb_input& part, size_t row_bytes, MeshSink& sink) {
 }
 
 Status SendInput(const mtdb_input& input, const AttributeLayout& layout, MeshSink& sink) {
+  return SendInput(input, layout, 0, sink);
+}
+
+Status SendInput(const mtdb_input& input, const AttributeLayout& layout, double position_step,
+                 MeshSink& sink) {
   MTDB_RETURN_IF_ERROR(CheckInput(input, layout.row_bytes()));
   MeshHeader header;
+  header.position_step = position_step;
+  for (uint64_t i = 0; i < input.vertices && input.positions != nullptr; ++i) {
+    header.bounds.Add(
+        {input.positions[3 * i], input.positions[3 * i + 1], input.positions[3 * i + 2]});
+  }
   header.attributes = layout;
   header.double_positions = NeedsDouble(input);
   header.vertex_count = input.vertices;
@@ -206,7 +222,7 @@ Status Send(const mtdb_mesh& mesh, MeshSink& sink) {
   std::copy(mesh.origin, mesh.origin + 3, input.origin);
   input.indices = mesh.indices.get();
   input.rows = mesh.rows.get();
-  return SendInput(input, mesh.attributes, sink);
+  return SendInput(input, mesh.attributes, mesh.position_step, sink);
 }
 
 Result<TriangleMesh> ToTriangleMesh(const mtdb_mesh& mesh) {
@@ -302,23 +318,59 @@ mtdb_code mtdb_read_mesh(const char* path, mtdb_mesh** mesh, mtdb_error* error) 
   });
 }
 
+namespace {
+
+using mtdb::internal::NeedAll;
+
+// Opens a file, lets `send` write to it, and says what became of the mesh.
+template <typename SendTo>
+Status WriteFile(const char* path, mtdb::MeshWriteOptions with, const mtdb_file_options* options,
+                 double* rounding, mtdb_names** json, SendTo&& send) {
+  MTDB_ASSIGN_OR_RETURN(const mtdb_file_options given, Take(options, "options"));
+  with.off_normals = given.normals != 0;
+  with.double_positions = given.double_positions != 0;
+  MTDB_ASSIGN_OR_RETURN(const auto writer, mtdb::CreateMeshFileWriter(path, with));
+  MTDB_RETURN_IF_ERROR(send(*writer));
+  if (rounding != nullptr) *rounding = writer->rounding();
+  if (json == nullptr) return Status::Ok();
+  mtdb::Json report = mtdb::MeshFileJson(writer->report());
+  report["rounding"] = writer->rounding();
+  *json = new mtdb_names{{report.dump(-1, ' ', false, mtdb::Json::error_handler_t::replace)}};
+  return Status::Ok();
+}
+
+Status WriteMesh(const mtdb_mesh* mesh, const char* path, const mtdb_file_options* options,
+                 double* rounding, mtdb_names** json) {
+  MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}, {path, "path"}}));
+  return WriteFile(path, {}, options, rounding, json,
+                   [&](mtdb::MeshSink& sink) { return mtdb::internal::Send(*mesh, sink); });
+}
+
+Status WriteCut(mtdb_cut* cut, const char* path, const mtdb_file_options* options, double* rounding,
+                mtdb_names** json) {
+  MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {path, "path"}}));
+  return WriteFile(path, mtdb::MeshOptionsOf(cut->surface->record(), false), options, rounding,
+                   json, [&](mtdb::MeshSink& sink) { return cut->cut.Emit(sink); });
+}
+
+}  // namespace
+
 mtdb_code mtdb_write_mesh(const mtdb_mesh* mesh, const char* path, double* rounding,
                           mtdb_error* error) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}, {path, "path"}}));
-    MTDB_ASSIGN_OR_RETURN(const auto writer, mtdb::CreateMeshFileWriter(path));
-    MTDB_RETURN_IF_ERROR(mtdb::internal::Send(*mesh, *writer));
-    if (rounding != nullptr) *rounding = writer->rounding();
-    return Status::Ok();
-  });
+  return Guarded(error, [&] { return WriteMesh(mesh, path, nullptr, rounding, nullptr); });
 }
 
 mtdb_code mtdb_cut_write(mtdb_cut* cut, const char* path, double* rounding, mtdb_error* error) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {path, "path"}}));
-    MTDB_ASSIGN_OR_RETURN(const auto writer, mtdb::CreateMeshFileWriter(path));
-    MTDB_RETURN_IF_ERROR(cut->cut.Emit(*writer));
-    if (rounding != nullptr) *rounding = writer->rounding();
-    return Status::Ok();
-  });
+  return Guarded(error, [&] { return WriteCut(cut, path, nullptr, rounding, nullptr); });
+}
+
+mtdb_code mtdb_write_mesh_as(const mtdb_mesh* mesh, const char* path,
+                             const mtdb_file_options* options, mtdb_names** json,
+                             mtdb_error* error) {
+  return Guarded(error, [&] { return WriteMesh(mesh, path, options, nullptr, json); });
+}
+
+mtdb_code mtdb_cut_write_as(mtdb_cut* cut, const char* path, const mtdb_file_options* options,
+                            mtdb_names** json, mtdb_error* error) {
+  return Guarded(error, [&] { return WriteCut(cut, path, options, nullptr, json); });
 }

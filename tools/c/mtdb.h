@@ -370,9 +370,25 @@ MTDB_API mtdb_code mtdb_read_mesh(const char* path, mtdb_mesh** mesh, mtdb_error
  * moved a vertex at most. */
 MTDB_API mtdb_code mtdb_write_mesh(const mtdb_mesh* mesh, const char* path, double* rounding,
                                    mtdb_error* error);
-/* Likewise, without holding the mesh in memory. */
+/* Likewise, without holding the mesh in memory. A terrain's z becomes y in .glb, which is up there.
+ */
 MTDB_API mtdb_code mtdb_cut_write(mtdb_cut* cut, const char* path, double* rounding,
                                   mtdb_error* error);
+typedef struct mtdb_file_options {
+  size_t struct_bytes;
+  int normals;          /* not 0: .off has the normals, too, which many programs do not read */
+  int double_positions; /* not 0: .ply has positions of float64, also where float32 is enough; other
+                           formats of float32 refuse it */
+} mtdb_file_options;
+/* The same two with options (NULL: none). `json` (may be NULL): one text of JSON, what the file has
+ * of the mesh: "positions", "origin", "node_origin", "not_written" and "notes" of docs/json.md, and
+ * "rounding". */
+MTDB_API mtdb_code mtdb_write_mesh_as(const mtdb_mesh* mesh, const char* path,
+                                      const mtdb_file_options* options, mtdb_names** json,
+                                      mtdb_error* error);
+MTDB_API mtdb_code mtdb_cut_write_as(mtdb_cut* cut, const char* path,
+                                     const mtdb_file_options* options, mtdb_names** json,
+                                     mtdb_error* error);
 
 /* Probes. `largest_error` negative: at full resolution. */
 

@@ -501,7 +501,9 @@ void CommandLine::AddInspectVerbs() {
 }
 
 void AddNormals(CLI::App* verb, mtdb::QueryArguments* query) {
-  verb->add_flag("--normals", query->query.normals, "add the mesh's normals to its vertices");
+  verb->add_flag("--normals", query->query.normals,
+                 "add the mesh's normals to its vertices (to .off: also those that it has)");
+  verb->add_flag("--double", query->double_positions, "to .ply: positions as float64 in any case");
 }
 
 void CommandLine::AddExtractVerb() {

@@ -7,6 +7,7 @@
 #include "store/database.h"
 #include "tools/cli/machine.h"
 #include "tools/client/shortfall_json.h"
+#include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -67,8 +68,6 @@ Json ReportJson(const QueryArguments& arguments, const QueryReport& report,
                {"shortfall", ShortfallJson(stats.shortfall)},
                {"region_missed", remarks.region_missed},
                {"unmet_limit", remarks.unmet_limit},
-               {"origin", report.origin ? Json{report.origin->x, report.origin->y, report.origin->z}
-                                        : Json()},
                {"limit", LimitName(stats.limit)},
                {"nodes_visited", stats.nodes_visited},
                {"nodes_applied", stats.nodes_applied},
@@ -87,6 +86,7 @@ Json ReportJson(const QueryArguments& arguments, const QueryReport& report,
                  {"emit", std::max(0.0, stats.seconds.emit - report.write_seconds)},
                  {"write", report.write_seconds},
                  {"total", report.total_seconds}}}};
+  if (report.file) json.update(MeshFileJson(*report.file));
   if (!report.picture.is_null()) json["picture"] = report.picture;
   return json;
 }
@@ -132,10 +132,7 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
     std::fputs(ShortfallText(stats.shortfall, LimitName(stats.limit)).c_str(), to);
   }
   std::fputs((remarks.text + report.remarks).c_str(), to);
-  if (report.origin) {
-    std::fprintf(to, "  float32 positions in the file are offsets from %.9g %.9g %.9g\n",
-                 report.origin->x, report.origin->y, report.origin->z);
-  }
+  if (report.file) std::fputs(MeshFileText(*report.file).c_str(), to);
   std::fprintf(to, "  read %llu of %llu clusters of the store (%s) in %.3g s\n",
                static_cast<unsigned long long>(stats.clusters_read),
                static_cast<unsigned long long>(stats.clusters_total),

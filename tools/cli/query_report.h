@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "codecs/mesh_file/mesh_file.h"
 #include "query/surface.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/json.h"
@@ -18,7 +19,7 @@ struct QueryReport {
   const QueryJson& query;
   const ObjectRecord& record;
   const ExtractStats& stats;
-  std::optional<Vec3d> origin = {};  // of the file's positions
+  std::optional<MeshWriteReport> file = {};  // extract: what the file has of the mesh
   double open_seconds = 0, write_seconds = 0, total_seconds = 0;
   Json picture = {};         // render: how it was drawn
   std::string remarks = {};  // more lines for people

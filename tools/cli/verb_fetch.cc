@@ -8,6 +8,7 @@
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
 #include "tools/client/shortfall_json.h"
+#include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -25,24 +26,27 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
              {"least", a.triangles},
              {"reason", "no coarser mesh is stored"}};
   }
+  const MeshWriteReport file = ParseMeshFile(a.file);
   if (arguments.json) {
-    PrintAnswer("fetch", {{"url", arguments.store},
-                          {"path", a.path},
-                          {"output", arguments.output},
-                          {"triangles", a.triangles},
-                          {"vertices", a.vertices},
-                          {"active_triangles", a.active_triangles},
-                          {"error_bound", a.error_bound},
-                          {"shortfall", ShortfallJson(a.shortfall)},
-                          {"region_missed", missed},
-                          {"unmet_limit", unmet},
-                          {"limit", a.limit},
-                          {"clusters_read", a.clusters_read},
-                          {"clusters_cached", a.clusters_cached},
-                          {"clusters_total", a.clusters_total},
-                          {"bytes_read", a.bytes_read},
-                          {"bytes_received", a.bytes_received},
-                          {"seconds", {{"total", seconds}}}});
+    Json json = {{"url", arguments.store},
+                 {"path", a.path},
+                 {"output", arguments.output},
+                 {"triangles", a.triangles},
+                 {"vertices", a.vertices},
+                 {"active_triangles", a.active_triangles},
+                 {"error_bound", a.error_bound},
+                 {"shortfall", ShortfallJson(a.shortfall)},
+                 {"region_missed", missed},
+                 {"unmet_limit", unmet},
+                 {"limit", a.limit},
+                 {"clusters_read", a.clusters_read},
+                 {"clusters_cached", a.clusters_cached},
+                 {"clusters_total", a.clusters_total},
+                 {"bytes_read", a.bytes_read},
+                 {"bytes_received", a.bytes_received},
+                 {"seconds", {{"total", seconds}}}};
+    json.update(MeshFileJson(file));
+    PrintAnswer("fetch", json);
     return;
   }
   using Count = unsigned long long;
@@ -60,6 +64,7 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
         "  WARNING: the limit of %llu triangles cannot be kept: no coarser mesh is stored\n",
         Count{unmet["max_triangles"].get<uint64_t>()});
   }
+  std::fputs(MeshFileText(file).c_str(), stdout);
   std::printf("  received %s in %.3g s\n", SizeText(a.bytes_received).c_str(), seconds);
   if (!arguments.verbose) return;
   std::printf(
@@ -84,6 +89,7 @@ Status Fetch(const QueryArguments& arguments) {
   FetchOptions options;
   options.name = arguments.name;
   options.format = format.suffixes[0];
+  options.double_positions = arguments.double_positions;
   options.timeout_seconds = arguments.timeout_seconds;
   std::unique_ptr<AtomicFile> output;
   const auto receive = [&](std::string_view piece) -> Status {

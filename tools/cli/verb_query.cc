@@ -10,6 +10,7 @@
 #include "tools/cli/query_report.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
+#include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -71,25 +72,27 @@ Status ExtractVerb(const QueryArguments& arguments) {
     return Status::Ok();
   }
   const bool standard = arguments.output == "-";
-  MeshWriteOptions write;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), json.value("normals", false));
+  write.double_positions = arguments.double_positions;
   if (standard) write.descriptor = STDOUT_FILENO;
   const auto open = [&]() {
     return CreateMeshFileWriter(
         standard ? "standard output." + arguments.output_format : arguments.output, write);
   };
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshFileWriter> writer, open());
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
   if (!arguments.drape.empty()) {
     if (standard) return InvalidArgument("--drape: is for files, not for standard output");
     MTDB_ASSIGN_OR_RETURN(MeshTexture texture, ReadDrape(arguments.drape, surface->record()));
-    MTDB_ASSIGN_OR_RETURN(writer, CreateDrapedMeshFileWriter(arguments.output, std::move(texture)));
+    MTDB_ASSIGN_OR_RETURN(writer,
+                          CreateDrapedMeshFileWriter(arguments.output, std::move(texture), write));
   }
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
   TimedSink sink(*writer);
   MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
   QueryReport report{json, surface->record(), stats};
-  report.origin = writer->origin();
+  report.file = writer->report();
   report.open_seconds = open_seconds;
   report.write_seconds = sink.seconds();
   report.total_seconds = SecondsSince(begin);

@@ -93,12 +93,13 @@ struct QueryArguments {
   std::optional<uint64_t> cache_bytes;  // none: a quarter of the machine's; not fetch
   bool json = false;
   bool verbose = false;
-  Extent size{1200, 900};        // render
-  RenderOptions picture;         // render: but for its size, frame, direction and up
-  std::string view = "auto";     // render: of kViewNames
-  double exaggerate = 1;         // render: z is drawn so many times as high
-  bool overview = false;         // render: not what the camera sees
-  double timeout_seconds = 600;  // fetch: without progress
+  bool double_positions = false;  // extract, fetch: .ply
+  Extent size{1200, 900};         // render
+  RenderOptions picture;          // render: but for its size, frame, direction and up
+  std::string view = "auto";      // render: of kViewNames
+  double exaggerate = 1;          // render: z is drawn so many times as high
+  bool overview = false;          // render: not what the camera sees
+  double timeout_seconds = 600;   // fetch: without progress
   // Extract: of a raster that a terrain becomes.
   std::optional<std::array<double, 2>> spacing;
   std::optional<std::array<double, 4>> window;

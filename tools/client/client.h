@@ -32,8 +32,9 @@ namespace mtdb {
 Status CheckUrl(const std::string& url);
 
 struct FetchOptions {
-  std::string name;            // of the object, when the URL has none
-  std::string format = "ply";  // one that docs/protocol.md lists
+  std::string name;               // of the object, when the URL has none
+  std::string format = "ply";     // one that docs/protocol.md lists
+  bool double_positions = false;  // of ply: float64, also where float32 is enough
   // How long the server may take to connect, to take the query, to answer it, and for each KiB of
   // the mesh.
   double timeout_seconds = 600;
@@ -49,6 +50,7 @@ struct FetchAnswer {
   uint64_t clusters_read = 0, clusters_cached = 0, clusters_total = 0;
   uint64_t bytes_read = 0;  // by the server, from its store
   uint64_t bytes_received = 0;
+  std::string file;  // JSON: what the file has of the mesh (docs/protocol.md, X-Mtdb-File)
 };
 // Hands the bytes of the mesh file to `receive`, at most 64 KiB at a time. An error of `receive`
 // ends the transfer and is returned. What `receive` got before an error is an incomplete file.

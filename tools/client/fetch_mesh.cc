@@ -31,6 +31,7 @@ bool TakeHeaders(const HttpResponse& response, FetchAnswer* answer) {
   take("x-mtdb-clusters-total", &answer->clusters_total);
   take("x-mtdb-bytes-read", &answer->bytes_read);
   answer->limit = response.header("x-mtdb-limit");
+  answer->file = response.header("x-mtdb-file");
   const std::string text = response.header("x-mtdb-shortfall");
   const JsonTree shortfall = text == "null" ? JsonTree() : ParseJsonObject(text);
   return ok && IsWord(answer->limit) && ParseShortfall(shortfall, &answer->shortfall);
@@ -66,9 +67,11 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
     answer.bytes_received += piece.size();
     return receive(piece);
   };
-  MTDB_ASSIGN_OR_RETURN(
-      const HttpResponse response,
-      client->Send("POST", answer.path + "/mesh?format=" + options.format, query, take));
+  MTDB_ASSIGN_OR_RETURN(const HttpResponse response,
+                        client->Send("POST",
+                                     answer.path + "/mesh?format=" + options.format +
+                                         (options.double_positions ? "&double" : ""),
+                                     query, take));
   if (response.status != 200) return Refused(where, response.status, text);
   // A mesh without triangles may be a file without bytes.
   if (!TakeHeaders(response, &answer)) return wrong;

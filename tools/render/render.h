@@ -21,7 +21,7 @@ using Rgb = std::array<uint8_t, 3>;
 
 // What a mesh's colours say.
 enum class ColourBy : uint8_t {
-  kVertexColours,  // attributes "red", "green", "blue" of type uint8; clay where there are none
+  kVertexColours,  // those of the attributes (FindColours); clay where there are none
   kNothing,        // clay
   kNormal,         // the normal's x, y, z from -1 to 1 as red, green, blue from 0 to 255
   kAttribute,      // RenderOptions::attribute, by ColourOfValue

@@ -8,6 +8,7 @@
 #include "codecs/mesh_file/internal/mesh_emitter.h"
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/scalar_row.h"
+#include "store/base/attribute_layout.h"
 
 namespace mtdb::internal {
 
@@ -48,10 +49,11 @@ Contents ContentsOf(const DracoMesh& mesh, MeshReadReport* report) {
     } else if (a.kind == DracoKind::kColour && a.type == ScalarType::kUint8 && first &&
                a.components == 4) {
       add({"red", "green", "blue", "alpha"}, ScalarType::kUint8);
-    } else if (a.kind == DracoKind::kGeneric && a.components == 1 && !a.name.empty() &&
-               IsNewName(header.attributes, a.name)) {
+    } else if (a.kind == DracoKind::kGeneric && a.components == 1 && !a.name.empty()) {
+      const std::string usable = UsableAttributeName(a.name, header.attributes);
+      if (usable != a.name) AddIgnored(report, "the name of an attribute, which is " + usable);
       columns.push_back({a.index, 1});
-      header.attributes.attributes.push_back({a.name, a.type});
+      header.attributes.attributes.push_back({usable, a.type});
     } else {
       AddIgnored(report, std::to_string(mesh.points()) + (a.kind == DracoKind::kTexture
                                                               ? " texture coordinates"

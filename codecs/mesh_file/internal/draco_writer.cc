@@ -10,6 +10,7 @@
 #include <draco/mesh/mesh.h>
 #include <memory>
 #include <new>
+#include <span>
 #include <vector>
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
@@ -41,30 +42,32 @@ struct DracoColumns {
   draco::GeometryAttribute::Type kind = draco::GeometryAttribute::GENERIC;
   ScalarType type = ScalarType::kFloat32;
   std::vector<size_t> offsets;  // in a row
+  std::vector<size_t> indices;  // in the layout
   std::string name;             // kept as metadata of generic ones
 };
 
 std::vector<DracoColumns> PlanColumns(const AttributeLayout& layout) {
   std::vector<DracoColumns> plan;
   std::vector<size_t> used;
-  const auto add = [&](draco::GeometryAttribute::Type kind, ScalarType type, const size_t* offsets,
-                       size_t count) {
-    plan.push_back({kind, type, {offsets, offsets + count}, ""});
-    used.insert(used.end(), offsets, offsets + count);
+  const auto add = [&](draco::GeometryAttribute::Type kind, ScalarType type,
+                       std::span<const size_t> offsets, std::span<const size_t> indices) {
+    plan.push_back(
+        {kind, type, {offsets.begin(), offsets.end()}, {indices.begin(), indices.end()}, ""});
+    used.insert(used.end(), indices.begin(), indices.end());
   };
-  const ColourColumns colours = FindColours(layout);
-  if (colours.count > 0) {
-    add(draco::GeometryAttribute::COLOR, ScalarType::kUint8, colours.offsets,
-        static_cast<size_t>(colours.count));
+  if (const ColourAttributes c = FindColours(layout); c.count > 0) {
+    const auto count = static_cast<size_t>(c.count);
+    add(draco::GeometryAttribute::COLOR, ScalarType::kUint8, std::span(c.offsets).first(count),
+        std::span(c.indices).first(count));
   }
-  const NormalColumns normals = FindNormals(layout);
-  if (normals.found) {
-    add(draco::GeometryAttribute::NORMAL, ScalarType::kFloat32, normals.offsets, 3);
+  if (const NormalAttributes n = FindNormals(layout); n.found) {
+    add(draco::GeometryAttribute::NORMAL, ScalarType::kFloat32, n.offsets, n.indices);
   }
   size_t offset = 0;
-  for (const VertexAttribute& a : layout.attributes) {
-    if (std::find(used.begin(), used.end(), offset) == used.end()) {
-      plan.push_back({draco::GeometryAttribute::GENERIC, a.type, {offset}, a.name});
+  for (size_t i = 0; i < layout.attributes.size(); ++i) {
+    const VertexAttribute& a = layout.attributes[i];
+    if (std::find(used.begin(), used.end(), i) == used.end()) {
+      plan.push_back({draco::GeometryAttribute::GENERIC, a.type, {offset}, {i}, a.name});
     }
     offset += ScalarSize(a.type);
   }
@@ -79,7 +82,7 @@ class DracoWriter final : public MeshWriter {
   // The quantum's half, and what Draco's float32 arithmetic adds: some roundings of offsets within
   // the bounds, and one of the sum of the smallest corner and such an offset.
   double LargestRounding(const MeshHeader& header) const override {
-    const FloatPositions positions(header);
+    const FloatPositions positions(header, origin_kind());
     double quantised = 0;
     if (!header.bounds.empty()) {
       const Vec3d size = header.bounds.max - header.bounds.min;
@@ -107,6 +110,9 @@ class DracoWriter final : public MeshWriter {
                              " vertices; write PLY or ask for another part of it");
     }
     columns_ = PlanColumns(header().attributes);
+    CarryAll();
+    colours_ = ColourReader(FindColours(header().attributes));
+    normals_ = FindNormals(header().attributes);
     if (columns_.size() > kMaxAttributes) {
       return InvalidArgument(path() + ": Draco holds at most " + std::to_string(kMaxAttributes) +
                              " attributes, but the mesh has " + std::to_string(columns_.size()) +
@@ -158,25 +164,29 @@ class DracoWriter final : public MeshWriter {
       if (!float_positions().Round(p, &f)) return TooLarge();
       mesh_.attribute(0)->SetAttributeValue(at, &f);
       for (size_t k = 0; k < columns_.size(); ++k) {
-        std::array<std::byte, 4 * sizeof(double)> value;
-        const size_t size = ScalarSize(columns_[k].type);
-        for (size_t c = 0; c < columns_[k].offsets.size(); ++c) {
-          std::memcpy(value.data() + c * size, rows.data() + i * row_bytes + columns_[k].offsets[c],
-                      size);
-        }
-        if (columns_[k].kind == draco::GeometryAttribute::NORMAL) MakeFinite(value.data());
+        std::array<std::byte, sizeof(double) * 4> value;
+        PutValue(columns_[k], rows.data() + i * row_bytes, value.data());
         mesh_.attribute(static_cast<int>(k) + 1)->SetAttributeValue(at, value.data());
       }
     }
     return Status::Ok();
   }
 
-  // Draco quantises normals, which it cannot do with NaN.
-  static void MakeFinite(std::byte* normal) {
-    float n[3];
-    std::memcpy(n, normal, sizeof(n));
-    if (std::isfinite(n[0]) && std::isfinite(n[1]) && std::isfinite(n[2])) return;
-    std::memset(normal, 0, sizeof(n));
+  void PutValue(const DracoColumns& columns, const std::byte* row, std::byte* value) {
+    if (columns.kind == draco::GeometryAttribute::COLOR) {
+      for (int c = 0; c < colours_.count(); ++c) value[c] = std::byte{colours_.Byte(row, c)};
+    } else if (columns.kind == draco::GeometryAttribute::NORMAL) {
+      // Draco quantises normals, which it cannot do with NaN.
+      const Vec3d n = NormalIn(row, normals_);
+      std::array<float, 3> single{static_cast<float>(n.x), static_cast<float>(n.y),
+                                  static_cast<float>(n.z)};
+      if (!std::all_of(single.begin(), single.end(), [](float v) { return std::isfinite(v); })) {
+        single = {};
+      }
+      std::memcpy(value, single.data(), sizeof(single));
+    } else {
+      std::memcpy(value, row + columns.offsets[0], ScalarSize(columns.type));
+    }
   }
 
   Status WriteTriangles(std::span<const TriangleVertices> triangles) override {
@@ -254,7 +264,15 @@ class DracoWriter final : public MeshWriter {
     quantised_ = std::sqrt(most2) * (1 + 1e-12);
   }
 
+  FloatOrigin origin_kind() const override { return FloatOrigin::kDecimals; }
+  const char* position_type() const override { return "quantised"; }
+  void AddToReport(MeshWriteReport* report) const override {
+    colours_.AddToReport("8 bits", report);
+  }
+
   MeshWriteOptions options_;
+  ColourReader colours_;
+  NormalAttributes normals_;
   double quantised_ = 0;  // the farthest that quantisation moves a position
   std::vector<DracoColumns> columns_;
   draco::Mesh mesh_;

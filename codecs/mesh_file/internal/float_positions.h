@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <limits>
 
@@ -11,19 +12,26 @@
 
 namespace mtdb::internal {
 
+// Which origins a format has room for.
+enum class FloatOrigin {
+  kNone,
+  kFloat32,   // of float32 values, as some readers of glTF take what places a node
+  kDecimals,  // doubles that 9 significant digits name, which are short to write and exact to read
+};
+
 // The origin is 0 but for meshes that lie so far away, for their size, that float32 would move
-// their vertices by a millionth of their diagonal. Then it is near their middle, of float32 values
-// (9 digits name them).
+// their vertices by a millionth of their diagonal. Then it is near their middle.
 class FloatPositions {
  public:
   FloatPositions() = default;
-  explicit FloatPositions(const MeshHeader& header) {
-    if (header.bounds.empty() || !header.double_positions) return;
+  FloatPositions(const MeshHeader& header, FloatOrigin kind) {
+    if (header.bounds.empty() || !header.double_positions || kind == FloatOrigin::kNone) return;
     constexpr double kShare = 1e-6;
     if (!(Largest(header.bounds) > kShare * Diagonal(header.bounds))) return;
     for (int i = 0; i < 3; ++i) {
       const double middle = header.bounds.min[i] / 2 + header.bounds.max[i] / 2;
-      origin_[i] = static_cast<double>(static_cast<float>(middle));
+      origin_[i] = kind == FloatOrigin::kFloat32 ? static_cast<double>(static_cast<float>(middle))
+                                                 : ShortDecimal(middle);
     }
     if (!std::isfinite(origin_.x + origin_.y + origin_.z)) origin_ = {};
   }
@@ -64,6 +72,15 @@ class FloatPositions {
                 2 * std::numeric_limits<double>::epsilon() * (size + offset);
     }
     return Length(most) * (1 + 1e-12);
+  }
+
+  static double ShortDecimal(double value) {
+    constexpr int kDigits = 9;
+    char text[32];
+    const auto end =
+        std::to_chars(text, text + sizeof(text), value, std::chars_format::scientific, kDigits - 1);
+    std::from_chars(text, end.ptr, value);
+    return value;
   }
 
   Vec3d origin_;

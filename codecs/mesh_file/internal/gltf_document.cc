@@ -2,8 +2,11 @@
 #include "codecs/mesh_file/internal/gltf_document.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <meshoptimizer.h>
 #include <set>
 #include <utility>
@@ -38,6 +41,7 @@ bool TypeOf(uint64_t component, ScalarType* type) {
     case 5123: *type = ScalarType::kUint16; return true;
     case 5125: *type = ScalarType::kUint32; return true;
     case 5126: *type = ScalarType::kFloat32; return true;
+    case 5130: *type = ScalarType::kFloat64; return true;  // KHR_accessor_float64
     default: return false;
   }
 }
@@ -102,6 +106,29 @@ bool DecodeBase64(std::string_view text, Bytes* bytes) {
   return true;
 }
 
+// meshopt's filter of colours: luma, two differences, and an alpha whose highest bit tells how many
+// bits the four have; back to red, green, blue and alpha that fill theirs.
+template <typename Value, typename Difference>
+void DecodeColours(Bytes& bytes) {
+  for (size_t at = 0; at + 4 * sizeof(Value) <= bytes.size(); at += 4 * sizeof(Value)) {
+    std::array<Value, 4> coded;
+    std::memcpy(coded.data(), bytes.data() + at, sizeof(coded));
+    const int luma = coded[0];
+    const int orange = static_cast<Difference>(coded[1]);
+    const int green = static_cast<Difference>(coded[2]);
+    const auto full = static_cast<int>(std::bit_ceil(uint32_t{coded[3]} + 1) - 1);
+    const int alpha = ((coded[3] << 1) & full) | (coded[3] & 1);
+    const std::array<int, 4> parts{luma + orange - green, luma + green, luma - orange - green,
+                                   alpha};
+    constexpr double kMost = std::numeric_limits<Value>::max();
+    for (size_t i = 0; i < 4; ++i) {
+      const double part = full == 0 ? 0 : kMost * parts[i] / full;
+      coded[i] = static_cast<Value>(std::clamp(std::floor(part + 0.5), 0.0, kMost));
+    }
+    std::memcpy(bytes.data() + at, coded.data(), sizeof(coded));
+  }
+}
+
 }  // namespace
 
 const GltfJson* GltfMember(const GltfJson* json, const char* key) {
@@ -140,6 +167,7 @@ bool GltfNumber(const GltfJson* json, const char* key, uint64_t otherwise, uint6
 Result<std::unique_ptr<GltfDocument>> GltfDocument::Open(const InputFile& file) {
   std::unique_ptr<GltfDocument> document(new GltfDocument());
   document->path_ = file.path();
+  document->file_bytes_ = file.size_bytes();
   MTDB_RETURN_IF_ERROR(document->ReadJson(file));
   MTDB_RETURN_IF_ERROR(document->CheckExtensions());
   return document;
@@ -176,29 +204,60 @@ Status GltfDocument::ReadJson(const InputFile& file) {
   json_ = GltfJson::parse(AsString(text), nullptr, false);
   if (json_.is_discarded() || !json_.is_object()) return Error("the JSON is damaged");
   if (!is_binary) return Status::Ok();
-  const uint64_t chunk = begin + (size + 3) / 4 * 4;
-  std::array<std::byte, kChunkHeaderBytes> chunk_header;
-  MTDB_ASSIGN_OR_RETURN(const size_t chunk_read, file.ReadAt(chunk, chunk_header));
-  if (chunk_read < chunk_header.size() || Word(chunk_header.data() + 4) != kBinaryChunk) {
-    return Status::Ok();
+  return FindBinaryChunk(file, begin + (size + 3) / 4 * 4);
+}
+
+// It should be the second. Programs that put others in front of it are read all the same, and what
+// is behind it is left alone.
+Status GltfDocument::FindBinaryChunk(const InputFile& file, uint64_t chunk) {
+  constexpr int kMostChunks = 64;
+  for (int i = 0; i < kMostChunks; ++i) {
+    std::array<std::byte, kChunkHeaderBytes> header;
+    MTDB_ASSIGN_OR_RETURN(const size_t read, file.ReadAt(chunk, header));
+    if (read < header.size()) return Status::Ok();
+    const uint64_t size = Word(header.data());
+    if (Word(header.data() + 4) == kBinaryChunk) {
+      // The reader's file outlives the document.
+      binary_.file = std::shared_ptr<const InputFile>(std::shared_ptr<const InputFile>(), &file);
+      binary_.begin = chunk + header.size();
+      binary_.size = std::min<uint64_t>(size, file.size_bytes() - binary_.begin);
+      return Status::Ok();
+    }
+    chunk += header.size() + (size + 3) / 4 * 4;
   }
-  // The reader's file outlives the document.
-  binary_.file = std::shared_ptr<const InputFile>(std::shared_ptr<const InputFile>(), &file);
-  binary_.begin = chunk + chunk_header.size();
-  binary_.size = std::min<uint64_t>(Word(chunk_header.data()), file.size_bytes() - binary_.begin);
   return Status::Ok();
 }
 
-Status GltfDocument::CheckExtensions() const {
+bool GltfDocument::KnowsExtension(const std::string& name) {
   static const std::set<std::string> kKnown{
-      "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization",
-      // Of materials and textures, which are not carried.
-      "KHR_materials_unlit", "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp"};
+      // Read.
+      "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression",
+      "KHR_mesh_quantization", "KHR_accessor_float64", "EXT_mesh_gpu_instancing",
+      // Of what is not carried: lights, sounds, physics, scripts, and what is known of things.
+      "KHR_xmp", "KHR_xmp_json_ld", "KHR_interactivity", "KHR_audio", "KHR_audio_emitter",
+      "KHR_audio_graph", "KHR_techniques_webgl", "KHR_physics_rigid_bodies", "KHR_implicit_shapes",
+      "KHR_blend", "KHR_environment_map", "KHR_camera_perspective", "EXT_structural_metadata",
+      "EXT_mesh_features", "EXT_instance_features", "EXT_feature_metadata",
+      "EXT_mesh_primitive_edge_visibility", "EXT_property_animation", "CESIUM_primitive_outline",
+      "AGI_articulations", "AGI_stk_metadata", "FB_geometry_metadata", "FB_ngon_encoding",
+      "GRIFFEL_bim_data", "MSFT_audio_emitter", "NV_materials_mdl", "OMI_physics_body",
+      "OMI_physics_joint", "OMI_physics_shape", "OMI_collider", "OMI_spawn_point", "OMI_seat",
+      "OMI_link", "VRM"};
+  static constexpr std::array<std::string_view, 14> kKinds{
+      "KHR_materials_", "EXT_materials_", "ADOBE_materials_", "MSFT_packing_",
+      "KHR_texture_",   "EXT_texture_",   "MSFT_texture_",    "KHR_lights_",
+      "EXT_lights_",    "KHR_animation_", "KHR_node_",        "KHR_xmp_",
+      "VRMC_",          "OMI_audio_"};
+  return kKnown.contains(name) ||
+         std::ranges::any_of(kKinds, [&](std::string_view kind) { return name.starts_with(kind); });
+}
+
+Status GltfDocument::CheckExtensions() const {
   for (size_t i = 0; i < GltfSize(&json_, "extensionsRequired"); ++i) {
     const GltfJson& name = *GltfElement(&json_, "extensionsRequired", i);
     if (!name.is_string()) return Error("extensionsRequired is not a list of names");
     const auto& text = name.get_ref<const std::string&>();
-    if (kKnown.contains(text) || text.starts_with("KHR_materials_")) continue;
+    if (KnowsExtension(text)) continue;
     return Unsupported(path_ + ": glTF: the file needs the extension " + text.substr(0, 100) +
                        ", which mtdb does not read; export it without");
   }
@@ -226,7 +285,8 @@ Result<GltfBytes> GltfDocument::Buffer(uint64_t index) const {
   const GltfJson* const uri = GltfMember(buffer, "uri");
   if (uri == nullptr) {
     if (index != 0 || binary_.file == nullptr) {
-      return Error("buffer " + std::to_string(index) + " has neither a file nor a chunk");
+      return Error("buffer " + std::to_string(index) +
+                   " has neither a file nor a chunk of type BIN");
     }
     return binary_;
   }
@@ -275,8 +335,9 @@ Result<GltfBytes> GltfDocument::Part(uint64_t buffer, uint64_t offset, uint64_t 
 Result<GltfBytes> GltfDocument::BufferView(uint64_t index) const {
   const GltfJson* const view = GltfElement(&json_, "bufferViews", index);
   if (view == nullptr) return Error("no bufferView " + std::to_string(index));
-  const GltfJson* const meshopt =
-      GltfMember(GltfMember(view, "extensions"), "EXT_meshopt_compression");
+  const GltfJson* const extensions = GltfMember(view, "extensions");
+  const GltfJson* meshopt = GltfMember(extensions, "EXT_meshopt_compression");
+  if (meshopt == nullptr) meshopt = GltfMember(extensions, "KHR_meshopt_compression");
   if (meshopt != nullptr) {
     const auto known =
         std::ranges::find(decompressed_, index, [](const auto& kept) { return kept.first; });
@@ -306,14 +367,14 @@ Result<GltfBytes> GltfDocument::Decompressed(const GltfJson* extension) const {
       !GltfNumber(extension, "byteStride", 0, &stride) ||
       !GltfNumber(extension, "count", 0, &count) || mode == nullptr || !mode->is_string() ||
       (filter != nullptr && !filter->is_string())) {
-    return Error("EXT_meshopt_compression has a wrong member");
+    return Error("meshopt compression has a wrong member");
   }
   const std::string kind = mode->get<std::string>();
   const std::string how = filter == nullptr ? "NONE" : filter->get<std::string>();
   const bool is_index = kind == "TRIANGLES" || kind == "INDICES";
   if (is_index ? (stride != 2 && stride != 4) || (kind == "TRIANGLES" && count % 3 != 0)
                : kind != "ATTRIBUTES" || stride == 0 || stride > 256 || stride % 4 != 0) {
-    return Error("EXT_meshopt_compression of mode " + kind.substr(0, 20) + " and " +
+    return Error("meshopt compression of mode " + kind.substr(0, 20) + " and " +
                  std::to_string(stride) + " bytes an element");
   }
   MTDB_ASSIGN_OR_RETURN(const GltfBytes part, Part(buffer, offset, size));
@@ -330,13 +391,25 @@ Result<GltfBytes> GltfDocument::Decompressed(const GltfJson* extension) const {
       : kind == "TRIANGLES"
           ? meshopt_decodeIndexBuffer(bytes->data(), count, stride, source, packed.size())
           : meshopt_decodeIndexSequence(bytes->data(), count, stride, source, packed.size());
-  if (code != 0) return Error("meshopt cannot decode a bufferView; the file is damaged");
+  if (code != 0) {
+    // The first byte of vertices has their format's version.
+    if (kind == "ATTRIBUTES" && !packed.empty() && packed[0] == std::byte{0xa1}) {
+      return Unsupported(path_ +
+                         ": glTF: vertices in version 1 of meshopt's format, mtdb reads version 0; "
+                         "export it with EXT_meshopt_compression");
+    }
+    return Error("meshopt cannot decode a bufferView; the file is damaged");
+  }
   if (how == "OCTAHEDRAL" && (stride == 4 || stride == 8)) {
     meshopt_decodeFilterOct(bytes->data(), count, stride);
   } else if (how == "QUATERNION" && stride == 8) {
     meshopt_decodeFilterQuat(bytes->data(), count, stride);
   } else if (how == "EXPONENTIAL") {
     meshopt_decodeFilterExp(bytes->data(), count, stride);
+  } else if (how == "COLOR" && stride == 4) {
+    DecodeColours<uint8_t, int8_t>(*bytes);
+  } else if (how == "COLOR" && stride == 8) {
+    DecodeColours<uint16_t, int16_t>(*bytes);
   } else if (how != "NONE") {
     return Error("meshopt filter " + how.substr(0, 20) + " of " + std::to_string(stride) +
                  " bytes an element");
@@ -363,10 +436,6 @@ Result<GltfAccessor> GltfDocument::AccessorShape(uint64_t index) const {
   const std::string name = "accessor " + std::to_string(index);
   const GltfJson* const json = GltfElement(&json_, "accessors", index);
   if (json == nullptr) return Error("no " + name);
-  if (GltfMember(json, "sparse") != nullptr) {
-    return Unsupported(path_ + ": glTF: " + name +
-                       " is sparse, which mtdb does not read; export it without");
-  }
   GltfAccessor accessor;
   uint64_t component = 0;
   if (!GltfNumber(json, "componentType", 0, &component) ||
@@ -392,10 +461,19 @@ Result<GltfAccessor> GltfDocument::Accessor(uint64_t index) const {
       !GltfNumber(json, "byteOffset", 0, &offset)) {
     return Error(name + " has a wrong number");
   }
-  // All its values would be 0.
-  if (GltfMember(json, "bufferView") == nullptr) return Error(name + " has no bufferView");
   const uint64_t value_bytes =
       ScalarSize(accessor.type) * static_cast<uint64_t>(accessor.components);
+  MTDB_RETURN_IF_ERROR(ReadSparse(json, name, &accessor));
+  if (GltfMember(json, "bufferView") == nullptr) {
+    // All its values are 0. Others of the same count have bytes, or the file is a trap.
+    if (accessor.count > kMostPerByte * file_bytes_) {
+      return Error(name + " has " + std::to_string(accessor.count) +
+                   " values without a bufferView; the file is damaged");
+    }
+    accessor.bytes.stride = value_bytes;
+    accessor.bytes.size = accessor.count * value_bytes;
+    return accessor;
+  }
   MTDB_ASSIGN_OR_RETURN(accessor.bytes, BufferView(view));
   GltfBytes& bytes = accessor.bytes;
   if (bytes.stride == 0) bytes.stride = value_bytes;
@@ -413,6 +491,58 @@ Result<GltfAccessor> GltfDocument::Accessor(uint64_t index) const {
   return accessor;
 }
 
+Status GltfDocument::ReadSparse(const GltfJson* json, const std::string& name,
+                                GltfAccessor* accessor) const {
+  const GltfJson* const sparse = GltfMember(json, "sparse");
+  if (sparse == nullptr) return Status::Ok();
+  const GltfJson* const indices = GltfMember(sparse, "indices");
+  const GltfJson* const values = GltfMember(sparse, "values");
+  uint64_t count = 0, index_view = 0, index_offset = 0, component = 0, view = 0, offset = 0;
+  ScalarType type = ScalarType::kUint8;
+  if (!GltfNumber(sparse, "count", 0, &count) ||
+      !GltfNumber(indices, "bufferView", kMaxNumber, &index_view) ||
+      !GltfNumber(indices, "byteOffset", 0, &index_offset) ||
+      !GltfNumber(indices, "componentType", 0, &component) || !TypeOf(component, &type) ||
+      !GltfNumber(values, "bufferView", kMaxNumber, &view) ||
+      !GltfNumber(values, "byteOffset", 0, &offset) || type == ScalarType::kFloat32 ||
+      count > accessor->count) {
+    return Error(name + ": its sparse values have a wrong number");
+  }
+  const uint64_t value_bytes =
+      ScalarSize(accessor->type) * static_cast<uint64_t>(accessor->components);
+  MTDB_ASSIGN_OR_RETURN(GltfBytes places, BufferView(index_view));
+  MTDB_ASSIGN_OR_RETURN(GltfBytes bytes, BufferView(view));
+  const auto cut = [count](GltfBytes* part, uint64_t from, uint64_t size) {
+    if (from > part->size || (part->size - from) / size < count) return false;
+    part->begin += from;
+    part->size = count * size;
+    part->stride = 0;
+    return true;
+  };
+  if (!cut(&places, index_offset, ScalarSize(type)) || !cut(&bytes, offset, value_bytes)) {
+    return Error(name + ": " + std::to_string(count) +
+                 " sparse values, but their bufferViews have fewer; the file is cut short");
+  }
+  auto made = std::make_shared<GltfSparse>();
+  MTDB_ASSIGN_OR_RETURN(made->values, Load(bytes));
+  GltfAccessor list{places, count, 1, type, false, nullptr};
+  list.bytes.stride = ScalarSize(type);
+  GltfValues reader(std::move(list));
+  for (uint64_t i = 0; i < count; ++i) {
+    std::array<double, 4> value;
+    MTDB_RETURN_IF_ERROR(reader.Next(&value));
+    const auto place = static_cast<uint64_t>(value[0]);
+    if (value[0] < 0 || place >= accessor->count || (i > 0 && place <= made->places.back())) {
+      return Error(name + ": sparse value " + std::to_string(i) + " is for value " +
+                   std::to_string(place) + "; they ascend, and there are " +
+                   std::to_string(accessor->count));
+    }
+    made->places.push_back(place);
+  }
+  accessor->sparse = std::move(made);
+  return Status::Ok();
+}
+
 Status GltfValues::Fill() {
   constexpr uint64_t kBlock = 1 << 16;
   const GltfBytes& bytes = accessor_.bytes;
@@ -425,6 +555,7 @@ Status GltfValues::Fill() {
     std::copy_n(bytes.memory->data() + bytes.begin + begin, size, buffer_.data());
     return Status::Ok();
   }
+  if (bytes.file == nullptr) return Status::Ok();  // zeros
   MTDB_ASSIGN_OR_RETURN(const size_t read,
                         bytes.file->ReadAt(bytes.begin + begin, std::span(buffer_).first(size)));
   return read == size ? Status::Ok()
@@ -435,6 +566,10 @@ Status GltfValues::Next(std::array<double, 4>* value) {
   MTDB_CHECK(next_ < accessor_.count, "no values are left");
   if (next_ == first_ + held_) MTDB_RETURN_IF_ERROR(Fill());
   const std::byte* at = buffer_.data() + (next_ - first_) * accessor_.bytes.stride;
+  if (const GltfSparse* s = accessor_.sparse.get();
+      s != nullptr && stood_in_ < s->places.size() && s->places[stood_in_] == next_) {
+    at = s->values.data() + stood_in_++ * (s->values.size() / s->places.size());
+  }
   ++next_;
   *value = {};
   for (int c = 0; c < accessor_.components; ++c) {
@@ -453,6 +588,7 @@ Status GltfValues::Next(std::array<double, 4>* value) {
       case ScalarType::kInt16: out = as(int16_t{}); break;
       case ScalarType::kUint16: out = as(uint16_t{}); break;
       case ScalarType::kUint32: out = as(uint32_t{}); break;
+      case ScalarType::kFloat64: out = as(double{}); break;
       default: out = as(float{}); break;
     }
   }

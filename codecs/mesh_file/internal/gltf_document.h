@@ -30,13 +30,19 @@ size_t GltfSize(const GltfJson* json, const char* list);
 // is something else.
 bool GltfNumber(const GltfJson* json, const char* key, uint64_t otherwise, uint64_t* value);
 
-// A part of a buffer: in a file, or in memory.
+// A part of a buffer: in a file, in memory, or zeros that are nowhere.
 struct GltfBytes {
   std::shared_ptr<const InputFile> file;  // null: in memory
-  std::shared_ptr<const Bytes> memory;
+  std::shared_ptr<const Bytes> memory;    // null, too: zeros
   uint64_t begin = 0;
   uint64_t size = 0;
   uint64_t stride = 0;  // 0: packed
+};
+
+// Values that stand in for some of an accessor's.
+struct GltfSparse {
+  std::vector<uint64_t> places;  // ascending
+  Bytes values;                  // packed
 };
 
 // Values of an accessor: `count` of up to 4 components (16 for matrices are refused).
@@ -46,6 +52,7 @@ struct GltfAccessor {
   int components = 1;
   ScalarType type = ScalarType::kFloat32;
   bool normalized = false;
+  std::shared_ptr<const GltfSparse> sparse;  // null: none
 };
 
 // Not for several threads at a time.
@@ -60,7 +67,9 @@ class GltfDocument {
   Result<GltfAccessor> Accessor(uint64_t index) const;
   // Without its bytes, which may be elsewhere.
   Result<GltfAccessor> AccessorShape(uint64_t index) const;
-  // Decompressed, where EXT_meshopt_compression says so.
+  // Whether mtdb reads the extension, or can leave it out: it says nothing of where triangles are.
+  static bool KnowsExtension(const std::string& name);
+  // Decompressed, where EXT_meshopt_compression or KHR_meshopt_compression says so.
   Result<GltfBytes> BufferView(uint64_t index) const;
   // All of a part, which is at most as large as the file.
   Result<Bytes> Load(const GltfBytes& bytes) const;
@@ -69,12 +78,15 @@ class GltfDocument {
  private:
   GltfDocument() = default;
   Status ReadJson(const InputFile& file);
+  Status FindBinaryChunk(const InputFile& file, uint64_t chunk);
   Status CheckExtensions() const;
   Result<GltfBytes> Buffer(uint64_t index) const;
   Result<GltfBytes> DataUri(const std::string& text) const;
   Result<GltfBytes> Part(uint64_t buffer, uint64_t offset, uint64_t size) const;
   Result<GltfBytes> Decompressed(const GltfJson* extension) const;
+  Status ReadSparse(const GltfJson* json, const std::string& name, GltfAccessor* accessor) const;
 
+  uint64_t file_bytes_ = 0;
   // At most so many decompressed views are kept: what a primitive has, beside each other.
   static constexpr size_t kKeptViews = 8;
 
@@ -97,9 +109,10 @@ class GltfValues {
  private:
   Status Fill();
   GltfAccessor accessor_;
-  uint64_t next_ = 0;   // value
-  uint64_t first_ = 0;  // value that the buffer begins with
-  uint64_t held_ = 0;   // values in the buffer
+  uint64_t next_ = 0;    // value
+  uint64_t first_ = 0;   // value that the buffer begins with
+  uint64_t held_ = 0;    // values in the buffer
+  size_t stood_in_ = 0;  // of the sparse values, so many are behind
   Bytes buffer_;
 };
 

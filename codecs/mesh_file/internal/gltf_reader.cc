@@ -13,6 +13,8 @@
 #include "codecs/mesh_file/internal/mesh_emitter.h"
 #include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/scalar_row.h"
+#include "store/base/attribute_layout.h"
+#include "store/base/vertex_meaning.h"
 
 namespace mtdb::internal {
 
@@ -50,8 +52,20 @@ struct Source {
   std::optional<GltfValues> values;
   const DracoMesh* draco = nullptr;
   int attribute = 0;
-  double scale = 1;  // from Draco's integers to numbers up to 1
+  double scale = 1;         // from Draco's integers to numbers up to 1
+  double colour_scale = 1;  // of a colour: from integers that are not said to be parts of one
 };
+
+// What glTF's integers of a type are parts of; 1 for floats.
+double WholeOf(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8: return 127;
+    case ScalarType::kUint8: return 255;
+    case ScalarType::kInt16: return 32767;
+    case ScalarType::kUint16: return 65535;
+    default: return 1;
+  }
+}
 
 class GltfReader {
  public:
@@ -115,17 +129,22 @@ class GltfReader {
           {m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}, {m[12], m[13], m[14]}};
       return Status::Ok();
     }
-    std::array<double, 3> t{0, 0, 0}, s{1, 1, 1};
-    std::array<double, 4> q{0, 0, 0, 1};
-    MTDB_RETURN_IF_ERROR(Numbers(node, "translation", t));
-    MTDB_RETURN_IF_ERROR(Numbers(node, "scale", s));
+    std::array<double, 4> t{0, 0, 0, 0}, s{1, 1, 1, 0}, q{0, 0, 0, 1};
+    MTDB_RETURN_IF_ERROR(Numbers(node, "translation", std::span(t).first(3)));
+    MTDB_RETURN_IF_ERROR(Numbers(node, "scale", std::span(s).first(3)));
     MTDB_RETURN_IF_ERROR(Numbers(node, "rotation", q));
-    const auto [x, y, z, w] = q;
-    placement->x = s[0] * Vec3d{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)};
-    placement->y = s[1] * Vec3d{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)};
-    placement->z = s[2] * Vec3d{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)};
-    placement->shift = {t[0], t[1], t[2]};
+    *placement = PlacementOf(t, q, s);
     return Status::Ok();
+  }
+
+  // A translation, a rotation as a quaternion, and a scale.
+  static Placement PlacementOf(const std::array<double, 4>& t, const std::array<double, 4>& q,
+                               const std::array<double, 4>& s) {
+    const auto [x, y, z, w] = q;
+    return {s[0] * Vec3d{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+            s[1] * Vec3d{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+            s[2] * Vec3d{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)},
+            {t[0], t[1], t[2]}};
   }
 
   // The nodes of the default scene; without scenes, all that are no children; without nodes, the
@@ -155,6 +174,7 @@ class GltfReader {
     }
     // In the order of the file.
     std::ranges::reverse(open);
+    other_scenes_ = GltfSize(json, "scenes") - (GltfSize(json, "scenes") > 0 ? 1 : 0);
     std::vector<bool> met(nodes, false);
     while (!open.empty()) {
       const auto [number, outer] = open.back();
@@ -168,10 +188,44 @@ class GltfReader {
       const Placement placement = outer * own;
       uint64_t mesh = 0;
       if (!GltfNumber(node, "mesh", kNone, &mesh)) return Error("a node's mesh is no number");
-      if (mesh != kNone) MTDB_RETURN_IF_ERROR(AddMesh(mesh, placement));
+      if (mesh != kNone) MTDB_RETURN_IF_ERROR(AddInstances(node, mesh, placement));
       std::vector<std::pair<uint64_t, Placement>> children;
       MTDB_RETURN_IF_ERROR(AddNodes(node, "children", placement, &children));
       open.insert(open.end(), children.rbegin(), children.rend());
+    }
+    for (size_t n = 0; n < nodes; ++n) {
+      outside_ += !met[n] && GltfMember(GltfElement(json, "nodes", n), "mesh") != nullptr;
+    }
+    return Status::Ok();
+  }
+
+  // A mesh where a node puts it: once, or as often as EXT_mesh_gpu_instancing says.
+  Status AddInstances(const GltfJson* node, uint64_t mesh, const Placement& placement) {
+    const GltfJson* const attributes = GltfMember(
+        GltfMember(GltfMember(node, "extensions"), "EXT_mesh_gpu_instancing"), "attributes");
+    if (attributes == nullptr) return AddMesh(mesh, placement);
+    constexpr std::array<const char*, 3> kNames{"TRANSLATION", "ROTATION", "SCALE"};
+    std::array<std::optional<GltfValues>, 3> values;
+    std::optional<uint64_t> count;
+    for (size_t i = 0; i < kNames.size(); ++i) {
+      uint64_t index = 0;
+      if (!GltfNumber(attributes, kNames[i], kNone, &index)) return Error("an instance's number");
+      if (index == kNone) continue;
+      MTDB_ASSIGN_OR_RETURN(GltfAccessor accessor, document_->Accessor(index));
+      if (accessor.components != (i == 1 ? 4 : 3) ||
+          accessor.count != count.value_or(accessor.count)) {
+        return Error(std::string("instances: ") + kNames[i] + " has another count or type");
+      }
+      count = accessor.count;
+      values[i].emplace(std::move(accessor));
+    }
+    if (!count) return AddMesh(mesh, placement);
+    for (uint64_t n = 0; n < *count; ++n) {
+      std::array<double, 4> t{}, q{0, 0, 0, 1}, s{1, 1, 1, 0};
+      if (values[0]) MTDB_RETURN_IF_ERROR(values[0]->Next(&t));
+      if (values[1]) MTDB_RETURN_IF_ERROR(values[1]->Next(&q));
+      if (values[2]) MTDB_RETURN_IF_ERROR(values[2]->Next(&s));
+      MTDB_RETURN_IF_ERROR(AddMesh(mesh, placement * PlacementOf(t, q, s)));
     }
     return Status::Ok();
   }
@@ -270,7 +324,8 @@ class GltfReader {
         return Error(primitive.where + ": " + std::to_string(positions.count) + " vertices");
       }
       vertices += primitive.uses * positions.count;
-      header_.double_positions |= primitive.is_moved || positions.normalized;
+      header_.double_positions |=
+          primitive.is_moved || positions.normalized || positions.type == ScalarType::kFloat64;
       const GltfJson* const attributes = GltfMember(primitive.json, "attributes");
       std::erase_if(names, [&](const std::string& name) {
         return GltfMember(attributes, name.c_str()) == nullptr;
@@ -310,8 +365,11 @@ class GltfReader {
     } else if (name.starts_with("_") && name.size() > 1 && components == 1 && same) {
       std::string own = name.substr(1);
       for (char& c : own) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-      if (!IsNewName(header_.attributes, own)) return Status::Ok();
-      list.push_back({own, type});
+      const std::string usable = UsableAttributeName(own, header_.attributes);
+      if (usable != own) {
+        AddIgnored(report_, "the name of attribute " + Shown(name) + ", which is " + Shown(usable));
+      }
+      list.push_back({usable, type});
     } else {
       return Status::Ok();
     }
@@ -332,7 +390,21 @@ class GltfReader {
     count(GltfSize(json, "animations"), "animations");
     count(morphs_, "primitives' morph targets");
     count(lines_, "primitives of points or lines");
-    for (const std::string& name : others_) AddIgnored(report_, "attribute " + name.substr(0, 60));
+    count(other_scenes_, other_scenes_ == 1 ? "other scene" : "other scenes");
+    count(outside_, outside_ == 1 ? "node outside of the scene with its mesh"
+                                  : "nodes outside of the scene with their meshes");
+    for (const std::string& name : others_) AddIgnored(report_, "attribute " + Shown(name));
+    for (size_t i = 0; i < GltfSize(json, "extensionsUsed"); ++i) {
+      const GltfJson& name = *GltfElement(json, "extensionsUsed", i);
+      if (!name.is_string() || GltfDocument::KnowsExtension(name.get<std::string>())) continue;
+      AddIgnored(report_, "extension " + Shown(name.get<std::string>()));
+    }
+  }
+
+  // The beginning of a name, on one line.
+  static std::string Shown(const std::string& name) {
+    constexpr size_t kMost = 60;
+    return UsableAttributeName(name.substr(0, kMost), {});
   }
 
   Status Emit(const Primitive& primitive, const Placement& placement) {
@@ -391,6 +463,7 @@ class GltfReader {
     }
     if (id == kNone) {
       MTDB_ASSIGN_OR_RETURN(GltfAccessor accessor, AccessorOf(primitive, name));
+      if (!accessor.normalized) source.colour_scale = 1 / WholeOf(accessor.type);
       source.values.emplace(std::move(accessor));
       return source;
     }
@@ -399,10 +472,7 @@ class GltfReader {
       if (a.unique_id != id) continue;
       source.draco = draco;
       source.attribute = a.index;
-      if (shape.normalized && a.type == ScalarType::kUint8) source.scale = 1.0 / 255;
-      if (shape.normalized && a.type == ScalarType::kUint16) source.scale = 1.0 / 65535;
-      if (shape.normalized && a.type == ScalarType::kInt8) source.scale = 1.0 / 127;
-      if (shape.normalized && a.type == ScalarType::kInt16) source.scale = 1.0 / 32767;
+      (shape.normalized ? source.scale : source.colour_scale) = 1 / WholeOf(a.type);
       return source;
     }
     return Error(primitive.where + ": Draco has no attribute " + std::to_string(id));
@@ -428,11 +498,11 @@ class GltfReader {
           value = {turned.x, turned.y, turned.z, 0};
         }
       } else if (columns_[c].name == "COLOR_0") {
-        // Bytes that are not said to be parts of one are bytes.
-        const bool is_byte = sources[c].values &&
-                             sources[c].values->accessor().type == ScalarType::kUint8 &&
-                             !sources[c].values->accessor().normalized;
-        for (double& v : value) v *= is_byte ? 1 : 255;
+        // They are linear, and sRGB in mtdb, as in all other formats; alpha is what it is.
+        for (size_t i = 0; i < value.size(); ++i) {
+          const double part = std::clamp(value[i] * sources[c].colour_scale, 0.0, 1.0);
+          value[i] = 255 * (i < 3 ? SrgbOfLinear(part) : part);
+        }
       }
       for (int i = 0; i < columns_[c].components; ++i) {
         at = PutScalar(value[static_cast<size_t>(i)],
@@ -510,6 +580,8 @@ class GltfReader {
   uint64_t texture_coordinates_ = 0;
   uint64_t lines_ = 0;
   uint64_t morphs_ = 0;
+  uint64_t other_scenes_ = 0;
+  uint64_t outside_ = 0;   // nodes with meshes that the scene does not have
   VertexIndex first_ = 0;  // of the primitive
 };
 

@@ -3,6 +3,7 @@
 // chunk of vertices and triangles. The JSON comes first but holds the smallest and largest
 // position: room is left for it, and it is written at the end.
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <cstring>
@@ -51,12 +52,14 @@ Component ComponentOf(ScalarType type) {
 }
 
 // One vertex attribute of the file: some columns of a row.
+enum class GltfKind { kNormal, kColour, kOther };
 struct GltfColumns {
+  GltfKind kind = GltfKind::kOther;
   std::string name;
   Component component = Component::kFloat;
-  bool normalized = false;
   ScalarType type = ScalarType::kFloat32;  // of the columns
   std::vector<size_t> offsets;             // in a row
+  std::vector<size_t> indices;             // in the layout
   size_t at = 0;                           // bytes from the start of a vertex; a multiple of 4
 };
 
@@ -73,8 +76,15 @@ std::string CustomName(const std::string& name, const std::set<std::string>& tak
   return unique;
 }
 
+bool IsPartOfColour(const AttributeLayout& layout, size_t index) {
+  const ColourAttributes c = FindColours(layout);
+  return std::find(c.indices.begin(), c.indices.begin() + c.count, index) !=
+         c.indices.begin() + c.count;
+}
+
 // Normals, colours, then all others under names of their own, as far as a vertex has room. A
-// texture has coordinates behind the position, and colours would tint it.
+// texture has coordinates behind the position, and colours would tint it. Colours are linear in
+// glTF: bytes of sRGB need 16 bits for that, and what has more becomes float.
 std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, bool textured, size_t* stride) {
   std::vector<GltfColumns> plan;
   std::set<size_t> used;
@@ -84,26 +94,36 @@ std::vector<GltfColumns> PlanColumns(const AttributeLayout& layout, bool texture
     if (*stride + bytes > kLargestStride) return;
     columns.at = *stride;
     *stride += bytes;
-    used.insert(columns.offsets.begin(), columns.offsets.end());
+    used.insert(columns.indices.begin(), columns.indices.end());
     names.insert(columns.name);
     plan.push_back(std::move(columns));
   };
-  if (const NormalColumns n = FindNormals(layout); n.found) {
-    add({"NORMAL", Component::kFloat, false, ScalarType::kFloat32, {n.offsets, n.offsets + 3}},
+  if (const NormalAttributes n = FindNormals(layout); n.found) {
+    add({GltfKind::kNormal,
+         "NORMAL",
+         Component::kFloat,
+         n.type,
+         {n.offsets.begin(), n.offsets.end()},
+         {n.indices.begin(), n.indices.end()}},
         sizeof(Vec3f));
   }
-  if (const ColourColumns c = FindColours(layout); c.count > 0 && !textured) {
-    add({"COLOR_0",
-         Component::kUnsignedByte,
-         true,
-         ScalarType::kUint8,
-         {c.offsets, c.offsets + c.count}},
-        sizeof(uint32_t));
+  if (const ColourAttributes c = FindColours(layout); c.count > 0 && !textured) {
+    const bool fine = c.type == ScalarType::kUint16 || c.type >= ScalarType::kFloat32;
+    const size_t bytes = static_cast<size_t>(c.count) * (fine ? sizeof(float) : sizeof(uint16_t));
+    add({GltfKind::kColour,
+         "COLOR_0",
+         fine ? Component::kFloat : Component::kUnsignedShort,
+         c.type,
+         {c.offsets.begin(), c.offsets.begin() + c.count},
+         {c.indices.begin(), c.indices.begin() + c.count}},
+        (bytes + 3) / 4 * 4);
   }
   size_t offset = 0;
-  for (const VertexAttribute& a : layout.attributes) {
-    if (!used.contains(offset)) {
-      add({CustomName(a.name, names), ComponentOf(a.type), false, a.type, {offset}},
+  for (size_t i = 0; i < layout.attributes.size(); ++i) {
+    const VertexAttribute& a = layout.attributes[i];
+    const bool is_tint = textured && IsPartOfColour(layout, i);
+    if (!used.contains(i) && !is_tint) {
+      add({GltfKind::kOther, CustomName(a.name, names), ComponentOf(a.type), a.type, {offset}, {i}},
           sizeof(uint32_t));
     }
     offset += ScalarSize(a.type);
@@ -140,8 +160,7 @@ float FloatValue(const std::byte* value, ScalarType type) {
 }
 
 // Of length 1, which the format demands; upwards where there is none.
-Vec3f UnitNormal(Vec3f n) {
-  const Vec3d d{n.x, n.y, n.z};
+Vec3f UnitNormal(Vec3d d) {
   const double length = Length(d);
   if (!(length > 0) || !std::isfinite(length)) return {0, 0, 1};
   return {static_cast<float>(d.x / length), static_cast<float>(d.y / length),
@@ -150,12 +169,21 @@ Vec3f UnitNormal(Vec3f n) {
 
 class GltfWriter final : public MeshWriter {
  public:
-  explicit GltfWriter(const std::string& path, MeshTexture texture = {})
-      : MeshWriter(path), texture_(std::move(texture)) {}
+  explicit GltfWriter(const std::string& path, const MeshWriteOptions& options,
+                      MeshTexture texture = {})
+      : MeshWriter(path), up_frame_(options.up_frame), texture_(std::move(texture)) {
+    for (size_t byte = 0; byte < linear_.size(); ++byte) {
+      linear_[byte] =
+          static_cast<uint16_t>(std::lround(65535 * LinearOfSrgb(static_cast<double>(byte) / 255)));
+    }
+  }
 
  private:
   Status WriteHeader() override {
     columns_ = PlanColumns(header().attributes, is_textured(), &stride_);
+    for (const GltfColumns& c : columns_) Carry(c.indices);
+    colours_ = ColourReader(FindColours(header().attributes));
+    normals_ = FindNormals(header().attributes);
     // A mesh in glTF has triangles.
     empty_ = triangle_count() == 0;
     if (header().double_positions && header().bounds.empty()) {
@@ -163,7 +191,7 @@ class GltfWriter final : public MeshWriter {
     } else if (float_positions().has_origin()) {
       origin_ = float_positions().origin();
     }
-    json_bytes_ = (Json().size() + 9 * kNumberBytes + 3) / 4 * 4;
+    json_bytes_ = (Json().size() + 15 * kNumberBytes + 3) / 4 * 4;
     const uint64_t besides =
         kHeaderBytes + 2 * kChunkHeaderBytes + json_bytes_ + padded_image_bytes();
     const uint64_t rest = kLargestFile - std::min(besides, kLargestFile);
@@ -200,19 +228,32 @@ class GltfWriter final : public MeshWriter {
     return file().Append(buffer_);
   }
 
-  static void PutValues(const GltfColumns& columns, const std::byte* row, std::byte* out) {
-    if (columns.name == "NORMAL") {
-      float n[3];
-      for (size_t i = 0; i < 3; ++i) std::memcpy(&n[i], row + columns.offsets[i], sizeof(float));
-      const Vec3f unit = UnitNormal({n[0], n[1], n[2]});
+  void PutValues(const GltfColumns& columns, const std::byte* row, std::byte* out) {
+    if (columns.kind == GltfKind::kNormal) {
+      const Vec3f unit = UnitNormal(NormalIn(row, normals_));
       std::memcpy(out, &unit, sizeof(unit));
+    } else if (columns.kind == GltfKind::kColour) {
+      PutColour(columns, row, out);
     } else if (columns.component == Component::kFloat) {
       const float value = FloatValue(row + columns.offsets[0], columns.type);
       std::memcpy(out, &value, sizeof(value));
     } else {
-      const size_t size = ScalarSize(columns.type);
-      for (size_t i = 0; i < columns.offsets.size(); ++i) {
-        std::memcpy(out + i * size, row + columns.offsets[i], size);
+      std::memcpy(out, row + columns.offsets[0], ScalarSize(columns.type));
+    }
+  }
+
+  // Alpha is linear as it is.
+  void PutColour(const GltfColumns& columns, const std::byte* row, std::byte* out) {
+    for (int c = 0; c < colours_.count(); ++c) {
+      const bool alpha = c == 3;
+      if (columns.component == Component::kFloat) {
+        const double part = colours_.Part(row, c);
+        const auto value = static_cast<float>(alpha ? part : LinearOfSrgb(part));
+        std::memcpy(out + static_cast<size_t>(c) * sizeof(value), &value, sizeof(value));
+      } else {
+        const uint8_t byte = colours_.Byte(row, c);
+        const auto value = alpha ? static_cast<uint16_t>(257 * byte) : linear_[byte];
+        std::memcpy(out + static_cast<size_t>(c) * sizeof(value), &value, sizeof(value));
       }
     }
   }
@@ -265,7 +306,7 @@ class GltfWriter final : public MeshWriter {
     std::string json = R"({"asset":{"version":"2.0","generator":"mtdb"},"scene":0,"scenes":[)";
     if (empty_) return json + "{}]}";
     json += R"({"nodes":[0]}],"nodes":[{"mesh":0)";
-    if (origin_) json += ",\"translation\":" + Numbers(*origin_);
+    json += up_frame_ ? UpMatrix() : origin_ ? ",\"translation\":" + Numbers(*origin_) : "";
     json += R"(}],"materials":[{"pbrMetallicRoughness":{"metallicFactor":0)";
     if (is_textured()) json += R"(,"baseColorTexture":{"index":0})";
     json += R"(},"doubleSided":true}])";
@@ -283,7 +324,9 @@ class GltfWriter final : public MeshWriter {
     for (const GltfColumns& c : columns_) {
       json += ",\"" + c.name + "\":" + std::to_string(number++);
       accessors += "," + Accessor(1, c.at, c.component, vertex_count(), c.offsets.size()) +
-                   (c.normalized ? ",\"normalized\":true}" : "}");
+                   (c.component == Component::kUnsignedShort && c.kind == GltfKind::kColour
+                        ? ",\"normalized\":true}"
+                        : "}");
     }
     if (is_textured()) {
       json += ",\"TEXCOORD_0\":" + std::to_string(number);
@@ -305,6 +348,52 @@ class GltfWriter final : public MeshWriter {
            std::to_string(vertex_bytes + index_bytes + padded_image_bytes()) + "}]}";
   }
 
+  // x, y and z, in metres, become x, -z and y. Exact but for the products.
+  std::string UpMatrix() const {
+    const Vec3d m = up_frame_->metres;
+    const Vec3d o = origin_.value_or(Vec3d{}) - up_frame_->metres_from;
+    std::string text = ",\"matrix\":[";
+    const std::array<double, 16> columns{m.x, 0,   0, 0, 0,         0,         -m.y,       0,
+                                         0,   m.z, 0, 0, m.x * o.x, m.z * o.z, -m.y * o.y, 1};
+    for (size_t i = 0; i < columns.size(); ++i) {
+      if (i > 0) text += ',';
+      AppendNumber(&text, columns[i] + 0.0);  // no -0
+    }
+    text += "],\"extras\":{\"origin\":" + Numbers(origin_.value_or(Vec3d{})) + "}";
+    return text;
+  }
+
+  FloatOrigin origin_kind() const override { return FloatOrigin::kFloat32; }
+  const char* position_type() const override { return "float32"; }
+  void AddToReport(MeshWriteReport* report) const override {
+    report->origin.reset();
+    if (!is_textured()) {
+      colours_.AddToReport(nullptr, report);
+      const bool integers = colours_.count() > 0 && colours_.type() != ScalarType::kUint8 &&
+                            colours_.type() != ScalarType::kUint16 && !colours_.is_float();
+      if (integers) report->notes.push_back("colours are rounded to 8 bits");
+    }
+    if (empty_) return;
+    if (!up_frame_) {
+      if (float_positions().has_origin()) report->node_origin = float_positions().origin();
+      return;
+    }
+    report->notes.push_back("z is up, and y is in glTF: the file's node turns the mesh");
+    const UpFrame& f = *up_frame_;
+    if (f.metres == Vec3d{1, 1, 1} && f.metres_from == Vec3d{}) return;
+    std::string note = "the node makes local metres of the units: 1 of x is ";
+    AppendNumber(&note, f.metres.x);
+    note += " m, 1 of y is ";
+    AppendNumber(&note, f.metres.y);
+    note += " m, 1 of z is ";
+    AppendNumber(&note, f.metres.z);
+    note += " m, from ";
+    AppendNumber(&note, f.metres_from.x);
+    note += ' ';
+    AppendNumber(&note, f.metres_from.y);
+    report->notes.push_back(note);
+  }
+
   // Open at its end.
   static std::string Accessor(int view, size_t offset, Component component, uint64_t count,
                               size_t components) {
@@ -313,7 +402,12 @@ class GltfWriter final : public MeshWriter {
            ",\"count\":" + std::to_string(count) + ",\"type\":\"" + VectorType(components) + "\"";
   }
 
+  using UpFrame = MeshWriteOptions::UpFrame;
+  const std::optional<UpFrame> up_frame_;
   const MeshTexture texture_;  // without an image: none
+  std::array<uint16_t, 256> linear_{};
+  ColourReader colours_;
+  NormalAttributes normals_;
   std::vector<GltfColumns> columns_;
   size_t stride_ = 0;  // bytes of a vertex
   bool empty_ = false;
@@ -328,21 +422,23 @@ class GltfWriter final : public MeshWriter {
 
 }  // namespace
 
-std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path) {
-  return std::make_unique<GltfWriter>(path);
+std::unique_ptr<MeshWriter> CreateGltfWriter(const std::string& path,
+                                             const MeshWriteOptions& options) {
+  return std::make_unique<GltfWriter>(path, options);
 }
 
 }  // namespace mtdb::internal
 
 namespace mtdb {
 
-Result<std::unique_ptr<MeshFileWriter>> CreateDrapedMeshFileWriter(const std::string& path,
-                                                                   MeshTexture texture) {
+Result<std::unique_ptr<MeshFileWriter>> CreateDrapedMeshFileWriter(
+    const std::string& path, MeshTexture texture, const MeshWriteOptions& options) {
   MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(path));
   if (format.suffixes.front() != "glb") {
     return Unsupported(path + ": only .glb carries an image that is draped");
   }
-  return std::unique_ptr<MeshFileWriter>(new internal::GltfWriter(path, std::move(texture)));
+  return std::unique_ptr<MeshFileWriter>(
+      new internal::GltfWriter(path, options, std::move(texture)));
 }
 
 }  // namespace mtdb

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "codecs/mesh_file/internal/text_format.h"
+#include "store/base/attribute_layout.h"
 
 namespace mtdb::internal {
 
@@ -15,7 +16,11 @@ Status MeshWriter::Begin(const MeshHeader& header) {
                            ": the format needs the counts of vertices and triangles up front, but "
                            "they are not known; read the mesh into memory first");
   }
-  positions_ = FloatPositions(header);
+  if (const std::string fault = AttributeNamesFault(header.attributes); !fault.empty()) {
+    return InvalidArgument(path_ + ": " + fault + "; give it another name");
+  }
+  carried_.assign(header.attributes.attributes.size(), false);
+  positions_ = FloatPositions(header, origin_kind());
   MTDB_ASSIGN_OR_RETURN(
       file_, descriptor_ < 0 ? AtomicFile::Create(path_) : AtomicFile::Into(descriptor_, path_));
   return WriteHeader();
@@ -86,37 +91,63 @@ Status MeshWriter::End() {
   return Status::Ok();
 }
 
-std::optional<AttributeColumn> FindAttribute(const AttributeLayout& layout, std::string_view name,
-                                             ScalarType type) {
-  size_t offset = 0;
-  for (const VertexAttribute& a : layout.attributes) {
-    if (a.name == name && a.type == type) return AttributeColumn{a.type, offset};
-    offset += ScalarSize(a.type);
+namespace {
+
+const char* TypeName(ScalarType type) {
+  switch (type) {
+    case ScalarType::kInt8: return "int8";
+    case ScalarType::kUint8: return "uint8";
+    case ScalarType::kInt16: return "int16";
+    case ScalarType::kUint16: return "uint16";
+    case ScalarType::kInt32: return "int32";
+    case ScalarType::kUint32: return "uint32";
+    case ScalarType::kFloat32: return "float32";
+    case ScalarType::kFloat64: return "float64";
   }
-  return std::nullopt;
+  return "";
 }
 
-ColourColumns FindColours(const AttributeLayout& layout) {
-  ColourColumns colours;
-  for (const char* name : {"red", "green", "blue", "alpha"}) {
-    const auto column = FindAttribute(layout, name, ScalarType::kUint8);
-    if (!column) break;
-    colours.offsets[colours.count++] = column->offset;
+}  // namespace
+
+MeshWriteReport MeshWriter::report() const {
+  constexpr size_t kMostNamed = 40;
+  MeshWriteReport report;
+  report.positions = position_type();
+  if (positions_.has_origin()) report.origin = positions_.origin();
+  const auto& all = header_.attributes.attributes;
+  std::optional<ScalarType> type;  // of the last line's
+  size_t named = 0;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (carried_[i] || named++ >= kMostNamed) continue;
+    if (type == all[i].type) {
+      report.not_written.back() += ", " + all[i].name;
+    } else {
+      if (type) report.not_written.back() += std::string(" (") + TypeName(*type) + ")";
+      report.not_written.push_back(all[i].name);
+      type = all[i].type;
+    }
   }
-  if (colours.count < 3) colours.count = 0;
-  return colours;
+  if (type) report.not_written.back() += std::string(" (") + TypeName(*type) + ")";
+  if (named > kMostNamed) {
+    report.not_written.push_back(std::to_string(named - kMostNamed) + " more");
+  }
+  AddToReport(&report);
+  return report;
 }
 
-NormalColumns FindNormals(const AttributeLayout& layout) {
-  NormalColumns normals;
-  int count = 0;
-  for (const char* name : {"nx", "ny", "nz"}) {
-    const auto column = FindAttribute(layout, name, ScalarType::kFloat32);
-    if (!column) break;
-    normals.offsets[count++] = column->offset;
+void ColourReader::AddToReport(const char* bits, MeshWriteReport* report) const {
+  if (count() == 0) return;
+  if (bits != nullptr && type() != ScalarType::kUint8) {
+    report->notes.push_back(std::string("colours of ") + TypeName(type()) + " are rounded to " +
+                            bits);
   }
-  normals.found = count == 3;
-  return normals;
+  if (cut_ > 0) {
+    report->notes.push_back(std::to_string(cut_) + " components of colours lay outside of " +
+                            (is_float()                      ? "0 to 1"
+                             : type() == ScalarType::kUint16 ? "0 to 65535"
+                                                             : "0 to 255") +
+                            " and were cut");
+  }
 }
 
 }  // namespace mtdb::internal

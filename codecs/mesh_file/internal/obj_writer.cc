@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
-#include <cstring>
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
@@ -17,8 +16,10 @@ class ObjWriter final : public MeshWriter {
 
  private:
   Status WriteHeader() override {
-    colours_ = FindColours(header().attributes);
+    colours_ = ColourReader(FindColours(header().attributes));
     normals_ = FindNormals(header().attributes);
+    Carry(colours_.indices(3));
+    if (normals_.found) Carry(normals_.indices);
     return Status::Ok();
   }
 
@@ -28,10 +29,9 @@ class ObjWriter final : public MeshWriter {
     for (size_t i = 0; i < positions.size(); ++i) {
       text_ += "v ";
       if (!AppendPosition(&text_, positions[i])) return TooLarge();
-      for (int c = 0; c < 3 && colours_.count > 0; ++c) {
+      for (int c = 0; c < 3 && colours_.count() > 0; ++c) {
         text_ += ' ';
-        AppendNumber(&text_,
-                     std::to_integer<int>(rows[i * row_bytes + colours_.offsets[c]]) / 255.0f);
+        AppendNumber(&text_, static_cast<float>(colours_.Part(rows.data() + i * row_bytes, c)));
       }
       text_ += '\n';
       if (normals_.found) AppendNormal(rows.data() + i * row_bytes);
@@ -41,9 +41,9 @@ class ObjWriter final : public MeshWriter {
 
   void AppendNormal(const std::byte* row) {
     text_ += "vn";
-    for (const size_t offset : normals_.offsets) {
-      float value = 0;
-      std::memcpy(&value, row + offset, sizeof(value));
+    const Vec3d normal = NormalIn(row, normals_);
+    for (int i = 0; i < 3; ++i) {
+      const auto value = static_cast<float>(normal[i]);
       text_ += ' ';
       AppendNumber(&text_, std::isfinite(value) ? value : 0.0f);
     }
@@ -66,8 +66,13 @@ class ObjWriter final : public MeshWriter {
     return file().Append(text_);
   }
 
-  ColourColumns colours_;
-  NormalColumns normals_;
+  const char* position_type() const override { return "decimal"; }
+  void AddToReport(MeshWriteReport* report) const override {
+    colours_.AddToReport(nullptr, report);
+  }
+
+  ColourReader colours_;
+  NormalAttributes normals_;
   std::string text_;
 };
 

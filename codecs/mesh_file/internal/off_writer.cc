@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cstring>
+#include <cmath>
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
 #include "codecs/mesh_file/internal/text_format.h"
@@ -7,17 +7,21 @@
 namespace mtdb::internal {
 namespace {
 
-// OFF, with C and N as the mesh has colours and normals. Other attributes have no place in OFF.
+// OFF, with C where the mesh has colours, and with N where it has normals that are asked for: many
+// programs know neither NOFF nor CNOFF. Other attributes have no place in OFF.
 class OffWriter final : public MeshWriter {
  public:
-  using MeshWriter::MeshWriter;
+  OffWriter(const std::string& path, const MeshWriteOptions& options)
+      : MeshWriter(path), wants_normals_(options.off_normals) {}
   double LargestRounding(const MeshHeader&) const override { return 0; }
 
  private:
   Status WriteHeader() override {
-    colours_ = FindColours(header().attributes);
-    normals_ = FindNormals(header().attributes);
-    std::string text = colours_.count > 0 ? "C" : "";
+    colours_ = ColourReader(FindColours(header().attributes));
+    if (wants_normals_) normals_ = FindNormals(header().attributes);
+    Carry(colours_.indices());
+    if (normals_.found) Carry(normals_.indices);
+    std::string text = colours_.count() > 0 ? "C" : "";
     if (normals_.found) text += "N";
     return file().Append(text + "OFF\n" + std::to_string(vertex_count()) + " " +
                          std::to_string(triangle_count()) + " 0\n");
@@ -29,20 +33,24 @@ class OffWriter final : public MeshWriter {
     for (size_t i = 0; i < positions.size(); ++i) {
       const ByteSpan row = rows.subspan(i * row_bytes, row_bytes);
       if (!AppendPosition(&text_, positions[i])) return TooLarge();
-      for (int axis = 0; axis < 3 && normals_.found; ++axis) {
-        float value = 0;
-        std::memcpy(&value, row.data() + normals_.offsets[axis], sizeof(value));
-        text_ += ' ';
-        AppendNumber(&text_, value);
-      }
+      if (normals_.found) AppendNormal(row.data());
       // COFF wants four components.
-      for (int c = 0; c < 4 && colours_.count > 0; ++c) {
+      for (int c = 0; c < 4 && colours_.count() > 0; ++c) {
         text_ += ' ';
-        AppendNumber(&text_, c < colours_.count ? static_cast<int>(row[colours_.offsets[c]]) : 255);
+        AppendNumber(&text_, c < colours_.count() ? int{colours_.Byte(row.data(), c)} : 255);
       }
       text_ += '\n';
     }
     return file().Append(text_);
+  }
+
+  void AppendNormal(const std::byte* row) {
+    const Vec3d normal = NormalIn(row, normals_);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto value = static_cast<float>(normal[axis]);
+      text_ += ' ';
+      AppendNumber(&text_, std::isfinite(value) ? value : 0.0f);
+    }
   }
 
   Status WriteTriangles(std::span<const TriangleVertices> triangles) override {
@@ -58,15 +66,22 @@ class OffWriter final : public MeshWriter {
     return file().Append(text_);
   }
 
-  ColourColumns colours_;
-  NormalColumns normals_;
+  const char* position_type() const override { return "decimal"; }
+  void AddToReport(MeshWriteReport* report) const override {
+    colours_.AddToReport("8 bits", report);
+  }
+
+  const bool wants_normals_;
+  ColourReader colours_;
+  NormalAttributes normals_;
   std::string text_;
 };
 
 }  // namespace
 
-std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path) {
-  return std::make_unique<OffWriter>(path);
+std::unique_ptr<MeshWriter> CreateOffWriter(const std::string& path,
+                                            const MeshWriteOptions& options) {
+  return std::make_unique<OffWriter>(path, options);
 }
 
 }  // namespace mtdb::internal

@@ -15,6 +15,11 @@ template <auto kCreate>
 Result<std::unique_ptr<MeshWriter>> Create(const std::string& path, const MeshWriteOptions&) {
   return kCreate(path);
 }
+template <auto kCreate>
+Result<std::unique_ptr<MeshWriter>> CreateWith(const std::string& path,
+                                               const MeshWriteOptions& options) {
+  return kCreate(path, options);
+}
 
 }  // namespace
 
@@ -23,7 +28,7 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   rows.push_back({.format = {.name = "PLY", .suffixes = {"ply"}, .exact = true},
                   .recognise = RecognisePly,
                   .read = ReadPly,
-                  .create_writer = Create<CreatePlyWriter>});
+                  .create_writer = CreateWith<CreatePlyWriter>});
   rows.push_back(
       {.format = {.name = "OBJ", .suffixes = {"obj"}, .content_type = "model/obj", .exact = true},
        .recognise = RecogniseObj,
@@ -36,12 +41,12 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   rows.push_back({.format = {.name = "OFF", .suffixes = {"off"}, .exact = true},
                   .recognise = RecogniseOff,
                   .read = ReadOff,
-                  .create_writer = Create<CreateOffWriter>});
+                  .create_writer = CreateWith<CreateOffWriter>});
   rows.push_back(
       {.format = {.name = "glTF", .suffixes = {"glb"}, .content_type = "model/gltf-binary"},
        .recognise = RecogniseGltf,
        .read = Read<ReadGltf>,
-       .create_writer = Create<CreateGltfWriter>});
+       .create_writer = CreateWith<CreateGltfWriter>});
   rows.push_back({.format = {.name = "Draco", .suffixes = {"drc"}, .keeps_mesh = true},
                   .recognise = RecogniseDraco,
                   .read = Read<ReadDraco>,

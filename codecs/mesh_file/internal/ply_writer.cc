@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <set>
 
 #include "codecs/mesh_file/internal/mesh_writer.h"
 
@@ -20,14 +23,37 @@ const char* PlyTypeName(ScalarType type) {
   return "";
 }
 
-// Binary little endian: x y z, the attributes, then "3 a b c".
+// Half a unit in the last place of a coordinate of less than so many steps is at most an eighth of
+// a step.
+constexpr double kMostFloatSteps = 0x1p21;
+
+// Binary little endian: x y z, the attributes, then "3 a b c". Positions are float32 when they are
+// float32 values, or lie on a grid whose points stay apart: no coordinate moves by more than an
+// eighth of the grid's step, which is less than what the grid itself may have moved it by. Else,
+// and where that is asked for, they are double.
 class PlyWriter final : public MeshWriter {
  public:
-  using MeshWriter::MeshWriter;
-  double LargestRounding(const MeshHeader&) const override { return 0; }
+  PlyWriter(const std::string& path, const MeshWriteOptions& options)
+      : MeshWriter(path), wants_doubles_(options.double_positions) {}
+  double LargestRounding(const MeshHeader& header) const override {
+    return HasDoubles(header) ? 0 : MeshWriter::LargestRounding(header);
+  }
 
  private:
+  bool HasDoubles(const MeshHeader& header) const {
+    if (wants_doubles_) return true;
+    if (!header.double_positions) return false;
+    const Box3d& b = header.bounds;
+    double most = 0;
+    for (int i = 0; i < 3; ++i) most = std::max({most, std::abs(b.min[i]), std::abs(b.max[i])});
+    constexpr double kLargest = 1e30;  // below what float32 holds, and above the smallest denormals
+    return header.position_step < 1 / kLargest || b.empty() || most > kLargest ||
+           most > kMostFloatSteps * header.position_step;
+  }
+
   Status WriteHeader() override {
+    CarryAll();
+    doubles_ = HasDoubles(header());
     constexpr uint64_t kMaxInt = uint64_t{1} << 31;
     constexpr uint64_t kMaxUint = uint64_t{1} << 32;
     if (vertex_count() > kMaxUint) {
@@ -36,12 +62,13 @@ class PlyWriter final : public MeshWriter {
     }
     std::string text = "ply\nformat binary_little_endian 1.0\n";
     text += "element vertex " + std::to_string(vertex_count()) + "\n";
-    const char* const position_type = header().double_positions ? "double" : "float";
+    const char* const position_type = doubles_ ? "double" : "float";
     for (const char* axis : {"x", "y", "z"}) {
       text += std::string("property ") + position_type + " " + axis + "\n";
     }
+    std::set<std::string> names;
     for (const VertexAttribute& a : header().attributes.attributes) {
-      text += std::string("property ") + PlyTypeName(a.type) + " " + a.name + "\n";
+      text += std::string("property ") + PlyTypeName(a.type) + " " + PlyName(a.name, &names) + "\n";
     }
     text += "element face " + std::to_string(triangle_count()) + "\n";
     text += std::string("property list uchar ") + (vertex_count() > kMaxInt ? "uint" : "int") +
@@ -49,15 +76,32 @@ class PlyWriter final : public MeshWriter {
     return file().Append(text);
   }
 
+  // A name without spaces, which end one in PLY, and that none has yet.
+  std::string PlyName(const std::string& name, std::set<std::string>* names) const {
+    std::string plain = name;
+    std::ranges::replace(plain, ' ', '_');
+    std::string unique = plain;
+    // Nor one that an attribute behind this one has.
+    const auto is_taken = [&](const std::string& wanted) {
+      return names->contains(wanted) ||
+             (wanted != name &&
+              std::ranges::find(header().attributes.attributes, wanted, &VertexAttribute::name) !=
+                  header().attributes.attributes.end());
+    };
+    for (int i = 2; is_taken(unique); ++i) unique = plain + "_" + std::to_string(i);
+    names->insert(unique);
+    return unique;
+  }
+
   Status WriteVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
     const size_t row_bytes = header().attributes.row_bytes();
-    const size_t position_bytes = header().double_positions ? sizeof(Vec3d) : sizeof(Vec3f);
+    const size_t position_bytes = doubles_ ? sizeof(Vec3d) : sizeof(Vec3f);
     const size_t stride = position_bytes + row_bytes;
     buffer_.resize(positions.size() * stride);
     std::byte* out = buffer_.data();
     for (size_t i = 0; i < positions.size(); ++i, out += stride) {
       const Vec3d p = positions[i];
-      if (header().double_positions) {
+      if (doubles_) {
         std::memcpy(out, &p, sizeof(p));
       } else {
         Vec3f f;
@@ -83,13 +127,27 @@ class PlyWriter final : public MeshWriter {
     return file().Append(buffer_);
   }
 
+  const char* position_type() const override { return doubles_ ? "float64" : "float32"; }
+  void AddToReport(MeshWriteReport* report) const override {
+    std::set<std::string> names;
+    for (const VertexAttribute& a : header().attributes.attributes) {
+      const std::string name = PlyName(a.name, &names);
+      if (name != a.name) {
+        report->notes.push_back("attribute '" + a.name + "' is named '" + name + "' in the file");
+      }
+    }
+  }
+
+  const bool wants_doubles_;
+  bool doubles_ = false;
   Bytes buffer_;
 };
 
 }  // namespace
 
-std::unique_ptr<MeshWriter> CreatePlyWriter(const std::string& path) {
-  return std::make_unique<PlyWriter>(path);
+std::unique_ptr<MeshWriter> CreatePlyWriter(const std::string& path,
+                                            const MeshWriteOptions& options) {
+  return std::make_unique<PlyWriter>(path, options);
 }
 
 }  // namespace mtdb::internal

@@ -88,9 +88,9 @@ Vec3d OriginOf(std::string_view text) {
   Vec3d origin;
   for (int i = 0; i < 3; ++i) {
     std::string_view token;
-    float value = 0;
-    if (!tokens.Next(&token) || !ParseReal(token, &value) || !std::isfinite(value)) return {};
-    origin[i] = static_cast<double>(value);
+    if (!tokens.Next(&token) || !ParseReal(token, &origin[i]) || !std::isfinite(origin[i])) {
+      return {};
+    }
   }
   return origin;
 }

@@ -29,9 +29,10 @@ class StlWriter final : public MeshWriter {
       text += kStlOriginWord;
       for (int i = 0; i < 3; ++i) {
         text += ' ';
-        AppendNumber(&text, static_cast<float>(positions.origin()[i]));
+        AppendNumber(&text, positions.origin()[i]);
       }
     }
+    MTDB_CHECK(text.size() <= 80, "the header of an STL has 80 bytes");
     text.resize(80, ' ');
     const auto count = static_cast<uint32_t>(triangle_count());
     text.append(reinterpret_cast<const char*>(&count), sizeof(count));
@@ -70,6 +71,9 @@ class StlWriter final : public MeshWriter {
     return {static_cast<float>(n.x / length), static_cast<float>(n.y / length),
             static_cast<float>(n.z / length)};
   }
+
+  FloatOrigin origin_kind() const override { return FloatOrigin::kDecimals; }
+  const char* position_type() const override { return "float32"; }
 
   std::vector<Vec3f> positions_;
   Bytes buffer_;

@@ -42,6 +42,7 @@ struct mtdb_mesh {
   mtdb::internal::Filled<double> positions;
   mtdb::internal::Filled<float> positions_float;
   double origin[3] = {0, 0, 0};
+  double position_step = 0;  // MeshHeader's
   mtdb::internal::Filled<uint32_t> indices;
   mtdb::internal::Filled<unsigned char> rows;
 };
@@ -61,5 +62,8 @@ Result<AttributeLayout> LayoutOf(const mtdb_attribute* attributes, size_t count)
 Status SendPart(const mtdb_input& part, size_t row_bytes, MeshSink& sink);
 // Sends the whole.
 Status SendInput(const mtdb_input& input, const AttributeLayout& layout, MeshSink& sink);
+// Likewise, of a mesh whose header had this step.
+Status SendInput(const mtdb_input& input, const AttributeLayout& layout, double position_step,
+                 MeshSink& sink);
 
 }  // namespace mtdb::internal

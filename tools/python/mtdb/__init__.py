@@ -29,7 +29,7 @@ from ._errors import (
     Unsupported,
 )
 from ._library import version as _version
-from ._mesh import ExtractStats, Mesh, Shortfall, png, read_mesh
+from ._mesh import ExtractStats, Mesh, Saved, Shortfall, png, read_mesh
 from ._session import Session, Update, connect, fetch
 from ._terrain import HeightGrid, Profile
 
@@ -50,6 +50,7 @@ __all__ = [
     "InvalidArgument",
     "IoError",
     "Mesh",
+    "Saved",
     "MtdbError",
     "NoSpace",
     "NotFound",

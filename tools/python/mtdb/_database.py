@@ -7,7 +7,7 @@ import inspect
 import json
 import os
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Callable, Iterable, Iterator, Mapping, Optional, Sequence, Tuple, Union
 
@@ -24,6 +24,7 @@ from ._mesh import (
     Layout,
     Mesh,
     Packed,
+    Saved,
     checked,
     shortfall_of,
     triple,
@@ -150,12 +151,17 @@ class Object:
         return self._with_stats(Mesh._of(mesh), cut)
 
     def extract_to(self, path: "str | os.PathLike[str]",
-                   query: Union[str, Mapping[str, Any], None] = None, **asked: Any) -> ExtractStats:
-        """Writes what `extract` would return to a mesh file, without holding it in memory."""
+                   query: Union[str, Mapping[str, Any], None] = None, *, double: bool = False,
+                   **asked: Any) -> ExtractStats:
+        """Writes what `extract` would return to a mesh file, without holding it in memory; with
+        `normals`, .off has them. double: .ply has float64 positions, also where float32 is enough.
+        `file` of the answer tells what became of the mesh."""
+        text = _query.build(query, **asked)
+        normals = bool(json.loads(text).get("normals")) if text else False
         with interruptible() as control:
-            cut = self._select(_query.build(query, **asked), control)
-            L.call("cut_write", cut, L.path_bytes(path), None)
-        return self._stats(cut)[0]
+            cut = self._select(text, control)
+            file = Saved._of("cut_write_as", cut, path, normals, double)
+        return replace(self._stats(cut)[0], file=file)
 
     def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
         kind = np.dtype(dtype)

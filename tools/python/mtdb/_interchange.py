@@ -29,7 +29,8 @@ def to_open3d(mesh: Mesh) -> "open3d.geometry.TriangleMesh":
     if mesh.normals is not None:
         made.vertex_normals = open3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
     if mesh.colors is not None:
-        scale = 255.0 if mesh.colors.dtype == np.uint8 else 1.0
+        kind = mesh.colors.dtype
+        scale = 1.0 if kind.kind == "f" else 65535.0 if kind == np.uint16 else 255.0
         made.vertex_colors = open3d.utility.Vector3dVector(mesh.colors.astype(float) / scale)
     return made
 

@@ -119,6 +119,14 @@ class Sized(Struct):
         super().__init__(C.sizeof(type(self)), **members)
 
 
+class FileOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("normals", C.c_int),
+        ("double_positions", C.c_int),
+    ]
+
+
 class MeshView(Sized):
     _fields_ = [
         ("struct_bytes", C.c_size_t),
@@ -401,11 +409,11 @@ _SIGNATURES: dict[str, list[Any]] = {
     "cut_stats": [_p, _p],
     "cut_details": [_p, _p],
     "cut_mesh": [_p, _p, _p],
-    "cut_write": [_p, Text, _p],
+    "cut_write_as": [_p, Text, _p, _p],
     "mesh_look": [_p, _p],
     "mesh_attribute": [_p, C.c_uint32, _p],
     "read_mesh": [Text, _p],
-    "write_mesh": [_p, Text, _p],
+    "write_mesh_as": [_p, Text, _p, _p],
     "create_mesh": [_p, _p],
     "closest_point": [_p, _p, C.c_double, C.c_double, _p],
     "cast_ray": [_p, _p, _p, C.c_double, C.c_double, _p],

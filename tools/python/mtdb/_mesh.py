@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import ctypes as C
+import json
 import os
 import struct
 import zlib
@@ -118,6 +119,32 @@ class ExtractStats:
     select_seconds: float
     load_seconds: float
     emit_seconds: float
+    file: Optional[Saved] = None  #: of a mesh that went to a file
+
+
+class Saved(float):
+    """How far writing a mesh file moved a vertex at most, and what else became of the mesh."""
+
+    positions: str  #: "float32", "float64", "decimal" or "quantised"
+    origin: Optional[Array]  #: positions in the file are offsets from here (.stl, .drc), or None
+    node_origin: Optional[Array]  #: likewise in .glb, whose node adds it for every reader
+    not_written: list[str]  #: attributes that the format has no place for
+    notes: list[str]  #: what else was changed
+
+    @classmethod
+    def _of(
+        cls, function: str, handle: L.Handle, path: "str | os.PathLike[str]", normals: bool,
+        double: bool,
+    ) -> Saved:
+        options = L.FileOptions(normals=bool(normals), double_positions=bool(double))
+        told = json.loads(L.texts(function, handle, L.path_bytes(path), C.byref(options))[0])
+        made = cls(told["rounding"])
+        made.positions = told["positions"]
+        made.origin = None if told["origin"] is None else np.array(told["origin"])
+        made.node_origin = None if told["node_origin"] is None else np.array(told["node_origin"])
+        made.not_written = told["not_written"]
+        made.notes = told["notes"]
+        return made
 
 
 class Mesh:
@@ -231,12 +258,15 @@ class Mesh:
             handle = L.Handle("mesh", "create_mesh", C.byref(packed.struct))
         return handle
 
-    def save(self, path: "str | os.PathLike[str]") -> float:
+    def save(
+        self, path: "str | os.PathLike[str]", *, normals: bool = False, double: bool = False
+    ) -> Saved:
         """Writes a mesh file: .ply, .obj, .stl, .off, .glb or .drc. Returns how far the format's
-        float32 moved a vertex at most."""
-        rounding = C.c_double()
-        L.call("write_mesh", self._c_mesh(), L.path_bytes(path), C.byref(rounding))
-        return rounding.value
+        float32 moved a vertex at most, with what else became of the mesh: `origin`, `not_written`.
+
+        normals: .off has them, too. double: .ply has float64 positions, also where float32 is enough.
+        """
+        return Saved._of("write_mesh_as", self._c_mesh(), path, normals, double)
 
     def render(
         self,

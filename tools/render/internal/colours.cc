@@ -6,6 +6,8 @@
 #include <cstring>
 #include <string>
 
+#include "store/base/vertex_meaning.h"
+
 namespace mtdb {
 
 namespace {
@@ -136,21 +138,14 @@ void Colours::LoadHeights() {
 
 void Colours::LoadVertexColours(const TriangleMesh& mesh) {
   const size_t row = mesh.header.attributes.row_bytes();
-  std::optional<size_t> at[3];
-  size_t offset = 0;
-  for (const VertexAttribute& a : mesh.header.attributes.attributes) {
-    const char* const names[3] = {"red", "green", "blue"};
-    for (int c = 0; c < 3; ++c) {
-      if (a.name == names[c] && a.type == ScalarType::kUint8) at[c] = offset;
-    }
-    offset += ScalarSize(a.type);
-  }
-  if (!at[0] || !at[1] || !at[2] || mesh.rows.size() < row * mesh.positions.size()) return;
+  const ColourAttributes found = FindColours(mesh.header.attributes);
+  if (found.count == 0 || mesh.rows.size() < row * mesh.positions.size()) return;
   colours_.resize(mesh.positions.size());
   for (size_t v = 0; v < colours_.size(); ++v) {
     for (int c = 0; c < 3; ++c) {
-      const auto byte = static_cast<float>(mesh.rows[v * row + *at[c]]) / 255;
-      colours_[v][c] = std::pow(byte, 2.2f);
+      const std::byte* const at =
+          mesh.rows.data() + v * row + found.offsets[static_cast<size_t>(c)];
+      colours_[v][c] = std::pow(static_cast<float>(ColourPart(at, found.type)), 2.2f);
     }
   }
 }

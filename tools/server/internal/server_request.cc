@@ -168,13 +168,20 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       request.format = value;
       continue;
     }
+    if (name == "double") {
+      request.double_positions = value.empty() || value == "true";
+      if (!request.double_positions && value != "false") {
+        return InvalidArgument("double: expected true, false or nothing, found '" + value + "'");
+      }
+      continue;
+    }
     const Status status = SetParameter(name, value, &options);
     if (!status.ok()) return InvalidArgument(name + ": " + status.message());
   }
   if (!body.empty()) {
-    if (seen.size() > (seen.contains("format") ? 1u : 0u)) {
+    if (seen.size() > seen.count("format") + seen.count("double")) {
       return InvalidArgument(
-          "the body holds the query: give no other parameter than format beside it");
+          "the body holds the query: give no other parameters than format and double beside it");
     }
     Result<QueryJson> json = ParseQueryText(body);
     if (!json.ok()) return InvalidArgument("body: " + json.status().message());

@@ -16,6 +16,7 @@
 #include "store/files/posix_file.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/arguments.h"
+#include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
 #include "tools/server/internal/server_page.h"
 
@@ -308,7 +309,9 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   query.control = &call.control;
   ServerAnswer answer;
   MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::Create(folder_));
-  MeshWriteOptions write;
+  const bool normals = request.query.value("normals", false);
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), normals);
+  write.double_positions = request.double_positions;
   write.descriptor = answer.file.descriptor();
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                         CreateMeshFileWriter("the mesh." + request.format, write));
@@ -323,6 +326,9 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   answer.content_type = format.content_type;
   answer.triangles = stats.triangles;
   AddStats(stats, &answer);
+  answer.headers.emplace_back(
+      "X-Mtdb-File",
+      MeshFileJson(writer->report()).dump(-1, ' ', true, Json::error_handler_t::replace));
   return answer;
 }
 
