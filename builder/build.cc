@@ -23,6 +23,7 @@
 #include "builder/internal/height_field.h"
 #include "builder/internal/input_spool.h"
 #include "builder/internal/journal.h"
+#include "builder/internal/looking_sink.h"
 #include "builder/internal/memory_plan.h"
 #include "builder/internal/ordered_pipeline.h"
 #include "builder/internal/read_mesh.h"
@@ -78,6 +79,7 @@ class Builder {
         report_(report),
         make_decimator_(make_decimator) {
     space_.directory = options.tmp_directory;
+    space_.max_bytes = options.max_tmp_bytes;
   }
 
   Result<ObjectRecord> Run(const MeshProducer& input) {
@@ -177,7 +179,11 @@ class Builder {
     MTDB_RETURN_IF_ERROR(Report("read", 0, 0, 0, 0));
     InputSpool input(&space_, 0, options_.mode == PositionMode::kLossless);
     MemoryPlan plan;
-    MTDB_ASSIGN_OR_RETURN(MeshSurvey survey, ReadMesh(produce, options_, &input, &plan));
+    const auto read = [&](MeshSink& sink) {
+      LookingSink looking(&sink, [&] { return Report("read", 0, 0, 0, 0); });
+      return produce(looking);
+    };
+    MTDB_ASSIGN_OR_RETURN(MeshSurvey survey, ReadMesh(read, options_, &input, &plan));
     threads_ = plan.threads;
     ahead_ = plan.ahead;
     memory_ = plan.spool_bytes;
@@ -481,6 +487,8 @@ class Builder {
       MTDB_RETURN_IF_ERROR(job.status);
       if (journal_ != nullptr && !job.replayed) {
         MTDB_RETURN_IF_ERROR(journal_->Append(job.outcome));
+        MTDB_RETURN_IF_ERROR(space_.Take(journal_->bytes() - journal_bytes_));
+        journal_bytes_ = journal_->bytes();
       }
       MTDB_RETURN_IF_ERROR(Append(job, report, *next));
       if ((taken & 15) == 15 || taken + 1 == tiles) {
@@ -576,6 +584,7 @@ class Builder {
   double stage_begin_cpu_ = 0;
   SpoolSpace space_;
   std::unique_ptr<Journal> journal_;
+  uint64_t journal_bytes_ = 0;  // counted among the temporary files
   unsigned threads_ = 1;
   size_t ahead_ = 1;     // tiles on their way at a time
   uint64_t memory_ = 0;  // for spools and sorters

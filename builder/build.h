@@ -79,6 +79,8 @@ struct BuildOptions {
   // The folder of temporary files. They have no names, so that the system deletes them with the
   // process.
   std::string tmp_directory = ".";
+  // The most that temporary files and the journal may have together; more is kBudgetExceeded.
+  uint64_t max_tmp_bytes = ~uint64_t{0};
   // The file to which the build writes the results of finished tiles, so that it can go on after an
   // interruption; empty: none. It takes some 15 bytes a triangle. The build removes it when the
   // object is published, and when it fails because of its input or options. A build that is killed
@@ -175,7 +177,8 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // options, or such as name an attribute that the input does not have, or a grid on which most
 // triangles have no area; the journal of another build), kNoSpace and kIoError (temporary files;
 // kNoSpace also when memory runs out), kBudgetExceeded (memory_bytes is too little for the
-// attributes, the vertices or the root; the message says how much is needed), and those of `input`
+// attributes, the vertices or the root, and the message says how much is needed; or max_tmp_bytes
+// is reached), and those of `input`
 // and `writer`.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},

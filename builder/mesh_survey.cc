@@ -37,6 +37,7 @@ Result<uint64_t> CountComponents(const InputSpool& input) {
 Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& options) {
   SpoolSpace space;
   space.directory = options.tmp_directory;
+  space.max_bytes = options.max_tmp_bytes;
   InputSpool input(&space, 0, options.mode == PositionMode::kLossless);
   MemoryPlan plan;
   MTDB_ASSIGN_OR_RETURN(MeshSurvey survey, ReadMesh(produce, options, &input, &plan));

@@ -7,6 +7,7 @@
 
 #include "store/base/out_of_memory.h"
 #include "store/base/threading.h"
+#include "store/base/wait_scope.h"
 
 namespace mtdb {
 namespace {
@@ -24,7 +25,9 @@ class Inbox final : public PayloadReceiver {
   Result<std::pair<UnitId, Bytes>> Next() {
     MutexLock lock(mutex_);
 #if MTDB_THREADS
-    arrived_.wait(lock, [&] { return !answers_.empty() || lost_ > 0; });
+    if (!WaitScope::Wait(arrived_, lock, [&] { return !answers_.empty() || lost_ > 0; })) {
+      return Status(StatusCode::kCancelled, "cancelled");
+    }
 #endif
     if (lost_ > 0) return OutOfMemory();
     if (answers_.empty()) return NotYet("the source has not answered");

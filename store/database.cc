@@ -33,7 +33,8 @@ Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
     MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
     if (ranges != nullptr) {
       if (options.writable) {
-        return InvalidArgument(path + ": a packed file is never changed; unpack it into a store " +
+        return InvalidArgument(ranges->name() +
+                               ": a packed file is never changed; unpack it into a store " +
                                "(mtdb unpack)");
       }
       MTDB_ASSIGN_OR_RETURN(auto packed, PackedFile::Open(std::move(ranges)));

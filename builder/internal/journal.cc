@@ -14,6 +14,7 @@
 
 #include "builder/internal/squeeze.h"
 #include "store/base/hash.h"
+#include "store/files/guarded_file.h"
 #include "store/files/posix_file.h"
 
 namespace mtdb::internal {
@@ -187,6 +188,8 @@ Result<JournalInfo> Examine(int file, const std::string& path,
 Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const JournalKey& key,
                                                const std::string& note, bool resume) {
   // The folder may be open to all: a link or a file of somebody else's is not followed or believed.
+  const GuardedFile there = RecogniseFileAt(path);
+  if (there != GuardedFile::kJournal) MTDB_RETURN_IF_ERROR(RefuseToReplace(there, path));
   std::unique_ptr<Journal> journal(new Journal(path));
   MTDB_RETURN_IF_ERROR(journal->Lock());
   const int file = journal->file_;
@@ -231,7 +234,7 @@ Status Journal::Lock() {
     if (file_ < 0) return Error("cannot be made", errno);
     if (flock(file_, LOCK_EX | LOCK_NB) == 0) {
       // Who had it may have removed it since it was opened here.
-      if (IsAt(file_, path_)) return Status::Ok();
+      if (IsAt(file_, path_)) return CheckContent();
     } else if (errno != EWOULDBLOCK) {
       return Error("cannot be locked", errno);
     }
@@ -241,6 +244,17 @@ Status Journal::Lock() {
     }
     std::this_thread::sleep_for(kLockPause);
   }
+}
+
+// What is no journal is not emptied for one. A journal that a power failure cut short may begin
+// with zeros.
+Status Journal::CheckContent() const {
+  char first = 0;
+  if (ReadFully(file_, 0, &first, 1) != 1 || first == 0 || first == kMagic[0]) return Status::Ok();
+  return {StatusCode::kAlreadyExists,
+          path_ +
+              ": is no journal of an ingest; nothing was written: give another name for the "
+              "journal, or remove that file first"};
 }
 
 Status Journal::Begin(const JournalKey& key, const std::string& note) {

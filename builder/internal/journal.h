@@ -55,6 +55,7 @@ class Journal {
   // The next tile's result, or none when the journal ends here; after that, only Append.
   Result<std::optional<TileOutcome>> Next();
   Status Append(const TileOutcome& outcome);
+  uint64_t bytes() const { return at_; }  // that are read or written
   // Notes what is about to be published, on the disk when this returns.
   Status Finish(const ObjectRecord& record);
   // Removes the file: the object is published, or never will be.
@@ -64,6 +65,7 @@ class Journal {
   explicit Journal(std::string path) : path_(std::move(path)) {}
   Status Error(const char* what, int error) const;
   Status Lock();
+  Status CheckContent() const;
   Status Begin(const JournalKey& key, const std::string& note);
   Status Write(ByteSpan bytes);
   Status Sync();

@@ -20,6 +20,16 @@ Status FileError(const std::string& directory, const char* what, int error) {
 
 }  // namespace
 
+Status SpoolSpace::Take(uint64_t bytes) const {
+  const uint64_t before = file_bytes.fetch_add(bytes);
+  if (before <= max_bytes && bytes <= max_bytes - before) return Status::Ok();
+  file_bytes -= bytes;
+  return {StatusCode::kBudgetExceeded,
+          directory + ": temporary files have reached " + std::to_string(before >> 20) +
+              " MiB and need more, but " + std::to_string(max_bytes >> 20) +
+              " MiB are allowed; allow more temporary files (--max-tmp) or more --memory"};
+}
+
 Spool::~Spool() { Close(); }
 
 void Spool::Close() {
@@ -90,11 +100,13 @@ Status Spool::CreateFile() {
 Status Spool::Flush(size_t last_bytes) {
   for (const auto& chunk : chunks_) {
     const size_t size = &chunk == &chunks_.back() ? last_bytes : kChunk;
+    MTDB_RETURN_IF_ERROR(space_->Take(size));
     if (!WriteFully(file_, written_, chunk.get(), size)) {
-      return FileError(space_->directory, "write", errno);
+      const int error = errno;
+      space_->file_bytes -= size;
+      return FileError(space_->directory, "write", error);
     }
     written_ += size;
-    space_->file_bytes += size;
   }
   return Status::Ok();
 }

@@ -22,7 +22,11 @@ namespace mtdb::internal {
 // Where spools put their files, and how much they hold now.
 struct SpoolSpace {
   std::string directory;  // must exist
+  uint64_t max_bytes = ~uint64_t{0};
   mutable std::atomic<uint64_t> file_bytes{0};
+  // Before so many bytes are written; kBudgetExceeded when all files would have more than
+  // max_bytes.
+  Status Take(uint64_t bytes) const;
 };
 
 class Spool {

@@ -14,6 +14,7 @@
 #include <system_error>
 #include <unistd.h>
 
+#include "store/files/guarded_file.h"
 #include "store/files/posix_file.h"
 
 namespace mtdb {
@@ -95,9 +96,28 @@ void HandOn(const struct stat& from, int descriptor) {
   (void)::fchmod(descriptor, from.st_mode & 07777);
 }
 
+// Whether what has the path now may be replaced.
+Status CheckReplaced(const std::string& path, const AtomicFileOptions& options) {
+  if (!options.source.empty() && IsSameFile(path, options.source)) {
+    return {StatusCode::kAlreadyExists, path + ": is the file that is read (" + options.source +
+                                            "); nothing was written: give another name"};
+  }
+  const GuardedFile found = RecogniseFileAt(path);
+  if (found == GuardedFile::kPackedFile && options.replaces_packed_file) return Status::Ok();
+  return RefuseToReplace(found, path);
+}
+
 }  // namespace
 
-Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& name) {
+Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& name,
+                                                       const AtomicFileOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckReplaced(name, options));
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<AtomicFile> file, Make(name));
+  file->options_ = options;
+  return file;
+}
+
+Result<std::unique_ptr<AtomicFile>> AtomicFile::Make(const std::string& name) {
   struct stat info {};
   // A stream need not have the name that its link says: /dev/stdout leads to "pipe:[123]".
   const bool is_stream =
@@ -149,6 +169,9 @@ Result<std::unique_ptr<AtomicFile>> AtomicFile::Create(const std::string& name) 
 }
 
 Result<std::unique_ptr<AtomicFile>> AtomicFile::Into(int descriptor, const std::string& path) {
+  // By its name, since it need not be open for reading.
+  const std::string open_file = "/proc/self/fd/" + std::to_string(descriptor);
+  MTDB_RETURN_IF_ERROR(RefuseToReplace(RecogniseFileAt(open_file), path));
   const int own = ::fcntl(descriptor, F_DUPFD_CLOEXEC, 0);
   if (own < 0) return WriteError(path, errno);
   std::unique_ptr<AtomicFile> file(new AtomicFile(path, "", own));
@@ -245,6 +268,8 @@ Status AtomicFile::Commit() {
   if (copy < 0 || ::close(copy) != 0) return WriteError(path_, errno);
   if (is_named_ && temporary_.empty()) MTDB_RETURN_IF_ERROR(Link());
   if (!temporary_.empty()) {
+    // Somebody may have made a store there meanwhile.
+    MTDB_RETURN_IF_ERROR(CheckReplaced(path_, options_));
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0) return WriteError(path_, errno);
     temporary_.clear();
   }

@@ -15,6 +15,11 @@
 
 namespace mtdb {
 
+struct AtomicFileOptions {
+  bool replaces_packed_file = false;
+  std::string source;  // the path of what is read meanwhile, which is not replaced either
+};
+
 // Writes a file that has no name until Commit() gives it `path`, so that nothing is left of a
 // process that dies. On systems without such files, and for the moment in which `path` is replaced,
 // the file has a temporary name beside `path`, "PATH.PID-N.tmp". It is locked while its process
@@ -25,14 +30,18 @@ namespace mtdb {
 // come; nothing of what is below holds there, and Overwrite() cannot be used once more than a
 // buffer of 1 MiB was appended (kUnsupported).
 //
+// What is a store, a packed file or one that belongs to them is never replaced (kAlreadyExists),
+// but a packed file by another where the options say so.
+//
 // After a power failure there is a whole file of that name, or none. A file that was just committed
 // may be missing, since the folder is not synced: meshes can be made again.
 class AtomicFile {
  public:
-  // kIoError, kNoSpace.
-  static Result<std::unique_ptr<AtomicFile>> Create(const std::string& path);
+  // kAlreadyExists, kIoError, kNoSpace.
+  static Result<std::unique_ptr<AtomicFile>> Create(const std::string& path,
+                                                    const AtomicFileOptions& options = {});
   // Writes into the open file `descriptor`. Commit() then gives it no name, and does not wait for
-  // the disk. `path` is for messages.
+  // the disk. `path` is for messages. Errors: as above.
   static Result<std::unique_ptr<AtomicFile>> Into(int descriptor, const std::string& path);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
@@ -47,6 +56,7 @@ class AtomicFile {
 
  private:
   AtomicFile(std::string path, std::string temporary, int descriptor);
+  static Result<std::unique_ptr<AtomicFile>> Make(const std::string& path);
   Status Flush();
   // Gives a file without a name its temporary one.
   Status Link();
@@ -57,6 +67,7 @@ class AtomicFile {
   std::string temporary_;  // empty: no name
   bool is_named_ = true;   // Commit() gives it its name
   bool seekable_ = true;
+  AtomicFileOptions options_;
   int descriptor_;
   std::vector<std::byte> buffer_;
   size_t buffered_ = 0;

@@ -12,6 +12,7 @@
 #include "codecs/mesh_file/internal/mesh_format_table.h"
 #include "codecs/mesh_file/internal/open_input.h"
 #include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/internal/stream_start.h"
 #include "codecs/mesh_file/internal/text_reader.h"
 #include "store/base/coordinate_limit.h"
 
@@ -162,10 +163,21 @@ bool IsMeshFile(const std::string& path) {
   return found.row != nullptr || IsGzip(found.start.bytes);
 }
 
+namespace {
+
+Status NoMeshFile(const std::string& path) {
+  return BadInput(
+      path + ": not a mesh file that mtdb reads, expected " +
+      OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
+}
+
+}  // namespace
+
 struct MeshInput::Impl {
   std::unique_ptr<InputFile> file;
   std::string suffix;
   std::string tmp_directory;
+  uint64_t temporary_bytes = 0;
 };
 
 MeshInput::MeshInput(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -175,12 +187,21 @@ MeshInput::~MeshInput() = default;
 
 Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions& options) {
   auto impl = std::make_unique<Impl>();
-  MTDB_ASSIGN_OR_RETURN(impl->file, OpenInputFile(path, options.descriptor, options.tmp_directory));
   impl->suffix = options.suffix.empty() ? LowerSuffix(path) : options.suffix;
   impl->tmp_directory = options.tmp_directory;
+  InputRules rules{options.tmp_directory, options.max_tmp_bytes, options.look, {}};
+  rules.check_start = [&](const InputFile& start) -> Result<StreamFacts> {
+    FoundFormat found;
+    MTDB_RETURN_IF_ERROR(FindFormat(start, impl->suffix, &found));
+    if (found.row == nullptr) return NoMeshFile(path);
+    return CheckStreamStart(start, found.row, found.start);
+  };
+  MTDB_ASSIGN_OR_RETURN(impl->file,
+                        OpenInputFile(path, options.descriptor, rules, &impl->temporary_bytes));
   return MeshInput(std::move(impl));
 }
 
+uint64_t MeshInput::temporary_bytes() const { return impl_->temporary_bytes; }
 const std::string& MeshInput::path() const { return impl_->file->path(); }
 
 Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
@@ -194,9 +215,7 @@ Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
     return WideTextError(path());
   }
   if (found.row == nullptr) {
-    return BadInput(
-        path() + ": not a mesh file that mtdb reads, expected " +
-        OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
+    return NoMeshFile(path());
   }
   return found.row->read(*impl_->file, found.start, sink, report);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -64,13 +65,19 @@ struct MeshReadOptions {
   // to, since readers go back and forth, and positions that polygons of texts need; empty: the
   // system's.
   std::string tmp_directory;
+  // The most that this copy takes; more is kBudgetExceeded.
+  uint64_t max_tmp_bytes = ~uint64_t{0};
+  // Called before each read of the input, while it is opened and later, and some times a second
+  // while a pipe delivers nothing. An error ends the reading and is returned.
+  std::function<Status()> look;
 };
 
 // A mesh file that is open, and may be read any number of times. Files compressed by gzip are
 // decompressed when they are opened; ".gz" is no part of their suffix.
 class MeshInput {
  public:
-  // kNotFound, kIoError, kNoSpace (temporary files), kBadInput (damaged gzip).
+  // kNotFound, kIoError, kNoSpace and kBudgetExceeded (temporary files), kBadInput (damaged gzip;
+  // of what is copied, a first mebibyte that no mesh begins with, and more than a header promises).
   static Result<MeshInput> Open(const std::string& path, const MeshReadOptions& options = {});
   MeshInput(MeshInput&&) noexcept;
   MeshInput& operator=(MeshInput&&) noexcept;
@@ -84,6 +91,7 @@ class MeshInput {
   // coordinates, vertex indices out of range, a count that the file is too short for, no vertices.
   Status Read(MeshSink& sink, MeshReadReport* report) const;
   const std::string& path() const;
+  uint64_t temporary_bytes() const;  // of the copy; 0: there is none
 
  private:
   struct Impl;

@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <charconv>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <curl/curl.h>
 #include <deque>
 #include <limits>
@@ -41,6 +44,7 @@ struct Request {
   ByteRange range;
   RangeReader::Answer answer;
   int tries = 0;
+  Clock::time_point deadline;  // set by the first try
   Clock::time_point not_before;
   CURL* handle = nullptr;
   curl_slist* headers = nullptr;
@@ -228,7 +232,11 @@ class Loop : public std::enable_shared_from_this<Loop> {
   }
 
   bool Attach(Request& r) {
-    ++r.tries;
+    if (r.tries++ == 0) {
+      const double at_least_rate =
+          static_cast<double>(r.range.bytes) / static_cast<double>(options_.least_rate);
+      r.deadline = Clock::now() + Seconds(options_.request_seconds + at_least_rate);
+    }
     ++requests_;
     r.http = {};
     r.header_bytes = 0;
@@ -283,12 +291,17 @@ class Loop : public std::enable_shared_from_this<Loop> {
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_REDIR_PROTOCOLS_STR, place_.url.starts_with("https") ? "https" : "http,https");
     set(CURLOPT_HTTP_VERSION, static_cast<long>(CURL_HTTP_VERSION_2TLS));
+    if (!place_.signature_scope.empty()) set(CURLOPT_PATH_AS_IS, 1L);
     set(CURLOPT_PIPEWAIT, 1L);
     set(CURLOPT_NETRC, static_cast<long>(CURL_NETRC_OPTIONAL));
     set(CURLOPT_USERAGENT, "mtdb");
     if (!place_.certificates.empty()) set(CURLOPT_CAINFO, place_.certificates.c_str());
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(1e3 * options_.connect_seconds));
-    set(CURLOPT_LOW_SPEED_LIMIT, 1L);
+    // Neither bytes that trickle nor heads and redirects without an end keep a request for ever.
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(r.deadline - Clock::now());
+    set(CURLOPT_TIMEOUT_MS, std::max(1L, static_cast<long>(left.count())));
+    set(CURLOPT_LOW_SPEED_LIMIT, static_cast<long>(options_.least_rate));
     set(CURLOPT_LOW_SPEED_TIME, std::max(1L, static_cast<long>(options_.stall_seconds)));
     if (!place_.signature_scope.empty()) {
       set(CURLOPT_AWS_SIGV4, place_.signature_scope.c_str());
@@ -365,6 +378,11 @@ class Loop : public std::enable_shared_from_this<Loop> {
                       code == CURLE_COULDNT_CONNECT);
       if (!IsTransient(code) || wrong) return IoError(message);
       status = NotYet(message);
+    }
+    if (Clock::now() + Seconds(options_.first_wait) >= r.deadline) {
+      return IoError(status.message() + "; gave up, since " + std::to_string(r.range.bytes) +
+                     " bytes did not come in the time that they may take (MTDB_URL_TIMEOUT, "
+                     "MTDB_URL_LEAST_RATE); try again later");
     }
     if (r.tries >= options_.tries) {
       return IoError(status.message() + ", the last of " + std::to_string(r.tries) +
@@ -446,6 +464,29 @@ class HttpRanges final : public RangeReader {
 
 }  // namespace
 
+Result<HttpOptions> HttpOptionsOfEnvironment() {
+  HttpOptions options;
+  // Empty: as if it were not there.
+  const auto read = [](const char* name, double least, double most, double* number) -> Status {
+    const char* const text = std::getenv(name);
+    if (text == nullptr || *text == '\0') return Status::Ok();
+    const char* const end = text + std::strlen(text);
+    const auto [at, error] = std::from_chars(text, end, *number);
+    if (error == std::errc() && at == end && *number >= least && *number <= most) {
+      return Status::Ok();
+    }
+    return InvalidArgument(std::string(name) + ": expected a number from " +
+                           std::to_string(static_cast<uint64_t>(least)) + " to " +
+                           std::to_string(static_cast<uint64_t>(most)) + " in the environment");
+  };
+  constexpr double kDay = 86400, kMostRate = 1 << 30;
+  double rate = static_cast<double>(options.least_rate);
+  MTDB_RETURN_IF_ERROR(read("MTDB_URL_TIMEOUT", 1, kDay, &options.request_seconds));
+  MTDB_RETURN_IF_ERROR(read("MTDB_URL_LEAST_RATE", 1, kMostRate, &rate));
+  options.least_rate = static_cast<uint64_t>(rate);
+  return options;
+}
+
 Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url,
                                                     const HttpOptions& options) {
   static std::once_flag once;
@@ -457,7 +498,7 @@ Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url,
   try {
     thread = std::thread([loop] { loop->Run(); });
   } catch (const std::system_error&) {
-    return Status(StatusCode::kNoSpace, url + ": no thread can be made");
+    return Status(StatusCode::kNoSpace, loop->place().shown + ": no thread can be made");
   }
   auto ranges = std::make_unique<HttpRanges>(loop, std::move(thread));
   MTDB_RETURN_IF_ERROR(ranges->Begin());
@@ -465,7 +506,8 @@ Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url,
 }
 
 Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url) {
-  return OpenHttpRanges(url, HttpOptions{});
+  MTDB_ASSIGN_OR_RETURN(const HttpOptions options, HttpOptionsOfEnvironment());
+  return OpenHttpRanges(url, options);
 }
 
 }  // namespace mtdb::internal

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/internal/name_claim.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
@@ -9,6 +10,7 @@
 #include <unistd.h>
 
 #include "store/base/hash.h"
+#include "store/files/posix_file.h"
 #include "store/internal/meta_page.h"
 
 namespace mtdb::internal {
@@ -59,6 +61,42 @@ uint64_t ClaimByte(const struct stat& lock_file) {
   return kFirstClaimByte + identity % (kEndOfClaims - kFirstClaimByte);
 }
 
+// What LMDB maps of a lock file for its readers (LmdbEnvironment opens stores for 512 of them, of
+// 64 bytes), and some more. LMDB takes from a larger file how many readers there may be.
+constexpr off_t kLockFileBytes = 512 * 64 + 4096;
+
+// LMDB maps the lock file and writes to it, which kills the process where the disk has no room for
+// its pages: they get it before. Nobody else is in the gate.
+Status AllocateLockFile(int descriptor, const std::string& path) {
+  struct stat info {};
+  struct flock lock = Range(F_WRLCK, 0, 0);  // all of it
+  if (::fstat(descriptor, &info) != 0 || ::fcntl(descriptor, F_OFD_GETLK, &lock) != 0) {
+    return IoError(path + ": cannot be examined: " + std::strerror(errno));
+  }
+  // Who has it open has mapped as much as there was.
+  const bool alone = lock.l_type == F_UNLCK;
+  const off_t bytes = alone ? std::max(info.st_size, kLockFileBytes) : info.st_size;
+  int error = 0;
+  while (::fallocate(descriptor, 0, 0, bytes) != 0) {
+    error = errno;
+    if (error != EINTR) break;
+    error = 0;
+  }
+  if (error == EOPNOTSUPP || error == ENOSYS) {
+    error = 0;
+    if (alone) {
+      Bytes content(static_cast<size_t>(bytes));
+      const bool written = ReadFully(descriptor, 0, content.data(), content.size()) >= 0 &&
+                           WriteFully(descriptor, 0, content.data(), content.size());
+      if (!written) error = errno;
+    }
+  }
+  if (error == 0) return Status::Ok();
+  const StatusCode code = FileErrorCode(error);
+  return {code, path + ": no room for the store's lock file: " + std::strerror(error) +
+                    (code == StatusCode::kNoSpace ? "; make room on this disk" : "")};
+}
+
 std::string LockPath(const std::string& path) { return path + "-lock"; }
 
 }  // namespace
@@ -97,6 +135,7 @@ Result<std::unique_ptr<NameClaim>> NameClaim::Acquire(const std::string& path, b
       ::ftruncate(locked.descriptor(), 0) != 0) {
     return IoError(path + ": cannot be emptied: " + std::strerror(errno));
   }
+  MTDB_RETURN_IF_ERROR(AllocateLockFile(descriptor, LockPath(path)));
   MTDB_RETURN_IF_ERROR(Lock(locked, F_RDLCK, own));
   MTDB_RETURN_IF_ERROR(Lock(locked, F_UNLCK, kGateByte));
   return claim;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "store/base/out_of_memory.h"
+#include "store/base/redact.h"
 #include "store/internal/packed_format.h"
 #include "store/internal/range_cache.h"
 #include "store/kept_ranges.h"
@@ -60,7 +61,8 @@ Result<std::unique_ptr<RangeReader>> OpenPackedRanges(const std::string& path) {
 
 #if !MTDB_HTTP
 Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url) {
-  return Unsupported(url + ": this mtdb was built without libcurl, which reads URLs; install " +
+  return Unsupported(WithoutSecrets(url) +
+                     ": this mtdb was built without libcurl, which reads URLs; install " +
                      "libcurl4-openssl-dev and build it again, or download the file");
 }
 #endif

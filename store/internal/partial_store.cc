@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "store/files/guarded_file.h"
 #include "store/files/posix_file.h"
 #include "store/internal/sync_folder.h"
 
@@ -21,6 +22,26 @@ constexpr int kTries = 100;
 Status Failure(const std::string& path, const char* doing) {
   const int error = errno;
   return {FileErrorCode(error), path + ": " + doing + ": " + std::strerror(error)};
+}
+
+// Files that are being written have this bit of their mode, which means nothing for files and is
+// taken away with Commit(): so what a process that died has left is told from a store that somebody
+// has given such a name.
+constexpr mode_t kUnfinished = S_ISVTX;
+
+// What has the name is a file of no more names, empty or left by a process that died.
+Status CheckLeftOver(const StoreFile& file) {
+  struct stat named {
+  }, opened{};
+  if (::lstat(file.path().c_str(), &named) != 0) return Status::Ok();  // the caller tries again
+  if (::fstat(file.descriptor(), &opened) != 0) return Failure(file.path(), "cannot stat");
+  const bool own = (opened.st_mode & kUnfinished) != 0 || opened.st_size == 0;
+  if (own && S_ISREG(named.st_mode) && opened.st_nlink <= 1) return Status::Ok();
+  return {StatusCode::kAlreadyExists,
+          file.path() +
+              ": the new store is written under this name before it gets its own, but "
+              "something else has it; nothing was written: remove that file, or give "
+              "it another name"};
 }
 
 void RemoveLockFile(const std::string& store) { (void)::unlink((store + "-lock").c_str()); }
@@ -55,6 +76,8 @@ Result<std::unique_ptr<PartialStore>> PartialStore::Create(const std::string& pa
         now.st_ino != file->inode()) {
       continue;
     }
+    MTDB_RETURN_IF_ERROR(CheckLeftOver(*file));
+    (void)::fchmod(file->descriptor(), (now.st_mode & 07777) | kUnfinished);
     RemoveLockFile(partial);
     // From here on an error removes the file.
     std::unique_ptr<PartialStore> made(new PartialStore(path, partial, std::move(file)));
@@ -77,7 +100,7 @@ Status PartialStore::AdoptPermissions(const StoreFile& other) {
   if (::fstat(other.descriptor(), &info) != 0) return Failure(other.path(), "cannot stat");
   // Only root may give files away; to whom the group cannot be given, the owner's is left.
   (void)!::fchown(file_->descriptor(), info.st_uid, info.st_gid);
-  if (::fchmod(file_->descriptor(), info.st_mode & 07777) != 0) {
+  if (::fchmod(file_->descriptor(), (info.st_mode & 07777) | kUnfinished) != 0) {
     return Failure(partial_, "cannot get the permissions of the store");
   }
   return Status::Ok();
@@ -103,6 +126,10 @@ Status PartialStore::Commit(bool replace) {
     return Failure(path_, "cannot be given its name");
   }
   committed_ = true;
+  struct stat info {};
+  if (::fstat(file_->descriptor(), &info) == 0) {
+    (void)::fchmod(file_->descriptor(), info.st_mode & 07777 & ~kUnfinished);
+  }
   return SyncFolder(path_);
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <csignal>
+#include <cstring>
 #include <fcntl.h>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +13,7 @@
 #include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <vector>
 
 #include "tests/support/temporary_folder.h"
 
@@ -114,6 +116,135 @@ TEST_CASE("Temporary files of the dead are removed, those of the living and of o
   expected.insert("out.ply");
   CHECK(FilesIn(folder.path()) == expected);
   close(living);
+}
+
+// The first meta page of LMDB, of this page size and version; the second follows.
+std::string StoreBytes(size_t page, uint32_t version = 1) {
+  std::string bytes(2 * page + 100, '\0');
+  for (size_t number = 0; number < 2; ++number) {
+    char* const at = bytes.data() + number * page;
+    at[0] = static_cast<char>(number);
+    at[10] = 8;
+    constexpr uint32_t kMagic = 0xbeefc0de;
+    std::memcpy(at + 16, &kMagic, sizeof(kMagic));
+    std::memcpy(at + 20, &version, sizeof(version));
+  }
+  return bytes;
+}
+
+void Put(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+// Neither Create() nor what an open descriptor leads to takes its place, by none of its names.
+void IsKept(const TemporaryFolder& folder, const std::string& bytes, const AtomicFileOptions& how) {
+  const std::string path = folder.path() + "/kept", soft = folder.path() + "/soft.ply",
+                    hard = folder.path() + "/hard.ply";
+  Put(path, bytes);
+  std::filesystem::create_symlink("kept", soft);
+  std::filesystem::create_hard_link(path, hard);
+  for (const std::string& name : {path, soft, hard}) {
+    const Status status = AtomicFile::Create(name, how).status();
+    INFO(name << ": " << status.message());
+    CHECK(status.code() == StatusCode::kAlreadyExists);
+    CHECK_THAT(status.message(), Catch::StartsWith(name + ": "));
+    CHECK(Read(path) == bytes);
+    for (const int flags : {O_WRONLY, O_RDWR, O_WRONLY | O_APPEND}) {
+      const int descriptor = ::open(name.c_str(), flags | O_CLOEXEC);
+      CHECK(AtomicFile::Into(descriptor, "out").status().code() == StatusCode::kAlreadyExists);
+      ::close(descriptor);
+    }
+  }
+  CHECK(FilesIn(folder.path()) == std::set<std::string>{"kept", "soft.ply", "hard.ply"});
+}
+
+TEST_CASE("No file takes the place of a store, damaged, cut short or of another version") {
+  std::vector<std::string> stores;
+  for (const size_t page : {512, 4096, 16384, 65536}) {
+    const std::string whole = StoreBytes(page);
+    stores.push_back(whole);
+    stores.push_back(StoreBytes(page, 7));
+    stores.push_back(std::string(page, 'x') + whole.substr(page));  // the first page is lost
+    stores.push_back(std::string(page, '\0') + whole.substr(page));
+    stores.push_back(whole.substr(0, page) + std::string(page + 100, 'x'));
+    std::string flipped = whole;
+    flipped[17] ^= 1;  // in the magic of both
+    flipped[page + 17] ^= 1;
+    stores.push_back(flipped);
+  }
+  for (const size_t size : {16, 20, 100, 4096, 8192}) {
+    stores.push_back(StoreBytes(4096).substr(0, size));
+  }
+  for (const std::string& bytes : stores) {
+    for (const bool packs : {false, true}) {
+      const TemporaryFolder folder;
+      IsKept(folder, bytes, {.replaces_packed_file = packs});
+    }
+  }
+}
+
+TEST_CASE("Packed files are replaced by packed files alone, and by none that is read meanwhile") {
+  for (const std::string& bytes :
+       {std::string("mtdb packed\0\0\0\0\0and more", 24), std::string("mtdb packed")}) {
+    const TemporaryFolder folder;
+    IsKept(folder, bytes, {});
+    const std::string path = folder.path() + "/kept", other = folder.path() + "/other";
+    CHECK(AtomicFile::Create(path, {true, folder.path() + "/hard.ply"}).status().code() ==
+          StatusCode::kAlreadyExists);
+    Put(other, bytes);
+    auto file = AtomicFile::Create(path, {true, other});
+    INFO(file.status().message());
+    REQUIRE(file.ok());
+    REQUIRE((*file)->Append("mtdb packed anew").ok());
+    REQUIRE((*file)->Commit().ok());
+    CHECK(Read(path) == "mtdb packed anew");
+  }
+}
+
+TEST_CASE("Journals, lock files, and what a lock file lies beside are not replaced") {
+  const TemporaryFolder folder;
+  const std::string store = folder.path() + "/s.mtdb", lock = store + "-lock";
+  Put(store, "mtdb journal 10");
+  CHECK_FALSE(AtomicFile::Create(store).ok());
+  Put(lock, std::string(8192, 'l'));
+  Put(store, StoreBytes(4096));
+  CHECK_FALSE(AtomicFile::Create(lock).ok());
+  std::filesystem::create_symlink(lock, folder.path() + "/l.ply");
+  CHECK_FALSE(AtomicFile::Create(folder.path() + "/l.ply").ok());
+  Put(store, std::string(20000, 'x'));  // all of its beginning was written over
+  CHECK_FALSE(AtomicFile::Create(store).ok());
+  // Nobody's any more.
+  std::filesystem::remove(store);
+  CHECK(AtomicFile::Create(store).ok());
+  CHECK(AtomicFile::Create(lock).ok());
+}
+
+TEST_CASE("A store that is made while a file is written is not replaced when that is whole") {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/out.ply";
+  auto file = AtomicFile::Create(path).value();
+  REQUIRE(file->Append("mesh").ok());
+  Put(path, StoreBytes(4096));
+  CHECK(file->Commit().code() == StatusCode::kAlreadyExists);
+  file.reset();
+  CHECK(Read(path) == StoreBytes(4096));
+  CHECK(FilesIn(folder.path()) == std::set<std::string>{"out.ply"});
+}
+
+TEST_CASE("What is no file of mtdb is replaced as ever") {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/out";
+  for (const std::string& bytes :
+       {std::string(), std::string(10000, '\0'), std::string("ply\n"), std::string("glTF"),
+        std::string("mtdb"), StoreBytes(4096).substr(0, 15), std::string(3, '\xde')}) {
+    Put(path, bytes);
+    auto file = AtomicFile::Create(path);
+    INFO(file.status().message());
+    REQUIRE(file.ok());
+    REQUIRE((*file)->Append("new").ok());
+    REQUIRE((*file)->Commit().ok());
+    CHECK(Read(path) == "new");
+  }
 }
 
 }  // namespace

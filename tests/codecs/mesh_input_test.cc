@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is read from pipes and from files compressed by gzip.
 #include <catch2/catch.hpp>
+#include <csignal>
 #include <fcntl.h>
 #include <fstream>
 #include <random>
@@ -136,6 +137,166 @@ TEST_CASE("A folder for copies that is not there is named") {
   const Result<MeshInput> input = MeshInput::Open(path, options);
   CHECK(input.status().code() == StatusCode::kIoError);
   CHECK_THAT(input.status().message(), Catch::Contains("/none: temporary file"));
+}
+
+namespace {
+
+// What comes of a pipe into which `endless` is written again and again behind `start`, until
+// nobody reads or 200 MiB are written; `*taken` is how much was.
+Status ReadEndless(const std::string& start, std::string endless, MeshReadOptions options,
+                   uint64_t* taken) {
+  while (endless.size() < 1 << 16) endless += endless;
+  int ends[2];
+  REQUIRE(::pipe(ends) == 0);
+  ::signal(SIGPIPE, SIG_IGN);
+  *taken = 0;
+  std::thread writer([&] {
+    const std::string* next = &start;
+    while (*taken < 200'000'000) {
+      const ssize_t n = ::write(ends[1], next->data(), next->size());
+      if (n < 0) break;
+      *taken += static_cast<uint64_t>(n);
+      next = &endless;
+    }
+    ::close(ends[1]);
+  });
+  options.descriptor = ends[0];
+  TriangleMesh mesh;
+  const Status status = MeshInput::Open("standard input", options).status();
+  ::close(ends[0]);
+  writer.join();
+  return status;
+}
+
+std::string Bytes32(uint32_t value) {
+  return {reinterpret_cast<const char*>(&value), sizeof(value)};
+}
+
+}  // namespace
+
+TEST_CASE("A stream without an end that is no mesh is refused after its first MiB") {
+  const std::string zeros(1, '\0');
+  const std::string ply =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float "
+      "y\nproperty float z\nelement face 1\nproperty list uchar int "
+      "vertex_indices\nend_header\n";
+  struct Case {
+    std::string suffix, start, endless, words;
+  };
+  const std::vector<Case> cases{
+      {"stl", "", zeros, "0 facets"},
+      {"stl", std::string(80, 'x') + Bytes32(3), "facets\n", "1 MiB follows"},
+      {"stl", std::string(80, 'x') + Bytes32(1 << 30), "\xff\xff\xff\xff", "finite number"},
+      {"stl", "solid a\n", "nothing\n", "facet"},
+      {"stl", "solid", zeros, "0 facets"},
+      {"ply", "ply\nformat ascii 1.0\n", "comment never ends\n", "does not end"},
+      {"ply", "ply\nformat ascii 1.0\n", zeros, "ply"},
+      {"ply", ply, zeros, "1 MiB follows"},
+      {"ply", "", zeros, "ply"},
+      {"obj", "", "# a comment\n", "no statement"},
+      {"obj", "", zeros, "no statement"},
+      {"obj", "v 1 2 3\n", zeros, "is 0"},
+      {"off", "OFF\n", "# a comment\n", "no counts"},
+      {"off", "OFF 3 1 0\n", zeros, "is 0"},
+      {"glb", "glTF" + Bytes32(2) + Bytes32(1000), zeros, "1 MiB follows"},
+      {"gltf", "{", " ", "1 MiB follows"},
+      {"drc", "DRACO", zeros, "Draco"},
+      {"", "", zeros, "not a mesh file"},
+      {"", "", "any text\n", "not a mesh file"},
+  };
+  for (const Case& c : cases) {
+    MeshReadOptions options;
+    options.suffix = c.suffix;
+    uint64_t taken = 0;
+    const Status status = ReadEndless(c.start, c.endless, options, &taken);
+    INFO(c.suffix << " " << c.start << ": " << status.message());
+    CHECK(status.code() == StatusCode::kBadInput);
+    CHECK_THAT(status.message(), Catch::StartsWith("standard input: "));
+    CHECK_THAT(status.message(), Catch::Contains(c.words));
+    CHECK(taken < 20'000'000);  // 16 MiB of JSON, and what pipes hold
+  }
+}
+
+TEST_CASE("Compressed zeros fill no disk") {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/bomb.stl.gz";
+  Write(path, Gzip(std::string(50'000'000, '\0')));
+  const Status status = MeshInput::Open(path).status();
+  CHECK(status.code() == StatusCode::kBadInput);
+  CHECK_THAT(status.message(), Catch::Contains("0 facets"));
+}
+
+TEST_CASE("A copy takes no more than it may, and says how far it came") {
+  MeshReadOptions options;
+  options.suffix = "obj";
+  options.max_tmp_bytes = 5 << 20;
+  uint64_t taken = 0;
+  const Status status = ReadEndless("", "v 1 2 3\n", options, &taken);
+  INFO(status.message());
+  CHECK(status.code() == StatusCode::kBudgetExceeded);
+  CHECK_THAT(status.message(), Catch::Contains("4 MiB, more than the 5 MiB") ||
+                                   Catch::Contains("5 MiB, more than the 5 MiB"));
+  CHECK(taken < 6 << 20);
+}
+
+TEST_CASE("Reading stops when it is told to, while much comes and while nothing comes") {
+  MeshReadOptions options;
+  options.suffix = "obj";
+  int looks = 0;
+  options.look = [&] {
+    return ++looks < 20 ? Status::Ok() : Status(StatusCode::kCancelled, "enough");
+  };
+  uint64_t taken = 0;
+  CHECK(ReadEndless("", "v 1 2 3\n", options, &taken).message() == "enough");
+  looks = 0;
+  int ends[2];
+  REQUIRE(::pipe(ends) == 0);
+  options.descriptor = ends[0];
+  for (const std::string& sent : {std::string(), std::string("v 1 2 3\n")}) {
+    REQUIRE(::write(ends[1], sent.data(), sent.size()) == static_cast<ssize_t>(sent.size()));
+    CHECK(MeshInput::Open("standard input", options).status().message() == "enough");
+  }
+  // A descriptor that does not wait is waited for all the same.
+  looks = 0;
+  REQUIRE(::fcntl(ends[0], F_SETFL, O_NONBLOCK) == 0);
+  CHECK(MeshInput::Open("standard input", options).status().message() == "enough");
+  ::close(ends[0]);
+  ::close(ends[1]);
+  // A file is looked at while it is read.
+  const TemporaryFolder folder;
+  Write(folder.path() + "/a.obj", ObjText(200000));
+  options.descriptor = -1;
+  looks = 0;
+  const Result<MeshInput> input = MeshInput::Open(folder.path() + "/a.obj", options);
+  REQUIRE(input.ok());
+  TriangleMesh mesh;
+  CHECK(ReadAll(input, &mesh).message() == "enough");
+}
+
+TEST_CASE("Meshes of every format of more than 1 MiB come through a pipe as from a file") {
+  const TemporaryFolder folder;
+  constexpr int kVertices = 60000;
+  const std::string source = folder.path() + "/source.obj";
+  Write(source, ObjText(kVertices));
+  for (const MeshFormat& format : WrittenMeshFormats()) {
+    const std::string suffix(format.suffixes[0]);
+    const std::string path = folder.path() + "/mesh." + suffix;
+    {
+      auto writer = CreateMeshFileWriter(path).value();
+      REQUIRE(ReadMeshFile(source, *writer, nullptr).ok());
+    }
+    TriangleMesh expected, piped;
+    REQUIRE(ReadAll(MeshInput::Open(path), &expected).ok());
+    MeshReadOptions options;
+    options.suffix = suffix;
+    options.descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const Status status = ReadAll(MeshInput::Open("standard input", options), &piped);
+    ::close(options.descriptor);
+    INFO(suffix << ": " << status.message());
+    REQUIRE(status.ok());
+    CHECK(piped.positions == expected.positions);
+    CHECK(piped.triangles == expected.triangles);
+  }
 }
 
 }  // namespace mtdb::testing

@@ -582,6 +582,8 @@ constexpr NamedAct kActs[] = {{"ingest", Ingest},
                               {"picture", PictureAct},
                               {"pack-onto", PackOntoAct},
                               {"page", PageAct},
+                              {"aim", AimAct},
+                              {"pour", PourAct},
                               {"beside", BesideAct}};
 
 }  // namespace

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Acts that write what is no mesh: pictures, and packed files where a store is.
+// Acts that write what is no mesh: pictures, and packed files where a store is; outputs that are
+// aimed at what must be kept, and input that never ends.
 #include <filesystem>
 #include <map>
+#include <sys/stat.h>
 
 #include "tests/everything/world.h"
 
@@ -111,6 +113,83 @@ void PackOntoAct(World& world, const Step& step) {
   if (ReadText(target.path) != before) world.Fault("pack: changes a store", target.path);
   CheckLeftovers(world);
   CheckStore(world, to, "fast");
+}
+
+// A link to what must be kept is where an output goes.
+void AimAct(World& world, const Step& step) {
+  StorePlace& place = world.Store(step.Int("store", 0));
+  if (place.model.objects.empty()) return;
+  ++world.counts().acts;
+  const std::string& name = place.model.objects.begin()->first;
+  const std::string packed = world.Folder("out/kept.mtdbp");
+  const Ran made = world.Mtdb({"pack", place.path, packed});
+  if (!made.ok()) return world.ErrorFault("pack: refused", made.err);
+  const std::string kept = step.Flag("packed") ? packed : place.path;
+  const std::string before = ReadText(kept);
+  const std::string format = step.Text("output", "ply");
+  const bool picture = step.Flag("picture");
+  const std::string link = world.Folder(std::string("out/aimed.") + (picture ? "png" : format));
+  fs::remove(link);
+  if (step.Text("by", "symlink") == "hardlink") {
+    fs::create_hard_link(kept, link);
+  } else {
+    fs::create_symlink(kept, link);
+  }
+  Arguments arguments{picture ? "render" : "extract", place.path, link, "--name", name};
+  if (picture) arguments.insert(arguments.end(), {"--size", "48x36", "--draft"});
+  if (step.Flag("generate")) arguments = {"generate", "sculpture", link, "--triangles", "100"};
+  const Ran ran = world.Mtdb(arguments);
+  if (ran.ok()) world.Fault("aim: not refused", CommandLine(arguments));
+  if (ReadText(kept) != before) {
+    world.Fault("aim: what is kept was changed", CommandLine(arguments));
+    world.Stop();
+  }
+  fs::remove(link);
+  fs::remove(packed);
+  CheckLeftovers(world);
+  CheckStore(world, step.Int("store", 0), "fast");
+}
+
+// Standard input never ends: it is refused when it is no mesh, and else ends with a limit or a
+// signal. Nothing is stored, and nothing left.
+void PourAct(World& world, const Step& step) {
+  StorePlace& place = world.Store(step.Int("store", 0));
+  ++world.counts().acts;
+  const std::string stream = step.Text("stream", "zeros");
+  const std::string script = stream == "zeros"   ? "exec cat /dev/zero"
+                             : stream == "words" ? "exec yes nothing"
+                             : stream == "mesh"  ? "exec yes v 1 2 3"
+                             : stream == "late"  ? "while echo v 1 2 3; do sleep 0.05; done"
+                                                 : "exec sleep 1000";
+  const bool ends = stream == "zeros" || stream == "words" || stream == "mesh";
+  const bool is_obj = stream == "mesh" || !ends;
+  const std::string fifo = world.scratch() + "/poured";
+  fs::remove(fifo);
+  if (::mkfifo(fifo.c_str(), 0600) != 0) return;
+  const Child pouring({"/bin/bash", "-c", "exec >'" + fifo + "' 2>/dev/null; " + script},
+                      world.scratch());
+  RunOptions run;
+  run.input = fifo;
+  run.folder = world.Folder("inputs");
+  Arguments arguments{world.options().mtdb,
+                      "ingest",
+                      "-",
+                      place.path,
+                      "--name",
+                      "poured",
+                      "--max-tmp",
+                      "8M",
+                      "--format",
+                      is_obj ? "obj" : step.Text("format", "stl")};
+  // What only comes slowly is told to stop.
+  if (!ends)
+    arguments.insert(arguments.begin(), {"timeout", "-s", step.Text("signal", "TERM"), "1"});
+  const Ran ran = world.Checked(Run(arguments, world.scratch(), run), "mtdb ingest");
+  fs::remove(fifo);
+  if (ran.ok()) world.Fault("pour: stored", stream);
+  if (ran.err.find("mtdb: ") == std::string::npos) world.Fault("pour: says nothing", stream);
+  CheckLeftovers(world);
+  if (HasStore(place)) CheckStore(world, step.Int("store", 0), "fast");
 }
 
 }  // namespace mtdb::everything

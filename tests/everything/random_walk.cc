@@ -62,7 +62,9 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 24)) {
+    switch (Between(0, 26)) {
+      case 26: return Aim();
+      case 25: return Pour();
       case 24: {
         Step& step = Add("page");
         step.Set("seed", Between(0, 2));
@@ -401,6 +403,26 @@ class Maker {
                                                                  "short"}));
       step.Set("spill-at", static_cast<int64_t>(Scaled(1, 40)));
     }
+  }
+
+  void Aim() {
+    Step& step = Add("aim");
+    if (Chance(0.5)) step.Set("packed", 1);
+    if (Chance(0.5)) step.Set("by", "hardlink");
+    if (Chance(0.3)) step.Set("picture", 1);
+    step.Set("output", OneOf(kOutputFormats).extension);
+    if (!step.has("picture") && Chance(0.2)) {
+      step.Set("generate", 1);
+      step.Set("output", "ply");
+    }
+  }
+
+  void Pour() {
+    using Words = std::initializer_list<const char*>;
+    Step& step = Add("pour");
+    step.Set("stream", OneOf(Words{"zeros", "words", "mesh", "late", "silence"}));
+    step.Set("format", OneOf(Words{"stl", "ply", "obj", "off", "glb", "gltf", "drc"}));
+    step.Set("signal", OneOf(Words{"TERM", "INT"}));
   }
 
   void Probe() {

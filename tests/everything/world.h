@@ -131,6 +131,10 @@ Ran RunOrKill(World& world, const Step& step, Arguments arguments);
 // output_acts.cc: pictures by every attribute; a packed file where a store is.
 void PictureAct(World& world, const Step& step);
 void PackOntoAct(World& world, const Step& step);
+// A mesh or a picture is written to where a link to a store or a packed file is.
+void AimAct(World& world, const Step& step);
+// An ingest of standard input that never ends.
+void PourAct(World& world, const Step& step);
 // The viewer's files for any web server, written twice.
 void PageAct(World& world, const Step& step);
 // beside_acts.cc: an object is read while an act changes it.

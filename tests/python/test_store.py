@@ -248,6 +248,47 @@ def test_errors_have_codes_and_families(store: Path, tmp_path: Path) -> None:
     assert type(again) is type(error.value) and str(again) == str(error.value)
 
 
+def test_nothing_replaces_a_store(store: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.mtdb"
+    path.write_bytes(store.read_bytes())
+    link = tmp_path / "link.ply"
+    link.symlink_to(path)
+    before = path.read_bytes()
+    db = mtdb.open(path)
+    mesh = db["small"].extract()
+    for write in (
+        lambda: db.pack(path, ["small"]),
+        lambda: db.pack(link),
+        lambda: mesh.save(link),
+        lambda: db["small"].extract_to(link),
+        lambda: db.ingest(mesh, name="new", journal=str(path)),
+    ):
+        with pytest.raises(mtdb.MtdbError) as error:
+            write()
+        assert error.value.code == mtdb.Code.ALREADY_EXISTS
+    assert sorted(mtdb.open(path)) == sorted(mtdb.open(store))
+    assert path.read_bytes() == before or mtdb.open(path).verify("fast")
+
+
+def test_errors_and_names_show_no_passwords(tmp_path: Path) -> None:
+    for url in ("http://u:S3cr3t@127.0.0.1:1/x", "s3://b/../x?X-Amz-Signature=S3cr3t"):
+        with pytest.raises(mtdb.MtdbError) as error:
+            mtdb.open(url)
+        assert "S3cr3t" not in str(error.value)
+
+
+def test_temporary_files_are_limited(tmp_path: Path) -> None:
+    mesh = tmp_path / "a.obj.gz"
+    lines = "".join(f"v {i} {i % 7} {i % 11}\n" for i in range(200000))
+    with gzip.open(mesh, "wt") as packed:
+        packed.write(lines + "f 1 2 3\n")
+    db = mtdb.open(tmp_path / "s.mtdb", create=True)
+    with pytest.raises(mtdb.MtdbError) as error:
+        db.ingest(mesh, name="a", max_tmp=1 << 20)
+    assert error.value.code == mtdb.Code.BUDGET_EXCEEDED and "--max-tmp" in str(error.value)
+    db.ingest(mesh, name="a", max_tmp=1 << 30)
+
+
 def test_verify_finds_what_is_damaged(store: Path, tmp_path: Path) -> None:
     damaged = tmp_path / "damaged.mtdb"
     data = bytearray(store.read_bytes())

@@ -323,6 +323,15 @@ static void check_objects(mtdb_database* database) {
   FAILS(MTDB_INVALID_ARGUMENT, "twice",
         mtdb_pack(copy, twice, 2, path(third, "no"), NULL, &sizes, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "names", mtdb_pack(copy, NULL, 1, third, NULL, &sizes, &error));
+  FAILS(MTDB_ALREADY_EXISTS, "a store", mtdb_pack(copy, which, 1, other, NULL, &sizes, &error));
+  OK(mtdb_without_secrets("a https://u:p@h/x?sig=1 b", third, sizeof(third), &error));
+  CHECK(strcmp(third, "a https://h/x b") == 0);
+  OK(mtdb_without_secrets("https://u:p@h/x", third, 6, &error));
+  CHECK(strcmp(third, "https") == 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "size", mtdb_without_secrets("a", third, 0, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "text", mtdb_without_secrets(NULL, third, 6, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "shown", mtdb_without_secrets("a", NULL, 6, &error));
+  path(third, "no");
   OK(mtdb_pack(copy, NULL, 0, packed, NULL, NULL, &error));
   mtdb_free_database(copy);
   OK(mtdb_compact_store(other, NULL, &sizes, &error));

@@ -6,6 +6,8 @@
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <filesystem>
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -295,4 +297,94 @@ TEST_CASE("an object gets another name, and who has it open reads on", "[store]"
 }
 
 }  // namespace
+TEST_CASE("the lock file of a store has its room before LMDB maps it", "[store]") {
+  const auto has_room = [](const std::string& lock) {
+    struct stat info {};
+    REQUIRE(::stat(lock.c_str(), &info) == 0);
+    CHECK(info.st_size >= 32 << 10);
+    CHECK(info.st_blocks * 512 >= info.st_size);
+  };
+  const Store store;
+  const std::string lock = store.path + "-lock";
+  for (const bool sparse : {false, true}) {
+    fs::remove(lock);
+    // As a program leaves it that dies when it has made the file.
+    if (sparse) WriteFile(lock, {});
+    if (sparse) fs::resize_file(lock, 33000);
+    const auto database = OpenWritable(store.path);
+    has_room(lock);
+  }
+}
+
+TEST_CASE("a full disk ends a change of a store with an error and nothing left", "[store]") {
+  const Store store;
+  const std::string folder = fs::path(store.path).parent_path().string();
+  const Bytes bytes = ReadFile(store.path);
+  const int status = RunChild([&] {
+    const std::string disk = folder + "/disk";
+    fs::create_directory(disk);
+    if (::unshare(CLONE_NEWNS) != 0 ||
+        ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        ::mount("none", disk.c_str(), "tmpfs", 0, "size=4m") != 0) {
+      return 77;
+    }
+    const std::string path = disk + "/s.mtdb", filler = disk + "/filler";
+    // From no room at all to a little more than the store has.
+    for (uint64_t room = 0; room < bytes.size() + (128 << 10); room += 8 << 10) {
+      for (int what = 0; what < 4; ++what) {
+        fs::remove(filler);
+        for (const auto& file : fs::directory_iterator(disk)) fs::remove(file);
+        WriteFile(path, bytes);
+        const uint64_t free = fs::space(disk).available;
+        WriteFile(filler, Bytes(free - std::min<uint64_t>(free, room)));
+        const auto change = [&]() -> Status {
+          if (what == 0) return CompactStore(path).status();
+          if (what == 1) {
+            MTDB_ASSIGN_OR_RETURN(const auto sources, OpenReadOnly(path)->OpenAll());
+            return CopyToNewStore(sources, disk + "/copy.mtdb");
+          }
+          MTDB_ASSIGN_OR_RETURN(const auto database, Database::Open(path, {.writable = true}));
+          return what == 2 ? database->Remove("a") : database->Rename("a", "z");
+        };
+        const Status changed = change();
+        if (!changed.ok() && changed.code() != StatusCode::kNoSpace) return 10 + what;
+        for (const auto& file : fs::directory_iterator(disk)) {
+          if (file.path().string().find("partial") != std::string::npos) return 20 + what;
+        }
+        if (VerifyFailures(path) != "") return 30 + what;
+        if (fs::exists(disk + "/copy.mtdb") != (what == 1 && changed.ok())) return 40 + what;
+      }
+    }
+    return 0;
+  });
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 77) {
+    WARN("skipped: this process may not mount");
+  } else {
+    CHECK(status == 0);
+  }
+}
+
+TEST_CASE("what has the name of a partial store and is none is kept", "[store]") {
+  const Store store;
+  const std::string copy = store.dir.File("copy.mtdb"), partial = copy + ".partial";
+  const auto copies = [&] {
+    return CopyToNewStore(OpenReadOnly(store.path)->OpenAll().value(), copy);
+  };
+  const Bytes bytes = ReadFile(store.path);
+  WriteFile(partial, bytes);  // somebody's store
+  CHECK(copies().code() == StatusCode::kAlreadyExists);
+  CHECK(ReadFile(partial) == bytes);
+  fs::remove(partial);
+  fs::create_hard_link(store.path, partial);
+  CHECK(copies().code() == StatusCode::kAlreadyExists);
+  fs::remove(partial);
+  fs::create_symlink(store.path, partial);
+  CHECK(copies().code() == StatusCode::kAlreadyExists);
+  CHECK(ReadFile(store.path) == bytes);
+  fs::remove(partial);
+  REQUIRE(copies().message() == "");
+  CHECK((fs::status(copy).permissions() & fs::perms::sticky_bit) == fs::perms::none);
+  CheckHolds(copy, {{"a", store.a}, {"c", store.c}});
+}
+
 }  // namespace mtdb::test

@@ -4,8 +4,10 @@
 #include "store/internal/http_ranges.h"
 
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <random>
 
+#include "store/base/wait_scope.h"
 #include "store/internal/http_url.h"
 #include "store/internal/packed_reader.h"
 #include "store/packed_file.h"
@@ -361,6 +363,91 @@ TEST_CASE("what a URL asks for, and what messages show of it", "[http]") {
        {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION", "AWS_ENDPOINT_URL"}) {
     ::unsetenv(name);
   }
+}
+
+#if MTDB_TEST_HTTP
+
+TEST_CASE("a server that trickles, or never comes to its answer, is given up", "[http]") {
+  const auto raw = [](const std::string& first, const std::string& again) {
+    return [first, again](const FileRequest& request, FileReply* reply) {
+      reply->raw = first;
+      reply->again = again;
+      if (first.find("206") == first.npos) return;
+      reply->raw +=
+          "ETag: \"one\"\r\nContent-Length: " + std::to_string(request.last - request.first + 1) +
+          "\r\nContent-Range: bytes " + std::to_string(request.first) + "-" +
+          std::to_string(request.last) + "/" + std::to_string(ThePacked().file.size()) + "\r\n\r\n";
+    };
+  };
+  HttpOptions options = Impatient();
+  options.request_seconds = 0.5;
+  options.least_rate = 1 << 20;
+  for (const FileServer::Behaviour& behaviour :
+       {raw("HTTP/1.1 206 Partial Content\r\n", "x"),
+        raw("HTTP/1.1 100 Continue\r\n\r\n", "HTTP/1.1 100 Continue\r\n\r\n"),
+        raw("HTTP/1.1 102 Processing\r\n\r\n", "HTTP/1.1 102 Processing\r\n\r\n"),
+        raw("HTTP/1.1 302 Found\r\nLocation: /x\r\nContent-Length: 999999\r\n\r\n", "x"),
+        raw("HTTP/1.1 206 Partial Content\r\nX: ", "x"), raw("H", "")}) {
+    for (const bool later : {false, true}) {
+      const FileServer server(ThePacked().file, later ? Later(behaviour) : behaviour);
+      const Status status = ReadAll(server.url(), options);
+      INFO(status.message());
+      CHECK(status.code() == StatusCode::kIoError);
+      CHECK_THAT(status.message(), Catch::StartsWith(server.url() + ": "));
+    }
+  }
+}
+
+TEST_CASE("who does not want to wait any more for a server need not", "[http]") {
+  const FileServer server(ThePacked().file,
+                          Later([](const FileRequest&, FileReply* reply) { reply->hangs = true; }));
+  // Would wait for a minute.
+  HttpOptions options = Impatient();
+  options.stall_seconds = 60;
+  std::shared_ptr<RangeReader> ranges = OpenHttpRanges(server.url(), options).value();
+  int looks = 0;
+  {
+    const WaitScope scope([&] { return ++looks > 3; });
+    CHECK(ReadRange(*ranges, {kHead, 1000}).status().code() == StatusCode::kCancelled);
+    const auto file = PackedFile::Open(ranges);
+    const auto source =
+        file.ok() ? PackedSource::Open(*file, (*file)->objects()[0], true).status() : file.status();
+    CHECK(source.code() == StatusCode::kCancelled);
+  }
+  CHECK(looks > 3);
+}
+
+#endif
+
+TEST_CASE("no key of a bucket leads out of it", "[http]") {
+  for (const std::string key :
+       {"../x", "a/../x", "a/..", ".", "./x", "a/./x", "%2e%2e/x", "%2E./x", "a/%2e%2E", "a%2f../x",
+        "a%2F%2e%2e%2fx", "%252e%252e/x", "%25252e./x", "a\\..\\x", "%2e", "a/%5c../x"}) {
+    INFO(key);
+    CHECK(PlaceOfUrl("s3://bucket/" + key).status().code() == StatusCode::kInvalidArgument);
+  }
+  CHECK(!PlaceOfUrl("s3://../x").ok());
+  CHECK(!PlaceOfUrl("s3://./x").ok());
+  for (const std::string key : {"a..b/x", "...", "..a", "a.", "a//x", "%2", "%", "%2e%2ea"}) {
+    INFO(key);
+    CHECK(PlaceOfUrl("s3://bucket/" + key).ok());
+  }
+}
+
+TEST_CASE("errors about places do not tell what opens them", "[http]") {
+  const std::string secret = "S3cr3t";
+  ::setenv("AWS_ENDPOINT_URL", ("user:" + secret + "@host:9000").c_str(), 1);
+  CHECK_THAT(PlaceOfUrl("s3://bucket/key").status().message(), !Catch::Contains(secret));
+  ::unsetenv("AWS_ENDPOINT_URL");
+  for (const std::string url :
+       {"s3://user:" + secret + "@bucket/key", "s3://b/../x?X-Amz-Signature=" + secret,
+        "s3://b?sig=" + secret, "s3://user:" + secret}) {
+    CHECK_THAT(PlaceOfUrl(url).status().message(), !Catch::Contains(secret));
+    CHECK_THAT(Database::Open(url).status().message(), !Catch::Contains(secret));
+    CHECK_THAT(Database::Open(url, {.writable = true}).status().message(),
+               !Catch::Contains(secret));
+  }
+  CHECK(PlaceOfUrl("s3://b/k?sig=" + secret).value().shown == "s3://b/k");
 }
 
 }  // namespace mtdb::test

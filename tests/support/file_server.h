@@ -45,6 +45,8 @@ struct FileReply {
   bool hangs = false;      // no answer
   bool resets = false;     // likewise
   std::string raw;         // if not empty: this instead of everything
+  std::string again;       // behind it, again and again
+  int again_ms = 20;       // so often
 };
 
 class FileServer {
@@ -188,7 +190,11 @@ class FileServer {
       return false;
     }
     if (!reply.raw.empty()) {
-      Send(socket, reply.raw);
+      bool sent = Send(socket, reply.raw);
+      while (sent && !reply.again.empty()) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(reply.again_ms));
+        sent = Send(socket, reply.again);
+      }
       return false;
     }
     std::string text = "HTTP/1.1 " + reply.status + "\r\n";

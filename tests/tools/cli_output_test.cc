@@ -134,3 +134,67 @@ TEST_CASE("what is said is short, and all of it with --verbose", "[cli]") {
 }
 
 }  // namespace mtdb::test
+
+namespace mtdb::test {
+
+TEST_CASE("no output takes the place of a store or of a packed file, by whatever name", "[cli]") {
+  const Example& e = SmallExample();
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb"), packed = folder.File("p.mtdbp");
+  std::filesystem::copy(e.store, store);
+  RunOk({"pack", store, packed});
+  const std::string page = folder.File("page");
+  for (const std::string& kept : {store, packed}) {
+    const std::string bytes = ReadText(kept);
+    for (const std::string suffix : {"ply", "obj", "stl", "off", "glb", "drc"}) {
+      const std::string soft = folder.File("soft." + suffix), hard = folder.File("hard." + suffix);
+      std::filesystem::create_symlink(kept, soft);
+      std::filesystem::create_hard_link(kept, hard);
+      for (const std::string& name : {soft, hard}) {
+        RunFails(1, {"extract", e.store, name, "--error-rel", "0.1"}, {name, "another name"});
+        if (suffix == "ply") {
+          RunFails(1, {"generate", "sculpture", name, "--triangles", "100"},
+                   {name, "another name"});
+        }
+        std::filesystem::remove(name);
+      }
+    }
+    const std::string picture = folder.File("a.png");
+    std::filesystem::create_symlink(kept, picture);
+    RunFails(1, {"render", e.store, picture, "--size", "64x64", "--draft"}, {"another name"});
+    std::filesystem::remove(picture);
+    // Standard output that is a store which somebody opened to append, or to write over.
+    for (const std::string how : {">>", "1<>"}) {
+      CHECK(Shell("$M extract " + e.store + " - --format ply " + how + kept + " 2>" +
+                  folder.File("said")) == 1);
+      CHECK_THAT(ReadText(folder.File("said")), Catch::Contains("another name"));
+    }
+    std::filesystem::create_directory(page);
+    std::filesystem::create_hard_link(kept, page + "/index.html");
+    CHECK(Run({"view", "--write-page", page}).exit_code == 1);
+    std::filesystem::remove_all(page);
+    CHECK(ReadText(kept) == bytes);
+  }
+  RunOk({"verify", store});
+}
+
+TEST_CASE("what is shown of a URL has no password and no signature", "[cli]") {
+  const std::string secret = "S3cr3tS3cr3t";
+  for (const std::string url :
+       {"http://user:" + secret + "@127.0.0.1:1/a.mtdbp", "http://127.0.0.1:1/a?sig=" + secret,
+        "s3://bucket/../a?X-Amz-Signature=" + secret, "s3://user:" + secret + "@bucket/a"}) {
+    for (const std::string verb : {"list", "info", "verify", "fetch", "follow", "serve"}) {
+      Arguments arguments{verb, url};
+      if (verb == "fetch") arguments.push_back("/nowhere/a.ply");
+      if (verb == "follow") arguments.insert(arguments.end(), {"--path", "/nowhere"});
+      if (verb != "serve") arguments.push_back("--json");
+      const Outcome outcome = Run(arguments);
+      INFO(Join(arguments) << "\n" << outcome.out << outcome.err);
+      CHECK(outcome.exit_code > 0);
+      CHECK(outcome.err.find(secret) == std::string::npos);
+      CHECK(outcome.out.find(secret) == std::string::npos);
+    }
+  }
+}
+
+}  // namespace mtdb::test

@@ -126,6 +126,20 @@ TEST_CASE("a packed file takes the place of packed files, not of stores") {
   const std::string once = ReadText(packed);
   RunOk({"pack", packed, packed});
   CHECK(ReadText(packed) == once);
+  // Others of its objects would be lost.
+  RunFails(1, {"pack", packed, packed, "--name", "sculpture"}, {"is read", "another name"});
+  CHECK(ReadText(packed) == once);
+  // Cut short, damaged in the one or the other page, of a later version.
+  for (const int damage : {0, 1, 2, 3}) {
+    std::string bytes = before;
+    if (damage == 0) bytes.resize(8192);
+    if (damage == 1) std::fill_n(bytes.begin(), 4096, 'x');
+    if (damage == 2) std::fill_n(bytes.begin() + 4096, 8192, 'x');
+    if (damage == 3) bytes[20] = 7;
+    WriteText(store, bytes);
+    RunFails(1, {"pack", packed, store}, {"is a store", "another name"});
+    CHECK(ReadText(store) == bytes);
+  }
 }
 
 TEST_CASE("a server stands before a packed file and before its URL") {

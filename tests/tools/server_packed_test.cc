@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Objects of `mtdb serve` as packed files, by ranges.
+#include <atomic>
 #include <fstream>
+#include <memory>
 #include <random>
 
+#include "tests/support/file_server.h"
 #include "tests/support/raw_session.h"
 #include "tests/tools/http_testing.h"
 
@@ -120,6 +123,47 @@ TEST_CASE("an object that was renamed is what it is called now", "[server]") {
   CHECK(server.Get("/objects/sculpture/packed").status == 404);
   RunOk({"rename", store, "statue", "sculpture"});
   CHECK(names("sculpture") == std::vector<std::string>(4, "sculpture"));
+}
+
+TEST_CASE("nobody waits for a server behind the server that trickles", "[server]") {
+  const Example& example = TheExample();
+  const Folder folder;
+  std::atomic<bool> trickles{false};
+  const testing::FileServer files(
+      ReadText(Packed(example.store, "sculpture", folder)),
+      [&](const testing::FileRequest& request, testing::FileReply* reply) {
+        if (!trickles) return;
+        reply->raw = "HTTP/1.1 206 Partial Content\r\nETag: \"one\"\r\nContent-Length: " +
+                     std::to_string(request.last - request.first + 1) +
+                     "\r\nContent-Range: " + reply->headers["Content-Range"] + "\r\n\r\n";
+        reply->again = "x";
+      });
+  const ServerProcess server(files.url(), {"--timeout", "3", "--threads", "1"});
+  trickles = true;
+  const std::string target = "/objects/sculpture/packed";
+  // More of them than the server has threads, of several clients.
+  std::vector<std::unique_ptr<RawConnection>> waiting;
+  for (int i = 0; i < 20; ++i) {
+    waiting.push_back(std::make_unique<RawConnection>(server.port(), 0, 1 + i % 4));
+    waiting.back()->Send(RequestText("GET", target));
+  }
+  for (int i = 0; i < 10; ++i) {
+    RawConnection session(server.port(), 0, 5);
+    session.Send(
+        RequestText("GET", "/objects/sculpture/session", "",
+                    "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+                    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"));
+    CHECK(server.Get("/objects").status == 200);
+    CHECK(server.Get("/objects/sculpture").status == 200);
+  }
+  for (const auto& connection : waiting) {
+    const HttpAnswer answer = connection->ReceiveAnswer(false);
+    CHECK(answer.status == 503);
+    CHECK(answer.code() == "timeout");
+  }
+  // When it is well again, so is everything.
+  trickles = false;
+  CHECK(ServerProcess::Await([&] { return server.Get(target).status == 200; }));
 }
 
 TEST_CASE("what replaces an object is another packed file", "[server]") {

@@ -187,6 +187,30 @@ TEST_CASE("requests beyond the limits are refused before they are read", "[serve
   CHECK(small.temporary_files() == 0);
 }
 
+TEST_CASE("a request that two programs may read differently is refused", "[server]") {
+  const auto status = [](const std::string& method, const std::string& headers,
+                         const std::string& body) {
+    RawConnection connection(TheServer().port());
+    connection.Send(method + " /objects/sculpture/mesh HTTP/1.1\r\n" + headers + "\r\n" + body);
+    return connection.ReceiveAnswer(false).status;
+  };
+  const std::string host = "Host: localhost\r\n", chunks = "2\r\n{}\r\n0\r\n\r\n";
+  CHECK(status("GET", host + host, "") == 400);
+  CHECK(status("GET", host + "HOST: evil.example\r\n", "") == 400);
+  for (const std::string coding :
+       {"gzip", "identity", "chunked, gzip", "gzip, chunked", "chunked, chunked", "xchunked", ""}) {
+    INFO(coding);
+    CHECK(status("POST", host + "Transfer-Encoding: " + coding + "\r\n", chunks) == 400);
+  }
+  CHECK(status("POST", host + "Transfer-Encoding: chunked\r\nTransfer-Encoding: chunked\r\n",
+               chunks) == 400);
+  CHECK(status("POST", host + "Transfer-Encoding: chunked\r\nContent-Length: 2\r\n", chunks) ==
+        400);
+  CHECK(status("POST", host + "Content-Length: 2\r\nContent-Length: 2\r\n", "{}") == 400);
+  CHECK(status("POST", host + "Transfer-Encoding: CHUNKED\r\n", chunks) == 200);
+  CHECK(TheServer().Get("/healthz").status == 200);
+}
+
 TEST_CASE("a connection serves many requests, also when they come at once or in bytes",
           "[server]") {
   const ServerProcess& server = TheServer();

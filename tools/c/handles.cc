@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "store/base/out_of_memory.h"
+#include "store/base/redact.h"
+
 mtdb::Query mtdb_query::Build() const {
   mtdb::Query query = rest;
   if (!regions.empty()) query.region = mtdb::UnionRegion(regions);
@@ -14,8 +17,10 @@ mtdb::Query mtdb_query::Build() const {
 
 namespace mtdb::internal {
 
-void SetMessage(mtdb_error* error, const std::string& message) {
+void SetMessage(mtdb_error* error, const std::string& text) {
   if (error == nullptr) return;
+  std::string message;
+  if (!TryAllocate([&] { message = WithoutSecrets(text); })) message = "out of memory";
   size_t size = std::min(message.size(), sizeof(error->message) - 1);
   const auto continues = [&](size_t at) {
     return at < message.size() && (static_cast<unsigned char>(message[at]) & 0xc0) == 0x80;

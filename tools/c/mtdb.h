@@ -91,6 +91,10 @@ typedef struct mtdb_control mtdb_control;   /* stops a query, watches its progre
 
 MTDB_API uint32_t mtdb_abi_version(void); /* MTDB_ABI_VERSION of the library */
 MTDB_API const char* mtdb_version(void);  /* "0.1.0" */
+/* A path, a URL or a text with some, as messages of the library show it: without passwords and
+ * signatures. `shown` has room for `size` bytes and ends with 0; what does not fit is left out. */
+MTDB_API mtdb_code mtdb_without_secrets(const char* text, char* shown, size_t size,
+                                        mtdb_error* error);
 
 /* Databases. */
 

@@ -71,6 +71,8 @@ typedef struct mtdb_ingest_options {
   int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
                     vertical errors; MTDB_BAD_INPUT with the place where it is folded */
   uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
+  uint64_t max_tmp_bytes; /* the most that temporary files, the copy of a compressed file and the
+                             journal take on the disk, else MTDB_BUDGET_EXCEEDED; 0: no limit */
 } mtdb_ingest_options;
 
 /* A mesh in the caller's arrays, which are read during the call. */

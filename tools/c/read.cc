@@ -8,6 +8,7 @@
 #include "query/probe.h"
 #include "query/query_json.h"
 #include "query/verify_object.h"
+#include "store/base/redact.h"
 #include "store/verify_store.h"
 #include "tools/c/internal/handles.h"
 #include "tools/c/internal/watch.h"
@@ -156,6 +157,16 @@ using mtdb::internal::ToVec;
 
 uint32_t mtdb_abi_version() { return MTDB_ABI_VERSION; }
 const char* mtdb_version() { return MTDB_VERSION; }
+
+mtdb_code mtdb_without_secrets(const char* text, char* shown, size_t size, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{text, "text"}, {shown, "shown"}}));
+    if (size == 0) return mtdb::InvalidArgument("size: expected room for a byte, found 0");
+    const std::string safe = mtdb::WithoutSecrets(text).substr(0, size - 1);
+    std::memcpy(shown, safe.c_str(), safe.size() + 1);
+    return Status::Ok();
+  });
+}
 
 mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
                         mtdb_error* error) {

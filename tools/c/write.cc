@@ -59,6 +59,7 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
   }
   options.threads = o.threads;
   if (o.memory_bytes != 0) options.memory_bytes = o.memory_bytes;
+  if (o.max_tmp_bytes != 0) options.max_tmp_bytes = o.max_tmp_bytes;
   const std::string folder = std::filesystem::path(store).parent_path().string();
   options.tmp_directory = o.tmp_directory != nullptr ? o.tmp_directory
                           : folder.empty()           ? "."
@@ -224,7 +225,18 @@ mtdb_code mtdb_ingest_file(mtdb_database* database, const char* name, const char
     if (mtdb::IsRaster(path)) {
       return mtdb::internal::IngestRasters(database, name, &path, 1, options, watch);
     }
-    MTDB_ASSIGN_OR_RETURN(const mtdb::MeshInput input, mtdb::MeshInput::Open(path));
+    MTDB_ASSIGN_OR_RETURN(mtdb_ingest_options given, Take(options, "options"));
+    MTDB_ASSIGN_OR_RETURN(const Watch watcher, Watch::Of(watch));
+    mtdb::MeshReadOptions reading;
+    if (given.tmp_directory != nullptr) reading.tmp_directory = given.tmp_directory;
+    if (given.max_tmp_bytes != 0) reading.max_tmp_bytes = given.max_tmp_bytes;
+    reading.look = [&] { return watcher.Look("read", 0); };
+    MTDB_ASSIGN_OR_RETURN(const mtdb::MeshInput input, mtdb::MeshInput::Open(path, reading));
+    if (given.max_tmp_bytes != 0) {
+      given.max_tmp_bytes = std::max<uint64_t>(1, given.max_tmp_bytes - input.temporary_bytes());
+      given.struct_bytes = sizeof(given);
+      options = &given;
+    }
     const auto read = [&](mtdb::MeshSink& sink) {
       mtdb::MeshReadReport report;
       return input.Read(sink, &report);
@@ -301,7 +313,11 @@ mtdb_code mtdb_pack(mtdb_database* database, const char* const* names, size_t co
     uint64_t total = 0;
     uint64_t done = 0;
     for (const auto& source : sources) total += source->record().payload_bytes;
-    MTDB_ASSIGN_OR_RETURN(const auto file, mtdb::AtomicFile::Create(path));
+    // As `mtdb pack`: others of the file's objects would be lost.
+    const std::string kept = count == 0 ? "" : database->database->path();
+    MTDB_ASSIGN_OR_RETURN(
+        const auto file,
+        mtdb::AtomicFile::Create(path, {.replaces_packed_file = true, .source = kept}));
     MTDB_ASSIGN_OR_RETURN(
         const mtdb::PackReport report,
         mtdb::PackObjects(sources, [&](mtdb::ByteSpan bytes) -> Status {

@@ -18,6 +18,7 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "codecs/raster_file/raster_file.h"
+#include "store/base/redact.h"
 #include "store/kept_ranges.h"
 #include "store/object_name.h"
 #include "tools/cli/did_you_mean.h"
@@ -304,6 +305,9 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
             "(default: a quarter of the machine's)");
   verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
       ->type_name("DIR");
+  AddParsed(verb, "--max-tmp", "SIZE", &a->max_tmp_bytes, mtdb::ParseSize,
+            "let temporary files, the copy of standard input and the journal take at most so much "
+            "disk, e.g. 20G (default: all there is)");
   verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
   verb->add_flag("--force", a->force, "replace an object of that name");
   verb->add_flag("--dry-run", a->dry_run,
@@ -323,7 +327,7 @@ std::string ResumeCommand(int argc, char** argv, bool resumes) {
 
 // One line, whatever names of files and objects are in it.
 void PrintError(const std::string& message) {
-  std::fprintf(stderr, "mtdb: %s\n", mtdb::Printable(message).c_str());
+  std::fprintf(stderr, "mtdb: %s\n", mtdb::Printable(mtdb::WithoutSecrets(message)).c_str());
 }
 
 int Usage(const std::string& problem, const std::string& verb) {

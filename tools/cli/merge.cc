@@ -121,11 +121,15 @@ void Note(const std::string& path, const MeshReadReport& report, std::vector<std
 }  // namespace
 
 Result<std::vector<MeshInput>> OpenMeshes(const std::vector<std::string>& paths,
-                                          const std::string& format, const std::string& tmp) {
+                                          const std::string& format, const std::string& tmp,
+                                          const InputLimits& limits) {
   std::vector<MeshInput> inputs;
+  uint64_t left = limits.max_tmp_bytes;
   for (const std::string& path : paths) {
     MeshReadOptions options;
     options.tmp_directory = tmp;
+    options.max_tmp_bytes = left;
+    options.look = limits.look;
     const bool is_standard_input = path == "-";
     if (is_standard_input) {
       options.descriptor = STDIN_FILENO;
@@ -133,6 +137,7 @@ Result<std::vector<MeshInput>> OpenMeshes(const std::vector<std::string>& paths,
     }
     MTDB_ASSIGN_OR_RETURN(MeshInput input,
                           MeshInput::Open(is_standard_input ? "standard input" : path, options));
+    left -= input.temporary_bytes();
     inputs.push_back(std::move(input));
   }
   return inputs;

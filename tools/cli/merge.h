@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
@@ -23,9 +24,14 @@ Status ReadMeshes(const std::vector<MeshInput>& inputs, MeshSink& sink,
                   std::vector<std::string>* notes,
                   uint64_t soup_bytes = std::numeric_limits<uint64_t>::max());
 
+struct InputLimits {
+  uint64_t max_tmp_bytes = ~uint64_t{0};  // of all copies
+  std::function<Status()> look;           // see MeshReadOptions
+};
 // Opens the files at `paths`; "-" is standard input, of this format. `tmp` is the folder for copies
 // of what cannot be read twice.
 Result<std::vector<MeshInput>> OpenMeshes(const std::vector<std::string>& paths,
-                                          const std::string& format, const std::string& tmp);
+                                          const std::string& format, const std::string& tmp,
+                                          const InputLimits& limits = {});
 
 }  // namespace mtdb

@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "store/files/guarded_file.h"
 #include "tools/cli/follow_path.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
@@ -35,6 +36,7 @@ class CsvFile {
   }
   Status Open(const std::string& path) {
     path_ = path;
+    MTDB_RETURN_IF_ERROR(CheckReplaceable(path));
     file_ = std::fopen(path.c_str(), "w");
     if (file_ == nullptr) return Failure();
     return Check(

@@ -49,6 +49,10 @@ std::string Describe(const BuildProgress& p, double rate) {
 // Set by Ctrl-C.
 volatile std::sig_atomic_t g_interrupted = 0;
 
+Status LookForInterrupt() {
+  return g_interrupted == 0 ? Status::Ok() : Status(StatusCode::kCancelled, "interrupted");
+}
+
 // The rate of the current stage, from one report to the next.
 class StageRate {
  public:
@@ -161,6 +165,7 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.threads = arguments.threads;
   options.memory_bytes =
       arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
+  options.max_tmp_bytes = arguments.max_tmp_bytes.value_or(options.max_tmp_bytes);
   options.tmp_directory = arguments.tmp.empty() ? FolderOf(store) : arguments.tmp;
   return options;
 }
@@ -188,6 +193,16 @@ MeshProducer Reading(const std::vector<MeshInput>& inputs, const BuildOptions& o
   };
 }
 
+// Opens the inputs; what their copies take of the temporary files is left to the build less.
+Result<std::vector<MeshInput>> OpenLimited(const IngestArguments& arguments,
+                                           BuildOptions* options) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<MeshInput> inputs,
+                        OpenMeshes(arguments.inputs, arguments.format, options->tmp_directory,
+                                   {options->max_tmp_bytes, LookForInterrupt}));
+  for (const MeshInput& input : inputs) options->max_tmp_bytes -= input.temporary_bytes();
+  return inputs;
+}
+
 void PrintNotes(const std::vector<std::string>& notes) {
   for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
 }
@@ -195,7 +210,7 @@ void PrintNotes(const std::vector<std::string>& notes) {
 }  // namespace
 
 Status Survey(const IngestArguments& arguments) {
-  const BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
+  BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
                         RasterIngest::Open(arguments, options.memory_bytes));
@@ -207,8 +222,7 @@ Status Survey(const IngestArguments& arguments) {
     }
     return Status::Ok();
   }
-  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs,
-                        OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
+  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs, OpenLimited(arguments, &options));
   const auto read = Reading(inputs, options, &notes);
   const Result<MeshSurvey> survey = SurveyMesh(read, options);
   if (!survey.ok()) return WithFile(arguments, survey.status());
@@ -258,14 +272,13 @@ Status Ingest(const IngestArguments& arguments) {
     options.height_field = false;
     read = [&](MeshSink& sink) { return raster->Read(sink); };
   } else {
-    MTDB_ASSIGN_OR_RETURN(inputs,
-                          OpenMeshes(arguments.inputs, arguments.format, options.tmp_directory));
+    MTDB_ASSIGN_OR_RETURN(inputs, OpenLimited(arguments, &options));
     read = Reading(inputs, options, &notes);
   }
   BuildReport report;
   StageRate rate;
   const auto on_progress = [&](const BuildProgress& p) {
-    if (g_interrupted != 0) return Status(StatusCode::kCancelled, "interrupted");
+    MTDB_RETURN_IF_ERROR(LookForInterrupt());
     progress.Update(p.overall, Describe(p, rate.Update(p)));
     return Status::Ok();
   };

@@ -10,6 +10,7 @@
 #include "query/heights.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
+#include "store/base/redact.h"
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/ingest_journal.h"
@@ -219,7 +220,7 @@ Status List(const InspectArguments& arguments) {
     std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
   }
   if (!none) {
-    std::printf("%s: %zu object%s, %s", arguments.store.c_str(), records->size(),
+    std::printf("%s: %zu object%s, %s", WithoutSecrets(arguments.store).c_str(), records->size(),
                 records->size() == 1 ? "" : "s", SizeText(file_bytes).c_str());
     const bool much = free_bytes > file_bytes / 10 && free_bytes > kMuchFreeSpace;
     if (free_bytes > 0) std::printf(", of which %s are free", SizeText(free_bytes).c_str());
@@ -267,8 +268,10 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
     return Status::Ok();
   }
   for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
-  for (const std::string& failure : report.failures) std::printf("FAILED: %s\n", failure.c_str());
-  std::printf("%s: %s\n", arguments.store.c_str(),
+  for (const std::string& failure : report.failures) {
+    std::printf("FAILED: %s\n", WithoutSecrets(failure).c_str());
+  }
+  std::printf("%s: %s\n", WithoutSecrets(arguments.store).c_str(),
               report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
   return Status::Ok();
 }

@@ -30,21 +30,6 @@ Result<std::vector<std::string>> NamesOf(const Database& database,
   return names;
 }
 
-// The packed file takes the place of what has its name, which must not be a store: its other
-// objects would be lost.
-Status CheckNoStore(const std::string& path) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error) || Database::NothingStored(path)) {
-    return Status::Ok();
-  }
-  const auto there = Database::Open(path);
-  if (there.ok() ? (*there)->is_packed() : there.status().code() != StatusCode::kBusy) {
-    return Status::Ok();
-  }
-  return {StatusCode::kAlreadyExists,
-          path + ": is a store, which the packed file would replace; give another name"};
-}
-
 }  // namespace
 
 Status Pack(const PackArguments& arguments) {
@@ -54,8 +39,11 @@ Status Pack(const PackArguments& arguments) {
   for (const std::string& name : names) {
     MTDB_ASSIGN_OR_RETURN(sources.emplace_back(), database->OpenObject(name, true));
   }
-  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.to));
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<AtomicFile> file, AtomicFile::Create(arguments.to));
+  // A packed file may replace the one that it is made of, unless objects would be lost.
+  const std::string kept = arguments.names.empty() ? "" : arguments.from;
+  MTDB_ASSIGN_OR_RETURN(
+      const std::unique_ptr<AtomicFile> file,
+      AtomicFile::Create(arguments.to, {.replaces_packed_file = true, .source = kept}));
   MTDB_ASSIGN_OR_RETURN(const PackReport report,
                         PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));
   MTDB_RETURN_IF_ERROR(file->Commit());

@@ -34,8 +34,9 @@ struct IngestArguments {
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;
-  std::string tmp;                       // folder of temporary files; empty: the store's
-  std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
+  std::string tmp;                        // folder of temporary files; empty: the store's
+  std::optional<uint64_t> memory_bytes;   // none: a quarter of the machine's
+  std::optional<uint64_t> max_tmp_bytes;  // of temporary files; none: as many as the disk takes
   bool resume = false;
   std::string resume_command;  // the command line that goes on with this ingest
   bool dry_run = false;

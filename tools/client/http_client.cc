@@ -13,6 +13,7 @@
 #include <limits>
 #include <utility>
 
+#include "store/base/redact.h"
 #include "tools/client/internal/blocking_connection.h"
 #include "tools/client/network.h"
 
@@ -37,8 +38,9 @@ std::string HttpUrl::origin() const {
 }
 
 Result<HttpUrl> ParseHttpUrl(const std::string& text) {
-  const Status wrong = InvalidArgument(
-      "expected a URL such as http://localhost:8080/objects/scan, found '" + text + "'");
+  const Status wrong =
+      InvalidArgument("expected a URL such as http://localhost:8080/objects/scan, found '" +
+                      WithoutSecrets(text) + "'");
   constexpr std::string_view kScheme = "http://";
   if (!text.starts_with(kScheme)) return wrong;
   const size_t slash = std::min(text.find('/', kScheme.size()), text.size());

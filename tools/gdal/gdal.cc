@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "store/files/guarded_file.h"
 #include "tools/gdal/gdal_image.h"
 #include "tools/gdal/gdal_raster.h"
 #include "tools/gdal/gdal_writer.h"
@@ -75,6 +76,7 @@ Result<PlacedImage> ReadGdalImage(const std::string& path) {
 
 Result<std::unique_ptr<GdalWriter>> CreateGeoTiff(const std::string& path,
                                                   const GdalRaster& raster) {
+  MTDB_RETURN_IF_ERROR(CheckReplaceable(path));
   const Result<const GdalEntries*> gdal = Load();
   if (gdal.ok()) return (*gdal)->create(path, raster);
   return Unsupported(path + ": " + gdal.status().message() +

@@ -40,7 +40,8 @@ QueryJson Together(const char* key, QueryJson::array_t parts) {
 }
 
 Result<QueryJson> ReadQueryFile(const std::string& path) {
-  MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
+  constexpr uint64_t kMostBytes = uint64_t{64} << 20;
+  MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMostBytes));
   Result<QueryJson> json = ParseQueryText(text);
   if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
   return json;

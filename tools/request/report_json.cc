@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/request/report_json.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdio>
+#include <string_view>
 
 #include "query/heights.h"
+#include "store/base/redact.h"
 
 namespace mtdb {
 
@@ -172,10 +176,33 @@ Json ChecksJson(const CheckReport& report) {
   return {{"ok", report.ok()}, {"checks", report.checks}, {"failures", report.failures}};
 }
 
+namespace {
+
+// Files and URLs as they were given, and messages.
+bool MayHaveSecrets(const std::string& key) {
+  constexpr std::array<std::string_view, 13> kKeys{
+      "store",  "target",   "url",      "output", "input",    "inputs", "file",
+      "source", "failures", "warnings", "notes",  "journals", "message"};
+  return std::ranges::find(kKeys, key) != kKeys.end();
+}
+
+void TakeSecrets(Json& json, bool any_string) {
+  if (json.is_string()) {
+    if (any_string) json = WithoutSecrets(json.get_ref<const std::string&>());
+  } else if (json.is_array()) {
+    for (Json& element : json) TakeSecrets(element, any_string);
+  } else if (json.is_object()) {
+    for (auto& [key, value] : json.items()) TakeSecrets(value, any_string || MayHaveSecrets(key));
+  }
+}
+
+}  // namespace
+
 void PrintAnswer(const char* answer, const Json& json, std::FILE* to) {
   constexpr const char* kVersion = "/1";
   Json whole = {{"schema", std::string("mtdb/") + answer + kVersion}};
   whole.update(json);
+  TakeSecrets(whole, false);
   PrintJson(whole, to);
 }
 

@@ -29,7 +29,8 @@ const char* LimitName(QueryLimit limit);
 const char* LimitText(QueryLimit limit);
 // To standard output. Bytes that are not UTF-8, which names of files may have, become U+FFFD.
 void PrintJson(const Json& json, std::FILE* to = stdout);
-// Likewise, what a verb answers, as docs/json.md has it: after "schema", "mtdb/<answer>/1".
+// Likewise, what a verb answers, as docs/json.md has it: after "schema", "mtdb/<answer>/1". Names
+// of files and URLs, and messages, are printed without passwords and signatures.
 void PrintAnswer(const char* answer, const Json& json, std::FILE* to = stdout);
 
 }  // namespace mtdb

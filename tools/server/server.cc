@@ -139,6 +139,9 @@ Status Server::Run(const std::function<void(const std::string& url)>& listening,
   MTDB_RETURN_IF_ERROR(Listen());
   MTDB_RETURN_IF_ERROR(loop_.queries.Start());
   MTDB_RETURN_IF_ERROR(loop_.catalog.Start());
+  if (loop_.service.SessionEffort() == ServerService::Effort::kUpstream) {
+    MTDB_RETURN_IF_ERROR(loop_.upstream.Start());
+  }
   wake_.assign(::dup(loop_.mail.descriptor()));
   std::optional<StopSignals> signals;
   if (orders == nullptr) signals.emplace(loop_.mail);
@@ -162,7 +165,8 @@ Status Server::Run(const std::function<void(const std::string& url)>& listening,
 
 // Neither queries that still run nor clients hold anything that must not be lost.
 void Server::LeaveProcess(const ServerMetrics& metrics) {
-  const uint64_t running = metrics.query_jobs.running + metrics.catalog_jobs.running;
+  const uint64_t running =
+      metrics.query_jobs.running + metrics.catalog_jobs.running + metrics.upstream_jobs.running;
   if (running > 0) {
     std::fprintf(stderr, "mtdb: %llu running queries did not stop in time; left them\n",
                  static_cast<unsigned long long>(running));
@@ -243,6 +247,7 @@ void Server::Tick() {
   const Clock::time_point now = Clock::now();
   loop_.queries.Tick();
   loop_.catalog.Tick();
+  loop_.upstream.Tick();
   freed_memory_.Tick(now);
   // A peer may go when it is looked at.
   for (auto at = loop_.peers.begin(); at != loop_.peers.end();) {

@@ -50,9 +50,17 @@ Result<std::unique_ptr<InputFile>> InputFile::Take(int descriptor, const std::st
       new InputFile(path, descriptor, static_cast<uint64_t>(info.st_size)));
 }
 
+Result<std::unique_ptr<InputFile>> InputFile::Growing(int descriptor, const std::string& path,
+                                                      uint64_t size_bytes) {
+  const int own = ::fcntl(descriptor, F_DUPFD_CLOEXEC, 0);
+  if (own < 0) return IoError(path + ": cannot be read: " + ErrorText(errno));
+  return std::unique_ptr<InputFile>(new InputFile(path, own, size_bytes));
+}
+
 InputFile::~InputFile() { ::close(descriptor_); }
 
 Result<size_t> InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
+  if (look_) MTDB_RETURN_IF_ERROR(look_());
   const ssize_t n = ReadFully(descriptor_, offset, out.data(), out.size());
   if (n >= 0) return static_cast<size_t>(n);
   return IoError(path_ + ": " + std::to_string(out.size()) + " bytes at byte " +

@@ -4,10 +4,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "store/base/bytes.h"
@@ -22,12 +24,17 @@ class InputFile {
   static Result<std::unique_ptr<InputFile>> Open(const std::string& path);
   // An open regular file; takes the descriptor. `path` is for messages.
   static Result<std::unique_ptr<InputFile>> Take(int descriptor, const std::string& path);
+  // A copy of the descriptor of a file that is still being written, as if it had so many bytes.
+  static Result<std::unique_ptr<InputFile>> Growing(int descriptor, const std::string& path,
+                                                    uint64_t size_bytes);
   ~InputFile();
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;
 
   const std::string& path() const { return path_; }
   uint64_t size_bytes() const { return size_bytes_; }
+  // Is called before each read; its error is the read's.
+  void SetLook(std::function<Status()> look) { look_ = std::move(look); }
   // Fills `out` from `offset` on and returns how much there was: less only at the end of the file.
   Result<size_t> ReadAt(uint64_t offset, std::span<std::byte> out) const;
 
@@ -38,6 +45,7 @@ class InputFile {
   std::string path_;
   int descriptor_;
   uint64_t size_bytes_;
+  std::function<Status()> look_;
 };
 
 // A forward cursor over binary data with a buffer of fixed size, or the file's. `file` must outlive

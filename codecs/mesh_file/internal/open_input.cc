@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <poll.h>
 #include <sys/stat.h>
 #include <system_error>
 #include <unistd.h>
@@ -48,12 +50,22 @@ Status TemporaryFileError(const std::string& folder, int error) {
 // Reads on from where a descriptor stands.
 class Source {
  public:
-  Source(int descriptor, const std::string& path) : descriptor_(descriptor), path_(path) {}
+  Source(int descriptor, const std::string& path, const InputRules& rules)
+      : descriptor_(descriptor), path_(path), rules_(rules) {}
   // Makes the next bytes the current ones; none at the end.
   Status Next() {
+    constexpr int kWaitMilliseconds = 50;
     for (;;) {
+      if (rules_.look) MTDB_RETURN_IF_ERROR(rules_.look());
+      // What never comes must not keep anybody from stopping.
+      pollfd ready{descriptor_, POLLIN, 0};
+      if (rules_.look && ::poll(&ready, 1, kWaitMilliseconds) == 0) continue;
       const ssize_t n = ::read(descriptor_, buffer_.data(), kBlock);
       if (n < 0 && errno == EINTR) continue;
+      if (n < 0 && errno == EAGAIN) {  // somebody has made it so
+        (void)::poll(&ready, 1, kWaitMilliseconds);
+        continue;
+      }
       if (n < 0) {
         return IoError(path_ + ": cannot be read: " + std::generic_category().message(errno));
       }
@@ -77,6 +89,7 @@ class Source {
  private:
   int descriptor_;
   const std::string& path_;
+  const InputRules& rules_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(2 * kBlock);  // see Begin()
   ByteSpan bytes_;
 };
@@ -84,23 +97,63 @@ class Source {
 // Writes into a nameless file.
 class Target {
  public:
-  Target(int descriptor, const std::string& folder) : descriptor_(descriptor), folder_(folder) {}
-  Status Write(ByteSpan bytes) const {
+  Target(int descriptor, const std::string& folder, const std::string& path,
+         const InputRules& rules)
+      : descriptor_(descriptor), folder_(folder), path_(path), rules_(rules) {}
+  Status Write(ByteSpan bytes) {
+    MTDB_RETURN_IF_ERROR(CheckNext(bytes));
     while (!bytes.empty()) {
       const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) return TemporaryFileError(folder_, errno);
       bytes = bytes.subspan(static_cast<size_t>(n));
+      written_ += static_cast<uint64_t>(n);
+    }
+    if (checked_ || written_ < kStreamStartBytes || !rules_.check_start) return Status::Ok();
+    checked_ = true;
+    constexpr uint64_t kAnySize = uint64_t{1} << 62;
+    MTDB_ASSIGN_OR_RETURN(const auto start, InputFile::Growing(descriptor_, path_, kAnySize));
+    MTDB_ASSIGN_OR_RETURN(facts_, rules_.check_start(*start));
+    return Status::Ok();
+  }
+  uint64_t written() const { return written_; }
+
+ private:
+  Status CheckNext(ByteSpan bytes) const {
+    const uint64_t after = written_ + bytes.size();
+    if (after > rules_.max_tmp_bytes) {
+      return {StatusCode::kBudgetExceeded,
+              path_ + ": its temporary copy has reached " + std::to_string(written_ >> 20) +
+                  " MiB, more than the " + std::to_string(rules_.max_tmp_bytes >> 20) +
+                  " MiB that temporary files may still take; allow more (--max-tmp)"};
+    }
+    // Readers leave out a little that lies behind a mesh.
+    constexpr uint64_t kTail = uint64_t{1} << 20;
+    if (facts_.most_bytes < after && after - facts_.most_bytes > kTail) {
+      return BadInput(path_ + ": the mesh ends at byte " + std::to_string(facts_.most_bytes) +
+                      " at most, as its header says, but more than 1 MiB follows");
+    }
+    if (facts_.is_text && !bytes.empty()) {
+      const void* const zero = std::memchr(bytes.data(), 0, bytes.size());
+      if (zero != nullptr) {
+        const auto at = static_cast<size_t>(static_cast<const std::byte*>(zero) - bytes.data());
+        return BadInput(path_ + ": byte " + std::to_string(written_ + at) +
+                        " is 0, expected text, as at the beginning");
+      }
     }
     return Status::Ok();
   }
 
- private:
   int descriptor_;
   const std::string& folder_;
+  const std::string& path_;
+  const InputRules& rules_;
+  uint64_t written_ = 0;
+  bool checked_ = false;
+  StreamFacts facts_;
 };
 
-Status Copy(Source& source, const Target& target) {
+Status Copy(Source& source, Target& target) {
   while (!source.bytes().empty()) {
     MTDB_RETURN_IF_ERROR(target.Write(source.bytes()));
     MTDB_RETURN_IF_ERROR(source.Next());
@@ -121,7 +174,7 @@ class Inflater {
   Inflater(const Inflater&) = delete;
   Inflater& operator=(const Inflater&) = delete;
 
-  Status Copy(Source& source, const Target& target) {
+  Status Copy(Source& source, Target& target) {
     if (!ok_) return {StatusCode::kNoSpace, path_ + ": no memory to decompress it"};
     while (!source.bytes().empty()) {
       MTDB_RETURN_IF_ERROR(Inflate(source.bytes(), target));
@@ -133,7 +186,7 @@ class Inflater {
   }
 
  private:
-  Status Inflate(ByteSpan bytes, const Target& target) {
+  Status Inflate(ByteSpan bytes, Target& target) {
     stream_.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(bytes.data()));
     stream_.avail_in = static_cast<uInt>(bytes.size());
     do {
@@ -174,32 +227,30 @@ class Inflater {
 
 // What `descriptor` has from where it stands.
 Result<std::unique_ptr<InputFile>> CopyOf(int descriptor, const std::string& path,
-                                          const std::string& tmp_directory) {
+                                          const InputRules& rules, uint64_t* copied_bytes) {
   std::error_code error;
-  const std::string folder =
-      tmp_directory.empty() ? std::filesystem::temp_directory_path(error).string() : tmp_directory;
+  const std::string folder = rules.tmp_directory.empty()
+                                 ? std::filesystem::temp_directory_path(error).string()
+                                 : rules.tmp_directory;
   Descriptor copy(OpenNamelessFile(folder.empty() ? "/tmp" : folder, "mtdb-input-"));
   if (copy.get() < 0) return TemporaryFileError(folder, errno);
-  Source source(descriptor, path);
-  const Target target(copy.get(), folder);
+  Source source(descriptor, path, rules);
+  Target target(copy.get(), folder, path, rules);
   MTDB_RETURN_IF_ERROR(source.Begin(2));
   MTDB_RETURN_IF_ERROR(IsGzip(AsString(source.bytes())) ? Inflater(path).Copy(source, target)
                                                         : Copy(source, target));
+  *copied_bytes = target.written();
   return InputFile::Take(copy.release(), path);
 }
 
-}  // namespace
-
-bool IsGzip(std::string_view start) { return start.starts_with("\x1f\x8b"); }
-
-Result<std::unique_ptr<InputFile>> OpenInputFile(const std::string& path, int descriptor,
-                                                 const std::string& tmp_directory) {
+Result<std::unique_ptr<InputFile>> Open(const std::string& path, int descriptor,
+                                        const InputRules& rules, uint64_t* copied_bytes) {
   if (descriptor >= 0) {
     struct stat info {};
     if (::fstat(descriptor, &info) == 0 && S_ISDIR(info.st_mode)) {
       return IoError(path + ": is a directory, expected a mesh file");
     }
-    return CopyOf(descriptor, path, tmp_directory);
+    return CopyOf(descriptor, path, rules, copied_bytes);
   }
   MTDB_ASSIGN_OR_RETURN(std::unique_ptr<InputFile> file, InputFile::Open(path));
   std::array<std::byte, 2> start;
@@ -209,7 +260,20 @@ Result<std::unique_ptr<InputFile>> OpenInputFile(const std::string& path, int de
   if (compressed.get() < 0) {
     return IoError(path + ": cannot be opened: " + std::generic_category().message(errno));
   }
-  return CopyOf(compressed.get(), path, tmp_directory);
+  return CopyOf(compressed.get(), path, rules, copied_bytes);
+}
+
+}  // namespace
+
+bool IsGzip(std::string_view start) { return start.starts_with("\x1f\x8b"); }
+
+Result<std::unique_ptr<InputFile>> OpenInputFile(const std::string& path, int descriptor,
+                                                 const InputRules& rules, uint64_t* copied_bytes) {
+  *copied_bytes = 0;
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<InputFile> file,
+                        Open(path, descriptor, rules, copied_bytes));
+  file->SetLook(rules.look);
+  return file;
 }
 
 }  // namespace mtdb::internal

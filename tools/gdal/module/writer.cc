@@ -12,6 +12,7 @@
 #include <unistd.h>
 #include <vector>
 
+#include "store/files/guarded_file.h"
 #include "tools/gdal/module/module.h"
 
 namespace mtdb {
@@ -93,6 +94,7 @@ class GeoTiffWriter final : public GdalWriter {
     GDALClose(dataset_);
     dataset_ = nullptr;
     if (CPLGetLastErrorType() >= CE_Failure) return Failed();
+    MTDB_RETURN_IF_ERROR(CheckReplaceable(path_));
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0) {
       return IoError(path_ + ": " + std::strerror(errno));
     }

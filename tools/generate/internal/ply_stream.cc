@@ -7,6 +7,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include "store/files/guarded_file.h"
 #include "store/files/posix_file.h"
 
 namespace mtdb::internal {
@@ -71,6 +72,7 @@ Status PlyStreamWriter::Begin(const MeshHeader& header) {
   if (!header.attributes.empty() || header.double_positions) {
     return Unsupported(path_ + ": this writer takes float32 positions without attributes");
   }
+  MTDB_RETURN_IF_ERROR(CheckReplaceable(path_));
   const std::string unfinished = path_ + "." + std::to_string(getpid()) + ".part";
   MTDB_RETURN_IF_ERROR(Open(unfinished, &vertex_fd_));
   unfinished_path_ = unfinished;
@@ -135,6 +137,7 @@ Status PlyStreamWriter::End() {
   const int fd = vertex_fd_;
   vertex_fd_ = -1;
   if (close(fd) != 0) return Error("finish the file");
+  MTDB_RETURN_IF_ERROR(CheckReplaceable(path_));
   if (std::rename(unfinished_path_.c_str(), path_.c_str()) != 0) return Error("name the file");
   unfinished_path_.clear();
   return Status::Ok();

@@ -308,7 +308,7 @@ class Database(Mapping[str, Object]):
 
     def _read(self) -> L.Handle:
         if self._reader is None:
-            raise InvalidArgument(f"{self.path}: the database is closed")
+            raise InvalidArgument(f"{L.shown(self.path)}: the database is closed")
         return self._reader
 
     def _write(self) -> L.Handle:
@@ -345,7 +345,7 @@ class Database(Mapping[str, Object]):
 
     def __getitem__(self, name: str) -> Object:
         if name not in self._names():
-            raise NotFound(f"{self.path}: no object {name!r}; it has {self._names()}")
+            raise NotFound(f"{L.shown(self.path)}: no object {name!r}; it has {self._names()}")
         with self._lock:
             if name not in self._objects:
                 self._objects[name] = self.open_object(name)
@@ -388,6 +388,7 @@ class Database(Mapping[str, Object]):
         memory: int = 1 << 30,
         threads: int = 0,
         tmp: Optional[str] = None,
+        max_tmp: Optional[int] = None,
         journal: Optional[str] = None,
         resume: bool = False,
         height_step: Optional[float] = None,
@@ -407,13 +408,14 @@ class Database(Mapping[str, Object]):
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
         so many columns and rows are closed.
+        max_tmp: temporary files and the journal take at most so many bytes of the disk.
         journal, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
         with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
                     normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
                     journal=journal, resume=resume, height_step=height_step, fill=fill,
-                    terrain=terrain) as ingest:
+                    terrain=terrain, max_tmp=max_tmp) as ingest:
             ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
@@ -432,6 +434,7 @@ class Database(Mapping[str, Object]):
         memory: int = 1 << 30,
         threads: int = 0,
         tmp: Optional[str] = None,
+        max_tmp: Optional[int] = None,
         progress: Progress = None,
     ) -> Object:
         """Stores heights (rows, columns) as a terrain; NaN: a hole. Errors are vertical then.
@@ -445,7 +448,7 @@ class Database(Mapping[str, Object]):
         given, kept = _terrain.height_array(heights, transform, crs, units)
         with Ingest(name, replace=replace, lossless=False, bits=None, step=None, weld=None,
                     normal_bits=None, steps=None, memory=memory, threads=threads, tmp=tmp,
-                    journal=None, resume=False, height_step=step, fill=fill) as ingest:
+                    journal=None, resume=False, height_step=step, fill=fill, max_tmp=max_tmp) as ingest:
             ingest.run_heights(self._write(), given, Watched(progress))
         del kept  # the struct pointed to it
         self._forget(name)
@@ -515,8 +518,8 @@ class Database(Mapping[str, Object]):
 
     def __repr__(self) -> str:
         if self._reader is None:
-            return f"<mtdb.Database {self.path!r}, closed>"
-        return f"<mtdb.Database {self.path!r}: {len(self)} objects>"
+            return f"<mtdb.Database {L.shown(self.path)!r}, closed>"
+        return f"<mtdb.Database {L.shown(self.path)!r}: {len(self)} objects>"
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -532,14 +535,14 @@ class Ingest:
                  step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
                  journal: Optional[str], resume: bool, height_step: Optional[float],
-                 fill: int, terrain: bool = False) -> None:
+                 fill: int, terrain: bool = False, max_tmp: Optional[int] = None) -> None:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
             *(L.AttributeStep(n, s) for n, s in listed)
         )
         for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits),
-                           ("height_step", height_step)):
+                           ("height_step", height_step), ("max_tmp", max_tmp)):
             if value is not None and value <= 0:
                 raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
         if not 0 <= fill < 1 << 32:
@@ -551,6 +554,7 @@ class Ingest:
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
+            max_tmp_bytes=max_tmp or 0,
         )
 
     def __enter__(self) -> "Ingest":

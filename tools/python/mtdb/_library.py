@@ -180,6 +180,7 @@ class IngestOptions(Sized):
         ("height_step", C.c_double),
         ("terrain", C.c_int),
         ("fill", C.c_uint32),
+        ("max_tmp_bytes", C.c_uint64),
     ]
 
 
@@ -431,6 +432,7 @@ _SIGNATURES: dict[str, list[Any]] = {
     "copy_object": [_p, _p, Text, C.c_int, _p],
     "copy_store": [_p, Text, _p],
     "compact_store": [Text, _p, _p],
+    "without_secrets": [Text, _p, C.c_size_t],
     "pack": [_p, _p, C.c_size_t, Text, _p, _p],
     "open_session": [_p, _p, _p],
     "session_update": [_p, _p, ReceiveFunction, _p, _p],
@@ -504,6 +506,14 @@ def call(name: str, *arguments: Any) -> None:
     code = _functions[name](*arguments, C.byref(error))
     if code:
         raise make_error(code, error.message.decode("utf-8", "replace"))
+
+
+def shown(path: "str | os.PathLike[str]") -> str:
+    """A path or a URL as messages show it: without passwords and signatures."""
+    text = path_bytes(path)
+    room = C.create_string_buffer(2 * len(text) + 64)
+    call("without_secrets", text, room, len(room))
+    return os.fsdecode(room.value)
 
 
 def ask(name: str, *arguments: Any) -> Any:

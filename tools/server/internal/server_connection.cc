@@ -145,7 +145,29 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
 
   // ---- the request ----
 
+  // What two programs on the way may understand differently is refused. Empty: nothing.
+  std::string Ambiguity() const {
+    const auto& message = parser_->get();
+    if (message.count(http::field::host) > 1) return "the header Host is there twice";
+    if (message.count(http::field::content_length) > 1) {
+      return "the header Content-Length is there twice";
+    }
+    const size_t codings = message.count(http::field::transfer_encoding);
+    if (codings == 0) return "";
+    if (message.count(http::field::content_length) > 0) {
+      return "the headers Transfer-Encoding and Content-Length are both there";
+    }
+    if (codings > 1 || !beast::iequals(message[http::field::transfer_encoding], "chunked")) {
+      return "the header Transfer-Encoding: expected chunked or none";
+    }
+    return "";
+  }
+
   void OnHeader() {
+    if (const std::string problem = Ambiguity(); !problem.empty()) {
+      keep_alive_ = false;
+      return Reject(400, "bad_request", problem);
+    }
     if (!beast::iequals(parser_->get()[http::field::expect], "100-continue")) return ReadBody();
     constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
     asio::async_write(stream_, asio::buffer(kContinue),
@@ -214,7 +236,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
         ServerRequest{std::string(message.method_string()), std::string(message.target()),
                       std::move(message.body()), std::string(message[http::field::range]),
                       std::string(message[http::field::if_range])});
-    effort_ = ServerService::EffortOf(request_->target);
+    effort_ = loop_.service.EffortOf(request_->target);
     if (effort_ == ServerService::Effort::kNone) {
       ServerCall call;
       return Send(loop_.service.Answer(*request_, call));
@@ -231,7 +253,10 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
       *answer = service.Answer(*request, *call);
     };
     job_->done = Then([answer](Connection& self) mutable { self.OnAnswer(std::move(*answer)); });
-    job_->stop_soon = [call = call_] { call->Cancel(ServerCall::Stop::kPreempted); };
+    job_->stop_soon = [call = call_, waits = effort_ == ServerService::Effort::kUpstream] {
+      // What waits for another server would only begin to wait anew.
+      if (!waits) call->Cancel(ServerCall::Stop::kPreempted);
+    };
     loop_.pool(effort_).Submit(job_);
   }
 
@@ -267,11 +292,11 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     const auto request = std::make_shared<ServerWebSocket::Request>(std::move(message));
     const auto opening = std::make_shared<Opening>();
     // Not where it would wait for queries.
-    effort_ = ServerService::Effort::kCatalog;
+    effort_ = loop_.service.SessionEffort();
     BeginJob(false);
-    job_->work = [&service = loop_.service, client = client_, request, opening] {
+    job_->work = [&service = loop_.service, client = client_, call = call_, request, opening] {
       opening->opened =
-          service.OpenSession(std::string(request->target()), client, &opening->refusal);
+          service.OpenSession(std::string(request->target()), client, *call, &opening->refusal);
     };
     job_->done = Then([ticket, request, opening](Connection& self) {
       if (opening->opened == nullptr) return self.OnAnswer(std::move(opening->refusal));

@@ -26,9 +26,12 @@ class ServerLoop {
         service(server_service),
         queries(mail, {server_options.threads, server_options.threads},
                 server_service.metrics().query_jobs),
-        catalog(mail, {1, 1}, server_service.metrics().catalog_jobs) {}
+        catalog(mail, {1, 1}, server_service.metrics().catalog_jobs),
+        upstream(mail, {kUpstreamThreads, kUpstreamThreads},
+                 server_service.metrics().upstream_jobs) {}
 
   ServerPool& pool(ServerService::Effort effort) {
+    if (effort == ServerService::Effort::kUpstream) return upstream;
     return effort == ServerService::Effort::kQuery ? queries : catalog;
   }
   ServerMetrics& metrics() { return service.metrics(); }
@@ -44,6 +47,10 @@ class ServerLoop {
   // Last, so that their threads end first.
   ServerPool queries;
   ServerPool catalog;
+  ServerPool upstream;
+
+ private:
+  static constexpr unsigned kUpstreamThreads = 8;  // which mostly wait
 };
 
 // Somebody who is connected.

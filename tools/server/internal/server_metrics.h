@@ -20,6 +20,7 @@ class ServerMetrics {
   std::atomic<uint64_t> queries{0};      // begun
   std::atomic<uint64_t> queries_cancelled{0};
   ServerPool::Figures query_jobs;           // meshes and updates
+  ServerPool::Figures upstream_jobs;        // what waits for the server that has the store
   ServerPool::Figures catalog_jobs;         // what is short
   std::atomic<uint64_t> triangles_sent{0};  // of meshes that went out whole
   std::atomic<uint64_t> sent_bytes{0};      // of answers

@@ -44,7 +44,7 @@ Result<std::shared_ptr<const PackedImage>> PackedImages::Open(const Database& da
                                                               const std::string& name) {
   MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database.Find(name));
   if (auto image = Find(record)) return image;
-  const std::lock_guard opening(opening_);
+  MTDB_ASSIGN_OR_RETURN(const NamedLocks::Held opening, opening_.Take(name));
   if (auto image = Find(record)) return image;
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database.OpenObject(name, true));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<const PackedImage> image,

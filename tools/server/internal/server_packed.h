@@ -12,6 +12,7 @@
 #include "store/database.h"
 #include "store/packed_file.h"
 #include "store/range_reader.h"
+#include "tools/server/internal/named_locks.h"
 
 namespace mtdb::internal {
 
@@ -29,7 +30,7 @@ class PackedImages {
   std::shared_ptr<const PackedImage> Find(const ObjectRecord& record);
 
   const size_t most_;
-  std::mutex opening_;  // held while an image is made
+  NamedLocks opening_;  // held while an image is made
   std::mutex mutex_;
   std::vector<std::shared_ptr<const PackedImage>> images_;  // the last used last
 };

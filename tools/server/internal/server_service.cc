@@ -3,16 +3,20 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
 #include <sys/stat.h>
 #include <system_error>
+#include <thread>
 #include <unistd.h>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "query/query_json.h"
+#include "store/base/wait_scope.h"
 #include "store/files/posix_file.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/arguments.h"
@@ -181,8 +185,9 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   // A whole path, so that Failure finds it in messages, and nothing that only looks like it.
   const std::filesystem::path store = std::filesystem::absolute(options.store, error);
   const bool as_given = error || Database::IsUrl(options.store);
-  MTDB_ASSIGN_OR_RETURN(service->database_,
-                        Database::Open(as_given ? options.store : store.string()));
+  service->store_ = as_given ? options.store : store.string();
+  service->is_remote_ = Database::IsUrl(options.store);
+  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(service->store_));
   service->folder_ =
       options.tmp.empty() ? std::filesystem::temp_directory_path(error).string() : options.tmp;
   AnonymousFile::Sweep(service->folder_);
@@ -193,30 +198,78 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   return service;
 }
 
-std::shared_ptr<Database> ServerService::CurrentDatabase() {
-  std::vector<std::shared_ptr<Surface>> closed;  // after the locks
-  const std::lock_guard lock(database_mutex_);
-  if (!database_->IsOutdated()) return database_;
+// What a thread of its own finds out, which may outlive the service.
+struct ServerService::Reopening {
+  std::mutex mutex;
+  std::condition_variable done;
+  std::optional<Result<std::shared_ptr<Database>>> opened;
+};
+
+void ServerService::AdoptReopened(Result<std::shared_ptr<Database>> opened,
+                                  std::vector<std::shared_ptr<Surface>>* closed) {
   // Where there is no store now, what was open is served on.
-  auto opened = Database::Open(database_->path());
-  if (!opened.ok()) return database_;
+  if (!opened.ok()) return;
   database_ = *std::move(opened);
   // Surfaces of the old file may be equal to those of the new one, but may not find their bytes.
   const std::lock_guard surfaces_lock(mutex_);
   for (const auto& surface : surfaces_) decoded_before_ += surface->cache_use().decoded;
-  closed.swap(surfaces_);
+  closed->swap(surfaces_);
   images_.Clear();  // likewise
+}
+
+std::shared_ptr<Database> ServerService::CurrentDatabase() {
+  std::vector<std::shared_ptr<Surface>> closed;  // after the locks
+  std::unique_lock lock(database_mutex_);
+  if (!is_remote_) {
+    if (database_->IsOutdated()) AdoptReopened(Database::Open(store_), &closed);
+    return database_;
+  }
+  const bool first = reopening_ == nullptr && database_->IsOutdated();
+  if (first) {
+    const auto reopening = std::make_shared<Reopening>();
+    try {
+      std::thread([reopening, store = store_] {
+        auto opened = Database::Open(store);
+        const std::lock_guard guard(reopening->mutex);
+        reopening->opened.emplace(std::move(opened));
+        reopening->done.notify_all();
+      }).detach();
+    } catch (const std::system_error&) {
+      return database_;
+    }
+    reopening_ = reopening;
+  }
+  const std::shared_ptr<Reopening> reopening = reopening_;
+  if (reopening == nullptr) return database_;
+  lock.unlock();
+  // Most servers answer at once. Others than who asked first do not wait.
+  constexpr auto kPatience = std::chrono::seconds(1);
+  std::unique_lock reopening_lock(reopening->mutex);
+  if (first) {
+    reopening->done.wait_for(reopening_lock, kPatience,
+                             [&] { return reopening->opened.has_value(); });
+  }
+  const bool done = reopening->opened.has_value();
+  reopening_lock.unlock();
+  lock.lock();
+  if (done && reopening_ == reopening) {
+    AdoptReopened(*std::move(reopening->opened), &closed);
+    reopening_.reset();
+  }
   return database_;
 }
 
-ServerService::Effort ServerService::EffortOf(const std::string& text) {
+ServerService::Effort ServerService::EffortOf(const std::string& text) const {
   const Result<RequestTarget> target = ParseTarget(text);
   if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
+  const bool packed = target->path.size() == 3 && target->path[2] == "packed";
+  if (packed && is_remote_) return Effort::kUpstream;
   return target->path.size() == 3 && target->path[2] != "packed" ? Effort::kQuery
                                                                  : Effort::kCatalog;
 }
 
 ServerAnswer ServerService::Answer(const ServerRequest& request, ServerCall& call) {
+  const WaitScope scope([&call] { return call.control.cancelled(); });
   try {
     return Route(request, call);
   } catch (const std::bad_alloc&) {
@@ -477,7 +530,9 @@ ServerService::OpenedSession::~OpenedSession() {
 
 std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const std::string& text,
                                                                          const ServerClient& client,
+                                                                         ServerCall& call,
                                                                          ServerAnswer* refusal) {
+  const WaitScope scope([&call] { return call.control.cancelled(); });
   const Result<RequestTarget> target = ParseTarget(text);
   MTDB_CHECK(target.ok(), "IsSession has looked at it");
   ServerSession::Options options;
@@ -496,7 +551,7 @@ std::unique_ptr<ServerService::OpenedSession> ServerService::OpenSession(const s
   try {
     const Status status = open();
     if (!status.ok()) {
-      *refusal = ErrorAnswer(Failure(status, target->path[1], {}, false));
+      *refusal = ErrorAnswer(Failure(status, target->path[1], call, false));
     } else if (opened->surface == nullptr) {
       *refusal = ErrorAnswer(503, "too_many_objects",
                              "sessions are open on as many objects as the server keeps open; try "
@@ -518,6 +573,7 @@ ServerService::SessionOutcome ServerService::Update(OpenedSession& opened,
                                                     const SessionRequest& request,
                                                     ServerSession::Pace pace, ServerCall& call,
                                                     ServerSession::Progress* progress) {
+  const WaitScope scope([&call] { return call.control.cancelled(); });
   ServerSession& session = *opened.session;
   const ObjectRecord& record = session.surface().record();
   pace.may_take = [&](uint64_t bytes) { return opened.memory->Set(bytes); };
@@ -588,7 +644,7 @@ Result<std::shared_ptr<Surface>> ServerService::OpenSurface(const std::string& n
   const std::shared_ptr<Database> database = CurrentDatabase();
   MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, database->Find(name));
   if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
-  const std::lock_guard opening(opening_);
+  MTDB_ASSIGN_OR_RETURN(const NamedLocks::Held opening, opening_.Take(name));
   if (std::shared_ptr<Surface> surface = FindOpen(record)) return surface;
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
   SurfaceOptions surface_options;

@@ -19,6 +19,7 @@
 #include "store/database.h"
 #include "tools/client/session_message.h"
 #include "tools/server/internal/anonymous_file.h"
+#include "tools/server/internal/named_locks.h"
 #include "tools/server/internal/server_ledger.h"
 #include "tools/server/internal/server_metrics.h"
 #include "tools/server/internal/server_packed.h"
@@ -99,9 +100,12 @@ class ServerService {
   // Errors: those of opening the store, kIoError when there is no place for temporary files.
   static Result<std::unique_ptr<ServerService>> Open(const ServiceOptions& options);
 
-  // What answering takes: nothing, some reads of the catalog, or a query.
-  enum class Effort : uint8_t { kNone, kCatalog, kQuery };
-  static Effort EffortOf(const std::string& target);
+  // What answering takes: nothing, some reads of the catalog, a query, or waiting for another
+  // server that has the store, which those who do not wait for it must not share threads with.
+  enum class Effort : uint8_t { kNone, kCatalog, kQuery, kUpstream };
+  Effort EffortOf(const std::string& target) const;
+  // Of opening a session.
+  Effort SessionEffort() const { return is_remote_ ? Effort::kUpstream : Effort::kCatalog; }
 
   // Never fails: errors are answers. What clients need not know of an error (paths, places in
   // files) goes to standard error.
@@ -114,7 +118,7 @@ class ServerService {
   static bool IsSession(const std::string& target);
   // The session, or the answer that says why there is none.
   std::unique_ptr<OpenedSession> OpenSession(const std::string& target, const ServerClient& client,
-                                             ServerAnswer* refusal);
+                                             ServerCall& call, ServerAnswer* refusal);
   // One thread at a time for each session. Adds to `progress`.
   // `pace` lacks what is asked of memory.
   SessionOutcome Update(OpenedSession& opened, const SessionRequest& request,
@@ -153,16 +157,24 @@ class ServerService {
 
   const ServiceOptions options_;
   // Of the file that the path leads to by now: the store may be compacted, or replaced by another.
+  // Nobody waits long for a URL: until it has answered, what was open is served on.
   std::shared_ptr<Database> CurrentDatabase();
-  std::mutex database_mutex_;           // taken before mutex_
-  std::shared_ptr<Database> database_;  // guarded by database_mutex_
-  std::string folder_;                  // of temporary files
+  struct Reopening;
+  // With database_mutex_ held.
+  void AdoptReopened(Result<std::shared_ptr<Database>> opened,
+                     std::vector<std::shared_ptr<Surface>>* closed);
+  std::string store_;                     // path or URL
+  bool is_remote_ = false;                // a URL
+  std::shared_ptr<Reopening> reopening_;  // guarded by database_mutex_; null: none is under way
+  std::mutex database_mutex_;             // taken before mutex_
+  std::shared_ptr<Database> database_;    // guarded by database_mutex_
+  std::string folder_;                    // of temporary files
   PackedImages images_;
   ServerLedger temporary_;
   ServerLedger session_memory_;
   ServerMetrics metrics_;
 
-  std::mutex opening_;  // held while an object is opened
+  NamedLocks opening_;  // held while an object is opened
   std::mutex mutex_;
   std::vector<std::shared_ptr<Surface>> surfaces_;  // the last used last
   std::map<const Surface*, size_t> pins_;           // sessions, by surface
