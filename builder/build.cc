@@ -198,6 +198,7 @@ class Builder {
       survey.store_bytes = survey.vertices * kTerrainVertexBytes;
     } else {
       MTDB_RETURN_IF_ERROR(ChooseGrid(input, options_, &space_, memory_ / 2, &survey));
+      MTDB_RETURN_IF_ERROR(survey.refusal);
       if (options_.height_field) {
         MTDB_ASSIGN_OR_RETURN(steepest_,
                               MakeFacesLookUp(options_, &space_, memory_ / 2, &input, &survey));

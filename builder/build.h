@@ -52,13 +52,19 @@ struct BuildOptions {
   // chosen from the data (GridReason).
   std::optional<int> bits;
   std::optional<double> step;  // grid: model units, instead of bits
-  // Refuses a grid of these options on which more than this part of the triangles lose their area.
+  // Refuses a grid of these options on which more than this part of the triangles lose their area;
+  // and a chosen one on which a fifth of it does, when it is less than 1.
   double max_collapsed = 0.5;
   // When set, >= 0: vertices that are at most so far apart, in model units, become one, the first
   // of them with its attributes; 0: those of equal positions. A chain of near vertices becomes one
   // too. Where more than two triangles then meet in an edge, or two that run along it in the same
   // direction, the edge is non-manifold, as in any input: kept, never simplified.
   std::optional<double> weld;
+  // Without `weld`, a mesh that was cut along edges, at seams of textures or face by face, is
+  // joined there: vertices of equal positions and equal attributes become one where an edge between
+  // such has two opposed triangles, that do not lie back to back (internal/seam_join.h). This keeps
+  // the vertices as they are.
+  bool keep_apart = false;
   // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
   // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
   // nor attribute_steps names are lossless.
@@ -126,16 +132,31 @@ struct EdgeLengths {
   double longest = 0;
 };
 
+// Vertices so far off the others that a grid over all of them is too coarse for the mesh.
+struct FarVertices {
+  uint64_t count = 0;
+  uint64_t vertices = 0;           // all that triangles use
+  std::optional<uint64_t> vertex;  // the first of the far ones, by its number in the input
+  Vec3d position;                  // of that one
+  Box3d others;                    // where the others are
+};
+// "3 of the 3601 vertices lie far off the others (... to ...): the first is vertex 3598 ...".
+std::string FarVerticesText(const FarVertices& far);
+
 // What a mesh is like before it is built, and what its grid does to it.
 struct MeshSurvey {
   MeshHeader header;             // attributes as they are stored
   uint64_t vertices = 0;         // of a soup after equal positions were joined; less welded ones
   uint64_t welded_vertices = 0;  // that became others
-  uint64_t triangles = 0;        // as read
-  uint64_t kept_triangles = 0;   // less those with two equal vertices, welded ones too
-  uint64_t flat_triangles = 0;   // of the kept ones: too thin for any grid
-  Box3d bounds;                  // of the vertices that triangles use
-  EdgeLengths edges;             // without edges of length 0
+  // Not joined, though they lie where others do; and whether `weld` would join some along an edge
+  // that different attributes keep apart. 0 and false with `weld` or `keep_apart`.
+  uint64_t equal_vertices = 0;
+  bool attributes_differ = false;
+  uint64_t triangles = 0;       // as read
+  uint64_t kept_triangles = 0;  // less those with two equal vertices, welded ones too
+  uint64_t flat_triangles = 0;  // of the kept ones: without area, as exact as coordinates are
+  Box3d bounds;                 // of the vertices that triangles use
+  EdgeLengths edges;            // without edges of length 0
   std::optional<uint64_t> components;  // SurveyMesh() only
   Grid grid;
   uint8_t bits = 0;
@@ -144,6 +165,12 @@ struct MeshSurvey {
   // 0, as are the edges and flat_triangles of BuildObject.
   uint64_t collapsed_triangles = 0;
   uint64_t collapsed_at_16_bits = 0;  // likewise, if the grid were one of 16 bits
+  // Set when the grid is too coarse for the mesh's edges, and that is why.
+  std::optional<FarVertices> far_vertices;
+  // Why BuildObject would refuse the mesh: a grid that leaves too many triangles no area. Ok: it
+  // would not.
+  Status refusal;
+  bool fits_float32 = false;  // PositionMode::kLossless is possible. When collapsed or refused
   // The grid that would be chosen, when it is not `grid`, for advice: bits and step.
   uint8_t advised_bits = 0;
   double advised_step = 0;
@@ -175,11 +202,10 @@ using MeshProducer = std::function<Status(MeshSink&)>;
 // Errors: kBadInput (no triangles; coordinates that are not finite, or do not fit float32 when
 // lossless; indices out of range; attributes that do not fit their step), kInvalidArgument (wrong
 // options, or such as name an attribute that the input does not have, or a grid on which most
-// triangles have no area; the journal of another build), kNoSpace and kIoError (temporary files;
-// kNoSpace also when memory runs out), kBudgetExceeded (memory_bytes is too little for the
-// attributes, the vertices or the root, and the message says how much is needed; or max_tmp_bytes
-// is reached), and those of `input`
-// and `writer`.
+// triangles have no area, which is kBadInput when no grid suits the mesh; the journal of another
+// build), kNoSpace and kIoError (temporary files; kNoSpace also when memory runs out),
+// kBudgetExceeded (memory_bytes is too little for the attributes, the vertices or the root, and the
+// message says how much is needed; or max_tmp_bytes is reached), and those of `input` and `writer`.
 Result<ObjectRecord> BuildObject(const MeshProducer& input, const BuildOptions& options,
                                  ObjectWriter& writer, const ProgressCallback& progress = {},
                                  BuildReport* report = nullptr);

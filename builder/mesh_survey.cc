@@ -45,7 +45,7 @@ Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& optio
   if (input.vertices() * sizeof(uint32_t) <= plan.spool_bytes / 2) {
     MTDB_ASSIGN_OR_RETURN(survey.components, CountComponents(input));
   }
-  if (options.height_field) {
+  if (options.height_field && survey.refusal.ok()) {
     const uint64_t memory = plan.spool_bytes;
     MTDB_RETURN_IF_ERROR(MakeFacesLookUp(options, &space, memory / 2, &input, &survey).status());
     const JoinOptions join{&space, memory / 4, memory / 2, plan.threads};

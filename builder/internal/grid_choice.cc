@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "builder/internal/corner_gather.h"
+#include "builder/internal/far_vertices.h"
 #include "store/base/geometry.h"
 
 namespace mtdb::internal {
@@ -26,7 +27,9 @@ constexpr uint64_t kTrianglesPerLost = 100'000;
 // Corners move by half a cell's diagonal: two of them bring a triangle no more than sqrt(3) steps
 // nearer to a line.
 constexpr double kSafeSteps = 1.75;
-constexpr double kFlatSteps = 4;  // of the finest grid
+constexpr double kFlatSteps = 4;  // of the finest grid, or of the coordinates' last digits
+// Of the triangles that an option's grid may collapse, a chosen one may: it was not asked for.
+constexpr double kMostOfChosen = 0.2;
 
 // Lengths, with eight classes for each factor of two of their squares.
 class LengthHistogram {
@@ -68,11 +71,27 @@ struct Candidate {
   GridReason reason = GridReason::kEdges;
   bool is_exact = false;  // the positions lie on it: nothing collapses
   uint64_t collapsed = 0;
+  uint64_t asking = 0;  // of the collapsed ones, those that a grid may be expected to keep
 };
+
+std::string Short(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.3g", value);
+  return text;
+}
 
 double LongestSide(const Box3d& bounds) {
   const Vec3d size = bounds.max - bounds.min;
   return std::max({size.x, size.y, size.z});
+}
+
+// A sixteenth of a step; of coarse grids less, since what lies on few points may be nearly flat,
+// however far these are apart. Of terrains heights are apart as no plane's bits tell. More than
+// four octaves cost voxels bits.
+double ErrorUnit(const BuildOptions& options, double step, int bits) {
+  constexpr int kMostFiner = 4;
+  const int finer = options.height_field ? 0 : std::clamp(kLeastBits - bits, 0, kMostFiner);
+  return std::ldexp(step, -4 - finer);
 }
 
 Candidate OfBits(const Box3d& bounds, int bits) {
@@ -81,7 +100,6 @@ Candidate OfBits(const Box3d& bounds, int bits) {
   c.bits = bits;
   c.grid.step = longest > 0 ? longest / static_cast<double>((1u << bits) - 1) : 1.0;
   c.grid.origin = bounds.min;
-  c.grid.error_unit = c.grid.step / 16;
   return c;
 }
 
@@ -89,14 +107,11 @@ Candidate OfBits(const Box3d& bounds, int bits) {
 Result<Candidate> OfStep(const Box3d& bounds, double step) {
   Candidate c;
   c.grid.step = step;
-  c.grid.error_unit = step / 16;
   for (int i = 0; i < 3; ++i) c.grid.origin[i] = std::floor(bounds.min[i] / step) * step;
   // The lattice may begin up to a step before the mesh.
   const double cells = LongestSide(bounds) / step;
   if (!(cells < (1 << kMostBits))) {
-    return InvalidArgument(
-        "--step: the mesh is more than 2^24 steps long; choose a larger step, or "
-        "store it --lossless");
+    return InvalidArgument("a step of " + Short(step) + ": the mesh is more than 2^24 steps long");
   }
   c.bits = static_cast<int>(std::max(1.0, std::ceil(std::log2(cells + 1))));
   return c;
@@ -114,36 +129,38 @@ class GridChoice {
       : input_(input), options_(options), survey_(*survey), bounds_(input.bounds()) {}
 
   Status Choose(const SpoolSpace* space, size_t memory_bytes) {
-    MTDB_RETURN_IF_ERROR(ListCandidates());
+    ListCandidates();
     MTDB_RETURN_IF_ERROR(Measure(space, memory_bytes));
     survey_.edges = lengths_.Lengths();
     survey_.collapsed_at_16_bits = candidates_[0].collapsed;
     const Candidate& advised = Best();
     survey_.advised_bits = static_cast<uint8_t>(advised.bits);
     survey_.advised_step = advised.grid.step;
-    const Candidate& taken = given_ ? candidates_.back() : advised;
+    const Candidate& taken = given_ && impossible_.ok() ? candidates_.back() : advised;
     survey_.grid = taken.grid;
+    survey_.grid.error_unit = ErrorUnit(options_, taken.grid.step, taken.bits);
     survey_.bits = static_cast<uint8_t>(taken.bits);
     survey_.reason = given_ ? GridReason::kGiven : taken.reason;
     survey_.collapsed_triangles = taken.collapsed;
-    return given_ ? CheckGiven(taken) : Status::Ok();
+    return Judge(taken, advised);
   }
 
  private:
   // First the grids of 16, 17, ... bits; then those of decimals; then the one that was asked for.
-  Status ListCandidates() {
+  void ListCandidates() {
     for (int bits = kLeastBits; bits <= kMostBits; ++bits) {
       candidates_.push_back(OfBits(bounds_, bits));
     }
     ListDecimals();
     given_ = options_.bits || options_.step;
-    if (!given_) return Status::Ok();
-    Candidate given = OfBits(bounds_, options_.bits.value_or(kLeastBits));
-    if (options_.step) {
-      MTDB_ASSIGN_OR_RETURN(given, OfStep(bounds_, *options_.step));
+    if (!given_) return;
+    if (!options_.step) {
+      candidates_.push_back(OfBits(bounds_, options_.bits.value_or(kLeastBits)));
+      return;
     }
-    candidates_.push_back(given);
-    return Status::Ok();
+    const Result<Candidate> given = OfStep(bounds_, *options_.step);
+    impossible_ = given.status();
+    if (given.ok()) candidates_.push_back(*given);
   }
 
   // Of the axes' units the finest comes first.
@@ -178,12 +195,10 @@ class GridChoice {
     for (const Candidate& c : candidates_) {
       if (!c.is_exact) largest_step_ = std::max(largest_step_, c.grid.step);
     }
-    const Vec3d far{std::max(std::abs(bounds_.min.x), std::abs(bounds_.max.x)),
-                    std::max(std::abs(bounds_.min.y), std::abs(bounds_.max.y)),
-                    std::max(std::abs(bounds_.min.z), std::abs(bounds_.max.z))};
-    flat_ = kFlatSteps * candidates_[kMostBits - kLeastBits].grid.step;
+    thin_ = kFlatSteps * candidates_[kMostBits - kLeastBits].grid.step;
     if (input_.is_single()) {
-      flat_ = std::max(flat_, kFlatSteps * std::ldexp(std::max({far.x, far.y, far.z}), -24));
+      const double far = std::max(LargestCoordinate(bounds_.min), LargestCoordinate(bounds_.max));
+      thin_ = std::max(thin_, kFlatSteps * std::ldexp(far, -24));
     }
     const CornerTable table{&input_.vertex_spool(), input_.vertices(), input_.vertex_bytes(),
                             input_.position_bytes()};
@@ -206,15 +221,25 @@ class GridChoice {
       longest = std::max(longest, squared);
     }
     const double height = std::sqrt(SquaredLength(Cross(ab, ac)) / longest);
-    if (!(height > flat_)) {
+    // What the last digits of its own coordinates may be.
+    const double digits = std::ldexp(
+        std::max({LargestCoordinate(t[0]), LargestCoordinate(t[1]), LargestCoordinate(t[2])}),
+        input_.is_single() ? -24 : -53);
+    if (!(height > kFlatSteps * digits)) {
       ++survey_.flat_triangles;
       return;
     }
     if (height > kSafeSteps * largest_step_) return;
     for (Candidate& c : candidates_) {
       if (c.is_exact || height > kSafeSteps * c.grid.step) continue;
-      c.collapsed += OnOneLine(c.grid.Quantize(t[0]), c.grid.Quantize(t[1]), c.grid.Quantize(t[2]));
+      const bool lost =
+          OnOneLine(c.grid.Quantize(t[0]), c.grid.Quantize(t[1]), c.grid.Quantize(t[2]));
+      c.collapsed += lost;
+      c.asking += lost && height > thin_;
     }
+  }
+  static double LargestCoordinate(Vec3d p) {
+    return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
   }
 
   const Candidate& Best() {
@@ -222,7 +247,7 @@ class GridChoice {
     for (const Candidate& c : candidates_) {
       if (c.reason != GridReason::kDecimals && c.reason != GridReason::kSomeDecimals) continue;
       const bool fine = c.is_exact || c.bits >= plain.bits;
-      if (fine && c.collapsed <= plain.collapsed && c.bits <= plain.bits + kBitsForDecimals) {
+      if (fine && c.asking <= plain.asking && c.bits <= plain.bits + kBitsForDecimals) {
         return c;
       }
     }
@@ -239,35 +264,73 @@ class GridChoice {
     of_bits(least).reason = least == kLeastBits ? GridReason::kLeastBits : GridReason::kEdges;
     int best = least;
     for (int bits = least; bits <= kMostBits; ++bits) {
-      const uint64_t lost = of_bits(bits).collapsed;
-      if (lost < of_bits(best).collapsed) best = bits;
+      const uint64_t lost = of_bits(bits).asking;
+      if (lost < of_bits(best).asking) best = bits;
       const bool few = bits > least + kBitsForSlivers &&
-                       of_bits(best).collapsed <= input_.triangles() / kTrianglesPerLost;
-      if (of_bits(best).collapsed == 0 || few) break;
+                       of_bits(best).asking <= input_.triangles() / kTrianglesPerLost;
+      if (of_bits(best).asking == 0 || few) break;
     }
     if (best != least) of_bits(best).reason = GridReason::kSlivers;
     return of_bits(best);
   }
 
-  Status CheckGiven(const Candidate& given) const {
-    const uint64_t solid = input_.triangles() - survey_.flat_triangles;
-    if (static_cast<double>(given.collapsed) <=
-        options_.max_collapsed * static_cast<double>(solid)) {
-      return Status::Ok();
-    }
-    char numbers[200];
-    std::snprintf(numbers, sizeof(numbers),
-                  "the mesh is %.3g long, and half of its edges are shorter than %.3g; choose a "
-                  "smaller step, or none: %d bits, a step of %.3g, suit it",
-                  LongestSide(bounds_), survey_.edges.median, survey_.advised_bits,
-                  survey_.advised_step);
-    return InvalidArgument("a step of " + Short(given.grid.step) + " leaves no area to " +
-                           std::to_string(given.collapsed) + " of " + std::to_string(solid) +
-                           " triangles: " + numbers);
+  bool IsFine(const Candidate& c) const {
+    return c.is_exact || c.grid.step <= survey_.edges.percentile1 / kStepsPerEdge;
   }
-  static std::string Short(double value) {
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.3g", value);
+
+  // Whether the grid is refused, and what lies far off where it is too coarse for the mesh.
+  Status Judge(const Candidate& taken, const Candidate& advised) {
+    const uint64_t solid = input_.triangles() - survey_.flat_triangles;
+    const double most = static_cast<double>(solid) * options_.max_collapsed;
+    const double most_of_chosen = options_.max_collapsed < 1 ? kMostOfChosen * most : most;
+    const auto lost = [](const Candidate& c) { return static_cast<double>(c.collapsed); };
+    const bool suits = IsFine(advised) && lost(advised) <= most_of_chosen;
+    const bool refused = !impossible_.ok() || lost(taken) > (given_ ? most : most_of_chosen);
+    if (refused || taken.collapsed != 0) {
+      MTDB_ASSIGN_OR_RETURN(survey_.fits_float32, input_.FitsSingle());
+    }
+    if (refused ? !suits || !options_.step || !impossible_.ok() : !given_ && !suits) {
+      MTDB_ASSIGN_OR_RETURN(survey_.far_vertices, FindFarVertices(input_, [&](const Box3d& box) {
+                              if (!impossible_.ok()) return OfStep(box, *options_.step).ok();
+                              const int bits = given_ && suits ? taken.bits : kMostBits;
+                              return std::ldexp(LongestSide(box), -bits) <=
+                                     survey_.edges.median / kStepsPerEdge;
+                            }));
+    }
+    if (!refused) return Status::Ok();
+    const bool insists = !given_ && lost(taken) <= most;
+    survey_.refusal = given_ ? InvalidArgument(RefusalText(taken, solid, suits, false))
+                             : BadInput(RefusalText(taken, solid, suits, insists));
+    return Status::Ok();
+  }
+
+  // `suits`: a grid would that none asked for. `insists`: --bits 24 would be taken.
+  std::string RefusalText(const Candidate& taken, uint64_t solid, bool suits, bool insists) const {
+    const std::optional<FarVertices>& far = survey_.far_vertices;
+    std::string text = impossible_.message();
+    if (impossible_.ok()) {
+      text = "a step of " + Short(taken.grid.step) + " leaves no area to " +
+             std::to_string(taken.collapsed) + " of " + std::to_string(solid) +
+             " triangles: the mesh is " + Short(LongestSide(bounds_)) +
+             " long, and half of its edges are shorter than " + Short(survey_.edges.median);
+    }
+    if (far) text += "; " + FarVerticesText(*far);
+    std::vector<std::string> ways;
+    if (far) {
+      const bool few = far->count < far->vertices / 10;
+      ways.push_back(far->count == 1 ? "cut it away"
+                     : few           ? "cut them away"
+                                     : "ingest them as an object of their own");
+    }
+    if (given_ && suits) {
+      ways.push_back("choose " + std::string(impossible_.ok() ? "a smaller" : "a larger") +
+                     " step, or none: " + std::to_string(survey_.advised_bits) +
+                     " bits, a step of " + Short(survey_.advised_step) + ", suit it");
+    }
+    if (survey_.fits_float32) ways.push_back("store it --lossless");
+    if (insists) ways.push_back("say --bits 24 to lose their area");
+    if (ways.empty()) ways.push_back("ingest its parts as objects of their own");
+    for (size_t i = 0; i < ways.size(); ++i) text += (i == 0 ? "; " : "; or ") + ways[i];
     return text;
   }
 
@@ -277,8 +340,9 @@ class GridChoice {
   const Box3d bounds_;
   std::vector<Candidate> candidates_;
   bool given_ = false;
+  Status impossible_;  // of the step that was asked for
   double largest_step_ = 0;
-  double flat_ = 0;  // triangles that are no higher are flat
+  double thin_ = 0;  // triangles that are no higher ask for nothing
   LengthHistogram lengths_;
 };
 

@@ -14,15 +14,17 @@ namespace mtdb::internal {
 //
 // 1. The step is at most a quarter of the edges' first percentile, at 16 to 24 bits.
 // 2. Up to four more bits are spent so that no triangle loses its area, and more so that no more
-//    than one in 100,000 does. Triangles that are too thin for any grid do not count.
+//    than one in 100,000 does. Triangles that are too thin for any grid ask for nothing.
 // 3. Where coordinates are decimals, the step is their unit, so that they are kept as they are
 //    written: that of the axis with the finest one, or, where it asks for too much, that of
 //    another axis, such as the heights of a terrain; a half, a quarter ... of it, where other
 //    axes need that. It may take four bits more than 1 and 2, or fewer bits.
 //
-// Deterministic: the triangles' order and the memory do not matter. Errors: kInvalidArgument (more
-// than 2^24 steps; a grid of the options on which most triangles have no area), kBadInput (bounds
-// that are too large for double), and those of GatherCorners().
+// A triangle that has area in the input and loses it by rounding is counted, however thin it is; a
+// grid that takes it from too many is the survey's `refusal`, which names what lies far off.
+//
+// Deterministic: the triangles' order and the memory do not matter. Errors: kBadInput (bounds that
+// are too large for double), and those of GatherCorners().
 Status ChooseGrid(const InputSpool& input, const BuildOptions& options, const SpoolSpace* space,
                   size_t memory_bytes, MeshSurvey* survey);
 

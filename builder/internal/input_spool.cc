@@ -9,6 +9,7 @@
 
 #include "builder/internal/corner_gather.h"
 #include "builder/internal/near_join.h"
+#include "builder/internal/seam_join.h"
 #include "builder/internal/soup_join.h"
 #include "store/base/coordinate_limit.h"
 
@@ -69,11 +70,7 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     }
     const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
     const Vec3d single{f.x, f.y, f.z};
-    const auto meant = [&] {
-      return header_.from_text && !header_.double_positions && IsTextOf(p.x, f.x) &&
-             IsTextOf(p.y, f.y) && IsTextOf(p.z, f.z);
-    };
-    if (lossless_ && single != p && !meant()) {
+    if (lossless_ && single != p && !MayMean(p, f)) {
       return BadInput(where() +
                       ": a coordinate does not fit float32, so that --lossless would "
                       "lose it; use --step or --bits");
@@ -92,6 +89,24 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     if (++report_.vertices > kMaxVertices) return TooManyVertices();
   }
   return Status::Ok();
+}
+
+bool InputSpool::MayMean(Vec3d p, Vec3f f) const {
+  return header_.from_text && !header_.double_positions && IsTextOf(p.x, f.x) &&
+         IsTextOf(p.y, f.y) && IsTextOf(p.z, f.z);
+}
+
+Result<bool> InputSpool::FitsSingle() const {
+  if (!doubles_) return rounding_ == 0;
+  SpoolReader reader(&vertex_spool_);
+  for (uint64_t v = 0; v < vertices_; ++v) {
+    const std::byte* bytes = reader.Next(vertex_bytes());
+    if (bytes == nullptr) return reader.status();
+    const Vec3d p = Position(bytes);
+    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    if (Vec3d{f.x, f.y, f.z} != p && !MayMean(p, f)) return false;
+  }
+  return true;
 }
 
 Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
@@ -159,6 +174,8 @@ Status InputSpool::End() {
   if (weld_ && vertices_ != 0) {
     if (!header_.soup) MTDB_RETURN_IF_ERROR(WeldEqual());
     if (*weld_ > 0) MTDB_RETURN_IF_ERROR(WeldNear());
+  } else if (join_seams_ && !header_.soup && triangles() != 0) {
+    MTDB_RETURN_IF_ERROR(WeldSeams());
   }
   if (triangles() == 0) {
     return BadInput("no triangle to keep: " + std::to_string(report_.triangles) + " read, " +
@@ -190,6 +207,24 @@ Status InputSpool::WeldNear() {
   vertex_spool_ = std::move(left);
   MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
   return Renumber(numbers);
+}
+
+Status InputSpool::WeldSeams() {
+  Spool left(space_, memory_bytes_ / 4), triangles_left(space_, memory_bytes_ / 4);
+  const SeamJoinInput input{&vertex_spool_, vertex_bytes(), doubles_, &triangle_spool_};
+  MTDB_ASSIGN_OR_RETURN(const SeamJoinTotals totals,
+                        internal::JoinSeams(input, space_, memory_bytes_, &left, &triangles_left));
+  equal_vertices_ = totals.equal;
+  attributes_differ_ = totals.attributes_differ;
+  if (totals.joined == 0) return Status::Ok();
+  vertices_ = totals.vertices;
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  const uint64_t before = triangles();
+  triangle_spool_ = std::move(triangles_left);
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  report_.degenerate_triangles += before - triangles();
+  return Status::Ok();
 }
 
 Status InputSpool::Renumber(Spool& numbers) {

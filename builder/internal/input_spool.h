@@ -24,6 +24,8 @@ class InputSpool final : public MeshSink {
   // Before End(): vertices that are at most so far apart become one, the first of them; 0: those of
   // equal positions. Triangles of which two corners become one are dropped as degenerate.
   void Weld(double tolerance) { weld_ = tolerance; }
+  // Before End(), instead: vertices of a mesh that was cut along edges become one (seam_join.h).
+  void JoinSeams() { join_seams_ = true; }
 
   Status Begin(const MeshHeader& header) override;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
@@ -39,12 +41,18 @@ class InputSpool final : public MeshSink {
   uint64_t triangles() const { return triangle_spool_.size() / kTriangleBytes; }
   const InputReport& report() const { return report_; }
   uint64_t welded_vertices() const { return report_.vertices - vertices_; }
+  // After JoinSeams(): those that are left where others are, and whether some of them are for their
+  // attributes only.
+  uint64_t equal_vertices() const { return equal_vertices_; }
+  bool attributes_differ() const { return attributes_differ_; }
   // Model units: the farthest that a vertex was moved to be float32, or by welding.
   double rounding() const override { return rounding_; }
   const Box3d& bounds() const { return bounds_; }  // of the vertices that kept triangles use
   // Of the same vertices; unless lossless.
   const Decimals& decimals() const { return decimals_; }
   bool is_single() const { return !doubles_; }  // positions are float32
+  // Whether all positions are float32 values, or text that may mean some: reads them.
+  Result<bool> FitsSingle() const;
   size_t row_bytes() const { return row_bytes_; }
   size_t position_bytes() const { return position_bytes_; }
   // A vertex: position (3 float32 or 3 float64), then its row.
@@ -61,10 +69,13 @@ class InputSpool final : public MeshSink {
   SpoolReader TakeTriangles() { return SpoolReader::Consuming(&triangle_spool_); }
 
  private:
+  // `p`, read from text, may be how a program has written `f`.
+  bool MayMean(Vec3d p, Vec3f f) const;
   Status AppendTriangle(const std::array<uint32_t, 3>& t);
   Status FindBounds();
   Status WeldEqual();
   Status WeldNear();
+  Status WeldSeams();
   // Gives the triangles' corners these numbers.
   Status Renumber(Spool& numbers);
 
@@ -79,6 +90,9 @@ class InputSpool final : public MeshSink {
   Decimals decimals_;
   uint64_t vertices_ = 0;
   std::optional<double> weld_;
+  bool join_seams_ = false;
+  uint64_t equal_vertices_ = 0;
+  bool attributes_differ_ = false;
   bool lossless_;
   bool begun_ = false;
   bool doubles_ = false;  // positions are kept as float64

@@ -12,7 +12,11 @@ namespace mtdb::internal {
 Result<MeshSurvey> ReadMesh(const MeshProducer& produce, const BuildOptions& options,
                             InputSpool* input, MemoryPlan* plan) {
   MTDB_RETURN_IF_ERROR(CheckBuildOptions(options));
-  if (options.weld) input->Weld(*options.weld);
+  if (options.weld) {
+    input->Weld(*options.weld);
+  } else if (!options.keep_apart && !options.terrain) {
+    input->JoinSeams();
+  }
   AttributeSink attributes(&options, input, [&](const MeshHeader& header) {
     const unsigned threads =
         options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
@@ -25,6 +29,8 @@ Result<MeshSurvey> ReadMesh(const MeshProducer& produce, const BuildOptions& opt
   survey.header = input->header();
   survey.vertices = input->vertices();
   survey.welded_vertices = input->welded_vertices();
+  survey.equal_vertices = input->equal_vertices();
+  survey.attributes_differ = input->attributes_differ();
   survey.triangles = input->report().triangles;
   survey.kept_triangles = input->triangles();
   survey.bounds = input->bounds();

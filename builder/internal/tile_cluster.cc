@@ -2,6 +2,7 @@
 #include "builder/internal/tile_cluster.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -32,16 +33,30 @@ ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, s
   return updates;
 }
 
+// Work units: below this an error is 0 that was computed from the tile's coordinates in binary64
+// (docs/design.md, section 3, "Rounding").
+double ArithmeticNoise(const TileResult& result, const Grid& grid) {
+  constexpr int kNoiseBits = 44;  // of 53
+  double largest = 0;
+  for (const Vec3i& p : result.positions) {
+    const Vec3d at = grid.is_linear() ? ToDouble(p) : grid.Position(p);
+    largest = std::max({largest, std::abs(at.x), std::abs(at.y), std::abs(at.z)});
+  }
+  return std::ldexp(largest, -kNoiseBits);
+}
+
 // Adds the nodes to `updates`, and to `cluster` what their entry in the index and the object's
 // record need. `heights`: of the tile's triangles; gets those of all.
 void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& updates,
               std::vector<uint32_t>& heights, TileCluster& cluster) {
   const double model_units = grid.is_linear() ? grid.step : 1.0;
+  const double noise = ArithmeticNoise(result, grid);
   UnitEntry& entry = cluster.entry;
   entry.error_code_min = 255;
   heights.resize(result.triangles.size(), 0);
   for (const Removal& removal : result.removals) {
-    const uint8_t code = grid.ErrorCode(removal.error * model_units);
+    const double error = removal.error > noise ? removal.error : 0;
+    const uint8_t code = grid.ErrorCode(error * model_units);
     entry.error_code_min = std::min(entry.error_code_min, code);
     entry.error_code_max = std::max(entry.error_code_max, code);
     updates.nodes.push_back({removal.vertex, code, removal.hole_begin, removal.hole_count,

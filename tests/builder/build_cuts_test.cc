@@ -42,7 +42,7 @@ void RequireManifoldCuts(const TriangleMesh& mesh, const BuiltObject& built, int
     REQUIRE(facts.border_loops == input.border_loops);
     REQUIRE(facts.components == input.components);
   }
-  REQUIRE(sizes.size() > static_cast<size_t>(cuts) / 2);
+  REQUIRE(sizes.size() > static_cast<size_t>(cuts) / 3);
 }
 
 // The mesh without the triangles that a store drops, and without stray vertices.

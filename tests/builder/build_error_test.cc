@@ -133,4 +133,67 @@ TEST_CASE("A mesh that is tiny or huge is built like others, when it keeps its b
   }
 }
 
+namespace {
+
+// n x n squares; heights by place.
+TriangleMesh Squares(int n, const std::function<double(int, int)>& height) {
+  TriangleMesh mesh;
+  mesh.header.double_positions = true;
+  const auto across = static_cast<VertexIndex>(n + 1);
+  for (int y = 0; y <= n; ++y) {
+    for (int x = 0; x <= n; ++x) mesh.positions.push_back({1.0 * x, 1.0 * y, height(x, y)});
+  }
+  for (VertexIndex y = 0; y + 1 < across; ++y) {
+    for (VertexIndex x = 0; x + 1 < across; ++x) {
+      const VertexIndex v = y * across + x;
+      mesh.triangles.push_back({v, v + 1, v + across + 1});
+      mesh.triangles.push_back({v, v + across + 1, v + across});
+    }
+  }
+  return mesh;
+}
+
+uint64_t TrianglesAt(const Surface& surface, double error) {
+  Query query;
+  query.threshold = ConstantThreshold(error);
+  ExtractStats stats;
+  Extract(surface, query, &stats);
+  CHECK(stats.error_bound <= error);
+  return stats.triangles;
+}
+
+}  // namespace
+
+TEST_CASE("What lies in one plane of whole coordinates is removed without an error") {
+  const auto flat = [](int, int) { return 7.0; };
+  const auto slope = [](int x, int y) { return 2.0 * x - 3.0 * y; };
+  for (const int n : {59, 200}) {
+    for (const std::function<double(int, int)>& height :
+         {std::function<double(int, int)>(flat), std::function<double(int, int)>(slope)}) {
+      for (const Vec3d origin : {Vec3d{}, Vec3d{431234, 4812345, 300}}) {
+        TriangleMesh mesh = Squares(n, height);
+        for (Vec3d& p : mesh.positions) p += origin;
+        const BuiltObject built = Build(mesh);
+        CAPTURE(n, height(1, 1), origin.x);
+        CHECK(built.record.grid.step == 1);
+        CHECK(built.record.rounding_error == 0);
+        for (const double error : {0.05, 1e-3, 1e-9})
+          CHECK(TrianglesAt(*built.surface, error) <= 4);
+      }
+    }
+  }
+  // Roofs of 20 x 20, and walls between them: two triangles each, and what their borders need.
+  const auto roofs = [](int x, int y) { return 10.0 * ((x / 20 * 7 + y / 20 * 3) % 4); };
+  const BuiltObject town = Build(Squares(99, roofs));
+  CHECK(TrianglesAt(*town.surface, 1e-3) < 1200);
+}
+
+TEST_CASE("On a coarse grid of whole numbers errors are finer than a sixteenth of a step") {
+  const BuiltObject built = Build(Squares(60, [](int x, int) { return x == 30 ? 1.0 : 0.0; }));
+  CHECK(built.record.bits < 16);
+  CHECK(built.record.grid.error_unit < built.record.grid.step / 16);
+  CHECK(built.record.grid.Error(1) == built.record.grid.step / 256);
+  CHECK(built.record.grid.Error(254) > built.record.diagonal());
+}
+
 }  // namespace mtdb::testing

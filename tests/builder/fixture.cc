@@ -197,7 +197,10 @@ Query RandomCutQuery(const ObjectRecord& record, std::mt19937& random) {
     return p;
   };
   const auto error = [&] {
-    return record.grid.Error(static_cast<uint8_t>(uniform(0, record.error_code_max + 1.0)));
+    // Finer than a sixteenth of a step all cuts are one.
+    const double least = record.grid.ErrorCode(record.grid.step / 16) - 1.0;
+    const double from = record.grid.is_linear() && least < record.error_code_max ? least : 0;
+    return record.grid.Error(static_cast<uint8_t>(uniform(from, record.error_code_max + 1.0)));
   };
   Query query;
   switch (random() % 4) {

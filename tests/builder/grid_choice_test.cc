@@ -185,6 +185,128 @@ TEST_CASE("A grid on which most triangles have no area is refused, with what to 
   }
 }
 
+// Cells of 5 cm in a projection's coordinates, heights that are no decimals, and triangles from the
+// first two vertices to each of `far`.
+TriangleMesh Scan(int side, const std::vector<Vec3d>& far) {
+  TriangleMesh mesh;
+  mesh.header.double_positions = true;
+  const auto n = static_cast<VertexIndex>(side);
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      mesh.positions.push_back({431234.5 + 0.05 * x, 4812345.5 + 0.05 * y,
+                                321 + 0.03 * std::sin(x / 3.0) * std::cos(y / 4.0)});
+    }
+  }
+  for (VertexIndex y = 0; y + 1 < n; ++y) {
+    for (VertexIndex x = 0; x + 1 < n; ++x) {
+      const VertexIndex v = y * n + x;
+      mesh.triangles.push_back({v, v + 1, v + n + 1});
+      mesh.triangles.push_back({v, v + n + 1, v + n});
+    }
+  }
+  for (const Vec3d p : far) {
+    mesh.positions.push_back(p);
+    mesh.triangles.push_back({0, 1, mesh.positions.size() - 1});
+  }
+  return mesh;
+}
+
+TEST_CASE("What lies far off a mesh makes its grid refused, and is named") {
+  const Vec3d at{431234.5, 4812345.5, 321};
+  std::vector<Vec3d> many;
+  for (int i = 0; i < 20; ++i) many.push_back(at + Vec3d{3e5 * i + 1e6, -2e5 * i, 7.0 * i});
+  const std::vector<std::vector<Vec3d>> cases{{{0, 0, 0}},
+                                              {at + Vec3d{0, 0, 1e9}},
+                                              {at + Vec3d{-3e6, 0, 0}},
+                                              {at + Vec3d{5e6, 0, 0}, at - Vec3d{5e6, 2e6, 0}},
+                                              many};
+  for (const std::vector<Vec3d>& far : cases) {
+    const TriangleMesh mesh = Scan(40, far);
+    INFO(far.size() << " far, the first at " << far[0].x << ' ' << far[0].y << ' ' << far[0].z);
+    const MeshSurvey survey = SurveyOfMesh(mesh);
+    CHECK(survey.flat_triangles == 0);
+    CHECK(survey.collapsed_triangles == Collapsed(mesh, survey.grid));
+    CHECK(survey.refusal.code() == StatusCode::kBadInput);
+    REQUIRE(survey.far_vertices);
+    CHECK(survey.far_vertices->count == far.size());
+    CHECK(survey.far_vertices->vertices == 1600 + far.size());
+    CHECK(survey.far_vertices->vertex == 1600);
+    CHECK(survey.far_vertices->position == far[0]);
+    for (const char* words : {"leaves no area", "vertex 1600", "cut"}) {
+      CHECK_THAT(survey.refusal.message(), Catch::Contains(words));
+    }
+    TempStore store;
+    for (const int bits : {0, 1, 12, 24}) {
+      BuildOptions options;
+      if (bits != 0) options.bits = bits;
+      const Status status = BuildInto(store.database(), "object", mesh, options).status();
+      INFO(bits << " bits: " << status.message());
+      REQUIRE_FALSE(status.ok());
+      CHECK_THAT(status.message(), Catch::Contains("vertex 1600"));
+    }
+    BuildOptions fine;
+    fine.step = 0.001;
+    const Status status = BuildInto(store.database(), "object", mesh, fine).status();
+    CHECK_THAT(status.message(), Catch::Contains("2^24 steps") && Catch::Contains("vertex 1600"));
+  }
+}
+
+TEST_CASE("A far vertex that no triangle uses, and large coordinates as such, harm nothing") {
+  TriangleMesh mesh = Scan(40, {});
+  for (const bool stray : {false, true}) {
+    if (stray) mesh.positions.push_back({0, 0, 0});
+    const MeshSurvey survey = SurveyOfMesh(mesh);
+    CHECK(survey.refusal.ok());
+    CHECK(survey.collapsed_triangles == 0);
+    CHECK(survey.flat_triangles == 0);
+    CHECK_FALSE(survey.far_vertices);
+  }
+  for (const double scale : {1e-12, 1e12}) {
+    TriangleMesh scaled = mesh;
+    for (Vec3d& p : scaled.positions) p = p * scale;
+    CHECK(SurveyOfMesh(scaled).refusal.ok());
+    CHECK(SurveyOfMesh(scaled).flat_triangles == 0);
+  }
+  // So far that the grid is still fine.
+  CHECK(SurveyOfMesh(Scan(40, {Vec3d{434000, 4812345, 300}})).refusal.ok());
+  // As float32 it has no area to lose.
+  mesh.header.double_positions = false;
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+  }
+  CHECK(SurveyOfMesh(mesh).refusal.ok());
+}
+
+TEST_CASE("Of two parts far from each other the smaller one is named, and lossless where it can") {
+  TriangleMesh mesh = Scan(40, {});
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i)
+      p[i] = static_cast<float>(p[i] - Vec3d{431234.5, 4812345.5, 321}[i]);
+  }
+  const TriangleMesh one = mesh;
+  for (const Vec3d p : one.positions) {
+    mesh.positions.push_back(p * 8 + Vec3d{0, 16777216, 0});
+  }
+  for (size_t t = 0; t < 2500; ++t) {
+    TriangleVertices corners = one.triangles[t];
+    for (VertexIndex& v : corners) v += one.positions.size();
+    mesh.triangles.push_back(corners);
+  }
+  mesh.header.double_positions = false;
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+  }
+  const MeshSurvey survey = SurveyOfMesh(mesh);
+  REQUIRE_FALSE(survey.refusal.ok());
+  REQUIRE(survey.far_vertices);
+  CHECK(survey.far_vertices->position.y > 1e7);
+  CHECK(survey.far_vertices->count < 1600);
+  CHECK_THAT(survey.refusal.message(), Catch::Contains("--lossless"));
+  BuildOptions lossless;
+  lossless.mode = PositionMode::kLossless;
+  CHECK(SurveyOfMesh(mesh, lossless).refusal.ok());
+}
+
 TEST_CASE("Components are counted") {
   TriangleMesh mesh = WithSlivers(5, 0, 0);
   CHECK(SurveyOfMesh(mesh).components == 25);

@@ -258,6 +258,7 @@ std::string MayRefuse(World& world, const Step& step, const StoredObject& object
   // More attributes than fit the memory that is allowed.
   if (step.has("memory") && step.has("wide")) return "memory";
   if (WeldsTooMuch(object.truth)) return "tolerance";
+  if (step.has("far")) return "the grid is too coarse";
   // Writers and readers by another name of the file shut each other out.
   return by == "hardlink" ? "another name" : "";
 }
@@ -624,6 +625,7 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--step") options.step = std::strtod(value.c_str(), nullptr);
     if (key == "--lossless") options.mode = PositionMode::kLossless;
     if (key == "--weld") options.weld = std::strtod(value.c_str(), nullptr);
+    if (key == "--no-weld") options.keep_apart = true;
     if (key == "--normals") options.normal_bits = static_cast<int>(number());
     if (key == "--attribute") {
       const size_t split = value.rfind('=');

@@ -12,6 +12,7 @@
 
 #include "store/base/hash.h"
 #include "tests/everything/input_files.h"
+#include "tests/support/cut_mesh.h"
 #include "tests/support/mesh_changes.h"
 
 namespace mtdb::everything {
@@ -304,6 +305,18 @@ uint64_t Weld(double tolerance, Truth* truth) {
   return gone;
 }
 
+// Where it was cut. Returns the number of vertices that became others.
+uint64_t Join(Truth* truth) {
+  TriangleMesh& mesh = truth->mesh;
+  const mtdb::testing::JoinedSeams joined = mtdb::testing::JoinSeamsByDefinition(mesh);
+  if (joined.gone == 0) return 0;
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (VertexIndex& v : mesh.triangles[t]) v = joined.first[v];
+    if (!joined.has_area[t]) mesh.triangles[t][1] = mesh.triangles[t][0];
+  }
+  return joined.gone;
+}
+
 }  // namespace
 
 double Truth::longest() const {
@@ -318,8 +331,9 @@ std::vector<std::string> AttributeKinds() {
 }
 
 Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup,
-                std::optional<double> weld) {
+                std::optional<double> weld, bool keep_apart) {
   Truth truth;
+  truth.keep_apart = keep_apart;
   TriangleMesh& mesh = truth.mesh;
   mesh.header.attributes = parts[0].header.attributes;
   for (const TriangleMesh& part : parts) {
@@ -339,7 +353,12 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
     for (int i = 0; i < 3; ++i)
       truth.fits_float &= static_cast<double>(static_cast<float>(p[i])) == p[i];
   }
-  const uint64_t gone = weld ? Weld(*weld, &truth) : 0;
+  uint64_t gone = 0;
+  if (weld) {
+    gone = Weld(*weld, &truth);
+  } else if (!keep_apart && !all_soup) {
+    gone = Join(&truth);
+  }
   // Degenerate and duplicate triangles are none.
   std::set<TriangleVertices> seen;
   std::vector<TriangleVertices> kept, kept_before;
@@ -424,6 +443,16 @@ Input MakeInput(const Step& step, const std::string& folder) {
   Spoil(step, &mesh);
   AddAttributes(step, &mesh);
   MovePositions(step, &mesh);
+  if (step.has("cut")) {
+    mesh = mtdb::testing::CutMesh(mesh, std::clamp(step.Number("cut", 1), 0.0, 1.0), 1);
+  }
+  if (step.has("far")) {
+    mesh.positions.push_back(mesh.positions[0] -
+                             Vec3d{1, 0.5, 0} * (step.Number("far", 1e6) * LongestSide(mesh)));
+    mesh.rows.insert(mesh.rows.end(), mesh.header.attributes.row_bytes(), std::byte{1});
+    const TriangleVertices first = mesh.triangles[0];
+    mesh.triangles.push_back({first[0], first[1], mesh.positions.size() - 1});
+  }
   if (step.Flag("stray")) {
     mesh.positions.push_back(mesh.positions[0] +
                              Vec3d{1, -2, 3} * (1e9 * Length(mesh.positions[0] + Vec3d{1, 1, 1})));
@@ -463,7 +492,9 @@ Input MakeInput(const Step& step, const std::string& folder) {
     std::ranges::reverse(input.paths);
     std::reverse(soup.begin(), soup.end());
   }
-  input.truth = MakeTruth(parts, soup, weld);
+  // Attributes that are rounded may agree when those of the files do not.
+  const bool keep_apart = !weld && (step.Flag("apart") || step.has("normals") || step.has("round"));
+  input.truth = MakeTruth(parts, soup, weld, keep_apart);
   // Text does not say whether its numbers are float32; what may be is taken for it.
   const auto meant = [](Vec3d p) {
     return IsTextOfFloat(p.x) && IsTextOfFloat(p.y) && IsTextOfFloat(p.z);
@@ -471,7 +502,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
   if (step.Flag("lossless") && !input.truth.fits_float && text && !says_double &&
       std::ranges::all_of(input.truth.mesh.positions, meant)) {
     for (TriangleMesh& part : parts) mtdb::testing::RoundToFloat32(&part);
-    input.truth = MakeTruth(parts, soup, weld);
+    input.truth = MakeTruth(parts, soup, weld, keep_apart);
   }
   return input;
 }

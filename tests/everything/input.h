@@ -11,6 +11,9 @@
 //   files      in so many files; order: 1 names them from the last to the first
 //   gzip       1: compressed; stdin: 1: the first file comes by standard input
 //   weld       vertices so near become one, as a fraction of the longest side; 0: equal ones
+//   apart      1: not even where the mesh was cut (--no-weld)
+//   cut        so large a part of the corners have vertices of their own
+//   far        a triangle reaches so many times the longest side away
 #pragma once
 
 #include <memory>
@@ -32,9 +35,10 @@ struct Truth {
   TriangleMesh mesh;     // vertices that others became have no triangles
   TriangleMesh surface;  // the mesh's triangles before near vertices became one; empty: the mesh
   std::optional<double> weld;  // model units
-  double moved = 0;            // by welding, at most
-  InputReport report;          // without the non-manifold counts
-  Box3d bounds;                // of vertices that triangles use
+  bool keep_apart = false;
+  double moved = 0;    // by welding, at most
+  InputReport report;  // without the non-manifold counts
+  Box3d bounds;        // of vertices that triangles use
   mtdb::testing::MeshCheck topology;
   bool fits_float = true;  // every coordinate of every vertex
   std::shared_ptr<const DistanceTree> tree;
@@ -46,9 +50,9 @@ struct Truth {
 };
 
 // `parts` as several files of one object; `soup`: which of them have no shared vertices; `weld`:
-// how near vertices become one.
+// how near vertices become one; `keep_apart`: they do not where the mesh was cut either.
 Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup,
-                std::optional<double> weld = {});
+                std::optional<double> weld = {}, bool keep_apart = false);
 
 // A mesh by name; empty when there is none of that name.
 TriangleMesh MakeShape(const std::string& shape, int64_t size, uint64_t seed);

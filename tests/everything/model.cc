@@ -85,6 +85,26 @@ double FlatShare(const Truth& truth, double step) {
   return solid == 0 ? 0 : static_cast<double>(flat) / static_cast<double>(solid);
 }
 
+// The part of the triangles that have an area as exact as their coordinates are, and none on the
+// grid.
+double LostShare(const Truth& truth, const Grid& grid) {
+  uint64_t solid = 0, lost = 0;
+  for (const TriangleVertices& t : truth.mesh.triangles) {
+    std::array<Vec3d, 3> p, on;
+    double far = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      p[c] = truth.mesh.positions[t[c]];
+      on[c] = ToDouble(grid.Quantize(p[c]));
+      far = std::max(far, Length(p[c]));
+    }
+    const double longest = std::max({Length(p[1] - p[0]), Length(p[2] - p[0]), 1e-300});
+    if (Length(Cross(p[1] - p[0], p[2] - p[0])) / longest < 1e-5 * far) continue;
+    ++solid;
+    lost += Cross(on[1] - on[0], on[2] - on[0]) == Vec3d{};
+  }
+  return solid == 0 ? 0 : static_cast<double>(lost) / static_cast<double>(solid);
+}
+
 }  // namespace
 
 std::vector<std::string> StoredObject::Options() const {
@@ -96,6 +116,7 @@ std::vector<std::string> StoredObject::Options() const {
     options.push_back("--bits=" + std::to_string(bits));
   }
   if (truth.weld) options.push_back("--weld=" + NumberText(*truth.weld));
+  if (truth.keep_apart) options.emplace_back("--no-weld");
   if (normal_bits > 0) options.push_back("--normals=" + std::to_string(normal_bits));
   for (const VertexAttribute& a : truth.mesh.header.attributes.attributes) {
     if (round > 0 && IsRounded(a)) {
@@ -155,6 +176,9 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
         std::abs(grid.step - wanted) > 1e-12 * wanted) {
       return "the grid's step is " + NumberText(grid.step) + ", not " + NumberText(wanted);
     }
+  }
+  if (grid.mode == PositionMode::kGrid && LostShare(truth, grid) > 0.55) {
+    return "most triangles lost their area, and nobody said so";
   }
   const InputReport& in = record.input;
   const auto same = [](uint64_t found, uint64_t expected, const char* what) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <random>
 
+#include "store/base/hash.h"
 #include "tests/builder/nasty_meshes.h"
 #include "tests/everything/input.h"
 #include "tools/generate/generate.h"
@@ -131,6 +132,20 @@ TriangleMesh MakeTerrain(int64_t size, uint64_t seed) {
   return Generated(GenerateTerrain, size, seed);
 }
 
+// Flat roofs of whole heights over whole columns and rows: most triangles lie in one plane with
+// their neighbours.
+TriangleMesh MakePlan(int64_t size, uint64_t seed) {
+  TriangleMesh mesh = MakeSheetOf(size, seed);
+  const auto n = static_cast<int64_t>(std::sqrt(static_cast<double>(mesh.positions.size())));
+  for (size_t v = 0; v < mesh.positions.size(); ++v) {
+    const auto x = static_cast<int64_t>(v) % n, y = static_cast<int64_t>(v) / n;
+    const uint64_t block = static_cast<uint64_t>(x / 6 + 1000 * (y / 6)) + seed;
+    mesh.positions[v] = {static_cast<double>(x), static_cast<double>(y),
+                         static_cast<double>(Mix64(block) % 4)};
+  }
+  return mesh;
+}
+
 // The size says which.
 TriangleMesh MakeNasty(int64_t size, uint64_t seed) {
   const auto all = mtdb::testing::NastyMeshes();
@@ -142,9 +157,11 @@ struct Shape {
   TriangleMesh (*make)(int64_t size, uint64_t seed);
 };
 constexpr Shape kShapes[] = {
-    {"sheet", MakeSheetOf},         {"wave", MakeWave},       {"torus", MakeTorus},
-    {"tetrahedra", MakeTetrahedra}, {"tangle", MakeTangle},   {"nasty", MakeNasty},
-    {"sculpture", MakeSculpture},   {"terrain", MakeTerrain}, {"needles", MakeNeedles},
+    {"sheet", MakeSheetOf},       {"wave", MakeWave},
+    {"torus", MakeTorus},         {"tetrahedra", MakeTetrahedra},
+    {"tangle", MakeTangle},       {"nasty", MakeNasty},
+    {"sculpture", MakeSculpture}, {"terrain", MakeTerrain},
+    {"needles", MakeNeedles},     {"plan", MakePlan},
 };
 
 }  // namespace

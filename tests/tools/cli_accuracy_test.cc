@@ -126,4 +126,31 @@ TEST_CASE("the chosen accuracy does not depend on memory, threads or several fil
   }
 }
 
+TEST_CASE("What lies far off is named by info, --dry-run and ingest", "[cli]") {
+  const Folder folder;
+  const std::string path = folder.File("far.obj");
+  std::string text;
+  for (int v = 0; v < 400; ++v) {
+    text += "v " + std::to_string(v % 20 * 0.0517) + " " + std::to_string(v / 20 * 0.0517) + " " +
+            std::to_string(v * v % 7 * 0.00123) + "\n";
+  }
+  for (int v = 21; v < 400; ++v) {
+    if (v % 20 == 0) continue;
+    text += "f " + std::to_string(v - 20) + " " + std::to_string(v - 19) + " " +
+            std::to_string(v + 1) + " " + std::to_string(v) + "\n";
+  }
+  text += "v 5000000.123 0.456 0.789\nf 1 2 401\n";
+  WriteText(path, text);
+  const std::string store = folder.File("s.mtdb");
+  RunFails(1, {"ingest", path, store, "--quiet"},
+           {"leaves no area", "vertex 400", "5000000.12", "cut"});
+  RunFails(1, {"ingest", path, store, "--quiet", "--dry-run"}, {"leaves no area", "vertex 400"});
+  RunFails(1, {"ingest", path, store, "--quiet", "--bits", "1"}, {"leaves no area", "vertex 400"});
+  CHECK_THAT(RunOk({"info", path}), Catch::Contains("refuses") && Catch::Contains("vertex 400"));
+  const Json survey = RunJson({"info", path});
+  CHECK_THAT(survey.at("refused").get<std::string>(), Catch::Contains("leaves no area"));
+  CHECK(survey.at("accuracy").at("far_vertices").at("vertex") == 400);
+  CHECK(survey.at("accuracy").at("flat_triangles") == 0);
+}
+
 }  // namespace mtdb::test

@@ -45,7 +45,15 @@ TEST_CASE("--weld makes one surface of tiles in several files", "[cli]") {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return RunJson(arguments);
   };
-  CHECK(ingest({}).at("components") == 2);
+  const Json kept = ingest({"--no-weld"});
+  CHECK(kept.at("components") == 2);
+  CHECK(kept.at("welded_vertices") == 0);
+  // Tiles that adjoin exactly are one by themselves.
+  const Json joined = ingest({});
+  CHECK(joined.at("components") == 1);
+  CHECK(joined.at("welded_vertices") == 11);
+  CHECK(joined.at("equal_vertices") == 0);
+  RunFails(2, {"ingest", a, folder.File("u.mtdb"), "--weld=0", "--no-weld"}, {"--no-weld"});
   const Json welded = ingest({"--weld"});
   CHECK(welded.at("components") == 1);
   CHECK(welded.at("welded_vertices") == 11);
@@ -61,6 +69,29 @@ TEST_CASE("--weld makes one surface of tiles in several files", "[cli]") {
   RunFails(1, {"ingest", a, b, folder.File("u.mtdb"), "--weld", "100", "--quiet"},
            {"tolerance of 100", "edges"});
   CHECK(!Exists(folder.File("u.mtdb")));
+}
+
+TEST_CASE("A cut that different attributes keep open is told of, with what joins it", "[cli]") {
+  const Folder folder;
+  const std::string path = folder.File("a.ply");
+  // Two squares with a normal each: flat shading.
+  WriteText(path,
+            "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
+            "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+            "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+            "0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n"
+            "1 0 0 1 0 0\n1 0 -1 1 0 0\n1 1 -1 1 0 0\n1 1 0 1 0 0\n"
+            "4 0 1 2 3\n4 4 5 6 7\n");
+  const Json plain = RunJson({"ingest", path, folder.File("s.mtdb")});
+  CHECK(plain.at("components") == 2);
+  CHECK(plain.at("equal_vertices") == 2);
+  REQUIRE(plain.at("warnings").size() == 1);
+  CHECK_THAT(plain.at("warnings")[0].get<std::string>(),
+             Catch::Contains("2 vertices") && Catch::Contains("--weld would join"));
+  CHECK_THAT(RunOk({"info", path}), Catch::Contains("--weld would join"));
+  const Json welded = RunJson({"ingest", path, folder.File("w.mtdb"), "--weld"});
+  CHECK(welded.at("components") == 1);
+  CHECK(welded.at("warnings").empty());
 }
 
 }  // namespace mtdb::test

@@ -54,7 +54,8 @@ typedef struct mtdb_ingest_options {
   uint32_t bits; /* 1..24: positions on a grid of 2^bits cells along the longest side; 0: a grid
                     that suits the mesh */
   double step;   /* > 0: positions on multiples of it instead, in units of the input */
-  int weld;      /* not 0: joins vertices that are at most weld_distance apart */
+  int weld;      /* > 0: joins vertices that are at most weld_distance apart; 0: those of equal
+                    positions and attributes where the mesh was cut along edges; < 0: none */
   double weld_distance;
   uint32_t normal_bits; /* 4..16: of nx ny nz the direction only; 0: lossless */
   const mtdb_attribute_step* steps;

@@ -289,6 +289,11 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
           "one: several files, or tiles that adjoin, become one surface")
       ->type_name("[TOLERANCE]")
       ->expected(0, 1);
+  verb->add_flag(
+          "--no-weld", a->keep_apart,
+          "keep vertices of equal positions apart (default: where a mesh was cut along edges, "
+          "and the attributes of both sides are equal, they become one)")
+      ->excludes("--weld");
   verb->add_option("--normals", a->normal_bits,
                    "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
                    "4 to 16, e.g. 10 (default: lossless)")

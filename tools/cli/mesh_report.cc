@@ -24,11 +24,18 @@ __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) 
   return text;
 }
 
-const char* ReasonText(GridReason reason) {
-  switch (reason) {
+bool IsTooCoarse(const MeshSurvey& s) {
+  constexpr double kStepsPerEdge = 4;
+  return s.grid.step > s.edges.percentile1 / kStepsPerEdge;
+}
+
+const char* ReasonText(const MeshSurvey& s) {
+  switch (s.reason) {
     case GridReason::kGiven: return "as the options say";
     case GridReason::kLeastBits: return "fine enough for the mesh's edges";
-    case GridReason::kEdges: return "a quarter of the mesh's short edges";
+    case GridReason::kEdges:
+      return IsTooCoarse(s) ? "as fine as they get; a quarter of the mesh's short edges is less"
+                            : "a quarter of the mesh's short edges";
     case GridReason::kSlivers: return "so that thin triangles keep their area";
     case GridReason::kDecimals: return "so that coordinates stay as they are written";
     case GridReason::kSomeDecimals: return "so that those of some axes stay as they are written";
@@ -60,7 +67,7 @@ std::string AccuracyLine(const MeshSurvey& s) {
     return Text("positions: columns and rows as they are, heights in steps of %.6g", s.grid.step);
   }
   std::string line =
-      Text("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s.reason));
+      Text("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s));
   constexpr int kUsualBits = 16;
   if (s.reason != GridReason::kGiven && s.bits > kUsualBits) {
     // Measured on scans: 2 to 3 bits a vertex for each bit, some 7 % of a store.
@@ -72,13 +79,27 @@ std::string AccuracyLine(const MeshSurvey& s) {
 
 std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
   std::vector<std::string> warnings;
+  if (!s.refusal.ok()) return {"ingest refuses this: " + s.refusal.message()};
+  if (s.far_vertices) {
+    warnings.push_back(Text("half of the edges are shorter than %.3g, the steps of the grid are "
+                            "%.3g: ",
+                            s.edges.median, s.grid.step) +
+                       FarVerticesText(*s.far_vertices) + "; without, the grid would be finer");
+  }
+  if (s.attributes_differ) {
+    warnings.push_back(
+        Text("%llu vertices lie where others do, with other attributes: the mesh is "
+             "cut there, and the cuts are never simplified; --weld would join them",
+             U(s.equal_vertices)));
+  }
   if (s.collapsed_triangles != 0) {
     warnings.push_back(Text("%llu of %llu triangles are too thin for steps of %.3g and lose their "
                             "area; ",
                             U(s.collapsed_triangles), U(s.kept_triangles), s.grid.step) +
                        (s.advised_bits > s.bits ? Text("%d bits (steps of %.3g) suit the mesh",
                                                        s.advised_bits, s.advised_step)
-                                                : std::string("--lossless keeps them")));
+                        : s.fits_float32        ? std::string("--lossless keeps them")
+                                                : std::string("no grid is finer")));
   }
   return warnings;
 }
@@ -111,6 +132,10 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   if (s.welded_vertices != 0) {
     std::printf("  welded       %llu vertices became others\n", U(s.welded_vertices));
   }
+  if (s.equal_vertices != 0) {
+    std::printf("  apart        %llu vertices lie where others do; --weld would join them\n",
+                U(s.equal_vertices));
+  }
   std::printf("  %s\n", AccuracyLine(s).c_str());
   if (s.collapsed_at_16_bits != 0) {
     std::printf("  at 16 bits %llu triangles would lose their area\n", U(s.collapsed_at_16_bits));
@@ -129,12 +154,18 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
 }
 
 Json AccuracyJson(const MeshSurvey& s) {
-  return {{"reason", ReasonName(s.reason)},
-          {"collapsed_triangles", s.collapsed_triangles},
-          {"collapsed_at_16_bits", s.collapsed_at_16_bits},
-          {"flat_triangles", s.flat_triangles},
-          {"advised_bits", s.advised_bits},
-          {"advised_step", s.advised_step}};
+  Json json{{"reason", ReasonName(s.reason)},
+            {"collapsed_triangles", s.collapsed_triangles},
+            {"collapsed_at_16_bits", s.collapsed_at_16_bits},
+            {"flat_triangles", s.flat_triangles},
+            {"advised_bits", s.advised_bits},
+            {"advised_step", s.advised_step}};
+  if (s.far_vertices) {
+    Json& far = json["far_vertices"];
+    far = {{"count", s.far_vertices->count}, {"position", Point(s.far_vertices->position)}};
+    if (s.far_vertices->vertex) far["vertex"] = *s.far_vertices->vertex;
+  }
+  return json;
 }
 
 Json SurveyJson(const MeshSurvey& s) {
@@ -144,6 +175,7 @@ Json SurveyJson(const MeshSurvey& s) {
             {"vertices", s.vertices},
             {"degenerate_triangles", s.triangles - s.kept_triangles},
             {"welded_vertices", s.welded_vertices},
+            {"equal_vertices", s.equal_vertices},
             {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}},
             {"diagonal", Diagonal(s.bounds)},
             {"edges",
@@ -160,6 +192,7 @@ Json SurveyJson(const MeshSurvey& s) {
             {"journal_bytes", kJournalBytes * s.kept_triangles},
             {"warnings", AccuracyWarnings(s)}};
   if (s.components) json["components"] = *s.components;
+  if (!s.refusal.ok()) json["refused"] = s.refusal.message();
   return json;
 }
 

@@ -29,6 +29,7 @@ Status CheckOptions(const IngestArguments& a) {
   if (a.step) wrong = "--step";
   if (a.lossless) wrong = "--lossless";
   if (a.weld) wrong = "--weld";
+  if (a.keep_apart) wrong = "--no-weld";
   if (a.normal_bits) wrong = "--normals";
   if (!a.attribute_steps.empty()) wrong = "--attribute";
   if (wrong == nullptr) return Status::Ok();

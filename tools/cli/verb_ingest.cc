@@ -160,6 +160,7 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.height_field = arguments.terrain;
   options.step = arguments.step;
   options.weld = arguments.weld;
+  options.keep_apart = arguments.keep_apart;
   options.normal_bits = arguments.normal_bits;
   options.attribute_steps = arguments.attribute_steps;
   options.threads = arguments.threads;
@@ -226,6 +227,7 @@ Status Survey(const IngestArguments& arguments) {
   const auto read = Reading(inputs, options, &notes);
   const Result<MeshSurvey> survey = SurveyMesh(read, options);
   if (!survey.ok()) return WithFile(arguments, survey.status());
+  if (arguments.dry_run && !survey->refusal.ok()) return WithFile(arguments, survey->refusal);
   if (arguments.json) {
     Json json = SurveyJson(*survey);
     json["inputs"] = arguments.inputs;
@@ -299,6 +301,7 @@ Status Ingest(const IngestArguments& arguments) {
     Json json = RecordJson(*record, file_bytes);
     json["accuracy"] = AccuracyJson(report.survey);
     json["welded_vertices"] = report.survey.welded_vertices;
+    json["equal_vertices"] = report.survey.equal_vertices;
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     if (raster != nullptr) json["raster_input"] = raster->ReportJson();
@@ -313,9 +316,10 @@ Status Ingest(const IngestArguments& arguments) {
   } else if (!arguments.quiet) {
     PrintSummary(*record, file_bytes);
     std::printf("  %s\n", AccuracyLine(report.survey).c_str());
-    if (arguments.weld) {
-      std::printf("  %llu vertices welded to others\n",
-                  static_cast<unsigned long long>(report.survey.welded_vertices));
+    if (arguments.weld || report.survey.welded_vertices != 0) {
+      std::printf("  %llu vertices welded to others%s\n",
+                  static_cast<unsigned long long>(report.survey.welded_vertices),
+                  arguments.weld ? "" : ", where the mesh was cut; --no-weld keeps the cuts");
     }
     if (arguments.verbose) PrintStages(report, *record);
     for (const std::string& warning : AccuracyWarnings(report.survey)) {

@@ -31,6 +31,7 @@ struct IngestArguments {
   bool lossless = false;
   bool terrain = false;  // the meshes are height fields
   std::optional<double> weld;
+  bool keep_apart = false;
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;

@@ -382,7 +382,7 @@ class Database(Mapping[str, Object]):
         lossless: bool = False,
         bits: Optional[int] = None,
         step: Optional[float] = None,
-        weld: Optional[float] = None,
+        weld: Union[float, bool, None] = None,
         normal_bits: Optional[int] = None,
         steps: Optional[Mapping[str, float]] = None,
         memory: int = 1 << 30,
@@ -403,7 +403,9 @@ class Database(Mapping[str, Object]):
         one is in memory at a time: the ingest is out of core.
         attributes: by name, (n,) each; names as in PLY ("red", "nx"), or anything.
         lossless: float32 positions bit for bit; else they are rounded to a grid that suits the mesh,
-        of `bits`, or of multiples of `step`. weld: joins vertices within that distance.
+        of `bits`, or of multiples of `step`. weld: joins vertices within that distance,
+        0 or True those of equal positions; without, those of equal positions and attributes where
+        the mesh was cut along edges; False keeps all as they are.
         normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
@@ -532,7 +534,7 @@ class Ingest:
     """One ingest: its options, and the callback that hands chunks over."""
 
     def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
-                 step: Optional[float], weld: Optional[float], normal_bits: Optional[int],
+                 step: Optional[float], weld: Union[float, bool, None], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
                  journal: Optional[str], resume: bool, height_step: Optional[float],
                  fill: int, terrain: bool = False, max_tmp: Optional[int] = None) -> None:
@@ -549,7 +551,8 @@ class Ingest:
             raise InvalidArgument(f"fill: expected a number of columns and rows, found {fill}")
         self._options = L.IngestOptions(
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
-            weld=int(weld is not None), weld_distance=weld or 0.0, normal_bits=normal_bits or 0,
+            weld=0 if weld is None else -1 if weld is False else 1,
+            weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
             steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
