@@ -34,6 +34,7 @@
 #include "builder/internal/tile_surface.h"
 #include "builder/internal/tiling.h"
 #include "builder/internal/triangle_sorter.h"
+#include "builder/internal/up_finder.h"
 #include "store/base/attribute_grid.h"
 #include "store/base/hash.h"
 #include "store/base/out_of_memory.h"
@@ -115,6 +116,9 @@ class Builder {
       }
     }
     MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
+    record_.units = options_.units;
+    const Vec3d up = options_.up.value_or(is_terrain() ? Vec3d{0, 0, 1} : up_.Find(record_.grid));
+    record_.up = {up * (1 / Length(up)), options_.up.has_value()};
     MTDB_RETURN_IF_ERROR(Report("publish", 0, 0, 0, 1));
     Result<ObjectRecord> published = writer_.Publish(record_, [&](const ObjectRecord& record) {
       return journal_ == nullptr ? Status::Ok() : journal_->Finish(record);
@@ -230,6 +234,7 @@ class Builder {
     return JoinInput(input, **sorter);
   }
 
+  bool looks_for_up() const { return !options_.up && !is_terrain(); }
   bool is_terrain() const { return options_.terrain.has_value() || options_.height_field; }
 
   // The grid on which the input's positions lie: a terrain's are the integers of the lattice.
@@ -262,6 +267,7 @@ class Builder {
       digest.Merge(joined.digest);
       bounds.Add(joined.bounds);
       joined_hash = Mix64(joined_hash ^ joined.hash);
+      if (looks_for_up()) up_.Add(joined.block.triangles);
       for (size_t i = 0; i < joined.codes.size(); ++i) {
         level_->Sample(joined.block.triangles[i], joined.codes[i]);
         if (border_) MTDB_RETURN_IF_ERROR(border_->Add(joined.block.triangles[i]));
@@ -286,6 +292,7 @@ class Builder {
     };
     MTDB_RETURN_IF_ERROR(JoinCorners(input, grid, join, &totals, receive));
     while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
+    up_.End(false);
     if (border_) {
       if (totals.nonmanifold_edges > 0) return OverlappingFaces(totals.nonmanifold_edges);
       MTDB_RETURN_IF_ERROR(border_->Check(record_.grid));
@@ -500,6 +507,7 @@ class Builder {
       }
     }
     *sorter = std::move(next);
+    up_.End(false);
     MTDB_RETURN_IF_ERROR(left_->Finish());
     beneath_.push_back(std::move(left_));
     if (IsLast(round, beneath_.front()->round())) beneath_.erase(beneath_.begin());
@@ -536,6 +544,7 @@ class Builder {
     for (TileTriangle& t : cluster.left.triangles) {
       if (t.child == TileCluster::kOwnCluster) t.child = own;
     }
+    if (looks_for_up()) up_.Add(cluster.left.triangles);
     return AddAll(cluster.left, job.codes, next);
   }
 
@@ -563,9 +572,11 @@ class Builder {
       uint64_t code = 0;
       MTDB_RETURN_IF_ERROR(sorter.Next(count, &piece, &code));
       MTDB_RETURN_IF_ERROR(root.AddPiece(piece.triangles, piece.rows));
+      if (looks_for_up()) up_.Add(piece.triangles);
       MTDB_RETURN_IF_ERROR(check(root.memory_bytes()));
       done += count;
     }
+    up_.End(true);
     const RootTopology topology = root.Finish();
     record_.root_pieces = topology.pieces;
     record_.root_vertices = topology.vertices;
@@ -599,6 +610,7 @@ class Builder {
   std::optional<BorderSweep> border_;
   std::optional<BorderPlane> border_plane_;
   std::optional<RoundLevel> level_;
+  UpFinder up_;
   // What rounds before left, that later ones may go on from; what this one leaves.
   std::vector<std::unique_ptr<SurfaceSpool>> beneath_;
   std::unique_ptr<SurfaceSpool> left_;

@@ -77,6 +77,10 @@ struct BuildOptions {
   bool height_field = false;
   // When set, the input is a terrain; mode, bits, step and weld are not for it.
   std::optional<TerrainInput> terrain;
+  // What is up, any length above 0. None: a terrain's is z, else it is found from the shape
+  // (store/base/estimate_up.h). It is kept for those who draw the object, and changes no triangle.
+  std::optional<Vec3d> up;
+  std::string units;     // of lengths, one of kLengthUnits, or empty: not said; kept, likewise
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
   // The most memory that the build may take, at least 256 MiB; the rest goes to temporary files. A
   // thread takes some 24 MiB, and more with attributes (internal/memory_plan.h); when the memory
@@ -95,8 +99,8 @@ struct BuildOptions {
   std::string journal_path;
   std::string journal_note;  // a text that the journal keeps for who finds it, up to 64 KiB
   // Goes on with the journal's results, if the journal exists. It must be of a build of the same
-  // input (triangles, attributes and their order), with the same options; threads, memory and the
-  // temporary folder may be others.
+  // input (triangles, attributes and their order), with the same options; threads, memory,
+  // the temporary folder, up and units may be others.
   bool resume = false;
   uint32_t degree_limit = 12;      // of a removed vertex; 4..16
   uint32_t tile_triangles = 8192;  // 64..16384

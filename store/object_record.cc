@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/object_record.h"
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -29,6 +30,7 @@ enum Tag : uint8_t {
   kOptions = 0x09,
   kDigests = 0x8a,
   kRaster = 0x8b,
+  kView = 0x0c,
 };
 constexpr uint16_t kSections = 10;  // of every object
 
@@ -350,6 +352,21 @@ void GetRaster(RecordReader* r, ObjectRecord* o) {
   }
 }
 
+ByteWriter PutView(const ObjectRecord& o) {
+  ByteWriter w;
+  PutVec(o.up->direction, &w);
+  w.Put(static_cast<uint8_t>(o.up->given ? 1 : 0));
+  return w;
+}
+void GetView(RecordReader* r, ObjectRecord* o) {
+  ObjectUp& up = o->up.emplace();
+  up.direction = r->GetVec("up");
+  if (r->ok() && std::fabs(Length(up.direction) - 1) > 1e-6) {
+    r->Fail("up: expected a vector of length 1");
+  }
+  up.given = r->GetAtMost(1, "where up is from") != 0;
+}
+
 struct SectionCodec {
   Tag tag;
   ByteWriter (*put)(const ObjectRecord&);
@@ -369,8 +386,9 @@ constexpr SectionCodec kCodecs[kSections] = {
     {kOptions, PutOptions, GetOptions},
     {kDigests, PutDigests, GetDigests},
 };
-// Of rasters, behind the others.
-constexpr SectionCodec kRasterCodec{kRaster, PutRaster, GetRaster};
+// Sections that not every object has, behind the others.
+constexpr std::array kMoreCodecs = {SectionCodec{kRaster, PutRaster, GetRaster},
+                                    SectionCodec{kView, PutView, GetView}};
 
 }  // namespace
 
@@ -390,9 +408,10 @@ Bytes EncodeObjectRecord(const ObjectRecord& record) {
   ByteWriter w;
   w.Put(kRecordVersion);
   w.Put(uint16_t{0});
-  w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0)));
+  w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0) + (record.up ? 1 : 0)));
   for (const SectionCodec& codec : kCodecs) PutSection(codec.tag, codec.put(record), &w);
   if (record.raster) PutSection(kRaster, PutRaster(record), &w);
+  if (record.up) PutSection(kView, PutView(record), &w);
   return w.Take();
 }
 
@@ -416,8 +435,12 @@ Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where
     const int number = tag & ~kMustUnderstand;
     if (number <= last_number) r.Fail("section tags: expected ascending ones");
     last_number = number;
-    const SectionCodec* codec = tag == kRaster ? &kRasterCodec : nullptr;
+    const SectionCodec* codec = nullptr;
     for (const SectionCodec& c : kCodecs) {
+      if (c.tag == tag) codec = &c;
+    }
+    if (codec != nullptr) ++known;
+    for (const SectionCodec& c : kMoreCodecs) {
       if (c.tag == tag) codec = &c;
     }
     if (codec == nullptr) {
@@ -428,7 +451,6 @@ Result<ObjectRecord> DecodeObjectRecord(ByteSpan bytes, const std::string& where
     RecordReader section(body, where + ": section " + std::to_string(tag));
     codec->get(&section, &record);
     MTDB_RETURN_IF_ERROR(section.Finish());
-    if (codec != &kRasterCodec) ++known;
   }
   if (r.ok() && known != kSections) {
     r.Fail("expected " + std::to_string(kSections) + " known sections, found " +

@@ -2,9 +2,11 @@
 // ObjectRecord: what the catalog says of an object. Layout in store/FORMAT.md.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "store/base/attributes.h"
@@ -43,6 +45,17 @@ struct RoundReport {
   friend bool operator==(const RoundReport&, const RoundReport&) = default;
 };
 
+// What an object's lengths may be said to be in.
+inline constexpr std::array<std::string_view, 7> kLengthUnits = {"um", "mm", "cm", "m",
+                                                                 "km", "in", "ft"};
+
+// What is up, for those who draw the object.
+struct ObjectUp {
+  Vec3d direction{0, 0, 1};  // of length 1
+  bool given = false;        // the user said so; else it was found (store/base/estimate_up.h)
+  friend bool operator==(const ObjectUp&, const ObjectUp&) = default;
+};
+
 enum class ErrorMeasure : uint8_t { kTwoSidedDistance = 0, kVertical = 1 };
 
 struct ObjectRecord {
@@ -61,9 +74,10 @@ struct ObjectRecord {
   AttributeLayout attributes;
   bool double_positions = false;      // the stored positions are not all float32 values
   Box3d bounds;                       // model units, of the stored positions
-  std::string units;                  // as the user said, or empty
+  std::string units;                  // of lengths, one of kLengthUnits, or empty: not said
   std::string georeference;           // WKT2 or EPSG code as the file or the user said, or empty
   std::optional<RasterFrame> raster;  // PositionMode::kRaster only
+  std::optional<ObjectUp> up;         // none: of an older program, which did not find it
 
   InputReport input;
   uint64_t vertices = 0;   // of the full-resolution mesh (the drain)

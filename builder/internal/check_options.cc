@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "builder/internal/check_options.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -14,9 +15,34 @@ namespace {
 constexpr int kMaxGridBits = 24;
 constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
 
+// What is kept for those who draw the object.
+Status CheckUpAndUnits(const BuildOptions& options) {
+  if (options.up) {
+    const double length = Length(*options.up);
+    if (!(length > 0) || !std::isfinite(length)) {
+      return InvalidArgument("up: must be a vector other than 0");
+    }
+    const bool z = options.up->x == 0 && options.up->y == 0 && options.up->z > 0;
+    if ((options.terrain || options.height_field) && !z) {
+      return InvalidArgument("up: of a terrain it is z");
+    }
+  }
+  if (options.units.empty()) return Status::Ok();
+  if (options.terrain) {
+    return InvalidArgument("units: a raster's file says what its heights and places are in");
+  }
+  if (std::ranges::find(kLengthUnits, options.units) != kLengthUnits.end()) return Status::Ok();
+  std::string known;
+  for (const std::string_view unit : kLengthUnits) {
+    known += (known.empty() ? "" : ", ") + std::string(unit);
+  }
+  return InvalidArgument("units: expected one of " + known + ", found '" + options.units + "'");
+}
+
 }  // namespace
 
 Status CheckBuildOptions(const BuildOptions& options) {
+  MTDB_RETURN_IF_ERROR(CheckUpAndUnits(options));
   if (options.bits && (*options.bits < 1 || *options.bits > kMaxGridBits)) {
     return InvalidArgument("bits " + std::to_string(*options.bits) + ": must be 1 to 24");
   }

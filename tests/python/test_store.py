@@ -45,6 +45,24 @@ def test_chunks_arrays_meshes_and_files_give_the_same_object(tmp_path: Path) -> 
                      replace=True).digest == digest
 
 
+def test_up_and_units_are_kept(tmp_path: Path) -> None:
+    vertices, faces, _ = hills(20)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    found = db.ingest(vertices, faces, name="found")
+    assert found.up is not None and found.up.tolist() == [0, 0, 1] and found.units == ""
+    said = db.ingest(vertices, faces, name="said", up="-y", units="mm")
+    assert said.up is not None and said.up.tolist() == [0, -1, 0] and said.units == "mm"
+    assert said.info["up_given"] is True
+    turned = db.ingest(vertices, faces, name="turned", up=(3, 0, 4))
+    assert turned.up is not None and np.allclose(turned.up, [0.6, 0, 0.8])
+    wrong: Any
+    for wrong in ("w", "--x", (0, 0, 0), (1, 2)):
+        with pytest.raises(mtdb.InvalidArgument, match="up"):
+            db.ingest(vertices, faces, name="no", up=wrong)
+    with pytest.raises(mtdb.InvalidArgument, match="units"):
+        db.ingest(vertices, faces, name="no", units="league")
+
+
 def test_what_is_stored_comes_back(tmp_path: Path) -> None:
     vertices, faces, attributes = hills(40)
     db = mtdb.open(tmp_path / "a.mtdb", create=True)

@@ -202,6 +202,29 @@ static void check_ingest(mtdb_database* database) {
   mtdb_free_control(control);
 }
 
+/* What is up, and units, are kept as they are said. */
+static void check_up_and_units(mtdb_database* database) {
+  mtdb_input input = whole();
+  mtdb_ingest_options options;
+  mtdb_object* object = NULL;
+  mtdb_names* json = NULL;
+  MTDB_INIT(options);
+  options.up[1] = -2;
+  options.units = "mm";
+  OK(mtdb_ingest_arrays(database, "up", &input, &options, NULL, &error));
+  OK(mtdb_open_object(database, "up", 0, &object, &error));
+  OK(mtdb_object_json(object, &json, &error));
+  CHECK(strstr(mtdb_names_at(json, 0), "\"up\":[0.0,-1.0,0.0]") != NULL);
+  CHECK(strstr(mtdb_names_at(json, 0), "\"up_given\":true") != NULL);
+  CHECK(strstr(mtdb_names_at(json, 0), "\"units\":\"mm\"") != NULL);
+  mtdb_free_names(json);
+  mtdb_free_object(object);
+  OK(mtdb_remove_object(database, "up", &error));
+  options.units = "league";
+  FAILS(MTDB_INVALID_ARGUMENT, "units",
+        mtdb_ingest_arrays(database, "no", &input, &options, NULL, &error));
+}
+
 /* Arguments that make no sense. */
 static void check_wrong_input(mtdb_database* database) {
   mtdb_input input = whole();
@@ -803,6 +826,7 @@ int main(int argc, char** argv) {
   make_mesh();
   OK(mtdb_open_writable(path(store, "a.mtdb"), &database, &error));
   check_ingest(database);
+  check_up_and_units(database);
   check_wrong_input(database);
   check_objects(database);
   OK(mtdb_open_object(database, "a", 0, &object, &error));

@@ -29,6 +29,7 @@ ObjectRecord FullRecord() {
   o.double_positions = true;
   o.rounding_error = 0.0625;
   o.georeference = std::string("EPSG:25832");
+  o.up = {{0.6, 0, -0.8}, true};
   o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}};
   o.triangles = uint64_t{1} << 40;
   o.components = 3;
@@ -90,6 +91,7 @@ TEST_CASE("a record comes back from its bytes, and the bytes from the record", "
     CHECK(decoded->units == o.units);
     CHECK(decoded->georeference == o.georeference);
     CHECK(decoded->raster == o.raster);
+    CHECK(decoded->up == o.up);
     CHECK(decoded->input == o.input);
     CHECK(decoded->vertices == o.vertices);
     CHECK(decoded->triangles == o.triangles);
@@ -130,6 +132,22 @@ TEST_CASE("a record of a raster has a raster, and no other has", "[store]") {
   o = RasterRecord();
   o.raster->rows = 0;
   CHECK(!DecodeObjectRecord(EncodeObjectRecord(o), "r").ok());
+}
+
+TEST_CASE("what is up has length 1, and records of older programs do not say it", "[store]") {
+  ObjectRecord o = FullRecord();
+  o.up = {{0, 0, 1.001}, false};
+  CHECK(DecodeObjectRecord(EncodeObjectRecord(o), "r").status().code() == StatusCode::kCorrupt);
+  o.up = {{0, std::nan(""), 1}, false};
+  CHECK(DecodeObjectRecord(EncodeObjectRecord(o), "r").status().code() == StatusCode::kCorrupt);
+  o.up = {{0, 1, 0}, true};
+  Bytes bytes = EncodeObjectRecord(o);
+  bytes.back() = std::byte{2};  // neither found nor given
+  CHECK(DecodeObjectRecord(bytes, "r").status().code() == StatusCode::kCorrupt);
+  o.up.reset();
+  const auto older = DecodeObjectRecord(EncodeObjectRecord(o), "r");
+  REQUIRE(older.ok());
+  CHECK(!older->up.has_value());
 }
 
 TEST_CASE("every prefix of a record, and every longer record, fails", "[store]") {

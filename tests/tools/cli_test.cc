@@ -644,8 +644,8 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
   const std::map<std::string, Arguments> options{
       {"ingest",
        {"INPUT... STORE", "--name", "--format", "--bits", "--step", "--lossless", "--weld",
-        "--no-weld", "--threads", "--memory", "--tmp", "--resume", "--force", "--dry-run",
-        "--quiet", "--json"}},
+        "--no-weld", "--up", "--units", "--threads", "--memory", "--tmp", "--max-tmp", "--resume",
+        "--force", "--dry-run", "--quiet", "--json"}},
       {"info", {"STORE", "--name", "--format", "--json"}},
       {"list", {"STORE", "--json"}},
       {"extract",

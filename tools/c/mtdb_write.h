@@ -74,6 +74,9 @@ typedef struct mtdb_ingest_options {
   uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
   uint64_t max_tmp_bytes; /* the most that temporary files, the copy of a compressed file and the
                              journal take on the disk, else MTDB_BUDGET_EXCEEDED; 0: no limit */
+  double up[3];  /* what is up, of any length; 0 0 0: found from the shape (terrains: z). Who draws
+                    the object goes by it */
+  const char* units; /* of lengths: "um", "mm", "cm", "m", "km", "in" or "ft"; NULL: not said */
 } mtdb_ingest_options;
 
 /* A mesh in the caller's arrays, which are read during the call. */

@@ -70,6 +70,9 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
     return InvalidArgument("options.resume: needs a journal_path");
   }
   options.resume = o.resume != 0;
+  const Vec3d up{o.up[0], o.up[1], o.up[2]};
+  if (up != Vec3d{}) options.up = up;
+  if (o.units != nullptr) options.units = o.units;
   return options;
 }
 

@@ -302,6 +302,7 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   AddParsedList(
       verb, "--attribute", "NAME=STEP", &a->attribute_steps, mtdb::ParseAttributeStep,
       "round a float attribute to multiples of a step (default: lossless); may be repeated");
+  mtdb::AddUpAndUnits(verb, &a->up, &a->units);
   verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
       ->type_name("N")
       ->check(CLI::Range(1, 1024));

@@ -18,6 +18,15 @@ CLI::Option* IsWritten(CLI::Option* option) {
   });
 }
 
+void AddUpAndUnits(CLI::App* verb, std::optional<Vec3d>* up, std::string* units) {
+  AddParsed(verb, "--up", "AXIS", up, ParseUp,
+            "what is up in pictures and in the viewer: x, y, z, -x, -y, -z (as --up=-y), or a "
+            "vector X,Y,Z (default: found from the shape; terrains: z)");
+  AddParsed(verb, "--units", "UNIT", units, ParseLengthUnit,
+            "what coordinates are in: um, mm, cm, m, km, in or ft; kept and shown, and changes no "
+            "number");
+}
+
 void AddName(CLI::App* verb, std::string* name, const char* description) {
   verb->add_option("--name", *name, description)->type_name("NAME");
 }

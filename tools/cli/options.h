@@ -52,6 +52,8 @@ CLI::Option* IsWritten(CLI::Option* option);
 void AddName(CLI::App* verb, std::string* name, const char* description);
 void AddJson(CLI::App* verb, bool* json);
 void AddVerbose(CLI::App* verb, bool* verbose);
+// What an ingest keeps for who draws the object.
+void AddUpAndUnits(CLI::App* verb, std::optional<Vec3d>* up, std::string* units);
 // What is read of URLs may be kept on disk.
 struct KeptRangesArguments {
   std::string folder;  // empty: not

@@ -163,6 +163,8 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.keep_apart = arguments.keep_apart;
   options.normal_bits = arguments.normal_bits;
   options.attribute_steps = arguments.attribute_steps;
+  options.up = arguments.up;
+  options.units = arguments.units;
   options.threads = arguments.threads;
   options.memory_bytes =
       arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));

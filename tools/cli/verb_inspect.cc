@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -77,6 +78,16 @@ void PrintRaster(const ObjectRecord& r) {
               r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
 }
 
+// "y", "-z", or the numbers of another vector.
+std::string UpText(Vec3d up) {
+  for (int i = 0; i < 3; ++i) {
+    if (std::fabs(up[i]) > 1 - 1e-9) return std::string(up[i] < 0 ? "-" : "") + "xyz"[i];
+  }
+  char text[100];
+  std::snprintf(text, sizeof(text), "%.6g %.6g %.6g", up.x, up.y, up.z);
+  return text;
+}
+
 void PrintInfo(const ObjectRecord& r) {
   std::printf("%s\n", r.name.c_str());
   std::printf("  surface      %llu triangles, %llu vertices, %llu components, %llu border edges\n",
@@ -84,6 +95,13 @@ void PrintInfo(const ObjectRecord& r) {
   std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
               r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
               r.diagonal());
+  if (!r.units.empty()) std::printf("  units        %s\n", Printable(r.units).c_str());
+  if (r.up) {
+    std::printf("  up           %s%s\n", UpText(r.up->direction).c_str(),
+                r.up->given    ? ", as ingest was told"
+                : IsTerrain(r) ? ""
+                               : ", found from the shape");
+  }
   if (r.raster) {
     PrintRaster(r);
   } else if (r.grid.mode == PositionMode::kLossless) {

@@ -114,8 +114,10 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
   Stretch(scale, &mesh);
   const bool heights = IsTerrain(surface.record());
+  const std::optional<ObjectUp>& stored = surface.record().up;
   options->up = arguments.query.up ? PointOf(*arguments.query.up)
                 : heights          ? Vec3d{0, 0, 1}
+                : stored           ? stored->direction
                                    : EstimateUp(mesh);
   const bool map = options->hillshade && arguments.view == "auto";
   options->view_direction =

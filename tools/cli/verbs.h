@@ -30,6 +30,8 @@ struct IngestArguments {
   std::optional<uint32_t> fill;  // rasters
   bool lossless = false;
   bool terrain = false;  // the meshes are height fields
+  std::optional<Vec3d> up;
+  std::string units;
   std::optional<double> weld;
   bool keep_apart = false;
   std::optional<int> normal_bits;

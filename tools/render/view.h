@@ -1,20 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// From where a mesh is looked at: what is up, and the sides that views are named after.
+// From where a mesh is looked at: the sides that views are named after.
 #pragma once
 
 #include <array>
 #include <span>
 #include <string_view>
 
+#include "store/base/estimate_up.h"
 #include "store/base/geometry.h"
-#include "store/base/mesh_sink.h"
 
 namespace mtdb {
-
-// A guess at what is up, a unit vector: where an open surface faces, as terrain does; else the side
-// opposite the base on which the mesh stands, or where it has none, z or y. A coarse mesh is
-// enough.
-Vec3d EstimateUp(const TriangleMesh& mesh);
 
 inline constexpr std::array kViewNames = {"auto",  "front", "back",   "left",
                                           "right", "top",   "bottom", "iso"};

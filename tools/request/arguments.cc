@@ -169,6 +169,27 @@ Result<Vec3d> ParsePoint(const std::string& text) {
   return Vec3d{n[0], n[1], n[2]};
 }
 
+Result<Vec3d> ParseUp(const std::string& text) {
+  const bool down = text.starts_with('-'), plus = text.starts_with('+');
+  const std::string axis = text.substr(down || plus ? 1 : 0);
+  if (axis.size() == 1 && axis[0] >= 'x' && axis[0] <= 'z') {
+    Vec3d up;
+    up[axis[0] - 'x'] = down ? -1 : 1;
+    return up;
+  }
+  constexpr const char* kForm = "x, y, z, -x, -y, -z, or a vector X,Y,Z";
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, kForm));
+  const Vec3d up{n[0], n[1], n[2]};
+  const double length = Length(up);
+  if (!(length > 0) || !std::isfinite(length)) return Unexpected(text, "a vector other than 0");
+  return up;
+}
+
+Result<std::string> ParseLengthUnit(const std::string& text) {
+  if (std::ranges::find(kLengthUnits, text) != kLengthUnits.end()) return text;
+  return Unexpected(text, "um, mm, cm, m, km, in or ft");
+}
+
 Result<Ray> ParseRay(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X,Y,Z,DX,DY,DZ"));
   const Ray ray{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};

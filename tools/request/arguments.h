@@ -51,6 +51,10 @@ Result<uint64_t> ParseSize(const std::string& text);
 Result<uint64_t> ParseMemory(const std::string& text);
 // "1200x900".
 Result<Extent> ParseExtent(const std::string& text);
+// "x", "-y", ... or "X,Y,Z", other than 0.
+Result<Vec3d> ParseUp(const std::string& text);
+// One of kLengthUnits.
+Result<std::string> ParseLengthUnit(const std::string& text);
 // "X,Y,Z".
 Result<Vec3d> ParsePoint(const std::string& text);
 // "X,Y,Z,DX,DY,DZ"; the direction is not 0.

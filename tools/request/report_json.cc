@@ -116,7 +116,12 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
                                           : 8.0 * static_cast<double>(r.stored_bytes) /
                                                 static_cast<double>(r.vertices)},
       {"error_max", r.grid.Error(r.error_code_max)},
+      {"units", r.units},
   };
+  if (r.up) {
+    json["up"] = Point(r.up->direction);
+    json["up_given"] = r.up->given;
+  }
   if (r.raster) {
     json["raster"] = RasterJson(*r.raster, r.georeference);
     json["raster"]["metres_of_unit"] = MetresOfUnit(r);

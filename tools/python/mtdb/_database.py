@@ -93,6 +93,17 @@ class Object:
         return float(self._info.rounding_error)
 
     @property
+    def up(self) -> Optional[Array]:
+        """What is up, of length 1; None of objects that an older program stored."""
+        up = self.info.get("up")
+        return None if up is None else np.array(up)
+
+    @property
+    def units(self) -> str:
+        """Of lengths, as ingest was told: "mm", "m" ...; empty: not said."""
+        return str(self.info["units"])
+
+    @property
     def error_max(self) -> float:
         """Of the coarsest mesh."""
         return float(self._info.error_max)
@@ -394,6 +405,8 @@ class Database(Mapping[str, Object]):
         height_step: Optional[float] = None,
         fill: int = 0,
         terrain: bool = False,
+        up: Union[str, Sequence[float], None] = None,
+        units: Optional[str] = None,
         progress: Progress = None,
     ) -> Object:
         """Stores a mesh at every level of detail.
@@ -411,13 +424,15 @@ class Database(Mapping[str, Object]):
         height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
         so many columns and rows are closed.
         max_tmp: temporary files and the journal take at most so many bytes of the disk.
+        up: what is up for who draws it: "x", "-y" ..., or a vector; else it is found from the shape.
+        units: of lengths, "um", "mm", "cm", "m", "km", "in" or "ft"; kept, and changes no number.
         journal, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
         with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
                     normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
                     journal=journal, resume=resume, height_step=height_step, fill=fill,
-                    terrain=terrain, max_tmp=max_tmp) as ingest:
+                    terrain=terrain, max_tmp=max_tmp, up=up, units=units) as ingest:
             ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
@@ -530,6 +545,22 @@ class Database(Mapping[str, Object]):
         return f"<table><tr><th>object</th><th>triangles</th></tr>{rows}</table>"
 
 
+def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
+    """(0, 0, 0): not said."""
+    if up is None:
+        return (0.0, 0.0, 0.0)
+    if isinstance(up, str):
+        axis = up.lstrip("+-")
+        if len(up) - len(axis) > 1 or axis not in ("x", "y", "z"):
+            raise InvalidArgument(f"up: expected x, y, z, -x, -y, -z or a vector, found {up!r}")
+        sign = -1.0 if up.startswith("-") else 1.0
+        return tuple(sign * (axis == a) for a in "xyz")
+    vector = [float(x) for x in up]
+    if len(vector) != 3 or not any(vector):
+        raise InvalidArgument(f"up: expected three numbers, not all of them 0, found {vector}")
+    return vector
+
+
 class Ingest:
     """One ingest: its options, and the callback that hands chunks over."""
 
@@ -537,7 +568,9 @@ class Ingest:
                  step: Optional[float], weld: Union[float, bool, None], normal_bits: Optional[int],
                  replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
                  journal: Optional[str], resume: bool, height_step: Optional[float],
-                 fill: int, terrain: bool = False, max_tmp: Optional[int] = None) -> None:
+                 fill: int, terrain: bool = False, max_tmp: Optional[int] = None,
+                 up: Union[str, Sequence[float], None] = None,
+                 units: Optional[str] = None) -> None:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
@@ -558,6 +591,7 @@ class Ingest:
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
             max_tmp_bytes=max_tmp or 0,
+            up=(C.c_double * 3)(*_up_vector(up)), units=None if units is None else units.encode(),
         )
 
     def __enter__(self) -> "Ingest":

@@ -181,6 +181,8 @@ class IngestOptions(Sized):
         ("terrain", C.c_int),
         ("fill", C.c_uint32),
         ("max_tmp_bytes", C.c_uint64),
+        ("up", C.c_double * 3),
+        ("units", Text),
     ]
 
 

@@ -98,13 +98,28 @@ export class ObjectMesh {
 
   // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
   // points nearby, so that float32 suffices however large the coordinates are.
-  constructor(shared: Uniforms, private readonly frame: Point, private readonly stretch: Point) {
+  constructor(shared: Uniforms, private frame: Point, private stretch: Point) {
     this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.own));
     this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.own));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
     this.edges.visible = false;
     this.edges.renderOrder = 1;
     this.group.add(this.surface, this.edges);
+  }
+
+  place(frame: Point, stretch: Point) {
+    this.frame = frame;
+    this.stretch = stretch;
+    this.group.position.set(...sub(toPage(this.origin, stretch), frame));
+    this.own.place.value.copy(this.group.position);
+  }
+
+  // Some of the vertices, in the page's coordinates, to see where the mesh lies.
+  someVertices(most: number): Float64Array {
+    const p = this.attributes.position?.array ?? [], every = Math.max(1, Math.ceil(this.vertexSlots / most));
+    const out = new Float64Array(3 * Math.ceil(this.vertexSlots / every));
+    for (let v = 0, at = 0; v < this.vertexSlots; v += every) for (let k = 0; k < 3; ++k) out[at++] = (this.origin[k]! + p[3 * v + k]!) * this.stretch[k]!;
+    return out;
   }
 
   apply(update: MeshUpdate) {
@@ -117,8 +132,7 @@ export class ObjectMesh {
     this.vertexSlots = update.vertexSlots;
     this.origin = update.origin;
     this.valueRange = update.valueRange;
-    this.group.position.set(...sub(toPage(update.origin, this.stretch), this.frame));
-    this.own.place.value.copy(this.group.position);
+    this.place(this.frame, this.stretch);
     this.placeImage();
     write(this.index, update.indices, 3);
     write(this.attributes.position!, update.positions, 3);

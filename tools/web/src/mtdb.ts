@@ -34,6 +34,12 @@ export interface ObjectInfo {
   rounding_error: number;
   bounds: {min: Point; max: Point};
   attributes: {name: string; type: string}[];
+  /** Of lengths: um, mm, cm, m, km, in, ft, or empty: not said. */
+  units: string;
+  /** What is up, of length 1; not there in files of older programs. */
+  up?: Point;
+  /** Whether ingest was told so; else it was found from the shape. */
+  up_given?: boolean;
   /** Of a terrain that was a raster. */
   raster?: {crs: string; height_units: string};
 }

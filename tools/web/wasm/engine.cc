@@ -209,7 +209,13 @@ void AddObject(const ObjectRecord& record, std::string* json) {
     AddString(a.name, json);
     *json += std::string(",\"type\":\"") + kScalarNames.at(static_cast<size_t>(a.type)) + "\"}";
   }
-  *json += ']';
+  *json += "],\"units\":";
+  AddString(record.units, json);
+  if (record.up) {
+    *json += ",\"up\":";
+    AddPoint(record.up->direction, json);
+    *json += std::string(",\"up_given\":") + (record.up->given ? "true" : "false");
+  }
   if (record.raster) {
     *json += ",\"raster\":{\"crs\":";
     AddString(record.georeference, json);
