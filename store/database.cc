@@ -20,17 +20,18 @@ namespace mtdb {
 
 using namespace internal;
 
-Database::Database(std::shared_ptr<Environment> environment)
-    : environment_(std::move(environment)) {}
+Database::Database(std::shared_ptr<Environment> environment, OpenOptions options)
+    : environment_(std::move(environment)), options_(std::move(options)) {}
 
-Database::Database(std::shared_ptr<PackedFile> packed) : packed_(std::move(packed)) {}
+Database::Database(std::shared_ptr<PackedFile> packed, OpenOptions options)
+    : packed_(std::move(packed)), options_(std::move(options)) {}
 
 Database::~Database() = default;
 
 Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
                                                  const OpenOptions& options) {
   return CatchOutOfMemory([&]() -> Result<std::shared_ptr<Database>> {
-    MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
+    MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path, options));
     if (ranges != nullptr) {
       if (options.writable) {
         return InvalidArgument(ranges->name() +
@@ -38,10 +39,10 @@ Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
                                "(mtdb unpack)");
       }
       MTDB_ASSIGN_OR_RETURN(auto packed, PackedFile::Open(std::move(ranges)));
-      return std::shared_ptr<Database>(new Database(std::move(packed)));
+      return std::shared_ptr<Database>(new Database(std::move(packed), options));
     }
     MTDB_ASSIGN_OR_RETURN(auto environment, Environment::Open(path, options));
-    return std::shared_ptr<Database>(new Database(std::move(environment)));
+    return std::shared_ptr<Database>(new Database(std::move(environment), options));
   });
 }
 

@@ -32,6 +32,14 @@ class PackedFile;
 struct OpenOptions {
   bool writable = false;  // false: the file must exist, and is not changed
   bool create = true;     // when writable: makes the file if it does not exist
+  // Of a URL: what comes of the file is kept in this folder, which is made; empty: nowhere. It need
+  // not come again, whoever reads the same content, from whichever URL. Databases and processes may
+  // share a folder. Damaged entries come again. The first 64 KiB always come: they tell what the
+  // file is.
+  std::string cache_directory = {};
+  // At most so much lies there, as the disk counts it, and 16 MiB more for each database that has
+  // the folder open; what was not used for longest goes first.
+  uint64_t cache_directory_bytes = uint64_t{4} << 30;
 };
 
 // Safe for many threads, and for many processes on one file. A process needs one Database for a
@@ -43,8 +51,9 @@ class Database {
   // `path`: of a store or of a packed file, or the URL of a packed file (http, https, s3), where
   // mtdb was built with libcurl. Checks the size of the file and both meta pages, or header and
   // directory. When writable, also walks the pages of the
-  // tree, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kBusy
-  // (another program writes the file by another name).
+  // tree, since LMDB trusts them. Errors: kNotFound, kCorrupt, kUnsupported, kIoError, kNoSpace
+  // (those two also of the cache's folder), kBusy (another program writes the file by another
+  // name).
   static Result<std::shared_ptr<Database>> Open(const std::string& path,
                                                 const OpenOptions& options = {});
   ~Database();
@@ -55,6 +64,8 @@ class Database {
   static bool NothingStored(const std::string& path);
 
   const std::string& path() const;
+  // As it was opened; another one may be opened alike.
+  const OpenOptions& options() const { return options_; }
   // Size of the file in bytes.
   Result<uint64_t> FileBytes() const;
 
@@ -94,11 +105,12 @@ class Database {
   Status Remove(const std::string& name);
 
  private:
-  explicit Database(std::shared_ptr<internal::Environment> environment);
-  explicit Database(std::shared_ptr<internal::PackedFile> packed);
+  Database(std::shared_ptr<internal::Environment> environment, OpenOptions options);
+  Database(std::shared_ptr<internal::PackedFile> packed, OpenOptions options);
   Status CheckWritable() const;
   std::shared_ptr<internal::Environment> environment_;  // either this
   std::shared_ptr<internal::PackedFile> packed_;        // or this
+  const OpenOptions options_;
 };
 
 // Publish() calls it with the whole record, when everything is written except the catalog's entry.

@@ -221,8 +221,8 @@ class StoreVerifier {
 }  // namespace
 
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report,
-                   const std::function<bool()>& stopped) {
-  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path));
+                   const std::function<bool()>& stopped, const OpenOptions& options) {
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path, options));
   if (ranges != nullptr) return VerifyPacked(std::move(ranges), object, report, stopped);
   // A file that cannot even be opened as a store is a finding; a missing one is an error.
   const auto environment = Environment::Open(path, {});

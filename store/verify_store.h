@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "store/base/status.h"
+#include "store/database.h"
 
 namespace mtdb {
 
@@ -25,8 +26,8 @@ struct CheckReport {
 // Where it may not write the lock file it cannot pin a snapshot, and returns kBusy when writers
 // overtake it again and again. `stopped`, when there is one, is asked before every page and value
 // is read, of a packed file before some of its units: when it answers true, kCancelled, and the
-// report is as it was.
+// report is as it was. Of `options` the cache of a URL counts.
 Status VerifyStore(const std::string& path, const std::string& object, CheckReport* report,
-                   const std::function<bool()>& stopped = {});
+                   const std::function<bool()>& stopped = {}, const OpenOptions& options = {});
 
 }  // namespace mtdb

@@ -667,29 +667,44 @@ def ingested(raw):
     return rows
 
 
+def raster_to_greedy(raw):
+    """Triangles of greedy insertion, as a part of mtdb's at the same error."""
+    return sig(mean_ratio([row["greedy"] / row["triangles"]
+                           for row in raw.rows("raster", what="cut")]), 2)
+
+
 @figure
 def summary(raw):
     lines = []
     rows = raw.rows("size")
     row = max(rows, key=lambda r: r["vertices"] * r["mesh"].startswith("sculpture"))
     built = max(ingested(raw), key=lambda r: (r["triangles"], r["threads"]))
-    lines.append([f"ingest of {size_name(built['triangles'])} triangles under {built['memory']}",
+    lines.append([f"rate of an ingest of {size_name(built['triangles'])} triangles under "
+                  f"{built['memory']} of memory; higher is better",
                   f"{sig(1e-6 * built['triangles'] / built['wall_seconds'])} M triangles/s, "
                   f"{mib(built['peak_rss_bytes'])} MiB at the peak", "-"])
-    lines.append([f"all levels of the {mesh_name(row['mesh'])}, bits per vertex",
+    lines.append([f"size of all levels of the {mesh_name(row['mesh'])}, bits per vertex; lower is "
+                  "better",
                   f"{row['file_bits_per_vertex']:.1f}",
                   f"one level: Draco {row['draco_level_10']['bits_per_vertex']:.1f}, "
                   f"zstd -19 {row['zstd_level_19']['bits_per_vertex']:.0f}"])
-    lines.append(["distance at equal triangles, mean over meshes and ratios", "1",
+    lines.append(["largest distance from the input at equal triangles, relative to mtdb's, mean "
+                  "over meshes and ratios; lower is better", "1",
                   f"meshoptimizer {quality_to_meshopt(raw)}, CGAL {quality_to_cgal(raw)}"])
+    try:
+        lines.append(["triangles of a terrain at equal error, relative to mtdb's; lower is better",
+                      "1", f"greedy insertion {raster_to_greedy(raw)}, its error held at samples only"])
+    except NotMeasured:
+        pass
     dense = max(r["object_triangles"] for r in raw.rows("regions"))
     box = [r for r in raw.rows("regions", object_triangles=dense) if "box, 1 %" in r["query"]]
     ours, hand = (next(r for r in box if r["method"] == m) for m in ("mtdb", "naive"))
-    lines.append([f"a box with 1 % of {size_name(dense)} triangles, from nothing",
+    lines.append([f"time and memory of a box with 1 % of {size_name(dense)} triangles, from "
+                  "nothing; lower is better",
                   f"{millis(ours['cold_seconds'])} ms, {mib(ours['peak_rss_bytes'])} MiB",
                   f"load and crop: {millis(hand['cold_seconds'])} ms, "
                   f"{mib(hand['peak_rss_bytes'])} MiB"])
-    lines.append(["uniform cuts from warm clusters, one thread",
+    lines.append(["rate of uniform cuts from warm clusters, one thread; higher is better",
                   f"{warm_range(raw)} M triangles/s", "-"])
     return table(["", "mtdb", "peers"], lines)
 

@@ -234,7 +234,8 @@ class RasterMesh {
     if (!(std::abs(steps) < kMostCells)) {
       return BadInput("column " + std::to_string(column) + ", row " + std::to_string(row) +
                       ": the height " + std::to_string(height) +
-                      " is 2^30 steps or more from the origin; choose a larger step of heights");
+                      " is 2^30 steps or more from the origin; if it stands for a hole, say so in the "
+                      "file (nodata), else choose a larger step of heights");
     }
     report_.rounding = std::max(
         report_.rounding, std::abs(options_.height_origin + options_.height_step * steps - height));

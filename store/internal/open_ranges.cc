@@ -3,26 +3,15 @@
 
 #include <array>
 #include <cstdio>
-#include <mutex>
 #include <utility>
 
-#include "store/base/out_of_memory.h"
 #include "store/base/redact.h"
 #include "store/internal/packed_format.h"
 #include "store/internal/range_cache.h"
-#include "store/kept_ranges.h"
 
 namespace mtdb::internal {
 
 namespace {
-
-std::mutex setting;
-std::shared_ptr<RangeCache> range_cache;  // guarded by it
-
-std::shared_ptr<RangeCache> CurrentRangeCache() {
-  const std::lock_guard lock(setting);
-  return range_cache;
-}
 
 // What the header says is proved by the directory's hash; a false one finds nothing of use.
 Result<std::unique_ptr<RangeReader>> WithCache(std::unique_ptr<RangeReader> ranges,
@@ -44,10 +33,16 @@ bool IsUrl(const std::string& path) {
   return path.starts_with("http://") || path.starts_with("https://") || path.starts_with("s3://");
 }
 
-Result<std::unique_ptr<RangeReader>> OpenPackedRanges(const std::string& path) {
+Result<std::unique_ptr<RangeReader>> OpenPackedRanges(const std::string& path,
+                                                      const OpenOptions& options) {
   if (IsUrl(path)) {
+    // The folder first: whoever names one that cannot be used should hear so at once.
+    std::shared_ptr<RangeCache> cache;
+    if (!options.cache_directory.empty()) {
+      MTDB_ASSIGN_OR_RETURN(
+          cache, RangeCache::Open(options.cache_directory, options.cache_directory_bytes));
+    }
     auto remote = OpenHttpRanges(path);
-    std::shared_ptr<RangeCache> cache = CurrentRangeCache();
     if (!remote.ok() || cache == nullptr) return remote;
     return WithCache(*std::move(remote), std::move(cache));
   }
@@ -68,19 +63,3 @@ Result<std::unique_ptr<RangeReader>> OpenHttpRanges(const std::string& url) {
 #endif
 
 }  // namespace mtdb::internal
-
-namespace mtdb {
-
-Status KeepRangesIn(const std::string& folder, uint64_t limit_bytes) {
-  return CatchOutOfMemory([&]() -> Status {
-    std::shared_ptr<internal::RangeCache> cache;
-    if (!folder.empty()) {
-      MTDB_ASSIGN_OR_RETURN(cache, internal::RangeCache::Open(folder, limit_bytes));
-    }
-    const std::lock_guard lock(internal::setting);
-    internal::range_cache = std::move(cache);
-    return Status::Ok();
-  });
-}
-
-}  // namespace mtdb

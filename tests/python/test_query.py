@@ -111,6 +111,25 @@ def test_arguments_are_queries(db: mtdb.Database) -> None:
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
 
 
+def test_what_is_in_memory_is_enough_for_available_only(store: Path) -> None:
+    with mtdb.open(store) as db:
+        cold = db.open_object("hills")
+        limits, triangles = [], [0]
+        while not limits or limits[-1] == "missing":
+            try:
+                mesh = cold.extract({"available_only": True})
+            except mtdb.NotYet:
+                continue
+            assert mesh.stats is not None
+            limits.append(mesh.stats.limit)
+            triangles.append(len(mesh.faces))
+        # The first answers have clusters missing, the last one has them all.
+        assert limits[0] == "missing"
+        assert limits[-1] == "accuracy"
+        assert triangles == sorted(triangles)
+        assert triangles[-1] == cold.triangles
+
+
 def test_float_vertices_are_offsets(db: mtdb.Database) -> None:
     hill = db["hills"]
     double, single = hill.extract(error=0.2), hill.extract(error=0.2, dtype=np.float32)

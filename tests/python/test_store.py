@@ -357,6 +357,14 @@ def test_a_packed_file_by_its_url(store: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(
             remote["hills"].extract(error=0.1).faces, db["hills"].extract(error=0.1).faces
         )
+        kept = mtdb.open(remote.path, cache_dir=tmp_path / "kept", cache_dir_bytes=1 << 26)
+        kept["hills"].extract()
+        assert list((tmp_path / "kept").iterdir())
+        kept["hills"].verify("full")
+        # Whoever opens without a folder keeps nothing, and finds nothing there.
+        assert mtdb.open(remote.path)["small"].extract().faces.size
+        with pytest.raises(mtdb.IoError):
+            mtdb.open(remote.path, cache_dir=tmp_path / "a.mtdbp")
         copy = mtdb.open(tmp_path / "copy.mtdb", create=True)
         assert copy.copy_from(remote["small"]).digest == db["small"].digest
         with pytest.raises(mtdb.MtdbError):

@@ -107,8 +107,14 @@ def test_rasters_are_files_too(tmp_path: Path) -> None:
         assert same(plain.heights, heights) and list(plain.y) == [0, -1, -2]
         with pytest.raises(ValueError, match="height_step"):
             db.ingest(west, name="x", bits=16)
-        with pytest.raises(ValueError, match="height_step"):
-            db.ingest_heights(heights + 0.3, name="x")
+        tenths = db.ingest_heights(heights + 0.3, name="tenths")
+        assert tenths.rounding_error < 1e-12
+        assert np.abs(tenths.heights().heights - heights - 0.3).max() < 1e-9
+        wild = db.ingest_heights(heights / 7 + np.sin(heights), name="wild")
+        assert 0 < wild.rounding_error <= 1e-3 * 12
+        with pytest.raises(mtdb.MtdbError) as refused:
+            db.ingest_heights(np.array([[0.5, 1e300], [0.25, 1]]), name="x")
+        assert "--" not in str(refused.value)
         with pytest.raises(ValueError):
             db.ingest_heights(heights[0], name="x")
         with pytest.raises(ValueError, match="terrain"):

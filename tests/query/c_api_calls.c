@@ -414,8 +414,20 @@ static void check_probes(void) {
 }
 
 int main(int argc, char** argv) {
+  mtdb_open_options open_options;
   if (argc != 2) return 2;
   FAILS(MTDB_UNSUPPORTED, "ABI", mtdb_open_abi(MTDB_ABI_VERSION + 1, argv[1], &database, &error));
+  FAILS(MTDB_UNSUPPORTED, "ABI",
+        mtdb_open_with_abi(MTDB_ABI_VERSION + 1, argv[1], NULL, &database, &error));
+  MTDB_INIT(open_options);
+  open_options.struct_bytes = 1;
+  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes",
+        mtdb_open_with(argv[1], &open_options, &database, &error));
+  MTDB_INIT(open_options);
+  OK(mtdb_open_with(argv[1], &open_options, &database, &error));
+  mtdb_free_database(database);
+  OK(mtdb_open_with(argv[1], NULL, &database, &error));
+  mtdb_free_database(database);
   OK(mtdb_open(argv[1], &database, &error));
   OK(mtdb_open_object(database, NULL, 0, &object, &error));
   check_object();

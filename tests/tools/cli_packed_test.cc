@@ -312,6 +312,45 @@ TEST_CASE("the C interface opens URLs") {
   CHECK(mtdb_open(files.url("/x y").c_str(), &database, &error) == MTDB_INVALID_ARGUMENT);
 }
 
+TEST_CASE("each database of a process keeps what it reads of a URL in its own folder, or nowhere") {
+  const FileServer files(ReadText(PackedExample()));
+  const Folder folder;
+  const std::string one = folder.File("one"), other = folder.File("other");
+  const auto entries = [](const std::string& path) -> ptrdiff_t {
+    if (!Exists(path)) return -1;
+    return std::distance(std::filesystem::directory_iterator(path), {});
+  };
+  const auto read = [&](const mtdb_open_options* options) {
+    mtdb_database* database = nullptr;
+    mtdb_object* object = nullptr;
+    mtdb_cut* cut = nullptr;
+    mtdb_error error{};
+    REQUIRE(mtdb_open_with(files.url().c_str(), options, &database, &error) == MTDB_OK);
+    REQUIRE(mtdb_open_object(database, nullptr, 0, &object, &error) == MTDB_OK);
+    REQUIRE(mtdb_select(object, nullptr, &cut, &error) == MTDB_OK);
+    mtdb_free_cut(cut);
+    mtdb_free_object(object);
+    mtdb_free_database(database);
+  };
+  mtdb_open_options options;
+  MTDB_INIT(options);
+  options.cache_directory = one.c_str();
+  read(&options);
+  const ptrdiff_t kept = entries(one);
+  CHECK(kept > 0);
+  std::filesystem::remove_all(one);
+  read(nullptr);
+  CHECK(entries(one) == -1);
+  options.cache_directory = other.c_str();
+  read(&options);
+  CHECK(entries(other) == kept);
+  CHECK(entries(one) == -1);
+  // The limit is the database's own, too.
+  options.cache_directory_bytes = 1;
+  read(&options);
+  CHECK(entries(other) == 0);
+}
+
 #endif
 
 }  // namespace mtdb::test

@@ -14,9 +14,6 @@
 namespace mtdb::test {
 namespace {
 
-constexpr const char* kVerbs[] = {"ingest", "info",  "list", "extract", "verify", "render",
-                                  "probe",  "serve", "view", "fetch",   "remove", "generate"};
-
 // Half the diagonal of a grid cell: what rounding adds to an error.
 double CellError(const Example& example) { return example.step() * std::numbers::sqrt3 / 2; }
 
@@ -640,80 +637,6 @@ TEST_CASE("progress on a terminal is one line, rewritten", "[cli]") {
   CHECK_THAT(text, Catch::Contains("bits per vertex"));
 }
 
-TEST_CASE("every verb explains itself and all its options", "[cli]") {
-  const std::map<std::string, Arguments> options{
-      {"ingest",
-       {"INPUT... STORE", "--name", "--format", "--bits", "--step", "--lossless", "--weld",
-        "--no-weld", "--up", "--units", "--threads", "--memory", "--tmp", "--max-tmp", "--resume",
-        "--force", "--dry-run", "--quiet", "--json"}},
-      {"info", {"STORE", "--name", "--format", "--json"}},
-      {"list", {"STORE", "--json"}},
-      {"extract",
-       {"STORE OUTPUT",
-        "--name",
-        "--full",
-        "--error E",
-        "--error-rel F",
-        "--pixels P",
-        "--error-at",
-        "--error-outside E",
-        "--triangles N",
-        "--max-bytes",
-        "--max-ms",
-        "--normals",
-        "--box",
-        "--sphere",
-        "--half-space",
-        "--prism",
-        "--wedge",
-        "--point",
-        "--segment",
-        "--tube",
-        "--frustum",
-        "--intersect",
-        "--outside",
-        "--clip",
-        "--eye",
-        "--target",
-        "--up",
-        "--fov",
-        "--viewport",
-        "--query FILE",
-        "--print-query",
-        "--json",
-        ".ply .obj .stl .off .glb .drc"}},
-      {"verify", {"STORE", "--name", "--level", "fast", "full", "global", "--json"}},
-      {"render",
-       {"STORE OUT.png", "--name", "--full", "--error E", "--error-rel F", "--triangles N", "--box",
-        "--sphere", "--tube", "--frustum", "--clip", "--eye", "--query FILE", "--size", "1200x900",
-        "--overview", "--wireframe", "--json"}},
-      {"probe", {"STORE", "--name", "--point X,Y,Z", "--ray", "--error E", "--limit D", "--json"}},
-      {"serve",
-       {"STORE", "--listen", "127.0.0.1:8080", "--threads", "--cache SIZE", "--max-objects",
-        "--max-sessions", "--max-triangles", "--idle", "--timeout", "--grace", "--tmp", "curl"}},
-      {"view", {"STORE", "--port N", "--no-browser  ", "xdg-open", "mtdb serve"}},
-      {"fetch",
-       {"URL OUTPUT", "--name", "--error E", "--box", "--clip", "--query FILE", "--normals",
-        "--timeout", "--json", "http://localhost:8080/objects/statue"}},
-      {"remove", {"STORE NAME"}},
-      {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "--triangles", "--seed"}}};
-  const std::string overview = RunOk({"help"});
-  CHECK(overview == RunOk({"--help"}));
-  for (const std::string verb : kVerbs) {
-    INFO(verb);
-    CHECK_THAT(overview, Catch::Contains("  " + verb + " "));
-    const std::string help = RunOk({"help", verb});
-    CHECK(help == RunOk({verb, "--help"}));
-    CHECK_THAT(help, Catch::Contains("Usage: mtdb " + verb + " "));
-    for (const std::string& option : options.at(verb)) CHECK_THAT(help, Catch::Contains(option));
-  }
-  CHECK_THAT(RunOk({"--version"}), Catch::StartsWith("mtdb 0."));
-  const Outcome bare = Run({});
-  CHECK(bare.exit_code == 2);
-  CHECK(bare.out.empty());
-  CHECK(bare.err == overview);
-}
-
 TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit", "[cli]") {
   const Example& example = SmallExample();
   const Folder folder;
@@ -726,10 +649,6 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
   RunFails(2, {"paint"}, {"paint", "mtdb help"});
   RunFails(2, {"help", "paint"}, {"paint"});
   RunFails(2, {"--paint"}, {"--paint"});
-  for (const std::string verb : kVerbs) {
-    RunFails(2, {verb, "--paint"}, {"mtdb help " + verb});
-    RunFails(2, {verb}, {"required", "mtdb help " + verb});
-  }
   RunFails(2, {"ingest", example.mesh}, {"STORE"});
   RunFails(2, {"extract", example.store}, {"OUTPUT"});
   RunFails(2, {"render", example.store}, {"OUT.png"});

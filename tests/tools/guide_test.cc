@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The commands of the documents, one after the other, as a reader runs them.
 #include <catch2/catch.hpp>
+#include <cctype>
+#include <filesystem>
 #include <fstream>
+#include <map>
+#include <sstream>
 
 #include "tests/tools/http_testing.h"
 
@@ -79,7 +83,80 @@ void MakeScan(const Folder& folder) {
   }
 }
 
+// The words of each command of mtdb in a text: behind "    mtdb " to a comment or a pipe, and
+// between `mtdb and `.
+std::vector<Arguments> CommandsIn(const std::string& text) {
+  std::vector<Arguments> commands;
+  std::istringstream lines(text);
+  for (std::string line, more; std::getline(lines, line);) {
+    while (line.ends_with('\\') && std::getline(lines, more)) {
+      line.pop_back();
+      line += more;
+    }
+    size_t at = line.starts_with("    mtdb ") ? 9 : std::string::npos;
+    const bool whole = at != std::string::npos;
+    if (!whole) at = line.find("`mtdb ");
+    while (at != std::string::npos) {
+      if (!whole) at += 6;
+      const size_t end = line.find_first_of(whole ? "#|;&>" : "`", at);
+      Arguments& words = commands.emplace_back();
+      std::istringstream in(line.substr(at, end - at));
+      for (std::string word; in >> word;) words.push_back(word);
+      at = whole || end == std::string::npos ? std::string::npos : line.find("`mtdb ", end + 1);
+    }
+  }
+  return commands;
+}
+
+// What is wrong with a command's verb and options; empty when nothing is.
+std::string WrongIn(const Arguments& words, std::map<std::string, std::string>* helps) {
+  if (words.empty() || words[0] == "help" || words[0].starts_with("-") || words[0] == "VERB") {
+    return "";
+  }
+  if (!helps->contains(words[0])) (*helps)[words[0]] = Run({"help", words[0]}).out;
+  const std::string& help = (*helps)[words[0]];
+  if (help.empty()) return "no verb " + words[0];
+  for (const std::string& word : words) {
+    if (!word.starts_with("--")) continue;
+    const std::string name = word.substr(0, word.find_first_not_of("abcdefghijklmnopqrstuvwxyz-"));
+    size_t at = help.find(name);
+    while (at != std::string::npos && std::isalnum(help[at + name.size()]) != 0) {
+      at = help.find(name, at + 1);
+    }
+    if (at == std::string::npos || name == "--") return words[0] + " has no option " + name;
+  }
+  return "";
+}
+
 }  // namespace
+
+TEST_CASE("verbs and options that documents name exist", "[cli]") {
+  std::map<std::string, std::string> helps;
+  size_t count = 0;
+  const std::filesystem::path root = MTDB_SOURCE_DIR;
+  std::vector<std::filesystem::path> documents{root / "README.md"};
+  for (const char* const folder : {"docs", "tools", "store", "query", "bench", "tests"}) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const std::string path = entry.path().string();
+      if (path.ends_with(".md") && path.find("node_modules") == std::string::npos) {
+        documents.push_back(path);
+      }
+    }
+  }
+  for (const std::filesystem::path& document : documents) {
+    INFO(document.string());
+    for (const Arguments& words : CommandsIn(ReadText(document.string()))) {
+      ++count;
+      CHECK(WrongIn(words, &helps) == "");
+    }
+  }
+  CHECK(count > 100);
+  const std::vector<Arguments> found =
+      CommandsIn("    mtdb paint a --x  # no\nas `mtdb info --box`");
+  REQUIRE(found == std::vector<Arguments>{{"paint", "a", "--x"}, {"info", "--box"}});
+  CHECK(WrongIn(found[0], &helps) == "no verb paint");
+  CHECK(WrongIn(found[1], &helps) == "info has no option --box");
+}
 
 TEST_CASE("the commands of the guide run as they stand", "[cli]") {
   const Folder folder;
@@ -91,6 +168,9 @@ TEST_CASE("the commands of the guide run as they stand", "[cli]") {
 TEST_CASE("the commands of README.md and docs/query.md run as printed", "[cli]") {
   const Folder folder;
   MakeScan(folder);
+  // What the quickstart leaves, but smaller.
+  std::filesystem::create_directories(folder.File("out/quickstart"));
+  std::filesystem::copy(folder.File("scan.ply"), folder.File("out/quickstart/sculpture.ply"));
   RunOk({"ingest", folder.File("scan.ply"), folder.File("served.mtdb"), "--name", "scan"});
   const ServerProcess server(folder.File("served.mtdb"));
   WriteText(folder.File("flight.jsonl"), "{\"max_triangles\": 700}\n");

@@ -103,6 +103,20 @@ MTDB_API mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_da
 /* Opens a store for reading. */
 #define mtdb_open(path, database, error) \
   mtdb_open_abi(MTDB_ABI_VERSION, (path), (database), (error))
+
+typedef struct mtdb_open_options {
+  size_t struct_bytes;
+  /* Of a URL: what comes of the file is kept in this folder, and need not come again; databases and
+   * processes may share it. NULL: nowhere */
+  const char* cache_directory;
+  uint64_t cache_directory_bytes; /* at most so much lies there; 0: 4 GiB */
+} mtdb_open_options;
+MTDB_API mtdb_code mtdb_open_with_abi(uint32_t abi_version, const char* path,
+                                      const mtdb_open_options* options, mtdb_database** database,
+                                      mtdb_error* error);
+/* Opens a store, a packed file or its URL for reading; `options` NULL: all 0. */
+#define mtdb_open_with(path, options, database, error) \
+  mtdb_open_with_abi(MTDB_ABI_VERSION, (path), (options), (database), (error))
 MTDB_API void mtdb_free_database(mtdb_database* database);
 
 MTDB_API mtdb_code mtdb_list_objects(mtdb_database* database, mtdb_names** names,

@@ -63,12 +63,14 @@ MTDB_API mtdb_code mtdb_write_png(const char* path, const unsigned char* pixels,
 typedef struct mtdb_server mtdb_server;
 typedef struct mtdb_serve_options {
   size_t struct_bytes;
-  const char* address;        /* NULL: 127.0.0.1. Whoever can connect can read the whole store */
-  uint32_t port;              /* 0: any free one */
-  uint32_t threads;           /* queries at once; 0: as many as the machine has */
-  uint64_t cache_bytes;       /* for each open object; 0: 256 MiB */
-  uint64_t max_triangles;     /* of one mesh; 0: 20 million */
-  const char* allowed_origin; /* of web pages that may open sessions; "*": any; NULL: its own */
+  const char* address;         /* NULL: 127.0.0.1. Whoever can connect can read the whole store */
+  uint32_t port;               /* 0: any free one */
+  uint32_t threads;            /* queries at once; 0: as many as the machine has */
+  uint64_t cache_bytes;        /* for each open object; 0: 256 MiB */
+  uint64_t max_triangles;      /* of one mesh; 0: 20 million */
+  const char* allowed_origin;  /* of web pages that may open sessions; "*": any; NULL: its own */
+  const char* cache_directory; /* as in mtdb_open_options */
+  uint64_t cache_directory_bytes; /* likewise */
 } mtdb_serve_options;
 /* Serves the store at `path` (docs/protocol.md) in threads of its own; returns when clients can
  * connect. Signals stay the program's. */

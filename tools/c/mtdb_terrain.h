@@ -16,9 +16,10 @@ extern "C" {
 /* Terrains from rasters. */
 
 /* Files of heights: .hgt, .asc and .dem; all that GDAL reads, where mtdb was built with it. Several
- * of one grid become one object; where they overlap the first one wins. Heights that are no
- * integers need options.height_step, unless the file has decimals (.asc): MTDB_BAD_INPUT. Other
- * errors: as mtdb_ingest_arrays; MTDB_UNSUPPORTED for a format that nothing here reads. */
+ * of one grid become one object; where they overlap the first one wins. Without
+ * options.height_step integers and decimals stay as they are, and other heights are rounded by at
+ * most a thousandth of their range and a hundredth of the usual difference between neighbours.
+ * Errors: as mtdb_ingest_arrays; MTDB_UNSUPPORTED for a format that nothing here reads. */
 MTDB_API mtdb_code mtdb_ingest_rasters(mtdb_database* database, const char* name,
                                        const char* const* paths, size_t count,
                                        const mtdb_ingest_options* options, const mtdb_watch* watch,
@@ -34,7 +35,7 @@ typedef struct mtdb_height_array {
   const char* crs;          /* WKT2, or anything; NULL: not known */
   const char* height_units; /* NULL: not known */
 } mtdb_height_array;
-/* Heights that are no integers need options.height_step: MTDB_BAD_INPUT. */
+/* Steps of heights are found as by mtdb_ingest_rasters. */
 MTDB_API mtdb_code mtdb_ingest_heights(mtdb_database* database, const char* name,
                                        const mtdb_height_array* array,
                                        const mtdb_ingest_options* options, const mtdb_watch* watch,

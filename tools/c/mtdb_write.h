@@ -67,7 +67,7 @@ typedef struct mtdb_ingest_options {
   const char* journal_path;  /* the file by which an ingest that is killed can go on; NULL: none */
   int resume;                /* not 0: goes on with the journal, if there is one of this input */
   double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
-                         where one is known. Rasters take no bits, step, lossless, weld,
+                         or one that suits it (mtdb_terrain.h). Rasters take no bits, step, lossless, weld,
                          normal_bits and steps */
   int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
                     vertical errors; MTDB_BAD_INPUT with the place where it is folded */
@@ -106,8 +106,8 @@ typedef struct mtdb_ingest mtdb_ingest; /* lives while `produce` runs */
 typedef struct mtdb_source {
   size_t struct_bytes;
   void* user; /* the first argument of `produce` */
-  /* Calls mtdb_ingest_vertices and mtdb_ingest_triangles in any mixture, on this thread, and
-   * returns 0; anything else gives the ingest up: MTDB_CANCELLED. Called once. */
+  /* Calls mtdb_ingest_part as often as it likes, on this thread, and returns 0; anything else gives
+   * the ingest up: MTDB_CANCELLED. Called once. */
   int (*produce)(void* user, mtdb_ingest* ingest);
   const mtdb_attribute* attributes; /* as in mtdb_input */
   size_t attribute_count;

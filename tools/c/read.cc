@@ -153,6 +153,7 @@ using mtdb::internal::Guarded;
 using mtdb::internal::NeedAll;
 using mtdb::internal::NeedFinite;
 using mtdb::internal::Set;
+using mtdb::internal::Take;
 using mtdb::internal::ToVec;
 
 uint32_t mtdb_abi_version() { return MTDB_ABI_VERSION; }
@@ -170,10 +171,19 @@ mtdb_code mtdb_without_secrets(const char* text, char* shown, size_t size, mtdb_
 
 mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
                         mtdb_error* error) {
+  return mtdb_open_with_abi(abi_version, path, nullptr, database, error);
+}
+
+mtdb_code mtdb_open_with_abi(uint32_t abi_version, const char* path,
+                             const mtdb_open_options* options, mtdb_database** database,
+                             mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(mtdb::internal::CheckAbi(abi_version));
     MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}, {database, "database"}}));
-    MTDB_ASSIGN_OR_RETURN(auto opened, mtdb::Database::Open(path));
+    MTDB_ASSIGN_OR_RETURN(const mtdb_open_options given, Take(options, "options"));
+    mtdb::OpenOptions with;
+    mtdb::internal::SetCache(given.cache_directory, given.cache_directory_bytes, &with);
+    MTDB_ASSIGN_OR_RETURN(auto opened, mtdb::Database::Open(path, with));
     *database = new mtdb_database{std::move(opened)};
     return Status::Ok();
   });
@@ -289,8 +299,10 @@ mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, const mtdb_c
     const mtdb::Surface& surface = *object->surface;
     mtdb::QueryControl* const watch = control == nullptr ? nullptr : control->control.get();
     mtdb::CheckReport report;
-    MTDB_RETURN_IF_ERROR(mtdb::VerifyStore(object->database->path(), surface.record().name, &report,
-                                           [=] { return watch != nullptr && watch->cancelled(); }));
+    const mtdb::Database& database = *object->database;
+    MTDB_RETURN_IF_ERROR(mtdb::VerifyStore(
+        database.path(), surface.record().name, &report,
+        [=] { return watch != nullptr && watch->cancelled(); }, database.options()));
     if (level >= MTDB_VERIFY_FULL && report.ok()) {
       MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kFull, &report, watch));
     }

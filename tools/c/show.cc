@@ -197,6 +197,8 @@ mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options, mtdb_s
     }
     mtdb::ServerOptions with;
     with.service.store = path;
+    mtdb::internal::SetCache(given.cache_directory, given.cache_directory_bytes,
+                             &with.service.open);
     with.listen.address = given.address == nullptr ? "127.0.0.1" : given.address;
     with.listen.port = static_cast<uint16_t>(given.port);
     with.threads = given.threads;

@@ -19,7 +19,6 @@
 #include "codecs/mesh_file/mesh_file.h"
 #include "codecs/raster_file/raster_file.h"
 #include "store/base/redact.h"
-#include "store/kept_ranges.h"
 #include "store/object_name.h"
 #include "tools/cli/did_you_mean.h"
 #include "tools/cli/follow_path.h"
@@ -261,8 +260,9 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   auto* step = AddParsed(verb, "--step", "S", &a->step, mtdb::ParsePositive,
                          "round positions to multiples of S model units instead");
   AddParsed(verb, "--step-z", "S", &a->step_z, mtdb::ParsePositive,
-            "rasters: round heights to multiples of S (default: as they are written, of integers "
-            "and decimals)");
+            "rasters: round heights to multiples of S (default: integers and decimals as they are "
+            "written; other floats so that rounding is small beside their range and differences; "
+            "'mtdb info FILE' says it)");
   verb->add_option("--fill", a->fill,
                    "rasters: close holes of up to N columns and rows of samples (pixels) with a "
                    "smooth surface; larger ones and the outside stay")
@@ -404,7 +404,6 @@ class CommandLine {
   mtdb::ProfileArguments profile_;
   mtdb::ServerOptions serve_;
   mtdb::ViewArguments view_;
-  mtdb::KeptRangesArguments kept_;
   mtdb::FollowArguments follow_;
   mtdb::GenerateArguments generate_;
 };
@@ -439,10 +438,12 @@ CommandLine::CommandLine() {
   AddPackVerbs();
   AddSpaceVerbs();
   AddGenerateVerb();
-  for (const char* verb : {"info", "list", "extract", "render", "probe", "profile", "verify",
-                           "unpack", "serve", "view"}) {
-    mtdb::AddKeptRanges(app_.get_subcommand(verb), &kept_);
-  }
+  const std::pair<const char*, mtdb::OpenOptions*> readers[] = {
+      {"info", &inspect_.open},    {"list", &inspect_.open}, {"verify", &inspect_.open},
+      {"extract", &query_.open},   {"render", &query_.open}, {"probe", &probe_.open},
+      {"profile", &profile_.open}, {"unpack", &pack_.open},  {"serve", &serve_.service.open},
+      {"view", &view_.open}};
+  for (const auto& [verb, open] : readers) mtdb::AddCacheDirectory(app_.get_subcommand(verb), open);
 }
 
 CLI::App* CommandLine::AddVerb(const char* name, const char* description, const char* footer,
@@ -769,9 +770,7 @@ int CommandLine::Run(int argc, char** argv) {
   bool ok = true;
   for (const auto& [verb, run] : verbs_) {
     if (!verb->parsed()) continue;
-    mtdb::Status status;
-    if (!kept_.folder.empty()) status = mtdb::KeepRangesIn(kept_.folder, kept_.bytes);
-    if (status.ok()) status = run(&ok);
+    const mtdb::Status status = run(&ok);
     if (!status.ok()) {
       // Whoever reads our pipe has had enough, as `head` has.
       if (status.code() == mtdb::StatusCode::kCancelled &&

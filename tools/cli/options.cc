@@ -35,13 +35,13 @@ void AddJson(CLI::App* verb, bool* json) {
   verb->add_flag("--json", *json, "print the result as JSON");
 }
 
-void AddKeptRanges(CLI::App* verb, KeptRangesArguments* arguments) {
+void AddCacheDirectory(CLI::App* verb, OpenOptions* options) {
   CLI::Option* folder =
-      verb->add_option("--cache-dir", arguments->folder,
+      verb->add_option("--cache-dir", options->cache_directory,
                        "keep what is read of a URL in DIR, so that it need not come again; "
                        "processes may share DIR")
           ->type_name("DIR");
-  AddParsed(verb, "--cache-dir-size", "SIZE", &arguments->bytes, ParseSize,
+  AddParsed(verb, "--cache-dir-size", "SIZE", &options->cache_directory_bytes, ParseSize,
             "keep at most so much there; what was not used for longest goes first")
       ->default_str("4G")
       ->needs(folder);

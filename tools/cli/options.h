@@ -55,11 +55,7 @@ void AddVerbose(CLI::App* verb, bool* verbose);
 // What an ingest keeps for who draws the object.
 void AddUpAndUnits(CLI::App* verb, std::optional<Vec3d>* up, std::string* units);
 // What is read of URLs may be kept on disk.
-struct KeptRangesArguments {
-  std::string folder;  // empty: not
-  uint64_t bytes = uint64_t{4} << 30;
-};
-void AddKeptRanges(CLI::App* verb, KeptRangesArguments* arguments);
+void AddCacheDirectory(CLI::App* verb, OpenOptions* options);
 // Which region, how accurate, which camera: what extract, render and fetch share. `draws`: the
 // camera alone is of use.
 void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);

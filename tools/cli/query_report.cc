@@ -94,7 +94,8 @@ Json ReportJson(const QueryArguments& arguments, const QueryReport& report,
 }  // namespace
 
 Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
                         database->OpenObject(arguments.name));
   SurfaceOptions options;

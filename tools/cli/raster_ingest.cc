@@ -80,6 +80,11 @@ std::vector<std::string> RasterIngest::Notes() const {
     notes.push_back(note);
   }
   const RasterMeshReport& r = input_->report();
+  if (input_->height_step_reason() == HeightStepReason::kChosen) {
+    notes.push_back(Text("heights are rounded to steps of %.9g: %s; --step-z chooses other steps",
+                         input_->height_step(),
+                         HeightStepReasonText(input_->height_step_reason())));
+  }
   if (r.filled.holes > 0 || r.filled.left > 0) {
     std::string note =
         Text("%llu samples of %llu holes got a height", U(r.filled.samples), U(r.filled.holes));
@@ -104,6 +109,8 @@ Json RasterIngest::ReportJson() const {
           {"overlapping", d.overlapping},
           {"differing", d.samples},
           {"largest_difference", d.largest},
+          {"height_step", input_->height_step()},
+          {"height_step_reason", HeightStepReasonName(input_->height_step_reason())},
           {"rounding", input_->report().rounding}};
 }
 
@@ -113,8 +120,9 @@ void RasterIngest::Print(const std::string& name) const {
   std::printf("%s\n", Printable(name).c_str());
   std::printf("  raster       %u x %u samples, %s, %s\n", f.columns, f.rows,
               Printable(f.sample_type).c_str(), Printable(info.format).c_str());
-  std::printf("  heights      steps of %.9g %s\n", input_->height_step(),
-              Printable(f.height_units).c_str());
+  const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
+  std::printf("  heights      steps of %.9g%s: %s\n", input_->height_step(), units.c_str(),
+              HeightStepReasonText(input_->height_step_reason()));
   for (const std::string& note : info.notes) std::printf("  note: %s\n", Printable(note).c_str());
   std::printf("  crs          %s\n", info.crs.empty() ? "not known" : Printable(info.crs).c_str());
 }
@@ -125,6 +133,7 @@ Json RasterIngest::InfoJson() const {
   json["format"] = info.format;
   json["height_step"] = input_->height_step();
   json["notes"] = info.notes;
+  json["height_step_reason"] = HeightStepReasonName(input_->height_step_reason());
   return json;
 }
 

@@ -17,8 +17,7 @@ namespace mtdb {
 class RasterIngest {
  public:
   // Null when the inputs are no rasters. Errors: those of the readers; kBadInput when only some
-  // inputs are rasters, when they cannot be joined, or when heights are no multiples of a known
-  // step and --step-z is not given; kInvalidArgument for options that rasters do not take.
+  // inputs are rasters, or when they cannot be joined; kInvalidArgument for options that rasters do not take.
   // `memory_bytes` is what the whole ingest may take.
   static Result<std::unique_ptr<RasterIngest>> Open(const IngestArguments& arguments,
                                                     uint64_t memory_bytes);

@@ -165,7 +165,8 @@ void PrintJournal(const IngestJournal& j) {
 
 Status Info(const InspectArguments& arguments) {
   const bool is_input = IsMeshFile(arguments.store) || IsRaster(arguments.store);
-  if (arguments.store == "-" || (is_input && !Database::Open(arguments.store).ok())) {
+  if (arguments.store == "-" ||
+      (is_input && !Database::Open(arguments.store, arguments.open).ok())) {
     IngestArguments mesh;
     mesh.inputs = {arguments.store};
     mesh.format = arguments.format;
@@ -173,7 +174,8 @@ Status Info(const InspectArguments& arguments) {
     mesh.json = arguments.json;
     return Survey(mesh);
   }
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
   std::vector<ObjectRecord> records;
   if (arguments.name.empty()) {
@@ -211,7 +213,7 @@ Status List(const InspectArguments& arguments) {
   uint64_t file_bytes = 0, free_bytes = 0;
   const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                          Database::Open(arguments.store));
+                          Database::Open(arguments.store, arguments.open));
     MTDB_ASSIGN_OR_RETURN(file_bytes, database->FileBytes());
     MTDB_ASSIGN_OR_RETURN(free_bytes, database->FreeBytes());
     return database->List();
@@ -252,16 +254,16 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
   CheckReport report;
   if (!arguments.name.empty()) {
     // A name that is not there is a mistake of the caller, unless the catalog is damaged.
-    const auto database = Database::Open(arguments.store);
+    const auto database = Database::Open(arguments.store, arguments.open);
     if (database.ok()) {
       const auto found = (*database)->Find(arguments.name);
       if (found.status().code() == StatusCode::kNotFound) return found.status();
     }
   }
-  MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report));
+  MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report, {}, arguments.open));
   if (arguments.level != "fast" && report.ok()) {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                          Database::Open(arguments.store));
+                          Database::Open(arguments.store, arguments.open));
     std::vector<std::string> names{arguments.name};
     if (arguments.name.empty()) {
       names.clear();

@@ -33,7 +33,8 @@ Result<std::vector<std::string>> NamesOf(const Database& database,
 }  // namespace
 
 Status Pack(const PackArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.from));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.from, arguments.open));
   MTDB_ASSIGN_OR_RETURN(const std::vector<std::string> names, NamesOf(*database, arguments.names));
   std::vector<std::shared_ptr<ClusterSource>> sources;
   for (const std::string& name : names) {
@@ -65,7 +66,8 @@ Status Pack(const PackArguments& arguments) {
 }
 
 Status Unpack(const PackArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.from));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.from, arguments.open));
   if (!database->is_packed()) {
     return InvalidArgument(arguments.from + ": expected a packed file, found a store");
   }

@@ -45,7 +45,8 @@ void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
 Status Probe(const ProbeArguments& arguments) {
   if (!arguments.heights.empty() || !arguments.heights_file.empty()) return ProbeHeights(arguments);
   const auto begin = std::chrono::steady_clock::now();
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
                         database->OpenObject(arguments.name));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));

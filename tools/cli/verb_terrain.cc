@@ -18,9 +18,13 @@ namespace {
 
 using Place = std::array<double, 2>;
 
-Result<std::shared_ptr<Surface>> OpenTerrain(const std::string& store, const std::string& name) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(store));
-  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
+// `arguments` of any verb that reads.
+template <typename Arguments>
+Result<std::shared_ptr<Surface>> OpenTerrain(const Arguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
   return Surface::Open(std::move(source));
 }
 
@@ -62,8 +66,7 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   if (!arguments.heights_file.empty()) {
     MTDB_ASSIGN_OR_RETURN(places, ReadPlaces(arguments.heights_file));
   }
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
-                        OpenTerrain(arguments.store, arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
   HeightOptions options;
   options.error_model = arguments.error.value_or(-1);
   HeightCost cost;
@@ -117,8 +120,7 @@ Result<std::vector<Place>> ParseLine(const std::string& text) {
 }
 
 Status ProfileVerb(const ProfileArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
-                        OpenTerrain(arguments.store, arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
   HeightOptions options;
   options.error_model = arguments.error.value_or(-1);
   MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
@@ -157,8 +159,7 @@ Status ExtractRaster(const QueryArguments& arguments) {
                            ": a raster takes --error, --spacing and --window, and no other option "
                            "that says what is asked for");
   }
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
-                        OpenTerrain(arguments.store, arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
   RasterOutputOptions options;
   options.spacing = arguments.spacing;
   options.window = arguments.window;

@@ -52,6 +52,7 @@ Status View(const ViewArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckViewer());
   ServerOptions options;
   options.service.store = arguments.store;
+  options.service.open = arguments.open;
   options.listen.port = arguments.port;
   std::string page;
   if (!arguments.drape.empty()) {

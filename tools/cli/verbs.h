@@ -12,6 +12,7 @@
 
 #include "builder/build.h"
 #include "store/base/status.h"
+#include "store/database.h"
 #include "tools/render/render.h"
 #include "tools/request/arguments.h"
 #include "tools/request/query_options.h"
@@ -51,6 +52,7 @@ Status Ingest(const IngestArguments& arguments);
 
 struct InspectArguments {
   std::string store;
+  OpenOptions open;
   std::string name;
   std::string level = "fast";  // verify
   bool streams = false;        // info: read all payloads, and tell what their streams take
@@ -78,6 +80,7 @@ Status Compact(const SpaceArguments& arguments);
 
 struct PackArguments {
   std::string from;  // pack: a store; unpack: a packed file or its URL
+  OpenOptions open;  // of `from`
   std::string to;
   std::vector<std::string> names;  // none: all
   bool force = false;              // unpack: replaces objects
@@ -88,6 +91,7 @@ Status Unpack(const PackArguments& arguments);
 
 struct QueryArguments {
   std::string store;          // fetch: a URL
+  OpenOptions open;           // not fetch
   std::string output;         // "-": standard output
   std::string output_format;  // of standard output
   std::string name;
@@ -136,6 +140,7 @@ Status ServeAndTell(const ServerOptions& options, const std::string& page,
 
 struct ViewArguments {
   std::string store;
+  OpenOptions open;
   uint16_t port = 0;  // 0: any free one
   bool browser = true;
   std::string drape;                 // an image; empty: none
@@ -147,6 +152,7 @@ Status View(const ViewArguments& arguments);
 
 struct ProbeArguments {
   std::string store;
+  OpenOptions open;
   std::string name;
   std::optional<Vec3d> point;                  // either this
   std::optional<Ray> ray;                      // or this
@@ -162,6 +168,7 @@ Status ProbeHeights(const ProbeArguments& arguments);
 
 struct ProfileArguments {
   std::string store;
+  OpenOptions open;
   std::string name;
   std::vector<std::array<double, 2>> line;
   std::optional<double> error;

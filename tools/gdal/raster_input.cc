@@ -7,6 +7,7 @@
 #include <set>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "codecs/raster_file/height_step.h"
 #include "codecs/raster_file/raster_file.h"
 #include "tools/gdal/gdal_raster.h"
 
@@ -55,20 +56,51 @@ Result<std::unique_ptr<RasterInput>> RasterInput::Join(
   if (row_bytes > options.memory_bytes / 4) {
     return InvalidArgument(
         first + ": rows of " + std::to_string(info.frame.columns) + " samples" +
-        (fill != 0 ? ", " + std::to_string(fill) + " of them at a time for --fill (fill)," : "") +
-        " do not fit --memory (memory_bytes); allow at least " +
+        (fill != 0 ? ", " + std::to_string(fill) + " of them at a time to close holes," : "") +
+        " do not fit a quarter of the memory; allow at least --memory " +
         std::to_string((row_bytes >> 18) + 1) + "M");
   }
   RasterMeshOptions mesh;
   mesh.fill = fill;
   mesh.height_step = options.height_step.value_or(info.height_step);
   mesh.height_origin = info.height_origin;
+  HeightStepReason reason =
+      options.height_step ? HeightStepReason::kGiven : HeightStepReason::kFile;
   if (!(mesh.height_step > 0)) {
-    return BadInput(first + ": heights of type " + info.frame.sample_type +
-                    " are rounded to multiples of a step, which --step-z (height_step) names, e.g. "
-                    "0.01; they may be so exact, and no more");
+    const Result<HeightStep> chosen = ChooseHeightStep(mosaic);
+    if (!chosen.ok()) {
+      const Status& status = chosen.status();
+      const bool named = status.message().starts_with(first) || count > 1;
+      return named ? status : Status(status.code(), first + ": " + status.message());
+    }
+    mesh.height_step = chosen->step;
+    mesh.height_origin = chosen->origin;
+    reason = chosen->decimals ? HeightStepReason::kDecimals : HeightStepReason::kChosen;
   }
-  return std::unique_ptr<RasterInput>(new RasterInput(std::move(mosaic), mesh, count));
+  return std::unique_ptr<RasterInput>(new RasterInput(std::move(mosaic), mesh, reason, count));
+}
+
+const char* HeightStepReasonName(HeightStepReason reason) {
+  switch (reason) {
+    case HeightStepReason::kGiven: return "given";
+    case HeightStepReason::kFile: return "file";
+    case HeightStepReason::kDecimals: return "decimals";
+    case HeightStepReason::kChosen: return "chosen";
+  }
+  return "";
+}
+
+const char* HeightStepReasonText(HeightStepReason reason) {
+  switch (reason) {
+    case HeightStepReason::kGiven: return "as the options say";
+    case HeightStepReason::kFile: return "as the file has them";
+    case HeightStepReason::kDecimals: return "the decimals that they are written with";
+    case HeightStepReason::kChosen:
+      return "a fiftieth of the usual difference between neighbours, a five hundredth of the "
+             "range, "
+             "or less";
+  }
+  return "";
 }
 
 TerrainInput RasterInput::terrain() {

@@ -20,16 +20,30 @@ bool IsRaster(const std::string& path);
 Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes);
 
 struct RasterInputOptions {
-  std::optional<double> height_step;  // heights are rounded to its multiples; none: the files'
-  uint32_t fill = 0;                  // RasterMeshOptions::fill
-  uint64_t memory_bytes = 0;          // of the ingest
+  // Heights are rounded to its multiples; none: the files', or one that suits them.
+  std::optional<double> height_step;
+  uint32_t fill = 0;          // RasterMeshOptions::fill
+  uint64_t memory_bytes = 0;  // of the ingest
 };
+
+// Where the step of heights is from.
+enum class HeightStepReason {
+  kGiven,     // by the options
+  kFile,      // of the file: integers, decimals of a text
+  kDecimals,  // floats that are decimals all the same
+  kChosen     // see ChooseHeightStep
+};
+// "given", "file", "decimals", "chosen"
+const char* HeightStepReasonName(HeightStepReason reason);
+// For people: "as the files have them", ...
+const char* HeightStepReasonText(HeightStepReason reason);
 
 // Joined rasters, while they are ingested. Stays where it is.
 class RasterInput {
  public:
-  // Errors: kBadInput when the rasters cannot be joined, or when no step is known; kInvalidArgument
-  // when their rows take more than a quarter of the memory.
+  // Reads all heights once when neither options nor files have a step. Errors: those of the
+  // readers; kBadInput when the rasters cannot be joined; kInvalidArgument when their rows take
+  // more than a quarter of the memory.
   static Result<std::unique_ptr<RasterInput>> Join(std::vector<std::unique_ptr<RasterReader>> files,
                                                    const RasterInputOptions& options);
 
@@ -39,17 +53,19 @@ class RasterInput {
 
   const RasterInfo& info() const { return mosaic_.info(); }
   double height_step() const { return mesh_.height_step; }
+  HeightStepReason height_step_reason() const { return reason_; }
   size_t files() const { return files_; }
   // After Read().
   const RasterMeshReport& report() const { return report_; }
   const RasterDisagreement& disagreement() const { return mosaic_.disagreement(); }
 
  private:
-  RasterInput(RasterMosaic mosaic, RasterMeshOptions mesh, size_t files)
-      : mosaic_(std::move(mosaic)), mesh_(mesh), files_(files) {}
+  RasterInput(RasterMosaic mosaic, RasterMeshOptions mesh, HeightStepReason reason, size_t files)
+      : mosaic_(std::move(mosaic)), mesh_(mesh), reason_(reason), files_(files) {}
 
   RasterMosaic mosaic_;
   const RasterMeshOptions mesh_;
+  const HeightStepReason reason_;
   const size_t files_;
   RasterMeshReport report_;
 };

@@ -16,9 +16,9 @@ namespace mtdb {
 
 // One object of `info`. `file_bytes` is the whole store's.
 Json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
-// All objects, as `list` has them.
 // Where a raster's samples lie.
 Json RasterJson(const RasterFrame& frame, const std::string& crs);
+// All objects, as `list` has them.
 Json CatalogJson(const std::vector<ObjectRecord>& records);
 Json ChecksJson(const CheckReport& report);
 // What a probe of an object found. A ray's hit has a "parameter", a point's a "distance".

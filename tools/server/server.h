@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "store/base/status.h"
+#include "store/database.h"
 #include "tools/request/arguments.h"
 
 namespace mtdb {
@@ -23,6 +24,7 @@ struct ServedFile {
 // What is served, and what it may take.
 struct ServiceOptions {
   std::string store;
+  OpenOptions open = {};  // of a URL: where what is read of it stays
   std::vector<ServedFile> files;
   std::string tmp;                             // folder of temporary files; empty: the system's
   uint64_t cache_bytes = uint64_t{256} << 20;  // of decoded clusters, for each open object

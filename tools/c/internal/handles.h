@@ -103,6 +103,12 @@ Status PutStruct(T filled, const char* name, T* out) {
   return PutBytes(&filled, sizeof(T), name, out);
 }
 
+// What open and serve have in common: NULL and 0 stand for the defaults.
+inline void SetCache(const char* directory, uint64_t bytes, OpenOptions* options) {
+  if (directory != nullptr) options->cache_directory = directory;
+  if (bytes != 0) options->cache_directory_bytes = bytes;
+}
+
 // Attribute i of the layout, whose names live as long as it does.
 Status GetAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* attribute);
 

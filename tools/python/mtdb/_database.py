@@ -302,20 +302,28 @@ class Database(Mapping[str, Object]):
     opens the store when the first change is asked for."""
 
     def __init__(self, path: "str | os.PathLike[str]", *, create: bool = False,
-                 cache_bytes: int = 0, threads: int = 0) -> None:
+                 cache_bytes: int = 0, threads: int = 0,
+                 cache_dir: "str | os.PathLike[str] | None" = None,
+                 cache_dir_bytes: int = 4 << 30) -> None:
         self.path = os.fspath(path)
         self._cache_bytes, self._threads = cache_bytes, threads
+        self._cache = (None if cache_dir is None else L.path_bytes(cache_dir), cache_dir_bytes)
         self._lock = threading.RLock()
         self._writer: Optional[L.Handle] = None
         self._reader: Optional[L.Handle] = None
         self._objects: dict[str, Object] = {}
         if create and not os.path.exists(self.path):
-            self._writer = self._open("open_writable_abi")
-        self._reader = self._open("open_abi")
+            self._writer = self._open_writable()
+        self._reader = self._open()
 
-    def _open(self, how: str) -> L.Handle:
-        path = L.path_bytes(self.path)
-        return L.Handle("database", how, L.ABI_VERSION, path)
+    def _open(self) -> L.Handle:
+        directory, size = self._cache
+        options = L.OpenOptions(cache_directory=directory, cache_directory_bytes=size)
+        return L.Handle("database", "open_with_abi", L.ABI_VERSION, L.path_bytes(self.path),
+                        C.byref(options))
+
+    def _open_writable(self) -> L.Handle:
+        return L.Handle("database", "open_writable_abi", L.ABI_VERSION, L.path_bytes(self.path))
 
     def _read(self) -> L.Handle:
         if self._reader is None:
@@ -326,7 +334,7 @@ class Database(Mapping[str, Object]):
         with self._lock:
             self._read()
             if self._writer is None:
-                self._writer = self._open("open_writable_abi")
+                self._writer = self._open_writable()
             return self._writer
 
     def close(self) -> None:
@@ -421,7 +429,8 @@ class Database(Mapping[str, Object]):
         the mesh was cut along edges; False keeps all as they are.
         normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
-        height_step: heights of rasters are rounded to its multiples. fill: holes of rasters of up to
+        height_step: heights of rasters are rounded to its multiples (without: as in
+        `ingest_heights`). fill: holes of rasters of up to
         so many columns and rows are closed.
         max_tmp: temporary files and the journal take at most so many bytes of the disk.
         up: what is up for who draws it: "x", "-y" ..., or a vector; else it is found from the shape.
@@ -459,7 +468,8 @@ class Database(Mapping[str, Object]):
         transform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
         the next column and row, in the order of GDAL; without, x is the column
         and y minus the row.
-        step: heights are rounded to its multiples; integers need none. crs: of x and y. units: of
+        step: heights are rounded to its multiples; without, integers and decimals stay as they are,
+        and other heights are rounded so that it is small beside their range and differences. crs: of x and y. units: of
         heights. fill and the rest: as in `ingest`.
         """
         given, kept = _terrain.height_array(heights, transform, crs, units)
@@ -504,7 +514,7 @@ class Database(Mapping[str, Object]):
                                          C.byref(sizes))
                 )
             finally:
-                self._reader = self._open("open_abi")
+                self._reader = self._open()
         return sizes.bytes_before, sizes.bytes_after
 
     def pack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
@@ -531,7 +541,7 @@ class Database(Mapping[str, Object]):
         """Serves the store over HTTP in threads of its own, until the server is closed."""
         self._read()
         return Server(self.path, address=address, port=port, threads=threads,
-                      allowed_origin=allowed_origin)
+                      allowed_origin=allowed_origin, cache=self._cache)
 
     def __repr__(self) -> str:
         if self._reader is None:
@@ -695,10 +705,12 @@ class Server:
     """`mtdb serve` in this process. Close it, or use it as a context."""
 
     def __init__(self, path: str, *, address: str = "127.0.0.1", port: int = 0, threads: int = 0,
-                 allowed_origin: Optional[str] = None) -> None:
+                 allowed_origin: Optional[str] = None,
+                 cache: tuple[Optional[bytes], int] = (None, 0)) -> None:
         options = L.ServeOptions(
             address=address.encode(), port=port, threads=threads,
             allowed_origin=None if allowed_origin is None else allowed_origin.encode(),
+            cache_directory=cache[0], cache_directory_bytes=cache[1],
         )
         self._handle: Optional[L.Handle] = L.Handle(
             "server", "serve", L.path_bytes(path), C.byref(options)
@@ -721,10 +733,14 @@ class Server:
 
 
 def open_database(path: "str | os.PathLike[str]", *, create: bool = False, cache_bytes: int = 0,
-                  threads: int = 0) -> Database:
+                  threads: int = 0, cache_dir: "str | os.PathLike[str] | None" = None,
+                  cache_dir_bytes: int = 4 << 30) -> Database:
     """Opens a store, a packed file, or the URL of one (http, https, s3).
 
     create: makes the store when it is not there. cache_bytes: of decoded clusters, for each object
     (0: 256 MiB). threads: that read and decode for one query (0: as many as the machine has).
+    cache_dir: what is read of a URL is kept in this folder, which databases and processes may
+    share, at most cache_dir_bytes of it.
     """
-    return Database(path, create=create, cache_bytes=cache_bytes, threads=threads)
+    return Database(path, create=create, cache_bytes=cache_bytes, threads=threads,
+                    cache_dir=cache_dir, cache_dir_bytes=cache_dir_bytes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 
 
 class Code(enum.IntEnum):
@@ -90,5 +91,19 @@ class NotYet(MtdbError):
 _CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
 
 
+#: Options of the command line that messages of the library advise, as keyword arguments.
+OPTIONS = {
+    "bits": "bits", "cache": "cache_bytes", "clip": "clip", "fill": "fill", "force": "replace",
+    "lossless": "lossless", "memory": "memory", "name": "name", "resume": "resume",
+    "step": "step", "step-z": "height_step", "terrain": "terrain", "tmp": "tmp", "weld": "weld",
+}
+_OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)(?![\w-])")
+
+
+def in_python(message: str) -> str:
+    """A message of the library, with arguments of this package for options of the command line."""
+    return _OPTION.sub(lambda found: OPTIONS.get(found[1], found[0]), message)
+
+
 def make_error(code: int, message: str) -> MtdbError:
-    return _CLASSES.get(code, MtdbError)(message)
+    return _CLASSES.get(code, MtdbError)(in_python(message))

@@ -38,6 +38,21 @@ class Struct(C.Structure):
                 raise InvalidArgument(f"{name}: {value} is out of range")
 
 
+class Sized(Struct):
+    """A struct that begins with its size, which is set here."""
+
+    def __init__(self, **members: Any) -> None:
+        super().__init__(C.sizeof(type(self)), **members)
+
+
+class OpenOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("cache_directory", Text),
+        ("cache_directory_bytes", C.c_uint64),
+    ]
+
+
 class ObjectOptions(Struct):
     _fields_ = [("cache_bytes", C.c_size_t), ("threads", C.c_uint32), ("form", C.c_uint32)]
 
@@ -110,13 +125,6 @@ class Hit(Struct):
         ("error_bound", C.c_double),
         ("excess", C.c_double),
     ]
-
-
-class Sized(Struct):
-    """A struct that begins with its size, which is set here."""
-
-    def __init__(self, **members: Any) -> None:
-        super().__init__(C.sizeof(type(self)), **members)
 
 
 class FileOptions(Sized):
@@ -373,6 +381,8 @@ class ServeOptions(Sized):
         ("cache_bytes", C.c_uint64),
         ("max_triangles", C.c_uint64),
         ("allowed_origin", Text),
+        ("cache_directory", Text),
+        ("cache_directory_bytes", C.c_uint64),
     ]
 
 
@@ -396,7 +406,7 @@ _p = Pointer
 _double3 = C.POINTER(C.c_double)
 # Functions that return an mtdb_code and take an mtdb_error at last: what they take before it.
 _SIGNATURES: dict[str, list[Any]] = {
-    "open_abi": [C.c_uint32, Text, _p],
+    "open_with_abi": [C.c_uint32, Text, _p, _p],
     "open_writable_abi": [C.c_uint32, Text, _p],
     "list_objects": [_p, _p],
     "open_object_with": [_p, Text, _p, _p],

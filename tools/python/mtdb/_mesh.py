@@ -101,14 +101,14 @@ def shortfall_of(s: L.Shortfall) -> Optional[Shortfall]:
     return Shortfall(s.triangles, s.excess, np.array([list(s.bounds_min), list(s.bounds_max)]))
 
 
-LIMITS = ("accuracy", "triangles", "bytes", "time")
+LIMITS = ("accuracy", "triangles", "bytes", "time", "missing")
 
 
 @dataclass(frozen=True)
 class ExtractStats:
     """What an extraction cost, and what ended it."""
 
-    limit: str  #: "accuracy", "triangles", "bytes" or "time"
+    limit: str  #: "accuracy", "triangles", "bytes", "time" or "missing"
     active_triangles: int
     nodes_applied: int
     clusters_read: int

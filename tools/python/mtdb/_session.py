@@ -34,7 +34,7 @@ class Update:
     bytes: int  #: of the update stream
     error_bound: float
     milliseconds: float
-    limit: str  #: "accuracy", "triangles", "bytes" or "time"
+    limit: str  #: "accuracy", "triangles", "bytes", "time" or "missing"
     shortfall: Optional[Shortfall]
     #: (k, 2) uint32 each: the slots begin to end that were written, ascending; for a GPU's buffers.
     changed_faces: Array

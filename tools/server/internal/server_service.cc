@@ -187,7 +187,7 @@ Result<std::unique_ptr<ServerService>> ServerService::Open(const ServiceOptions&
   const bool as_given = error || Database::IsUrl(options.store);
   service->store_ = as_given ? options.store : store.string();
   service->is_remote_ = Database::IsUrl(options.store);
-  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(service->store_));
+  MTDB_ASSIGN_OR_RETURN(service->database_, Database::Open(service->store_, options.open));
   service->folder_ =
       options.tmp.empty() ? std::filesystem::temp_directory_path(error).string() : options.tmp;
   AnonymousFile::Sweep(service->folder_);
@@ -221,15 +221,15 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
   std::vector<std::shared_ptr<Surface>> closed;  // after the locks
   std::unique_lock lock(database_mutex_);
   if (!is_remote_) {
-    if (database_->IsOutdated()) AdoptReopened(Database::Open(store_), &closed);
+    if (database_->IsOutdated()) AdoptReopened(Database::Open(store_, database_->options()), &closed);
     return database_;
   }
   const bool first = reopening_ == nullptr && database_->IsOutdated();
   if (first) {
     const auto reopening = std::make_shared<Reopening>();
     try {
-      std::thread([reopening, store = store_] {
-        auto opened = Database::Open(store);
+      std::thread([reopening, store = store_, options = database_->options()] {
+        auto opened = Database::Open(store, options);
         const std::lock_guard guard(reopening->mutex);
         reopening->opened.emplace(std::move(opened));
         reopening->done.notify_all();
