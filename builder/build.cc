@@ -33,6 +33,7 @@
 #include "builder/internal/tile_cutter.h"
 #include "builder/internal/tile_surface.h"
 #include "builder/internal/tiling.h"
+#include "builder/internal/tiling_choice.h"
 #include "builder/internal/triangle_sorter.h"
 #include "builder/internal/up_finder.h"
 #include "store/base/attribute_grid.h"
@@ -47,8 +48,7 @@ using namespace internal;
 
 namespace {
 
-constexpr double kLeastProgress = 0.95;  // a round that leaves more than this is the last
-constexpr uint32_t kMaxRounds = 250;     // a round's number is one byte
+constexpr uint32_t kMaxRounds = 250;  // a round's number is one byte
 // A removal with a larger bound, as a fraction of the diagonal, is not worth a node: the mesh would
 // not resemble the object any more, and the bound is loose there.
 constexpr double kLargestError = 1.0 / 16;
@@ -102,6 +102,9 @@ class Builder {
     MTDB_RETURN_IF_ERROR(ReadInput(input, &sorter));
     const double total = static_cast<double>(record_.triangles);
     double done = kReadShare + kJoinShare;
+    TilingChoice tiling(
+        options_.tile_triangles *
+        TileCutter::WindowTiles(options_.tile_triangles, record_.attributes.row_bytes()));
     for (uint32_t round = 1; round <= kMaxRounds; ++round) {
       const uint64_t before = sorter->count();
       // All rounds together take about reduction / (reduction - 1) times the first.
@@ -109,11 +112,16 @@ class Builder {
       share_ = std::min(0.98 - done_before_, (0.98 - kReadShare - kJoinShare) *
                                                  static_cast<double>(before) / total *
                                                  (options_.reduction - 1) / options_.reduction);
+      const uint64_t vertices = record_.vertices - record_.nodes;
       MTDB_RETURN_IF_ERROR(RunRound(round, &sorter));
       done += share_;
-      if (static_cast<double>(sorter->count()) > kLeastProgress * static_cast<double>(before)) {
-        break;
-      }
+      const TilingChoice::Round result{before, sorter->count(), vertices, seam_vertices_};
+      const bool more = tiling.Next(result);
+      level_->Next(sorter->count(), tiling.was_hindered());
+      if (!more) break;
+      if (tiling.owner_levels() == 0) continue;
+      curve_.emplace(CurveOf(round + 1, tiling.owner_levels()));
+      MTDB_RETURN_IF_ERROR(SortAnew(&sorter));
     }
     MTDB_RETURN_IF_ERROR(WriteRoot(*sorter));
     record_.units = options_.units;
@@ -169,6 +177,14 @@ class Builder {
     if (round != 0) name += " " + std::to_string(round);
     if (costs_.empty() || costs_.back().stage != name) costs_.push_back({name, 0, 0, 0});
     if (report_ != nullptr) report_->stages = costs_;
+  }
+
+  // In the journal, which counts among the temporary files.
+  Status Record(const TileOutcome& outcome) {
+    MTDB_RETURN_IF_ERROR(journal_->Append(outcome));
+    MTDB_RETURN_IF_ERROR(space_.Take(journal_->bytes() - journal_bytes_));
+    journal_bytes_ = journal_->bytes();
+    return Status::Ok();
   }
 
   std::unique_ptr<TriangleSorter> MakeSorter(size_t memory_bytes) {
@@ -239,8 +255,8 @@ class Builder {
 
   // The grid on which the input's positions lie: a terrain's are the integers of the lattice.
   const Grid& input_grid() const { return options_.terrain ? lattice_ : record_.grid; }
-  RoundCurve CurveOf(uint32_t round) const {
-    return RoundCurve(is_terrain() ? flat_bounds_ : record_.bounds, round);
+  RoundCurve CurveOf(uint32_t round, uint32_t owner_levels = 0) const {
+    return RoundCurve(is_terrain() ? flat_bounds_ : record_.bounds, round, owner_levels);
   }
 
   // Classifies the input's corners, gives its triangles to the sorter, and opens the journal.
@@ -249,7 +265,7 @@ class Builder {
     JoinTotals totals;
     SurfaceDigest digest;
     Box3i bounds;
-    const RoundCurve curve = CurveOf(1);
+    const RoundCurve& curve = curve_.emplace(CurveOf(1));
     OrderedPipeline<JoinedBlock> pipeline(threads_, [&](unsigned, JoinedBlock& joined) {
       joined.codes = curve.Codes(joined.block.triangles, grid);
       for (const TileTriangle& t : joined.block.triangles) {
@@ -448,6 +464,7 @@ class Builder {
     outcome.cluster.entry.round = static_cast<uint8_t>(round);
     outcome.cluster.entry.hilbert = job.code;
     outcome.locked_vertices = result.locked_vertices;
+    outcome.seam_vertices = result.seam_vertices;
     outcome.stuck_topology = result.stuck_topology;
     outcome.stuck_degree = result.stuck_degree;
     job.tile = TriangleBlock{};
@@ -462,13 +479,14 @@ class Builder {
     const uint64_t tiles =
         std::max<uint64_t>(1, (count + options_.tile_triangles / 2) / options_.tile_triangles);
     RoundReport report;
+    seam_vertices_ = 0;
     report.triangles_in = count;
     report.tiles = tiles;
     // While this round's runs are merged, the next round's records gather in the other half.
     std::unique_ptr<TriangleSorter> next = MakeSorter(memory_ / 8 * 3);
     left_ = std::make_unique<SurfaceSpool>(round, &space_, memory_ / (4 * kMostWindow));
     triangles_in_.push_back(count);
-    const RoundCurve this_curve = CurveOf(round);
+    const RoundCurve this_curve = *curve_;
     TileCutter cutter(
         from, this_curve, input_grid(),
         {tiles, round, options_.tile_triangles, record_.attributes.row_bytes(), is_terrain()});
@@ -494,9 +512,7 @@ class Builder {
       TileJob job = pipeline.Take();
       MTDB_RETURN_IF_ERROR(job.status);
       if (journal_ != nullptr && !job.replayed) {
-        MTDB_RETURN_IF_ERROR(journal_->Append(job.outcome));
-        MTDB_RETURN_IF_ERROR(space_.Take(journal_->bytes() - journal_bytes_));
-        journal_bytes_ = journal_->bytes();
+        MTDB_RETURN_IF_ERROR(Record(job.outcome));
       }
       MTDB_RETURN_IF_ERROR(Append(job, report, *next));
       if ((taken & 15) == 15 || taken + 1 == tiles) {
@@ -508,13 +524,30 @@ class Builder {
     }
     *sorter = std::move(next);
     up_.End(false);
+    curve_.emplace(curve);
     MTDB_RETURN_IF_ERROR(left_->Finish());
     beneath_.push_back(std::move(left_));
     if (IsLast(round, beneath_.front()->round())) beneath_.erase(beneath_.begin());
     ReturnFreedMemory();
     report.triangles_out = (*sorter)->count();
-    level_->Next(report.triangles_out);
     record_.rounds.push_back(report);
+    return Status::Ok();
+  }
+
+  // Sorts the mesh once more, along curve_.
+  Status SortAnew(std::unique_ptr<TriangleSorter>* sorter) {
+    TriangleSorter& from = **sorter;
+    MTDB_RETURN_IF_ERROR(from.Finish());
+    std::unique_ptr<TriangleSorter> anew = MakeSorter(memory_ / 8 * 3);
+    for (uint64_t done = 0; done < from.count();) {
+      const uint64_t count = std::min<uint64_t>(options_.tile_triangles, from.count() - done);
+      TriangleBlock block;
+      uint64_t unused = 0;
+      MTDB_RETURN_IF_ERROR(from.Next(count, &block, &unused));
+      MTDB_RETURN_IF_ERROR(AddAll(block, curve_->Codes(block.triangles, input_grid()), *anew));
+      done += count;
+    }
+    *sorter = std::move(anew);
     return Status::Ok();
   }
 
@@ -522,6 +555,7 @@ class Builder {
     const TileOutcome& outcome = job.outcome;
     TileCluster& cluster = job.outcome.cluster;
     report.locked_vertices += outcome.locked_vertices;
+    seam_vertices_ += outcome.seam_vertices;
     report.stuck_topology += outcome.stuck_topology;
     report.stuck_degree += outcome.stuck_degree;
     uint32_t own = kNone32;
@@ -611,6 +645,8 @@ class Builder {
   std::optional<BorderPlane> border_plane_;
   std::optional<RoundLevel> level_;
   UpFinder up_;
+  std::optional<RoundCurve> curve_;  // of the round that comes
+  uint64_t seam_vertices_ = 0;       // that only seams locked in the last round
   // What rounds before left, that later ones may go on from; what this one leaves.
   std::vector<std::unique_ptr<SurfaceSpool>> beneath_;
   std::unique_ptr<SurfaceSpool> left_;

@@ -86,6 +86,7 @@ class Decimator final : public TileDecimator {
   };
 
   void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
+  uint32_t LevelTriangles(const DecimateOptions& options, const TileResult& counted) const;
   bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
   bool FillSeen(Vertex& state);
@@ -145,10 +146,12 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   for (uint32_t v = 0; v < vertices; ++v) {
     if (mesh_.locked(v)) {
       ++result.locked_vertices;
+      result.seam_vertices += !mesh_.fixed(v);
     } else {
       queue_.Push(v, measure_.FirstGuess(v));
     }
   }
+  const uint32_t level_triangles = LevelTriangles(options, result);
   // All triangles that ever were are slots of the cluster; a ring at the border has one corner
   // more.
   const auto has_room = [&] {
@@ -158,7 +161,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     const std::optional<uint32_t> v = queue_.Pop();
     if (!v) break;
     if (!IsReady(*v) || filling_.error > options.largest_error) continue;
-    if (filling_.error > options.level_error && mesh_.live_triangles() <= options.level_triangles) {
+    if (filling_.error > options.level_error && mesh_.live_triangles() <= level_triangles) {
       break;
     }
     if (!Measure::kIsHeightField && mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
@@ -180,6 +183,17 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   result.removals = removals_;
   if constexpr (Measure::kGoesOn) measure_.Hold(result);
   return result;
+}
+
+// Where the seam locks most vertices, the others need not make up for them: the level may end the
+// tile when half of these have gone.
+template <FillingMeasure Measure, FillingRule Rule>
+uint32_t Decimator<Measure, Rule>::LevelTriangles(const DecimateOptions& options,
+                                                  const TileResult& counted) const {
+  if (2 * counted.seam_vertices <= mesh_.vertices()) return options.level_triangles;
+  const auto free = static_cast<uint32_t>(mesh_.vertices() - counted.locked_vertices);
+  const uint32_t triangles = mesh_.live_triangles();
+  return std::max(options.level_triangles, triangles - std::min(triangles, free));
 }
 
 template <FillingMeasure Measure, FillingRule Rule>

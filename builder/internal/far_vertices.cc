@@ -123,17 +123,18 @@ class Search {
       if (!Holds(box, p)) return;
       for (int i = 0; i < 3; ++i) axes[static_cast<size_t>(i)].Add(p[i]);
     }));
-    // One axis at a time, so that runs of different parts do not make a box of neither.
+    // One axis at a time, so that runs of different parts do not make a box of neither: the longest
+    // that has a gap.
+    std::array<int, 3> order{0, 1, 2};
+    const Vec3d size = box.max - box.min;
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return size[a] > size[b]; });
     Box3d inner = box;
-    double least = 1;
-    for (int i = 0; i < 3; ++i) {
+    for (const int i : order) {
       const auto [from, to] = axes[static_cast<size_t>(i)].LargestRun();
-      const double part = box.max[i] > box.min[i] ? (to - from) / (box.max[i] - box.min[i]) : 1;
-      if (!(part < least)) continue;
-      least = part;
-      inner = box;
+      if (from == box.min[i] && to == box.max[i]) continue;
       inner.min[i] = from;
       inner.max[i] = to;
+      break;
     }
     Box3d left;
     MTDB_RETURN_IF_ERROR(ForEachUsed([&](uint64_t, Vec3d p) {

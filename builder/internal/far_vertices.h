@@ -10,8 +10,8 @@
 
 namespace mtdb::internal {
 
-// Looks for the box that holds most of the vertices that triangles use: along the axis where that
-// makes it the smallest, the run of coordinates with the most vertices, between gaps of a 64th of
+// Looks for the box that holds most of the vertices that triangles use: along the longest axis that
+// has gaps, the run of coordinates with the most vertices, between gaps of a 64th of
 // the length and more; and again in that box, until it `suits`. None when no gap is left before
 // that: the mesh is too long for its edges all over. Reads the vertices once a round, of which
 // there are few.

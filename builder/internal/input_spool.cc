@@ -157,8 +157,8 @@ Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
 Status InputSpool::End() {
   if (report_.triangles != 0 && largest_index_ >= report_.vertices) {
     return BadInput("triangle " + std::to_string(largest_at_) + ": vertex index " +
-                    std::to_string(largest_index_) + ", but the mesh has " +
-                    std::to_string(report_.vertices) + " vertices");
+                    std::to_string(static_cast<int64_t>(largest_index_)) +  // -1, not 2^64 - 1
+                    ", but the mesh has " + std::to_string(report_.vertices) + " vertices");
   }
   if (header_.soup) {
     MTDB_RETURN_IF_ERROR(soup_spool_.Finish());

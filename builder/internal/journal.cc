@@ -24,7 +24,7 @@ namespace {
 // The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
 // note. The magic's number changes with the records, and with what the builder or the codecs make
 // of a tile.
-constexpr char kMagic[16] = "mtdb journal 10";
+constexpr char kMagic[16] = "mtdb journal 11";
 // The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
 constexpr size_t kMarkBytes = 32;
 constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;
@@ -76,7 +76,9 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   w.Put(c.entry.error_code_min);
   w.Put(c.entry.error_code_max);
   w.Put<uint8_t>(c.entry.explicit_arcs);
-  for (const uint64_t n : {o.locked_vertices, o.stuck_topology, o.stuck_degree}) w.PutVarint(n);
+  for (const uint64_t n : {o.locked_vertices, o.seam_vertices, o.stuck_topology, o.stuck_degree}) {
+    w.PutVarint(n);
+  }
   w.PutVarint(c.encoded.children.size());
   for (const UnitId child : c.encoded.children) w.PutVarint(child);
   w.PutVarint(c.encoded.payload.size());
@@ -107,7 +109,8 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   c.entry.error_code_min = r.Get<uint8_t>();
   c.entry.error_code_max = r.Get<uint8_t>();
   c.entry.explicit_arcs = r.Get<uint8_t>() != 0;
-  for (uint64_t* n : {&o->locked_vertices, &o->stuck_topology, &o->stuck_degree}) {
+  for (uint64_t* n :
+       {&o->locked_vertices, &o->seam_vertices, &o->stuck_topology, &o->stuck_degree}) {
     *n = r.GetVarint();
   }
   const uint64_t children = r.GetVarint();

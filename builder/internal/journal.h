@@ -29,6 +29,7 @@ namespace mtdb::internal {
 struct TileOutcome {
   TileCluster cluster;  // without what only the encoder needs
   uint64_t locked_vertices = 0;
+  uint64_t seam_vertices = 0;
   uint64_t stuck_topology = 0;
   uint64_t stuck_degree = 0;
 };

@@ -47,7 +47,8 @@ void RoundLevel::Begin(TileDecimator& decimator, const Grid& grid, double larges
   wanted_ /= reduction_;
 }
 
-void RoundLevel::Next(uint64_t left) {
+void RoundLevel::Next(uint64_t left, bool hindered) {
+  if (hindered && static_cast<double>(left) > wanted_ * std::sqrt(reduction_)) return;
   wanted_ /= reduction_;
   const double ratio = std::clamp(static_cast<double>(left) / wanted_, std::sqrt(reduction_),
                                   reduction_ * reduction_);

@@ -29,8 +29,9 @@ class RoundLevel {
   void Sample(const TileTriangle& triangle, uint64_t code);
   // After the last Sample: sets the first round's level. Errors are in work units.
   void Begin(TileDecimator& decimator, const Grid& grid, double largest_error);
-  // A round has left so many triangles.
-  void Next(uint64_t left);
+  // A round has left so many triangles; `hindered`: since seams locked most of them, and the level
+  // was not reached.
+  void Next(uint64_t left, bool hindered = false);
 
   // How a tile of the round is decimated; `alone` when it holds the round's whole mesh.
   DecimateOptions Options(size_t tile_triangles, bool alone) const;

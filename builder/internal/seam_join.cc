@@ -230,8 +230,13 @@ class SeamJoin {
     return Status::Ok();
   }
 
-  // A candidate's number, and its bytes with +0 for -0.
-  size_t record_bytes() const { return sizeof(uint32_t) + input_.vertex_bytes; }
+  // What likes are told by: the position with +0 for -0, and the row, of a long one its hashes.
+  static constexpr size_t kLongRow = 2 * sizeof(uint64_t);
+  size_t key_bytes() const {
+    return position_bytes() + std::min(input_.vertex_bytes - position_bytes(), kLongRow);
+  }
+  // A candidate's number and key.
+  size_t record_bytes() const { return sizeof(uint32_t) + key_bytes(); }
 
   // Fills places_, a Place for each vertex.
   Status FindPlaces() {
@@ -242,8 +247,7 @@ class SeamJoin {
     MTDB_RETURN_IF_ERROR(ForEachVertex([&](uint32_t v, const std::byte* bytes) {
       if (!candidate_[v]) return Status::Ok();
       std::memcpy(record.data(), &v, sizeof(v));
-      std::memcpy(record.data() + sizeof(v), bytes, input_.vertex_bytes);
-      Normalize(record.data() + sizeof(v));
+      PutKey(bytes, record.data() + sizeof(v));
       return parts.Add(parts.Of(HashOfPosition(Position(bytes))), record.data());
     }));
     MTDB_RETURN_IF_ERROR(parts.Finish());
@@ -274,16 +278,18 @@ class SeamJoin {
     }));
     return places_.Finish();
   }
-  void Normalize(std::byte* vertex) const {
-    if (input_.doubles) {
-      const Vec3d p = Position(vertex);
-      std::memcpy(vertex, &p, sizeof(p));
-    } else {
-      Vec3f p;
-      std::memcpy(&p, vertex, sizeof(p));
-      p = p + Vec3f{};
-      std::memcpy(vertex, &p, sizeof(p));
+  void PutKey(const std::byte* vertex, std::byte* key) const {
+    const Vec3d p = Position(vertex);
+    const Vec3f single{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    const void* const position = input_.doubles ? static_cast<const void*>(&p) : &single;
+    std::memcpy(key, position, position_bytes());
+    const ByteSpan row(vertex + position_bytes(), input_.vertex_bytes - position_bytes());
+    if (row.size() <= kLongRow) {
+      std::copy(row.begin(), row.end(), key + position_bytes());
+      return;
     }
+    const std::array<uint64_t, 2> hashes{Hash64(row), Hash64(row, 1)};
+    std::memcpy(key + position_bytes(), hashes.data(), sizeof(hashes));
   }
 
   // For each vertex of the part, in their order, the first that is like it, and the first there.
@@ -298,7 +304,7 @@ class SeamJoin {
       return std::memcmp(bytes(i), bytes(j), size);
     };
     std::sort(order.begin(), order.end(), [&](uint32_t i, uint32_t j) {
-      const int less = compare(i, j, input_.vertex_bytes);
+      const int less = compare(i, j, key_bytes());
       return less != 0 ? less < 0 : i < j;
     });
     const auto number = [&](uint32_t i) {
@@ -316,7 +322,7 @@ class SeamJoin {
       }
       totals_.equal += used > 1 ? used - 1 : 0;
       for (size_t a = from, b = from; a < to; a = b) {
-        for (; b < to && compare(order[a], order[b], input_.vertex_bytes) == 0; ++b) {
+        for (; b < to && compare(order[a], order[b], key_bytes()) == 0; ++b) {
           first[order[b]] = {number(order[a]), here};
           shared_[number(order[b])] = to - from > 1;
         }

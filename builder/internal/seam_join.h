@@ -28,12 +28,12 @@ struct SeamJoinTotals {
   bool attributes_differ = false;
 };
 
-// Vertices are alike when position (-0 is +0) and row are. A triangle with two like corners has no
-// area and goes. Two triangles that have an edge between like ends are joined there, corner by
-// corner, when no third one has it, they run along it in opposite directions, and they do not lie
-// back to back (the third corners are alike, or their planes are one, and the edge a fold). So
-// like vertices that no such edge connects stay apart: those of sheets back to back, of bodies
-// that touch, or with other attributes. The first of joined vertices stays.
+// Vertices are alike when position (-0 is +0) and row are equal, bit for bit. A triangle with two
+// like corners has no area and goes. Two triangles that have an edge between like ends are joined
+// there, corner by corner, when no third one has it, they run along it in opposite directions, and
+// they do not lie back to back (the third corners are alike, or their planes are one, and the edge
+// a fold). So like vertices that no such edge connects stay apart: those of sheets back to back, of
+// bodies that touch, or with other attributes. The first of joined vertices stays.
 //
 // `left` gets the vertices that stay and `triangles` those with area, with new numbers, when
 // `joined` is not 0; neither is finished. Costs a look at each position where all are different.

@@ -78,6 +78,7 @@ struct TileResult {
   std::vector<std::array<uint32_t, 3>> held;
   std::vector<Chord> chords;
   uint64_t locked_vertices = 0;
+  uint64_t seam_vertices = 0;  // of these, those that only the tile's seam locks
   uint64_t stuck_topology = 0;
   uint64_t stuck_degree = 0;
 };

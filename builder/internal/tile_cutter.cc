@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <span>
 
+#include "builder/internal/mesh_cut.h"
 #include "store/base/hash.h"
 
 namespace mtdb::internal {
@@ -27,7 +28,8 @@ uint64_t TileCutter::WindowTiles(uint64_t tile_triangles, size_t row_bytes) {
 
 uint64_t TileCutter::WindowBytes(uint64_t tile_triangles, size_t row_bytes) {
   // Tiles may have half as many triangles again as the options say.
-  return WindowTiles(tile_triangles, row_bytes) * tile_triangles * TriangleBytes(row_bytes) * 3 / 2;
+  const uint64_t bytes = TriangleBytes(row_bytes) + MeshCut::kTriangleBytes;
+  return WindowTiles(tile_triangles, row_bytes) * tile_triangles * bytes * 3 / 2;
 }
 
 TileCutter::TileCutter(TriangleSorter& sorter, const RoundCurve& curve, const Grid& grid,
@@ -74,13 +76,23 @@ Status TileCutter::ReadWindow() {
   const uint64_t triangles = WindowTriangles();
   uint64_t unused = 0;
   MTDB_RETURN_IF_ERROR(sorter_.Next(triangles, &block_, &unused));
-  parts_ = {{0, static_cast<uint32_t>(triangles), static_cast<uint32_t>(end - first)}};
-  Cut();
+  MeasureCentres();
+  Cut(static_cast<uint32_t>(end - first), nullptr);
+  if (parts_.size() > 1 && PartsHaveLongSeams()) {
+    std::ranges::sort(centres_, {}, &Centre::triangle);
+    MeshCut mesh(block_.triangles);
+    Cut(static_cast<uint32_t>(end - first), &mesh);
+  }
+  for (const Part& part : parts_) {
+    std::ranges::sort(std::span(centres_).subspan(part.begin, part.end - part.begin), {},
+                      &Centre::triangle);
+  }
+  std::ranges::sort(parts_, {}, [&](const Part& part) { return centres_[part.begin].triangle; });
   read_ = true;
   return Status::Ok();
 }
 
-void TileCutter::Cut() {
+void TileCutter::MeasureCentres() {
   std::array<int64_t, 3> base{};
   centres_.resize(block_.triangles.size());
   for (uint32_t i = 0; i < centres_.size(); ++i) {
@@ -94,6 +106,10 @@ void TileCutter::Cut() {
       centres_[i].at[axis] = static_cast<float>(sum[axis] - base[axis]);
     }
   }
+}
+
+void TileCutter::Cut(uint32_t tiles, MeshCut* mesh) {
+  parts_ = {{0, static_cast<uint32_t>(centres_.size()), tiles}};
   for (size_t i = 0; i < parts_.size();) {
     const Part part = parts_[i];
     if (part.tiles == 1) {
@@ -103,17 +119,37 @@ void TileCutter::Cut() {
     // Not in the middle, where the next round, of fewer tiles, may cut again.
     const uint32_t least = (part.tiles + 2) / 3;
     const uint64_t random = Mix64(options_.round ^ Mix64(window_ ^ Mix64(part.begin)));
-    auto tiles = static_cast<uint32_t>(least + random % (part.tiles - 2 * least + 1));
-    if (2 * tiles == part.tiles && tiles > least) --tiles;
-    const uint32_t middle = Split(part, tiles);
-    parts_[i] = {part.begin, middle, tiles};
-    parts_.push_back({middle, part.end, part.tiles - tiles});
+    auto first = static_cast<uint32_t>(least + random % (part.tiles - 2 * least + 1));
+    if (2 * first == part.tiles && first > least) --first;
+    const uint32_t middle = Split(part, first);
+    if (mesh != nullptr) MendSplit(part, middle, *mesh);
+    parts_[i] = {part.begin, middle, first};
+    parts_.push_back({middle, part.end, part.tiles - first});
   }
-  for (const Part& part : parts_) {
-    std::ranges::sort(std::span(centres_).subspan(part.begin, part.end - part.begin), {},
-                      &Centre::triangle);
+}
+
+bool TileCutter::PartsHaveLongSeams() const {
+  std::vector<uint32_t> tiles(centres_.size());
+  for (uint32_t p = 0; p < parts_.size(); ++p) {
+    for (uint32_t i = parts_[p].begin; i < parts_[p].end; ++i) tiles[centres_[i].triangle] = p;
   }
-  std::ranges::sort(parts_, {}, [&](const Part& part) { return centres_[part.begin].triangle; });
+  return HasLongSeams(block_.triangles, tiles, static_cast<uint32_t>(parts_.size()));
+}
+
+void TileCutter::MendSplit(const Part& part, uint32_t middle, MeshCut& mesh) {
+  const auto centres = std::span(centres_).subspan(part.begin, part.end - part.begin);
+  const size_t first = middle - part.begin;
+  std::vector<uint32_t> triangles;
+  triangles.reserve(centres.size());
+  for (const Centre& centre : centres) triangles.push_back(centre.triangle);
+  const MeshCut::Seam seam = mesh.SeamOf(triangles, first);
+  if (!seam.is_long()) return;
+  std::ranges::sort(triangles);
+  const std::vector<uint32_t> walk = mesh.Walk(triangles);
+  if (mesh.SeamOf(walk, first).vertices >= seam.vertices) return;
+  std::vector<uint32_t> places(block_.triangles.size());
+  for (uint32_t i = 0; i < walk.size(); ++i) places[walk[i]] = i;
+  std::ranges::sort(centres, {}, [&](const Centre& centre) { return places[centre.triangle]; });
 }
 
 uint32_t TileCutter::Split(const Part& part, uint32_t tiles) {

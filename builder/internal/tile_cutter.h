@@ -14,10 +14,13 @@
 
 namespace mtdb::internal {
 
+class MeshCut;
+
 // Runs of the curve have winding borders. So a window, a run of several tiles, is cut in two again
 // and again, across the axis along which its triangles lie farthest apart: seams are a quarter
-// shorter. Tiles depend on the round's triangles alone. A tile's triangles come along the curve,
-// and the tiles of a window in the order of their first triangles.
+// shorter. Where triangles are so long and thin that most vertices would lie on seams, it is cut
+// along the mesh instead (MeshCut). Tiles depend on the round's triangles alone. A tile's triangles
+// come along the curve, and the tiles of a window in the order of their first triangles.
 class TileCutter {
  public:
   struct Options {
@@ -52,7 +55,11 @@ class TileCutter {
   };
   uint64_t WindowTriangles() const;
   Status ReadWindow();
-  void Cut();
+  void MeasureCentres();
+  // Sets parts_; where `mesh` is given, it mends cuts that have long seams.
+  void Cut(uint32_t tiles, MeshCut* mesh);
+  bool PartsHaveLongSeams() const;
+  void MendSplit(const Part& part, uint32_t middle, MeshCut& mesh);
   // Puts the part's triangles that become its first `tiles` tiles before the others; returns where
   // those begin.
   uint32_t Split(const Part& part, uint32_t tiles);

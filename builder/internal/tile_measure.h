@@ -110,6 +110,7 @@ class TileMeasure {
   void LoadHeld(const TileSurface& surface, std::span<const uint32_t> local);
   void MeasureVertices(const Surface& surface);
   void MeasureHeights();
+  void LowerHeightsOfNeedles();
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {
     const Triangle& t = triangles_[triangle];

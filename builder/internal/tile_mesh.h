@@ -30,6 +30,7 @@ class TileMesh {
   // The input's numbering.
   std::span<const uint32_t> vertex_numbers() const { return vertices_; }
   bool locked(uint32_t v) const { return places_[v].locked; }
+  bool fixed(uint32_t v) const { return fixed_[v] != 0; }  // at a non-manifold place
   bool removed(uint32_t v) const { return places_[v].removed; }
   Vec3d position(uint32_t v) const { return places_[v].position; }  // work units
   const std::array<uint32_t, 3>& corners(uint32_t t) const { return triangles_[t].corners; }

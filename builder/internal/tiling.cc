@@ -9,7 +9,8 @@
 
 namespace mtdb::internal {
 
-RoundCurve::RoundCurve(const Box3d& bounds, uint32_t round) : min_(bounds.min) {
+RoundCurve::RoundCurve(const Box3d& bounds, uint32_t round, uint32_t owner_levels)
+    : min_(bounds.min), owner_levels_(owner_levels), ranks_(Mix64(~uint64_t{round})) {
   const Vec3d size = bounds.max - bounds.min;
   const double longest = std::max({size.x, size.y, size.z});
   // The mesh takes half of the cube's side; the shift takes up to the other half.
@@ -28,14 +29,36 @@ RoundCurve::RoundCurve(const Box3d& bounds, uint32_t round) : min_(bounds.min) {
 }
 
 uint64_t RoundCurve::Code(const TileTriangle& t, const Grid& grid) const {
+  if (owner_levels_ != 0) return OwnerCode(t, grid);
   const Vec3d sum =
       grid.Position(t.positions[0]) + grid.Position(t.positions[1]) + grid.Position(t.positions[2]);
+  return CodeAt({sum.x / 3, sum.y / 3, sum.z / 3});
+}
+
+uint64_t RoundCurve::CodeAt(Vec3d place) const {
   std::array<uint32_t, 3> cell;
   for (int i = 0; i < 3; ++i) {
-    const double x = std::max(0.0, (sum[i] / 3 - min_[i]) * scale_[i]);
+    const double x = std::max(0.0, (place[i] - min_[i]) * scale_[i]);
     cell[static_cast<size_t>(axis_[i])] = (static_cast<uint32_t>(x) + shift_[i]) ^ mirror_[i];
   }
   return HilbertCode(cell);
+}
+
+uint64_t RoundCurve::OwnerCode(const TileTriangle& t, const Grid& grid) const {
+  std::array<Vec3d, 3> corners;
+  for (size_t c = 0; c < 3; ++c) corners[c] = grid.Position(t.positions[c]);
+  const uint32_t inside = 3 * (kHilbertBits - owner_levels_);  // bits of a code within a cell
+  uint64_t owner = 0;
+  uint64_t first = ~uint64_t{0};
+  for (const Vec3d corner : corners) {
+    const uint64_t cell = CodeAt(corner) >> inside;
+    const uint64_t rank = Mix64(cell ^ ranks_);
+    if (rank > first) continue;
+    first = rank;
+    owner = cell;
+  }
+  const uint64_t centre = CodeAt((corners[0] + corners[1] + corners[2]) * (1.0 / 3));
+  return owner << inside | centre >> (3 * owner_levels_);
 }
 
 std::vector<uint64_t> RoundCurve::Codes(std::span<const TileTriangle> triangles,

@@ -98,13 +98,12 @@ void HandOn(const struct stat& from, int descriptor) {
 
 // Whether what has the path now may be replaced.
 Status CheckReplaced(const std::string& path, const AtomicFileOptions& options) {
-  if (!options.source.empty() && IsSameFile(path, options.source)) {
-    return {StatusCode::kAlreadyExists, path + ": is the file that is read (" + options.source +
-                                            "); nothing was written: give another name"};
-  }
   const GuardedFile found = RecogniseFileAt(path);
-  if (found == GuardedFile::kPackedFile && options.replaces_packed_file) return Status::Ok();
-  return RefuseToReplace(found, path);
+  const bool is_allowed = found == GuardedFile::kPackedFile && options.replaces_packed_file;
+  if (!is_allowed) MTDB_RETURN_IF_ERROR(RefuseToReplace(found, path));
+  if (options.source.empty() || !IsSameFile(path, options.source)) return Status::Ok();
+  return {StatusCode::kAlreadyExists, path + ": is the file that is read (" + options.source +
+                                          "); nothing was written: give another name"};
 }
 
 }  // namespace

@@ -87,8 +87,9 @@ class MeshInput {
   // magic word, else the suffix does. Memory does not grow with the file, except for STL, whose
   // vertices are joined by exact position, for the vertex table of OBJ faces, and for what
   // codecs/mesh_file/README.md says of compressed formats. Errors: kIoError, and kBadInput with
-  // file, element number or line, what was expected and what was found; among them: non-finite
-  // coordinates, vertex indices out of range, a count that the file is too short for, no vertices.
+  // file, element number or line, what was expected and what was found; among them: coordinates
+  // that are not finite of vertices that faces use, vertex indices out of range, a count that the
+  // file is too short for, no vertices.
   Status Read(MeshSink& sink, MeshReadReport* report) const;
   const std::string& path() const;
   uint64_t temporary_bytes() const;  // of the copy; 0: there is none

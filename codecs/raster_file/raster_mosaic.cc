@@ -111,9 +111,7 @@ Result<RasterMosaic> RasterMosaic::Join(std::vector<std::unique_ptr<RasterReader
     top = std::min(top, places.back()[1]);
     right = std::max(right, places.back()[0] + own.frame.columns);
     bottom = std::max(bottom, places.back()[1] + own.frame.rows);
-    if (own.height_step != info.height_step) {
-      info.height_step = std::min(own.height_step, info.height_step);
-    }
+    info.height_step = std::min(own.height_step, info.height_step);
     // What is a hole in one file may be a height in another.
     if (own.frame.nodata != info.frame.nodata) info.frame.nodata.reset();
     if (own.frame.sample_type != info.frame.sample_type) info.frame.sample_type = "float64";

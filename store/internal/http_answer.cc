@@ -118,8 +118,9 @@ Status HttpAnswer::CheckCode(const FileVersion* version, const std::string& name
         return Changed(name);
       }
     }
-    return Unsupported(name + ": the server ignores Range and sends the whole file; serve it " +
-                       "from one that answers 206, or download it");
+    return Unsupported(name + ": the server ignores Range and sends the whole file, as " +
+                       "python3 -m http.server does; nginx, Apache, Caddy, object stores and " +
+                       "`mtdb serve` send ranges (206); or download it, and give the file");
   }
   if (code_ == 416) {
     return version != nullptr ? Changed(name)

@@ -47,7 +47,7 @@ TEST_CASE("users, passwords and queries of URLs do not stay in a text") {
 TEST_CASE("no secret stays wherever in a text a URL is") {
   const std::string secret = "S3cr3tS3cr3t";
   for (const std::string scheme : {"http://", "https://", "s3://", "ftp:/", "HTTPS://"}) {
-    for (const std::string url :
+    for (const std::string& url :
          {"user:" + secret + "@host/a", secret + "@host", "host/a?X-Amz-Signature=" + secret,
           "host/a?x=1&X-Amz-Security-Token=" + secret + "&y=2", "host/a?sig=" + secret,
           "u:" + secret + "/@host:80/b?sig=" + secret, "host?" + secret, "host/?token=" + secret,

@@ -23,10 +23,16 @@ MeshSurvey SurveyOfMesh(const TriangleMesh& mesh, const BuildOptions& options = 
   return *survey;
 }
 
-void AddByte(TriangleMesh* mesh, const std::function<int(VertexIndex)>& value) {
-  mesh->header.attributes.attributes = {{"colour", ScalarType::kUint8}};
+// A byte a vertex; behind three doubles, when `wide`.
+void AddByte(TriangleMesh* mesh, const std::function<int(VertexIndex)>& value, bool wide = false) {
+  mesh->header.attributes.attributes.clear();
+  for (const char* name : {"a", "b", "c"}) {
+    if (wide) mesh->header.attributes.attributes.push_back({name, ScalarType::kFloat64});
+  }
+  mesh->header.attributes.attributes.push_back({"colour", ScalarType::kUint8});
   mesh->rows.clear();
   for (VertexIndex v = 0; v < mesh->positions.size(); ++v) {
+    if (wide) mesh->rows.insert(mesh->rows.end(), 3 * sizeof(double), std::byte{0});
     mesh->rows.push_back(static_cast<std::byte>(value(v)));
   }
 }
@@ -127,8 +133,10 @@ TEST_CASE("Cut meshes are joined as the definition says, in any memory") {
     TriangleMesh mesh = MakeSheet(12, 0.1, static_cast<uint32_t>(round));
     if (round % 4 == 1) mesh = TwoSided(6, round % 8 == 1);
     if (round % 4 == 2) mesh = Cubes({{0, 0, 0}, {1, 1, 0}, {3, 0, 0}, {4, 1, 1}});
-    AddByte(&mesh,
-            [&](VertexIndex) { return round % 3 == 0 ? static_cast<int>(random() % 2) : 0; });
+    const auto colour = [&](VertexIndex) {
+      return round % 3 == 0 ? static_cast<int>(random() % 2) : 0;
+    };
+    AddByte(&mesh, colour, round % 7 < 3);
     mesh = CutMesh(mesh, static_cast<double>(round % 5) / 4, random());
     for (int i = round % 6; i > 0; --i) {  // triangles with two like corners, and other spoils
       TriangleVertices t = mesh.triangles[random() % mesh.triangles.size()];
@@ -163,7 +171,8 @@ TEST_CASE("Cut meshes are joined as the definition says, in any memory") {
         for (size_t c = 0; c < 3; ++c) REQUIRE(found[c] == number[mesh.triangles[t][c]]);
       }
       CHECK(reader.remaining() == 0);
-      CHECK(spools.left.size() == count * ((doubles ? 24 : 12) + 1));
+      CHECK(spools.left.size() ==
+            count * ((doubles ? 24 : 12) + mesh.header.attributes.row_bytes()));
     }
   }
 }

@@ -38,6 +38,10 @@ TriangleMesh Cone(Vec3d axis, uint32_t rings, uint32_t columns) {
     mesh.triangles.push_back({last + c, last + d, tip});
     mesh.triangles.push_back({d, c, tip + 1});
   }
+  // Lossless stores keep float32.
+  for (Vec3d& p : mesh.positions) {
+    for (int i = 0; i < 3; ++i) p[i] = static_cast<float>(p[i]);
+  }
   return mesh;
 }
 

@@ -178,7 +178,7 @@ TEST_CASE("No file takes the place of a store, damaged, cut short or of another 
   for (const std::string& bytes : stores) {
     for (const bool packs : {false, true}) {
       const TemporaryFolder folder;
-      IsKept(folder, bytes, {.replaces_packed_file = packs});
+      IsKept(folder, bytes, {packs, ""});
     }
   }
 }

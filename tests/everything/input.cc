@@ -443,7 +443,8 @@ Input MakeInput(const Step& step, const std::string& folder) {
   Spoil(step, &mesh);
   AddAttributes(step, &mesh);
   MovePositions(step, &mesh);
-  if (step.has("cut")) {
+  // Draco's library encodes some meshes of loose triangles so that it cannot decode them.
+  if (step.has("cut") && step.Text("format", "ply").find("drc") == std::string::npos) {
     mesh = mtdb::testing::CutMesh(mesh, std::clamp(step.Number("cut", 1), 0.0, 1.0), 1);
   }
   if (step.has("far")) {

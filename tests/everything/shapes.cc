@@ -115,6 +115,46 @@ TriangleMesh MakeNeedles(int64_t size, uint64_t seed) {
   return mesh;
 }
 
+// A tube of long, thin quads: a cylinder, a sphere of meridians, or one whose ends are fans around
+// vertices of high valence; the seed says which, and how it is turned.
+TriangleMesh MakeMeridians(int64_t size, uint64_t seed) {
+  const uint64_t rings = 2 + seed % 6;
+  const bool closed = seed / 6 % 2 == 1;
+  const auto count = std::max<VertexIndex>(
+      3, static_cast<VertexIndex>(size) / (2 * (rings - 1) + (closed ? 2 : 0)));
+  const double tilt = 0.1 * static_cast<double>(seed % 31);
+  TriangleMesh mesh;
+  const auto add = [&](double radius, double angle, double z) {
+    const double x = radius * std::cos(angle);
+    mesh.positions.push_back({x * std::cos(tilt) - z * std::sin(tilt), radius * std::sin(angle),
+                              x * std::sin(tilt) + z * std::cos(tilt)});
+  };
+  for (uint64_t r = 0; r < rings; ++r) {
+    const double up = kPi * static_cast<double>(r + 1) / static_cast<double>(rings + 1);
+    const double radius = closed ? std::sin(up) : 1;
+    for (VertexIndex i = 0; i < count; ++i) {
+      add(radius, 2 * kPi * static_cast<double>(i) / static_cast<double>(count), -3 * std::cos(up));
+    }
+  }
+  const VertexIndex bottom = mesh.positions.size();
+  if (closed) {
+    add(0, 0, -3);
+    add(0, 0, 3);
+  }
+  const VertexIndex last = bottom - count;
+  for (VertexIndex i = 0; i < count; ++i) {
+    const VertexIndex j = (i + 1) % count;
+    for (VertexIndex r = 0; r < last; r += count) {
+      mesh.triangles.push_back({r + i, r + j, r + count + i});
+      mesh.triangles.push_back({r + j, r + count + j, r + count + i});
+    }
+    if (!closed) continue;
+    mesh.triangles.push_back({bottom, j, i});
+    mesh.triangles.push_back({bottom + 1, last + i, last + j});
+  }
+  return mesh;
+}
+
 TriangleMesh Generated(Status (*generate)(const GenerateOptions&, MeshSink&), int64_t size,
                        uint64_t seed) {
   TriangleMesh mesh;
@@ -162,6 +202,7 @@ constexpr Shape kShapes[] = {
     {"tangle", MakeTangle},       {"nasty", MakeNasty},
     {"sculpture", MakeSculpture}, {"terrain", MakeTerrain},
     {"needles", MakeNeedles},     {"plan", MakePlan},
+    {"meridians", MakeMeridians},
 };
 
 }  // namespace

@@ -46,14 +46,22 @@ class CheckingSink final : public mtdb::MeshSink {
   uint64_t most_ = 0;
 };
 
+Status ReadWith(uint8_t reader, const mtdb::internal::InputFile& file, mtdb::MeshSink& sink,
+                mtdb::MeshReadReport* report) {
+  switch (reader % 5) {
+    case 0: return mtdb::internal::ReadPly(file, {}, sink, report);
+    case 1: return mtdb::internal::ReadObj(file, {}, sink, report);
+    case 2: return mtdb::internal::ReadOff(file, {}, sink, report);
+    case 3: return mtdb::internal::ReadBinaryStl(file, sink, report);
+    default: return mtdb::internal::ReadAsciiStl(file, sink, report);
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static const int kDescriptor = ::memfd_create("mesh", 0);
   static const std::string kPath = "/proc/self/fd/" + std::to_string(kDescriptor);
-  constexpr decltype(&mtdb::internal::ReadPly) kReaders[] = {
-      mtdb::internal::ReadPly, mtdb::internal::ReadObj, mtdb::internal::ReadOff,
-      mtdb::internal::ReadBinaryStl, mtdb::internal::ReadAsciiStl};
   constexpr uint8_t kGltf = 120;  // of the first byte's lower bits
   if (size == 0) return 0;
   const auto written = static_cast<ssize_t>(size - 1);
@@ -66,7 +74,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   mtdb::MeshReadReport report;
   const bool is_gltf = (data[0] & 0x7f) >= kGltf;
   const Status status = is_gltf ? mtdb::internal::ReadGltf(**file, sink, &report)
-                                : kReaders[data[0] % std::size(kReaders)](**file, sink, &report);
+                                : ReadWith(data[0], **file, sink, &report);
   if (status.ok() && !sink.in_range()) __builtin_trap();
   if (!status.ok() && status.message().empty()) __builtin_trap();
   return 0;

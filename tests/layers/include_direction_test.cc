@@ -42,7 +42,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"query", {"base", "files", "store", "codecs/cluster", "codecs/stream"}},
     {"builder", {"base", "files", "store", "codecs/cluster"}},
     {"tools/client", {"base", "codecs/stream"}},
-    {"tools/request", {"base", "store", "query", "builder", "tools/client"}},
+    {"tools/request", {"base", "store", "query", "builder", "codecs/mesh_file", "tools/client"}},
     {"tools/generate", {"base", "files", "codecs/mesh_file"}},
     {"tools/render", {"base", "codecs/mesh_file", "query", "tools/generate"}},
     {"tools/server",

@@ -47,6 +47,8 @@ constexpr Bound kRecord{"object record", 16 * kKilobyte, 64};
 constexpr Bound kEntry{"catalog entry", 16 * kKilobyte, 16};
 constexpr Bound kIndex{"index rows", 64 * kKilobyte, 32};
 constexpr Bound kMeshFile{"mesh file", 4 * 1024 * kKilobyte, 64};
+// A corner of a polygon, of two bytes: its place, its neighbours and the tree that it is in.
+constexpr Bound kPolygonFile{"mesh file with polygons", 4 * 1024 * kKilobyte, 192};
 // A value of JSON, and what its list grows by.
 constexpr Bound kGltfFile{"glTF file", 4 * 1024 * kKilobyte, 192};
 // DracoMesh::kMostPerByte triangles and vertices of a byte.
@@ -411,11 +413,17 @@ TEST_CASE("mesh files take memory by their bytes", "[memory]") {
       static_cast<void>(read(**file, sink, &report));
     });
   };
+  // With a start that says nothing.
+  const auto with_start = [](auto read) {
+    return [read](const InputFile& file, MeshSink& sink, MeshReadReport* report) {
+      return read(file, MeshFileStart{}, sink, report);
+    };
+  };
   const std::string vertex = "property float x\nproperty float y\nproperty float z\n";
   const std::string list = "property list int int vertex_indices\n";
   for (const bool joins : {false, true}) {
     {
-      Meter meter = meter_of(ReadPly, joins);
+      Meter meter = meter_of(with_start(ReadPly), joins, kPolygonFile);
       for (const std::string format : {"ascii", "binary_little_endian", "binary_big_endian"}) {
         const std::string head = "ply\nformat " + format + " 1.0\n";
         for (const std::string count : {"3", "1000000000", "18446744073709551615"}) {
@@ -469,18 +477,21 @@ TEST_CASE("mesh files take memory by their bytes", "[memory]") {
       }
     }
     {
-      Meter meter = meter_of(ReadObj, joins);
+      Meter meter = meter_of(with_start(ReadObj), joins, kPolygonFile);
       std::string polygon = "f";
       for (int i = 0; i < 100'000; ++i) polygon += " 1";
+      std::string ears = "f";
+      for (int i = 0; i < 100'000; ++i) ears += " " + std::to_string(1 + i % 3);
       for (const std::string& text :
            {std::string("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "v 0 0 0\n" + polygon + "\n",
-            std::string(1 << 20, ' '), "f " + std::string(1 << 20, '1'),
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + ears + "\n", std::string(1 << 20, ' '),
+            "f " + std::string(1 << 20, '1'),
             std::string("f 1 2 \\\n") + std::string(1 << 19, '\\')}) {
         meter.TryAll(Text(text), 20);
       }
     }
     {
-      Meter meter = meter_of(ReadOff, joins);
+      Meter meter = meter_of(with_start(ReadOff), joins, kPolygonFile);
       for (const std::string& text : {std::string("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
                                       std::string("OFF\n4000000000 4000000000 0\n0 0 0\n"),
                                       std::string("OFF\n1 1 0\n0 0 0\n4000000000 0 0 0\n")}) {

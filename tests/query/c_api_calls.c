@@ -10,6 +10,7 @@
 
 #include "tests/query/c_api_checks.h"
 #include "tools/c/mtdb.h"
+#include "tools/c/mtdb_write.h"
 
 static mtdb_database* database;
 static mtdb_object* object;
@@ -413,6 +414,19 @@ static void check_probes(void) {
   OK(mtdb_cast_ray(object, info.bounds_max, down, -1, HUGE_VAL, &hit, &error));
 }
 
+/* What is kept from others: stores from packed files, passwords from messages. */
+static void check_guards(const char* store) {
+  char shown[64];
+  FAILS(MTDB_ALREADY_EXISTS, "a store", mtdb_pack(database, NULL, 0, store, NULL, NULL, &error));
+  OK(mtdb_without_secrets("a https://u:p@h/x?sig=1 b", shown, sizeof(shown), &error));
+  CHECK(strcmp(shown, "a https://h/x b") == 0);
+  OK(mtdb_without_secrets("https://u:p@h/x", shown, 6, &error));
+  CHECK(strcmp(shown, "https") == 0);
+  FAILS(MTDB_INVALID_ARGUMENT, "size", mtdb_without_secrets("a", shown, 0, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "text", mtdb_without_secrets(NULL, shown, 6, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "shown", mtdb_without_secrets("a", NULL, 6, &error));
+}
+
 int main(int argc, char** argv) {
   mtdb_open_options open_options;
   if (argc != 2) return 2;
@@ -430,6 +444,7 @@ int main(int argc, char** argv) {
   mtdb_free_database(database);
   OK(mtdb_open(argv[1], &database, &error));
   OK(mtdb_open_object(database, NULL, 0, &object, &error));
+  check_guards(argv[1]);
   check_object();
   check_queries();
   check_bytes();

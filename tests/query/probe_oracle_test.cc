@@ -277,7 +277,9 @@ TEST_CASE("The first hit at an accuracy is that of the cut, and near the input")
       if (expected.sure <= answer.reach) REQUIRE(found <= expected.sure * (1 + 1e-9));
       if (!answer.hit) continue;
       ++hits;
-      REQUIRE(ClosestDistance(probed.full, answer.hit->point) <= answer.error_bound * (1 + 1e-9));
+      // The bound of a plane is 0; the hit lies in it but for the last digits.
+      REQUIRE(ClosestDistance(probed.full, answer.hit->point) <=
+              answer.error_bound * (1 + 1e-9) + 1e-12 * probed.record().diagonal());
     }
   }
   REQUIRE(hits > 200);

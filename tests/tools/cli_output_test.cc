@@ -180,7 +180,7 @@ TEST_CASE("no output takes the place of a store or of a packed file, by whatever
 
 TEST_CASE("what is shown of a URL has no password and no signature", "[cli]") {
   const std::string secret = "S3cr3tS3cr3t";
-  for (const std::string url :
+  for (const std::string& url :
        {"http://user:" + secret + "@127.0.0.1:1/a.mtdbp", "http://127.0.0.1:1/a?sig=" + secret,
         "s3://bucket/../a?X-Amz-Signature=" + secret, "s3://user:" + secret + "@bucket/a"}) {
     for (const std::string verb : {"list", "info", "verify", "fetch", "follow", "serve"}) {

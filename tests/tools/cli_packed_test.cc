@@ -142,6 +142,26 @@ TEST_CASE("a packed file takes the place of packed files, not of stores") {
   }
 }
 
+TEST_CASE("what is said of a packed file has no password and no signature of its URL") {
+  const FileServer files(ReadText(PackedExample()));
+  const std::string secret = "S3cr3tS3cr3t";
+  const std::string url = "http://user:" + secret + "@127.0.0.1:" + std::to_string(files.port()) +
+                          "/a.mtdbp?X-Amz-Signature=" + secret;
+  const Folder folder;
+  for (const std::string verb : {"list", "info", "verify", "copy", "unpack", "extract"}) {
+    for (const bool json : {false, true}) {
+      Arguments arguments{verb, url};
+      if (verb == "copy" || verb == "unpack") arguments.push_back(folder.File(verb));
+      if (verb == "extract") arguments.push_back(folder.File("a.ply"));
+      if (json) arguments.push_back("--json");
+      const Outcome outcome = Run(arguments);
+      INFO(Join(arguments) << "\n" << outcome.out << outcome.err);
+      if (!json) CHECK(outcome.exit_code == 0);
+      CHECK((outcome.out + outcome.err).find(secret) == std::string::npos);
+    }
+  }
+}
+
 TEST_CASE("a server stands before a packed file and before its URL") {
   const FileServer files(ReadText(PackedExample()));
   std::string mesh;

@@ -168,6 +168,17 @@ TEST_CASE("endless input that is no mesh ends an ingest by itself", "[cli]") {
   refused("{ printf 'ply\\nformat ascii 1.0\\n'; yes comment; } |", "ply", "does not end");
 }
 
+TEST_CASE("a pipe by its name is refused at once, whatever it is called", "[cli]") {
+  const Folder folder;
+  for (const std::string suffix : {"ply", "obj", "tif", "asc", "hgt", "dem", "mtdb"}) {
+    const std::string fifo = folder.File("a." + suffix);
+    REQUIRE(::mkfifo(fifo.c_str(), 0600) == 0);
+    RunFails(1, {"ingest", fifo, folder.File("s.mtdb"), "--name", "a", "--quiet"},
+             {fifo, "regular file"});
+    RunFails(1, {"info", fifo}, {fifo, "regular file"});
+  }
+}
+
 TEST_CASE("temporary files take no more than --max-tmp", "[cli]") {
   const Folder folder;
   const std::string store = folder.File("s.mtdb"), mesh = folder.File("a.ply");
@@ -177,8 +188,8 @@ TEST_CASE("temporary files take no more than --max-tmp", "[cli]") {
   CHECK(outcome.exit_code == 1);
   CHECK_THAT(outcome.err, Catch::Contains("MiB") && Catch::Contains("--max-tmp"));
   CHECK(!Exists(store));
-  RunOk({"generate", "sculpture", mesh, "--triangles", "200000"});
-  RunFails(1, {"ingest", mesh, store, "--name", "a", "--quiet", "--max-tmp", "1M"},
+  RunOk({"generate", "sculpture", mesh, "--triangles", "30000"});
+  RunFails(1, {"ingest", mesh, store, "--name", "a", "--quiet", "--max-tmp", "100K"},
            {"--max-tmp", "--resume"});
   RunOk({"ingest", mesh, store, "--name", "a", "--quiet", "--resume", "--max-tmp", "1G"});
   RunOk({"verify", store});

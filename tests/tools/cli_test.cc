@@ -594,7 +594,7 @@ TEST_CASE("--quiet is silent, and progress off a terminal is plain lines", "[cli
   CHECK(quiet.err.empty());
   const Outcome loud = Run({"ingest", example.mesh, store, "--name", "b"});
   CHECK(loud.exit_code == 0);
-  CHECK_THAT(loud.out, Catch::Contains("b: " + example.info.at("triangles").dump() + " triangles"));
+  CHECK_THAT(loud.out, Catch::Contains("b: ") && Catch::Contains(" triangles, "));
   CHECK_THAT(loud.out, Catch::Contains("bits per vertex"));
   CHECK(loud.err.find_first_of("\r\033") == std::string::npos);
   const auto lines = std::count(loud.err.begin(), loud.err.end(), '\n');

@@ -126,11 +126,14 @@ TEST_CASE("an object that was renamed is what it is called now", "[server]") {
 }
 
 TEST_CASE("nobody waits for a server behind the server that trickles", "[server]") {
-  const Example& example = TheExample();
   const Folder folder;
+  // More than comes with the first request.
+  const std::string mesh = folder.File("sculpture.ply"), store = folder.File("s.mtdb");
+  RunOk({"generate", "sculpture", mesh, "--triangles", "60000"});
+  RunOk({"ingest", mesh, store, "--quiet"});
   std::atomic<bool> trickles{false};
   const testing::FileServer files(
-      ReadText(Packed(example.store, "sculpture", folder)),
+      ReadText(Packed(store, "sculpture", folder)),
       [&](const testing::FileRequest& request, testing::FileReply* reply) {
         if (!trickles) return;
         reply->raw = "HTTP/1.1 206 Partial Content\r\nETag: \"one\"\r\nContent-Length: " +

@@ -158,6 +158,8 @@ Result<mtdb_client_view> LookAt(const mtdb_client& client) {
 Result<std::unique_ptr<mtdb_mesh>> Compacted(const ClientMesh& client) {
   MeshHeader header;
   header.attributes = client.options().attributes;
+  const Grid& grid = client.options().grid;
+  if (grid.mode == PositionMode::kGrid) header.position_step = grid.step;
   header.vertex_count = client.vertex_count();
   header.triangle_count = client.triangle_count();
   MTDB_ASSIGN_OR_RETURN(auto mesh, MakeMesh(header, nullptr));

@@ -200,8 +200,8 @@ Status SendInput(const mtdb_input& input, const AttributeLayout& layout, double 
   MeshHeader header;
   header.position_step = position_step;
   for (uint64_t i = 0; i < input.vertices && input.positions != nullptr; ++i) {
-    header.bounds.Add(
-        {input.positions[3 * i], input.positions[3 * i + 1], input.positions[3 * i + 2]});
+    const double* const p = input.positions + 3 * i;
+    header.bounds.Add(Vec3d{p[0], p[1], p[2]});
   }
   header.attributes = layout;
   header.double_positions = NeedsDouble(input);

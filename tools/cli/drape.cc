@@ -98,7 +98,17 @@ Result<PlacedImage> ReadPlacedImage(const std::string& path) {
   const std::string suffix = LowerSuffix(path);
   const bool plain = suffix == ".png" || suffix == ".jpg" || suffix == ".jpeg";
   const std::optional<std::string> world = plain ? WorldFileOf(path) : std::nullopt;
-  if (!world) return ReadGdalImage(path);
+  if (!world) {
+    Result<PlacedImage> image = ReadGdalImage(path);
+    std::error_code error;
+    if (image.ok() || !plain || !std::filesystem::is_regular_file(path, error)) return image;
+    return BadInput(path + ": says nowhere which place it shows; put a world file beside it (" +
+                    std::filesystem::path(path)
+                        .filename()
+                        .replace_extension(suffix == ".png" ? ".pgw" : ".jgw")
+                        .string() +
+                    "), or take a GeoTIFF");
+  }
   PlacedImage image;
   MTDB_ASSIGN_OR_RETURN(image.bytes, ReadFile(path));
   MTDB_RETURN_IF_ERROR(ReadSize(path, &image));

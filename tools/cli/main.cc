@@ -11,8 +11,10 @@
 #include <memory>
 #include <new>
 #include <optional>
+#include <poll.h>
 #include <string>
 #include <system_error>
+#include <unistd.h>
 #include <utility>
 #include <vector>
 
@@ -34,12 +36,14 @@
 
 namespace {
 
+using mtdb::AddImplicit;
 using mtdb::AddJson;
 using mtdb::AddName;
 using mtdb::AddParsed;
 using mtdb::AddParsedList;
 using mtdb::AddPictureOptions;
 using mtdb::AddQueryOptions;
+using mtdb::AddServe;
 using mtdb::AddVerbose;
 
 constexpr int kExitError = 1;
@@ -82,78 +86,10 @@ class HelpFormatter : public CLI::Formatter {
   }
 };
 
-void AddImplicit(CLI::App* verb, bool* implicit) {
-  verb->add_flag("--implicit", *implicit,
-                 "keep clusters in memory as in the store, some 15 times smaller than decoded, and "
-                 "decode what a query needs each time anew; the answers are the same");
-}
-
 void AddCache(CLI::App* verb, mtdb::QueryArguments* arguments) {
   AddParsed(verb, "--cache", "SIZE", &arguments->cache_bytes, mtdb::ParseSize,
             "let decoded clusters take at most so much memory, e.g. 1.5G (default: a quarter of "
             "the machine's)");
-}
-
-void AddServe(CLI::App* verb, mtdb::ServerOptions* o) {
-  verb->add_option("STORE", o->service.store, "the store file, or a packed file or its URL")
-      ->required();
-  const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
-                          const char* description) {
-    return verb->add_option(name, *value, description)
-        ->type_name("N")
-        ->check(CLI::Range(smallest, largest));
-  };
-  AddParsed(verb, "--listen", "WHERE", &o->listen, mtdb::ParseEndpoint,
-            "ADDRESS:PORT, or PORT on 127.0.0.1; port 0 is any free one. Whoever can connect can "
-            "read the whole store: there are no passwords")
-      ->default_str("127.0.0.1:8080");
-  number("--threads", &o->threads, 1, 1024, "answer N queries at once (default: one per core)");
-  AddParsed(verb, "--cache", "SIZE", &o->service.cache_bytes, mtdb::ParseSize,
-            "keep decoded clusters of so much memory for each open object")
-      ->default_str("256M");
-  AddImplicit(verb, &o->service.implicit);
-  number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
-      ->capture_default_str();
-  number("--max-connections", &o->max_connections, 1, 100000,
-         "take at most N connections; others are told to try again")
-      ->capture_default_str();
-  number("--max-sessions", &o->max_sessions, 1, 100000,
-         "open at most N sessions among them; others are told to try again")
-      ->capture_default_str();
-  AddParsed(verb, "--max-triangles", "N", &o->service.max_triangles, mtdb::ParseCount,
-            "send no mesh of more triangles")
-      ->default_str("20000000");
-  AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, mtdb::ParseCount,
-            "let no session's mesh have more triangles; each takes some 250 to 700 bytes here")
-      ->default_str("1000000");
-  AddParsed(verb, "--session-memory", "SIZE", &o->service.session_memory_bytes, mtdb::ParseSize,
-            "let all sessions together take so much memory; then the largest give way")
-      ->default_str("2G");
-  AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, mtdb::ParseSize,
-            "let all answers under way take so much of temporary files; then the largest give way")
-      ->default_str("4G");
-  AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, mtdb::ParsePositiveSeconds,
-            "close a connection that is silent for so long")
-      ->default_str("30");
-  AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, mtdb::ParsePositiveSeconds,
-            "close a session whose client has said nothing for so long, nor answered a ping")
-      ->default_str("300");
-  AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, mtdb::ParsePositiveSeconds,
-            "give up a request that takes longer, its sending included")
-      ->default_str("600");
-  AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, mtdb::ParseSeconds,
-            "when told to stop, let running requests finish for so long")
-      ->default_str("5");
-  verb->add_option("--allow-origin", o->allowed_origin,
-                   "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
-                   "any (default: those that come from the server's own address only)")
-      ->type_name("ORIGIN");
-  verb->add_option("--allow-host", o->allowed_hosts,
-                   "let clients call the server by this name, e.g. scans.example.org; * is any "
-                   "(default: by address and localhost only)")
-      ->type_name("NAME");
-  verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
-      ->type_name("DIR");
 }
 
 // `may_be_raster`: a terrain's.
@@ -289,10 +225,8 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
           "one: several files, or tiles that adjoin, become one surface")
       ->type_name("[TOLERANCE]")
       ->expected(0, 1);
-  verb->add_flag(
-          "--no-weld", a->keep_apart,
-          "keep vertices of equal positions apart (default: where a mesh was cut along edges, "
-          "and the attributes of both sides are equal, they become one)")
+  verb->add_flag("--no-weld", a->keep_apart,
+                 "keep cuts in the mesh (default: joined where attributes agree)")
       ->excludes("--weld");
   verb->add_option("--normals", a->normal_bits,
                    "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
@@ -312,8 +246,7 @@ void AddIngest(CLI::App* verb, std::vector<std::string>* paths, mtdb::IngestArgu
   verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
       ->type_name("DIR");
   AddParsed(verb, "--max-tmp", "SIZE", &a->max_tmp_bytes, mtdb::ParseSize,
-            "let temporary files, the copy of standard input and the journal take at most so much "
-            "disk, e.g. 20G (default: all there is)");
+            "temporary files and the journal take at most so much (default: all there is)");
   verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
   verb->add_flag("--force", a->force, "replace an object of that name");
   verb->add_flag("--dry-run", a->dry_run,
@@ -362,6 +295,13 @@ std::string EmptyValue(const CLI::App& verb) {
   return "";
 }
 
+// Whether standard output is a pipe that nobody reads any more. What could not be written may have
+// been lost long ago, and errno with it.
+bool ReaderIsGone() {
+  pollfd out{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&out, 1, 0) > 0 && (out.revents & (POLLERR | POLLHUP)) != 0;
+}
+
 // The verbs, what their options fill, and what each runs.
 class CommandLine {
  public:
@@ -406,6 +346,7 @@ class CommandLine {
   mtdb::ViewArguments view_;
   mtdb::FollowArguments follow_;
   mtdb::GenerateArguments generate_;
+  bool quiet_ = false;  // of all verbs but ingest
 };
 
 CommandLine::CommandLine() {
@@ -451,6 +392,9 @@ CLI::App* CommandLine::AddVerb(const char* name, const char* description, const 
   CLI::App* verb = app_.add_subcommand(name, description);
   verb->group("Verbs");
   verb->footer(footer);
+  if (std::string(name) != "ingest") {
+    verb->add_flag("--quiet", quiet_, "print nothing but errors, and JSON where it is asked for");
+  }
   verbs_.emplace_back(verb, std::move(run));
   return verb;
 }
@@ -566,11 +510,9 @@ void CommandLine::AddRenderVerb() {
               "triangles whose orientation\nis wrong in the input. More: docs/guide.md",
               [this](bool*) { return mtdb::RenderVerb(query_); });
   AddStore(verb, &query_.store);
-  mtdb::IsWritten(verb->add_option("OUT.png", query_.output, "the picture"))
+  mtdb::IsWritten(verb->add_option("OUT.png", query_.output, "the picture: .png, .jpg or .jpeg"))
       ->required()
-      ->check([](const std::string& text) {
-        return text.ends_with(".png") ? "" : text + ": expected a name that ends in .png";
-      });
+      ->check([](const std::string& text) { return mtdb::CheckPictureName(text).message(); });
   AddQueryOptions(verb, &query_, true);
   AddCache(verb, &query_);
   AddPictureOptions(verb, &query_);
@@ -770,19 +712,25 @@ int CommandLine::Run(int argc, char** argv) {
   bool ok = true;
   for (const auto& [verb, run] : verbs_) {
     if (!verb->parsed()) continue;
+    // A mesh goes by the descriptor, and so still to standard output.
+    const CLI::Option* const json = verb->get_option_no_throw("--json");
+    if (quiet_ && (json == nullptr || json->count() == 0)) {
+      query_.quiet = space_.quiet = pack_.quiet = true;
+      if (std::FILE* const nothing = std::fopen("/dev/null", "w")) stdout = nothing;
+    }
     const mtdb::Status status = run(&ok);
     if (!status.ok()) {
       // Whoever reads our pipe has had enough, as `head` has.
-      if (status.code() == mtdb::StatusCode::kCancelled &&
-          status.message().ends_with(std::generic_category().message(EPIPE)))
+      if (status.message().ends_with(std::generic_category().message(EPIPE)) && ReaderIsGone()) {
         return 0;
+      }
       PrintError(status.message());
       return kExitError;
     }
   }
   errno = 0;
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    if (errno == EPIPE) return ok ? 0 : kExitError;
+    if (errno == EPIPE || ReaderIsGone()) return ok ? 0 : kExitError;
     PrintError("standard output cannot be written; is the disk full?");
     return kExitError;
   }

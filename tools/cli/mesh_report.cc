@@ -4,14 +4,13 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "tools/cli/grouped.h"
 #include "tools/client/printable.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
 
 namespace {
-
-unsigned long long U(uint64_t v) { return v; }
 
 constexpr uint64_t kJournalBytes = 15;  // a triangle, see BuildOptions::journal_path
 
@@ -93,9 +92,10 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
              U(s.equal_vertices)));
   }
   if (s.collapsed_triangles != 0) {
-    warnings.push_back(Text("%llu of %llu triangles are too thin for steps of %.3g and lose their "
+    warnings.push_back(Text("%s of %s triangles are too thin for steps of %.3g and lose their "
                             "area; ",
-                            U(s.collapsed_triangles), U(s.kept_triangles), s.grid.step) +
+                            Grouped(s.collapsed_triangles).c_str(),
+                            Grouped(s.kept_triangles).c_str(), s.grid.step) +
                        (s.advised_bits > s.bits ? Text("%d bits (steps of %.3g) suit the mesh",
                                                        s.advised_bits, s.advised_step)
                         : s.fits_float32        ? std::string("--lossless keeps them")
@@ -106,9 +106,10 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
 
 void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   std::printf("%s\n", Printable(name).c_str());
-  std::printf("  mesh         %llu triangles, %llu vertices", U(s.triangles), U(s.vertices));
+  std::printf("  mesh         %s, %s", Counted(s.triangles, "triangle", "triangles").c_str(),
+              Counted(s.vertices, "vertex", "vertices").c_str());
   if (s.components) {
-    std::printf(", %llu components\n", U(*s.components));
+    std::printf(", %s\n", Counted(*s.components, "component", "components").c_str());
   } else {
     std::printf("; its components were not counted, which takes 4 bytes a vertex\n");
   }
@@ -120,17 +121,17 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
                 s.edges.shortest, s.edges.longest, s.edges.median, s.edges.percentile1);
   }
   if (s.triangles != s.kept_triangles) {
-    std::printf("  dropped      %llu triangles with two equal vertices\n",
-                U(s.triangles - s.kept_triangles));
+    std::printf("  dropped      %s triangles with two equal vertices\n",
+                Grouped(s.triangles - s.kept_triangles).c_str());
   }
   if (s.flat_triangles != 0) {
-    std::printf("  flat         %llu triangles without area\n", U(s.flat_triangles));
+    std::printf("  flat         %s triangles without area\n", Grouped(s.flat_triangles).c_str());
   }
   for (const VertexAttribute& a : s.header.attributes.attributes) {
     std::printf("  attribute    %s\n", Printable(a.name).c_str());
   }
   if (s.welded_vertices != 0) {
-    std::printf("  welded       %llu vertices became others\n", U(s.welded_vertices));
+    std::printf("  welded       %s vertices became others\n", Grouped(s.welded_vertices).c_str());
   }
   if (s.equal_vertices != 0) {
     std::printf("  apart        %llu vertices lie where others do; --weld would join them\n",
@@ -138,7 +139,8 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   }
   std::printf("  %s\n", AccuracyLine(s).c_str());
   if (s.collapsed_at_16_bits != 0) {
-    std::printf("  at 16 bits %llu triangles would lose their area\n", U(s.collapsed_at_16_bits));
+    std::printf("  at 16 bits %s triangles would lose their area\n",
+                Grouped(s.collapsed_at_16_bits).c_str());
   }
   std::printf("  about %.3g MB in a store\n", Megabytes(s.store_bytes));
   if (s.temporary_bytes == 0) {

@@ -323,9 +323,13 @@ void AddView(CLI::App* verb, ViewArguments* a) {
   verb->callback([store, page] {
     if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
   });
+  AddParsed(verb, "--listen", "WHERE", &a->listen, ParseEndpoint,
+            "ADDRESS:PORT, or PORT on 127.0.0.1, as for serve: whoever can connect can read the "
+            "whole store");
   verb->add_option("--port", a->port, "listen on this port (default: any free one)")
       ->type_name("N")
-      ->check(CLI::Range(1, 65535));
+      ->check(CLI::Range(1, 65535))
+      ->excludes("--listen");
   verb->add_flag_callback(
       "--no-browser", [a] { a->browser = false; }, "only print the URL");
   verb->add_option("--drape", a->drape,
@@ -343,6 +347,83 @@ void AddProfile(CLI::App* verb, ProfileArguments* a) {
   AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
             "no height off by more than E (default: full resolution)");
   AddJson(verb, &a->json);
+}
+
+void AddImplicit(CLI::App* verb, bool* implicit) {
+  verb->add_flag("--implicit", *implicit,
+                 "keep clusters in memory as in the store, some 15 times smaller than decoded, and "
+                 "decode what a query needs each time anew; the answers are the same");
+}
+
+namespace {
+
+// How long what may take, who may come, and where temporary files go.
+void AddServeTimes(CLI::App* verb, ServerOptions* o) {
+  AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, ParsePositiveSeconds,
+            "close a connection that is silent for so long")
+      ->default_str("30");
+  AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, ParsePositiveSeconds,
+            "close a session whose client has said nothing for so long, nor answered a ping")
+      ->default_str("300");
+  AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, ParsePositiveSeconds,
+            "give up a request that takes longer, its sending included")
+      ->default_str("600");
+  AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, ParseSeconds,
+            "when told to stop, let running requests finish for so long")
+      ->default_str("5");
+  verb->add_option("--allow-origin", o->allowed_origin,
+                   "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
+                   "any (default: those that come from the server's own address only)")
+      ->type_name("ORIGIN");
+  verb->add_option("--allow-host", o->allowed_hosts,
+                   "let clients call the server by this name, e.g. scans.example.org; * is any "
+                   "(default: by address and localhost only)")
+      ->type_name("NAME");
+  verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
+      ->type_name("DIR");
+}
+
+}  // namespace
+
+void AddServe(CLI::App* verb, ServerOptions* o) {
+  verb->add_option("STORE", o->service.store, "the store file, or a packed file or its URL")
+      ->required();
+  const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
+                          const char* description) {
+    return verb->add_option(name, *value, description)
+        ->type_name("N")
+        ->check(CLI::Range(smallest, largest));
+  };
+  AddParsed(verb, "--listen", "WHERE", &o->listen, ParseEndpoint,
+            "ADDRESS:PORT, or PORT on 127.0.0.1; port 0 is any free one. Whoever can connect can "
+            "read the whole store: there are no passwords")
+      ->default_str("127.0.0.1:8080");
+  number("--threads", &o->threads, 1, 1024, "answer N queries at once (default: one per core)");
+  AddParsed(verb, "--cache", "SIZE", &o->service.cache_bytes, ParseSize,
+            "keep decoded clusters of so much memory for each open object")
+      ->default_str("256M");
+  AddImplicit(verb, &o->service.implicit);
+  number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
+      ->capture_default_str();
+  number("--max-connections", &o->max_connections, 1, 100000,
+         "take at most N connections; others are told to try again")
+      ->capture_default_str();
+  number("--max-sessions", &o->max_sessions, 1, 100000,
+         "open at most N sessions among them; others are told to try again")
+      ->capture_default_str();
+  AddParsed(verb, "--max-triangles", "N", &o->service.max_triangles, ParseCount,
+            "send no mesh of more triangles")
+      ->default_str("20000000");
+  AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, ParseCount,
+            "let no session's mesh have more triangles; each takes some 250 to 700 bytes here")
+      ->default_str("1000000");
+  AddParsed(verb, "--session-memory", "SIZE", &o->service.session_memory_bytes, ParseSize,
+            "let all sessions together take so much memory; then the largest give way")
+      ->default_str("2G");
+  AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, ParseSize,
+            "let all answers under way take so much of temporary files; then the largest give way")
+      ->default_str("4G");
+  AddServeTimes(verb, o);
 }
 
 }  // namespace mtdb

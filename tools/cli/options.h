@@ -62,7 +62,11 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* arguments, bool draws);
 // How render draws. After AddQueryOptions.
 void AddPictureOptions(CLI::App* verb, QueryArguments* arguments);
 
+// What the cache keeps.
+void AddImplicit(CLI::App* verb, bool* implicit);
+
 // All options of these verbs.
+void AddServe(CLI::App* verb, ServerOptions* options);
 void AddProbe(CLI::App* verb, ProbeArguments* arguments);
 void AddView(CLI::App* verb, ViewArguments* arguments);
 void AddProfile(CLI::App* verb, ProfileArguments* arguments);

@@ -5,10 +5,12 @@
 #include <cstdio>
 
 #include "store/database.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/machine.h"
 #include "tools/client/shortfall_json.h"
 #include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
+#include "tools/request/root_reason.h"
 
 namespace mtdb {
 
@@ -39,15 +41,12 @@ Remarks RemarksOn(const QueryJson& query, const ObjectRecord& record, const Extr
   if (query.contains("max_triangles") &&
       record.root_triangles > query["max_triangles"].get<uint64_t>()) {
     const auto most = query["max_triangles"].get<uint64_t>();
-    const char* const why =
-        "no coarser mesh is stored: separate parts, borders and non-manifold places keep their "
-        "triangles";
+    const std::string why = RootReasonText(record);
     r.unmet_limit = {{"max_triangles", most}, {"least", record.root_triangles}, {"reason", why}};
     std::snprintf(line, sizeof(line),
-                  "  WARNING: the limit of %llu triangles cannot be kept: the coarsest mesh has "
-                  "%llu; %s\n",
-                  static_cast<unsigned long long>(most),
-                  static_cast<unsigned long long>(record.root_triangles), why);
+                  "  WARNING: the limit of %s triangles cannot be kept: the coarsest mesh has "
+                  "%s; %s\n",
+                  Grouped(most).c_str(), Grouped(record.root_triangles).c_str(), why.c_str());
     r.text += line;
   }
   return r;
@@ -113,6 +112,7 @@ bool TellsShortfall(const QueryJson& query, const std::string& limit) {
 void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report) {
   const ExtractStats& stats = report.stats;
   const ObjectRecord& record = report.record;
+  if (arguments.quiet) return;
   // Beside a mesh on standard output.
   std::FILE* const to = arguments.output == "-" ? stderr : stdout;
   const Remarks remarks = RemarksOn(report.query, record, stats);
@@ -121,9 +121,9 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
                 ReportJson(arguments, report, remarks), to);
     return;
   }
-  std::fprintf(to, "%s: %llu triangles, %llu vertices, error at most %.6g (%.3g of the diagonal)\n",
-               arguments.output.c_str(), static_cast<unsigned long long>(stats.triangles),
-               static_cast<unsigned long long>(stats.vertices), stats.error_bound,
+  std::fprintf(to, "%s: %s, %s, error at most %.6g (%.3g of the diagonal)\n",
+               arguments.output.c_str(), Counted(stats.triangles, "triangle", "triangles").c_str(),
+               Counted(stats.vertices, "vertex", "vertices").c_str(), stats.error_bound,
                record.diagonal() > 0 ? stats.error_bound / record.diagonal() : 0.0);
   if (stats.error_bound_outside) {
     std::fprintf(to, "  that holds in the region; outside of it the error is at most %.6g\n",
@@ -134,20 +134,18 @@ void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report
   }
   std::fputs((remarks.text + report.remarks).c_str(), to);
   if (report.file) std::fputs(MeshFileText(*report.file).c_str(), to);
-  std::fprintf(to, "  read %llu of %llu clusters of the store (%s) in %.3g s\n",
-               static_cast<unsigned long long>(stats.clusters_read),
-               static_cast<unsigned long long>(stats.clusters_total),
+  std::fprintf(to, "  read %s of %s clusters of the store (%s) in %.3g s\n",
+               Grouped(stats.clusters_read).c_str(), Grouped(stats.clusters_total).c_str(),
                SizeText(stats.bytes_read).c_str(), report.total_seconds);
   if (!arguments.verbose) return;
-  std::fprintf(to, "  %llu triangles are in the region or within their error of it; %s\n",
-               static_cast<unsigned long long>(stats.active_triangles), LimitText(stats.limit));
+  std::fprintf(to, "  %s triangles are in the region or within their error of it; %s\n",
+               Grouped(stats.active_triangles).c_str(), LimitText(stats.limit));
   std::fprintf(
       to,
-      "  looked at %llu vertices that could be inserted, inserted %llu, of which %llu only because "
+      "  looked at %s vertices that could be inserted, inserted %s, of which %s only because "
       "others need them\n",
-      static_cast<unsigned long long>(stats.nodes_visited),
-      static_cast<unsigned long long>(stats.nodes_applied),
-      static_cast<unsigned long long>(stats.nodes_forced));
+      Grouped(stats.nodes_visited).c_str(), Grouped(stats.nodes_applied).c_str(),
+      Grouped(stats.nodes_forced).c_str());
   std::fprintf(to, "  select %.1f ms, load %.1f ms, emit %.1f ms, write %.1f ms; %.1f ms in all\n",
                1e3 * stats.seconds.select, 1e3 * stats.seconds.load,
                1e3 * std::max(0.0, stats.seconds.emit - report.write_seconds),

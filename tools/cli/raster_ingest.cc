@@ -2,17 +2,20 @@
 #include "tools/cli/raster_ingest.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
 
+#include "tools/cli/grouped.h"
 #include "tools/client/printable.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
 
 namespace {
-
-unsigned long long U(uint64_t v) { return v; }
 
 __attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
   char text[400];
@@ -39,6 +42,22 @@ Status CheckOptions(const IngestArguments& a) {
 }
 
 }  // namespace
+
+Status CheckNoPicture(const std::vector<std::string>& inputs) {
+  for (const std::string& path : inputs) {
+    std::error_code error;
+    if (path == "-" || !std::filesystem::is_regular_file(path, error)) continue;
+    std::array<char, 8> head{};
+    std::ifstream(path, std::ios::binary).read(head.data(), head.size());
+    const std::string_view bytes(head.data(), head.size());
+    const bool png = bytes.starts_with("\x89PNG\r\n"), jpeg = bytes.starts_with("\xff\xd8\xff");
+    if (!png && !jpeg) continue;
+    return BadInput(path + ": is a picture (" + (png ? "PNG" : "JPEG") +
+                    "), and neither a mesh nor a raster of heights; --drape of extract, render and "
+                    "view lays one over a surface");
+  }
+  return Status::Ok();
+}
 
 Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& arguments,
                                                          uint64_t memory_bytes) {
@@ -71,11 +90,11 @@ std::vector<std::string> RasterIngest::Notes() const {
   std::vector<std::string> notes = input_->info().notes;
   if (input_->files() > 1) {
     const RasterDisagreement& d = input_->disagreement();
-    std::string note = Text("%zu files joined to %u x %u samples; %llu lie in more than one",
-                            input_->files(), f.columns, f.rows, U(d.overlapping));
+    std::string note = Text("%zu files joined to %u x %u samples; %s lie in more than one",
+                            input_->files(), f.columns, f.rows, Grouped(d.overlapping).c_str());
     if (d.samples > 0) {
-      note += Text(", %llu of them differ, by up to %.9g: the first file's are kept", U(d.samples),
-                   d.largest);
+      note += Text(", %s of them differ, by up to %.9g: the first file's are kept",
+                   Grouped(d.samples).c_str(), d.largest);
     }
     notes.push_back(note);
   }
@@ -86,14 +105,15 @@ std::vector<std::string> RasterIngest::Notes() const {
                          HeightStepReasonText(input_->height_step_reason())));
   }
   if (r.filled.holes > 0 || r.filled.left > 0) {
-    std::string note =
-        Text("%llu samples of %llu holes got a height", U(r.filled.samples), U(r.filled.holes));
-    if (r.filled.left > 0) note += Text("; %llu larger holes were left", U(r.filled.left));
+    std::string note = Text("%s samples of %s holes got a height",
+                            Grouped(r.filled.samples).c_str(), Grouped(r.filled.holes).c_str());
+    if (r.filled.left > 0)
+      note += Text("; %s larger holes were left", Grouped(r.filled.left).c_str());
     notes.push_back(note);
   }
   if (r.holes > 0) {
-    notes.push_back(Text("%llu of %llu samples have no height: holes", U(r.holes),
-                         U(r.holes + r.filled.samples + r.samples)));
+    notes.push_back(Text("%s of %s samples have no height: holes", Grouped(r.holes).c_str(),
+                         Grouped(r.holes + r.filled.samples + r.samples).c_str()));
   }
   return notes;
 }

@@ -13,12 +13,16 @@
 
 namespace mtdb {
 
+// kBadInput for an input that is a picture (PNG, JPEG), whose pixels are neither a mesh nor
+// heights.
+Status CheckNoPicture(const std::vector<std::string>& inputs);
+
 // The joined raster of the inputs, while it is read. Stays where it is.
 class RasterIngest {
  public:
   // Null when the inputs are no rasters. Errors: those of the readers; kBadInput when only some
-  // inputs are rasters, or when they cannot be joined; kInvalidArgument for options that rasters do not take.
-  // `memory_bytes` is what the whole ingest may take.
+  // inputs are rasters, or when they cannot be joined; kInvalidArgument for options that rasters do
+  // not take. `memory_bytes` is what the whole ingest may take.
   static Result<std::unique_ptr<RasterIngest>> Open(const IngestArguments& arguments,
                                                     uint64_t memory_bytes);
 

@@ -4,6 +4,7 @@
 
 #include "codecs/mesh_file/atomic_file.h"
 #include "codecs/mesh_file/mesh_file.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
@@ -49,9 +50,8 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
     PrintAnswer("fetch", json);
     return;
   }
-  using Count = unsigned long long;
-  std::printf("%s: %llu triangles, %llu vertices, error at most %.6g\n", arguments.output.c_str(),
-              Count{a.triangles}, Count{a.vertices}, a.error_bound);
+  std::printf("%s: %s triangles, %s vertices, error at most %.6g\n", arguments.output.c_str(),
+              Grouped(a.triangles).c_str(), Grouped(a.vertices).c_str(), a.error_bound);
   if (TellsShortfall(query, a.limit)) {
     std::fputs(ShortfallText(a.shortfall, a.limit).c_str(), stdout);
   }
@@ -60,20 +60,19 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
                 a.triangles == 0 ? "the mesh is empty" : "the mesh is as coarse as it goes");
   }
   if (!unmet.is_null()) {
-    std::printf(
-        "  WARNING: the limit of %llu triangles cannot be kept: no coarser mesh is stored\n",
-        Count{unmet["max_triangles"].get<uint64_t>()});
+    std::printf("  WARNING: the limit of %s triangles cannot be kept: no coarser mesh is stored\n",
+                Grouped(unmet["max_triangles"].get<uint64_t>()).c_str());
   }
   std::fputs(MeshFileText(file).c_str(), stdout);
   std::printf("  received %s in %.3g s\n", SizeText(a.bytes_received).c_str(), seconds);
   if (!arguments.verbose) return;
   std::printf(
-      "  %llu triangles are in the region or within their error of it; what ended the "
+      "  %s triangles are in the region or within their error of it; what ended the "
       "refinement: %s\n",
-      Count{a.active_triangles}, a.limit.c_str());
-  std::printf("  the server read %llu of %llu clusters (%s); %llu were in its memory\n",
-              Count{a.clusters_read}, Count{a.clusters_total}, SizeText(a.bytes_read).c_str(),
-              Count{a.clusters_cached});
+      Grouped(a.active_triangles).c_str(), a.limit.c_str());
+  std::printf("  the server read %s of %s clusters (%s); %s were in its memory\n",
+              Grouped(a.clusters_read).c_str(), Grouped(a.clusters_total).c_str(),
+              SizeText(a.bytes_read).c_str(), Grouped(a.clusters_cached).c_str());
 }
 
 }  // namespace

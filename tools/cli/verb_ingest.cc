@@ -9,6 +9,7 @@
 
 #include "builder/build.h"
 #include "builder/mesh_survey.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/ingest_journal.h"
 #include "tools/cli/late_writer.h"
 #include "tools/cli/machine.h"
@@ -20,6 +21,7 @@
 #include "tools/generate/generate.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
+#include "tools/request/root_reason.h"
 
 namespace mtdb {
 
@@ -79,25 +81,22 @@ void PrintStages(const BuildReport& report, const ObjectRecord& r) {
   for (size_t i = 0; i < r.rounds.size(); ++i) {
     const RoundReport& round = r.rounds[i];
     std::printf(
-        "  round %zu: %llu triangles become %llu, in %llu tiles and %llu clusters, with an error "
+        "  round %zu: %s triangles become %s, in %s tiles and %s clusters, with an error "
         "of at "
-        "most %.3g; vertices that had to stay: %llu by topology, %llu by degree, %llu on seams of "
+        "most %.3g; vertices that had to stay: %s by topology, %s by degree, %s on seams of "
         "tiles\n",
-        i + 1, static_cast<unsigned long long>(round.triangles_in),
-        static_cast<unsigned long long>(round.triangles_out),
-        static_cast<unsigned long long>(round.tiles),
-        static_cast<unsigned long long>(round.clusters), r.grid.Error(round.error_code_max),
-        static_cast<unsigned long long>(round.stuck_topology),
-        static_cast<unsigned long long>(round.stuck_degree),
-        static_cast<unsigned long long>(round.locked_vertices));
+        i + 1, Grouped(round.triangles_in).c_str(), Grouped(round.triangles_out).c_str(),
+        Grouped(round.tiles).c_str(), Grouped(round.clusters).c_str(),
+        r.grid.Error(round.error_code_max), Grouped(round.stuck_topology).c_str(),
+        Grouped(round.stuck_degree).c_str(), Grouped(round.locked_vertices).c_str());
   }
-  std::printf("  %u clusters of %llu vertices to insert; the coarsest mesh has %llu triangles\n",
-              r.clusters, static_cast<unsigned long long>(r.nodes),
-              static_cast<unsigned long long>(r.root_triangles));
+  std::printf("  %u clusters of %s vertices to insert; the coarsest mesh has %s triangles\n",
+              r.clusters, Grouped(r.nodes).c_str(), Grouped(r.root_triangles).c_str());
+  std::printf("  %s\n", RootReasonText(r).c_str());
   double cpu = 0;
   for (const StageCost& s : report.stages) {
-    std::printf("  %-9s %8.2f s, %8.2f s of processors, %llu MiB temporary\n", s.stage.c_str(),
-                s.seconds, s.cpu_seconds, static_cast<unsigned long long>(s.tmp_bytes >> 20));
+    std::printf("  %-9s %8.2f s, %8.2f s of processors, %s MiB temporary\n", s.stage.c_str(),
+                s.seconds, s.cpu_seconds, Grouped(s.tmp_bytes >> 20).c_str());
     cpu += s.cpu_seconds;
   }
   if (cpu > 0) {
@@ -107,14 +106,10 @@ void PrintStages(const BuildReport& report, const ObjectRecord& r) {
 }
 
 void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
-  std::printf("%s: %llu triangles, %llu vertices, %llu components, %llu border edges\n",
-              r.name.c_str(), static_cast<unsigned long long>(r.triangles),
-              static_cast<unsigned long long>(r.vertices),
-              static_cast<unsigned long long>(r.components),
-              static_cast<unsigned long long>(r.boundary_edges));
+  std::printf("%s: %s\n", r.name.c_str(), SurfaceText(r).c_str());
   const InputReport& in = r.input;
   const auto note = [](uint64_t count, const char* what) {
-    if (count != 0) std::printf("  %llu %s\n", static_cast<unsigned long long>(count), what);
+    if (count != 0) std::printf("  %s %s\n", Grouped(count).c_str(), what);
   };
   note(in.degenerate_triangles, "triangles with two equal vertices dropped");
   note(in.duplicate_triangles, "duplicate triangles dropped");
@@ -213,6 +208,7 @@ void PrintNotes(const std::vector<std::string>& notes) {
 }  // namespace
 
 Status Survey(const IngestArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
   BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
@@ -243,6 +239,7 @@ Status Survey(const IngestArguments& arguments) {
 }
 
 Status Ingest(const IngestArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
   const std::string store = RealStorePath(arguments.store);
   BuildOptions options = OptionsOf(arguments, store);
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
@@ -319,9 +316,13 @@ Status Ingest(const IngestArguments& arguments) {
     PrintSummary(*record, file_bytes);
     std::printf("  %s\n", AccuracyLine(report.survey).c_str());
     if (arguments.weld || report.survey.welded_vertices != 0) {
-      std::printf("  %llu vertices welded to others%s\n",
-                  static_cast<unsigned long long>(report.survey.welded_vertices),
+      std::printf("  %s vertices welded to others%s\n",
+                  Grouped(report.survey.welded_vertices).c_str(),
                   arguments.weld ? "" : ", where the mesh was cut; --no-weld keeps the cuts");
+    }
+    if (report.survey.equal_vertices != 0 && !report.survey.attributes_differ) {
+      std::printf("  %s vertices lie where others do, and stay; --weld would join them\n",
+                  Grouped(report.survey.equal_vertices).c_str());
     }
     if (arguments.verbose) PrintStages(report, *record);
     for (const std::string& warning : AccuracyWarnings(report.survey)) {
@@ -342,9 +343,8 @@ Status Generate(const GenerateArguments& arguments) {
                              {"vertices", report.vertices},
                              {"triangles", report.triangles}});
   } else {
-    std::printf("%s: %llu triangles, %llu vertices\n", arguments.output.c_str(),
-                static_cast<unsigned long long>(report.triangles),
-                static_cast<unsigned long long>(report.vertices));
+    std::printf("%s: %s triangles, %s vertices\n", arguments.output.c_str(),
+                Grouped(report.triangles).c_str(), Grouped(report.vertices).c_str());
   }
   return Status::Ok();
 }

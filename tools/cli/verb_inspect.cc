@@ -14,20 +14,20 @@
 #include "store/base/redact.h"
 #include "store/database.h"
 #include "store/verify_store.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/ingest_journal.h"
 #include "tools/cli/raster_ingest.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/printable.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
+#include "tools/request/root_reason.h"
 
 namespace mtdb {
 
 namespace {
 
 constexpr uint64_t kMuchFreeSpace = uint64_t{1} << 20;
-
-unsigned long long U(uint64_t v) { return v; }
 
 using BitsPerVertex = std::map<std::string, double>;
 
@@ -69,7 +69,8 @@ void PrintRaster(const ObjectRecord& r) {
   if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
   if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
   std::printf(", rounded by up to %.6g\n", r.rounding_error);
-  if (f.filled > 0) std::printf("  filled       %llu samples that had no height\n", U(f.filled));
+  if (f.filled > 0)
+    std::printf("  filled       %s samples that had no height\n", Grouped(f.filled).c_str());
   const std::array<double, 2> unit = MetresOfUnit(r);
   if (unit[1] != 1) {
     std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);
@@ -90,8 +91,7 @@ std::string UpText(Vec3d up) {
 
 void PrintInfo(const ObjectRecord& r) {
   std::printf("%s\n", r.name.c_str());
-  std::printf("  surface      %llu triangles, %llu vertices, %llu components, %llu border edges\n",
-              U(r.triangles), U(r.vertices), U(r.components), U(r.boundary_edges));
+  std::printf("  surface      %s\n", SurfaceText(r).c_str());
   std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
               r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
               r.diagonal());
@@ -119,11 +119,12 @@ void PrintInfo(const ObjectRecord& r) {
     if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
     std::printf("\n");
   }
-  std::printf("  MT           %llu nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
-              U(r.nodes), r.clusters, r.depth, r.max_degree, r.rounds.size());
-  std::printf("  root         %llu triangles, error up to %.6g\n", U(r.root_triangles),
+  std::printf("  MT           %s nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
+              Grouped(r.nodes).c_str(), r.clusters, r.depth, r.max_degree, r.rounds.size());
+  std::printf("  root         %s triangles, error up to %.6g\n", Grouped(r.root_triangles).c_str(),
               r.grid.Error(r.error_code_max));
-  std::printf("  size         %llu bytes, %.2f bits per vertex\n", U(r.stored_bytes),
+  std::printf("               %s\n", RootReasonText(r).c_str());
+  std::printf("  size         %s bytes, %.2f bits per vertex\n", Grouped(r.stored_bytes).c_str(),
               r.vertices == 0
                   ? 0.0
                   : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
@@ -164,6 +165,7 @@ void PrintJournal(const IngestJournal& j) {
 }  // namespace
 
 Status Info(const InspectArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture({arguments.store}));
   const bool is_input = IsMeshFile(arguments.store) || IsRaster(arguments.store);
   if (arguments.store == "-" ||
       (is_input && !Database::Open(arguments.store, arguments.open).ok())) {
@@ -204,7 +206,8 @@ Status Info(const InspectArguments& arguments) {
       std::printf("  stream       %s, %.2f bits per vertex\n", name.c_str(), n);
     }
   }
-  std::printf("store: %llu bytes, %zu objects\n", U(file_bytes), records.size());
+  std::printf("store: %s bytes, %s\n", Grouped(file_bytes).c_str(),
+              Counted(records.size(), "object", "objects").c_str());
   return Status::Ok();
 }
 
@@ -237,7 +240,7 @@ Status List(const InspectArguments& arguments) {
     return Status::Ok();
   }
   for (const ObjectRecord& r : *records) {
-    std::printf("%12llu triangles  %s\n", U(r.triangles), r.name.c_str());
+    std::printf("%15s triangles  %s\n", Grouped(r.triangles).c_str(), r.name.c_str());
   }
   if (!none) {
     std::printf("%s: %zu object%s, %s", WithoutSecrets(arguments.store).c_str(), records->size(),

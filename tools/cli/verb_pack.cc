@@ -7,6 +7,7 @@
 #include "store/copy.h"
 #include "store/database.h"
 #include "store/packed_file.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/verbs.h"
 #include "tools/request/report_json.h"
 
@@ -58,10 +59,9 @@ Status Pack(const PackArguments& arguments) {
                          {"content_hash", report.content_hash}});
     return Status::Ok();
   }
-  std::printf("%s: %zu objects, %llu bytes, the first %llu of them for a first picture, hash %s\n",
-              arguments.to.c_str(), names.size(),
-              static_cast<unsigned long long>(report.file_bytes),
-              static_cast<unsigned long long>(report.first_bytes), report.content_hash.c_str());
+  std::printf("%s: %zu objects, %s bytes, the first %s of them for a first picture, hash %s\n",
+              arguments.to.c_str(), names.size(), Grouped(report.file_bytes).c_str(),
+              Grouped(report.first_bytes).c_str(), report.content_hash.c_str());
   return Status::Ok();
 }
 

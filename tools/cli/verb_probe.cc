@@ -4,6 +4,7 @@
 
 #include "query/probe.h"
 #include "store/database.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/verbs.h"
 #include "tools/request/report_json.h"
 
@@ -35,8 +36,8 @@ void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
     std::printf("%s\n", arguments.ray ? "the ray does not hit the surface"
                                       : "the surface is farther away than that");
   }
-  std::printf("  read %llu of %u clusters, %.1f KB; %.1f ms in all\n",
-              static_cast<unsigned long long>(answer.clusters_read), record.clusters,
+  std::printf("  read %s of %u clusters, %.1f KB; %.1f ms in all\n",
+              Grouped(answer.clusters_read).c_str(), record.clusters,
               static_cast<double>(answer.bytes_read) / 1e3, 1e3 * seconds);
 }
 

@@ -2,10 +2,13 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <unistd.h>
 
 #include "query/heights.h"
 #include "query/surface.h"
 #include "tools/cli/drape.h"
+#include "tools/cli/grouped.h"
+#include "tools/cli/progress.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/render/render.h"
@@ -136,8 +139,8 @@ std::string ColourText(const RenderOptions& options, const std::array<double, 2>
     what = options.height_units.empty() ? "height" : "height in " + options.height_units;
   if (options.colour_by == ColourBy::kDistance) {
     std::snprintf(line, sizeof(line),
-                  "how far the picture's surface is from the best one of %llu triangles",
-                  static_cast<unsigned long long>(reference.triangles));
+                  "how far the picture's surface is from the best one of %s triangles",
+                  Grouped(reference.triangles).c_str());
     what = line;
   }
   std::snprintf(line, sizeof(line), "  colours: %s; %.6g to %.6g\n", what.c_str(), range[0],
@@ -167,9 +170,10 @@ Status RenderVerb(const QueryArguments& arguments) {
     PrintJson(json);
     return Status::Ok();
   }
-  if (!arguments.output.ends_with(".png")) {
-    return Unsupported(arguments.output + ": expected a name that ends in .png");
-  }
+  MTDB_RETURN_IF_ERROR(CheckPictureName(arguments.output));
+  // Of a terminal: somebody waits.
+  ProgressLine progress(arguments.json || arguments.quiet || ::isatty(STDERR_FILENO) == 0);
+  progress.Update(0, "reading");
   RenderOptions options = arguments.picture;
   options.width = arguments.size.width;
   options.height = arguments.size.height;
@@ -197,8 +201,10 @@ Status RenderVerb(const QueryArguments& arguments) {
     options.reference = &reference;
   }
   RenderImage image;
+  progress.Update(0.5, "drawing " + Counted(mesh.triangles.size(), "triangle", "triangles"));
   MTDB_RETURN_IF_ERROR(NameImage(arguments, RenderMesh(mesh, options, &image)));
-  MTDB_RETURN_IF_ERROR(WritePng(arguments.output, image));
+  MTDB_RETURN_IF_ERROR(WritePicture(arguments.output, image));
+  progress.Finish();
   QueryReport report{json, surface->record(), stats};
   report.open_seconds = open_seconds;
   report.write_seconds = SecondsSince(drawn);

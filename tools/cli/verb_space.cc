@@ -161,7 +161,7 @@ Status Copy(const SpaceArguments& arguments) {
   }
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(arguments.store));
   MTDB_ASSIGN_OR_RETURN(ObjectSources wanted, OpenWanted(*database, arguments.names));
-  ProgressLine line(arguments.json);
+  ProgressLine line(arguments.json || arguments.quiet);
   const CopyProgress progress = ShownBy(line, "copying");
   Copied done;
   Status status = Status::Ok();
@@ -194,7 +194,7 @@ Status Copy(const SpaceArguments& arguments) {
 }
 
 Status Compact(const SpaceArguments& arguments) {
-  ProgressLine line(arguments.json);
+  ProgressLine line(arguments.json || arguments.quiet);
   const Result<CompactReport> report =
       CompactStore(arguments.store, ShownBy(line, "writing the new file"));
   line.Finish();

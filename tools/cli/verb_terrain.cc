@@ -7,6 +7,7 @@
 
 #include "query/heights.h"
 #include "store/database.h"
+#include "tools/cli/grouped.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
 #include "tools/request/read_file.h"
@@ -96,10 +97,9 @@ Status ProbeHeights(const ProbeArguments& arguments) {
                             {"clusters_total", record.clusters},
                             {"bytes_read", cost.bytes_read}});
   } else {
-    std::fprintf(stderr, "  %zu heights, error at most %.6g; read %llu of %u clusters, %.1f KB\n",
-                 places.size(), cost.error_bound,
-                 static_cast<unsigned long long>(cost.clusters_read), record.clusters,
-                 static_cast<double>(cost.bytes_read) / 1e3);
+    std::fprintf(stderr, "  %zu heights, error at most %.6g; read %s of %u clusters, %.1f KB\n",
+                 places.size(), cost.error_bound, Grouped(cost.clusters_read).c_str(),
+                 record.clusters, static_cast<double>(cost.bytes_read) / 1e3);
   }
   return Status::Ok();
 }
@@ -177,10 +177,9 @@ Status ExtractRaster(const QueryArguments& arguments) {
     return Status::Ok();
   }
   std::printf(
-      "%s: %u x %u samples, %llu of them holes; at the samples no height is off by more "
+      "%s: %u x %u samples, %s of them holes; at the samples no height is off by more "
       "than %.6g\n",
-      arguments.output.c_str(), report.columns, report.rows,
-      static_cast<unsigned long long>(report.holes), bound);
+      arguments.output.c_str(), report.columns, report.rows, Grouped(report.holes).c_str(), bound);
   return Status::Ok();
 }
 

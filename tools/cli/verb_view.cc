@@ -54,6 +54,7 @@ Status View(const ViewArguments& arguments) {
   options.service.store = arguments.store;
   options.service.open = arguments.open;
   options.listen.port = arguments.port;
+  if (arguments.listen) options.listen = *arguments.listen;
   std::string page;
   if (!arguments.drape.empty()) {
     MTDB_ASSIGN_OR_RETURN(PlacedImage image, ReadPlacedImage(arguments.drape));

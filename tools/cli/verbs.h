@@ -72,6 +72,7 @@ struct SpaceArguments {
   std::vector<std::string> names;  // remove, copy: the objects (copy: none are all); rename: both
   bool force = false;              // copy: replace objects of the same names
   bool json = false;
+  bool quiet = false;  // no progress
 };
 Status Remove(const SpaceArguments& arguments);
 Status Rename(const SpaceArguments& arguments);
@@ -85,6 +86,7 @@ struct PackArguments {
   std::vector<std::string> names;  // none: all
   bool force = false;              // unpack: replaces objects
   bool json = false;
+  bool quiet = false;  // no progress
 };
 Status Pack(const PackArguments& arguments);
 Status Unpack(const PackArguments& arguments);
@@ -97,6 +99,7 @@ struct QueryArguments {
   std::string name;
   QueryOptions query;
   bool print_query = false;
+  bool quiet = false;                   // nothing is told
   bool implicit = false;                // the cache keeps clusters as in the store; not fetch
   std::optional<uint64_t> cache_bytes;  // none: a quarter of the machine's; not fetch
   bool json = false;
@@ -141,7 +144,8 @@ Status ServeAndTell(const ServerOptions& options, const std::string& page,
 struct ViewArguments {
   std::string store;
   OpenOptions open;
-  uint16_t port = 0;  // 0: any free one
+  std::optional<Endpoint> listen;  // none: `port` on 127.0.0.1
+  uint16_t port = 0;               // 0: any free one
   bool browser = true;
   std::string drape;                 // an image; empty: none
   std::string page;                  // the folder, to write the page only

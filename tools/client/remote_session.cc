@@ -381,6 +381,8 @@ Status RemoteSession::SendMesh(MeshSink& sink) const {
   TriangleMesh mesh;
   mesh.header.attributes = client.options().attributes;
   mesh.header.double_positions = impl_->hello_.double_positions;
+  const Grid& grid = client.options().grid;
+  if (grid.mode == PositionMode::kGrid) mesh.header.position_step = grid.step;
   mesh.header.vertex_count = client.vertex_count();
   mesh.header.triangle_count = client.triangle_count();
   std::vector<VertexIndex> number(client.vertex_slots());

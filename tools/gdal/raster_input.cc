@@ -5,6 +5,7 @@
 #include <cctype>
 #include <filesystem>
 #include <set>
+#include <sys/stat.h>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "codecs/raster_file/height_step.h"
@@ -38,6 +39,11 @@ bool IsRaster(const std::string& path) {
 }
 
 Result<std::unique_ptr<RasterReader>> OpenRaster(const std::string& path, uint64_t cache_bytes) {
+  // To open a pipe would wait for who writes to it. Folders are rasters of some formats of GDAL.
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode) && !S_ISDIR(info.st_mode)) {
+    return IoError(path + ": is not a regular file; copy it to one");
+  }
   Result<std::unique_ptr<RasterReader>> own = OpenOwnRaster(path);
   if (own.status().code() != StatusCode::kUnsupported) return own;
   return OpenGdalRaster(path, cache_bytes);

@@ -104,5 +104,11 @@ Rgb TintOfHeight(double t);
 
 // Writes `image` to `path`, which appears when it is complete. Errors: kIoError, kNoSpace.
 Status WritePng(const std::string& path, const RenderImage& image);
+// As JPEG, of quality 92. kInvalidArgument for an image with alpha, which JPEG has not.
+Status WriteJpeg(const std::string& path, const RenderImage& image);
+// Either, by the suffix of `path`.
+Status WritePicture(const std::string& path, const RenderImage& image);
+// kInvalidArgument for a name that ends neither in .png nor in .jpg or .jpeg.
+Status CheckPictureName(const std::string& path);
 
 }  // namespace mtdb

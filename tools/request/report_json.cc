@@ -8,6 +8,7 @@
 
 #include "query/heights.h"
 #include "store/base/redact.h"
+#include "tools/request/root_reason.h"
 
 namespace mtdb {
 
@@ -107,6 +108,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"root_pieces", r.root_pieces},
       {"root_vertices", r.root_vertices},
       {"root_triangles", r.root_triangles},
+      {"root_reason", RootReasonText(r)},
       {"depth", r.depth},
       {"max_degree", r.max_degree},
       {"file_bytes", file_bytes},

@@ -129,6 +129,24 @@ void DecodeColours(Bytes& bytes) {
   }
 }
 
+// Undoes meshopt's filter of that name; false when there is none, or not for such elements.
+bool Unfilter(const std::string& name, uint64_t count, uint64_t stride, Bytes& bytes) {
+  if (name == "OCTAHEDRAL" && (stride == 4 || stride == 8)) {
+    meshopt_decodeFilterOct(bytes.data(), count, stride);
+  } else if (name == "QUATERNION" && stride == 8) {
+    meshopt_decodeFilterQuat(bytes.data(), count, stride);
+  } else if (name == "EXPONENTIAL") {
+    meshopt_decodeFilterExp(bytes.data(), count, stride);
+  } else if (name == "COLOR" && stride == 4) {
+    DecodeColours<uint8_t, int8_t>(bytes);
+  } else if (name == "COLOR" && stride == 8) {
+    DecodeColours<uint16_t, int16_t>(bytes);
+  } else {
+    return name == "NONE";
+  }
+  return true;
+}
+
 }  // namespace
 
 const GltfJson* GltfMember(const GltfJson* json, const char* key) {
@@ -400,17 +418,7 @@ Result<GltfBytes> GltfDocument::Decompressed(const GltfJson* extension) const {
     }
     return Error("meshopt cannot decode a bufferView; the file is damaged");
   }
-  if (how == "OCTAHEDRAL" && (stride == 4 || stride == 8)) {
-    meshopt_decodeFilterOct(bytes->data(), count, stride);
-  } else if (how == "QUATERNION" && stride == 8) {
-    meshopt_decodeFilterQuat(bytes->data(), count, stride);
-  } else if (how == "EXPONENTIAL") {
-    meshopt_decodeFilterExp(bytes->data(), count, stride);
-  } else if (how == "COLOR" && stride == 4) {
-    DecodeColours<uint8_t, int8_t>(*bytes);
-  } else if (how == "COLOR" && stride == 8) {
-    DecodeColours<uint16_t, int16_t>(*bytes);
-  } else if (how != "NONE") {
+  if (!Unfilter(how, count, stride, *bytes)) {
     return Error("meshopt filter " + how.substr(0, 20) + " of " + std::to_string(stride) +
                  " bytes an element");
   }

@@ -39,20 +39,21 @@ class ObjLines {
   explicit ObjLines(const InputFile& file) : text_(file) {}
 
   bool Next(std::string_view* line) {
-    for (;;) {
-      if (!text_.NextLine(line)) return false;
-      const std::string_view word = FirstWord(*line);
-      const bool goes_on = std::exchange(may_go_on_, false);
-      if (goes_on && IsNumber(word)) {
-        may_go_on_ = EndsInBackslash(*line);
+    while (text_.NextLine(line)) {
+      const bool ends_in_backslash = EndsInBackslash(*line);
+      if (may_go_on_ && IsNumber(FirstWord(*line))) {
+        may_go_on_ = ends_in_backslash;
         continue;
       }
+      may_go_on_ = false;
       line_ = text_.line();
-      if (line->empty() || !EndsInBackslash(*line)) return true;
+      if (!ends_in_backslash) return true;
+      const std::string_view word = FirstWord(*line);
       if (word == "v" || word == "f") return Join(line);
       may_go_on_ = word[0] != '#';
       return true;
     }
+    return false;
   }
   uint64_t line() const { return line_; }  // the first of the joined ones
   const Status& status() const { return text_.status(); }
@@ -69,8 +70,9 @@ class ObjLines {
   }
   // White space behind it is hard to see, and does not count.
   static bool EndsInBackslash(std::string_view line) {
-    const size_t last = line.find_last_not_of(" \t\v\f");
-    return last != std::string_view::npos && line[last] == '\\';
+    size_t size = line.size();
+    while (size > 0 && (line[size - 1] == ' ' || line[size - 1] == '\t')) --size;
+    return size > 0 && line[size - 1] == '\\';
   }
   // A comment ends with its line, whatever is in it.
   bool Join(std::string_view* line) {

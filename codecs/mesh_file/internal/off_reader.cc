@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // OFF, COFF, NOFF and CNOFF in text. The vertices are read twice: first for the kind of their
 // colours and for the precision that their positions need.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -42,6 +43,13 @@ std::string_view TakeKeyword(std::string_view* word) {
   const std::string_view keyword = word->substr(0, digits);
   word->remove_prefix(digits);
   return keyword;
+}
+
+// False for what is certainly a number below 1e30.
+bool MayBeNoCoordinate(std::string_view text) {
+  return text.size() > 30 || std::any_of(text.begin(), text.end(), [](char c) {
+           return c != '-' && c != '.' && (c < '0' || c > '9');
+         });
 }
 
 OffKeyword ParseKeyword(std::string_view word) {
@@ -211,6 +219,16 @@ class OffReader {
     return Status::Ok();
   }
 
+  Status ScanPosition(const TextReader& text, uint64_t index,
+                      const std::array<std::string_view, kMaxVertexValues>& values) {
+    if (std::none_of(values.begin(), values.begin() + 3, MayBeNoCoordinate)) return Status::Ok();
+    Vec3d position;
+    MTDB_RETURN_IF_ERROR(ParsePosition(text, values, &position));
+    if (AreCoordinates(position)) return Status::Ok();
+    left_out_.Add(index, "line " + std::to_string(text.line()) + ": " + CoordinateFault(position));
+    return Status::Ok();
+  }
+
   // In a pass of its own, which files without polygons are spared.
   Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) const {
     auto positions = std::make_unique<PositionSpool>(folder);
@@ -243,11 +261,7 @@ class OffReader {
       for (size_t k = 0; k < 3; ++k) {
         double_positions_ |= SignificantDigits(values[k]) > kFloatDigits;
       }
-      Vec3d position;
-      MTDB_RETURN_IF_ERROR(ParsePosition(text, values, &position));
-      if (!AreCoordinates(position)) {
-        left_out_.Add(i, "line " + std::to_string(text.line()) + ": " + CoordinateFault(position));
-      }
+      MTDB_RETURN_IF_ERROR(ScanPosition(text, i, values));
       for (size_t k = 0; k < colour_values_; ++k) {
         const std::string_view colour = values[values_expected() - colour_values_ + k];
         unit_colours_ |= colour.find_first_of(".eE") != std::string_view::npos;

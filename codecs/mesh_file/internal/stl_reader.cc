@@ -262,6 +262,37 @@ Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* repor
   return AsciiStlReader(file, sink, report).Read();
 }
 
+namespace {
+
+Status ReadFacets(const std::string& path, uint32_t triangles, BlockReader& reader,
+                  SoupEmitter<Vec3f>& soup, MeshReadReport* report) {
+  for (uint32_t i = 0; i < triangles; ++i) {
+    if (!reader.Ensure(kTriangleBytes)) {
+      MTDB_RETURN_IF_ERROR(reader.status());
+      return BadInput(path + ": facet " + std::to_string(i) +
+                      ": the file ends in the middle of it");
+    }
+    Vec3f normal;
+    std::array<Vec3f, 3> corners;
+    uint16_t attribute = 0;
+    std::memcpy(&normal, reader.data(), sizeof(normal));
+    std::memcpy(corners.data(), reader.data() + sizeof(normal), sizeof(corners));
+    std::memcpy(&attribute, reader.data() + sizeof(normal) + sizeof(corners), sizeof(attribute));
+    reader.Consume(kTriangleBytes);
+    if (!IsZero(normal)) AddIgnored(report, "facet normals");
+    if (attribute != 0) AddIgnored(report, "facet attribute bytes");
+    for (const Vec3f& corner : corners) {
+      if (std::string problem = CornerFault(corner); !problem.empty()) {
+        return BadInput(path + ": facet " + std::to_string(i) + ": " + problem);
+      }
+    }
+    MTDB_RETURN_IF_ERROR(soup.AddTriangle(path, corners));
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
 Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
   report->format = "STL binary";
   BlockReader reader(file, 0);
@@ -296,28 +327,7 @@ Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* repo
   header.triangle_count = triangles;
   SoupEmitter<Vec3f> soup(sink, origin);
   MTDB_RETURN_IF_ERROR(soup.Begin(header));
-  for (uint32_t i = 0; i < triangles; ++i) {
-    if (!reader.Ensure(kTriangleBytes)) {
-      MTDB_RETURN_IF_ERROR(reader.status());
-      return BadInput(file.path() + ": facet " + std::to_string(i) +
-                      ": the file ends in the middle of it");
-    }
-    Vec3f normal;
-    std::array<Vec3f, 3> corners;
-    uint16_t attribute = 0;
-    std::memcpy(&normal, reader.data(), sizeof(normal));
-    std::memcpy(corners.data(), reader.data() + sizeof(normal), sizeof(corners));
-    std::memcpy(&attribute, reader.data() + sizeof(normal) + sizeof(corners), sizeof(attribute));
-    reader.Consume(kTriangleBytes);
-    if (!IsZero(normal)) AddIgnored(report, "facet normals");
-    if (attribute != 0) AddIgnored(report, "facet attribute bytes");
-    for (const Vec3f& corner : corners) {
-      if (std::string problem = CornerFault(corner); !problem.empty()) {
-        return BadInput(file.path() + ": facet " + std::to_string(i) + ": " + problem);
-      }
-    }
-    MTDB_RETURN_IF_ERROR(soup.AddTriangle(file.path(), corners));
-  }
+  MTDB_RETURN_IF_ERROR(ReadFacets(file.path(), triangles, reader, soup, report));
   if (reader.remaining() > 0) {
     AddIgnored(report, std::to_string(reader.remaining()) + " bytes after the last facet");
   }

@@ -15,7 +15,7 @@ namespace mtdb::internal {
 Result<RasterInput> RasterInput::Open(const std::string& path) {
   RasterInput file;
   file.path_ = path;
-  file.descriptor_ = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  file.descriptor_ = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // pipes are no files
   struct stat status {};
   if (file.descriptor_ < 0 || fstat(file.descriptor_, &status) != 0) {
     const int error = errno;

@@ -151,7 +151,7 @@ export class Navigation {
       c = Math.max(c, y + tan * near);
       d = Math.max(d, tan * near - y);
     }
-    const distance = Math.max(this.radius() * 0.01, nearest * 1.01, kMargin * Math.max((a + b) / (2 * wide), (c + d) / (2 * tan)));
+    const distance = Math.max(nearest + 0.3 * this.radius(), kMargin * Math.max((a + b) / (2 * wide), (c + d) / (2 * tan)));
     const target = add(centre, add(scale(right, (a - b) / 2), scale(up, (c - d) / 2)));
     return [add(target, scale(direction, distance)), target];
   }

@@ -220,6 +220,8 @@ export class Scene {
     if (moving !== this.moving) this.changed();
     this.moving = moving;
     this.watch(now);
+    // Also when the answer came while it moved, and is that of the query at rest.
+    if (this.pixels === null && this.fill === 'first') this.goOn([...this.objects.values()]);
     const pixels = this.wanted();
     for (const object of this.objects.values()) {
       const wish = {camera, pixels, focus: this.focus, distancePixels: this.pixels === null ? kFirstPixels : pixels, maxTriangles: this.shareOf(object), stretch: this.stretch};
@@ -242,10 +244,10 @@ export class Scene {
 
   // Whether the budget suffices, with the error as it is.
   private weigh() {
-    const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view' || this.focus.inside === 'distance';
-    if (!byCamera) return;
     const all = [...this.objects.values()];
     if (this.pixels === null) return this.goOn(all);
+    const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view' || this.focus.inside === 'distance';
+    if (!byCamera) return;
     const short = all.find(o => (o.done?.limit === 'triangles' || o.done?.limit === 'memory') && o.doneText === o.wantedText);
     if (short) {
       this.limit = short.done!.limit as Exactness['limit'];

@@ -94,10 +94,14 @@ export class Viewer {
 
   // Visitors get the picture and what is told of it.
   private receive() {
-    const search = new URLSearchParams(location.search);
     if (this.ui === 'full') return;
     document.body.classList.add('closed', `ui-${this.ui}`);
-    if (this.ui === 'none') return;
+  }
+
+  // Once the objects are known, since what is said before that goes.
+  private tellVisitors() {
+    if (this.ui !== 'simple') return;
+    const search = new URLSearchParams(location.search);
     void (import(new URL('visitor.js', import.meta.url).href) as Promise<typeof import('./visitor')>).then(module => new module.Visitor(this, search),
       () => this.say('The page cannot load its part for visitors; is its server still there?'));
   }
@@ -114,6 +118,7 @@ export class Viewer {
       return;
     }
     this.say('');
+    this.tellVisitors();
     const view = readView(location.hash, this.defaults);
     if (view.objects.length === 0 && this.entries.length === 1) view.objects = [this.entries[0]!.object];
     if (view.objects.length > 0) return this.load(view);

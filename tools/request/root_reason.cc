@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/request/root_reason.h"
+
+#include <algorithm>
+
+namespace mtdb {
+
+// Vertices at non-manifold places are all in the root; of the others the last round, which removed
+// next to nothing, says why they stayed.
+RootReasons ReasonsOf(const ObjectRecord& record) {
+  RootReasons r;
+  uint64_t left = record.root_vertices;
+  const auto take = [&](uint64_t count) {
+    const uint64_t taken = std::min(count, left);
+    left -= taken;
+    return taken;
+  };
+  r.nonmanifold = take(record.input.nonmanifold_vertices);
+  if (!record.rounds.empty()) {
+    const RoundReport& last = record.rounds.back();
+    r.topology = take(last.stuck_topology);
+    r.degree = take(last.stuck_degree);
+    // Those on seams are counted once for each of their tiles, two at least.
+    const uint64_t locked = last.locked_vertices - std::min(last.locked_vertices, r.nonmanifold);
+    if (last.tiles > 1) r.seams = take(locked / 2);
+  }
+  r.bound = left;
+  return r;
+}
+
+std::string RootReasonText(const ObjectRecord& record) {
+  const RootReasons r = ReasonsOf(record);
+  std::string text = "no coarser mesh is stored: of the " + std::to_string(record.root_vertices) +
+                     " vertices of the coarsest one";
+  const char* separator = ", ";
+  const auto add = [&](uint64_t count, const std::string& why) {
+    if (count == 0) return;
+    text += separator + std::to_string(count) + " " + why;
+    separator = ", ";
+  };
+  add(r.nonmanifold, "are at non-manifold places");
+  add(r.topology, "hold a part or a border of the surface together");
+  add(r.degree, "have more than " + std::to_string(record.degree_limit) + " neighbours");
+  add(r.seams, "are on seams of tiles");
+  add(r.bound, "would cost more than the largest error that a step may have");
+  return text;
+}
+
+}  // namespace mtdb
