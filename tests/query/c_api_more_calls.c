@@ -8,28 +8,13 @@
 #include <string.h>
 
 #include "tests/query/c_api_checks.h"
+#include "tests/query/c_api_mesh.h"
 #include "tools/c/mtdb.h"
 #include "tools/c/mtdb_follow.h"
 #include "tools/c/mtdb_show.h"
 #include "tools/c/mtdb_terrain.h"
 #include "tools/c/mtdb_write.h"
 
-enum { kSide = 60, kVertices = kSide * kSide, kTriangles = 2 * (kSide - 1) * (kSide - 1) };
-
-/* A hilly square with a colour and a float each vertex. */
-static double positions[kVertices * 3];
-static float floats[kVertices * 3];
-static uint32_t indices[kTriangles * 3];
-static uint64_t indices_long[kTriangles * 3];
-typedef struct row {
-  unsigned char colour[3];
-  unsigned char heat[4];
-} row;
-static row rows[kVertices];
-static const mtdb_attribute kAttributes[4] = {{"red", MTDB_UINT8, 0},
-                                              {"green", MTDB_UINT8, 0},
-                                              {"blue", MTDB_UINT8, 0},
-                                              {"heat", MTDB_FLOAT32, 0}};
 static char folder[512];
 static char store[600];
 static char other[600];
@@ -37,46 +22,6 @@ static char other[600];
 static const char* path(char* to, const char* name) {
   snprintf(to, 600, "%s/%s", folder, name);
   return to;
-}
-
-static void make_mesh(void) {
-  int x, y, k = 0;
-  for (y = 0; y < kSide; ++y) {
-    for (x = 0; x < kSide; ++x) {
-      const int v = y * kSide + x;
-      const float heat = (float)x;
-      positions[3 * v] = 0.25 * x;
-      positions[3 * v + 1] = 0.25 * y;
-      positions[3 * v + 2] = floor(64 * sin(0.2 * x) * cos(0.3 * y)) / 64;
-      floats[3 * v] = (float)positions[3 * v];
-      floats[3 * v + 1] = (float)positions[3 * v + 1];
-      floats[3 * v + 2] = (float)positions[3 * v + 2];
-      rows[v].colour[0] = (unsigned char)(4 * x);
-      rows[v].colour[1] = (unsigned char)(4 * y);
-      rows[v].colour[2] = 128;
-      memcpy(rows[v].heat, &heat, sizeof(heat));
-      if (x + 1 < kSide && y + 1 < kSide) {
-        const uint32_t a = (uint32_t)v, b = a + 1, c = a + kSide, d = c + 1;
-        const uint32_t both[6] = {a, b, d, a, d, c};
-        memcpy(indices + k, both, sizeof(both));
-        k += 6;
-      }
-    }
-  }
-  for (k = 0; k < kTriangles * 3; ++k) indices_long[k] = indices[k];
-}
-
-static mtdb_input whole(void) {
-  mtdb_input input;
-  MTDB_INIT(input);
-  input.vertices = kVertices;
-  input.triangles = kTriangles;
-  input.positions = positions;
-  input.indices = indices;
-  input.rows = (const unsigned char*)rows;
-  input.attributes = kAttributes;
-  input.attribute_count = 4;
-  return input;
 }
 
 static int reports;
