@@ -230,10 +230,11 @@ class RasterMesh {
     *number = static_cast<uint32_t>(report_.samples++);
     const double steps = std::floor((height - options_.height_origin) / options_.height_step + 0.5);
     if (!(std::abs(steps) < kMostCells)) {
-      return BadInput("column " + std::to_string(column) + ", row " + std::to_string(row) +
-                      ": the height " + std::to_string(height) +
-                      " is 2^30 steps or more from the origin; if it stands for a hole, say so in the "
-                      "file (nodata), else choose a larger step of heights");
+      return BadInput(
+          "column " + std::to_string(column) + ", row " + std::to_string(row) + ": the height " +
+          std::to_string(height) +
+          " is 2^30 steps or more from the origin; if it stands for a hole, say so in the "
+          "file (nodata), else choose a larger step of heights");
     }
     report_.rounding = std::max(
         report_.rounding, std::abs(options_.height_origin + options_.height_step * steps - height));

@@ -67,15 +67,15 @@ typedef struct mtdb_ingest_options {
   const char* journal_path;  /* the file by which an ingest that is killed can go on; NULL: none */
   int resume;                /* not 0: goes on with the journal, if there is one of this input */
   double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
-                         or one that suits it (mtdb_terrain.h). Rasters take no bits, step, lossless, weld,
-                         normal_bits and steps */
+                         or one that suits it (mtdb_terrain.h). Rasters take no bits, step,
+                         lossless, weld, normal_bits and steps */
   int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
                     vertical errors; MTDB_BAD_INPUT with the place where it is folded */
   uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
   uint64_t max_tmp_bytes; /* the most that temporary files, the copy of a compressed file and the
                              journal take on the disk, else MTDB_BUDGET_EXCEEDED; 0: no limit */
-  double up[3];  /* what is up, of any length; 0 0 0: found from the shape (terrains: z). Who draws
-                    the object goes by it */
+  double up[3]; /* what is up, of any length; 0 0 0: found from the shape (terrains: z). Who draws
+                   the object goes by it */
   const char* units; /* of lengths: "um", "mm", "cm", "m", "km", "in" or "ft"; NULL: not said */
 } mtdb_ingest_options;
 

@@ -221,7 +221,8 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
   std::vector<std::shared_ptr<Surface>> closed;  // after the locks
   std::unique_lock lock(database_mutex_);
   if (!is_remote_) {
-    if (database_->IsOutdated()) AdoptReopened(Database::Open(store_, database_->options()), &closed);
+    if (database_->IsOutdated())
+      AdoptReopened(Database::Open(store_, database_->options()), &closed);
     return database_;
   }
   const bool first = reopening_ == nullptr && database_->IsOutdated();
