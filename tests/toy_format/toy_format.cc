@@ -56,6 +56,7 @@ class ToyWriter final : public MeshWriter {
   double LargestRounding(const MeshHeader&) const override { return 0; }
 
  private:
+  const char* position_type() const override { return "decimal"; }
   Status WriteHeader() override {
     return file().Append("toy " + std::to_string(vertex_count()) + " " +
                          std::to_string(triangle_count()) + "\n");

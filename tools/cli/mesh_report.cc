@@ -87,9 +87,9 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
   }
   if (s.attributes_differ) {
     warnings.push_back(
-        Text("%llu vertices lie where others do, with other attributes: the mesh is "
+        Text("%s vertices lie where others do, with other attributes: the mesh is "
              "cut there, and the cuts are never simplified; --weld would join them",
-             U(s.equal_vertices)));
+             Grouped(s.equal_vertices).c_str()));
   }
   if (s.collapsed_triangles != 0) {
     warnings.push_back(Text("%s of %s triangles are too thin for steps of %.3g and lose their "
@@ -134,8 +134,8 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
     std::printf("  welded       %s vertices became others\n", Grouped(s.welded_vertices).c_str());
   }
   if (s.equal_vertices != 0) {
-    std::printf("  apart        %llu vertices lie where others do; --weld would join them\n",
-                U(s.equal_vertices));
+    std::printf("  apart        %s vertices lie where others do; --weld would join them\n",
+                Grouped(s.equal_vertices).c_str());
   }
   std::printf("  %s\n", AccuracyLine(s).c_str());
   if (s.collapsed_at_16_bits != 0) {
