@@ -511,9 +511,7 @@ class Builder {
       }
       TileJob job = pipeline.Take();
       MTDB_RETURN_IF_ERROR(job.status);
-      if (journal_ != nullptr && !job.replayed) {
-        MTDB_RETURN_IF_ERROR(Record(job.outcome));
-      }
+      if (journal_ != nullptr && !job.replayed) MTDB_RETURN_IF_ERROR(Record(job.outcome));
       MTDB_RETURN_IF_ERROR(Append(job, report, *next));
       if ((taken & 15) == 15 || taken + 1 == tiles) {
         const uint64_t done = TileRange(count, tiles, taken).second;

@@ -230,7 +230,7 @@ std::vector<std::string> Tabled(const std::string& readme) {
       of_files = title == "file" || title == "program";
     } else if (!line.starts_with("|")) {
       of_files = false;
-    } else if (of_files && !before.starts_with("| file")) {
+    } else if (of_files && !before.starts_with("| file |")) {
       // Of links the text.
       const std::string cell = std::regex_replace(line.substr(1, line.find('|', 1) - 1),
                                                   std::regex("\\]\\([^)]*\\)"), "]");

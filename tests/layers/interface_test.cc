@@ -57,9 +57,10 @@ std::string ClassName(const std::string& c_name) {
 
 // The ctypes type of a declaration without its name; "pointer" for any pointer but a text's.
 std::string PythonType(std::string type, const std::set<std::string>& enums) {
+  const bool is_written = type.find("const") == std::string::npos;  // through the pointer
   type = Trimmed(std::regex_replace(type, std::regex("\\bconst\\b|\\s+"), " "));
   type = Trimmed(std::regex_replace(type, std::regex(" +"), " "));
-  if (type == "char*" || type == "char *") return "Text";
+  if (type == "char*" || type == "char *") return is_written ? "pointer" : "Text";
   if (type.find('*') != std::string::npos) return "pointer";
   static const std::map<std::string, std::string> kTypes{
       {"size_t", "C.c_size_t"}, {"uint32_t", "C.c_uint32"}, {"uint64_t", "C.c_uint64"},
