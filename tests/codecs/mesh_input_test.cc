@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is read from pipes and from files compressed by gzip.
+#include <array>
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fcntl.h>
@@ -184,11 +185,11 @@ TEST_CASE("A stream without an end that is no mesh is refused after its first Mi
     std::string suffix, start, endless, words;
   };
   const std::vector<Case> cases{
-      {"stl", "", zeros, "0 facets"},
+      {"stl", "", zeros, "count is 0"},
       {"stl", std::string(80, 'x') + Bytes32(3), zeros, "1 MiB follows"},
       {"stl", std::string(80, 'x') + Bytes32(1 << 30), "\xff\xff\xff\xff", "finite number"},
       {"stl", "solid a\n", "nothing\n", "facet"},
-      {"stl", "solid", zeros, "0 facets"},
+      {"stl", "solid", zeros, "count is 0"},
       {"ply", "ply\nformat ascii 1.0\n", "comment never ends\n", "does not end"},
       {"ply", "ply\nformat ascii 1.0\n", zeros, "line 3"},
       {"ply", ply, zeros, "1 MiB follows"},
@@ -223,7 +224,26 @@ TEST_CASE("Compressed zeros fill no disk") {
   Write(path, Gzip(std::string(50'000'000, '\0')));
   const Status status = MeshInput::Open(path).status();
   CHECK(status.code() == StatusCode::kBadInput);
-  CHECK_THAT(status.message(), Catch::Contains("0 facets"));
+  CHECK_THAT(status.message(), Catch::Contains("count is 0"));
+}
+
+TEST_CASE("Facets whose count is 0 come through a copy, too") {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/streamed.stl.gz";
+  constexpr uint32_t kFacets = 30'000;  // more than a MiB
+  std::string bytes = std::string(80, 'x') + Bytes32(0);
+  for (uint32_t i = 0; i < kFacets; ++i) {
+    const float x = static_cast<float>(i);
+    const std::array<float, 12> facet{0, 0, 1, x, 0, 0, x + 1, 0, 0, x, 1, 0};
+    bytes.append(reinterpret_cast<const char*>(facet.data()), sizeof(facet)).append(2, '\0');
+  }
+  Write(path, Gzip(bytes));
+  const Result<MeshInput> input = MeshInput::Open(path);
+  REQUIRE(input.ok());
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  REQUIRE(input->Read(sink, nullptr).ok());
+  CHECK(mesh.triangles.size() == kFacets);
 }
 
 TEST_CASE("A copy takes no more than it may, and says how far it came") {
