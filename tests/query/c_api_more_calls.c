@@ -305,6 +305,32 @@ static void check_objects(mtdb_database* database) {
   FAILS(MTDB_UNSUPPORTED, "ABI", mtdb_open_writable_abi(0, store, &copy, &error));
 }
 
+/* What a file has of the mesh is told, and what cannot be as asked for is refused. */
+static void check_file_options(mtdb_cut* cut, const mtdb_mesh* mesh) {
+  mtdb_file_options options;
+  mtdb_names* json = NULL;
+  char file[600];
+  MTDB_INIT(options);
+  OK(mtdb_write_mesh_as(mesh, path(file, "as.ply"), NULL, &json, &error));
+  CHECK(mtdb_names_count(json) == 1);
+  CHECK(strstr(mtdb_names_at(json, 0), "\"positions\":\"float32\"") != NULL);
+  mtdb_free_names(json);
+  options.double_positions = 1;
+  OK(mtdb_cut_write_as(cut, file, &options, &json, &error));
+  CHECK(strstr(mtdb_names_at(json, 0), "\"positions\":\"float64\"") != NULL);
+  mtdb_free_names(json);
+  OK(mtdb_write_mesh_as(mesh, file, &options, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "float64",
+        mtdb_write_mesh_as(mesh, path(file, "as.stl"), &options, NULL, &error));
+  options.double_positions = 0;
+  OK(mtdb_cut_write_as(cut, file, &options, &json, &error));
+  CHECK(strstr(mtdb_names_at(json, 0), "heat") != NULL); /* not written */
+  mtdb_free_names(json);
+  options.struct_bytes = 0;
+  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes",
+        mtdb_cut_write_as(cut, file, &options, NULL, &error));
+}
+
 static void check_meshes(mtdb_object* object) {
   mtdb_cut* cut = NULL;
   mtdb_mesh* mesh = NULL;
@@ -343,6 +369,7 @@ static void check_meshes(mtdb_object* object) {
   CHECK(again.vertices == view.vertices && again.triangles == view.triangles);
   CHECK(memcmp(again.indices, view.indices, (size_t)view.triangles * 12) == 0);
   mtdb_free_mesh(read);
+  check_file_options(cut, mesh);
   OK(mtdb_cut_write(cut, path(file, "cut.ply"), NULL, &error));
   OK(mtdb_open_writable(path(archive, "file.mtdb"), &database, &error));
   OK(mtdb_ingest_file(database, "from file", file, NULL, NULL, &error));
