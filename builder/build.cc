@@ -544,6 +544,8 @@ class Builder {
       MTDB_RETURN_IF_ERROR(from.Next(count, &block, &unused));
       MTDB_RETURN_IF_ERROR(AddAll(block, curve_->Codes(block.triangles, input_grid()), *anew));
       done += count;
+      MTDB_RETURN_IF_ERROR(Report("round", static_cast<uint32_t>(record_.rounds.size()), done,
+                                  from.count(), done_before_ + share_));
     }
     *sorter = std::move(anew);
     return Status::Ok();

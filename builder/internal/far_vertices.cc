@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <string>
@@ -24,7 +25,9 @@ class AxisCells {
   AxisCells(double from, double to)
       : from_(from),
         scale_(to > from ? static_cast<double>(kCells) / (to - from) : 0),
-        cells_(kCells) {}
+        cells_(kCells) {
+    if (!std::isfinite(scale_)) scale_ = 0;
+  }
 
   void Add(double x) {
     const double at = std::clamp((x - from_) * scale_, 0.0, static_cast<double>(kCells - 1));

@@ -2,10 +2,12 @@
 #include "builder/internal/journal.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <fcntl.h>
+#include <string_view>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <thread>
@@ -252,8 +254,14 @@ Status Journal::Lock() {
 // What is no journal is not emptied for one. A journal that a power failure cut short may begin
 // with zeros.
 Status Journal::CheckContent() const {
-  char first = 0;
-  if (ReadFully(file_, 0, &first, 1) != 1 || first == 0 || first == kMagic[0]) return Status::Ok();
+  constexpr size_t kLookedAt = 96;  // a binary STL has its count before that
+  std::array<char, kLookedAt> bytes;
+  const ssize_t n = ReadFully(file_, 0, bytes.data(), bytes.size());
+  if (n <= 0) return Status::Ok();
+  const std::string_view start(bytes.data(), static_cast<size_t>(n));
+  constexpr std::string_view kWord = "mtdb journal ";
+  const bool is_journal = start.substr(0, kWord.size()) == kWord.substr(0, start.size());
+  if (is_journal || start.find_first_not_of('\0') == start.npos) return Status::Ok();
   return {StatusCode::kAlreadyExists,
           path_ +
               ": is no journal of an ingest; nothing was written: give another name for the "

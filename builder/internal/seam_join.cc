@@ -45,24 +45,18 @@ class Parts {
   }
   uint64_t size(size_t part) const { return spools_[part].size() / bytes_; }
   // All records of the part; gives their room back.
-  Status Take(size_t part, Bytes* records) {
+  template <typename T>
+  Status Take(size_t part, std::vector<T>* records) {
     const uint64_t size = spools_[part].size();
-    if (size > 4 * memory_ || size / bytes_ >= kNone32) {
+    if (size > 2 * memory_ || size / bytes_ >= kNone32) {
       return Status(StatusCode::kBudgetExceeded,
                     "joining vertices of equal positions needs " + std::to_string(size >> 20) +
                         " MiB for those of one place; allow more --memory, or say --no-weld");
     }
-    records->resize(size);
-    MTDB_RETURN_IF_ERROR(spools_[part].Read(0, records->data(), size));
+    records->resize(size / sizeof(T));
+    auto* const to = reinterpret_cast<std::byte*>(records->data());
+    MTDB_RETURN_IF_ERROR(spools_[part].Read(0, to, size));
     spools_[part] = Spool(nullptr, 0);
-    return Status::Ok();
-  }
-  template <typename T>
-  Status Take(size_t part, std::vector<T>* records) {
-    Bytes bytes;
-    MTDB_RETURN_IF_ERROR(Take(part, &bytes));
-    records->resize(bytes.size() / sizeof(T));
-    if (!bytes.empty()) std::memcpy(records->data(), bytes.data(), bytes.size());
     return Status::Ok();
   }
   const Spool& spool(size_t part) const { return spools_[part]; }
@@ -128,9 +122,9 @@ class SeamJoin {
 
   Result<SeamJoinTotals> Run(Spool* left, Spool* triangles) {
     totals_.vertices = vertices_;
+    MTDB_RETURN_IF_ERROR(FindUsed());
     MTDB_RETURN_IF_ERROR(FindCandidates());
     if (!any_) return totals_;
-    MTDB_RETURN_IF_ERROR(FindUsed());
     MTDB_RETURN_IF_ERROR(FindPlaces());
     if (totals_.equal == 0) return totals_;
     Parts unions(3 * input_.triangles->size() / kTriangleBytes, sizeof(Union), space_,
@@ -183,7 +177,8 @@ class SeamJoin {
     return Status::Ok();
   }
 
-  // Vertices whose position another one may have: those of one hash.
+  // Vertices of triangles whose position another one may have: those of one hash. (Scanners write
+  // millions of others at the origin.)
   Status FindCandidates() {
     struct Hashed {
       uint64_t hash;
@@ -193,6 +188,7 @@ class SeamJoin {
     MTDB_RETURN_IF_ERROR(ForEachVertex([&](uint32_t v, const std::byte* bytes) {
       const Vec3d p = Position(bytes);
       bounds_.Add(p);
+      if (!used_[v]) return Status::Ok();
       const Hashed record{HashOfPosition(p), v, 0};
       return parts.Add(parts.Of(record.hash), &record);
     }));
@@ -342,7 +338,7 @@ class SeamJoin {
     Parts parts(3 * input_.triangles->size() / kTriangleBytes, sizeof(HalfEdge), space_,
                 memory_bytes_);
     MTDB_RETURN_IF_ERROR(GatherCorners(
-        *input_.triangles, place_table(), space_, memory_bytes_ / 4,
+        *input_.triangles, place_table(), space_, 2 * memory_bytes_,
         [&](const std::array<uint32_t, 3>& t, const std::array<const std::byte*, 3>& corners) {
           return AddHalfEdges(by_place, t, corners, parts);
         }));
@@ -446,7 +442,7 @@ class SeamJoin {
     std::vector<Move> moves;
     std::vector<uint32_t> became;
     const auto translate = [&](uint32_t v, const std::byte* bytes) {
-      const uint32_t at = v & ((uint32_t{1} << range_bits_) - 1);
+      const uint32_t at = static_cast<uint32_t>(v & ((uint64_t{1} << range_bits_) - 1));
       if (at == 0) {
         MTDB_RETURN_IF_ERROR(moves_->Take(v >> range_bits_, &moves));
         became.assign(uint64_t{1} << range_bits_, kNone32);
@@ -464,7 +460,7 @@ class SeamJoin {
     places_ = Spool(space_, 0);
     const CornerTable lookup{&table, vertices_, sizeof(NewPlace), sizeof(NewPlace)};
     return GatherCorners(
-        *input_.triangles, lookup, space_, memory_bytes_ / 4,
+        *input_.triangles, lookup, space_, 2 * memory_bytes_,
         [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
           std::array<NewPlace, 3> now;
           for (size_t c = 0; c < 3; ++c) std::memcpy(&now[c], corners[c], sizeof(NewPlace));

@@ -176,7 +176,7 @@ Status NoMeshFile(const std::string& path) {
 struct MeshInput::Impl {
   std::unique_ptr<InputFile> file;
   std::string suffix;
-  std::string tmp_directory;
+  ReaderSpace tmp;
   uint64_t temporary_bytes = 0;
 };
 
@@ -188,7 +188,6 @@ MeshInput::~MeshInput() = default;
 Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions& options) {
   auto impl = std::make_unique<Impl>();
   impl->suffix = options.suffix.empty() ? LowerSuffix(path) : options.suffix;
-  impl->tmp_directory = options.tmp_directory;
   InputRules rules{options.tmp_directory, options.max_tmp_bytes, options.look, {}};
   rules.check_start = [&](const InputFile& start) -> Result<StreamFacts> {
     FoundFormat found;
@@ -198,6 +197,8 @@ Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions
   };
   MTDB_ASSIGN_OR_RETURN(impl->file,
                         OpenInputFile(path, options.descriptor, rules, &impl->temporary_bytes));
+  const uint64_t most = options.max_tmp_bytes;
+  impl->tmp = {options.tmp_directory, most - std::min(most, impl->temporary_bytes)};
   return MeshInput(std::move(impl));
 }
 
@@ -210,7 +211,7 @@ Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
   *report = {};
   FoundFormat found;
   MTDB_RETURN_IF_ERROR(FindFormat(*impl_->file, impl_->suffix, &found));
-  found.start.tmp_directory = impl_->tmp_directory;
+  found.start.tmp = impl_->tmp;
   if (found.fit < MeshFileFit::kCertain && IsWideText(found.start.bytes)) {
     return WideTextError(path());
   }
@@ -266,9 +267,10 @@ Status internal::LeftOutError(const std::string& path, const LeftOutVertices& le
 }
 
 void internal::AddIgnored(MeshReadReport* report, std::string what) {
-  if (std::find(report->ignored.begin(), report->ignored.end(), what) == report->ignored.end()) {
-    report->ignored.push_back(std::move(what));
-  }
+  constexpr size_t kMost = 64;  // a hostile file has a million
+  std::vector<std::string>& all = report->ignored;
+  if (all.size() > kMost || std::find(all.begin(), all.end(), what) != all.end()) return;
+  all.push_back(all.size() == kMost ? "others" : std::move(what));
 }
 
 }  // namespace mtdb

@@ -90,10 +90,10 @@ std::string UsableAttributeName(const std::string& name, const AttributeLayout& 
   if (usable.empty()) usable = "_";
   if (usable.front() == ' ') usable.front() = '_';
   if (usable.back() == ' ') usable.back() = '_';
+  std::set<std::string_view> taken;
+  for (const VertexAttribute& a : layout.attributes) taken.insert(a.name);
   const auto is_taken = [&](const std::string& wanted) {
-    return IsCoordinateName(wanted) ||
-           std::ranges::find(layout.attributes, wanted, &VertexAttribute::name) !=
-               layout.attributes.end();
+    return IsCoordinateName(wanted) || taken.contains(wanted);
   };
   std::string unique = usable;
   for (int i = 2; is_taken(unique); ++i) unique = usable + "_" + std::to_string(i);

@@ -47,8 +47,8 @@ Result<MetaPages> TryReadMetaPages(const StoreFile& file) {
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, file.Size());
   if (file_bytes < kMetaPages * kMinPageSize) {
     return Corrupt(file.path() + ": " + std::to_string(file_bytes) +
-                   " bytes are too few for a store; it was truncated or is another file: restore "
-                   "it from a copy");
+                   " bytes are too few for a store; it was cut short (restore it from a copy), "
+                   "or is no store at all");
   }
   Status last = Status::Ok();
   for (int i = 0; i < kStableReadTries; ++i) {
@@ -108,8 +108,9 @@ Result<MetaPage> DecodeMetaPage(ByteSpan bytes, uint64_t number, const std::stri
   if (r.failed()) return fail("bytes", kPageHeaderBytes + kMetaBytes, bytes.size());
 
   if (magic != kMagic) {
-    return Corrupt(place + "this is not an mtdb store (magic " + std::to_string(kMagic) +
-                   " expected, " + std::to_string(magic) + " found); check the path");
+    return Corrupt(place +
+                   "this is not an mtdb store; check the path ('mtdb ingest MESH STORE' makes a "
+                   "store of a mesh)");
   }
   if (version != kDataVersion) {
     return Unsupported(place + "LMDB data version " + std::to_string(version) +

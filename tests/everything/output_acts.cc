@@ -177,13 +177,15 @@ void PourAct(World& world, const Step& step) {
                       place.path,
                       "--name",
                       "poured",
+                      "--quiet",
                       "--max-tmp",
                       "8M",
                       "--format",
                       is_obj ? "obj" : step.Text("format", "stl")};
   // What only comes slowly is told to stop.
   if (!ends)
-    arguments.insert(arguments.begin(), {"timeout", "-s", step.Text("signal", "TERM"), "1"});
+    arguments.insert(arguments.begin(),
+                     {"/usr/bin/timeout", "-s", step.Text("signal", "TERM"), "1"});
   const Ran ran = world.Checked(Run(arguments, world.scratch(), run), "mtdb ingest");
   fs::remove(fifo);
   if (ran.ok()) world.Fault("pour: stored", stream);

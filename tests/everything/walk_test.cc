@@ -43,7 +43,8 @@ TEST_CASE("a walk is shrunk to what its fault needs") {
   const auto fails = [](const Walk& walk) {
     bool rounded = false;
     for (const Step& step : walk.steps) {
-      if (step.act == "ingest" && step.Text("attr").find("rgb") != std::string::npos &&
+      if (step.act == "ingest" &&
+          ("," + step.Text("attr") + ",").find(",rgb,") != std::string::npos &&
           step.Int("size", 100) >= 40) {
         rounded = true;
       }

@@ -335,7 +335,9 @@ void FromCommand(const Asked& asked, const Arguments& arguments, const std::stri
       answer->refused = "unexpected text: " + ran.out;
       return;
     }
-    answer->triangles = std::strtoull(ran.out.c_str() + line + 2, nullptr, 10);
+    std::string count = ran.out.substr(line + 2, ran.out.find(' ', line + 2) - line - 2);
+    std::erase(count, ',');
+    answer->triangles = std::strtoull(count.c_str(), nullptr, 10);
     answer->bound = std::strtod(ran.out.c_str() + at + 14, nullptr) * (1 + 5e-6);
     const size_t unmet = ran.out.find(" are up to ");
     if (unmet != std::string::npos && ran.out.find("NOT MET: ") < unmet) {

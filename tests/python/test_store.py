@@ -49,7 +49,8 @@ def test_up_and_units_are_kept(tmp_path: Path) -> None:
     vertices, faces, _ = hills(20)
     db = mtdb.open(tmp_path / "a.mtdb", create=True)
     found = db.ingest(vertices, faces, name="found")
-    assert found.up is not None and found.up.tolist() == [0, 0, 1] and found.units == ""
+    assert found.up is not None and abs(np.linalg.norm(found.up) - 1) < 1e-9
+    assert found.up[2] > 0.7 and found.units == ""
     said = db.ingest(vertices, faces, name="said", up="-y", units="mm")
     assert said.up is not None and said.up.tolist() == [0, -1, 0] and said.units == "mm"
     assert said.info["up_given"] is True
@@ -303,7 +304,8 @@ def test_temporary_files_are_limited(tmp_path: Path) -> None:
     db = mtdb.open(tmp_path / "s.mtdb", create=True)
     with pytest.raises(mtdb.MtdbError) as error:
         db.ingest(mesh, name="a", max_tmp=1 << 20)
-    assert error.value.code == mtdb.Code.BUDGET_EXCEEDED and "--max-tmp" in str(error.value)
+    assert error.value.code == mtdb.Code.BUDGET_EXCEEDED and "max_tmp" in str(error.value)
+    assert "--" not in str(error.value)
     db.ingest(mesh, name="a", max_tmp=1 << 30)
 
 

@@ -30,6 +30,13 @@ namespace mtdb::internal {
 
 namespace {
 
+// The store's folder where none is named.
+std::string TmpFolderOf(const mtdb_ingest_options& o, const std::string& store) {
+  if (o.tmp_directory != nullptr) return o.tmp_directory;
+  const std::string folder = std::filesystem::path(store).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
 Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& store) {
   BuildOptions options;
   options.mode = o.lossless != 0 ? PositionMode::kLossless : PositionMode::kGrid;
@@ -61,10 +68,7 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
   options.threads = o.threads;
   if (o.memory_bytes != 0) options.memory_bytes = o.memory_bytes;
   if (o.max_tmp_bytes != 0) options.max_tmp_bytes = o.max_tmp_bytes;
-  const std::string folder = std::filesystem::path(store).parent_path().string();
-  options.tmp_directory = o.tmp_directory != nullptr ? o.tmp_directory
-                          : folder.empty()           ? "."
-                                                     : folder;
+  options.tmp_directory = TmpFolderOf(o, store);
   if (o.journal_path != nullptr) options.journal_path = o.journal_path;
   if (o.resume != 0 && options.journal_path.empty()) {
     return InvalidArgument("options.resume: needs a journal_path");
@@ -225,14 +229,14 @@ mtdb_code mtdb_ingest_file(mtdb_database* database, const char* name, const char
                            const mtdb_ingest_options* options, const mtdb_watch* watch,
                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}}));
+    MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {path, "path"}}));
     if (mtdb::IsRaster(path)) {
       return mtdb::internal::IngestRasters(database, name, &path, 1, options, watch);
     }
     MTDB_ASSIGN_OR_RETURN(mtdb_ingest_options given, Take(options, "options"));
     MTDB_ASSIGN_OR_RETURN(const Watch watcher, Watch::Of(watch));
     mtdb::MeshReadOptions reading;
-    if (given.tmp_directory != nullptr) reading.tmp_directory = given.tmp_directory;
+    reading.tmp_directory = mtdb::internal::TmpFolderOf(given, database->database->path());
     if (given.max_tmp_bytes != 0) reading.max_tmp_bytes = given.max_tmp_bytes;
     reading.look = [&] { return watcher.Look("read", 0); };
     MTDB_ASSIGN_OR_RETURN(const mtdb::MeshInput input, mtdb::MeshInput::Open(path, reading));

@@ -177,7 +177,7 @@ Result<Vec3d> ParseUp(const std::string& text) {
     up[axis[0] - 'x'] = down ? -1 : 1;
     return up;
   }
-  constexpr const char* kForm = "x, y, z, -x, -y, -z, or a vector X,Y,Z";
+  constexpr const char* kForm = "of a vector X,Y,Z, or one of x, y, z, -x, -y, -z";
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, kForm));
   const Vec3d up{n[0], n[1], n[2]};
   const double length = Length(up);

@@ -512,7 +512,7 @@ Status GltfDocument::ReadSparse(const GltfJson* json, const std::string& name,
       !GltfNumber(indices, "byteOffset", 0, &index_offset) ||
       !GltfNumber(indices, "componentType", 0, &component) || !TypeOf(component, &type) ||
       !GltfNumber(values, "bufferView", kMaxNumber, &view) ||
-      !GltfNumber(values, "byteOffset", 0, &offset) || type == ScalarType::kFloat32 ||
+      !GltfNumber(values, "byteOffset", 0, &offset) || type >= ScalarType::kFloat32 ||
       count > accessor->count) {
     return Error(name + ": its sparse values have a wrong number");
   }

@@ -365,6 +365,9 @@ class GltfReader {
     } else if (name.starts_with("_") && name.size() > 1 && components == 1 && same) {
       std::string own = name.substr(1);
       for (char& c : own) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+      if (list.size() >= kMaxAttributes) {
+        return Error("more than " + std::to_string(kMaxAttributes) + " attributes");
+      }
       const std::string usable = UsableAttributeName(own, header_.attributes);
       if (usable != own) {
         AddIgnored(report_, "the name of attribute " + Shown(name) + ", which is " + Shown(usable));
@@ -539,7 +542,7 @@ class GltfReader {
     uint64_t count = vertices;
     if (index != kNone) {
       MTDB_ASSIGN_OR_RETURN(GltfAccessor accessor, document_->Accessor(index));
-      if (accessor.components != 1 || accessor.type == ScalarType::kFloat32) {
+      if (accessor.components != 1 || accessor.type >= ScalarType::kFloat32) {
         return Error(primitive.where + ": its indices are no whole numbers");
       }
       accessor.normalized = false;

@@ -10,6 +10,7 @@
 
 #include "codecs/mesh_file/internal/file_io.h"
 #include "codecs/mesh_file/internal/mesh_writer.h"
+#include "codecs/mesh_file/internal/vertex_positions.h"
 #include "codecs/mesh_file/mesh_file.h"
 
 namespace mtdb::internal {
@@ -20,7 +21,7 @@ struct MeshFileStart {
   std::string_view text;   // these, without a byte order mark
   uint64_t file_bytes = 0;
   bool named = false;
-  std::string tmp_directory;  // for temporary files of a reader; empty: the system's
+  ReaderSpace tmp;  // for temporary files of a reader
 };
 // How well a file fits a format. The best one reads it, of equals the first of the table.
 enum class MeshFileFit {

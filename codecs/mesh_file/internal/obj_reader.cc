@@ -104,8 +104,7 @@ class ObjReader {
       : file_(file),
         emitter_(sink),
         report_(report),
-        faces_(emitter_, report, left_out_,
-               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
+        faces_(emitter_, report, left_out_, [this, tmp = start.tmp] { return Positions(tmp); }) {}
 
   Status Read() {
     report_->format = "OBJ";
@@ -299,8 +298,8 @@ class ObjReader {
   }
 
   // In a pass of its own, which files without polygons are spared.
-  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) const {
-    auto positions = std::make_unique<PositionSpool>(folder);
+  Result<std::unique_ptr<VertexPositions>> Positions(const ReaderSpace& tmp) const {
+    auto positions = std::make_unique<PositionSpool>(tmp);
     ObjLines lines(file_);
     std::string_view line, word;
     while (lines.Next(&line)) {

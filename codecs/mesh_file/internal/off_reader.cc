@@ -79,8 +79,7 @@ class OffReader {
       : file_(file),
         emitter_(sink),
         report_(report),
-        faces_(emitter_, report, left_out_,
-               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
+        faces_(emitter_, report, left_out_, [this, tmp = start.tmp] { return Positions(tmp); }) {}
 
   Status Read() {
     {
@@ -230,8 +229,8 @@ class OffReader {
   }
 
   // In a pass of its own, which files without polygons are spared.
-  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) const {
-    auto positions = std::make_unique<PositionSpool>(folder);
+  Result<std::unique_ptr<VertexPositions>> Positions(const ReaderSpace& tmp) const {
+    auto positions = std::make_unique<PositionSpool>(tmp);
     TextReader text(file_, body_offset_, body_line_);
     std::array<std::string_view, kMaxVertexValues> values;
     for (uint64_t i = 0; i < vertex_count_; ++i) {

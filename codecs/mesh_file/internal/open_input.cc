@@ -124,8 +124,9 @@ class Target {
     if (after > rules_.max_tmp_bytes) {
       return {StatusCode::kBudgetExceeded,
               path_ + ": its temporary copy has reached " + std::to_string(written_ >> 20) +
-                  " MiB, more than the " + std::to_string(rules_.max_tmp_bytes >> 20) +
-                  " MiB that temporary files may still take; allow more (--max-tmp)"};
+                  " MiB, and temporary files may take no more than " +
+                  std::to_string(rules_.max_tmp_bytes >> 20) +
+                  " MiB beside what they have; allow more (--max-tmp)"};
     }
     // Readers leave out a little that lies behind a mesh.
     constexpr uint64_t kTail = uint64_t{1} << 20;

@@ -187,8 +187,7 @@ class PlyBody {
         source_(&source),
         emitter_(sink),
         report_(report),
-        faces_(emitter_, report, left_out_,
-               [this, folder = start.tmp_directory] { return Positions(folder); }) {}
+        faces_(emitter_, report, left_out_, [this, tmp = start.tmp] { return Positions(tmp); }) {}
 
   Status Read() {
     const PlyElement* const vertices = header_.Find("vertex");
@@ -381,7 +380,7 @@ class PlyBody {
 
   // In a pass of its own where vertices have no fixed size, which files without polygons are
   // spared.
-  Result<std::unique_ptr<VertexPositions>> Positions(const std::string& folder) {
+  Result<std::unique_ptr<VertexPositions>> Positions(const ReaderSpace& tmp) {
     const PlyElement* const face = std::exchange(element_, header_.Find("vertex"));
     if constexpr (Source::kBinary) {
       if (IsFixed()) {
@@ -398,7 +397,7 @@ class PlyBody {
         return positions;
       }
     }
-    auto positions = std::make_unique<PositionSpool>(folder);
+    auto positions = std::make_unique<PositionSpool>(tmp);
     Source vertices = *vertices_at_;
     Source* const here = std::exchange(source_, &vertices);
     const Status status = ForEachVertex(

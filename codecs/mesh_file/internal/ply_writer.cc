@@ -129,12 +129,17 @@ class PlyWriter final : public MeshWriter {
 
   const char* position_type() const override { return doubles_ ? "float64" : "float32"; }
   void AddToReport(MeshWriteReport* report) const override {
+    constexpr size_t kMostNamed = 40;
     std::set<std::string> names;
+    size_t renamed = 0;
     for (const VertexAttribute& a : header().attributes.attributes) {
       const std::string name = PlyName(a.name, &names);
-      if (name != a.name) {
-        report->notes.push_back("attribute '" + a.name + "' is named '" + name + "' in the file");
-      }
+      if (name == a.name || ++renamed > kMostNamed) continue;
+      report->notes.push_back("attribute '" + a.name + "' is named '" + name + "' in the file");
+    }
+    if (renamed > kMostNamed) {
+      report->notes.push_back(std::to_string(renamed - kMostNamed) +
+                              " more attributes have other names in the file");
     }
   }
 

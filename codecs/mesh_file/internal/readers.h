@@ -26,6 +26,7 @@ Status ReadGltf(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 // Binary or ASCII.
 Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
                MeshReadReport* report);
+bool IsAsciiStl(const MeshFileStart& start);
 Status ReadBinaryStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 Status ReadAsciiStl(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 

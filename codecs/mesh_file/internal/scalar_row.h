@@ -39,10 +39,4 @@ inline std::byte* PutScalar(double value, ScalarType type, std::byte* at) {
   return at;
 }
 
-// Whether the layout has no attribute of that name yet.
-inline bool IsNewName(const AttributeLayout& layout, const std::string& name) {
-  return std::none_of(layout.attributes.begin(), layout.attributes.end(),
-                      [&](const VertexAttribute& a) { return a.name == name; });
-}
-
 }  // namespace mtdb::internal

@@ -224,7 +224,16 @@ bool HasBinarySize(const MeshFileStart& start) {
   return start.file_bytes == kHeaderBytes + uint64_t{kTriangleBytes} * triangles;
 }
 
-bool IsText(const MeshFileStart& start) {
+// Programs that write as they go may leave 0 or -1 for the count, though facets follow.
+uint64_t FacetsBehind(uint32_t promised, uint64_t bytes) {
+  const bool is_open = promised == 0 || promised == ~uint32_t{0};
+  const uint64_t facets = bytes / kTriangleBytes;
+  return is_open && bytes % kTriangleBytes == 0 && facets < ~uint32_t{0} ? facets : promised;
+}
+
+}  // namespace
+
+bool IsAsciiStl(const MeshFileStart& start) {
   constexpr std::string_view kSolid = "solid";
   const size_t word = std::min(start.text.find_first_not_of(" \t\r\n\v\f"), start.text.size());
   const std::string_view text = start.text.substr(word);
@@ -237,24 +246,15 @@ bool IsText(const MeshFileStart& start) {
   return !(start.named && has_nul);
 }
 
-// Programs that write as they go may leave 0 or -1 for the count, though facets follow.
-uint64_t FacetsBehind(uint32_t promised, uint64_t bytes) {
-  const bool is_open = promised == 0 || promised == ~uint32_t{0};
-  const uint64_t facets = bytes / kTriangleBytes;
-  return is_open && bytes % kTriangleBytes == 0 && facets < ~uint32_t{0} ? facets : promised;
-}
-
-}  // namespace
-
 MeshFileFit RecogniseStl(const MeshFileStart& start) {
   if (start.named && HasBinarySize(start)) return MeshFileFit::kCertain;
-  if (IsText(start)) return MeshFileFit::kContent;
+  if (IsAsciiStl(start)) return MeshFileFit::kContent;
   return start.named ? MeshFileFit::kName : MeshFileFit::kNone;
 }
 
 Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
                MeshReadReport* report) {
-  const bool binary = !IsText(start) || (start.named && HasBinarySize(start));
+  const bool binary = !IsAsciiStl(start) || (start.named && HasBinarySize(start));
   return binary ? ReadBinaryStl(file, sink, report) : ReadAsciiStl(file, sink, report);
 }
 

@@ -174,8 +174,7 @@ Result<StreamFacts> CheckStreamStart(const InputFile& start, const MeshFormatRow
   const ByteSpan bytes(buffer);
   const std::string_view text = AsString(bytes);
   const std::string_view name = row->format.name;
-  const bool is_text_stl =
-      StartsWithWord(first.bytes, "solid") && text.find('\0') == std::string_view::npos;
+  const bool is_text_stl = IsAsciiStl(first) && text.find('\0') == std::string_view::npos;
   StreamFacts facts;
   if (name == "PLY") {
     MTDB_ASSIGN_OR_RETURN(facts, CheckPly(start));

@@ -22,6 +22,12 @@ Status PositionSpool::FileError() const {
 }
 
 Status PositionSpool::Flush() {
+  if ((written_ + positions_.size()) * sizeof(Vec3d) > max_bytes_) {
+    return {StatusCode::kBudgetExceeded,
+            "the positions that faces of more than three corners need take more than the " +
+                std::to_string(max_bytes_ >> 20) +
+                " MiB that temporary files may still take; allow more (--max-tmp)"};
+  }
   if (file_ < 0) {
     std::error_code error;
     if (folder_.empty()) folder_ = std::filesystem::temp_directory_path(error).string();

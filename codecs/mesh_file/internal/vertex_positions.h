@@ -14,6 +14,12 @@
 
 namespace mtdb::internal {
 
+// Where readers may write temporary files, and how much of them.
+struct ReaderSpace {
+  std::string directory;  // empty: the system's
+  uint64_t max_bytes = ~uint64_t{0};
+};
+
 class VertexPositions {
  public:
   virtual ~VertexPositions() = default;
@@ -34,12 +40,13 @@ class VertexPositions {
 // they are few, then in a nameless temporary file.
 class PositionSpool final : public VertexPositions {
  public:
-  explicit PositionSpool(std::string tmp_directory) : folder_(std::move(tmp_directory)) {}
+  explicit PositionSpool(ReaderSpace space)
+      : folder_(std::move(space.directory)), max_bytes_(space.max_bytes) {}
   ~PositionSpool() override;
   PositionSpool(const PositionSpool&) = delete;
   PositionSpool& operator=(const PositionSpool&) = delete;
 
-  // kNoSpace, kIoError: naming the folder.
+  // kNoSpace, kIoError: naming the folder; kBudgetExceeded.
   Status Append(Vec3d position) {
     positions_.push_back(position);
     return positions_.size() < kInMemory ? Status::Ok() : Flush();
@@ -61,6 +68,7 @@ class PositionSpool final : public VertexPositions {
   Status FileError() const;
 
   std::string folder_;
+  uint64_t max_bytes_;
   std::vector<Vec3d> positions_;  // all, or those not written yet
   int file_ = -1;
   uint64_t written_ = 0;

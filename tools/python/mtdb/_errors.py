@@ -95,7 +95,8 @@ _CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
 OPTIONS = {
     "bits": "bits", "cache": "cache_bytes", "clip": "clip", "fill": "fill", "force": "replace",
     "lossless": "lossless", "memory": "memory", "name": "name", "resume": "resume",
-    "step": "step", "step-z": "height_step", "terrain": "terrain", "tmp": "tmp", "weld": "weld",
+    "max-tmp": "max_tmp", "no-weld": "weld=False", "step": "step", "step-z": "height_step",
+    "terrain": "terrain", "tmp": "tmp", "weld": "weld",
 }
 _OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)(?![\w-])")
 

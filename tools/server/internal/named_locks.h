@@ -36,12 +36,13 @@ class NamedLocks {
 
   // Waits for the name. kCancelled: the thread's WaitScope has stopped before.
   Result<Held> Take(const std::string& name) {
+    std::string own = name;  // before it is taken: memory may run out
     std::unique_lock lock(mutex_);
     const auto take = [&] { return taken_.insert(name).second; };
     if (!WaitScope::Wait(given_back_, lock, take)) {
       return Status(StatusCode::kCancelled, "cancelled");
     }
-    return Held(this, name);
+    return Held(this, std::move(own));
   }
 
  private:

@@ -151,6 +151,8 @@ class Shown {
         asked.budget = true;
         return this.schedule();
       }
+      // A search under a budget begins at the root: until it ends, what is shown stays.
+      if (asked.budget && frame.limit === 'time') return this.schedule();
       this.weigh(object, asked, frame);
       this.flush();
     } catch (error) {

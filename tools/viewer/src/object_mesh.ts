@@ -89,6 +89,7 @@ export class ObjectMesh {
   private edgeGeometry: three.BufferGeometry | null = null;
   private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
   private readonly own = {
+    valued: {value: 0}, // what vertices have, as colourBy counts: colours, or a scalar
     place: {value: new three.Vector3()}, draped: {value: false}, image: {value: null as three.Texture | null},
     imageMiddle: {value: new three.Vector2()}, imageAcross: {value: new three.Vector2()}, imageDown: {value: new three.Vector2()},
   };
@@ -139,6 +140,7 @@ export class ObjectMesh {
     write(this.attributes.normal!, update.normals, 4);
     if (update.values) {
       const colours = update.values.data instanceof Uint8Array;
+      this.own.valued.value = colours ? 1 : 2;
       write(this.valueAttribute(colours ? 'colour' : 'scalar'), update.values, colours ? 4 : 1);
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);

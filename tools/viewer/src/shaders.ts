@@ -58,7 +58,7 @@ in vec2 imageSteps;
 centroid in vec3 normalInView, plain;
 centroid in float level;
 centroid in vec2 inImage;
-uniform int colourBy;
+uniform int colourBy, valued; // valued: what the object's vertices have, 1 or 2
 uniform bool flatShading;
 uniform int backFaces;        // 0 as the front, 1 in a colour of their own, 2 that without light, as the filling of a section
 uniform vec3 surface, back, mark, light;   // colours as on screens; the direction to the light, in view
@@ -94,7 +94,7 @@ void main() {
     if (away < 0.0) n = normalize(n - away * toEye);
   }
   float shown = colourBy == 5 ? permittedLevel(o) : level;
-  vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+  vec3 base = colourBy == 0 || ((colourBy == 1 || colourBy == 2) && valued != colourBy) ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
   vec2 stepRight = dFdx(imageSteps), stepUp = dFdy(imageSteps);
   if (draped && inImage == clamp(inImage, 0.0, 1.0)) {
     vec4 over = textureGrad(image, inImage, stepRight, stepUp);

@@ -280,7 +280,7 @@ class FileRanges {
         stop(); // a body may be the whole file
         if (this.size > 0 && [410, 412, 416].includes(response.status)) throw this.otherFile();
         const code: ErrorCode = transient.has(response.status) ? 'io' : response.status === 404 ? 'not_found' : 'unsupported';
-        const why = response.status === 200 ? 'the server ignores Range' : `the server answers ${response.status} ${response.statusText}`;
+        const why = response.status === 200 ? 'the web server sends no parts of files (it ignores Range), as python3 -m http.server does; nginx, Apache, Caddy and mtdb serve do' : `the server answers ${response.status} ${response.statusText}`;
         throw new MtdbError(`${where}: ${why}`, code);
       }
       const range = /^bytes (\d+)-(\d+)\/(\d+)$/.exec(response.headers.get('Content-Range') ?? '');
