@@ -218,6 +218,29 @@ TEST_CASE("A stream without an end that is no mesh is refused after its first Mi
   }
 }
 
+TEST_CASE("A compressed text may have any length") {
+  constexpr size_t kBlock = size_t{256} << 10;  // of the decompressor
+  const std::string triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  const TemporaryFolder folder;
+  for (const size_t size : {kBlock - 1, kBlock, kBlock + 1, 2 * kBlock, 8 * kBlock}) {
+    const std::string text = triangle + std::string(size - triangle.size(), '\n');
+    const std::string half = text.substr(0, kBlock - 1), rest = text.substr(half.size());
+    int number = 0;
+    for (const std::string& bytes :
+         {Gzip(text), Gzip(half) + Gzip(rest), Gzip(text) + std::string(512, '\0')}) {
+      const std::string path = folder.path() + "/a" + std::to_string(number++) + ".obj.gz";
+      Write(path, bytes);
+      const Result<MeshInput> input = MeshInput::Open(path);
+      INFO(size << ": " << input.status().message());
+      REQUIRE(input.ok());
+      TriangleMesh mesh;
+      TriangleMeshSink sink(&mesh);
+      REQUIRE(input->Read(sink, nullptr).ok());
+      CHECK(mesh.triangles.size() == 1);
+    }
+  }
+}
+
 TEST_CASE("Compressed zeros fill no disk") {
   const TemporaryFolder folder;
   const std::string path = folder.path() + "/bomb.stl.gz";

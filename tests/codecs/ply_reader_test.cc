@@ -420,7 +420,7 @@ TEST_CASE("PLY: header errors name the line and what was expected") {
       {"line 5: property 'x' is declared twice"});
   bad("ply\nformat ascii 1.0\nelement vertex 1\nelement vertex 1\n", {"line 4", "declared twice"});
   bad("ply\nformat ascii 1.0\nelement vertex 1\nproperty float \x1b[2J\n",
-      {"line 4: expected a name of 1 to 256 printable characters, found '?[2J'"});
+      {"line 4: expected a name of 1 to 255 printable characters, found '?[2J'"});
   bad("ply\nformat ascii 1.0\nelement vertex 1\nproperty float\n", {"line 4", "found ''"});
   bad("ply\nformat ascii 1.0\nelephant\n", {"line 3", "found 'elephant'"});
   bad("ply\nformat ascii 1.0\nelement face 0\nend_header\n", {"no vertex element"});

@@ -162,6 +162,10 @@ class GltfReader {
     if (const GltfJson* scene = GltfElement(json, "scenes", scene_number); scene != nullptr) {
       MTDB_RETURN_IF_ERROR(AddNodes(scene, "nodes", {}, &open));
     } else {
+      if (GltfMember(json, "scene") != nullptr) {
+        report_->notes.push_back("there is no scene " + std::to_string(scene_number) +
+                                 ": the nodes of all scenes are read");
+      }
       std::set<uint64_t> children;
       for (size_t n = 0; n < nodes; ++n) {
         std::vector<std::pair<uint64_t, Placement>> list;
@@ -193,6 +197,7 @@ class GltfReader {
       MTDB_RETURN_IF_ERROR(AddNodes(node, "children", placement, &children));
       open.insert(open.end(), children.rbegin(), children.rend());
     }
+    CountUnusedMeshes(nodes);
     for (size_t n = 0; n < nodes; ++n) {
       outside_ += !met[n] && GltfMember(GltfElement(json, "nodes", n), "mesh") != nullptr;
     }
@@ -381,6 +386,18 @@ class GltfReader {
     return Status::Ok();
   }
 
+  void CountUnusedMeshes(size_t nodes) {
+    const GltfJson* const json = document_->json();
+    std::set<uint64_t> named;
+    for (size_t n = 0; n < nodes; ++n) {
+      uint64_t mesh = kNone;
+      if (GltfNumber(GltfElement(json, "nodes", n), "mesh", kNone, &mesh)) named.insert(mesh);
+    }
+    const size_t meshes = GltfSize(json, "meshes");
+    unused_meshes_ =
+        meshes - static_cast<size_t>(std::distance(named.begin(), named.lower_bound(meshes)));
+  }
+
   void CountIgnored() {
     const auto count = [&](uint64_t number, const char* what) {
       if (number != 0) AddIgnored(report_, std::to_string(number) + " " + what);
@@ -396,6 +413,8 @@ class GltfReader {
     count(other_scenes_, other_scenes_ == 1 ? "other scene" : "other scenes");
     count(outside_, outside_ == 1 ? "node outside of the scene with its mesh"
                                   : "nodes outside of the scene with their meshes");
+    count(unused_meshes_,
+          unused_meshes_ == 1 ? "mesh that no node has" : "meshes that no node has");
     for (const std::string& name : others_) AddIgnored(report_, "attribute " + Shown(name));
     for (size_t i = 0; i < GltfSize(json, "extensionsUsed"); ++i) {
       const GltfJson& name = *GltfElement(json, "extensionsUsed", i);
@@ -549,6 +568,10 @@ class GltfReader {
       count = accessor.count;
       indices.emplace(std::move(accessor));
     }
+    if (mode == kTriangles && count % 3 != 0) {
+      AddIgnored(report_, primitive.where + ": " + std::to_string(count % 3) +
+                              " corners behind the last triangle");
+    }
     uint64_t a = 0, b = 0;
     for (uint64_t i = 0; i < count; ++i) {
       uint64_t c = i;
@@ -584,6 +607,7 @@ class GltfReader {
   uint64_t lines_ = 0;
   uint64_t morphs_ = 0;
   uint64_t other_scenes_ = 0;
+  uint64_t unused_meshes_ = 0;
   uint64_t outside_ = 0;   // nodes with meshes that the scene does not have
   VertexIndex first_ = 0;  // of the primitive
 };

@@ -207,7 +207,7 @@ class Inflater {
         ++stream_.next_in;
         --stream_.avail_in;
       }
-    } while (stream_.avail_in > 0 || stream_.avail_out == 0);
+    } while (stream_.avail_in > 0 || (stream_.avail_out == 0 && !ended_));
     read_ += bytes.size();
     return Status::Ok();
   }

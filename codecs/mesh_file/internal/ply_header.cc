@@ -124,11 +124,11 @@ class HeaderParser {
 
   // Names go into messages and into other files.
   Status CheckName(std::string_view name) const {
-    constexpr size_t kMaxNameBytes = 256;
+    constexpr size_t kMaxNameBytes = 255;
     const bool printable = std::none_of(name.begin(), name.end(),
                                         [](char c) { return (c >= 0 && c < ' ') || c == '\x7f'; });
     if (printable && !name.empty() && name.size() <= kMaxNameBytes) return Status::Ok();
-    return Error("expected a name of 1 to 256 printable characters, found " + Quoted(name));
+    return Error("expected a name of 1 to 255 printable characters, found " + Quoted(name));
   }
 
   Status ParseElement(LineTokens& tokens) {

@@ -216,6 +216,13 @@ class AsciiGridReader final : public RasterReader {
       }
     }
     MTDB_RETURN_IF_ERROR(CheckEnd());
+    EndLine();
+    if (odd_line_ != 0 && whole_lines_ > 0) {
+      info_.notes.push_back(path_ + ": line " + std::to_string(odd_line_) + " has " +
+                            std::to_string(odd_count_) + " numbers, where a row has " +
+                            std::to_string(f.columns) +
+                            "; rows are counted by numbers, not by lines");
+    }
     if (unnamed > 0) {
       info_.notes.push_back(path_ + ": no NODATA_value line: " + std::to_string(unnamed) +
                             " samples of -9999 count as holes, as ESRI's description says");
@@ -235,6 +242,7 @@ class AsciiGridReader final : public RasterReader {
     ++counted_;
   }
   void EndLine() {
+    whole_lines_ += counted_ == info_.frame.columns;
     if (counted_ == 0 || counted_ == info_.frame.columns || odd_line_ != 0) return;
     odd_line_ = counted_line_;
     odd_count_ = counted_;
@@ -284,6 +292,7 @@ class AsciiGridReader final : public RasterReader {
   bool names_nodata_ = false;
   uint64_t counted_line_ = 0, counted_ = 0;  // see NoteLine()
   uint64_t odd_line_ = 0, odd_count_ = 0;
+  uint64_t whole_lines_ = 0;  // that have as many as a row
 };
 
 }  // namespace
