@@ -150,7 +150,7 @@ TEST_CASE("A window has fewer tiles where a vertex carries much") {
   REQUIRE(TileCutter::WindowTiles(8192, 0) == 16);
   REQUIRE(TileCutter::WindowTiles(8192, 20) == 14);
   REQUIRE(TileCutter::WindowTiles(8192, 1000) == 1);
-  REQUIRE(TileCutter::WindowBytes(8192, 0) <= uint64_t{24} << 20);
+  REQUIRE(TileCutter::WindowBytes(8192, 0) <= uint64_t{28} << 20);
 }
 
 }  // namespace mtdb::testing
