@@ -42,6 +42,7 @@ class WaitScope {
 
  private:
 #if MTDB_THREADS
+  // NOLINTNEXTLINE(readability-identifier-naming)
   static inline thread_local WaitScope* current_ = nullptr;
 #else
   static inline WaitScope* current_ = nullptr;

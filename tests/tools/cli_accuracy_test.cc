@@ -95,7 +95,7 @@ TEST_CASE("info tells what a mesh file is like before it is ingested, and so doe
   CHECK(info.at("store_bytes").get<double>() == Approx(stored).epsilon(0.3));
   const std::string text = RunOk({"info", example.mesh});
   for (const char* words :
-       {"components", "bounds", "edges", "16 bits", "MB in a store", "journal"}) {
+       {"component", "bounds", "edges", "16 bits", "MB in a store", "journal"}) {
     CHECK_THAT(text, Catch::Contains(words));
   }
   const Json dry = RunJson({"ingest", "--dry-run", example.mesh, store, "--bits", "12"});

@@ -213,7 +213,8 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
             kSide, heights);
   const std::string raster = folder.File("raster.mtdb"), store = folder.File("mesh.mtdb");
   RunOk({"ingest", folder.File("dem.asc"), raster});
-  for (const std::string format : {"ply", "obj", "stl", "off", "glb"}) {
+  // (A .glb has y for up: its terrains are read as they stand.)
+  for (const std::string format : {"ply", "obj", "stl", "off"}) {
     const std::string mesh = folder.File("m_" + format + "." + format);
     RunOk({"extract", raster, mesh});
     const std::string name = "m_" + format;

@@ -340,7 +340,7 @@ TEST_CASE("render makes a picture of the size that was asked for", "[cli]") {
   REQUIRE(bytes.size() > 100);
   CHECK(bytes.substr(0, 4) == "\x89PNG");
   CHECK(bytes.substr(16, 8) == std::string("\0\0\0\x7b\0\0\0\x2d", 8));
-  RunFails(2, {"render", example.store, folder.File("picture.jpg")}, {"picture.jpg", ".png"});
+  RunFails(2, {"render", example.store, folder.File("picture.bmp")}, {"picture.bmp", ".png"});
   RunFails(1, {"render", example.store, folder.File("no/picture.png")}, {"no/picture.png"});
   RunFails(1, {"render", example.store, picture, "--sphere", "1000,0,0,1", "--clip"},
            {"triangles"});

@@ -59,7 +59,7 @@ class Source {
       if (rules_.look) MTDB_RETURN_IF_ERROR(rules_.look());
       // What never comes must not keep anybody from stopping.
       pollfd ready{descriptor_, POLLIN, 0};
-      if (rules_.look && ::poll(&ready, 1, kWaitMilliseconds) == 0) continue;
+      if (rules_.look && ::poll(&ready, 1, kWaitMilliseconds) <= 0) continue;
       const ssize_t n = ::read(descriptor_, buffer_.data(), kBlock);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0 && errno == EAGAIN) {  // somebody has made it so
