@@ -77,13 +77,13 @@ TriangleMesh Coloured(std::initializer_list<const char*> names, ScalarType type)
 }
 
 TEST_CASE("Colours of all types and names that programs use reach all formats that have colours") {
-  const std::initializer_list<const char*> names[] = {
+  const std::initializer_list<const char*> all_names[] = {
       {"red", "green", "blue"},
       {"red", "green", "blue", "alpha"},
       {"diffuse_red", "diffuse_green", "diffuse_blue"},
       {"r", "g", "b"},
       {"R", "G", "B", "A"}};
-  for (const auto& names : names) {
+  for (const auto& names : all_names) {
     for (const ScalarType type :
          {ScalarType::kUint8, ScalarType::kInt16, ScalarType::kUint16, ScalarType::kInt32,
           ScalarType::kUint32, ScalarType::kFloat32, ScalarType::kFloat64}) {
@@ -158,9 +158,9 @@ TEST_CASE("Colours outside of what they mean are cut, and that is said") {
 }
 
 TEST_CASE("Normals of float and double, under all names that programs use, are normals") {
-  const std::initializer_list<const char*> names[] = {
+  const std::initializer_list<const char*> all_names[] = {
       {"nx", "ny", "nz"}, {"normal_x", "normal_y", "normal_z"}, {"NX", "NY", "NZ"}};
-  for (const auto& names : names) {
+  for (const auto& names : all_names) {
     for (const ScalarType type : {ScalarType::kFloat32, ScalarType::kFloat64}) {
       TriangleMesh mesh = Tetrahedron();
       ByteWriter rows;

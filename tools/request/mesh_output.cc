@@ -40,7 +40,8 @@ MeshWriteOptions MeshOptionsOf(const ObjectRecord& record, bool normals) {
   MeshWriteOptions options;
   options.off_normals = normals;
   if (!record.raster && record.error_measure == ErrorMeasure::kTwoSidedDistance) return options;
-  MeshWriteOptions::UpFrame& frame = options.up_frame.emplace();
+  options.up_frame = MeshWriteOptions::UpFrame{};
+  MeshWriteOptions::UpFrame& frame = *options.up_frame;
   const std::array<double, 2> metres = MetresOfUnit(record);
   if (metres == std::array<double, 2>{1, 1}) return options;
   const Box3d& b = record.bounds;
