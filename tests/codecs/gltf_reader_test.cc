@@ -89,7 +89,10 @@ TEST_CASE("Triangles, strips, fans and meshes without indices are read") {
   CHECK(ReadSquare(R"(,"indices":1,"mode":6)").mesh.triangles == T{{0, 1, 2}, {0, 2, 3}});
   CHECK(ReadSquare(R"(,"mode":5)").mesh.triangles == T{{0, 1, 2}, {2, 1, 3}});
   CHECK(ReadSquare("").mesh.triangles == T{{0, 1, 2}});  // the last corner is one of none
-  CHECK(ReadSquare(R"(,"indices":1)").report.ignored.empty());
+  CHECK(ReadSquare(R"(,"indices":1,"mode":5)").report.ignored.empty());
+  const std::vector<std::string> ignored = ReadSquare(R"(,"indices":1)").report.ignored;
+  REQUIRE(ignored.size() == 1);
+  CHECK_THAT(ignored[0], Catch::Contains("1 corner behind the last triangle"));
 }
 
 TEST_CASE("Nodes place meshes, again and again; a mirror turns the triangles over") {

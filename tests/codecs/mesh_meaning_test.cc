@@ -350,7 +350,7 @@ TEST_CASE("Writers refuse names that no attribute may have; PLY has none with sp
 TEST_CASE("A .glb whose z is up turns it to y at its node, exactly, and into metres if asked") {
   TriangleMesh mesh = FarMesh(3, 1000);
   MeshWriteOptions options;
-  options.up_frame.emplace();
+  options.up_frame = MeshWriteOptions::UpFrame{};
   Written written = WriteAndRead(mesh, "a.glb", options);
   CHECK(!written.report.node_origin);
   CHECK_THAT(written.report.notes.at(0), Catch::Contains("z is up"));

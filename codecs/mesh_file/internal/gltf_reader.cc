@@ -570,7 +570,8 @@ class GltfReader {
     }
     if (mode == kTriangles && count % 3 != 0) {
       AddIgnored(report_, primitive.where + ": " + std::to_string(count % 3) +
-                              " corners behind the last triangle");
+                              (count % 3 == 1 ? " corner" : " corners") +
+                              " behind the last triangle");
     }
     uint64_t a = 0, b = 0;
     for (uint64_t i = 0; i < count; ++i) {
