@@ -184,8 +184,8 @@ void PourAct(World& world, const Step& step) {
                       is_obj ? "obj" : step.Text("format", "stl")};
   // What only comes slowly is told to stop.
   if (!ends)
-    arguments.insert(arguments.begin(),
-                     {"/usr/bin/timeout", "-s", step.Text("signal", "TERM"), "1"});
+    arguments.insert(arguments.begin(), {"/usr/bin/timeout", "--preserve-status", "-s",
+                                         step.Text("signal", "TERM"), "1"});
   const Ran ran = world.Checked(Run(arguments, world.scratch(), run), "mtdb ingest");
   fs::remove(fifo);
   if (ran.ok()) world.Fault("pour: stored", stream);

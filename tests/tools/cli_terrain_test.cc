@@ -209,7 +209,8 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
   const Folder folder;
   constexpr uint32_t kSide = 30;
   const std::vector<double> heights = MakeHeights(kSide, kSide, 4);
-  WriteGrid(folder.File("dem.asc"), "ncols 30\nnrows 30\nxllcenter 0\nyllcenter 0\ncellsize 2\n",
+  WriteGrid(folder.File("dem.asc"),
+            "ncols 30\nnrows 30\nxllcenter 0\nyllcenter 0\ncellsize 2\nNODATA_value -32768\n",
             kSide, heights);
   const std::string raster = folder.File("raster.mtdb"), store = folder.File("mesh.mtdb");
   RunOk({"ingest", folder.File("dem.asc"), raster});

@@ -64,7 +64,8 @@ Json Facts(const std::string& store, const Folder& folder) {
                               {"--triangles", "60"},
                               {"--error-rel", "0.005", "--box=2,2,-1,9,9,9"}}) {
     const std::string output = folder.File("mesh.ply");
-    Arguments arguments{"extract", store, output, "--double"};
+    Arguments arguments{"extract", store, output};
+    if (object.at("positions") == "grid") arguments.emplace_back("--double");
     arguments.insert(arguments.end(), query.begin(), query.end());
     const Json answer = RunJson(arguments);
     const std::string mesh = ReadText(output);
