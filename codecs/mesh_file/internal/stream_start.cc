@@ -46,11 +46,12 @@ uint64_t MostBytes(const PlyElement& element) {
   return bytes;
 }
 
-Result<StreamFacts> CheckPly(const InputFile& start) {
+Result<StreamFacts> CheckPly(const InputFile& start, std::string_view text) {
   const Result<PlyHeader> header = ReadPlyHeader(start);
   if (!header.ok()) {
-    const bool ended = header.status().message().find("cut short") != std::string::npos;
-    return ended ? None(start, "the header of a PLY file does not end") : header.status();
+    // What has come of a header that goes on may end anywhere.
+    const bool goes_on = text.find("end_header") == text.npos && text.find('\0') == text.npos;
+    return goes_on ? None(start, "the header of a PLY file does not end") : header.status();
   }
   StreamFacts facts;
   facts.is_text = header->encoding == PlyEncoding::kAscii;
@@ -177,7 +178,7 @@ Result<StreamFacts> CheckStreamStart(const InputFile& start, const MeshFormatRow
   const bool is_text_stl = IsAsciiStl(first) && text.find('\0') == std::string_view::npos;
   StreamFacts facts;
   if (name == "PLY") {
-    MTDB_ASSIGN_OR_RETURN(facts, CheckPly(start));
+    MTDB_ASSIGN_OR_RETURN(facts, CheckPly(start, text));
   } else if (name == "STL" && !is_text_stl) {
     MTDB_ASSIGN_OR_RETURN(facts, CheckBinaryStl(start, bytes));
   } else if (name == "glTF" || name == "glTF JSON") {
