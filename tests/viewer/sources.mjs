@@ -84,7 +84,7 @@ for (const nginx of [false, true]) test(`a packed file is shown from any web ser
     await page.fill('#take-error', '0.002');
     const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
     run('ingest', await download.path().then(path => (writeFileSync(file(`taken.${format}`), readFileSync(path)), file(`taken.${format}`))), file('taken.mtdb'), '--name', format, '--quiet', '--force');
-    run('extract', store, file(`cut.${format}`), '--name', kName, '--error', '0.002', '--box=-0.3,-1.3,0.1,0.4,-0.2,0.8', '--clip');
+    run('extract', store, file(`cut.${format}`), '--name', kName, '--error', '0.002', '--box=-0.3,-1.3,0.1,0.4,-0.2,0.8', '--clip', ...(format === 'ply' ? ['--double'] : []));
     run('ingest', file(`cut.${format}`), file('taken.mtdb'), '--name', `cut ${format}`, '--quiet', '--force');
     const digests = [format, `cut ${format}`].map(name => runJson('info', file('taken.mtdb'), '--name', name).objects[0]);
     check(digests[0].triangles > 500 && digests[0].triangles === digests[1].triangles && digests[0].vertices === digests[1].vertices, JSON.stringify(digests));

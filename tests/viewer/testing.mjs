@@ -226,7 +226,7 @@ export function trianglesOfPly(path, info) {
 export async function extracted(page, store, name, info) {
   const query = await page.evaluate(object => viewer.scene.objects.get(object).wanted, name);
   writeFileSync(file('query.json'), JSON.stringify(query));
-  run('extract', store, file('extracted.ply'), '--name', name, '--query', file('query.json'));
+  run('extract', store, file('extracted.ply'), '--name', name, '--query', file('query.json'), '--double');
   return trianglesOfPly(file('extracted.ply'), info);
 }
 

@@ -26,7 +26,7 @@ async function bundle() {
   const esbuild = createRequire(join(build, 'package.json'))('esbuild');
   await esbuild.build({
     entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts'), engine: join(source, 'src/engine.ts'),
-      draping: join(source, 'src/draping.ts'), visitor: join(source, 'src/visitor.ts')},
+      draping: join(source, 'src/draping.ts')},
     outdir: page, bundle: true, minify: true, format: 'esm', target: 'es2022', legalComments: 'eof',
     nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {}, plugins: [leanShaders],
   });
