@@ -182,10 +182,10 @@ void PourAct(World& world, const Step& step) {
                       "8M",
                       "--format",
                       is_obj ? "obj" : step.Text("format", "stl")};
-  // What only comes slowly is told to stop.
+  // What only comes slowly is told to stop, when it has surely begun.
   if (!ends)
     arguments.insert(arguments.begin(), {"/usr/bin/timeout", "--preserve-status", "-s",
-                                         step.Text("signal", "TERM"), "1"});
+                                         step.Text("signal", "TERM"), "3"});
   const Ran ran = world.Checked(Run(arguments, world.scratch(), run), "mtdb ingest");
   fs::remove(fifo);
   if (ran.ok()) world.Fault("pour: stored", stream);
