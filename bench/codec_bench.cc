@@ -36,7 +36,7 @@
 #include "bench/internal/zstd_peer.h"
 #include "codecs/cluster/internal/cluster_payload.h"
 #include "codecs/mesh_file/mesh_file.h"
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 #include "tools/generate/generate.h"
 
 namespace mtdb {

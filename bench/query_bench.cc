@@ -44,8 +44,8 @@
 #include <vector>
 
 #include "bench/internal/workload.h"
-#include "query/internal/cluster_cache.h"
-#include "query/internal/unit_reader.h"
+#include "query/cache/cluster_cache.h"
+#include "query/cache/unit_reader.h"
 
 namespace mtdb {
 

@@ -25,9 +25,12 @@ function(mtdb_install_targets component)
     COMPONENT ${component})
 endfunction()
 
-mtdb_install_targets(query mtdb_base mtdb_store mtdb_coding mtdb_cluster mtdb_stream
-  mtdb_mesh_file mtdb_codecs mtdb_query)
-mtdb_install_targets(builder mtdb_builder)
+foreach(folder store query builder)
+  get_property(mtdb_rooms_of_${folder} GLOBAL PROPERTY mtdb_rooms_of_${folder})
+endforeach()
+mtdb_install_targets(query mtdb_base ${mtdb_rooms_of_store} mtdb_store mtdb_coding mtdb_cluster
+  mtdb_stream mtdb_mesh_file mtdb_codecs ${mtdb_rooms_of_query} mtdb_query)
+mtdb_install_targets(builder ${mtdb_rooms_of_builder} mtdb_builder)
 mtdb_install_targets(client mtdb_client)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)

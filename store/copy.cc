@@ -6,9 +6,9 @@
 #include <sys/stat.h>
 
 #include "store/base/out_of_memory.h"
-#include "store/internal/name_claim.h"
-#include "store/internal/partial_store.h"
-#include "store/internal/test_hooks.h"
+#include "store/lmdb/name_claim.h"
+#include "store/lmdb/partial_store.h"
+#include "store/lmdb/test_hooks.h"
 
 namespace mtdb {
 

@@ -2,19 +2,22 @@
 #include "store/database.h"
 
 #include <algorithm>
+#include <functional>
 #include <sys/stat.h>
 
 #include "store/base/out_of_memory.h"
-#include "store/internal/builder_lock.h"
-#include "store/internal/catalog.h"
-#include "store/internal/environment.h"
-#include "store/internal/meta_page.h"
-#include "store/internal/object_reader.h"
-#include "store/internal/object_writer.h"
-#include "store/internal/open_ranges.h"
-#include "store/internal/packed_reader.h"
-#include "store/internal/test_hooks.h"
+#include "store/carriers/url_carriers.h"
+#include "store/lmdb/builder_lock.h"
+#include "store/lmdb/catalog.h"
+#include "store/lmdb/environment.h"
+#include "store/lmdb/object_reader.h"
+#include "store/lmdb/object_writer.h"
+#include "store/lmdb/test_hooks.h"
 #include "store/object_name.h"
+#include "store/packed/open_ranges.h"
+#include "store/packed/packed_reader.h"
+#include "store/pages/meta_page.h"
+#include "store/records/no_such_object.h"
 
 namespace mtdb {
 
@@ -46,7 +49,7 @@ Result<std::shared_ptr<Database>> Database::Open(const std::string& path,
   });
 }
 
-bool Database::IsUrl(const std::string& path) { return internal::IsUrl(path); }
+bool Database::IsUrl(const std::string& path) { return CarrierOf(path) != nullptr; }
 
 bool Database::NothingStored(const std::string& path) {
   const auto file = StoreFile::Open(path, StoreFile::Access::kRead);
@@ -103,9 +106,15 @@ Result<ObjectRecord> Database::Find(const std::string& name) const {
       return object->record;
     }
     MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
-    if (!record) return NotFound(path() + ": no object " + name + "; see list");
+    if (!record) return NoObject(name);
     return *std::move(record);
   });
+}
+
+Status Database::NoObject(const std::string& name) const {
+  const Result<std::vector<ObjectRecord>> all = List();
+  if (!all.ok()) return NotFound(path() + ": no object " + name);
+  return NoSuchObject(path(), name, *all, std::identity());
 }
 
 Result<std::shared_ptr<ClusterSource>> Database::OpenObject(const std::string& name,
@@ -185,9 +194,11 @@ Status Database::Rename(const std::string& name, const std::string& new_name) {
     if (!environment_->writable()) {
       return InvalidArgument(path() + ": opened for reading; open it writable");
     }
-    return environment_->Write([&](WriteTransaction& write) -> Status {
+    bool is_there = true;
+    MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
       MTDB_ASSIGN_OR_RETURN(auto record, FindObject(write, path(), name));
-      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      is_there = record.has_value();
+      if (!is_there) return Status::Ok();
       if (name == new_name) return Status::Ok();
       MTDB_ASSIGN_OR_RETURN(const auto other, FindObject(write, path(), new_name));
       if (other) {
@@ -200,7 +211,8 @@ Status Database::Rename(const std::string& name, const std::string& new_name) {
           write.PutSealed(Table::kCatalog, ObjectKey(new_name), EncodeObjectRecord(*record)));
       ReachTestPoint("catalog put");
       return Status::Ok();
-    });
+    }));
+    return is_there ? Status::Ok() : NoObject(name);
   });
 }
 
@@ -212,15 +224,18 @@ Status Database::Remove(const std::string& name) {
       return InvalidArgument(path() + ": opened for reading; open it writable");
     }
     ObjectId id;
+    bool is_there = true;
     std::optional<BuilderLock> lock;  // keeps another Create from doing the same work
     MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
       MTDB_ASSIGN_OR_RETURN(const auto record, FindObject(write, path(), name));
-      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      is_there = record.has_value();
+      if (!is_there) return Status::Ok();
       id = record->id;
       lock.reset();
       MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->real_path(), id));
       return MakeGarbage(write, *record);
     }));
+    if (!is_there) return NoObject(name);
     ReachTestPoint("removed");
     return RemoveRemains(*environment_, id);
   });

@@ -8,9 +8,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -19,28 +17,15 @@
 #include "store/cluster_index.h"
 #include "store/cluster_source.h"
 #include "store/object_record.h"
+#include "store/object_writer.h"
+#include "store/open_options.h"
 
 namespace mtdb {
-
-class ObjectWriter;
 
 namespace internal {
 class Environment;
 class PackedFile;
 }  // namespace internal
-
-struct OpenOptions {
-  bool writable = false;  // false: the file must exist, and is not changed
-  bool create = true;     // when writable: makes the file if it does not exist
-  // Of a URL: what comes of the file is kept in this folder, which is made; empty: nowhere. It need
-  // not come again, whoever reads the same content, from whichever URL. Databases and processes may
-  // share a folder. Damaged entries come again. The first 64 KiB always come: they tell what the
-  // file is.
-  std::string cache_directory = {};
-  // At most so much lies there, as the disk counts it, and 16 MiB more for each database that has
-  // the folder open; what was not used for longest goes first.
-  uint64_t cache_directory_bytes = uint64_t{4} << 30;
-};
 
 // Safe for many threads, and for many processes on one file. A process needs one Database for a
 // file: a second one shares the environment of the first. To read takes no more than permission to
@@ -108,31 +93,10 @@ class Database {
   Database(std::shared_ptr<internal::Environment> environment, OpenOptions options);
   Database(std::shared_ptr<internal::PackedFile> packed, OpenOptions options);
   Status CheckWritable() const;
+  Status NoObject(const std::string& name) const;  // kNotFound, which names those that are there
   std::shared_ptr<internal::Environment> environment_;  // either this
   std::shared_ptr<internal::PackedFile> packed_;        // or this
   const OpenOptions options_;
-};
-
-// Publish() calls it with the whole record, when everything is written except the catalog's entry.
-using BeforePublish = std::function<Status(const ObjectRecord&)>;
-
-// Writes one object. Clusters must come finest round first, and within a round with ascending
-// `hilbert`. A writer that is destroyed before Publish() removes what it wrote. Single thread.
-class ObjectWriter {
- public:
-  virtual ~ObjectWriter() = default;
-
-  // Appends a cluster, or a piece of the root when `entry` has no nodes; pieces of the root come
-  // after all clusters. Returns the unit's id: 0, 1, 2, ... `children` must ascend without
-  // repetition. A payload has 1 byte to 1 GiB.
-  virtual Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
-                             ByteSpan payload) = 0;
-  // Writes the index, publishes the object in the catalog, and frees the pages of the object that
-  // it replaces. Returns the published record: `record`, with id, name, payload_bytes,
-  // stored_bytes, index_checksum and digest filled in. When `before` returns an error, nothing is
-  // published and the error is returned.
-  virtual Result<ObjectRecord> Publish(const ObjectRecord& record,
-                                       const BeforePublish& before = {}) = 0;
 };
 
 }  // namespace mtdb

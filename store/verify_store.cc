@@ -5,15 +5,16 @@
 #include <map>
 #include <set>
 
-#include "store/internal/catalog.h"
-#include "store/internal/environment.h"
-#include "store/internal/object_digest.h"
-#include "store/internal/object_index.h"
-#include "store/internal/object_reader.h"
-#include "store/internal/open_ranges.h"
-#include "store/internal/page_walker.h"
-#include "store/internal/store_check.h"
-#include "store/internal/verify_packed.h"
+#include "store/lmdb/catalog.h"
+#include "store/lmdb/environment.h"
+#include "store/lmdb/object_index.h"
+#include "store/lmdb/object_reader.h"
+#include "store/packed/open_ranges.h"
+#include "store/packed/verify_packed.h"
+#include "store/pages/page_walker.h"
+#include "store/pages/store_check.h"
+#include "store/records/no_such_object.h"
+#include "store/records/object_digest.h"
 
 namespace mtdb {
 
@@ -43,7 +44,8 @@ class StoreVerifier {
       ++checked;
       CheckObject(record);
     }
-    if (!object.empty() && checked == 0) Fail(path_ + ": no object " + object + "; see list");
+    if (object.empty() || checked > 0) return;
+    Fail(NoSuchObject(path_, object, listing_.objects, std::identity()).message());
   }
 
  private:

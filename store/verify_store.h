@@ -7,15 +7,10 @@
 #include <vector>
 
 #include "store/base/status.h"
-#include "store/database.h"
+#include "store/check_report.h"
+#include "store/open_options.h"
 
 namespace mtdb {
-
-struct CheckReport {
-  std::vector<std::string> checks;    // what was checked, a phrase each
-  std::vector<std::string> failures;  // what is wrong: object, place, expected, found
-  bool ok() const { return failures.empty(); }
-};
 
 // Walks every page that the live meta page reaches, with a reader that checks every field (LMDB's
 // own code trusts its pages), and makes sure that every page of the file is live, free or meta.

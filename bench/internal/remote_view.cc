@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "query/query_json.h"
-#include "store/internal/open_ranges.h"
+#include "store/packed/open_ranges.h"
 
 namespace mtdb {
 

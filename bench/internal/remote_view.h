@@ -10,8 +10,8 @@
 #include "bench/internal/recorded_ranges.h"
 #include "query/query.h"
 #include "query/surface.h"
-#include "store/internal/packed_reader.h"
 #include "store/object_record.h"
+#include "store/packed/packed_reader.h"
 
 namespace mtdb {
 

@@ -9,11 +9,11 @@
 #include <filesystem>
 #include <string_view>
 
-#include "codecs/mesh_file/internal/mesh_format_table.h"
+#include "codecs/mesh_file/input/text_reader.h"
 #include "codecs/mesh_file/internal/open_input.h"
-#include "codecs/mesh_file/internal/readers.h"
 #include "codecs/mesh_file/internal/stream_start.h"
-#include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/readers/mesh_format_table.h"
+#include "codecs/mesh_file/readers/readers.h"
 #include "store/base/coordinate_limit.h"
 
 namespace mtdb {

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <random>
 
-#include "builder/internal/corner_join.h"
+#include "builder/intake/corner_join.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // One tile at a time: what a decimated tile must have in common with what it was.
-#include "builder/internal/decimator.h"
+#include "builder/decimate/decimator.h"
 
 #include <catch2/catch.hpp>
 
-#include "builder/internal/tiling.h"
+#include "builder/tiles/tiling.h"
 #include "store/base/hash.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"

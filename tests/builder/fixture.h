@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "builder/build.h"
-#include "builder/internal/build_with.h"
+#include "builder/rounds/build_with.h"
 #include "query/surface.h"
 #include "store/base/mesh_sink.h"
 #include "store/database.h"

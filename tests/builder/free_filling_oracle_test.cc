@@ -7,7 +7,7 @@
 #include <set>
 #include <span>
 
-#include "builder/internal/free_filling.h"
+#include "builder/holes/free_filling.h"
 
 namespace mtdb::testing {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "builder/internal/corner_gather.h"
+#include "builder/intake/corner_gather.h"
 #include "builder/mesh_survey.h"
 #include "tests/builder/fixture.h"
 

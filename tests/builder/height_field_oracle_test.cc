@@ -3,7 +3,7 @@
 // is farther off than promised, by looking for the triangle above each place.
 #include <catch2/catch.hpp>
 
-#include "builder/internal/height_field.h"
+#include "builder/intake/height_field.h"
 #include "builder/mesh_survey.h"
 #include "tests/builder/fixture.h"
 

@@ -7,7 +7,7 @@
 #include <set>
 #include <vector>
 
-#include "builder/internal/tile.h"
+#include "builder/disk/tile.h"
 #include "store/base/grid.h"
 #include "store/base/mesh_sink.h"
 #include "store/object_record.h"

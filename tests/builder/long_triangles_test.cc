@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "builder/internal/tiling_choice.h"
+#include "builder/tiles/tiling_choice.h"
 #include "tests/builder/fixture.h"
 
 namespace mtdb::testing {

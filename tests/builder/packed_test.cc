@@ -5,11 +5,11 @@
 #include <filesystem>
 #include <random>
 
-#include "builder/internal/packed_triangle.h"
-#include "builder/internal/spool.h"
-#include "builder/internal/squeeze.h"
-#include "builder/internal/tiling.h"
-#include "builder/internal/triangle_sorter.h"
+#include "builder/disk/packed_triangle.h"
+#include "builder/disk/spool.h"
+#include "builder/disk/squeeze.h"
+#include "builder/disk/triangle_sorter.h"
+#include "builder/tiles/tiling.h"
 
 namespace mtdb::testing {
 

@@ -3,9 +3,9 @@
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "builder/internal/raster_surface.h"
-#include "builder/internal/round_mesh.h"
-#include "builder/internal/tile_mesh.h"
+#include "builder/holes/tile_mesh.h"
+#include "builder/measure/raster_surface.h"
+#include "builder/measure/round_mesh.h"
 
 namespace mtdb::testing {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The queue against a list that is searched through.
-#include "builder/internal/removal_queue.h"
+#include "builder/decimate/removal_queue.h"
 
 #include <catch2/catch.hpp>
 #include <map>

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the tiles of a round end, and that rounds shrink whatever the mesh.
-#include "builder/internal/round_level.h"
+#include "builder/tiles/round_level.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
-#include "builder/internal/tiling.h"
+#include "builder/tiles/tiling.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 #include "tests/builder/nasty_meshes.h"

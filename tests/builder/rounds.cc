@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <utility>
 
-#include "builder/internal/decimator.h"
-#include "builder/internal/tile_cluster.h"
-#include "builder/internal/tiling.h"
+#include "builder/decimate/decimator.h"
+#include "builder/tiles/tiling.h"
+#include "builder/write/tile_cluster.h"
 #include "tests/builder/input_oracle.h"
 
 namespace mtdb::testing {

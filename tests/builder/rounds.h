@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "builder/internal/tile.h"
-#include "builder/internal/tile_surface.h"
+#include "builder/disk/tile.h"
+#include "builder/measure/tile_surface.h"
 #include "store/base/geometry.h"
 #include "store/base/grid.h"
 #include "store/base/ids.h"

@@ -3,7 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cstring>
 
-#include "builder/internal/seam_join.h"
+#include "builder/intake/seam_join.h"
 #include "builder/mesh_survey.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/nasty_meshes.h"

@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "builder/internal/build_with.h"
+#include "builder/rounds/build_with.h"
 #include "tests/builder/cgal_plane.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/terrain_seams.h"

@@ -6,7 +6,7 @@
 #include <random>
 #include <tuple>
 
-#include "builder/internal/soup_join.h"
+#include "builder/intake/soup_join.h"
 #include "store/base/geometry.h"
 
 namespace mtdb::testing {

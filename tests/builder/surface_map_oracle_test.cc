@@ -7,9 +7,9 @@
 #include <span>
 #include <utility>
 
-#include "builder/internal/surface_map.h"
-#include "builder/internal/tile_mesh.h"
-#include "builder/internal/tile_surface.h"
+#include "builder/holes/tile_mesh.h"
+#include "builder/measure/surface_map.h"
+#include "builder/measure/tile_surface.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/nasty_meshes.h"
 #include "tests/builder/rounds.h"

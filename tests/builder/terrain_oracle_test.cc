@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "builder/internal/delaunay_filling.h"
+#include "builder/holes/delaunay_filling.h"
 #include "tests/builder/cgal_plane.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/terrain_fixture.h"

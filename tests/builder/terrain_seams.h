@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "builder/internal/decimator.h"
+#include "builder/decimate/decimator.h"
 
 namespace mtdb::testing {
 

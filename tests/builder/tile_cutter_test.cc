@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a round's mesh is cut into tiles.
-#include "builder/internal/tile_cutter.h"
+#include "builder/tiles/tile_cutter.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "builder/internal/tiling.h"
+#include "builder/tiles/tiling.h"
 
 namespace mtdb::testing {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "builder/internal/tile_mesh.h"
+#include "builder/holes/tile_mesh.h"
 
 #include <catch2/catch.hpp>
 #include <random>

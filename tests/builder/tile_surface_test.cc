@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The surface beneath a tile: put together from what the clusters of rounds before left, and
 // what errors against it promise.
-#include "builder/internal/tile_surface.h"
+#include "builder/measure/tile_surface.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -13,9 +13,9 @@
 #include <set>
 
 #include "bench/internal/hausdorff.h"
-#include "builder/internal/decimator.h"
-#include "builder/internal/tile_cluster.h"
-#include "builder/internal/tiling.h"
+#include "builder/decimate/decimator.h"
+#include "builder/tiles/tiling.h"
+#include "builder/write/tile_cluster.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 #include "tests/builder/nasty_meshes.h"

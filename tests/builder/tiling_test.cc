@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order in which a round's triangles are cut into tiles.
-#include "builder/internal/tiling.h"
+#include "builder/tiles/tiling.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -11,10 +11,10 @@
 #include <random>
 #include <span>
 
-#include "builder/internal/decimator.h"
-#include "builder/internal/tile_cluster.h"
-#include "builder/internal/tile_surface.h"
-#include "builder/internal/tiling.h"
+#include "builder/decimate/decimator.h"
+#include "builder/measure/tile_surface.h"
+#include "builder/tiles/tiling.h"
+#include "builder/write/tile_cluster.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 #include "tests/builder/terrain_seams.h"

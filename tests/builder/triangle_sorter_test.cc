@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The external sort of a round's triangles: a permutation in order of the curve, whatever the
 // memory.
-#include "builder/internal/triangle_sorter.h"
+#include "builder/disk/triangle_sorter.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <random>
 
-#include "builder/internal/tiling.h"
+#include "builder/tiles/tiling.h"
 
 namespace mtdb::testing {
 

@@ -5,8 +5,8 @@
 #include <numeric>
 #include <random>
 
-#include "builder/internal/near_join.h"
-#include "builder/internal/soup_join.h"
+#include "builder/intake/near_join.h"
+#include "builder/intake/soup_join.h"
 #include "builder/mesh_survey.h"
 #include "tests/builder/fixture.h"
 

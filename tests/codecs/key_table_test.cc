@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sender's table of keys against std::map, under random use.
-#include "codecs/stream/internal/key_table.h"
+#include "codecs/stream/encode/key_table.h"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -2,7 +2,7 @@
 // The table of mesh formats, and the documents that list them.
 #include <set>
 
-#include "codecs/mesh_file/internal/mesh_format_table.h"
+#include "codecs/mesh_file/readers/mesh_format_table.h"
 #include "tests/codecs/mesh_file_testing.h"
 
 namespace mtdb {

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "codecs/mesh_file/internal/exact_turn.h"
-#include "codecs/mesh_file/internal/polygon_triangulator.h"
+#include "codecs/mesh_file/polygons/exact_turn.h"
+#include "codecs/mesh_file/polygons/polygon_triangulator.h"
 
 namespace mtdb {
 namespace {

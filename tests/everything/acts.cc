@@ -11,7 +11,7 @@
 #include "builder/build.h"
 #include "store/database.h"
 #include "tests/everything/world.h"
-#include "tools/cli/merge.h"
+#include "tools/cli/verbs/merge.h"
 
 namespace mtdb::everything {
 

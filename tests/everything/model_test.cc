@@ -13,7 +13,7 @@
 #include "tests/everything/process.h"
 #include "tests/everything/question.h"
 #include "tests/support/temporary_folder.h"
-#include "tools/cli/merge.h"
+#include "tools/cli/verbs/merge.h"
 
 namespace mtdb::everything {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "store/internal/index_codec.h"
+#include "store/records/index_codec.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/readers/readers.h"
 
 namespace {
 

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "store/internal/keys.h"
-#include "store/internal/packed_reader.h"
-#include "store/internal/verify_packed.h"
+#include "store/packed/packed_reader.h"
+#include "store/packed/verify_packed.h"
 #include "store/packed_file.h"
+#include "store/records/keys.h"
 
 namespace {
 

@@ -8,9 +8,9 @@
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/root_codec.h"
-#include "store/internal/catalog_entry.h"
-#include "store/internal/index_codec.h"
 #include "store/object_record.h"
+#include "store/pages/catalog_entry.h"
+#include "store/records/index_codec.h"
 #include "tests/fuzz/cluster_fuzz_targets.h"
 #include "tests/fuzz/update_fuzz_targets.h"
 

@@ -26,25 +26,25 @@ struct Stated {
   std::string file, constant;
 };
 const std::string kStore = "store/FORMAT.md", kCodecs = "codecs/FORMAT.md";
-const std::string kKeys = "store/internal/keys.h", kPacked = "store/internal/packed_format.cc";
-const std::string kEntry = "store/internal/catalog_entry.h",
+const std::string kKeys = "store/records/keys.h", kPacked = "store/packed/packed_format.cc";
+const std::string kEntry = "store/pages/catalog_entry.h",
                   kUpdate = "codecs/stream/internal/update_coder.h";
-const std::string kMeta = "store/internal/meta_page.cc",
-                  kLimits = "codecs/cluster/cluster_limits.h";
+const std::string kMeta = "store/pages/meta_page.cc", kLimits = "codecs/cluster/cluster_limits.h";
 const std::vector<Stated> kStated{
     {kStore, "## Versions", "| @ | mtdb 0.1.0 |", kEntry, "kStoreVersion"},
     {kStore, "### Superblock", "| 16 | 4 | u32 | version | @ |", kEntry, "kStoreVersion"},
     {kStore, "", "### Superblock (@ bytes)", kEntry, "kSuperblockBytes"},
     {kStore, "Superblock, the value under", "magic; version @;", kEntry, "kStoreVersion"},
-    {kStore, "### Object record", "`u16 version` (@)", "store/object_record.cc", "kRecordVersion"},
+    {kStore, "### Object record", "`u16 version` (@)", "store/records/object_record.cc",
+     "kRecordVersion"},
     {kStore, "", "| 0x03 | name, 1..@ bytes", kKeys, "kMaxNameBytes"},
     {kStore, "", "data version @.", kMeta, "kDataVersion"},
     {kStore, "", "u32 magic @, u32 version", kMeta, "kMagic"},
     {kStore, "", "u32 magic 0xbeefc0de, u32 version @,", kMeta, "kDataVersion"},
     {kStore, "### Header", "| 16 | 4 | u32 | version | @ |", kPacked, "kVersion"},
-    {kStore, "### Header", "1..min(file_bytes - 72, @)", "store/internal/packed_format.h",
+    {kStore, "### Header", "1..min(file_bytes - 72, @)", "store/packed/packed_format.h",
      "kMaxDirectoryBytes"},
-    {kStore, "### Header", "1..min(file_bytes - @, 2^28)", "store/internal/packed_format.h",
+    {kStore, "### Header", "1..min(file_bytes - @, 2^28)", "store/packed/packed_format.h",
      "kPackedHeaderBytes"},
     {kStore, "### Directory", "| varint | rows in a page | 1..@;", kPacked, "kMaxRowsPerPage"},
     {kStore, "### Directory", "| varint | length | 1..@ |", kPacked, "kMaxPageBytes"},
@@ -57,8 +57,8 @@ const std::vector<Stated> kStated{
 };
 // Likewise what begins a file or stream, as it is written.
 const std::vector<Stated> kMagics{
-    {kStore, "### Superblock", "| magic | `@` and six zero bytes |",
-     "store/internal/catalog_entry.cc", "kMagic"},
+    {kStore, "### Superblock", "| magic | `@` and six zero bytes |", "store/pages/catalog_entry.cc",
+     "kMagic"},
     {kStore, "### Header", "| magic | `@` and five zero bytes |", kPacked, "kMagic"},
     {kCodecs, "# The update stream", "stream := \"@\", u8 version", kUpdate, "kUpdateMagic"},
 };

@@ -21,14 +21,14 @@ constexpr std::array kFolders{"store", "codecs", "query", "builder", "tools", "b
 
 // File and a part of the signature -> the reason.
 const std::map<std::pair<std::string, std::string>, std::string> kLonger{
-    {{"store/internal/page.cc", " Page::Decode("},
+    {{"store/pages/page.cc", " Page::Decode("},
      "reads and checks the fields of a page one after the other, as the bytes come"},
     {{"codecs/coding/attribute_coder.cc", " AttributeCoder::CodeNormal("},
      "encodes and decodes, statement by statement as codecs/FORMAT.md has it"},
     {{"codecs/coding/hole_frame.inc", " HoleFrame::Set("},
      "arithmetic without branches, as codecs/FORMAT.md has it"},
     {{"tools/cli/main.cc", "(CLI::App* verb, "}, "a statement for each option of a verb"},
-    {{"tools/cli/verb_ingest.cc", " Ingest("}, "what the verb does, in order"},
+    {{"tools/cli/verbs/verb_ingest.cc", " Ingest("}, "what the verb does, in order"},
 };
 
 struct Function {

@@ -15,12 +15,12 @@
 
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/cluster/root_codec.h"
-#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/readers/readers.h"
 #include "codecs/stream/update_stream.h"
 #include "store/base/hash.h"
-#include "store/internal/catalog_entry.h"
-#include "store/internal/index_codec.h"
 #include "store/object_record.h"
+#include "store/pages/catalog_entry.h"
+#include "store/records/index_codec.h"
 #include "tests/codecs/update_fixture.h"
 #include "tests/memory/allocation_peak.h"
 

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 #include "query/session.h"
 #include "query/surface.h"
 #include "tests/query/explicit_mesh.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 
 #include <array>
 #include <catch2/catch.hpp>
@@ -7,7 +7,7 @@
 #include <random>
 #include <thread>
 
-#include "query/internal/unit_reader.h"
+#include "query/cache/unit_reader.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A compact cluster says what the cluster says that it was made of, and refuses what it cannot.
-#include "query/internal/compact_cluster.h"
+#include "query/cache/compact_cluster.h"
 
 #include <algorithm>
 #include <array>
@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
-#include "query/internal/cluster_cache.h"
-#include "query/internal/unit_image.h"
+#include "query/cache/cluster_cache.h"
+#include "query/cache/unit_image.h"
 #include "tests/query/mt_fixture.h"
 
 namespace mtdb::testing {

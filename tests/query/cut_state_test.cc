@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The cut itself, against the plain DAG: what is inserted, taken back, removed, undone and counted.
-#include "query/internal/cut_state.h"
+#include "query/cut/cut_state.h"
 
 #include <catch2/catch.hpp>
 #include <random>
 #include <set>
 #include <vector>
 
-#include "query/internal/judge.h"
-#include "query/internal/stored_order_pass.h"
-#include "query/internal/unit_pins.h"
-#include "query/internal/unit_queue.h"
+#include "query/cut/judge.h"
+#include "query/cut/stored_order_pass.h"
+#include "query/cut/unit_pins.h"
+#include "query/cut/unit_queue.h"
 #include "query/surface.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "query/internal/json_value.h"
+#include "query/json/json_value.h"
 
 namespace mtdb::testing {
 namespace {

@@ -8,7 +8,7 @@
 #include <chrono>
 #include <thread>
 
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/hash.h"
 #include "tests/query/mt_fixture.h"

@@ -5,8 +5,8 @@
 #include <set>
 #include <vector>
 
-#include "query/internal/moving_cut.h"
-#include "query/internal/vertical_reach.h"
+#include "query/fields/vertical_reach.h"
+#include "query/moving/moving_cut.h"
 #include "query/query_control.h"
 #include "query/surface.h"
 #include "tests/query/late_source.h"

@@ -5,10 +5,10 @@
 #include <random>
 #include <vector>
 
-#include "query/internal/deadlines.h"
-#include "query/internal/insertion.h"
-#include "query/internal/removal.h"
-#include "query/internal/strength.h"
+#include "query/moving/deadlines.h"
+#include "query/moving/insertion.h"
+#include "query/moving/removal.h"
+#include "query/moving/strength.h"
 #include "query/surface.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"

@@ -9,9 +9,9 @@
 #include <set>
 #include <vector>
 
-#include "query/internal/cluster_cache.h"
-#include "query/internal/moving_cut.h"
-#include "query/internal/search.h"
+#include "query/cache/cluster_cache.h"
+#include "query/cut/search.h"
+#include "query/moving/moving_cut.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"
 

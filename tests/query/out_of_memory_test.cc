@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 #include "query/probe.h"
 #include "query/query_json.h"
 #include "query/session.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "query/internal/probe_geometry.h"
+#include "query/ask/probe_geometry.h"
 #include "query/probe.h"
 #include "tests/builder/fixture.h"
 #include "tests/query/late_source.h"

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "query/internal/work_meter.h"
+#include "query/fields/work_meter.h"
 #include "query/probe.h"
 #include "query/query_control.h"
 #include "query/query_json.h"

@@ -6,7 +6,7 @@
 #include <map>
 #include <random>
 
-#include "query/internal/rounding.h"
+#include "query/fields/rounding.h"
 #include "tests/query/random_regions.h"
 
 namespace mtdb::testing {

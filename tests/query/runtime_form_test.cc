@@ -5,8 +5,8 @@
 #include <random>
 #include <thread>
 
-#include "query/internal/cluster_cache.h"
-#include "query/internal/unit_reader.h"
+#include "query/cache/cluster_cache.h"
+#include "query/cache/unit_reader.h"
 #include "query/surface.h"
 #include "query/verify_object.h"
 #include "tests/query/mt_fixture.h"

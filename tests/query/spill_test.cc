@@ -11,9 +11,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "query/internal/cluster_cache.h"
-#include "query/internal/kept_triangles.h"
-#include "query/internal/unit_image.h"
+#include "query/answer/kept_triangles.h"
+#include "query/cache/cluster_cache.h"
+#include "query/cache/unit_image.h"
 #include "query/surface.h"
 #include "tests/query/mt_fixture.h"
 #include "tests/query/oracle.h"

@@ -8,8 +8,8 @@
 #include <limits>
 #include <random>
 
-#include "query/internal/rounding.h"
-#include "query/internal/vertical_reach.h"
+#include "query/fields/rounding.h"
+#include "query/fields/vertical_reach.h"
 #include "tests/query/random_regions.h"
 
 namespace mtdb::testing {

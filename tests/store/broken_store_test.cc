@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "store/internal/catalog_entry.h"
-#include "store/internal/keys.h"
+#include "store/pages/catalog_entry.h"
+#include "store/records/keys.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

@@ -6,8 +6,8 @@
 #include <random>
 #include <set>
 
-#include "store/internal/index_codec.h"
-#include "store/internal/value_packing.h"
+#include "store/records/index_codec.h"
+#include "store/records/value_packing.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

@@ -14,7 +14,7 @@
 #include <thread>
 #include <unistd.h>
 
-#include "store/internal/test_hooks.h"
+#include "store/lmdb/test_hooks.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

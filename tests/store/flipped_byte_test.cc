@@ -6,8 +6,8 @@
 #include <cstring>
 #include <random>
 
-#include "store/internal/environment.h"
-#include "store/internal/page_walker.h"
+#include "store/lmdb/environment.h"
+#include "store/pages/page_walker.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

@@ -3,10 +3,10 @@
 #include <catch2/catch.hpp>
 #include <sstream>
 
-#include "store/internal/catalog_entry.h"
-#include "store/internal/environment.h"
-#include "store/internal/index_codec.h"
-#include "store/internal/keys.h"
+#include "store/lmdb/environment.h"
+#include "store/pages/catalog_entry.h"
+#include "store/records/index_codec.h"
+#include "store/records/keys.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

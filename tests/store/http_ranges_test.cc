@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packed files over HTTP, from servers that answer rightly, wrongly, late or not at all: what was
 // packed, or an error that says why, and never anything else.
-#include "store/internal/http_ranges.h"
+#include "store/carriers/http_ranges.h"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>
 #include <random>
 
 #include "store/base/wait_scope.h"
-#include "store/internal/http_url.h"
-#include "store/internal/packed_reader.h"
+#include "store/carriers/http_url.h"
+#include "store/packed/packed_reader.h"
 #include "store/packed_file.h"
 #include "tests/store/store_fixture.h"
 #include "tests/support/file_server.h"

@@ -13,7 +13,7 @@
 
 #include "store/base/out_of_memory.h"
 #include "store/copy.h"
-#include "store/internal/packed_reader.h"
+#include "store/packed/packed_reader.h"
 #include "tests/store/store_fixture.h"
 #include "tests/support/failing_allocation.h"
 

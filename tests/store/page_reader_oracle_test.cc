@@ -6,9 +6,9 @@
 #include <random>
 #include <thread>
 
-#include "store/internal/environment.h"
-#include "store/internal/page_reader.h"
-#include "store/internal/page_walker.h"
+#include "store/lmdb/environment.h"
+#include "store/pages/page_reader.h"
+#include "store/pages/page_walker.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "store/internal/environment.h"
+#include "store/lmdb/environment.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

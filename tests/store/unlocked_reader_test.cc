@@ -18,8 +18,8 @@
 #include <thread>
 #include <unistd.h>
 
-#include "store/internal/environment.h"
-#include "store/internal/test_hooks.h"
+#include "store/lmdb/environment.h"
+#include "store/lmdb/test_hooks.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {

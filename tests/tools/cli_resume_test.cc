@@ -8,7 +8,7 @@
 #include "store/database.h"
 #include "tests/tools/cli_testing.h"
 #include "tests/tools/json_tables.h"
-#include "tools/cli/ingest_journal.h"
+#include "tools/cli/verbs/ingest_journal.h"
 
 namespace mtdb::test {
 namespace {

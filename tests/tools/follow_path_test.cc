@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Paths of `mtdb follow`: keyframes into queries.
-#include "tools/cli/follow_path.h"
+#include "tools/cli/verbs/follow_path.h"
 
 #include <catch2/catch.hpp>
 

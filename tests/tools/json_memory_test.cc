@@ -11,7 +11,7 @@
 #include "tools/client/json.h"
 #include "tools/client/session_message.h"
 #include "tools/request/report_json.h"
-#include "tools/server/internal/server_request.h"
+#include "tools/server/http/server_request.h"
 #include "tools/server/internal/server_service.h"
 
 namespace mtdb::test {

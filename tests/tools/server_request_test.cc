@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Targets and parameters of requests to the server.
-#include "tools/server/internal/server_request.h"
+#include "tools/server/http/server_request.h"
 
 #include <catch2/catch.hpp>
 #include <random>

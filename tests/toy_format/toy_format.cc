@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A program that is linked with this file knows one mesh format more, the toy: text, "toy", the
 // counts of vertices and triangles, and their numbers. This is all that a new format needs.
-#include "codecs/mesh_file/internal/mesh_emitter.h"
-#include "codecs/mesh_file/internal/mesh_format_table.h"
-#include "codecs/mesh_file/internal/readers.h"
-#include "codecs/mesh_file/internal/text_format.h"
-#include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/input/text_reader.h"
+#include "codecs/mesh_file/polygons/mesh_emitter.h"
+#include "codecs/mesh_file/readers/mesh_format_table.h"
+#include "codecs/mesh_file/readers/readers.h"
+#include "codecs/mesh_file/writers/text_format.h"
 
 namespace mtdb::internal {
 

@@ -10,7 +10,7 @@
 #include "query/session.h"
 #include "query/surface.h"
 #include "store/base/hash.h"
-#include "store/internal/index_codec.h"
+#include "store/records/index_codec.h"
 #include "tests/codecs/decode_check/payload_file.h"
 
 namespace mtdb {

@@ -5,7 +5,7 @@
 
 #include "store/cluster_source.h"
 #include "store/database.h"
-#include "store/internal/index_codec.h"
+#include "store/records/index_codec.h"
 #include "tests/codecs/decode_check/expand_payload.h"
 #include "tests/codecs/decode_check/payload_file.h"
 

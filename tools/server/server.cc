@@ -23,10 +23,10 @@
 
 #include "store/base/out_of_memory.h"
 #include "tools/client/network.h"
+#include "tools/server/http/server_connection.h"
+#include "tools/server/http/server_loop.h"
+#include "tools/server/http/server_origin.h"
 #include "tools/server/internal/freed_memory.h"
-#include "tools/server/internal/server_connection.h"
-#include "tools/server/internal/server_loop.h"
-#include "tools/server/internal/server_origin.h"
 
 namespace mtdb {
 

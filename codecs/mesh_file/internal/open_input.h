@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "codecs/mesh_file/internal/file_io.h"
+#include "codecs/mesh_file/input/file_io.h"
 #include "codecs/mesh_file/internal/stream_start.h"
 #include "store/base/status.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "codecs/mesh_file/internal/mesh_format_table.h"
-#include "codecs/mesh_file/internal/readers.h"
+#include "codecs/mesh_file/readers/mesh_format_table.h"
+#include "codecs/mesh_file/readers/readers.h"
 
 namespace mtdb::internal {
 

@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "codecs/mesh_file/internal/ply_header.h"
-#include "codecs/mesh_file/internal/readers.h"
-#include "codecs/mesh_file/internal/text_reader.h"
+#include "codecs/mesh_file/input/ply_header.h"
+#include "codecs/mesh_file/input/text_reader.h"
+#include "codecs/mesh_file/readers/readers.h"
 #include "store/base/attributes.h"
 
 namespace mtdb::internal {

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string>
 
-#include "codecs/mesh_file/internal/file_io.h"
-#include "codecs/mesh_file/internal/mesh_format_table.h"
+#include "codecs/mesh_file/input/file_io.h"
+#include "codecs/mesh_file/readers/mesh_format_table.h"
 #include "store/base/status.h"
 
 namespace mtdb::internal {

@@ -2,7 +2,7 @@
 // decode_dump STORE FILE: the payloads of all objects, for decode_digest. See payload_file.h.
 #include <cstdio>
 
-#include "query/internal/cluster_cache.h"
+#include "query/cache/cluster_cache.h"
 #include "query/surface.h"
 #include "store/base/attribute_layout.h"
 #include "store/database.h"

@@ -18,12 +18,12 @@
 #include "store/base/status.h"
 #include "store/database.h"
 #include "tools/client/session_message.h"
+#include "tools/server/http/server_request.h"
 #include "tools/server/internal/anonymous_file.h"
 #include "tools/server/internal/named_locks.h"
 #include "tools/server/internal/server_ledger.h"
 #include "tools/server/internal/server_metrics.h"
 #include "tools/server/internal/server_packed.h"
-#include "tools/server/internal/server_request.h"
 #include "tools/server/internal/server_session.h"
 #include "tools/server/server.h"
 

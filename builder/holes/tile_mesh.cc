@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "builder/holes/tile_mesh.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "builder/disk/number_table.h"
+
+namespace mtdb::internal {
+
+void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
+                   std::vector<uint32_t>& opposite) {
+  // Buckets by smaller end, and in each by the other one: a vertex may have any number of edges.
+  struct Use {
+    uint32_t larger;
+    uint32_t half_edge : 31;
+    uint32_t forward : 1;  // from the smaller end to the larger
+  };
+  const auto n = static_cast<uint32_t>(3 * triangles.size());
+  opposite.assign(n, kNone32);
+  std::vector<uint32_t> begin(vertex_count + 1, 0);
+  for (const auto& t : triangles) {
+    for (size_t c = 0; c < 3; ++c) ++begin[std::min(t[c], t[c == 2 ? 0 : c + 1]) + 1];
+  }
+  for (uint32_t v = 0; v < vertex_count; ++v) begin[v + 1] += begin[v];
+  std::vector<Use> uses(n);
+  std::vector<uint32_t> at(begin.begin(), begin.end() - 1);
+  uint32_t h = 0;
+  for (const auto& t : triangles) {
+    for (size_t c = 0; c < 3; ++c, ++h) {
+      const uint32_t a = t[c];
+      const uint32_t b = t[c == 2 ? 0 : c + 1];
+      uses[at[std::min(a, b)]++] = {std::max(a, b), h & 0x7fffffff, a < b};
+    }
+  }
+  for (uint32_t v = 0; v < vertex_count; ++v) {
+    const auto bucket = std::span(uses).subspan(begin[v], begin[v + 1] - begin[v]);
+    std::sort(bucket.begin(), bucket.end(),
+              [](const Use& a, const Use& b) { return a.larger < b.larger; });
+    for (size_t i = 0, end = 0; i < bucket.size(); i = end) {
+      while (end < bucket.size() && bucket[end].larger == bucket[i].larger) ++end;
+      if (end != i + 2 || bucket[i].forward == bucket[i + 1].forward) continue;
+      opposite[bucket[i].half_edge] = bucket[i + 1].half_edge;
+      opposite[bucket[i + 1].half_edge] = bucket[i].half_edge;
+    }
+  }
+}
+
+void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
+  NumberTable numbers(tile.size());  // a closed surface has half as many
+  vertices_.clear();
+  first_corner_.clear();
+  grid_positions_.clear();
+  fixed_.clear();
+  input_corners_.resize(tile.size());
+  for (uint32_t t = 0; t < tile.size(); ++t) {
+    for (uint32_t c = 0; c < 3; ++c) {
+      const uint32_t v = tile[t].vertices[c];
+      const auto [number, fresh] = numbers.Add(v, vertices());
+      if (fresh) {
+        vertices_.push_back(v);
+        first_corner_.push_back(3 * t + c);
+        grid_positions_.push_back(tile[t].positions[c]);
+        fixed_.push_back(0);
+      }
+      input_corners_[t][c] = number;
+      fixed_[number] |= tile[t].fixed_corners >> c & 1;
+    }
+  }
+}
+
+void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid) {
+  NumberVertices(tile);
+  const auto n = static_cast<uint32_t>(tile.size());
+  places_.assign(vertices(), Place{});
+  for (uint32_t v = 0; v < vertices(); ++v) {
+    places_[v].position =
+        grid.is_linear() ? ToDouble(grid_positions_[v]) : grid.Position(grid_positions_[v]);
+    places_[v].locked = fixed_[v];
+  }
+  PairHalfEdges(input_corners_, vertices(), input_opposites_);
+  triangles_.clear();
+  for (uint32_t t = 0; t < n; ++t) {
+    const uint32_t* const across = &input_opposites_[3 * size_t{t}];
+    triangles_.push_back(
+        {input_corners_[t], {across[0], across[1], across[2]}, tile[t].border_edges});
+  }
+  for (uint32_t h = 0; h < 3 * n; ++h) {
+    Place& a = places_[Origin(h)];
+    Place& b = places_[Origin(Next(h))];
+    if (opposite(h) == kNone32) {
+      if (IsBorderEdge(h)) {
+        a.on_border = b.on_border = true;
+        a.half_edge = h;
+      } else {
+        a.locked = b.locked = true;
+      }
+    }
+    if (a.half_edge == kNone32) a.half_edge = h;
+  }
+  ring_mark_.assign(vertices(), 0);
+  holes_.clear();
+  stars_.clear();
+  live_triangles_ = n;
+}
+
+bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
+  hole.ring.clear();
+  hole.star.clear();
+  hole.ring_edges.clear();
+  const uint32_t first = places_[v].half_edge;
+  uint32_t h = first;
+  do {
+    if (hole.ring.size() >= limit) return false;
+    hole.ring.push_back(Origin(Next(h)));
+    hole.star.push_back(h / 3);
+    hole.ring_edges.push_back(Next(h));
+    const uint32_t last = Previous(h);
+    h = opposite(last);
+    if (h == kNone32) {  // the far end of a border vertex's fan
+      if (hole.ring.size() >= limit) return false;
+      hole.ring.push_back(Origin(last));
+      hole.border_in = last;
+      break;
+    }
+  } while (h != first);
+  hole.vertex = v;
+  hole.k = static_cast<uint32_t>(hole.ring.size());
+  hole.boundary = places_[v].on_border;
+  hole.border_out = first;
+  hole.folded = false;
+  hole.apex = places_[v].position;
+  for (uint32_t i = 0; i < hole.k; ++i) hole.positions[i] = places_[hole.ring[i]].position;
+  return true;
+}
+
+template <typename F>
+bool TileMesh::AnyNeighbour(uint32_t v, F&& f) const {
+  const uint32_t first = places_[v].half_edge;
+  uint32_t h = first;
+  do {
+    if (f(Origin(Next(h)))) return true;
+    const uint32_t last = Previous(h);
+    h = opposite(last);
+    if (h == kNone32) return f(Origin(last));
+  } while (h != first);
+  return false;
+}
+
+bool TileMesh::AreAdjacent(uint32_t unlocked, uint32_t other) const {
+  return AnyNeighbour(unlocked, [&](uint32_t w) { return w == other; });
+}
+
+bool TileMesh::EdgesAreFree(const Hole& hole) const {
+  const uint32_t k = hole.k;
+  const std::vector<uint32_t>& ring = hole.ring;
+  if (k < 3) return false;
+  if (hole.boundary) {
+    const uint32_t a = ring[0];
+    const uint32_t b = ring[k - 1];
+    return locked(a) ? !locked(b) && !AreAdjacent(b, a) : !AreAdjacent(a, b);
+  }
+  if (k > 3) return true;
+  if (locked(ring[0]) && locked(ring[1]) && locked(ring[2])) return false;
+  for (uint32_t i = 0; i < 3; ++i) {
+    const uint32_t o = opposite(hole.ring_edges[i]);
+    if (o != kNone32 && Origin(Previous(o)) == ring[(i + 2) % 3]) return false;
+  }
+  return true;
+}
+
+void TileMesh::ForbidEdges(Hole& hole, bool existing) {
+  const uint32_t k = hole.k;
+  const std::vector<uint32_t>& ring = hole.ring;
+  for (uint32_t i = 0; i < k; ++i) {
+    for (uint32_t j = 0; j < k; ++j) {
+      hole.forbidden[i][j] = locked(ring[i]) && locked(ring[j]);
+    }
+  }
+  if (!existing) return;
+  // Every edge with an unlocked end is in the fan of that end, which is whole.
+  for (uint32_t i = 0; i < k; ++i) ring_mark_[ring[i]] = i + 1;
+  for (uint32_t i = 0; i < k; ++i) {
+    if (locked(ring[i])) continue;
+    AnyNeighbour(ring[i], [&](uint32_t w) {
+      if (const uint32_t j = ring_mark_[w]; j != 0) {
+        hole.forbidden[i][j - 1] = hole.forbidden[j - 1][i] = 1;
+      }
+      return false;
+    });
+  }
+  for (uint32_t i = 0; i < k; ++i) ring_mark_[ring[i]] = 0;
+}
+
+bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const {
+  for (uint32_t t = 1; t < hole.k - 2; ++t) {
+    const uint32_t a = hole.ring[triangles[t][0]];
+    const uint32_t b = hole.ring[triangles[t][2]];
+    if (locked(a) ? AreAdjacent(b, a) : AreAdjacent(a, b)) return true;
+  }
+  return false;
+}
+
+Removal TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles) {
+  const uint32_t count = hole.k - 2;
+  const uint32_t first = this->triangles();
+  Removal removal;
+  removal.vertex = hole.vertex;
+  removal.star_begin = static_cast<uint32_t>(stars_.size());
+  removal.star_count = static_cast<uint32_t>(hole.star.size());
+  removal.hole_begin = static_cast<uint32_t>(holes_.size());
+  removal.hole_count = count;
+  for (const uint32_t t : hole.star) {
+    triangles_[t].alive = false;
+    stars_.push_back(t);
+  }
+  for (uint32_t t = 0; t < count; ++t) {
+    const auto [i, m, j] = triangles[t];
+    triangles_.push_back({.corners = {hole.ring[i], hole.ring[m], hole.ring[j]}});
+    holes_.push_back(first + t);
+  }
+  LinkFilling(hole, triangles, first);
+  places_[hole.vertex].removed = true;
+  live_triangles_ -= removal.star_count - count;
+  return removal;
+}
+
+// Pairs the half-edges of the filling, among themselves and with what lies around the hole.
+void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first) {
+  const uint32_t count = hole.k - 2;
+  Hole::PerEdge<uint32_t> diagonal;  // [a][b]: half-edge from a to b
+  for (uint32_t t = 0; t < count; ++t) {
+    const uint32_t id = first + t;
+    for (uint32_t c = 0; c < 3; ++c) {
+      const auto [a, b] = Hole::Edge(triangles[t], c);
+      const uint32_t h = 3 * id + c;
+      if (hole.OnRing(a, b)) {
+        const uint32_t old = hole.ring_edges[a];
+        const uint32_t beyond = opposite(old);
+        opposite(h) = beyond;
+        if (beyond != kNone32) opposite(beyond) = h;
+        triangles_[id].border |= static_cast<uint8_t>(IsBorderEdge(old) << c);
+      } else if (hole.IsNewBorder(a, b)) {
+        triangles_[id].border |= static_cast<uint8_t>(1 << c);
+      } else {
+        diagonal[a][b] = h;
+      }
+    }
+  }
+  for (uint32_t t = 1; t < count; ++t) {  // each hangs on the diagonal (i, j)
+    const auto [i, m, j] = triangles[t];
+    opposite(diagonal[i][j]) = diagonal[j][i];
+    opposite(diagonal[j][i]) = diagonal[i][j];
+  }
+  // Outgoing half-edges of the ring; a border vertex keeps the one on the border.
+  for (uint32_t h = 3 * first; h < 3 * (first + count); ++h) {
+    const uint32_t a = Origin(h);
+    if (!triangles_[places_[a].half_edge / 3].alive) places_[a].half_edge = h;
+  }
+  for (uint32_t h = 3 * first; h < 3 * (first + count); ++h) {
+    if (opposite(h) == kNone32) places_[Origin(h)].half_edge = h;
+  }
+}
+
+void TileMesh::CopyTo(TileResult& result) const {
+  result.vertices = vertices_;
+  result.first_corner = first_corner_;
+  result.positions = grid_positions_;
+  result.triangles.reserve(triangles());
+  result.border_edges.reserve(triangles());
+  result.alive.reserve(triangles());
+  for (const Triangle& t : triangles_) {
+    result.triangles.push_back(t.corners);
+    result.border_edges.push_back(t.border);
+    result.alive.push_back(t.alive);
+  }
+  result.fixed = fixed_;
+  result.holes = holes_;
+  result.stars = stars_;
+}
+
+}  // namespace mtdb::internal

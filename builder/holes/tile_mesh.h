@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// TileMesh: the triangles of a tile while vertices are removed from it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "builder/disk/tile.h"
+#include "builder/holes/hole.h"
+#include "store/base/geometry.h"
+#include "store/base/grid.h"
+#include "store/base/ids.h"
+
+namespace mtdb::internal {
+
+// Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
+// made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
+// + 1. Keeps topology and orientation: what it is asked to do is legal, see EdgesAreFree and
+// ForbidEdges. A vertex on the tile's seam or at a non-manifold place is locked: it stays.
+class TileMesh {
+ public:
+  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
+  void Load(std::span<const TileTriangle> tile, const Grid& grid);
+
+  uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
+  uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
+  uint32_t live_triangles() const { return live_triangles_; }
+  // The input's numbering.
+  std::span<const uint32_t> vertex_numbers() const { return vertices_; }
+  bool locked(uint32_t v) const { return places_[v].locked; }
+  bool fixed(uint32_t v) const { return fixed_[v] != 0; }  // at a non-manifold place
+  bool removed(uint32_t v) const { return places_[v].removed; }
+  Vec3d position(uint32_t v) const { return places_[v].position; }  // work units
+  const std::array<uint32_t, 3>& corners(uint32_t t) const { return triangles_[t].corners; }
+  // The tile as it was loaded: triangles, and twins of half-edges; kNone32 at the rim.
+  std::span<const std::array<uint32_t, 3>> input_corners() const { return input_corners_; }
+  std::span<const uint32_t> input_opposites() const { return input_opposites_; }
+
+  // Fills in what a hole is, of a vertex that is there and not locked. False when it has more than
+  // `limit` neighbours (at most Hole::kMaxRing).
+  bool OpenHole(uint32_t v, uint32_t limit, Hole& hole) const;
+  // False when no filling of the hole is legal: the new border edge exists already, or the new
+  // triangle would be locked as a whole or close a tetrahedron.
+  bool EdgesAreFree(const Hole& hole) const;
+  // Sets hole.forbidden: edges between two locked vertices (the neighbouring tile may hold or make
+  // the same edge) and, when `existing`, edges that are there.
+  void ForbidEdges(Hole& hole, bool existing);
+  // True when a diagonal of the filling is an edge of the mesh already.
+  bool UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const;
+  // Puts the filling in the place of the vertex and its star. Leaves the error of the removal open.
+  Removal Fill(const Hole& hole, const Hole::Triangles& triangles);
+
+  // All but removals, errors and counts.
+  void CopyTo(TileResult& result) const;
+
+ private:
+  // Holes open anywhere in the tile: what is read of a triangle or a vertex lies together.
+  struct alignas(32) Triangle {  // current or past
+    std::array<uint32_t, 3> corners;
+    std::array<uint32_t, 3> opposites{kNone32, kNone32, kNone32};
+    uint8_t border = 0;
+    bool alive = true;
+  };
+  struct alignas(32) Place {  // of a vertex
+    Vec3d position;
+    uint32_t half_edge = kNone32;  // outgoing; of a border vertex the one on the border
+    bool locked = false, on_border = false, removed = false;
+  };
+  void NumberVertices(std::span<const TileTriangle> tile);
+  void LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first);
+  bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
+  // Calls f(w) for the neighbours of a vertex that is not locked, until it returns true; says
+  // whether it did.
+  template <typename F>
+  bool AnyNeighbour(uint32_t v, F&& f) const;
+
+  uint32_t Origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
+  uint32_t opposite(uint32_t h) const { return triangles_[h / 3].opposites[h % 3]; }
+  uint32_t& opposite(uint32_t h) { return triangles_[h / 3].opposites[h % 3]; }
+  static uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
+  static uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+  bool IsBorderEdge(uint32_t h) const { return triangles_[h / 3].border >> (h % 3) & 1; }
+
+  std::vector<Triangle> triangles_;
+  std::vector<std::array<uint32_t, 3>> input_corners_;
+  std::vector<uint32_t> input_opposites_;
+  // Vertices.
+  std::vector<Place> places_;
+  std::vector<uint32_t> vertices_;      // the input's numbering
+  std::vector<uint32_t> first_corner_;  // 3 * input triangle + corner
+  std::vector<Vec3i> grid_positions_;
+  std::vector<uint8_t> fixed_;
+  std::vector<uint32_t> ring_mark_;
+  // Of removals.
+  std::vector<uint32_t> holes_, stars_;
+  uint32_t live_triangles_ = 0;
+};
+
+// Pairs half-edges with their twins; kNone32 where there is none or where an edge occurs more than
+// once in one direction.
+void PairHalfEdges(std::span<const std::array<uint32_t, 3>> triangles, uint32_t vertex_count,
+                   std::vector<uint32_t>& opposite);
+
+}  // namespace mtdb::internal

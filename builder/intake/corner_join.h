@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// CornerJoin: gives every triangle of the input its corners' positions, and says what kind of
+// surface it belongs to, in memory that does not depend on the input's size.
+#pragma once
+
+#include <functional>
+
+#include "builder/disk/tile.h"
+#include "builder/intake/input_spool.h"
+#include "store/base/grid.h"
+#include "store/base/status.h"
+#include "store/object_record.h"
+
+namespace mtdb::internal {
+
+struct JoinTotals {
+  uint64_t vertices = 0;   // referenced by a kept triangle
+  uint64_t triangles = 0;  // kept
+  uint64_t boundary_edges = 0;
+  uint64_t unreferenced_vertices = 0;
+  uint64_t duplicate_triangles = 0;
+  uint64_t nonmanifold_edges = 0;
+  uint64_t nonmanifold_vertices = 0;
+  double rounding_error = 0;  // see ObjectRecord
+};
+
+struct JoinOptions {
+  const SpoolSpace* space = nullptr;
+  size_t memory_bytes = 0;  // for spools
+  size_t table_bytes = 0;   // for the tables of the ranges at work; at least 1 MiB is taken
+  unsigned threads = 1;
+};
+
+// Vertices are cut into ranges of numbers that fit the memory. A first pass over the triangles
+// sends each corner, with the edge opposite to it, to the range of its vertex. Then, range by
+// range, the edges opposite to a vertex (its link) tell all about it:
+// - an edge vx occurs as often as x is an end of a link edge: once on the border, twice (once in
+//   each direction) inside a manifold; otherwise it is non-manifold, and so are its ends;
+// - a vertex whose link is not one path or cycle is non-manifold;
+// - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
+// The last pass over the triangles meets the answers in the order of the questions.
+//
+// The input's vertices and triangles are gone afterwards: their room on the disk goes back on the
+// way.
+//
+// Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
+//
+// Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
+// border_edges, fixed_corners are set. All totals but the number of kept triangles are there before
+// the first block.
+using BlockReceiver = std::function<Status(TriangleBlock)>;
+Status JoinCorners(InputSpool& input, const Grid& grid, const JoinOptions& options,
+                   JoinTotals* totals, const BlockReceiver& receive);
+
+}  // namespace mtdb::internal

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "builder/intake/input_spool.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "builder/intake/corner_gather.h"
+#include "builder/intake/near_join.h"
+#include "builder/intake/seam_join.h"
+#include "builder/intake/soup_join.h"
+#include "store/base/coordinate_limit.h"
+
+namespace mtdb::internal {
+
+namespace {
+
+// Whether `value`, read from text, may be how a program has written `single`: rounded to the last
+// of its digits. Their number is that of the value's, less zeros, of 15 at most.
+bool IsTextOf(double value, float single) {
+  if (!std::isfinite(single)) return false;
+  char buffer[32];
+  const auto end =
+      std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::scientific, 14);
+  const std::string_view text(buffer, static_cast<size_t>(end.ptr - buffer));
+  const size_t mark = text.find('e');
+  const std::string_view mantissa = text.substr(0, text.find_last_not_of("0.", mark - 1) + 1);
+  const auto digits = std::max<ptrdiff_t>(
+      1,
+      std::count_if(mantissa.begin(), mantissa.end(), [](char c) { return c >= '0' && c <= '9'; }));
+  int power = 0;
+  const char* const exponent = buffer + mark + 1;
+  std::from_chars(*exponent == '+' ? exponent + 1 : exponent, end.ptr, power);
+  const double unit = std::pow(10.0, static_cast<double>(power + 1 - digits));
+  return std::abs(static_cast<double>(single) - value) <= 0.5 * unit * (1 + 1e-9);
+}
+
+}  // namespace
+
+InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
+    : space_(space),
+      memory_bytes_(memory_bytes),
+      soup_spool_(space, 0),
+      vertex_spool_(space, 0),
+      triangle_spool_(space, 0),
+      lossless_(lossless) {}
+
+Status InputSpool::Begin(const MeshHeader& header) {
+  MTDB_CHECK(!begun_, "a mesh begins once");
+  begun_ = true;
+  header_ = header;
+  for (Spool* spool : {&soup_spool_, &vertex_spool_, &triangle_spool_}) {
+    *spool = Spool(space_, memory_bytes_ / 4);
+  }
+  doubles_ = header.double_positions || (header.from_text && !lossless_);
+  position_bytes_ = doubles_ ? sizeof(Vec3d) : sizeof(Vec3f);
+  row_bytes_ = header.attributes.row_bytes();
+  return Status::Ok();
+}
+
+Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) {
+  MTDB_CHECK(rows.size() == positions.size() * row_bytes_, "a row for each vertex");
+  for (size_t i = 0; i < positions.size(); ++i) {
+    const Vec3d p = positions[i];
+    const auto where = [&] { return "vertex " + std::to_string(report_.vertices); };
+    if (!AreCoordinates(p)) {
+      return BadInput(where() + ": coordinates are not numbers from -1e30 to 1e30");
+    }
+    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    const Vec3d single{f.x, f.y, f.z};
+    if (lossless_ && single != p && !MayMean(p, f)) {
+      return BadInput(where() +
+                      ": a coordinate does not fit float32, so that --lossless would "
+                      "lose it; use --step or --bits");
+    }
+    if (!doubles_) rounding_ = std::max(rounding_, Length(single - p));
+    const void* const position = doubles_ ? static_cast<const void*>(&p) : &f;
+    if (header_.soup) {
+      ++report_.vertices;
+      MTDB_RETURN_IF_ERROR(soup_spool_.Append(position, position_bytes_));
+      continue;
+    }
+    MTDB_RETURN_IF_ERROR(vertex_spool_.Append(position, position_bytes_));
+    if (row_bytes_ != 0) {
+      MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
+    }
+    if (++report_.vertices > kMaxVertices) return TooManyVertices();
+  }
+  return Status::Ok();
+}
+
+bool InputSpool::MayMean(Vec3d p, Vec3f f) const {
+  return header_.from_text && !header_.double_positions && IsTextOf(p.x, f.x) &&
+         IsTextOf(p.y, f.y) && IsTextOf(p.z, f.z);
+}
+
+Result<bool> InputSpool::FitsSingle() const {
+  if (!doubles_) return rounding_ == 0;
+  SpoolReader reader(&vertex_spool_);
+  for (uint64_t v = 0; v < vertices_; ++v) {
+    const std::byte* bytes = reader.Next(vertex_bytes());
+    if (bytes == nullptr) return reader.status();
+    const Vec3d p = Position(bytes);
+    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
+    if (Vec3d{f.x, f.y, f.z} != p && !MayMean(p, f)) return false;
+  }
+  return true;
+}
+
+Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
+  if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+    ++report_.degenerate_triangles;
+    return Status::Ok();
+  }
+  return triangle_spool_.Append(t.data(), kTriangleBytes);
+}
+
+// A stray vertex must not make the grid coarser.
+Status InputSpool::FindBounds() {
+  std::vector<bool> referenced(vertices_, false);
+  SpoolReader triangle_reader(&triangle_spool_);
+  for (uint64_t left = triangles(); left > 0; --left) {
+    std::array<uint32_t, 3> t;
+    if (!triangle_reader.Get(&t)) return triangle_reader.status();
+    for (const uint32_t v : t) referenced[v] = true;
+  }
+  SpoolReader vertex_reader(&vertex_spool_);
+  for (uint64_t v = 0; v < vertices_; ++v) {
+    const std::byte* bytes = vertex_reader.Next(vertex_bytes());
+    if (bytes == nullptr) return vertex_reader.status();
+    if (!referenced[v]) continue;
+    bounds_.Add(Position(bytes));
+    if (!lossless_) decimals_.Add(Position(bytes), is_single());
+  }
+  return Status::Ok();
+}
+
+Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
+  for (const TriangleVertices& t : triangles) {
+    for (const VertexIndex v : t) {
+      if (v > largest_index_) {
+        largest_index_ = v;
+        largest_at_ = report_.triangles;
+      }
+    }
+    ++report_.triangles;
+    if (header_.soup) continue;                   // their corners are all that there is to know
+    if (largest_index_ > kMaxVertices) continue;  // an error, at End()
+    MTDB_RETURN_IF_ERROR(AppendTriangle(
+        {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])}));
+  }
+  return Status::Ok();
+}
+
+Status InputSpool::End() {
+  if (report_.triangles != 0 && largest_index_ >= report_.vertices) {
+    return BadInput("triangle " + std::to_string(largest_at_) + ": vertex index " +
+                    std::to_string(static_cast<int64_t>(largest_index_)) +  // -1, not 2^64 - 1
+                    ", but the mesh has " + std::to_string(report_.vertices) + " vertices");
+  }
+  if (header_.soup) {
+    MTDB_RETURN_IF_ERROR(soup_spool_.Finish());
+    MTDB_ASSIGN_OR_RETURN(
+        report_.vertices,
+        JoinSoup(soup_spool_, doubles_, space_, memory_bytes_ / 4, &vertex_spool_,
+                 [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t); }));
+    soup_spool_ = Spool(space_, 0);
+  }
+  vertices_ = report_.vertices;
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  if (weld_ && vertices_ != 0) {
+    if (!header_.soup) MTDB_RETURN_IF_ERROR(WeldEqual());
+    if (*weld_ > 0) MTDB_RETURN_IF_ERROR(WeldNear());
+  } else if (join_seams_ && !header_.soup && triangles() != 0) {
+    MTDB_RETURN_IF_ERROR(WeldSeams());
+  }
+  if (triangles() == 0) {
+    return BadInput("no triangle to keep: " + std::to_string(report_.triangles) + " read, " +
+                    std::to_string(report_.degenerate_triangles) +
+                    " of them with two equal vertices; mtdb stores surfaces");
+  }
+  return FindBounds();
+}
+
+Status InputSpool::WeldEqual() {
+  Spool left(space_, memory_bytes_ / 4), numbers(space_, memory_bytes_ / 8);
+  MTDB_ASSIGN_OR_RETURN(
+      vertices_,
+      JoinEqualPositions(vertex_spool_, doubles_, row_bytes_, space_, memory_bytes_ / 4, &left,
+                         [&](uint32_t number) { return numbers.Append(&number, sizeof(number)); }));
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  return Renumber(numbers);
+}
+
+Status InputSpool::WeldNear() {
+  Spool left(space_, memory_bytes_ / 4), numbers(space_, memory_bytes_ / 8);
+  const NearJoinInput input{&vertex_spool_, vertex_bytes(),
+                            [&](const std::byte* vertex) { return Position(vertex); }, *weld_};
+  MTDB_ASSIGN_OR_RETURN(const NearJoinTotals totals,
+                        JoinNear(input, space_, memory_bytes_ / 2, &left, &numbers));
+  vertices_ = totals.vertices;
+  rounding_ += totals.displacement;
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  return Renumber(numbers);
+}
+
+Status InputSpool::WeldSeams() {
+  Spool left(space_, memory_bytes_ / 4), triangles_left(space_, memory_bytes_ / 4);
+  const SeamJoinInput input{&vertex_spool_, vertex_bytes(), doubles_, &triangle_spool_};
+  MTDB_ASSIGN_OR_RETURN(const SeamJoinTotals totals,
+                        internal::JoinSeams(input, space_, memory_bytes_, &left, &triangles_left));
+  equal_vertices_ = totals.equal;
+  attributes_differ_ = totals.attributes_differ;
+  if (totals.joined == 0) return Status::Ok();
+  vertices_ = totals.vertices;
+  vertex_spool_ = std::move(left);
+  MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
+  const uint64_t before = triangles();
+  triangle_spool_ = std::move(triangles_left);
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  report_.degenerate_triangles += before - triangles();
+  return Status::Ok();
+}
+
+Status InputSpool::Renumber(Spool& numbers) {
+  MTDB_RETURN_IF_ERROR(numbers.Finish());
+  const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
+  const CornerTable table{&numbers, numbers.size() / sizeof(uint32_t), sizeof(uint32_t),
+                          sizeof(uint32_t)};
+  MTDB_RETURN_IF_ERROR(GatherCorners(
+      old, table, space_, memory_bytes_ / 4,
+      [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
+        std::array<uint32_t, 3> t;
+        for (size_t c = 0; c < 3; ++c) std::memcpy(&t[c], corners[c], sizeof(uint32_t));
+        return AppendTriangle(t);
+      }));
+  return triangle_spool_.Finish();
+}
+
+Status InputSpool::TurnOver() {
+  const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
+  SpoolReader reader(&old);
+  for (uint64_t left = old.size() / kTriangleBytes; left > 0; --left) {
+    std::array<uint32_t, 3> t;
+    if (!reader.Get(&t)) return reader.status();
+    std::swap(t[1], t[2]);
+    MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
+  }
+  return triangle_spool_.Finish();
+}
+
+Vec3d InputSpool::Position(const std::byte* vertex) const {
+  if (doubles_) {
+    Vec3d p;
+    std::memcpy(&p, vertex, 24);
+    return p;
+  }
+  Vec3f p;
+  std::memcpy(&p, vertex, 12);
+  return {p.x, p.y, p.z};
+}
+
+}  // namespace mtdb::internal

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// SurfaceDistance: the error measure of surfaces in space, a bound on the two-sided distance.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "builder/measure/filling_lanes.h"
+#include "builder/measure/filling_measure.h"
+#include "builder/measure/surface_map.h"
+#include "builder/measure/tile_measure.h"
+
+namespace mtdb::internal {
+
+// Bounds the two-sided distance between a triangle and the part of the surface that it stands for,
+// by how far the surface's removed vertices are from their homes, and its edges from the edges that
+// they cross (docs/design.md, section 3; SurfaceMap). A removed vertex's home is the triangle of
+// the filling that is nearest to it. Where the star is folded, shapes choose the filling.
+class SurfaceDistance : public TileMeasure {
+ public:
+  static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
+  static constexpr bool kMeasuresFolds = true;
+  static constexpr bool kIsHeightField = false;
+  static constexpr bool kGoesOn = true;
+
+  SurfaceDistance() : TileMeasure(false) {}
+
+  // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
+  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile, const TileSurface* surface,
+            const Grid& grid);
+  void Hold(TileResult& result) const;
+  void Open(Hole& hole);
+  bool Sees(const Hole& hole) const { return hole.area > 0; }
+  bool PriceEdges(Hole& hole);
+  double FirstBound(const Hole& hole, const Filling& filling, double enough);
+  void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>& known);
+  void Measure(const Hole& hole, Filling& filling);
+  void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
+
+ private:
+  void MeasureBorder(Hole& hole) const;
+  bool FindParts(const Hole& hole);
+  void LookAt(const Hole& hole, const Filling& filling);
+  void FindHomes(const Hole& hole);
+  void PlaceEnds(const Hole& hole);
+  // Of a point from its home, not of a star of the surface itself.
+  double AboutDistance(size_t s) const { return std::sqrt(double{squared_[s]}) * size_; }
+  void MeasureFreshEdges(Hole& hole, const Filling& filling);
+  void MeasureCrossings(const Hole& hole, const Filling& filling,
+                        std::array<double, Hole::kMaxRing>& errors) const;
+
+  SurfaceMap map_;
+  // Of the open hole. Samples behind the points lie on the new border edge.
+  bool fresh_ = false;                   // its star is one of the surface itself
+  double size_ = 0;                      // how far ring and points are from the frame's origin
+  bool looked_ = false, known_ = false;  // the parts of paths in it are looked for, and known
+  bool looked_at_ = false;               // a filling, of which ...
+  bool at_home_ = false;                 // ... the homes are known, and ...
+  bool placed_ = false;                  // ... the masks
+  Hole::Triangles seen_;
+  FillingLanes lanes_;
+  std::vector<uint32_t> homes_;  // of the samples: triangles of the filling
+  std::vector<float> squared_;   // distances of the points from these, about, over size_
+  double distance_ = 0;          // of the one point of a star of the surface itself
+  SurfaceMap::Masks masks_;
+  std::vector<std::pair<uint8_t, uint32_t>> charges_;
+};
+static_assert(FillingMeasure<SurfaceDistance>);
+
+}  // namespace mtdb::internal

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "builder/write/root_writer.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "codecs/cluster/root_codec.h"
+#include "store/base/hash.h"
+
+namespace mtdb::internal {
+
+RootNumbers::Slot& RootNumbers::Find(uint32_t vertex) {
+  size_t at = Mix64(vertex) & (slots_.size() - 1);
+  while (slots_[at].number != kNone32 && slots_[at].vertex != vertex) {
+    at = (at + 1) & (slots_.size() - 1);
+  }
+  return slots_[at];
+}
+
+uint32_t RootNumbers::Add(uint32_t vertex) {
+  if (size_ >= Room()) {
+    constexpr size_t kFirst = 1024;
+    std::vector<Slot> old(std::max(kFirst, 2 * slots_.size()), Slot{kNone32, kNone32});
+    old.swap(slots_);
+    for (const Slot& slot : old) {
+      if (slot.number != kNone32) Find(slot.vertex) = slot;
+    }
+  }
+  Slot& slot = Find(vertex);
+  if (slot.number == kNone32) slot = {vertex, size_++};
+  return slot.number;
+}
+
+uint64_t RootWriter::memory_bytes() const {
+  const uint64_t more = 3 * PieceTriangles(attributes_.row_bytes());
+  return numbers_.bytes_with(more) + edges_.capacity() * sizeof(edges_[0]) +
+         on_border_.capacity() / 8 + joined_.bytes_with(more);
+}
+
+Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows) {
+  const size_t row = attributes_.row_bytes();
+  Cluster piece;
+  UnitEntry entry;
+  entry.round = kRootRound;
+  for (const TileTriangle& t : triangles) {
+    if (t.child != kNone32) piece.children.push_back(t.child);
+  }
+  std::sort(piece.children.begin(), piece.children.end());
+  piece.children.erase(std::unique(piece.children.begin(), piece.children.end()),
+                       piece.children.end());
+  std::unordered_map<uint32_t, uint32_t> local;
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    const TileTriangle& t = triangles[i];
+    auto& corners = piece.in.triangles.emplace_back();
+    std::array<uint32_t, 3> root;
+    for (size_t c = 0; c < 3; ++c) {
+      root[c] = numbers_.Add(t.vertices[c]);
+      if (root[c] == joined_.size()) joined_.Add();
+      const auto [it, inserted] =
+          local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.in.positions.size()));
+      if (inserted) {
+        piece.in.positions.push_back(t.positions[c]);
+        piece.in.vertices.push_back(root[c]);
+        const auto at = rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
+        piece.in.rows.insert(piece.in.rows.end(), at, at + static_cast<std::ptrdiff_t>(row));
+        entry.bounds.Add(t.positions[c]);
+      }
+      corners[c] = it->second;
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const uint32_t a = root[c];
+      const uint32_t b = root[(c + 1) % 3];
+      edges_.emplace_back(std::min(a, b), std::max(a, b));
+      on_border_.push_back(t.border_edges >> c & 1);
+      joined_.Join(a, b);
+    }
+    uint32_t remover = kDrain;
+    if (t.child != kNone32) {
+      const auto at = std::lower_bound(piece.children.begin(), piece.children.end(), t.child);
+      remover = kChildFlag | static_cast<uint32_t>(at - piece.children.begin());
+      if (t.explicit_arc) {
+        piece.explicit_arcs.push_back({static_cast<uint32_t>(i), t.child_slot, 0});
+      }
+    }
+    piece.removers.push_back(remover);
+  }
+  entry.out_triangles = static_cast<uint32_t>(piece.in.triangles.size());
+  entry.external_vertices = static_cast<uint32_t>(piece.in.positions.size());
+  const Result<UnitId> id = writer_.Add(entry, piece.children, EncodeRootPiece(piece, attributes_));
+  if (!id.ok()) return id.status();
+  topology_.triangles += triangles.size();
+  ++topology_.pieces;
+  return Status::Ok();
+}
+
+RootTopology RootWriter::Finish() {
+  const auto vertices = static_cast<uint32_t>(joined_.size());
+  topology_.vertices = vertices;
+  for (uint32_t v = 0; v < vertices; ++v) topology_.components += joined_.Find(v) == v;
+  // The border's pieces: its edges' ends, joined.
+  joined_.Part();
+  std::vector<bool> at_border(vertices, false);
+  for (size_t e = 0; e < edges_.size(); ++e) {
+    if (!on_border_[e]) continue;
+    const auto [a, b] = edges_[e];
+    joined_.Join(a, b);
+    at_border[a] = at_border[b] = true;
+  }
+  for (uint32_t v = 0; v < vertices; ++v)
+    topology_.border_loops += at_border[v] && joined_.Find(v) == v;
+  std::sort(edges_.begin(), edges_.end());
+  const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
+  topology_.euler_characteristic =
+      static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(topology_.triangles);
+  return topology_;
+}
+
+}  // namespace mtdb::internal

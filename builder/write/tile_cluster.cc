@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "builder/write/tile_cluster.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace mtdb::internal {
+
+namespace {
+
+void AppendRow(const TriangleBlock& input, size_t row, uint64_t corner, Bytes& to) {
+  const auto begin = input.rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
+  to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+}
+
+// The removals of a tile, read backwards. Leaves nodes and what the tile's own triangles say out.
+ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, size_t row) {
+  ClusterUpdates updates;
+  updates.positions = result.positions;
+  updates.rows.reserve(result.vertices.size() * row);
+  for (const uint32_t corner : result.first_corner) AppendRow(input, row, corner, updates.rows);
+  updates.triangles = result.triangles;
+  updates.holes = result.holes;
+  updates.stars = result.stars;
+  updates.consumers.resize(result.triangles.size());
+  for (size_t t = 0; t < input.triangles.size(); ++t) {
+    const TileTriangle& own = input.triangles[t];
+    updates.consumers[t] = {own.child, own.child_slot, own.explicit_arc};
+  }
+  return updates;
+}
+
+// Work units: below this an error is 0 that was computed from the tile's coordinates in binary64
+// (docs/design.md, section 3, "Rounding").
+double ArithmeticNoise(const TileResult& result, const Grid& grid) {
+  constexpr int kNoiseBits = 44;  // of 53
+  double largest = 0;
+  for (const Vec3i& p : result.positions) {
+    const Vec3d at = grid.is_linear() ? ToDouble(p) : grid.Position(p);
+    largest = std::max({largest, std::abs(at.x), std::abs(at.y), std::abs(at.z)});
+  }
+  return std::ldexp(largest, -kNoiseBits);
+}
+
+// Adds the nodes to `updates`, and to `cluster` what their entry in the index and the object's
+// record need. `heights`: of the tile's triangles; gets those of all.
+void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& updates,
+              std::vector<uint32_t>& heights, TileCluster& cluster) {
+  const double model_units = grid.is_linear() ? grid.step : 1.0;
+  const double noise = ArithmeticNoise(result, grid);
+  UnitEntry& entry = cluster.entry;
+  entry.error_code_min = 255;
+  heights.resize(result.triangles.size(), 0);
+  for (const Removal& removal : result.removals) {
+    const double error = removal.error > noise ? removal.error : 0;
+    const uint8_t code = grid.ErrorCode(error * model_units);
+    entry.error_code_min = std::min(entry.error_code_min, code);
+    entry.error_code_max = std::max(entry.error_code_max, code);
+    updates.nodes.push_back({removal.vertex, code, removal.hole_begin, removal.hole_count,
+                             removal.star_begin, removal.star_count});
+    cluster.max_degree = std::max(cluster.max_degree, removal.star_count + removal.boundary());
+    uint32_t height = 0;
+    for (const uint32_t t : updates.star(updates.nodes.size() - 1)) {
+      height = std::max(height, heights[t]);
+      for (const uint32_t v : result.triangles[t]) entry.bounds.Add(result.positions[v]);
+    }
+    for (const uint32_t t : updates.hole(updates.nodes.size() - 1)) heights[t] = height + 1;
+    cluster.height = std::max(cluster.height, height + 1);
+  }
+}
+
+// Appends the created triangles that stayed, the cluster's in-triangles, to what is left.
+void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size_t row,
+                      std::span<const uint32_t> heights, TileCluster& cluster) {
+  const EncodedCluster& encoded = cluster.encoded;
+  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
+    const uint32_t t = encoded.in_triangles[slot];
+    TileTriangle& out = cluster.left.triangles.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) {
+      const uint32_t from = (c + encoded.in_rotations[slot]) % 3;
+      const uint32_t v = result.triangles[t][from];
+      out.vertices[c] = result.vertices[v];
+      out.positions[c] = result.positions[v];
+      out.border_edges |= static_cast<uint8_t>((result.border_edges[t] >> from & 1) << c);
+      out.fixed_corners |= static_cast<uint8_t>(result.fixed[v] << c);
+      AppendRow(input, row, result.first_corner[v], cluster.left.rows);
+    }
+    out.error = result.errors[t];
+    out.child = TileCluster::kOwnCluster;
+    out.child_slot = slot;
+    out.height = heights[t];
+    out.explicit_arc = encoded.explicit_arcs;
+  }
+}
+
+// Appends what `surface` says of the cluster's in-triangles, and finds their slots by the tile's
+// numbers (kNone32: not one of them). Marks their vertices in `wanted`.
+void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, TileSurface& surface,
+                    std::vector<uint32_t>& slots, std::vector<uint8_t>& wanted) {
+  slots.assign(result.triangles.size(), kNone32);
+  for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
+    const uint32_t t = encoded.in_triangles[slot];
+    const uint32_t turn = encoded.in_rotations[slot];
+    slots[t] = slot;
+    for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
+    surface.own.push_back(0);
+    auto& errors = surface.edge_errors.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) errors[c] = result.edge_errors[3 * t + (c + turn) % 3];
+  }
+}
+
+// Appends the removed vertices and the paths on the cluster's in-triangles, and marks the vertices
+// in `wanted`. What is on others is left by the clusters that made them.
+template <typename PlaceOf>
+void AddWhatTheyStandFor(const TileResult& result, const EncodedCluster& encoded,
+                         std::span<const uint32_t> slots, const PlaceOf& place_of,
+                         TileSurface& surface, std::vector<uint8_t>& wanted) {
+  const auto turned = [&](uint32_t slot, uint32_t side) {
+    return side == 3 ? 3 : (side + 3 - encoded.in_rotations[slot]) % 3;
+  };
+  for (const auto& [vertex, triangle, edge] : result.held) {
+    const uint32_t slot = slots[triangle];
+    if (slot == kNone32) continue;
+    wanted[vertex] = 1;
+    surface.held.push_back({place_of(vertex), slot, turned(slot, edge)});
+  }
+  for (const Chord& chord : result.chords) {
+    const uint32_t slot = slots[chord.triangle];
+    if (slot == kNone32) continue;
+    const auto enters = static_cast<uint8_t>(turned(slot, chord.enters));
+    const auto leaves = static_cast<uint8_t>(turned(slot, chord.leaves));
+    surface.chords.push_back(
+        {place_of(chord.from), place_of(chord.to), chord.error, slot, enters, leaves});
+  }
+}
+
+// The surface that the tile was measured against, as far as it lies beneath the cluster's
+// in-triangles, and what of it they stand for.
+TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
+                        const EncodedCluster& encoded, const MeasuredAgainst& against) {
+  if (against.round == 0) return {};
+  const TileSurface* beneath = against.surface;
+  TileSurface surface;
+  surface.round = against.round;
+  // By local number, that of the tile's vertices and then of others beneath it.
+  std::vector<uint32_t> numbers = result.vertices;
+  std::vector<Vec3i> positions = result.positions;
+  std::vector<uint32_t> local;
+  if (beneath != nullptr) {
+    local = NumberVertices(*beneath, result.vertices);
+    for (size_t v = 0; v < local.size(); ++v) {
+      if (local[v] < numbers.size()) continue;
+      numbers.push_back(beneath->vertices[v]);
+      positions.push_back(beneath->positions[v]);
+    }
+  }
+  std::vector<uint32_t> places(numbers.size(), kNone32);
+  const auto place_of = [&](uint32_t v) {
+    if (places[v] == kNone32) {
+      places[v] = static_cast<uint32_t>(surface.vertices.size());
+      surface.vertices.push_back(numbers[v]);
+      surface.positions.push_back(positions[v]);
+    }
+    return places[v];
+  };
+  std::vector<uint8_t> wanted(numbers.size());
+  std::vector<uint32_t> slots;
+  AddInTriangles(result, encoded, surface, slots, wanted);
+  AddWhatTheyStandFor(result, encoded, slots, place_of, surface, wanted);
+  const auto add = [&](uint32_t a, uint32_t b, uint32_t c, float error) {
+    if (!wanted[a] && !wanted[b] && !wanted[c]) return;
+    surface.triangles.push_back({place_of(a), place_of(b), place_of(c)});
+    surface.errors.push_back(error);
+  };
+  for (uint32_t t = 0; t < input.triangles.size(); ++t) {
+    if (result.alive[t] || (beneath != nullptr && !beneath->own[t])) continue;
+    const auto [a, b, c] = result.triangles[t];
+    add(a, b, c, input.triangles[t].error);
+  }
+  if (beneath == nullptr) return surface;
+  for (size_t t = 0; t < beneath->triangles.size(); ++t) {
+    const auto [a, b, c] = beneath->triangles[t];
+    add(local[a], local[b], local[c], beneath->errors[t]);
+  }
+  return surface;
+}
+
+}  // namespace
+
+TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
+                            const AttributeLayout& attributes, const MeasuredAgainst& against) {
+  TileCluster cluster;
+  const std::vector<TileTriangle>& tile = input.triangles;
+  const size_t row = attributes.row_bytes();
+  std::vector<uint32_t> heights;
+  if (!result.removals.empty()) {
+    cluster.empty = false;
+    ClusterUpdates updates = UpdatesOf(input, result, row);
+    updates.is_height_field = grid.mode == PositionMode::kRaster;
+    heights.reserve(result.triangles.size());
+    for (const TileTriangle& t : tile) heights.push_back(t.height);
+    AddNodes(result, grid, updates, heights, cluster);
+    cluster.encoded = EncodeCluster(updates, attributes);
+    Bytes().swap(updates.rows);  // a tile's rows are much of what a build keeps in memory
+    UnitEntry& entry = cluster.entry;
+    entry.nodes = static_cast<uint32_t>(updates.nodes.size());
+    entry.in_triangles = static_cast<uint32_t>(cluster.encoded.in_triangles.size());
+    entry.out_triangles = cluster.encoded.out_triangles;
+    entry.external_vertices = cluster.encoded.external_vertices;
+    entry.explicit_arcs = cluster.encoded.explicit_arcs;
+    if (!result.edge_errors.empty()) {
+      cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded, against));
+    }
+  }
+  const auto kept = static_cast<size_t>(
+      std::count(result.alive.begin(), result.alive.begin() + tile.size(), uint8_t{1}));
+  const size_t left = cluster.encoded.in_triangles.size() + kept;
+  cluster.left.triangles.reserve(left);
+  cluster.left.rows.reserve(3 * row * left);
+  LeaveInTriangles(input, result, row, heights, cluster);
+  for (uint32_t t = 0; t < tile.size(); ++t) {
+    if (!result.alive[t]) continue;
+    cluster.left.triangles.push_back(tile[t]);
+    for (uint32_t c = 0; c < 3; ++c) AppendRow(input, row, 3 * t + c, cluster.left.rows);
+  }
+  return cluster;
+}
+
+}  // namespace mtdb::internal

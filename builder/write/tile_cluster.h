@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// TileCluster: from a decimated tile to a compressed cluster and the next round's triangles.
+#pragma once
+
+#include "builder/disk/tile.h"
+#include "builder/measure/tile_surface.h"
+#include "codecs/cluster/cluster_codec.h"
+#include "store/base/attributes.h"
+#include "store/base/grid.h"
+#include "store/cluster_index.h"
+
+namespace mtdb::internal {
+
+struct TileCluster {
+  bool empty = true;  // nothing could be removed: no cluster
+  UnitEntry entry;
+  EncodedCluster encoded;
+  // The simplified tile. Those that this cluster's nodes remove have child == kOwnCluster, to be
+  // replaced once the cluster has its id.
+  TriangleBlock left;
+  Bytes surface;        // for a round that goes on from this one: see EncodeTileSurface
+  uint32_t height = 0;  // longest path of nodes from one of its nodes to the drain
+  uint32_t max_degree = 0;
+  static constexpr uint32_t kOwnCluster = 0xfffffffe;
+};
+
+// The surface that a tile was measured against.
+struct MeasuredAgainst {
+  uint32_t round = 0;  // that began with it; 0: the next round need not go on from it
+  const TileSurface* surface = nullptr;  // null: the tile itself
+};
+
+TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
+                            const AttributeLayout& attributes, const MeasuredAgainst& against);
+
+}  // namespace mtdb::internal

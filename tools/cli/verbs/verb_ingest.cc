@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <unistd.h>
+
+#include "builder/build.h"
+#include "builder/mesh_survey.h"
+#include "tools/cli/grouped.h"
+#include "tools/cli/machine.h"
+#include "tools/cli/mesh_report.h"
+#include "tools/cli/progress.h"
+#include "tools/cli/raster_ingest.h"
+#include "tools/cli/verbs.h"
+#include "tools/cli/verbs/ingest_journal.h"
+#include "tools/cli/verbs/late_writer.h"
+#include "tools/cli/verbs/merge.h"
+#include "tools/generate/generate.h"
+#include "tools/request/arguments.h"
+#include "tools/request/report_json.h"
+#include "tools/request/root_reason.h"
+
+namespace mtdb {
+
+namespace {
+
+// Resident memory now, in bytes; 0 where the system does not tell.
+uint64_t ResidentBytes() {
+  uint64_t pages = 0;
+  std::ifstream statm("/proc/self/statm");
+  statm >> pages >> pages;
+  return pages * static_cast<uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+// Says where the build is; `rate` is of the stage, in triangles a second.
+std::string Describe(const BuildProgress& p, double rate) {
+  std::string text = p.stage;
+  if (p.round != 0) {
+    text += " " + std::to_string(p.round) + ", " + std::to_string(p.triangles_done) + " of " +
+            std::to_string(p.triangles_total) + " triangles";
+  }
+  if (rate > 0) text += ", " + std::to_string(static_cast<uint64_t>(rate / 1000)) + " k/s";
+  text += "; " + std::to_string(ResidentBytes() >> 20) + " MiB memory, " +
+          std::to_string(p.tmp_bytes >> 20) + " MiB temporary";
+  return text;
+}
+
+// Set by Ctrl-C.
+volatile std::sig_atomic_t g_interrupted = 0;
+
+Status LookForInterrupt() {
+  return g_interrupted == 0 ? Status::Ok() : Status(StatusCode::kCancelled, "interrupted");
+}
+
+// The rate of the current stage, from one report to the next.
+class StageRate {
+ public:
+  double Update(const BuildProgress& p) {
+    const auto now = std::chrono::steady_clock::now();
+    if (p.stage != stage_ || p.round != round_) {
+      stage_ = p.stage;
+      round_ = p.round;
+      begin_ = now;
+      first_ = p.triangles_done;
+    }
+    const double seconds = std::chrono::duration<double>(now - begin_).count();
+    return seconds > 0.05 ? static_cast<double>(p.triangles_done - first_) / seconds : 0;
+  }
+
+ private:
+  std::string stage_;
+  uint32_t round_ = 0;
+  uint64_t first_ = 0;
+  std::chrono::steady_clock::time_point begin_;
+};
+
+void PrintStages(const BuildReport& report, const ObjectRecord& r) {
+  for (size_t i = 0; i < r.rounds.size(); ++i) {
+    const RoundReport& round = r.rounds[i];
+    std::printf(
+        "  round %zu: %s triangles become %s, in %s tiles and %s clusters, with an error "
+        "of at "
+        "most %.3g; vertices that had to stay: %s by topology, %s by degree, %s on seams of "
+        "tiles\n",
+        i + 1, Grouped(round.triangles_in).c_str(), Grouped(round.triangles_out).c_str(),
+        Grouped(round.tiles).c_str(), Grouped(round.clusters).c_str(),
+        r.grid.Error(round.error_code_max), Grouped(round.stuck_topology).c_str(),
+        Grouped(round.stuck_degree).c_str(), Grouped(round.locked_vertices).c_str());
+  }
+  std::printf("  %u clusters of %s vertices to insert; the coarsest mesh has %s triangles\n",
+              r.clusters, Grouped(r.nodes).c_str(), Grouped(r.root_triangles).c_str());
+  std::printf("  %s\n", RootReasonText(r).c_str());
+  double cpu = 0;
+  for (const StageCost& s : report.stages) {
+    std::printf("  %-9s %8.2f s, %8.2f s of processors, %s MiB temporary\n", s.stage.c_str(),
+                s.seconds, s.cpu_seconds, Grouped(s.tmp_bytes >> 20).c_str());
+    cpu += s.cpu_seconds;
+  }
+  if (cpu > 0) {
+    std::printf("  %.3f million triangles per processor second\n",
+                1e-6 * static_cast<double>(r.triangles) / cpu);
+  }
+}
+
+void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
+  std::printf("%s: %s\n", r.name.c_str(), SurfaceText(r).c_str());
+  const InputReport& in = r.input;
+  const auto note = [](uint64_t count, const char* what) {
+    if (count != 0) std::printf("  %s %s\n", Grouped(count).c_str(), what);
+  };
+  note(in.degenerate_triangles, "triangles with two equal vertices dropped");
+  note(in.duplicate_triangles, "duplicate triangles dropped");
+  note(in.unreferenced_vertices, "vertices without a triangle dropped");
+  note(in.nonmanifold_edges, "non-manifold edges kept, never simplified");
+  note(in.nonmanifold_vertices, "non-manifold vertices kept, never simplified");
+  std::printf("  %.1f bits per vertex; the store has %s\n",
+              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices),
+              SizeText(file_bytes).c_str());
+}
+
+// Whether an ingest of this journal published its object and was killed before it removed the
+// journal. One that is not to be gone on with is removed here: its command may now be refused.
+bool Finished(const BuildOptions& options, const std::string& store, const std::string& name) {
+  const auto published = [&]() -> Result<ObjectRecord> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database, Database::Open(store));
+    return database->Find(name);
+  }();
+  if (!published.ok()) return false;
+  const std::span<const ObjectRecord> one(&*published, 1);
+  const Result<JournalInfo> journal = ReadJournalInfo(options.journal_path, one);
+  if (!journal.ok() || !journal->finished) return false;
+  if (!options.resume) RemoveFinishedJournal(options.journal_path, one);
+  return true;
+}
+
+// An ingest of this name was interrupted, and this one begins anew.
+void SayResumable(const BuildOptions& options, const std::string& name) {
+  if (options.resume) return;
+  const Result<JournalInfo> journal = ReadJournalInfo(options.journal_path, {});
+  if (!journal.ok() || journal->finished || journal->in_use || journal->bytes == 0) return;
+  std::fprintf(stderr,
+               "mtdb: an ingest of %s was interrupted after %s of work, which this one begins "
+               "anew; with --resume it would go on\n",
+               name.c_str(), SizeText(journal->bytes).c_str());
+}
+
+// The options that concern the mesh and the machine, not what becomes of it.
+BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& store) {
+  BuildOptions options;
+  options.mode = arguments.lossless ? PositionMode::kLossless : PositionMode::kGrid;
+  options.bits = arguments.bits;
+  options.height_field = arguments.terrain;
+  options.step = arguments.step;
+  options.weld = arguments.weld;
+  options.keep_apart = arguments.keep_apart;
+  options.normal_bits = arguments.normal_bits;
+  options.attribute_steps = arguments.attribute_steps;
+  options.up = arguments.up;
+  options.units = arguments.units;
+  options.threads = arguments.threads;
+  options.memory_bytes =
+      arguments.memory_bytes.value_or(std::max(MachineMemory() / 4, uint64_t{256} << 20));
+  options.max_tmp_bytes = arguments.max_tmp_bytes.value_or(options.max_tmp_bytes);
+  options.tmp_directory = arguments.tmp.empty() ? FolderOf(store) : arguments.tmp;
+  return options;
+}
+
+std::string ShownName(const std::string& input) { return input == "-" ? "standard input" : input; }
+
+// What the readers say begins with the file; what the builder finds does not.
+Status WithFile(const IngestArguments& arguments, const Status& status) {
+  const std::string& message = status.message();
+  const bool names_file = std::any_of(
+      arguments.inputs.begin(), arguments.inputs.end(),
+      [&](const std::string& path) { return message.starts_with(ShownName(path) + ":"); });
+  if (status.code() != StatusCode::kBadInput || names_file) return status;
+  const size_t others = arguments.inputs.size() - 1;
+  return BadInput(ShownName(arguments.inputs[0]) +
+                  (others == 0 ? "" : " and " + std::to_string(others) + " more") + ": " + message);
+}
+
+// Reads the inputs, which must outlive it. While files are read, the build's spools take less than
+// the other half of the memory.
+MeshProducer Reading(const std::vector<MeshInput>& inputs, const BuildOptions& options,
+                     std::vector<std::string>* notes) {
+  return [&inputs, soup_bytes = options.memory_bytes / 2, notes](MeshSink& sink) {
+    return ReadMeshes(inputs, sink, notes, soup_bytes);
+  };
+}
+
+// Opens the inputs; what their copies take of the temporary files is left to the build less.
+Result<std::vector<MeshInput>> OpenLimited(const IngestArguments& arguments,
+                                           BuildOptions* options) {
+  MTDB_ASSIGN_OR_RETURN(std::vector<MeshInput> inputs,
+                        OpenMeshes(arguments.inputs, arguments.format, options->tmp_directory,
+                                   {options->max_tmp_bytes, LookForInterrupt}));
+  for (const MeshInput& input : inputs) options->max_tmp_bytes -= input.temporary_bytes();
+  return inputs;
+}
+
+void PrintNotes(const std::vector<std::string>& notes) {
+  for (const std::string& note : notes) std::printf("  note: %s\n", note.c_str());
+}
+
+}  // namespace
+
+Status Survey(const IngestArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
+  std::vector<std::string> notes;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
+                        RasterIngest::Open(arguments, options.memory_bytes));
+  if (raster != nullptr) {
+    if (arguments.json) {
+      PrintAnswer("raster", raster->InfoJson());
+    } else {
+      raster->Print(ShownName(arguments.inputs[0]));
+    }
+    return Status::Ok();
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::vector<MeshInput> inputs, OpenLimited(arguments, &options));
+  const auto read = Reading(inputs, options, &notes);
+  const Result<MeshSurvey> survey = SurveyMesh(read, options);
+  if (!survey.ok()) return WithFile(arguments, survey.status());
+  if (arguments.dry_run && !survey->refusal.ok()) return WithFile(arguments, survey->refusal);
+  if (arguments.json) {
+    Json json = SurveyJson(*survey);
+    json["inputs"] = arguments.inputs;
+    json["notes"] = notes;
+    PrintAnswer("survey", json);
+    return Status::Ok();
+  }
+  PrintSurvey(ShownName(arguments.inputs[0]), *survey);
+  PrintNotes(notes);
+  return Status::Ok();
+}
+
+Status Ingest(const IngestArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  const std::string store = RealStorePath(arguments.store);
+  BuildOptions options = OptionsOf(arguments, store);
+  const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
+
+  options.journal_path = JournalPath(options.tmp_directory, store, name);
+  options.journal_note = JournalNote(store, name, arguments.resume_command);
+  options.resume = arguments.resume;
+  // The first one ends the ingest where it can go on, the second one the process.
+  const auto interrupt = [](int signal) {
+    g_interrupted = 1;
+    std::signal(signal, SIG_DFL);
+  };
+  std::signal(SIGINT, interrupt);
+  std::signal(SIGTERM, interrupt);
+
+  // To go on with what was published before it was killed is to publish the same again.
+  const bool finished = Finished(options, store, name);
+  if (!arguments.quiet && !arguments.json) SayResumable(options, name);
+  LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
+  MTDB_RETURN_IF_ERROR(writer.Check());
+  if (arguments.dry_run) return Survey(arguments);
+  ProgressLine progress(arguments.quiet || arguments.json);
+  progress.Update(0, "reading");
+  std::vector<std::string> notes;
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
+                        RasterIngest::Open(arguments, options.memory_bytes));
+  std::vector<MeshInput> inputs;
+  MeshProducer read;
+  if (raster != nullptr) {
+    options.terrain = raster->terrain();
+    options.height_field = false;
+    read = [&](MeshSink& sink) { return raster->Read(sink); };
+  } else {
+    MTDB_ASSIGN_OR_RETURN(inputs, OpenLimited(arguments, &options));
+    read = Reading(inputs, options, &notes);
+  }
+  BuildReport report;
+  StageRate rate;
+  const auto on_progress = [&](const BuildProgress& p) {
+    MTDB_RETURN_IF_ERROR(LookForInterrupt());
+    progress.Update(p.overall, Describe(p, rate.Update(p)));
+    return Status::Ok();
+  };
+  Result<ObjectRecord> record = BuildObject(read, options, writer, on_progress, &report);
+  progress.Finish();
+  if (!record.ok()) {
+    if (report.journal_left) {
+      const StatusCode code = record.status().code();
+      return Status(code, record.status().message() + "; the same command with --resume" +
+                              (code == StatusCode::kAlreadyExists ? " --force" : "") +
+                              " goes on where it stopped");
+    }
+    return WithFile(arguments, record.status());
+  }
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
+  if (raster != nullptr) notes = raster->Notes();
+  if (arguments.json) {
+    Json json = RecordJson(*record, file_bytes);
+    json["accuracy"] = AccuracyJson(report.survey);
+    json["welded_vertices"] = report.survey.welded_vertices;
+    json["equal_vertices"] = report.survey.equal_vertices;
+    json["warnings"] = AccuracyWarnings(report.survey);
+    json["notes"] = notes;
+    if (raster != nullptr) json["raster_input"] = raster->ReportJson();
+    json["stages"] = Json::array();
+    for (const StageCost& stage : report.stages) {
+      json["stages"].push_back({{"stage", stage.stage},
+                                {"seconds", stage.seconds},
+                                {"cpu_seconds", stage.cpu_seconds},
+                                {"temporary_bytes", stage.tmp_bytes}});
+    }
+    PrintAnswer("ingest", json);
+  } else if (!arguments.quiet) {
+    PrintSummary(*record, file_bytes);
+    std::printf("  %s\n", AccuracyLine(report.survey).c_str());
+    if (arguments.weld || report.survey.welded_vertices != 0) {
+      std::printf("  %s vertices welded to others%s\n",
+                  Grouped(report.survey.welded_vertices).c_str(),
+                  arguments.weld ? "" : ", where the mesh was cut; --no-weld keeps the cuts");
+    }
+    if (report.survey.equal_vertices != 0 && !report.survey.attributes_differ) {
+      std::printf("  %s vertices lie where others do, and stay; --weld would join them\n",
+                  Grouped(report.survey.equal_vertices).c_str());
+    }
+    if (arguments.verbose) PrintStages(report, *record);
+    for (const std::string& warning : AccuracyWarnings(report.survey)) {
+      std::printf("  warning: %s\n", warning.c_str());
+    }
+    PrintNotes(notes);
+  }
+  return Status::Ok();
+}
+
+Status Generate(const GenerateArguments& arguments) {
+  GenerateReport report;
+  MTDB_RETURN_IF_ERROR(GenerateFile(arguments.shape,
+                                    {.triangles = arguments.triangles, .seed = arguments.seed},
+                                    arguments.output, &report));
+  if (arguments.json) {
+    PrintAnswer("generate", {{"output", arguments.output},
+                             {"vertices", report.vertices},
+                             {"triangles", report.triangles}});
+  } else {
+    std::printf("%s: %s triangles, %s vertices\n", arguments.output.c_str(),
+                Grouped(report.triangles).c_str(), Grouped(report.vertices).c_str());
+  }
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "codecs/cluster/cluster_codec.h"
+#include "codecs/mesh_file/mesh_file.h"
+#include "query/heights.h"
+#include "query/surface.h"
+#include "query/verify_object.h"
+#include "store/base/redact.h"
+#include "store/database.h"
+#include "store/verify_store.h"
+#include "tools/cli/grouped.h"
+#include "tools/cli/raster_ingest.h"
+#include "tools/cli/verbs.h"
+#include "tools/cli/verbs/ingest_journal.h"
+#include "tools/client/printable.h"
+#include "tools/request/arguments.h"
+#include "tools/request/report_json.h"
+#include "tools/request/root_reason.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr uint64_t kMuchFreeSpace = uint64_t{1} << 20;
+
+using BitsPerVertex = std::map<std::string, double>;
+
+// What the streams of all clusters take, by name, and the root pieces.
+Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecord& record) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<ClusterSource> source,
+                        database.OpenObject(record.name));
+  std::map<std::string, uint64_t> bytes;
+  std::vector<UnitId> clusters;
+  for (uint32_t i = 0; i < record.clusters; ++i) clusters.push_back(i);
+  MTDB_RETURN_IF_ERROR(ReadUnits(*source, clusters, [&](UnitId, const Bytes& payload) {
+    uint64_t listed = 0;
+    for (const StreamSize& s : ClusterStreamSizes(payload)) {
+      bytes[s.name] += s.coded_bytes;
+      listed += s.coded_bytes;
+    }
+    bytes["directory"] += payload.size() - listed;
+    return Status::Ok();
+  }));
+  uint64_t sum = 0;
+  for (const auto& [name, n] : bytes) sum += n;
+  bytes["root"] = record.payload_bytes - sum;
+  BitsPerVertex bits;
+  for (const auto& [name, n] : bytes) {
+    bits[name] = 8.0 * static_cast<double>(n) / static_cast<double>(record.vertices);
+  }
+  return bits;
+}
+
+// The raster that the object was, as it came.
+void PrintRaster(const ObjectRecord& r) {
+  const RasterFrame& f = *r.raster;
+  const auto& g = f.geotransform;
+  std::printf("  raster       %u columns, %u rows, %s, a sample stands for %s\n", f.columns, f.rows,
+              Printable(f.sample_type).c_str(), f.is_area ? "its pixel" : "a point");
+  std::printf("  geotransform %.17g %.17g %.17g %.17g %.17g %.17g, of %s\n", g[0], g[1], g[2], g[3],
+              g[4], g[5], f.transform_of_samples ? "samples" : "the corners of pixels");
+  std::printf("  heights      steps of %.9g %s", r.grid.step, Printable(f.height_units).c_str());
+  if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
+  if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
+  std::printf(", rounded by up to %.6g\n", r.rounding_error);
+  if (f.filled > 0)
+    std::printf("  filled       %s samples that had no height\n", Grouped(f.filled).c_str());
+  const std::array<double, 2> unit = MetresOfUnit(r);
+  if (unit[1] != 1) {
+    std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);
+  }
+  std::printf("  crs          %s\n",
+              r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
+}
+
+// "y", "-z", or the numbers of another vector.
+std::string UpText(Vec3d up) {
+  for (int i = 0; i < 3; ++i) {
+    if (std::fabs(up[i]) > 1 - 1e-9) return std::string(up[i] < 0 ? "-" : "") + "xyz"[i];
+  }
+  char text[100];
+  std::snprintf(text, sizeof(text), "%.6g %.6g %.6g", up.x, up.y, up.z);
+  return text;
+}
+
+void PrintInfo(const ObjectRecord& r) {
+  std::printf("%s\n", r.name.c_str());
+  std::printf("  surface      %s\n", SurfaceText(r).c_str());
+  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
+              r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
+              r.diagonal());
+  if (!r.units.empty()) std::printf("  units        %s\n", Printable(r.units).c_str());
+  if (r.up) {
+    std::printf("  up           %s%s\n", UpText(r.up->direction).c_str(),
+                r.up->given    ? ", as ingest was told"
+                : IsTerrain(r) ? ""
+                               : ", found from the shape");
+  }
+  if (r.raster) {
+    PrintRaster(r);
+  } else if (r.grid.mode == PositionMode::kLossless) {
+    std::printf("  positions    float32, lossless\n");
+  } else {
+    std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
+                r.rounding_error);
+  }
+  if (r.error_measure == ErrorMeasure::kVertical) {
+    std::printf("  errors       vertical: differences in height\n");
+  }
+  for (const VertexAttribute& a : r.attributes.attributes) {
+    std::printf("  attribute    %s", a.name.c_str());
+    if (a.step > 0) std::printf(", step %.6g", a.step);
+    if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
+    std::printf("\n");
+  }
+  std::printf("  MT           %s nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
+              Grouped(r.nodes).c_str(), r.clusters, r.depth, r.max_degree, r.rounds.size());
+  std::printf("  root         %s triangles, error up to %.6g\n", Grouped(r.root_triangles).c_str(),
+              r.grid.Error(r.error_code_max));
+  std::printf("               %s\n", RootReasonText(r).c_str());
+  std::printf("  size         %s bytes, %.2f bits per vertex\n", Grouped(r.stored_bytes).c_str(),
+              r.vertices == 0
+                  ? 0.0
+                  : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
+  std::printf("  digest       %s\n", r.digest_hex().c_str());
+}
+
+Json JournalsJson(const std::vector<IngestJournal>& journals) {
+  Json list = Json::array();
+  for (const IngestJournal& j : journals) {
+    list.push_back({{"object", j.object},
+                    {"running", j.running},
+                    {"journal", j.path},
+                    {"bytes", j.bytes},
+                    {"folder", j.folder},
+                    {"resume", j.command}});
+  }
+  return list;
+}
+
+// A journal's texts come from a file that anybody may have written.
+void PrintJournal(const IngestJournal& j) {
+  const std::string object = j.object.empty() ? "an object" : Printable(j.object);
+  const double megabytes = static_cast<double>(j.bytes) / 1e6;
+  if (j.running) {
+    std::printf("  being ingested: %s; its journal %s has %.1f MB\n", object.c_str(),
+                Printable(j.path).c_str(), megabytes);
+    return;
+  }
+  std::printf("  interrupted: the ingest of %s; its journal %s has %.1f MB\n", object.c_str(),
+              Printable(j.path).c_str(), megabytes);
+  if (!j.command.empty()) {
+    std::printf("    to go on, in %s: %s\n", Printable(j.folder).c_str(),
+                Printable(j.command).c_str());
+  }
+  std::printf("    to give it up: rm %s\n", QuoteForShell(Printable(j.path)).c_str());
+}
+
+}  // namespace
+
+Status Info(const InspectArguments& arguments) {
+  MTDB_RETURN_IF_ERROR(CheckNoPicture({arguments.store}));
+  const bool is_input = IsMeshFile(arguments.store) || IsRaster(arguments.store);
+  if (arguments.store == "-" ||
+      (is_input && !Database::Open(arguments.store, arguments.open).ok())) {
+    IngestArguments mesh;
+    mesh.inputs = {arguments.store};
+    mesh.format = arguments.format;
+    mesh.tmp = std::filesystem::temp_directory_path().string();
+    mesh.json = arguments.json;
+    return Survey(mesh);
+  }
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, database->FileBytes());
+  std::vector<ObjectRecord> records;
+  if (arguments.name.empty()) {
+    MTDB_ASSIGN_OR_RETURN(records, database->List());
+  } else {
+    MTDB_ASSIGN_OR_RETURN(ObjectRecord record, database->Find(arguments.name));
+    records.push_back(std::move(record));
+  }
+  if (arguments.json) {
+    Json objects = Json::array();
+    for (const ObjectRecord& r : records) {
+      Json& object = objects.emplace_back(RecordJson(r, file_bytes));
+      if (!arguments.streams) continue;
+      MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+      object["stream_bits_per_vertex"] = bits;
+    }
+    PrintAnswer("info",
+                {{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : records) {
+    PrintInfo(r);
+    if (!arguments.streams) continue;
+    MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
+    for (const auto& [name, n] : bits) {
+      std::printf("  stream       %s, %.2f bits per vertex\n", name.c_str(), n);
+    }
+  }
+  std::printf("store: %s bytes, %s\n", Grouped(file_bytes).c_str(),
+              Counted(records.size(), "object", "objects").c_str());
+  return Status::Ok();
+}
+
+Status List(const InspectArguments& arguments) {
+  const std::string store = RealStorePath(arguments.store);
+  uint64_t file_bytes = 0, free_bytes = 0;
+  const auto list = [&]() -> Result<std::vector<ObjectRecord>> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store, arguments.open));
+    MTDB_ASSIGN_OR_RETURN(file_bytes, database->FileBytes());
+    MTDB_ASSIGN_OR_RETURN(free_bytes, database->FreeBytes());
+    return database->List();
+  };
+  Result<std::vector<ObjectRecord>> records = list();
+  const std::vector<IngestJournal> journals =
+      FindJournals(arguments.tmp.empty() ? FolderOf(store) : arguments.tmp, store,
+                   records.ok() ? *records : std::vector<ObjectRecord>());
+  // The first ingest may have been interrupted before it made the store, or while it did.
+  const bool none = !journals.empty() && (records.status().code() == StatusCode::kNotFound ||
+                                          Database::NothingStored(store));
+  if (!records.ok() && !none) return records.status();
+  if (none) records = std::vector<ObjectRecord>();
+  if (arguments.json) {
+    Json json = CatalogJson(*records);
+    json["store"] = arguments.store;
+    json["file_bytes"] = file_bytes;
+    json["free_bytes"] = free_bytes;
+    if (!journals.empty()) json["journals"] = JournalsJson(journals);
+    PrintAnswer("list", json);
+    return Status::Ok();
+  }
+  for (const ObjectRecord& r : *records) {
+    std::printf("%15s triangles  %s\n", Grouped(r.triangles).c_str(), r.name.c_str());
+  }
+  if (!none) {
+    std::printf("%s: %zu object%s, %s", WithoutSecrets(arguments.store).c_str(), records->size(),
+                records->size() == 1 ? "" : "s", SizeText(file_bytes).c_str());
+    const bool much = free_bytes > file_bytes / 10 && free_bytes > kMuchFreeSpace;
+    if (free_bytes > 0) std::printf(", of which %s are free", SizeText(free_bytes).c_str());
+    std::printf("%s\n", much ? " ('mtdb compact' makes the file smaller)" : "");
+  }
+  for (const IngestJournal& j : journals) PrintJournal(j);
+  return Status::Ok();
+}
+
+Status Verify(const InspectArguments& arguments, bool* ok) {
+  CheckReport report;
+  if (!arguments.name.empty()) {
+    // A name that is not there is a mistake of the caller, unless the catalog is damaged.
+    const auto database = Database::Open(arguments.store, arguments.open);
+    if (database.ok()) {
+      const auto found = (*database)->Find(arguments.name);
+      if (found.status().code() == StatusCode::kNotFound) return found.status();
+    }
+  }
+  MTDB_RETURN_IF_ERROR(VerifyStore(arguments.store, arguments.name, &report, {}, arguments.open));
+  if (arguments.level != "fast" && report.ok()) {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                          Database::Open(arguments.store, arguments.open));
+    std::vector<std::string> names{arguments.name};
+    if (arguments.name.empty()) {
+      names.clear();
+      MTDB_ASSIGN_OR_RETURN(const std::vector<ObjectRecord> records, database->List());
+      for (const ObjectRecord& r : records) names.push_back(r.name);
+    }
+    for (const std::string& name : names) {
+      MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, database->OpenObject(name));
+      MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface,
+                            Surface::Open(std::move(source)));
+      MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kFull, &report));
+      if (arguments.level == "global") {
+        MTDB_RETURN_IF_ERROR(VerifyObject(*surface, VerifyLevel::kGlobal, &report));
+      }
+    }
+  }
+  *ok = report.ok();
+  if (arguments.json) {
+    Json json = {{"store", arguments.store}, {"level", arguments.level}};
+    json.update(ChecksJson(report));
+    PrintAnswer("verify", json);
+    return Status::Ok();
+  }
+  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
+  for (const std::string& failure : report.failures) {
+    std::printf("FAILED: %s\n", WithoutSecrets(failure).c_str());
+  }
+  std::printf("%s: %s\n", WithoutSecrets(arguments.store).c_str(),
+              report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
+  return Status::Ok();
+}
+
+}  // namespace mtdb

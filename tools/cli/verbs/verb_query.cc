@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <chrono>
+#include <cstdio>
+#include <unistd.h>
+#include <utility>
+
+#include "codecs/mesh_file/mesh_file.h"
+#include "query/surface.h"
+#include "tools/cli/query_report.h"
+#include "tools/cli/raster_output.h"
+#include "tools/cli/verbs.h"
+#include "tools/cli/verbs/drape.h"
+#include "tools/request/mesh_output.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// Passes a mesh on to a writer and takes the time that the writer needs.
+class TimedSink final : public MeshSink {
+ public:
+  explicit TimedSink(MeshSink& sink) : sink_(sink) {}
+  Status Begin(const MeshHeader& header) override {
+    return Timed([&] { return sink_.Begin(header); });
+  }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    return Timed([&] { return sink_.AddVertices(positions, rows); });
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    return Timed([&] { return sink_.AddTriangles(triangles); });
+  }
+  Status End() override {
+    return Timed([&] { return sink_.End(); });
+  }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_.LargestRounding(header);
+  }
+  double rounding() const override { return sink_.rounding(); }
+  double seconds() const { return seconds_; }
+
+ private:
+  template <typename Call>
+  Status Timed(Call&& call) {
+    const Clock::time_point begin = Clock::now();
+    Status status = call();
+    seconds_ += SecondsSince(begin);
+    return status;
+  }
+  MeshSink& sink_;
+  double seconds_ = 0;
+};
+
+}  // namespace
+
+Status ExtractVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  if (IsRasterOutput(arguments.output)) return ExtractRaster(arguments);
+  if (arguments.spacing || arguments.window) {
+    return InvalidArgument(
+        "--spacing, --window: are for rasters, whose names end in .tif, .asc or .hgt; --box and "
+        "--clip give a part of a mesh");
+  }
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
+  const bool standard = arguments.output == "-";
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), json.value("normals", false));
+  write.double_positions = arguments.double_positions;
+  if (standard) write.descriptor = STDOUT_FILENO;
+  const auto open = [&]() {
+    return CreateMeshFileWriter(
+        standard ? "standard output." + arguments.output_format : arguments.output, write);
+  };
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<MeshFileWriter> writer, open());
+  if (!arguments.drape.empty()) {
+    if (standard) return InvalidArgument("--drape: is for files, not for standard output");
+    MTDB_ASSIGN_OR_RETURN(MeshTexture texture, ReadDrape(arguments.drape, surface->record()));
+    MTDB_ASSIGN_OR_RETURN(writer,
+                          CreateDrapedMeshFileWriter(arguments.output, std::move(texture), write));
+  }
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
+  const double open_seconds = SecondsSince(begin);
+  TimedSink sink(*writer);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  QueryReport report{json, surface->record(), stats};
+  report.file = writer->report();
+  report.open_seconds = open_seconds;
+  report.write_seconds = sink.seconds();
+  report.total_seconds = SecondsSince(begin);
+  PrintQueryReport(arguments, report);
+  return Status::Ok();
+}
+
+}  // namespace mtdb

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <unistd.h>
+
+#include "query/heights.h"
+#include "query/surface.h"
+#include "tools/cli/grouped.h"
+#include "tools/cli/progress.h"
+#include "tools/cli/query_report.h"
+#include "tools/cli/verbs.h"
+#include "tools/cli/verbs/drape.h"
+#include "tools/render/render.h"
+#include "tools/render/view.h"
+#include "tools/request/report_json.h"
+
+namespace mtdb {
+
+namespace {
+
+// Shows an object's shape, whatever its size.
+constexpr double kOverviewError = 0.01;  // of the diagonal
+constexpr uint64_t kOverviewTriangles = 20'000;
+// What distances are measured from.
+constexpr uint64_t kReferenceTriangles = 2'000'000;
+
+using Clock = std::chrono::steady_clock;
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+Vec3d PointOf(const QueryJson& json) {
+  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
+}
+
+Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+
+constexpr double kMapAngle = 0.02;  // radians: as if seen from far above
+
+// What a picture multiplies coordinates by.
+Vec3d PictureScale(const ObjectRecord& record, const QueryArguments& arguments) {
+  const std::array<double, 2> unit = MetresOfUnit(record);
+  return {unit[0], unit[1], arguments.exaggerate};
+}
+
+void Stretch(Vec3d scale, TriangleMesh* mesh) {
+  for (Vec3d& p : mesh->positions) p = Scaled(p, scale);
+}
+
+// Terrains without a colouring of their own are drawn as maps: tints or an image, a light from the
+// north-west, and without a view or a camera from above.
+void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
+               RenderOptions* options) {
+  if (IsTerrain(record) && options->colour_by == ColourBy::kVertexColours) {
+    options->colour_by = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
+    options->hillshade = true;
+  }
+  if (options->colour_by != ColourBy::kHeight) return;
+  options->height_scale = arguments.exaggerate;
+  if (record.raster) options->height_units = record.raster->height_units;
+  if (!options->range) options->range = {record.bounds.min.z, record.bounds.max.z};
+}
+
+// The image in the picture's coordinates.
+Status ReadImage(const QueryArguments& arguments, const ObjectRecord& record,
+                 RenderOptions* options) {
+  if (arguments.drape.empty()) return Status::Ok();
+  if (options->colour_by >= ColourBy::kNormal && options->colour_by != ColourBy::kHeight) {
+    return InvalidArgument(
+        "--drape: does not go with --colour error, normal or an attribute, whose colours stand for "
+        "values");
+  }
+  MTDB_ASSIGN_OR_RETURN(MeshTexture texture, ReadDrape(arguments.drape, record));
+  const Vec3d scale = PictureScale(record, arguments);
+  for (const size_t i : {0, 3}) {
+    texture.place[i + 1] /= scale.x;
+    texture.place[i + 2] /= scale.y;
+  }
+  options->drape = std::move(texture);
+  return Status::Ok();
+}
+
+// An error of the image's file names it.
+Status NameImage(const QueryArguments& arguments, Status status) {
+  const bool of_image =
+      status.code() == StatusCode::kBadInput || status.code() == StatusCode::kUnsupported;
+  if (!of_image || arguments.drape.empty()) return status;
+  return Status(status.code(), arguments.drape + ": " + status.message());
+}
+
+Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
+  MTDB_ASSIGN_OR_RETURN(Camera camera,
+                        ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+  camera.eye = Scaled(camera.eye, scale);
+  camera.direction = Scaled(camera.direction, scale);
+  options->camera = camera;
+  return Status::Ok();
+}
+
+// Pictures of one object share what is up, and their frame, but for clipped ones.
+Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool clipped,
+                  RenderOptions* options) {
+  const Vec3d scale = PictureScale(surface.record(), arguments);
+  if (arguments.query.has_camera() && !arguments.overview) {
+    return ChooseCamera(arguments, scale, options);
+  }
+  // A surface of its own: what the picture's query reads is counted apart.
+  SurfaceOptions own;
+  own.form = RuntimeForm::kImplicit;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> apart, Surface::Open(surface.source(), own));
+  Query query;
+  query.threshold = ConstantThreshold(kOverviewError * surface.record().diagonal());
+  query.max_triangles = kOverviewTriangles;
+  TriangleMesh mesh;
+  TriangleMeshSink sink(&mesh);
+  MTDB_RETURN_IF_ERROR(apart->Extract(query, sink).status());
+  Stretch(scale, &mesh);
+  const bool heights = IsTerrain(surface.record());
+  const std::optional<ObjectUp>& stored = surface.record().up;
+  options->up = arguments.query.up ? PointOf(*arguments.query.up)
+                : heights          ? Vec3d{0, 0, 1}
+                : stored           ? stored->direction
+                                   : EstimateUp(mesh);
+  const bool map = options->hillshade && arguments.view == "auto";
+  options->view_direction =
+      ViewDirection(map ? "top" : arguments.view, options->up, mesh.positions);
+  if (map) options->view_angle_rad = kMapAngle;
+  if (!clipped) options->frame = std::move(mesh.positions);
+  return Status::Ok();
+}
+
+// What the colours mean, for people.
+std::string ColourText(const RenderOptions& options, const std::array<double, 2>& range,
+                       const ExtractStats& reference) {
+  char line[400];
+  std::string what = options.attribute;
+  if (options.colour_by == ColourBy::kHeight)
+    what = options.height_units.empty() ? "height" : "height in " + options.height_units;
+  if (options.colour_by == ColourBy::kDistance) {
+    std::snprintf(line, sizeof(line),
+                  "how far the picture's surface is from the best one of %s triangles",
+                  Grouped(reference.triangles).c_str());
+    what = line;
+  }
+  std::snprintf(line, sizeof(line), "  colours: %s; %.6g to %.6g\n", what.c_str(), range[0],
+                range[1]);
+  return line;
+}
+
+Json PictureJson(const QueryArguments& arguments, const RenderOptions& options,
+                 const RenderImage& image) {
+  const Vec3d up = options.camera ? options.camera->axes().up : options.up;
+  const Vec3d direction = options.camera ? options.camera->axes().forward : options.view_direction;
+  return {
+      {"width_px", image.width},
+      {"height_px", image.height},
+      {"direction", PointJson(direction)},
+      {"up", PointJson(up)},
+      {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
+      {"colour_range", image.range ? Json::array({(*image.range)[0], (*image.range)[1]}) : Json()}};
+}
+
+}  // namespace
+
+Status RenderVerb(const QueryArguments& arguments) {
+  const Clock::time_point begin = Clock::now();
+  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  if (arguments.print_query) {
+    PrintJson(json);
+    return Status::Ok();
+  }
+  MTDB_RETURN_IF_ERROR(CheckPictureName(arguments.output));
+  // Of a terminal: somebody waits.
+  ProgressLine progress(arguments.json || arguments.quiet || ::isatty(STDERR_FILENO) == 0);
+  progress.Update(0, "reading");
+  RenderOptions options = arguments.picture;
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
+  const Vec3d scale = PictureScale(surface->record(), arguments);
+  if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
+    return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
+  }
+  MTDB_RETURN_IF_ERROR(ReadImage(arguments, surface->record(), &options));
+  DrawAsMap(arguments, surface->record(), &options);
+  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
+  const double open_seconds = SecondsSince(begin);
+  TriangleMesh mesh, reference;
+  TriangleMeshSink sink(&mesh), reference_sink(&reference);
+  MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface->Extract(query, sink));
+  Stretch(scale, &mesh);
+  const Clock::time_point drawn = Clock::now();
+  MTDB_RETURN_IF_ERROR(ChooseView(arguments, *surface, query.clip, &options));
+  ExtractStats reference_stats;
+  if (options.colour_by == ColourBy::kDistance) {
+    Query best;
+    best.max_triangles = kReferenceTriangles;
+    MTDB_ASSIGN_OR_RETURN(reference_stats, surface->Extract(best, reference_sink));
+    Stretch(scale, &reference);
+    options.reference = &reference;
+  }
+  RenderImage image;
+  progress.Update(0.5, "drawing " + Counted(mesh.triangles.size(), "triangle", "triangles"));
+  MTDB_RETURN_IF_ERROR(NameImage(arguments, RenderMesh(mesh, options, &image)));
+  MTDB_RETURN_IF_ERROR(WritePicture(arguments.output, image));
+  progress.Finish();
+  QueryReport report{json, surface->record(), stats};
+  report.open_seconds = open_seconds;
+  report.write_seconds = SecondsSince(drawn);
+  report.total_seconds = SecondsSince(begin);
+  report.picture = PictureJson(arguments, options, image);
+  if (image.range) report.remarks = ColourText(options, *image.range, reference_stats);
+  PrintQueryReport(arguments, report);
+  return Status::Ok();
+}
+
+}  // namespace mtdb
