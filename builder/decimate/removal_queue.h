@@ -55,7 +55,7 @@ class RemovalQueue {
 
  private:
   static constexpr float kNotQueued = -1;
-  static constexpr double kStaleGrowth = 1.08;  // docs/design.md, section 3, has what it costs
+  static constexpr double kStaleGrowth = 1.08;  // docs/notes/2026-11-order-of-removals.md
 
   // The bits of a vertex's error above its number: for errors of at least 0 in their order, for
   // others above all of these. An entry that differs from its vertex's key is void.

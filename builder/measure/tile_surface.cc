@@ -14,8 +14,8 @@ namespace mtdb::internal {
 
 namespace {
 
-// Of a height field's triangles, for each of the tile's (docs/design.md, section 3): longer curves
-// are dear, and the longest are not found.
+// Of a height field's triangles, for each of the tile's: longer curves are dear, and the longest
+// are not found (docs/notes/2026-11-heights-as-errors.md).
 constexpr size_t kMostField = 24;
 // For each of the surface's triangles. Where there are more, paths are long, and those that are too
 // long stand in the way of removals.

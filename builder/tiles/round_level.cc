@@ -10,7 +10,7 @@
 namespace mtdb::internal {
 
 namespace {
-// docs/design.md, section 3, has the measurements behind these.
+// docs/notes/2026-11-levels-of-rounds.md has the measurements behind these.
 constexpr double kFirstLevel = 3.3;          // of the sample's upper quartile of first guesses
 constexpr double kGrowth = 0.93;             // the error grows like this power of 1 / triangles
 constexpr uint64_t kCellTriangles = 1000;    // of a cell of the sample, about

@@ -35,7 +35,8 @@ class PackedFile {
   std::vector<PackedObject> objects_;
 };
 
-// How parts of a file become requests. The defaults are measured (docs/design.md, "Packed files").
+// How parts of a file become requests. The defaults are measured: see
+// docs/notes/2026-11-gap-between-ranges.md.
 struct PackedRequests {
   // Parts that lie so near each other are asked for as one range, with what is between them,
   uint64_t gap_bytes = 16 << 10;
