@@ -195,7 +195,7 @@ Status Database::Rename(const std::string& name, const std::string& new_name) {
       return InvalidArgument(path() + ": opened for reading; open it writable");
     }
     bool is_there = true;
-    MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
+    const Status written = environment_->Write([&](WriteTransaction& write) -> Status {
       MTDB_ASSIGN_OR_RETURN(auto record, FindObject(write, path(), name));
       is_there = record.has_value();
       if (!is_there) return Status::Ok();
@@ -211,8 +211,9 @@ Status Database::Rename(const std::string& name, const std::string& new_name) {
           write.PutSealed(Table::kCatalog, ObjectKey(new_name), EncodeObjectRecord(*record)));
       ReachTestPoint("catalog put");
       return Status::Ok();
-    }));
-    return is_there ? Status::Ok() : NoObject(name);
+    });
+    if (!written.ok() || is_there) return written;
+    return NoObject(name);
   });
 }
 
