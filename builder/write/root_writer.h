@@ -11,7 +11,7 @@
 #include "builder/disk/tile.h"
 #include "store/base/attributes.h"
 #include "store/base/status.h"
-#include "store/database.h"
+#include "store/object_writer.h"
 
 namespace mtdb::internal {
 
