@@ -72,7 +72,7 @@ const watch = () => {
 };
 
 async function opening(url, name) {
-  const page = await open(`${url}#o=${encodeURIComponent(name)}`, {viewport: {width: 1366, height: 768}, init: watch});
+  const page = await open(`${url}#o=${encodeURIComponent(name)}&px=1`, {viewport: {width: 1366, height: 768}, init: watch});
   await page.waitForFunction(() => window.noted.exact !== undefined);
   const noted = await page.evaluate(() => window.noted);
   return {page, noted, pageBytes: Object.entries(page.bytes).filter(([path]) => !path.startsWith('/objects')).reduce((sum, [, n]) => sum + (n || 0), 0)};

@@ -53,7 +53,7 @@ const whats = {
   error: [object(kName, '&colour=permitted')],
   terrain: [object('degrees')],
   wedge: [object('terrain', '&region=wedge:5,0,1,0,50,8&inside=distance&outside=coarse&px=2&wireframe=true')],
-  missing: ['#o=nothing', page => until(() => page.isVisible('#banner'), 'it is said')],
+  missing: ['#o=nothing', page => page.waitForSelector('#start-list button')],
   image: [object('degrees', '&wireframe=true'), page => drape(page, imageOverDegrees.files)],
   unplaced: [object('degrees'), page => drape(page, imageOverDegrees.files.slice(0, 1))],
   keys: [object(kName), page => page.keyboard.press('?')],

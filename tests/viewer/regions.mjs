@@ -158,7 +158,7 @@ test('a wedge of a terrain: linear errors from its apex, dragged, and where the 
 });
 
 test('a terrain in degrees is drawn in metres, as exact as the camera asks, and measured in its own coordinates', async () => {
-  const page = await open(`${server.url}/#o=degrees`);
+  const page = await open(`${server.url}/#o=degrees&px=1`);
   await exact(page);
   const terrain = JSON.parse(run('info', store, '--name', 'degrees', '--json')).objects[0];
   const {stretch, size, unit} = await page.evaluate(() => ({stretch: viewer.scene.stretch, size: viewer.navigation.radius(), unit: viewer.unit}));

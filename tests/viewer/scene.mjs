@@ -47,6 +47,23 @@ function writeDegrees(path) {
   writeFileSync(path.replace(/asc$/, 'prj'), 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]]');
 }
 
+// A cone of 6,400 triangles that stands on y = 0, its tip at y = 30.
+export const kCone = 'cone';
+function writeCone(path) {
+  const n = 80, rings = 40, lines = [];
+  for (let r = 0; r < rings; ++r) for (let c = 0; c < n; ++c) {
+    const a = (2 * Math.PI * c) / n, size = (10 + 0.3 * Math.sin(9 * a + r)) * (1 - r / rings);
+    lines.push(`v ${size * Math.cos(a)} ${(30 * r) / rings} ${-size * Math.sin(a)}`);
+  }
+  lines.push('v 0 30 0', 'v 0 0 0');
+  for (let c = 0; c < n; ++c) {
+    const d = (c + 1) % n, last = (rings - 1) * n;
+    for (let r = 0; r + 1 < rings; ++r) lines.push(`f ${r * n + c + 1} ${r * n + d + 1} ${(r + 1) * n + d + 1} ${(r + 1) * n + c + 1}`);
+    lines.push(`f ${last + c + 1} ${last + d + 1} ${rings * n + 1}`, `f ${d + 1} ${c + 1} ${rings * n + 2}`);
+  }
+  writeFileSync(path, lines.join('\n') + '\n');
+}
+
 run('generate', 'sculpture', file('sculpture.ply'), '--triangles', '60000');
 run('generate', 'terrain', file('small.ply'), '--triangles', '3000');
 writeUtm(file('utm.ply'));
@@ -55,6 +72,8 @@ run('ingest', file('utm.ply'), store, '--quiet', '--name', kOdd, '--step', '0.01
 run('ingest', file('utm.ply'), store, '--quiet', '--name', 'utm', '--step', '0.01');
 run('generate', 'terrain', file('terrain.ply'), '--triangles', '20000');
 run('ingest', file('terrain.ply'), store, '--quiet', '--name', 'terrain');
+writeCone(file('cone.obj'));
+run('ingest', file('cone.obj'), store, '--quiet', '--name', kCone, '--units', 'mm');
 writeDegrees(file('degrees.asc'));
 run('ingest', file('degrees.asc'), store, '--quiet', '--name', 'degrees');
 export const info = runJson('info', store, '--name', kName).objects[0];

@@ -76,7 +76,11 @@ for (const nginx of [false, true]) test(`a packed file is shown from any web ser
   await exact(page);
   await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
   check(await page.locator('#way-row').isHidden(), 'there is no server that could cut');
-  const [ray, hit] = await page.evaluate(async () => [viewer.navigation.ray(400, 300), await viewer.probe(400, 300)]);
+  const [ray, hit] = await page.evaluate(async () => {
+    const places = [[400, 300], [400, 200], [300, 300], [500, 300], [400, 400]]; // the sculpture has holes
+    const hits = await Promise.all(places.map(place => viewer.probe(...place))), i = hits.findIndex(found => found);
+    return [viewer.navigation.ray(...places[i]), hits[i]];
+  });
   const found = runJson('probe', store, '--name', kName, `--ray=${[...ray.origin, ...ray.direction]}`);
   check(hit !== null && distance(hit.point, found.point) === 0 && hit.error_bound === found.error_bound, JSON.stringify([hit, found]));
   for (const format of ['ply', 'obj', 'glb']) {
@@ -197,7 +201,8 @@ test('what cannot be shown is a sentence', async () => {
     await until(async () => (await page.textContent('body')).includes(words) && (await page.getByText(words).first().isVisible()), `the page says "${words}"`);
     await close(page);
   };
-  await said(`${server.url}/#o=nothing`, 'There is no object “nothing” in this store.');
+  await said(`${server.url}/#o=nothing`, 'There is no object “nothing” here. There are these:');
+  await said(`${server.url}/#o=nothing&o=utm`, 'There is no object “nothing” here, but');
   await said(server.url + '/', 'This browser has no WebGL 2', {init: () => {
     const get = HTMLCanvasElement.prototype.getContext;
     HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind === 'webgl2' ? null : get.call(this, kind, ...more); };

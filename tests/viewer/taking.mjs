@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is measured, linked and taken away.
-import {readFileSync} from 'node:fs';
-import {box, camera, distance, info, kName, server, store, test} from './scene.mjs';
+import {readFileSync, writeFileSync} from 'node:fs';
+import {box, camera, distance, info, kCone, kName, server, store, test} from './scene.mjs';
 import {check, close, decode, exact, file, near, open, run, runJson, same, trianglesOnScreen, until} from './testing.mjs';
 
 test('measured points are those of mtdb probe', async () => {
@@ -84,6 +84,35 @@ test('the mesh that is taken away is that of mtdb extract', async () => {
   const [download] = await Promise.all([page.waitForEvent('download'), page.click('#picture')]);
   const picture = await decode(readFileSync(await download.path()));
   check(picture.width === 1920 && picture.height === 1080, `${picture.width} x ${picture.height}`);
+  check(page.wrong.length === 0, page.wrong.join('; '));
+  await close(page);
+});
+
+test('a mesh is cut along the planes of its region, and taken as STL', async () => {
+  const page = await open(`${server.url}/#o=${kCone}&region=half_space:0,10,0,0,1,0&outside=clip`);
+  await exact(page);
+  await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
+  await page.check('#take-cut');
+  await page.fill('#take-error', '0');
+  for (const format of ['ply', 'stl']) {
+    await page.selectOption('#format', format);
+    const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
+    writeFileSync(file(`cut.${format}`), readFileSync(await download.path()));
+    run('ingest', file(`cut.${format}`), file('cut.mtdb'), '--name', format, '--quiet', '--force', '--bits', '24');
+    const cut = runJson('info', file('cut.mtdb'), '--name', format).objects[0];
+    near(cut.bounds.max[1], 10, 1e-5, `${format}: the plane`);
+    near(cut.bounds.min[1], 0, 1e-5, `${format}: the base`);
+    check(cut.components === 1 && cut.boundary_loops === 1 && cut.input.nonmanifold_edges === 0, JSON.stringify(cut));
+  }
+  await page.uncheck('#take-cut');
+  const [whole] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
+  writeFileSync(file('meets.stl'), readFileSync(await whole.path()));
+  run('extract', store, file('theirs.stl'), '--name', kCone, '--full', '--half-space=0,10,0,0,1,0', '--clip');
+  check(readFileSync(file('meets.stl')).equals(readFileSync(file('theirs.stl'))), 'without planes it is the file of mtdb extract');
+  await page.check('#take-cut');
+  await page.selectOption('#format', 'drc');
+  await page.click('#take');
+  await until(async () => /Draco is not written/.test(await page.textContent('#take-said')), 'the page says what does not go');
   check(page.wrong.length === 0, page.wrong.join('; '));
   await close(page);
 });

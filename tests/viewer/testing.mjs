@@ -60,8 +60,8 @@ export async function start(...args) {
   })};
 }
 
-// A web server of a folder that knows nothing of mtdb: nginx, or one of a few lines. `origin`: of other pages that may read from it.
-export async function serveFolder(folder, {nginx = false, origin = ''} = {}) {
+// A web server of a folder that knows nothing of mtdb: nginx, or one of a few lines. `origin`: of other pages that may read from it. Without `parts` each answer is a whole file.
+export async function serveFolder(folder, {nginx = false, origin = '', parts = true} = {}) {
   if (nginx) return await serveByNginx(folder);
   const kinds = {html: 'text/html', js: 'text/javascript', css: 'text/css', wasm: 'application/wasm', svg: 'image/svg+xml'};
   const server = createServer((request, response) => {
@@ -71,7 +71,7 @@ export async function serveFolder(folder, {nginx = false, origin = ''} = {}) {
     if (origin) Object.assign(headers, {'Access-Control-Allow-Origin': origin, 'Access-Control-Expose-Headers': 'Content-Range, ETag', 'Access-Control-Allow-Headers': 'Range'});
     if (request.method === 'OPTIONS') return response.writeHead(204, headers).end();
     const range = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
-    if (!range) return response.writeHead(200, headers).end(bytes);
+    if (!range || !parts) return response.writeHead(200, headers).end(bytes);
     const body = bytes.subarray(Number(range[1]), Number(range[2]) + 1);
     response.writeHead(206, {...headers, 'Content-Range': `bytes ${range[1]}-${Number(range[1]) + body.length - 1}/${bytes.length}`}).end(body);
   });

@@ -9,6 +9,7 @@ import './moving.mjs';
 import './taking.mjs';
 import './sources.mjs';
 import './draping.mjs';
+import './showing.mjs';
 
 const browser = await launch();
 if ((await fetch(server.url + '/')).status !== 200) {

@@ -22,13 +22,33 @@ const leanShaders = {name: 'lean shaders', setup: build => build.onLoad({filter:
   loader: 'ts', contents: readFileSync(path, 'utf8').replace(/`[^`]*`/g, shader => shader.replace(/ *\/\/.*/g, '').replace(/\n\s+/g, '\n')),
 }))};
 
+// Three keeps the shaders of all its materials in the page, used or not: what the materials of handles, lines and points do not include is left out.
+const kThreeShaders = ['meshbasic_vert', 'meshbasic_frag', 'points_vert', 'points_frag'];
+function leaveShadersOut(module) {
+  const table = /const ShaderChunk = \{([^}]*)\}/.exec(module)?.[1] ?? '';
+  const variables = new Map(Array.from(table.matchAll(/(\w+): ([\w$]+)/g), ([, name, variable]) => [name, variable]));
+  const texts = new Map(Array.from(module.matchAll(/^(?:const|var) ([\w$]+) = ("(?:[^"\\]|\\.)*");$/gm), ([, variable, text]) => [variable, text]));
+  const used = new Set();
+  const use = name => {
+    if (!texts.has(variables.get(name))) throw new Error(`three has no shader ${name}`);
+    if (used.has(name)) return;
+    used.add(name);
+    for (const [, part] of texts.get(variables.get(name)).matchAll(/#include <(\w+)>/g)) use(part);
+  };
+  kThreeShaders.forEach(use);
+  for (const [, name] of module.matchAll(/ShaderChunk\[ '(\w+)' \]/g)) use(name); // what its programs begin with
+  const unused = new Set([...variables].filter(([name]) => !used.has(name)).map(([, variable]) => variable));
+  return module.replace(/^((?:const|var) ([\w$]+) = )"(?:[^"\\]|\\.)*";$/gm, (line, begin, variable) => (unused.has(variable) ? `${begin}"";` : line));
+}
+const leanThree = {name: 'lean three', setup: build => build.onLoad({filter: /three\.module\.js$/}, ({path}) => ({loader: 'js', contents: leaveShadersOut(readFileSync(path, 'utf8'))}))};
+
 async function bundle() {
   const esbuild = createRequire(join(build, 'package.json'))('esbuild');
   await esbuild.build({
     entryPoints: {viewer: join(source, 'src/viewer.ts'), decoder: join(source, 'src/decoder.ts'), engine: join(source, 'src/engine.ts'),
-      draping: join(source, 'src/draping.ts')},
+      draping: join(source, 'src/draping.ts'), visitor: join(source, 'src/visitor.ts')},
     outdir: page, bundle: true, minify: true, format: 'esm', target: 'es2022', legalComments: 'eof',
-    nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {}, plugins: [leanShaders],
+    nodePaths: [join(build, 'node_modules')], logLevel: 'warning', tsconfigRaw: {}, plugins: [leanShaders, leanThree],
   });
   for (const name of readdirSync(join(source, 'static')).filter(n => !n.endsWith('.css'))) copyFileSync(join(source, 'static', name), join(page, name));
   await esbuild.build({entryPoints: [join(source, 'static/viewer.css')], outdir: page, minify: true, logLevel: 'warning'});

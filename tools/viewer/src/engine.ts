@@ -4,7 +4,8 @@
 // single questions about the file (packed_store.ts).
 import {MtdbError, openFile, type Frame, type MeshObject, type ObjectInfo as FileObject, type PackedFile} from '../../web/src/mtdb';
 import {meshFile} from './mesh_file';
-import type {Point, Query} from './query';
+import {cutMesh} from './cut_mesh';
+import type {HalfSpace, Point, Query} from './query';
 import {buffersOf, gather, ValueReader} from './slots';
 import type {Done, Limits, Load, MeshUpdate, TriangleValue} from './source';
 import type {Answer, FromWorker, ToWorker} from './worker_session';
@@ -12,7 +13,7 @@ import type {Answer, FromWorker, ToWorker} from './worker_session';
 export type Question =
   | {kind: 'objects'; id: number; url: string}
   | {kind: 'probe'; id: number; url: string; object: string; origin: Point; direction: Point}
-  | {kind: 'mesh'; id: number; url: string; object: string; query: Query; format: string}
+  | {kind: 'mesh'; id: number; url: string; object: string; query: Query; format: string; planes: HalfSpace[]}
   | {kind: 'forget'; id: number}; // the answer is not wanted any more
 
 export type Reply =
@@ -150,6 +151,8 @@ class Shown {
         asked.budget = true;
         return this.schedule();
       }
+      // A search under a budget begins at the root: until it ends, what is shown stays.
+      if (asked.budget && frame.limit === 'time') return this.schedule();
       this.weigh(object, asked, frame);
       this.flush();
     } catch (error) {
@@ -296,7 +299,7 @@ async function answer(question: Exclude<Question, {kind: 'forget'}>) {
       const hit = await object.castRay(question.origin, question.direction, control.signal);
       return post({kind: 'probe', id, hit: hit && {point: hit.point, error_bound: hit.errorBound}});
     }
-    const mesh = await object.extract({...question.query}, control.signal);
+    const mesh = cutMesh(await object.extract({...question.query}, control.signal), object.info.attributes, question.planes);
     post({kind: 'mesh', id, blob: meshFile(mesh, object.info.attributes, question.format), triangles: mesh.indices.length / 3, errorBound: mesh.errorBound});
   } catch (error) {
     const code = error instanceof MtdbError ? error.code : 'other';

@@ -27,6 +27,12 @@ export class Look {
     return {colour: colour.every(i => i >= 0) ? (colour as [number, number, number]) : null, at};
   }
 
+  // That of the object, when nobody chose another: its own colours, if it has some.
+  usualColour() {
+    const infos = this.viewer.shownInfos();
+    return infos.some(i => this.attributesOf(i).colour) && !this.viewer.terrains() ? 'vertex' : 'plain';
+  }
+
   // What is shown of single triangles, if the way of cutting tells it.
   triangleValue(): TriangleValue | null {
     const {colour} = this.style;
@@ -64,7 +70,7 @@ export class Look {
   // What the colour map spans.
   mapRange(): [number, number] | null {
     const kind = this.viewer.shared.colourBy!.value;
-    if (kind === 3) return [this.viewer.bounds().min[2], this.viewer.bounds().max[2]];
+    if (kind === 3) return this.viewer.heights();
     if (kind === 4) return [0, 90];
     if (kind === 5) return this.permittedRange();
     if (kind !== 2 && kind !== 6) return null;
@@ -78,7 +84,7 @@ export class Look {
   // The least and the most error that the camera asks for in what is shown. The map is logarithmic.
   private permittedRange(): [number, number] {
     const {scene, navigation} = this.viewer;
-    const slope = slopeOf(navigation.query(this.viewer.viewport()), scene.exactness().pixels);
+    const slope = slopeOf(navigation.query(this.viewer.viewport()), Math.max(scene.exactness().pixels, 1e-3)) / scene.stretch[2];
     const most = slope * navigation.camera.far, least = Math.max(slope * navigation.camera.near, most * 1e-3);
     return [least, most];
   }
@@ -90,7 +96,7 @@ export class Look {
     ball.set(0, 0, 0, -1);
     u.planeCount!.value = 0;
     u.clips!.value = focus?.outside === 'clip';
-    const camera = navigation.query(this.viewer.viewport()), slope = slopeOf(camera, scene.exactness().pixels);
+    const camera = navigation.query(this.viewer.viewport()), slope = slopeOf(camera, Math.max(scene.exactness().pixels, 1e-3)) / scene.stretch[2];
     permitted.set(slope, 0, 0, focus && focus.outside !== 'view' ? 1 : 0);
     if (!focus) return;
     planesOf(focus.region).forEach((plane, i) => {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Meshes as files, where no server writes them.
 import type {Mesh} from '../../web/src/mtdb';
+import {cross, sub, unit, type Point} from './query';
 import {offsetsOf, reader} from './slots';
 
 const names: Record<string, string> = {int8: 'char', uint8: 'uchar', int16: 'short', uint16: 'ushort', int32: 'int', uint32: 'uint', float32: 'float', float64: 'double'};
@@ -98,6 +99,18 @@ function glb(document: object, parts: Uint8Array[]): Blob {
   return new Blob([words(0x46546c67, 2, 20 + json + (binary > 0 ? 8 + binary : 0), json, 0x4e4f534a), text, spaces, ...(binary > 0 ? [words(binary, 0x004e4942), ...parts] : [])] as BlobPart[]);
 }
 
+// Binary; positions are float, as the format has them.
+function stlFile(mesh: Mesh): Blob {
+  const triangles = mesh.indices.length / 3, view = new DataView(new ArrayBuffer(84 + 50 * triangles));
+  new TextEncoder().encodeInto('mtdb', new Uint8Array(view.buffer));
+  view.setUint32(80, triangles, true);
+  for (let t = 0; t < triangles; ++t) {
+    const [a, b, c] = [0, 1, 2].map(k => [...mesh.positions.subarray(3 * mesh.indices[3 * t + k]!, 3 * mesh.indices[3 * t + k]! + 3)] as Point) as [Point, Point, Point];
+    [unit(cross(sub(b, a), sub(c, a))), a, b, c].forEach((p, i) => p.forEach((x, k) => view.setFloat32(84 + 50 * t + 12 * i + 4 * k, x, true)));
+  }
+  return new Blob([view.buffer]);
+}
+
 export function meshFile(mesh: Mesh, attributes: Attribute[], format: string): Blob {
-  return format === 'obj' ? objFile(mesh) : format === 'glb' ? glbFile(mesh, attributes) : plyFile(mesh, attributes);
+  return format === 'stl' ? stlFile(mesh) : format === 'obj' ? objFile(mesh) : format === 'glb' ? glbFile(mesh, attributes) : plyFile(mesh, attributes);
 }

@@ -89,6 +89,7 @@ export class ObjectMesh {
   private edgeGeometry: three.BufferGeometry | null = null;
   private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
   private readonly own = {
+    valued: {value: 0}, // what vertices have, as colourBy counts: colours, or a scalar
     place: {value: new three.Vector3()}, draped: {value: false}, image: {value: null as three.Texture | null},
     imageMiddle: {value: new three.Vector2()}, imageAcross: {value: new three.Vector2()}, imageDown: {value: new three.Vector2()},
   };
@@ -98,13 +99,28 @@ export class ObjectMesh {
 
   // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
   // points nearby, so that float32 suffices however large the coordinates are.
-  constructor(shared: Uniforms, private readonly frame: Point, private readonly stretch: Point) {
+  constructor(shared: Uniforms, private frame: Point, private stretch: Point) {
     this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.own));
     this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.own));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
     this.edges.visible = false;
     this.edges.renderOrder = 1;
     this.group.add(this.surface, this.edges);
+  }
+
+  place(frame: Point, stretch: Point) {
+    this.frame = frame;
+    this.stretch = stretch;
+    this.group.position.set(...sub(toPage(this.origin, stretch), frame));
+    this.own.place.value.copy(this.group.position);
+  }
+
+  // Some of the vertices, in the page's coordinates, to see where the mesh lies.
+  someVertices(most: number): Float64Array {
+    const p = this.attributes.position?.array ?? [], every = Math.max(1, Math.ceil(this.vertexSlots / most));
+    const out = new Float64Array(3 * Math.ceil(this.vertexSlots / every));
+    for (let v = 0, at = 0; v < this.vertexSlots; v += every) for (let k = 0; k < 3; ++k) out[at++] = (this.origin[k]! + p[3 * v + k]!) * this.stretch[k]!;
+    return out;
   }
 
   apply(update: MeshUpdate) {
@@ -117,14 +133,14 @@ export class ObjectMesh {
     this.vertexSlots = update.vertexSlots;
     this.origin = update.origin;
     this.valueRange = update.valueRange;
-    this.group.position.set(...sub(toPage(update.origin, this.stretch), this.frame));
-    this.own.place.value.copy(this.group.position);
+    this.place(this.frame, this.stretch);
     this.placeImage();
     write(this.index, update.indices, 3);
     write(this.attributes.position!, update.positions, 3);
     write(this.attributes.normal!, update.normals, 4);
     if (update.values) {
       const colours = update.values.data instanceof Uint8Array;
+      this.own.valued.value = colours ? 1 : 2;
       write(this.valueAttribute(colours ? 'colour' : 'scalar'), update.values, colours ? 4 : 1);
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);

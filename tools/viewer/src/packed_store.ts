@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A packed file on any web server (`?src=`): all is done in this page, by workers (engine.ts).
 import type {Question, Reply} from './engine';
-import type {Point, Query} from './query';
+import type {HalfSpace, Point, Query} from './query';
 import {StoreError} from './source';
 import type {Hit, MeshListener, MeshSource, ObjectEntry, ObjectInfo, Store, TakenMesh, Way} from './source';
 import {stretchOf} from './stretch';
@@ -33,7 +33,7 @@ export function ownUrl(text: string, page: URL): URL | StoreError {
 
 export class PackedStore implements Store {
   readonly ways: readonly Way[] = ['thick'];
-  readonly formats = ['ply', 'obj', 'glb'];
+  readonly formats = ['ply', 'obj', 'stl', 'glb'];
   private worker: Worker | null = null;
   private readonly waiting = new Map<number, {done: (reply: Reply) => void; fail: (error: Error) => void}>();
   private nextId = 1;
@@ -89,8 +89,8 @@ export class PackedStore implements Store {
     return (await this.ask<'probe'>({kind: 'probe', object, origin, direction}, signal)).hit;
   }
 
-  async mesh(object: string, query: Query, format: string): Promise<TakenMesh> {
-    return await this.ask<'mesh'>({kind: 'mesh', object, query, format});
+  async mesh(object: string, query: Query, format: string, planes: HalfSpace[] = []): Promise<TakenMesh> {
+    return await this.ask<'mesh'>({kind: 'mesh', object, query, format, planes});
   }
 
   open(name: string, _: Way, listener: MeshListener): MeshSource {

@@ -3,8 +3,9 @@
 import {colourMaps} from './colour_maps';
 import {lengthError, lineLength, rise} from './measuring';
 import {byId, download, figure, input, select, whole} from './page';
-import {kindOf, numbersOf, shapeOf, titles} from './shapes';
-import type {Style} from './view_state';
+import {kUnits, type Style} from './view_state';
+import {kZUp, upAxes, upName} from './up';
+import {kindOf, numbersOf, planesOf, shapeOf, titles} from './shapes';
 import type {Focus} from './wish';
 import type {Viewer} from './viewer';
 
@@ -35,6 +36,16 @@ export class Panel {
       this.fill();
     });
     on('theme', 'change', () => this.viewer.look.setTheme());
+    on('up', 'change', () => this.viewer.setUp(select('up').value, true));
+    on('exaggerate', 'input', () => {
+      this.viewer.setExaggeration(Number(input('exaggerate').value));
+      this.fill();
+    });
+    on('detail', 'change', () => {
+      this.viewer.scene.pixels = select('detail').value === 'pixels' ? 1 : null;
+      this.viewer.scene.restart();
+      this.fill();
+    });
     on('pixels', 'input', () => {
       this.viewer.scene.pixels = 2 ** Number(input('pixels').value);
       this.viewer.scene.restart();
@@ -68,13 +79,16 @@ export class Panel {
     on('picture-size', 'change', () => (byId('picture-own').hidden = select('picture-size').value !== 'own'));
     on('picture', 'click', () => void this.viewer.taking.takePicture());
     on('link', 'click', () => void this.viewer.taking.copyLink());
+    select('up').append(...Object.keys(upAxes).map(name => new Option(name, name)));
+    select('unit').append(...kUnits.map(unit => new Option(unit, unit)));
     select('map').replaceChildren(...Object.keys(colourMaps).map(name => new Option(name, name)));
   }
 
   fill() {
     const names = [...this.viewer.scene.objects.keys()];
     byId('title').textContent = names.join(', ');
-    document.title = names.length > 0 ? `${names.join(', ')} · mtdb` : 'mtdb';
+    if (this.viewer.ui === 'simple' && byId('visit-caption').textContent === '' && byId('visit-title').textContent === '') byId('visit-title').textContent = names.join(', ');
+    if (this.viewer.ui === 'full') document.title = names.length > 0 ? `${names.join(', ')} · mtdb` : 'mtdb';
     byId('objects').replaceChildren(...this.viewer.entries.map(entry => {
       const label = document.createElement('label'), box = document.createElement('input'), text = document.createElement('span'), size = document.createElement('small');
       box.type = 'checkbox';
@@ -111,9 +125,13 @@ export class Panel {
     select('light').value = style.light;
     select('back').value = style.back;
     byId('cap-hint').hidden = style.back !== 'cap';
+    this.fillUp();
     select('unit').value = this.viewer.unit;
-    input('pixels').value = String(Math.log2(this.viewer.scene.pixels));
-    byId('pixels-text').textContent = `${figure(this.viewer.scene.pixels, 2)} pixel${this.viewer.scene.pixels === 1 ? '' : 's'}`;
+    const {pixels} = this.viewer.scene;
+    select('detail').value = pixels === null ? 'budget' : 'pixels';
+    byId('pixels-row').hidden = pixels === null;
+    input('pixels').value = String(Math.log2(pixels ?? 1));
+    byId('pixels-text').textContent = `${figure(pixels ?? 1, 2)} pixel${pixels === 1 ? '' : 's'}`;
     input('triangles').value = String(10 * Math.log10(this.viewer.scene.budget));
     byId('triangles-text').textContent = `${whole(this.viewer.scene.budget)} triangles`;
     const focus = this.viewer.scene.focus;
@@ -131,8 +149,20 @@ export class Panel {
       this.fillNumbers();
     }
     if (input('take-error').value === '' && infos.length > 0) input('take-error').value = figure(this.suggestedError(), 2);
+    byId('take-cut-row').hidden = !focus || planesOf(focus.region).length === 0;
     byId('take-what').textContent = `${names.length > 1 ? 'Each object' : 'The object'}: ${focus ? 'what meets the region' : 'all of it'}. Model units${this.viewer.unit ? ` (${this.viewer.unit})` : ''}.`;
     this.viewer.panelDirty = true;
+  }
+
+  private fillUp() {
+    const [first] = this.viewer.shownInfos(), terrain = this.viewer.terrains();
+    byId('up-row').hidden = terrain || !first;
+    byId('exaggerate-row').hidden = !terrain;
+    input('exaggerate').value = String(this.viewer.exaggerate);
+    byId('exaggerate-text').textContent = this.viewer.exaggerate === 1 ? 'as they are' : `${figure(this.viewer.exaggerate)} times as high`;
+    const from = !first?.up ? 'not stored' : first.up_given ? 'as ingest was told' : 'from the shape';
+    select('up').options[0]!.textContent = `${upName(first?.up ?? kZUp)} (${from})`;
+    select('up').value = this.viewer.upChoice;
   }
 
   fillNumbers() {
@@ -164,13 +194,13 @@ export class Panel {
   }
 
   showMeasured() {
-    const lines = this.viewer.measuring.lines.filter(line => line.points.length > 0);
+    const lines = this.viewer.measuring.lines.filter(line => line.points.length > 0), {up} = this.viewer.navigation, {stretch} = this.viewer.measuring;
     byId('measured').replaceChildren(...lines.map((line, i) => {
       const row = document.createElement('p');
       row.className = 'hint';
       row.textContent = line.points.length === 1
         ? `${i + 1}: ${line.points[0]!.point.map(c => this.viewer.coordinate(c)).join('  ')}`
-        : `${i + 1}: ${this.viewer.text(lineLength(line, this.viewer.scene.stretch))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line)))}`;
+        : `${i + 1}: ${this.viewer.text(lineLength(line, stretch))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line, up) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line, up)))}`;
       return row;
     }));
     if (lines.length === 0) byId('measured').textContent = 'Nothing yet: “Measure”, then click points of the surface.';

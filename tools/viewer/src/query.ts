@@ -6,6 +6,7 @@ export type Point = [number, number, number];
 export interface Camera {
   eye: Point;
   target: Point;
+  up?: Point; // z without it
   fov: number; // degrees, from the bottom to the top of the picture
   viewport: [number, number]; // pixels
 }

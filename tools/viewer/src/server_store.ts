@@ -2,7 +2,8 @@
 // A store behind `mtdb serve` (docs/protocol.md). Thin: the server cuts, a session brings what
 // changes, and a worker (decoder.ts) keeps the mesh. Thick: the server reads ranges of the object as
 // a packed file.
-import type {Point, Query} from './query';
+import {PackedStore} from './packed_store';
+import type {HalfSpace, Point, Query} from './query';
 import {StoreError} from './source';
 import {stretchOf} from './stretch';
 import type {Hit, MeshListener, MeshSource, ObjectEntry, ObjectInfo, Store, TakenMesh, Way} from './source';
@@ -24,7 +25,7 @@ async function errorOf(response: Response): Promise<StoreError> {
 
 export class ServerStore implements Store {
   readonly ways: readonly Way[] = ['thick', 'thin'];
-  readonly formats = ['ply', 'obj', 'glb', 'drc'];
+  readonly formats = ['ply', 'obj', 'stl', 'glb', 'drc'];
 
   // `base`: the URL that ends before "objects".
   constructor(private readonly base: URL) {}
@@ -64,7 +65,9 @@ export class ServerStore implements Store {
     return answer.hit ? {point: answer.point, error_bound: answer.error_bound} : null;
   }
 
-  async mesh(name: string, query: Query, format: string): Promise<TakenMesh> {
+  // What is cut along planes is cut in this page.
+  async mesh(name: string, query: Query, format: string, planes: HalfSpace[] = []): Promise<TakenMesh> {
+    if (planes.length > 0) return await new PackedStore(this.url(`objects/${encodeURIComponent(name)}/packed`)).mesh(name, query, format, planes);
     const response = await this.get(`objects/${encodeURIComponent(name)}/mesh?format=${format}`, {method: 'POST', body: JSON.stringify(query)});
     const blob = await response.blob().catch(() => {
       throw new StoreError('The connection broke off before the whole mesh had come', 'broken');

@@ -2,7 +2,7 @@
 // What the workers send of a mesh in slots: the elements of changed ranges, in arrays of their own.
 import type {MeshUpdate, Slots, ValueChoice} from './source';
 
-const sizes: Record<string, number> = {int8: 1, uint8: 1, int16: 2, uint16: 2, int32: 4, uint32: 4, float32: 4, float64: 8};
+export const sizes: Record<string, number> = {int8: 1, uint8: 1, int16: 2, uint16: 2, int32: 4, uint32: 4, float32: 4, float64: 8};
 
 // The elements of ranges of slots, `count` a slot.
 export function gather<T extends Uint32Array | Float32Array | Int16Array>(Kind: new (length: number) => T, all: T, ranges: Uint32Array, count: number): Slots<T> {
@@ -28,6 +28,19 @@ export function reader(view: DataView, type: string): (at: number) => number {
     case 'uint32': return at => view.getUint32(at, true);
     case 'float32': return at => view.getFloat32(at, true);
     default: return at => view.getFloat64(at, true);
+  }
+}
+
+export function writer(view: DataView, type: string): (at: number, value: number) => void {
+  switch (type) {
+    case 'int8': return (at, x) => view.setInt8(at, x);
+    case 'uint8': return (at, x) => view.setUint8(at, x);
+    case 'int16': return (at, x) => view.setInt16(at, x, true);
+    case 'uint16': return (at, x) => view.setUint16(at, x, true);
+    case 'int32': return (at, x) => view.setInt32(at, x, true);
+    case 'uint32': return (at, x) => view.setUint32(at, x, true);
+    case 'float32': return (at, x) => view.setFloat32(at, x, true);
+    default: return (at, x) => view.setFloat64(at, x, true);
   }
 }
 

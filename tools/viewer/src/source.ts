@@ -2,7 +2,7 @@
 // Where meshes come from. The page draws, measures and takes away by these interfaces alone. Two
 // ways fill them: thin, by a session of a server, which cuts and sends what changes; and thick, by
 // the engine in a worker of this page, which reads ranges of a packed file.
-import type {Point, Query} from './query';
+import type {HalfSpace, Point, Query} from './query';
 
 export type Way = 'thin' | 'thick';
 
@@ -17,6 +17,10 @@ export interface ObjectInfo extends ObjectEntry {
   diagonal: number;
   rounding_error: number;
   attributes: {name: string; type: string}[];
+  units?: string; // of lengths; empty: not said
+  up?: Point; // of length 1; none: an older program's object
+  up_given?: boolean; // ingest was told so
+  error_measure?: string; // vertical: of a terrain
   raster?: {crs: string; height_units: string}; // of a terrain
 }
 
@@ -146,5 +150,6 @@ export interface Store {
   open(name: string, way: Way, listener: MeshListener): MeshSource;
   // Where a ray first meets the surface, at full resolution; null when it does not.
   probe(name: string, origin: Point, direction: Point, signal?: AbortSignal): Promise<Hit | null>;
-  mesh(name: string, query: Query, format: string): Promise<TakenMesh>;
+  // `planes`, in the model's coordinates: what is outside of one is cut off. Draco is not written then.
+  mesh(name: string, query: Query, format: string, planes?: HalfSpace[]): Promise<TakenMesh>;
 }

@@ -33,17 +33,22 @@ export class Status {
     this.saidLost = lost !== undefined;
     const failure = objects.map(o => o.failure).find(text => text !== '') ?? '';
     const promise = `${figure(exact.pixels, 2)} px = ${this.viewer.text(pixel * exact.pixels)}`;
+    const drawn = whole(this.viewer.scene.total(o => o.mesh.triangles));
     const byRegion = this.viewer.scene.focus && this.viewer.scene.focus.outside !== 'view';
     const budget = !exact.limited ? '' : exact.limit === 'memory' ? `; the memory of ${whole(this.viewer.scene.limits.cacheBytes / 2 ** 20)} MiB allows no less`
       : `; the budget of ${whole(this.viewer.scene.budget)} triangles allows no less`;
     const onTheWay = this.viewer.loading.progress();
     byId('exactness').textContent = failure ? failure
       : exact.kind === 'nothing' ? ''
-      : exact.kind === 'loading' ? `${whole(this.viewer.scene.total(o => o.mesh.triangles))} triangles, refining…${onTheWay && ` ${onTheWay}`}`
+      : exact.kind === 'loading' ? `${drawn} triangles, refining…${onTheWay && ` ${onTheWay}`}`
       : exact.kind === 'short' ? `off by at most ${this.viewer.text(exact.bound)}${budget || ': nothing better is stored'}`
       : byRegion ? `in the region exact to ${this.viewer.text(exact.bound)}`
+      : exact.by === 'whole' ? `the whole: ${drawn} triangles${exact.bound > 0 ? `, exact to ${this.viewer.text(exact.bound)}` : ''}`
+      : exact.by === 'budget' ? `as fine as ${drawn} triangles are: exact to ${this.viewer.text(exact.bound)}${exact.limited && exact.limit === 'memory' ? budget : ''}`
       : `exact to ${promise}${budget}`;
     byId('exactness').dataset.kind = exact.kind;
+    byId('exaggerated').hidden = !this.viewer.terrains() || this.viewer.exaggerate === 1;
+    byId('exaggerated').textContent = `heights × ${figure(this.viewer.exaggerate)}`;
     this.showScale(camera.viewport[1] / this.viewer.canvas.clientHeight * pixel);
     this.showLegend();
     const rows: [string, string][] = [

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the user takes along: meshes, pictures, a link to the view.
 import {byId, download, figure, input, select, whole} from './page';
-import {regionOf} from './shapes';
+import {halfSpaceOf, planesOf, regionOf} from './shapes';
 import type {Viewer} from './viewer';
 
 export class TakingAway {
@@ -15,11 +15,16 @@ export class TakingAway {
       said.textContent = 'The error is to be a number that is not negative.';
       return;
     }
-    const focus = this.viewer.scene.focus;
+    const {focus, stretch} = this.viewer.scene;
+    const planes = focus && input('take-cut').checked ? planesOf(focus.region).map(p => halfSpaceOf(p, stretch)) : [];
+    if (planes.length > 0 && format === 'drc') {
+      said.textContent = 'Draco is not written of what is cut along planes: take PLY, OBJ, STL or GLB.';
+      return;
+    }
     for (const name of this.viewer.scene.objects.keys()) {
       said.textContent = `${name}: cutting…`;
       try {
-        const mesh = await this.viewer.store.mesh(name, {threshold: error === 0 ? 'full' : error, ...(focus ? {region: regionOf(focus.region, this.viewer.scene.stretch), clip: true} : {})}, format);
+        const mesh = await this.viewer.store.mesh(name, {threshold: error === 0 ? 'full' : error, ...(focus ? {region: regionOf(focus.region, stretch), clip: true} : {})}, format, planes);
         download(mesh.blob, `${name}.${format}`);
         said.textContent = `${name}: ${whole(mesh.triangles)} triangles, off by at most ${this.viewer.text(mesh.errorBound)}, ${figure(mesh.blob.size / 1e6)} MB.`;
       } catch (failure) {

@@ -16,8 +16,9 @@ export interface Focus {
 
 export interface Wish {
   camera: Camera;
-  pixels: number;
+  pixels: number; // 0: all that there is, wherever the camera looks
   focus: Focus | null;
+  distancePixels: number; // of errors that grow from a wedge's apex
   maxTriangles: number;
   stretch: Point;
 }
@@ -28,15 +29,15 @@ export const slopeOf = (camera: Camera, pixels: number) => pixels * unitsPerPixe
 export function queryFor(wish: Wish): Query {
   const {stretch, focus} = wish;
   const even = stretch.every(s => s === 1);
-  const screen: Threshold = even ? {screen: {camera: wish.camera, pixels: wish.pixels}}
-    : byDistance(wish.camera.eye, slopeOf(wish.camera, wish.pixels) * cornerCosine(wish.camera), stretch);
+  const screen: Threshold = wish.pixels === 0 ? 'full' : even ? {screen: {camera: wish.camera, pixels: wish.pixels}}
+    : byDistance(wish.camera.eye, slopeOf(wish.camera, wish.pixels) * cornerCosine(wish.camera) / stretch[2], stretch);
   const frustum: Region = even ? {frustum: wish.camera} : {polyhedron: sidesOf(wish.camera).map(p => halfSpaceOf(p, stretch))};
   const query: Query = {max_triangles: wish.maxTriangles};
-  if (!focus) return {...query, region: frustum, threshold: screen};
+  if (!focus) return {...query, ...(wish.pixels === 0 ? {} : {region: frustum}), threshold: screen};
   const region = regionOf(focus.region, stretch);
   const inside: Threshold = focus.inside === 'view' ? screen
-    : focus.inside === 'distance' ? byDistance(apexOf(focus.region, wish.camera), slopeOf(wish.camera, wish.pixels), stretch) : focus.inside;
-  if (focus.outside === 'view') return {...query, region: {union: [frustum, region]}, threshold: {by_region: {region, inside, outside: screen}}};
+    : focus.inside === 'distance' ? byDistance(apexOf(focus.region, wish.camera), slopeOf(wish.camera, wish.distancePixels) / stretch[2], stretch) : focus.inside;
+  if (focus.outside === 'view') return {...query, ...(wish.pixels === 0 ? {} : {region: {union: [frustum, region]}}), threshold: {by_region: {region, inside, outside: screen}}};
   return {...query, region, threshold: inside, ...(focus.outside === 'clip' ? {clip: true} : {})};
 }
 
