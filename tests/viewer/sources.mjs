@@ -132,6 +132,12 @@ test('a page on a web server says what it cannot show, and shows what it may', a
   await said('?src=file:///etc/passwd', 'files of its own server only');
   await said('?src=data:,x', 'files of its own server only');
   await said('?src=http://[', 'is no address');
+  const without = await serveFolder(site, {parts: false}), small = await open(`${without.url}/index.html?src=scan.mtdbp#o=${kName}&px=3`);
+  await exact(small);
+  same(await trianglesOnScreen(small, kName, info), await extracted(small, store, kName, info), 'from a server that sends no parts');
+  check(small.wrong.length === 0, small.wrong.join('; '));
+  await close(small);
+  await without.stop();
   run('view', '--write-page', site, '--allow-source', other.url);
   const page = await open(`${web.url}/index.html?src=${other.url}/scan.mtdbp#o=${kName}&px=3`);
   await exact(page);
