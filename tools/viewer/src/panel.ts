@@ -18,18 +18,37 @@ export class Panel {
   }
 
   bind() {
-    const on = (id: string, event: string, act: () => void) => byId(id).addEventListener(event, act);
+    const on = (id: string, event: string, act: () => void) =>
+      byId(id).addEventListener(event, act);
     this.open(innerWidth > 700);
     on('toggle', 'click', () => this.open(document.body.classList.contains('closed')));
-    for (const button of document.querySelectorAll<HTMLElement>('[data-view]')) button.onclick = () => this.viewer.navigation.view(button.dataset.view!);
+    for (const button of document.querySelectorAll<HTMLElement>('[data-view]'))
+      button.onclick = () => this.viewer.navigation.view(button.dataset.view!);
     on('fly', 'click', () => this.viewer.gestures.setFlying(!this.viewer.navigation.flying));
-    on('measure', 'click', () => this.viewer.gestures.setMeasuring(!this.viewer.gestures.measureOn));
-    on('shading', 'change', () => this.viewer.look.restyle({shading: select('shading').value as Style['shading']}));
-    on('wireframe', 'change', () => this.viewer.look.restyle({wireframe: input('wireframe').checked}));
-    on('colour', 'change', () => this.viewer.look.restyle({colour: select('colour').value, ...(select('colour').value === 'height' && this.viewer.look.style.map === 'viridis' ? {map: 'tints'} : {})}));
+    on('measure', 'click', () =>
+      this.viewer.gestures.setMeasuring(!this.viewer.gestures.measureOn),
+    );
+    on('shading', 'change', () =>
+      this.viewer.look.restyle({shading: select('shading').value as Style['shading']}),
+    );
+    on('wireframe', 'change', () =>
+      this.viewer.look.restyle({wireframe: input('wireframe').checked}),
+    );
+    on('colour', 'change', () =>
+      this.viewer.look.restyle({
+        colour: select('colour').value,
+        ...(select('colour').value === 'height' && this.viewer.look.style.map === 'viridis'
+          ? {map: 'tints'}
+          : {}),
+      }),
+    );
     on('map', 'change', () => this.viewer.look.restyle({map: select('map').value}));
-    on('light', 'change', () => this.viewer.look.restyle({light: select('light').value as Style['light']}));
-    on('back', 'change', () => this.viewer.look.restyle({back: select('back').value as Style['back']}));
+    on('light', 'change', () =>
+      this.viewer.look.restyle({light: select('light').value as Style['light']}),
+    );
+    on('back', 'change', () =>
+      this.viewer.look.restyle({back: select('back').value as Style['back']}),
+    );
     on('unit', 'change', () => {
       this.viewer.unit = select('unit').value;
       this.viewer.measuring.rebuild();
@@ -58,13 +77,21 @@ export class Panel {
     });
     on('region', 'change', () => {
       this.viewer.scene.focus = this.viewer.scene.focus && {...this.viewer.scene.focus};
-      this.viewer.setRegion(select('region').value ? this.viewer.newRegion(select('region').value) : null);
+      this.viewer.setRegion(
+        select('region').value ? this.viewer.newRegion(select('region').value) : null,
+      );
     });
     const refocus = () => {
       if (!this.viewer.scene.focus) return;
-      const inside = select('inside').value, error = Number(input('inside-error').value);
+      const inside = select('inside').value,
+        error = Number(input('inside-error').value);
       const usable = error > 0 && Number.isFinite(error) ? error : this.suggestedError();
-      this.viewer.scene.focus = {...this.viewer.scene.focus, inside: inside === 'error' ? usable : (inside as 'full' | 'view' | 'distance'), outside: select('outside').value as Focus['outside'], follow: input('follow').checked};
+      this.viewer.scene.focus = {
+        ...this.viewer.scene.focus,
+        inside: inside === 'error' ? usable : (inside as 'full' | 'view' | 'distance'),
+        outside: select('outside').value as Focus['outside'],
+        follow: input('follow').checked,
+      };
       this.viewer.setHandles();
       this.viewer.scene.restart();
       this.fill();
@@ -73,10 +100,21 @@ export class Panel {
     on('line-end', 'click', () => this.viewer.measuring.endLine());
     on('line-undo', 'click', () => this.viewer.measuring.undo());
     on('line-clear', 'click', () => this.viewer.measuring.clear());
-    on('csv', 'click', () => download(new Blob([this.viewer.measuring.csv()], {type: 'text/csv'}), 'measured.csv'));
-    on('geojson', 'click', () => download(new Blob([this.viewer.measuring.geoJson()], {type: 'application/geo+json'}), 'measured.geojson'));
+    on('csv', 'click', () =>
+      download(new Blob([this.viewer.measuring.csv()], {type: 'text/csv'}), 'measured.csv'),
+    );
+    on('geojson', 'click', () =>
+      download(
+        new Blob([this.viewer.measuring.geoJson()], {type: 'application/geo+json'}),
+        'measured.geojson',
+      ),
+    );
     on('take', 'click', () => void this.viewer.taking.takeMesh());
-    on('picture-size', 'change', () => (byId('picture-own').hidden = select('picture-size').value !== 'own'));
+    on(
+      'picture-size',
+      'change',
+      () => (byId('picture-own').hidden = select('picture-size').value !== 'own'),
+    );
     on('picture', 'click', () => void this.viewer.taking.takePicture());
     on('link', 'click', () => void this.viewer.taking.copyLink());
     select('up').append(...Object.keys(upAxes).map(name => new Option(name, name)));
@@ -87,34 +125,59 @@ export class Panel {
   fill() {
     const names = [...this.viewer.scene.objects.keys()];
     byId('title').textContent = names.join(', ');
-    if (this.viewer.ui === 'simple' && byId('visit-caption').textContent === '' && byId('visit-title').textContent === '') byId('visit-title').textContent = names.join(', ');
-    if (this.viewer.ui === 'full') document.title = names.length > 0 ? `${names.join(', ')} · mtdb` : 'mtdb';
-    byId('objects').replaceChildren(...this.viewer.entries.map(entry => {
-      const label = document.createElement('label'), box = document.createElement('input'), text = document.createElement('span'), size = document.createElement('small');
-      box.type = 'checkbox';
-      box.checked = this.viewer.scene.objects.has(entry.object);
-      box.onchange = async () => {
-        const first = this.viewer.scene.objects.size === 0;
-        if (box.checked) await this.viewer.show(entry.object);
-        else this.viewer.hide(entry.object);
-        if (first && box.checked) this.viewer.navigation.view('home', false);
-        this.viewer.look.apply();
-      };
-      text.className = 'name';
-      text.textContent = text.title = entry.object;
-      size.textContent = whole(entry.triangles);
-      label.append(box, text, size);
-      return label;
-    }));
+    if (
+      this.viewer.ui === 'simple' &&
+      byId('visit-caption').textContent === '' &&
+      byId('visit-title').textContent === ''
+    )
+      byId('visit-title').textContent = names.join(', ');
+    if (this.viewer.ui === 'full')
+      document.title = names.length > 0 ? `${names.join(', ')} · mtdb` : 'mtdb';
+    byId('objects').replaceChildren(
+      ...this.viewer.entries.map(entry => {
+        const label = document.createElement('label'),
+          box = document.createElement('input'),
+          text = document.createElement('span'),
+          size = document.createElement('small');
+        box.type = 'checkbox';
+        box.checked = this.viewer.scene.objects.has(entry.object);
+        box.onchange = async () => {
+          const first = this.viewer.scene.objects.size === 0;
+          if (box.checked) await this.viewer.show(entry.object);
+          else this.viewer.hide(entry.object);
+          if (first && box.checked) this.viewer.navigation.view('home', false);
+          this.viewer.look.apply();
+        };
+        text.className = 'name';
+        text.textContent = text.title = entry.object;
+        size.textContent = whole(entry.triangles);
+        label.append(box, text, size);
+        return label;
+      }),
+    );
     const style = this.viewer.look.style;
     const infos = this.viewer.shownInfos();
-    const attributes = [...new Set(infos.flatMap(i => i.attributes.map(a => a.name)))].filter(name => !['red', 'green', 'blue', 'alpha', 'nx', 'ny', 'nz'].includes(name));
-    const colours = [['plain', 'one colour'], ...(infos.some(i => this.viewer.look.attributesOf(i).colour) ? [['vertex', 'vertex colours']] : []), ['height', 'height'], ['steepness', 'steepness'], ['permitted', 'permitted error'],
-      ['error', 'errors of triangles'], ['round', 'rounds'], ['cluster', 'clusters'], ...attributes.map(name => [`a:${name}`, name])];
+    const attributes = [...new Set(infos.flatMap(i => i.attributes.map(a => a.name)))].filter(
+      name => !['red', 'green', 'blue', 'alpha', 'nx', 'ny', 'nz'].includes(name),
+    );
+    const colours = [
+      ['plain', 'one colour'],
+      ...(infos.some(i => this.viewer.look.attributesOf(i).colour)
+        ? [['vertex', 'vertex colours']]
+        : []),
+      ['height', 'height'],
+      ['steepness', 'steepness'],
+      ['permitted', 'permitted error'],
+      ['error', 'errors of triangles'],
+      ['round', 'rounds'],
+      ['cluster', 'clusters'],
+      ...attributes.map(name => [`a:${name}`, name]),
+    ];
     if (!colours.some(([value]) => value === style.colour)) style.colour = 'plain';
     select('colour').replaceChildren(...colours.map(([value, text]) => new Option(text!, value!)));
     const thin = this.viewer.loading.way === 'thin';
-    for (const option of select('colour').options) option.disabled = thin && ['error', 'round', 'cluster'].includes(option.value);
+    for (const option of select('colour').options)
+      option.disabled = thin && ['error', 'round', 'cluster'].includes(option.value);
     byId('colour-hint').hidden = !thin;
     select('colour').value = style.colour;
     if (!colourMaps[style.map]) style.map = 'viridis';
@@ -148,19 +211,29 @@ export class Panel {
       input('follow').checked = focus.follow;
       this.fillNumbers();
     }
-    if (input('take-error').value === '' && infos.length > 0) input('take-error').value = figure(this.suggestedError(), 2);
+    if (input('take-error').value === '' && infos.length > 0)
+      input('take-error').value = figure(this.suggestedError(), 2);
     byId('take-cut-row').hidden = !focus || planesOf(focus.region).length === 0;
-    byId('take-what').textContent = `${names.length > 1 ? 'Each object' : 'The object'}: ${focus ? 'what meets the region' : 'all of it'}. Model units${this.viewer.unit ? ` (${this.viewer.unit})` : ''}.`;
+    byId('take-what').textContent =
+      `${names.length > 1 ? 'Each object' : 'The object'}: ${focus ? 'what meets the region' : 'all of it'}. Model units${this.viewer.unit ? ` (${this.viewer.unit})` : ''}.`;
     this.viewer.panelDirty = true;
   }
 
   private fillUp() {
-    const [first] = this.viewer.shownInfos(), terrain = this.viewer.terrains();
+    const [first] = this.viewer.shownInfos(),
+      terrain = this.viewer.terrains();
     byId('up-row').hidden = terrain || !first;
     byId('exaggerate-row').hidden = !terrain;
     input('exaggerate').value = String(this.viewer.exaggerate);
-    byId('exaggerate-text').textContent = this.viewer.exaggerate === 1 ? 'as they are' : `${figure(this.viewer.exaggerate)} times as high`;
-    const from = !first?.up ? 'not stored' : first.up_given ? 'as ingest was told' : 'from the shape';
+    byId('exaggerate-text').textContent =
+      this.viewer.exaggerate === 1
+        ? 'as they are'
+        : `${figure(this.viewer.exaggerate)} times as high`;
+    const from = !first?.up
+      ? 'not stored'
+      : first.up_given
+        ? 'as ingest was told'
+        : 'from the shape';
     select('up').options[0]!.textContent = `${upName(first?.up ?? kZUp)} (${from})`;
     select('up').value = this.viewer.upChoice;
   }
@@ -168,24 +241,35 @@ export class Panel {
   fillNumbers() {
     const focus = this.viewer.scene.focus;
     if (!focus) return;
-    const kind = kindOf(focus.region), numbers = numbersOf(focus.region, this.viewer.scene.stretch), root = byId('region-numbers');
+    const kind = kindOf(focus.region),
+      numbers = numbersOf(focus.region, this.viewer.scene.stretch),
+      root = byId('region-numbers');
     if (root.dataset.kind !== kind) {
       root.dataset.kind = kind;
-      root.replaceChildren(...titles[kind]!.map(title => {
-        const label = document.createElement('label'), box = document.createElement('input');
-        label.textContent = title;
-        box.type = 'number';
-        box.step = 'any';
-        box.onchange = () => {
-          const region = shapeOf(kind, [...root.querySelectorAll('input')].map(i => Number(i.value)), this.viewer.scene.stretch);
-          if (region) this.viewer.setRegion(region);
-          else this.fillNumbers();
-        };
-        label.append(box);
-        return label;
-      }));
+      root.replaceChildren(
+        ...titles[kind]!.map(title => {
+          const label = document.createElement('label'),
+            box = document.createElement('input');
+          label.textContent = title;
+          box.type = 'number';
+          box.step = 'any';
+          box.onchange = () => {
+            const region = shapeOf(
+              kind,
+              [...root.querySelectorAll('input')].map(i => Number(i.value)),
+              this.viewer.scene.stretch,
+            );
+            if (region) this.viewer.setRegion(region);
+            else this.fillNumbers();
+          };
+          label.append(box);
+          return label;
+        }),
+      );
     }
-    root.querySelectorAll('input').forEach((box, i) => (box.value = String(Number(this.viewer.coordinate(numbers[i]!)))));
+    root
+      .querySelectorAll('input')
+      .forEach((box, i) => (box.value = String(Number(this.viewer.coordinate(numbers[i]!)))));
   }
 
   // A thousandth of the diagonal.
@@ -194,16 +278,22 @@ export class Panel {
   }
 
   showMeasured() {
-    const lines = this.viewer.measuring.lines.filter(line => line.points.length > 0), {up} = this.viewer.navigation, {stretch} = this.viewer.measuring;
-    byId('measured').replaceChildren(...lines.map((line, i) => {
-      const row = document.createElement('p');
-      row.className = 'hint';
-      row.textContent = line.points.length === 1
-        ? `${i + 1}: ${line.points[0]!.point.map(c => this.viewer.coordinate(c)).join('  ')}`
-        : `${i + 1}: ${this.viewer.text(lineLength(line, stretch))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line, up) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line, up)))}`;
-      return row;
-    }));
-    if (lines.length === 0) byId('measured').textContent = 'Nothing yet: “Measure”, then click points of the surface.';
+    const lines = this.viewer.measuring.lines.filter(line => line.points.length > 0),
+      {up} = this.viewer.navigation,
+      {stretch} = this.viewer.measuring;
+    byId('measured').replaceChildren(
+      ...lines.map((line, i) => {
+        const row = document.createElement('p');
+        row.className = 'hint';
+        row.textContent =
+          line.points.length === 1
+            ? `${i + 1}: ${line.points[0]!.point.map(c => this.viewer.coordinate(c)).join('  ')}`
+            : `${i + 1}: ${this.viewer.text(lineLength(line, stretch))} over ${line.points.length} points, ± ${this.viewer.text(lengthError(line))}; height ${rise(line, up) >= 0 ? '+' : '−'}${this.viewer.text(Math.abs(rise(line, up)))}`;
+        return row;
+      }),
+    );
+    if (lines.length === 0)
+      byId('measured').textContent = 'Nothing yet: “Measure”, then click points of the surface.';
     this.viewer.drawn = '';
   }
 }

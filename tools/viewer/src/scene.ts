@@ -1,18 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // The objects that are shown, and what is asked for them, with one budget of triangles for all.
 //
-// Without pixels (the default) the budget is filled, since shading shows finer things than a pixel of
-// distance. Objects that fit it are there whole, wherever the camera is. Of others comes at first what
-// a pixel of error takes, at rest as much as the budget allows, and while the camera moves as much as
-// the device draws fluently.
+// Without pixels (the default) the budget is filled, since shading shows finer things than a pixel
+// of distance. Objects that fit it are there whole, wherever the camera is. Of others comes at
+// first what a pixel of error takes, at rest as much as the budget allows, and while the camera
+// moves as much as the device draws fluently.
 //
-// With pixels, that is the error at rest, unless the budget does not allow it: then it is as much larger
-// as it must be, everywhere. While the camera moves it may be larger.
+// With pixels, that is the error at rest, unless the budget does not allow it: then it is as much
+// larger as it must be, everywhere. While the camera moves it may be larger.
 import * as three from 'three';
 import {ObjectMesh} from './object_mesh';
 import {length, sub, unitsPerPixel, type Camera, type Point, type Query} from './query';
 import type {Uniforms} from './shaders';
-import type {Done, Limits, MeshListener, MeshSource, ObjectInfo, Store, ValueChoice, Way} from './source';
+import type {
+  Done,
+  Limits,
+  MeshListener,
+  MeshSource,
+  ObjectInfo,
+  Store,
+  ValueChoice,
+  Way,
+} from './source';
 import {kNoStretch} from './stretch';
 import {queryFor, type Focus} from './wish';
 
@@ -23,7 +32,8 @@ const kStep = 1.3; // of the error, when the budget does not suffice
 const kFirstPixels = 1; // of what comes first
 const kFinest = 2 ** -10; // pixels, which the budget ends long before
 const kMostThin = 300_000; // triangles that a server keeps for this page
-const kSlow = 60, kFast = 24; // milliseconds between frames
+const kSlow = 60,
+  kFast = 24; // milliseconds between frames
 const kLeastMoving = 30_000; // triangles
 const kGrowth = 0.85; // error grows as triangles to the power of -kGrowth
 
@@ -75,13 +85,29 @@ export class Scene {
   private lastFrame = 0;
   private slowness = 0; // of the last frames that moved, smoothed milliseconds
 
-  constructor(private readonly store: Store, private way: Way, private readonly shared: Uniforms, private readonly changed: () => void) {}
+  constructor(
+    private readonly store: Store,
+    private way: Way,
+    private readonly shared: Uniforms,
+    private readonly changed: () => void,
+  ) {}
 
   show(info: ObjectInfo, frame: Point, choice: ValueChoice) {
     const mesh = new ObjectMesh(this.shared, frame, this.stretch);
     mesh.wireframe = this.wireframe;
-    const object: SceneObject = {name: info.object, info, mesh, source: null as unknown as MeshSource, state: 'opening', sentence: '', failure: '',
-      wanted: null, wantedText: '', done: null, doneText: ''};
+    const object: SceneObject = {
+      name: info.object,
+      info,
+      mesh,
+      source: null as unknown as MeshSource,
+      state: 'opening',
+      sentence: '',
+      failure: '',
+      wanted: null,
+      wantedText: '',
+      done: null,
+      doneText: '',
+    };
     this.objects.set(info.object, object);
     this.open(object);
     object.source.choose(choice);
@@ -137,7 +163,10 @@ export class Scene {
   private shareLimits() {
     const n = Math.max(1, this.objects.size);
     for (const object of this.objects.values()) {
-      object.source.limit({cacheBytes: Math.floor(this.limits.cacheBytes / n), bytesPerSecond: this.limits.bytesPerSecond / n});
+      object.source.limit({
+        cacheBytes: Math.floor(this.limits.cacheBytes / n),
+        bytesPerSecond: this.limits.bytesPerSecond / n,
+      });
     }
   }
 
@@ -177,7 +206,10 @@ export class Scene {
 
   // Whether all that is shown can be there whole.
   private fits() {
-    return this.noMemory === 0 && [...this.objects.values()].every(o => o.info.triangles <= this.shareOf(o));
+    return (
+      this.noMemory === 0 &&
+      [...this.objects.values()].every(o => o.info.triangles <= this.shareOf(o))
+    );
   }
 
   // The error to ask for, in pixels; 0: none at all.
@@ -185,9 +217,13 @@ export class Scene {
     if (this.pixels !== null) return this.pixels * this.factor * (this.moving ? kWhileMoving : 1);
     const whole = this.total(o => o.info.triangles);
     if (this.moving) {
-      if (this.fits() && whole <= this.room) return this.fill === 'full' || whole <= kLeastMoving ? 0 : kFirstPixels;
+      if (this.fits() && whole <= this.room)
+        return this.fill === 'full' || whole <= kLeastMoving ? 0 : kFirstPixels;
       const room = Math.min(this.room, this.budget / 2);
-      const pixels = this.firstTriangles > 0 ? this.firstPixels * (this.firstTriangles / room) ** kGrowth : kWhileMoving;
+      const pixels =
+        this.firstTriangles > 0
+          ? this.firstPixels * (this.firstTriangles / room) ** kGrowth
+          : kWhileMoving;
       return Math.max(this.noMemory, 1 / 8, Math.min(kWhileMoving, pixels));
     }
     if (this.fill === 'first') return this.firstPixels;
@@ -202,7 +238,8 @@ export class Scene {
     this.slowness += (between - this.slowness) / 8;
     const drawn = this.total(o => o.mesh.triangles);
     if (this.slowness > kSlow) this.room = Math.max(kLeastMoving, 0.7 * Math.min(this.room, drawn));
-    else if (this.slowness < kFast && this.room < Infinity && drawn > 0.6 * this.room) this.room *= 1.1;
+    else if (this.slowness < kFast && this.room < Infinity && drawn > 0.6 * this.room)
+      this.room *= 1.1;
     else return;
     this.slowness = (kSlow + kFast) / 2;
   }
@@ -224,8 +261,16 @@ export class Scene {
     if (this.pixels === null && this.fill === 'first') this.goOn([...this.objects.values()]);
     const pixels = this.wanted();
     for (const object of this.objects.values()) {
-      const wish = {camera, pixels, focus: this.focus, distancePixels: this.pixels === null ? kFirstPixels : pixels, maxTriangles: this.shareOf(object), stretch: this.stretch};
-      const query = queryFor(wish), wanted = JSON.stringify(query);
+      const wish = {
+        camera,
+        pixels,
+        focus: this.focus,
+        distancePixels: this.pixels === null ? kFirstPixels : pixels,
+        maxTriangles: this.shareOf(object),
+        stretch: this.stretch,
+      };
+      const query = queryFor(wish),
+        wanted = JSON.stringify(query);
       if (wanted === object.wantedText) continue;
       object.wanted = query;
       object.wantedText = wanted;
@@ -246,18 +291,31 @@ export class Scene {
   private weigh() {
     const all = [...this.objects.values()];
     if (this.pixels === null) return this.goOn(all);
-    const byCamera = !this.focus || this.focus.outside === 'view' || this.focus.inside === 'view' || this.focus.inside === 'distance';
+    const byCamera =
+      !this.focus ||
+      this.focus.outside === 'view' ||
+      this.focus.inside === 'view' ||
+      this.focus.inside === 'distance';
     if (!byCamera) return;
-    const short = all.find(o => (o.done?.limit === 'triangles' || o.done?.limit === 'memory') && o.doneText === o.wantedText);
+    const short = all.find(
+      o =>
+        (o.done?.limit === 'triangles' || o.done?.limit === 'memory') &&
+        o.doneText === o.wantedText,
+    );
     if (short) {
       this.limit = short.done!.limit as Exactness['limit'];
       if (this.factor > 200) return;
       this.refused = Math.max(this.refused, this.factor);
       this.factor *= kStep;
-    } else if (this.factor > 1 && !this.moving && all.every(o => o.doneText !== '' && o.doneText === o.wantedText)) {
+    } else if (
+      this.factor > 1 &&
+      !this.moving &&
+      all.every(o => o.doneText !== '' && o.doneText === o.wantedText)
+    ) {
       const lower = Math.max(1, this.factor / kStep);
       const triangles = all.reduce((sum, o) => sum + o.mesh.triangles, 0);
-      if (lower > this.refused * 1.001 && triangles * kStep * kStep < this.budget) this.factor = lower;
+      if (lower > this.refused * 1.001 && triangles * kStep * kStep < this.budget)
+        this.factor = lower;
     }
   }
 
@@ -267,7 +325,12 @@ export class Scene {
       if (this.noMemory < 64) this.noMemory = Math.max(1 / 8, kStep * this.noMemory);
       return;
     }
-    if (this.moving || this.fill === 'full' || !all.every(o => o.doneText !== '' && o.doneText === o.wantedText)) return;
+    if (
+      this.moving ||
+      this.fill === 'full' ||
+      !all.every(o => o.doneText !== '' && o.doneText === o.wantedText)
+    )
+      return;
     const triangles = this.total(o => o.mesh.triangles);
     if (all.some(o => o.done!.limit === 'triangles')) {
       // A pixel takes more than there may be: so does the rest.
@@ -280,15 +343,27 @@ export class Scene {
 
   exactness(): Exactness {
     const shown = [...this.objects.values()].filter(o => o.state !== 'gone');
-    const result: Exactness = {kind: 'nothing', by: this.pixels === null ? 'budget' : 'pixels', pixels: (this.pixels ?? this.firstPixels) * this.factor, bound: 0, limited: this.factor > 1.001, limit: this.limit};
+    const result: Exactness = {
+      kind: 'nothing',
+      by: this.pixels === null ? 'budget' : 'pixels',
+      pixels: (this.pixels ?? this.firstPixels) * this.factor,
+      bound: 0,
+      limited: this.factor > 1.001,
+      limit: this.limit,
+    };
     if (shown.length === 0) return result;
     const filling = this.pixels === null && this.fill === 'first';
-    const ready = !this.moving && !filling && shown.every(o => o.done && o.state === 'open' && o.doneText === o.wantedText);
+    const ready =
+      !this.moving &&
+      !filling &&
+      shown.every(o => o.done && o.state === 'open' && o.doneText === o.wantedText);
     result.kind = ready ? 'exact' : 'loading';
-    for (const object of shown) result.bound = Math.max(result.bound, object.done?.error_bound ?? 0);
+    for (const object of shown)
+      result.bound = Math.max(result.bound, object.done?.error_bound ?? 0);
     if (this.pixels === null) return this.howFull(result, shown, ready);
     for (const object of shown) {
-      if (ready && (object.done!.shortfall || object.done!.limit !== 'accuracy')) result.kind = 'short';
+      if (ready && (object.done!.shortfall || object.done!.limit !== 'accuracy'))
+        result.kind = 'short';
       if (ready && object.done!.limit !== 'accuracy') result.limited = true;
     }
     return result;
@@ -296,7 +371,10 @@ export class Scene {
 
   private howFull(result: Exactness, shown: SceneObject[], ready: boolean): Exactness {
     const camera = shown[0]!.wanted === null ? null : this.camera;
-    if (camera) result.pixels = result.bound / (unitsPerPixel(camera, length(sub(camera.target, camera.eye))) || 1) * this.stretch[2];
+    if (camera)
+      result.pixels =
+        (result.bound / (unitsPerPixel(camera, length(sub(camera.target, camera.eye))) || 1)) *
+        this.stretch[2];
     if (!ready) return result;
     if (shown.every(o => o.mesh.triangles >= o.info.triangles)) result.by = 'whole';
     result.limited = this.noMemory > 0 || shown.some(o => o.done!.limit !== 'accuracy');

@@ -137,23 +137,49 @@ export function sharedUniforms(): Uniforms {
   const map = new three.DataTexture(new Uint8Array(4 * 256), 256, 1);
   map.magFilter = map.minFilter = three.LinearFilter;
   return {
-    colourBy: {value: 0}, range: {value: new three.Vector2(0, 1)}, stretch: {value: new three.Vector3(1, 1, 1)}, up: {value: new three.Vector3(0, 0, 1)}, lean: {value: 1}, planeCount: {value: 0},
-    planes: {value: Array.from({length: 6}, () => new three.Vector4())}, ball: {value: new three.Vector4(0, 0, 0, -1)}, clips: {value: false},
-    flatShading: {value: false}, backFaces: {value: 0}, surface: {value: new three.Color()}, mark: {value: new three.Color()},
-    weights: {value: new three.Vector3()}, permitted: {value: new three.Vector4()}, apex: {value: new three.Vector3()}, back: {value: new three.Color()}, light: {value: new three.Vector3(0, 0, 1)}, map: {value: map}, edge: {value: new three.Color()},
+    colourBy: {value: 0},
+    range: {value: new three.Vector2(0, 1)},
+    stretch: {value: new three.Vector3(1, 1, 1)},
+    up: {value: new three.Vector3(0, 0, 1)},
+    lean: {value: 1},
+    planeCount: {value: 0},
+    planes: {value: Array.from({length: 6}, () => new three.Vector4())},
+    ball: {value: new three.Vector4(0, 0, 0, -1)},
+    clips: {value: false},
+    flatShading: {value: false},
+    backFaces: {value: 0},
+    surface: {value: new three.Color()},
+    mark: {value: new three.Color()},
+    weights: {value: new three.Vector3()},
+    permitted: {value: new three.Vector4()},
+    apex: {value: new three.Vector3()},
+    back: {value: new three.Color()},
+    light: {value: new three.Vector3(0, 0, 1)},
+    map: {value: map},
+    edge: {value: new three.Color()},
     edgeOpacity: {value: 0.55},
   };
 }
 
 export function surfaceMaterial(shared: Uniforms, own: Uniforms) {
   return new three.RawShaderMaterial({
-    glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment, uniforms: {...shared, ...own} as never,
-    side: three.DoubleSide, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    glslVersion: three.GLSL3,
+    vertexShader: vertex,
+    fragmentShader: fragment,
+    uniforms: {...shared, ...own} as never,
+    side: three.DoubleSide,
+    polygonOffsetFactor: 1,
+    polygonOffsetUnits: 1,
   });
 }
 
 export function edgeMaterial(shared: Uniforms, own: Uniforms) {
   return new three.RawShaderMaterial({
-    glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: edgeFragment, uniforms: {...shared, ...own} as never, transparent: true, depthWrite: false,
+    glslVersion: three.GLSL3,
+    vertexShader: vertex,
+    fragmentShader: edgeFragment,
+    uniforms: {...shared, ...own} as never,
+    transparent: true,
+    depthWrite: false,
   });
 }

@@ -15,10 +15,15 @@ export const inDegrees = (info: ObjectInfo) => /^GEO(G|DCRS)/.test(info.raster?.
 export function stretchOf(info: ObjectInfo): Point {
   if (!inDegrees(info)) return kNoStretch;
   const latitude = (info.bounds.min[1] + info.bounds.max[1]) / 2;
-  return [kMetresOfADegree * Math.max(Math.cos((latitude * Math.PI) / 180), 1e-3), kMetresOfADegree, 1];
+  return [
+    kMetresOfADegree * Math.max(Math.cos((latitude * Math.PI) / 180), 1e-3),
+    kMetresOfADegree,
+    1,
+  ];
 }
 
-export const isTerrain = (info: ObjectInfo) => info.raster !== undefined || info.error_measure === 'vertical';
+export const isTerrain = (info: ObjectInfo) =>
+  info.raster !== undefined || info.error_measure === 'vertical';
 
 export const toPage = (p: Point, s: Point): Point => [p[0] * s[0], p[1] * s[1], p[2] * s[2]];
 export const toModel = (p: Point, s: Point): Point => [p[0] / s[0], p[1] / s[1], p[2] / s[2]];

@@ -37,7 +37,14 @@ export interface ViewState {
   lines: Point[][]; // measured
 }
 
-export const plainStyle: Style = {shading: 'smooth', wireframe: false, colour: 'plain', map: 'viridis', light: 'camera', back: 'colour'};
+export const plainStyle: Style = {
+  shading: 'smooth',
+  wireframe: false,
+  colour: 'plain',
+  map: 'viridis',
+  light: 'camera',
+  back: 'colour',
+};
 
 const point = (text: string | null): Point | null => {
   const n = (text ?? '').split(',').map(Number);
@@ -72,25 +79,57 @@ export function writeView(view: ViewState, defaults: ViewState): string {
 // Anything may be in a link: what is no value is left out.
 export function readView(hash: string, defaults: ViewState): ViewState {
   const p = new URLSearchParams(hash.replace(/^#/, ''));
-  const oneOf = <T extends string>(key: string, values: readonly T[], otherwise: T): T => (values.includes(p.get(key) as T) ? (p.get(key) as T) : otherwise);
-  const number = (key: string, otherwise: number) => (p.has(key) && Number(p.get(key)) > 0 && Number.isFinite(Number(p.get(key))) ? Number(p.get(key)) : otherwise);
+  const oneOf = <T extends string>(key: string, values: readonly T[], otherwise: T): T =>
+    values.includes(p.get(key) as T) ? (p.get(key) as T) : otherwise;
+  const number = (key: string, otherwise: number) =>
+    p.has(key) && Number(p.get(key)) > 0 && Number.isFinite(Number(p.get(key)))
+      ? Number(p.get(key))
+      : otherwise;
   const [kind = '', text = ''] = (p.get('region') ?? '').split(':');
   const numbers = text.split(',').map(Number);
   const usable = numbers.length === titles[kind]?.length && numbers.every(x => Number.isFinite(x));
   const inside = p.get('inside') ?? 'full';
   const error = Number(inside);
-  const lines = p.getAll('line').map(text => {
-    const n = text.split(',').map(Number);
-    const points: Point[] = [];
-    for (let i = 0; i + 2 < n.length; i += 3) points.push([n[i]!, n[i + 1]!, n[i + 2]!]);
-    return points.every(q => q.every(x => Number.isFinite(x))) ? points : [];
-  }).filter(line => line.length > 0);
+  const lines = p
+    .getAll('line')
+    .map(text => {
+      const n = text.split(',').map(Number);
+      const points: Point[] = [];
+      for (let i = 0; i + 2 < n.length; i += 3) points.push([n[i]!, n[i + 1]!, n[i + 2]!]);
+      return points.every(q => q.every(x => Number.isFinite(x))) ? points : [];
+    })
+    .filter(line => line.length > 0);
   return {
-    objects: p.getAll('o'), eye: point(p.get('eye')), target: point(p.get('look')), pixels: number('px', 0) || null, triangles: number('triangles', defaults.triangles),
-    style: {shading: oneOf('shading', ['smooth', 'flat'], defaults.style.shading), wireframe: p.has('wireframe') ? p.get('wireframe') === 'true' : defaults.style.wireframe, colour: p.get('colour') ?? defaults.style.colour,
-      map: p.get('map') ?? defaults.style.map, light: oneOf('light', ['camera', 'northwest'], defaults.style.light), back: oneOf('back', ['same', 'colour', 'cap'], defaults.style.back)},
-    focus: usable ? {kind, numbers, inside: inside === 'view' || inside === 'distance' ? inside : error > 0 && Number.isFinite(error) ? error : 'full', outside: oneOf('outside', ['view', 'coarse', 'clip'], 'view'),
-      follow: kind === 'wedge' && p.get('follow') === 'true'} : null,
-    unit: oneOf('unit', ['', ...kUnits], ''), up: oneOf('up', ['', ...Object.keys(upAxes)], ''), exaggerate: Math.min(10, Math.max(1, number('exaggerate', 1))), lines,
+    objects: p.getAll('o'),
+    eye: point(p.get('eye')),
+    target: point(p.get('look')),
+    pixels: number('px', 0) || null,
+    triangles: number('triangles', defaults.triangles),
+    style: {
+      shading: oneOf('shading', ['smooth', 'flat'], defaults.style.shading),
+      wireframe: p.has('wireframe') ? p.get('wireframe') === 'true' : defaults.style.wireframe,
+      colour: p.get('colour') ?? defaults.style.colour,
+      map: p.get('map') ?? defaults.style.map,
+      light: oneOf('light', ['camera', 'northwest'], defaults.style.light),
+      back: oneOf('back', ['same', 'colour', 'cap'], defaults.style.back),
+    },
+    focus: usable
+      ? {
+          kind,
+          numbers,
+          inside:
+            inside === 'view' || inside === 'distance'
+              ? inside
+              : error > 0 && Number.isFinite(error)
+                ? error
+                : 'full',
+          outside: oneOf('outside', ['view', 'coarse', 'clip'], 'view'),
+          follow: kind === 'wedge' && p.get('follow') === 'true',
+        }
+      : null,
+    unit: oneOf('unit', ['', ...kUnits], ''),
+    up: oneOf('up', ['', ...Object.keys(upAxes)], ''),
+    exaggerate: Math.min(10, Math.max(1, number('exaggerate', 1))),
+    lines,
   };
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page for visitors (`?ui=simple` or `none`): without the panel, with title, caption and places with texts, from a JSON file beside
-// the page (`?notes=FILE`). A module of its own, which is loaded where the address asks for it.
+// The page for visitors (`?ui=simple` or `none`): without the panel, with title, caption and places
+// with texts, from a JSON file beside the page (`?notes=FILE`). A module of its own, which is
+// loaded where the address asks for it.
 import {ownUrl} from './packed_store';
 import {byId} from './page';
 import {add, length, scale, sub, type Point} from './query';
@@ -20,7 +21,8 @@ const kTurn = (2 * Math.PI) / 60; // radians a second
 const kMost = 200; // spots
 const kHidden = 0.01; // of the radius: what lies so much behind the surface is hidden
 
-const isPoint = (x: unknown): x is Point => Array.isArray(x) && x.length === 3 && x.every(n => typeof n === 'number' && Number.isFinite(n));
+const isPoint = (x: unknown): x is Point =>
+  Array.isArray(x) && x.length === 3 && x.every(n => typeof n === 'number' && Number.isFinite(n));
 const textOf = (x: unknown) => (typeof x === 'string' ? x : '');
 
 export class Visitor {
@@ -30,12 +32,18 @@ export class Visitor {
   private looked = ''; // where from it was found what the surface hides
   private looking = 0; // counts
 
-  constructor(private readonly viewer: Viewer, search: URLSearchParams) {
+  constructor(
+    private readonly viewer: Viewer,
+    search: URLSearchParams,
+  ) {
     byId('visit').hidden = false;
     byId('visit-turn').onclick = () => this.turn(!this.turning);
     const full = byId<HTMLButtonElement>('visit-full');
     full.hidden = !document.fullscreenEnabled;
-    full.onclick = () => void (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
+    full.onclick = () =>
+      void (document.fullscreenElement
+        ? document.exitFullscreen()
+        : document.documentElement.requestFullscreen());
     byId('visit-home').onclick = () => viewer.navigation.view('home');
     byId('spot-close').onclick = () => this.choose(-1);
     viewer.canvas.addEventListener('pointerdown', () => this.turn(false));
@@ -45,7 +53,12 @@ export class Visitor {
     if (notes !== null) void this.read(notes);
     let last = performance.now();
     const tick = (now: number) => {
-      if (this.turning) void viewer.navigation.controls.rotate(-kTurn * Math.min(0.1, (now - last) / 1000), 0, false);
+      if (this.turning)
+        void viewer.navigation.controls.rotate(
+          -kTurn * Math.min(0.1, (now - last) / 1000),
+          0,
+          false,
+        );
       last = now;
       this.place();
       requestAnimationFrame(tick);
@@ -66,18 +79,38 @@ export class Visitor {
       if (!answer.ok) throw new Error(`the server answers ${answer.status}`);
       this.take(await answer.json());
     } catch (error) {
-      this.viewer.say(`The notes of this page, ${notes}, cannot be read: ${(error as Error).message}.`);
+      this.viewer.say(
+        `The notes of this page, ${notes}, cannot be read: ${(error as Error).message}.`,
+      );
     }
   }
 
   // Anything may be in a file: what is no spot is said.
   private take(notes: {title?: unknown; caption?: unknown; spots?: unknown}) {
     byId('visit-caption').textContent = textOf(notes?.caption);
-    if (textOf(notes?.title)) byId('visit-title').textContent = document.title = textOf(notes.title);
+    if (textOf(notes?.title))
+      byId('visit-title').textContent = document.title = textOf(notes.title);
     const list = Array.isArray(notes?.spots) ? notes.spots : [];
-    const spots = list.slice(0, kMost).filter(s => isPoint(s?.at)).map(s => ({at: s.at, title: textOf(s.title), text: textOf(s.text),
-      view: isPoint(s.view?.eye) && isPoint(s.view?.look) ? {eye: s.view.eye, look: s.view.look} : null} as Spot));
-    if (spots.length < list.length) this.viewer.say(`${list.length - spots.length} of ${list.length} places in the notes have no "at": [x, y, z], or are beyond the ${kMost} that are shown.`, 12_000);
+    const spots = list
+      .slice(0, kMost)
+      .filter(s => isPoint(s?.at))
+      .map(
+        s =>
+          ({
+            at: s.at,
+            title: textOf(s.title),
+            text: textOf(s.text),
+            view:
+              isPoint(s.view?.eye) && isPoint(s.view?.look)
+                ? {eye: s.view.eye, look: s.view.look}
+                : null,
+          }) as Spot,
+      );
+    if (spots.length < list.length)
+      this.viewer.say(
+        `${list.length - spots.length} of ${list.length} places in the notes have no "at": [x, y, z], or are beyond the ${kMost} that are shown.`,
+        12_000,
+      );
     this.spots = spots.map((spot, i) => {
       const button = document.createElement('button');
       button.textContent = String(i + 1);
@@ -97,11 +130,19 @@ export class Visitor {
     this.turn(false);
     byId('spot-title').textContent = spot.title;
     byId('spot-text').textContent = spot.text;
-    const {navigation, scene} = this.viewer, at = toPage(spot.at, scene.stretch);
-    if (spot.view) return navigation.set(toPage(spot.view.eye, scene.stretch), toPage(spot.view.look, scene.stretch));
+    const {navigation, scene} = this.viewer,
+      at = toPage(spot.at, scene.stretch);
+    if (spot.view)
+      return navigation.set(
+        toPage(spot.view.eye, scene.stretch),
+        toPage(spot.view.look, scene.stretch),
+      );
     // From the side where it is, half as far from it as all of the object is high.
     const away = sub(navigation.eye(), at);
-    navigation.set(add(at, scale(away, Math.min(1, (1.2 * navigation.radius()) / (length(away) || 1)))), at);
+    navigation.set(
+      add(at, scale(away, Math.min(1, (1.2 * navigation.radius()) / (length(away) || 1)))),
+      at,
+    );
   }
 
   // Buttons follow their places, and those behind the surface are faint.
@@ -123,12 +164,17 @@ export class Visitor {
   }
 
   private async findHidden(mine: number) {
-    const {navigation, scene, store} = this.viewer, eye = navigation.eye(), {stretch} = scene;
+    const {navigation, scene, store} = this.viewer,
+      eye = navigation.eye(),
+      {stretch} = scene;
     for (const entry of this.spots) {
-      const at = toPage(entry.spot.at, stretch), way = sub(at, eye);
+      const at = toPage(entry.spot.at, stretch),
+        way = sub(at, eye);
       let nearest = Infinity;
       for (const object of scene.objects.values()) {
-        const hit = await store.probe(object.name, toModel(eye, stretch), toModel(way, stretch)).catch(() => null);
+        const hit = await store
+          .probe(object.name, toModel(eye, stretch), toModel(way, stretch))
+          .catch(() => null);
         if (mine !== this.looking) return;
         if (hit) nearest = Math.min(nearest, length(sub(toPage(hit.point, stretch), eye)));
       }
