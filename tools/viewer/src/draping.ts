@@ -5,7 +5,8 @@ import type * as three from 'three';
 import {ownUrl} from './packed_store';
 import {byId, whole} from './page';
 import {ImageReader, liesOver, whyNotOver, type PlacedImage} from './placed_image';
-import type {Viewer} from './viewer';
+import type {Scene} from './scene';
+import type {ObjectInfo} from './source';
 
 const kMost = 8192,
   kMostOnPhones = 4096; // columns and rows of a texture: 340 and 85 MiB of the card's memory
@@ -16,6 +17,14 @@ const namesOf = (infos: {object: string}[]) => infos.map(info => `“${info.obje
 const isSmaller = ({bitmap, columns, rows}: PlacedImage) =>
   bitmap.width < columns || bitmap.height < rows;
 
+// What it needs of the page.
+export interface DrapingContext {
+  readonly renderer: three.WebGLRenderer;
+  readonly scene: Scene;
+  shownInfos(): ObjectInfo[];
+  textureOf(bitmap: ImageBitmap): three.Texture;
+}
+
 export class Draping {
   image: PlacedImage | null = null;
   private texture: three.Texture | null = null;
@@ -23,7 +32,7 @@ export class Draping {
   private readonly reader: ImageReader;
   private readonly hint = byId('drape-said').dataset.hint!;
 
-  constructor(private readonly viewer: Viewer) {
+  constructor(private readonly viewer: DrapingContext) {
     const most = matchMedia('(max-width: 700px)').matches ? kMostOnPhones : kMost;
     this.reader = new ImageReader(Math.min(most, viewer.renderer.capabilities.maxTextureSize));
   }

@@ -1,14 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 // Mouse, fingers and keys in the picture. Moving the camera is in navigation.ts, dragging in
 // focus_handles.ts.
+import type {Measuring} from './measuring';
+import type {Navigation} from './navigation';
 import {byId} from './page';
+import type {Scene} from './scene';
+import type {Shape} from './shapes';
+import type {Hit} from './source';
 import {toPage} from './stretch';
-import type {Viewer} from './viewer';
+import type {Style} from './view_state';
+
+// What they need of the page.
+export interface GesturesContext {
+  readonly canvas: HTMLCanvasElement;
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly measuring: Measuring;
+  readonly look: {readonly style: Style; restyle(change: Partial<Style>): void};
+  readonly panel: {open(open: boolean): void};
+  readonly taking: {takePicture(): Promise<void>};
+  drawn: string;
+  probe(x: number, y: number, signal?: AbortSignal): Promise<Hit | null>;
+  newRegion(kind: string): Shape | null;
+  setRegion(region: Shape | null): void;
+  coordinate(x: number): string;
+  say(sentence: string, milliseconds?: number): void;
+}
 
 export class Gestures {
   measureOn = false;
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: GesturesContext) {}
 
   setMeasuring(on: boolean) {
     this.measureOn = on;

@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // How images that are to lie over the surface come in: chosen, dropped, or by the page's address.
 // What is done with them is a module of its own (draping.ts), which is loaded with the first one.
-import type {Draping} from './draping';
+import type {Draping, DrapingContext} from './draping';
 import {byId, input} from './page';
-import type {Viewer} from './viewer';
 
 const kSaid = 12_000; // milliseconds that a refusal is shown
+
+// What they need of the page.
+export interface ImagesContext extends DrapingContext {
+  say(sentence: string, milliseconds?: number): void;
+}
 
 export class Images {
   draping: Draping | null = null;
   private linked = false; // the page's address was looked at
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: ImagesContext) {}
 
   bind() {
     const files = input('drape-files');

@@ -2,12 +2,14 @@
 // How the surface looks: shading, colours and what they stand for, light and theme.
 import * as three from 'three';
 import {colourTable} from './colour_maps';
+import type {Navigation} from './navigation';
 import {select} from './page';
+import type {Scene} from './scene';
+import type {Uniforms} from './shaders';
 import {planesOf} from './shapes';
-import type {ObjectInfo, TriangleValue, ValueChoice} from './source';
+import type {ObjectInfo, TriangleValue, ValueChoice, Way} from './source';
 import {plainStyle, type Style} from './view_state';
 import {apexOf, slopeOf} from './wish';
-import type {Viewer} from './viewer';
 
 // How the shaders take what is known of triangles; see colourBy there.
 const kTriangleValues: Record<TriangleValue, number> = {error: 6, round: 2, cluster: 7};
@@ -21,10 +23,27 @@ const kLights: Record<Style['light'], [number, number, number]> = {
   northwest: [0.98, 0.06, 0.1],
 };
 
+// What it needs of the page.
+export interface LookContext {
+  readonly shared: Uniforms;
+  readonly renderer: three.WebGLRenderer;
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly loading: {readonly way: Way};
+  readonly panel: {fill(): void};
+  panelDirty: boolean;
+  drawn: string;
+  shownInfos(): ObjectInfo[];
+  terrains(): boolean;
+  heights(): [number, number];
+  roundingError(): number;
+  viewport(): [number, number];
+}
+
 export class Look {
   style: Style = {...plainStyle};
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: LookContext) {}
 
   attributesOf(info: ObjectInfo) {
     const at = (name: string) => info.attributes.findIndex(a => a.name === name);

@@ -1,16 +1,56 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel beside the picture: its controls say what is shown, and change it.
 import {colourMaps} from './colour_maps';
-import {lengthError, lineLength, rise} from './measuring';
+import type {Look} from './look';
+import {lengthError, lineLength, rise, type Measuring} from './measuring';
+import type {Navigation} from './navigation';
 import {byId, download, figure, input, select, whole} from './page';
-import {kUnits, type Style} from './view_state';
+import type {Scene} from './scene';
+import {kindOf, numbersOf, planesOf, shapeOf, titles, type Shape} from './shapes';
+import type {ObjectEntry, ObjectInfo, Way} from './source';
 import {kZUp, upAxes, upName} from './up';
-import {kindOf, numbersOf, planesOf, shapeOf, titles} from './shapes';
+import {kUnits, type Style} from './view_state';
 import type {Focus} from './wish';
-import type {Viewer} from './viewer';
+
+// What it needs of the page: its controls change much.
+export interface PanelContext {
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly look: Look;
+  readonly measuring: Measuring;
+  readonly gestures: {
+    readonly measureOn: boolean;
+    setFlying(on: boolean): void;
+    setMeasuring(on: boolean): void;
+  };
+  readonly taking: {
+    takeMesh(): Promise<void>;
+    takePicture(): Promise<void>;
+    copyLink(): Promise<void>;
+  };
+  readonly loading: {readonly way: Way};
+  readonly entries: readonly ObjectEntry[];
+  readonly ui: 'full' | 'simple' | 'none';
+  readonly upChoice: string;
+  readonly exaggerate: number;
+  unit: string;
+  drawn: string;
+  panelDirty: boolean;
+  show(name: string): Promise<void>;
+  hide(name: string): void;
+  shownInfos(): ObjectInfo[];
+  terrains(): boolean;
+  setUp(choice: string, looks: boolean): void;
+  setExaggeration(factor: number): void;
+  newRegion(kind: string): Shape | null;
+  setRegion(region: Shape | null): void;
+  setHandles(): void;
+  text(units: number): string;
+  coordinate(x: number): string;
+}
 
 export class Panel {
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: PanelContext) {}
 
   open(open: boolean) {
     document.body.classList.toggle('closed', !open);

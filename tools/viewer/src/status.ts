@@ -2,14 +2,33 @@
 // What the page tells: how exact the picture is, scale, axes, legend, figures.
 import * as three from 'three';
 import {colourTable} from './colour_maps';
+import type {Navigation} from './navigation';
 import {byId, figure, whole} from './page';
 import {unitsPerPixel} from './query';
-import type {Viewer} from './viewer';
+import type {Scene} from './scene';
+import type {Style} from './view_state';
+
+// What it needs of the page.
+export interface StatusContext {
+  readonly canvas: HTMLCanvasElement;
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly look: {readonly style: Style; mapRange(): [number, number] | null};
+  readonly loading: {progress(): string; figures(): [string, string][]};
+  readonly unit: string;
+  readonly exaggerate: number;
+  readonly frames: readonly number[];
+  readonly drawMilliseconds: number;
+  terrains(): boolean;
+  viewport(): [number, number];
+  text(units: number): string;
+  say(sentence: string): void;
+}
 
 export class Status {
   private saidLost = false;
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: StatusContext) {}
 
   showAxes() {
     const to = new three.Vector3();

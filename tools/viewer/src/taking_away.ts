@@ -1,13 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the user takes along: meshes, pictures, a link to the view.
+import type * as three from 'three';
+import type {Navigation} from './navigation';
 import {byId, download, figure, input, select, whole} from './page';
+import type {Scene} from './scene';
 import {halfSpaceOf, planesOf, regionOf} from './shapes';
-import type {Viewer} from './viewer';
+import type {Store} from './source';
+
+// What it needs of the page.
+export interface TakingContext {
+  readonly canvas: HTMLCanvasElement;
+  readonly renderer: three.WebGLRenderer;
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly store: Pick<Store, 'mesh'>;
+  draw(): void;
+  resize(): void;
+  saveView(): void;
+  text(units: number): string;
+}
 
 export class TakingAway {
   pictureViewport: [number, number] | null = null; // while a picture is made
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: TakingContext) {}
 
   async takeMesh() {
     const error = Number(input('take-error').value),

@@ -33,9 +33,9 @@ export class Viewer {
   readonly loading: Loading;
   readonly handles: FocusHandles;
   readonly measuring: Measuring;
-  readonly look = new Look(this);
-  readonly panel = new Panel(this);
-  readonly gestures = new Gestures(this);
+  readonly look: Look = new Look(this);
+  readonly panel: Panel = new Panel(this);
+  readonly gestures: Gestures = new Gestures(this);
   readonly taking = new TakingAway(this);
   readonly status = new Status(this);
   readonly images = new Images(this);

@@ -2,12 +2,13 @@
 // The page for visitors (`?ui=simple` or `none`): without the panel, with title, caption and places
 // with texts, from a JSON file beside the page (`?notes=FILE`). A module of its own, which is
 // loaded where the address asks for it.
+import type {Navigation} from './navigation';
 import {ownUrl} from './packed_store';
 import {byId} from './page';
 import {add, length, scale, sub, type Point} from './query';
-import {StoreError} from './source';
+import type {Scene} from './scene';
+import {StoreError, type Store} from './source';
 import {toModel, toPage} from './stretch';
-import type {Viewer} from './viewer';
 
 // In the object's coordinates.
 interface Spot {
@@ -25,6 +26,15 @@ const isPoint = (x: unknown): x is Point =>
   Array.isArray(x) && x.length === 3 && x.every(n => typeof n === 'number' && Number.isFinite(n));
 const textOf = (x: unknown) => (typeof x === 'string' ? x : '');
 
+// What it needs of the page.
+export interface VisitorContext {
+  readonly canvas: HTMLCanvasElement;
+  readonly scene: Scene;
+  readonly navigation: Navigation;
+  readonly store: Pick<Store, 'probe'>;
+  say(sentence: string, milliseconds?: number): void;
+}
+
 export class Visitor {
   private spots: {spot: Spot; button: HTMLButtonElement; behind: boolean}[] = [];
   private chosen = -1;
@@ -33,7 +43,7 @@ export class Visitor {
   private looking = 0; // counts
 
   constructor(
-    private readonly viewer: Viewer,
+    private readonly viewer: VisitorContext,
     search: URLSearchParams,
   ) {
     byId('visit').hidden = false;
