@@ -20,6 +20,25 @@ namespace mtdb {
 
 using namespace internal;
 
+namespace {
+
+// Five at most: "bunny, skull, ...".
+std::string FirstNames(const std::vector<ObjectRecord>& all) {
+  std::string names;
+  for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
+  return names + (all.size() > 5 ? ", ..." : "");
+}
+
+Status NoSuchObject(const Database& database, const std::string& name) {
+  std::string there = "see list";
+  if (const auto all = database.List(); all.ok()) {
+    there = all->empty() ? "it holds none" : "it holds " + FirstNames(*all);
+  }
+  return NotFound(database.path() + ": no object " + name + "; " + there);
+}
+
+}  // namespace
+
 Database::Database(std::shared_ptr<Environment> environment, OpenOptions options)
     : environment_(std::move(environment)), options_(std::move(options)) {}
 
@@ -91,19 +110,17 @@ Result<ObjectRecord> Database::Find(const std::string& name) const {
       MTDB_ASSIGN_OR_RETURN(std::vector<ObjectRecord> all, List());
       if (all.size() == 1) return std::move(all.front());
       if (all.empty()) return NotFound(path() + ": the store holds no object");
-      std::string names;
-      for (size_t i = 0; i < all.size() && i < 5; ++i) names += (i > 0 ? ", " : "") + all[i].name;
       return InvalidArgument(path() + ": holds " + std::to_string(all.size()) + " objects (" +
-                             names + (all.size() > 5 ? ", ..." : "") +
-                             "); choose one by its name (--name)");
+                             FirstNames(all) + "); choose one by its name (--name)");
     }
     MTDB_RETURN_IF_ERROR(CheckObjectName(name));
     if (packed_ != nullptr) {
-      MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, packed_->Find(name));
-      return object->record;
+      const auto object = packed_->Find(name);
+      if (!object.ok()) return NoSuchObject(*this, name);
+      return (*object)->record;
     }
     MTDB_ASSIGN_OR_RETURN(auto record, FindObject(*environment_, name));
-    if (!record) return NotFound(path() + ": no object " + name + "; see list");
+    if (!record) return NoSuchObject(*this, name);
     return *std::move(record);
   });
 }
@@ -187,7 +204,7 @@ Status Database::Rename(const std::string& name, const std::string& new_name) {
     }
     return environment_->Write([&](WriteTransaction& write) -> Status {
       MTDB_ASSIGN_OR_RETURN(auto record, FindObject(write, path(), name));
-      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      if (!record) return NoSuchObject(*this, name);
       if (name == new_name) return Status::Ok();
       MTDB_ASSIGN_OR_RETURN(const auto other, FindObject(write, path(), new_name));
       if (other) {
@@ -215,7 +232,7 @@ Status Database::Remove(const std::string& name) {
     std::optional<BuilderLock> lock;  // keeps another Create from doing the same work
     MTDB_RETURN_IF_ERROR(environment_->Write([&](WriteTransaction& write) -> Status {
       MTDB_ASSIGN_OR_RETURN(const auto record, FindObject(write, path(), name));
-      if (!record) return NotFound(path() + ": no object " + name + "; see list");
+      if (!record) return NoSuchObject(*this, name);
       id = record->id;
       lock.reset();
       MTDB_ASSIGN_OR_RETURN(lock, BuilderLock::TryAcquire(environment_->real_path(), id));
