@@ -9,7 +9,7 @@
 
 namespace mtdb::internal {
 
-// kNotFound: "a.mtdb: no object dragon; it has bunny and nefertiti". `place` names the file,
+// kNotFound: "a.mtdb: no object dragon; it holds bunny, nefertiti". `place` names the file,
 // `there` its objects.
 Status NoSuchObject(const std::string& place, const std::string& name,
                     const std::vector<std::string>& there);

@@ -101,7 +101,8 @@ TEST_CASE("what is unpacked has the digest of what was packed") {
     RunOk({"pack", place, again});
     CHECK(ReadText(again) == ReadText(PackedExample()));
   }
-  RunFails(1, {"pack", TheExample().store, folder.File("x.mtdbp"), "--name", "nobody"}, {"nobody"});
+  RunFails(1, {"pack", TheExample().store, folder.File("x.mtdbp"), "--name", "nobody"},
+           {"no object nobody; it holds sculpture"});
   CHECK(!Exists(folder.File("x.mtdbp")));
   RunFails(1, {"ingest", TheExample().mesh, PackedExample(), "--name", "x", "--quiet"},
            {"never changed"});
@@ -122,7 +123,7 @@ TEST_CASE("a packed file takes the place of packed files, not of stores") {
   }
   const std::string packed = folder.File("p.mtdbp");
   std::ofstream(packed).close();  // of mktemp
-  RunOk({"pack", store, packed});
+  CHECK_THAT(RunOk({"pack", store, packed}), Catch::Contains("p: 1 object, "));
   const std::string once = ReadText(packed);
   RunOk({"pack", packed, packed});
   CHECK(ReadText(packed) == once);

@@ -124,7 +124,7 @@ TEST_CASE("removing says what became free, and compacting gives it back", "[cli]
   RunOk({"verify", s.path, "--level", "global"});
   CHECK_THAT(RunOk({"compact", s.path}), Catch::Contains("cannot be made smaller"));
   CHECK(Names(s.path) == List{"a"});
-  RunFails(1, {"remove", s.path, "a", "x"}, {"no object x"});
+  RunFails(1, {"remove", s.path, "a", "x"}, {"no object x; it holds a\n"});
   CHECK(Names(s.path) == List{"a"});  // none of them
   const Json removed = RunJson({"remove", s.path, "a"});
   CHECK(removed.at("removed") == Json({"a"}));
@@ -138,7 +138,7 @@ TEST_CASE("an object is renamed, and not onto another", "[cli]") {
   CHECK_THAT(RunOk({"rename", s.path, "b", "statue"}), Catch::Contains("b is now statue"));
   CHECK(Names(s.path) == List{"a", "c", "statue"});
   RunFails(1, {"rename", s.path, "a", "c"}, {"c is there"});
-  RunFails(1, {"rename", s.path, "b", "d"}, {"no object b"});
+  RunFails(1, {"rename", s.path, "b", "d"}, {"no object b; it holds a, c, statue\n"});
   RunFails(2, {"rename", s.path, "a"}, {});
   RunFails(2, {"rename", s.path, "a", ""}, {});
   RunOk({"verify", s.path});
@@ -172,7 +172,7 @@ TEST_CASE("a copy has all objects or those that are named, and a second one what
   CHECK(Names(backup) == List{"a", "b", "c", "d"});
   RunOk({"verify", backup, "--level", "full"});
   RunFails(1, {"copy", s.path, s.path}, {"the same store"});
-  RunFails(1, {"copy", s.path, part, "x"}, {"no object x"});
+  RunFails(1, {"copy", s.path, part, "x"}, {"no object x; it holds a, "});
   RunFails(1, {"copy", s.path, s.folder.File("a.ply")}, {"a.ply"});
 }
 

@@ -123,7 +123,7 @@ TEST_CASE("view writes the page for any web server", "[server]") {
     RunFails(1, {"view", "--write-page", www, "--allow-source", odd}, {"no origin"});
   }
   RunFails(2, {"view"}, {"STORE"});
-  RunFails(2, {"view", store, "--write-page", www}, {"--write-page"});
+  RunFails(2, {"view", store, "--write-page", www}, {"mtdb pack STORE " + www + "/scan.mtdbp"});
   RunFails(2, {"view", store, "--allow-source", "https://a"}, {"--write-page"});
   RunFails(1, {"view", "--write-page", store + "/www"}, {"cannot be made"});
 }

@@ -9,6 +9,7 @@ import './moving.mjs';
 import './taking.mjs';
 import './sources.mjs';
 import './draping.mjs';
+import './showing.mjs';
 
 const browser = await launch();
 if ((await fetch(server.url + '/')).status !== 200) {
@@ -23,7 +24,13 @@ for (const [name, f] of tests.filter(([n]) => n.includes(process.argv[2] ?? ''))
     console.log(`ok      ${((Date.now() - begin) / 1000).toFixed(1)} s  ${name}`);
   } catch (error) {
     ++failed;
-    console.log(`FAILED  ${name}\n        ${error.message.split('\n').slice(0, 4).join('\n        ')}\n${error.stack.split('\n').filter(l => l.includes('tests/viewer/')).slice(0, 2).join('\n')}`);
+    console.log(
+      `FAILED  ${name}\n        ${error.message.split('\n').slice(0, 4).join('\n        ')}\n${error.stack
+        .split('\n')
+        .filter(l => l.includes('tests/viewer/'))
+        .slice(0, 2)
+        .join('\n')}`,
+    );
   }
 }
 await browser.close();

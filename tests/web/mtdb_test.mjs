@@ -277,8 +277,17 @@ rule = () => null;
   await assert.rejects(openFile(url.replace('127.0.0.1', '127.0.0.2').replace(/:\d+/, ':1'), {wasm}), {code: 'io'});
   rule = () => response => { response.writeHead(404); response.end(); };
   await assert.rejects(open(), {code: 'not_found'});
+  // A server that sends no parts: small files are taken whole, by one request.
   rule = () => response => { response.writeHead(200); response.end(bytes); };
-  await assert.rejects(open(), {code: 'unsupported'});
+  const before = seen.requests, whole = await (await open()).open();
+  assert.equal((await whole.settle({})).triangles, info.triangles);
+  assert.equal(seen.requests, before + 1);
+  whole.close();
+  await assert.rejects(open({maxBytes: 100000}), {code: 'budget'});
+  rule = () => response => { response.writeHead(200, {'Content-Length': 65e6}); response.write(bytes); };
+  await assert.rejects(open(), error => error.code === 'unsupported' && /64 MB/.test(error.message));
+  rule = () => response => { response.writeHead(200, {'Content-Length': bytes.length}); response.end(bytes.subarray(0, 1000)); };
+  await assert.rejects(open(), {code: 'io'});
   rule = () => null;
   await assert.rejects((await open()).open('b'), {code: 'not_found'});
   const object = await (await open()).open();

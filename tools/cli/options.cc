@@ -311,8 +311,7 @@ void AddView(CLI::App* verb, ViewArguments* a) {
       verb->add_option("--write-page", a->page,
                        "only write the page's files into DIR, for any web server: beside them, "
                        "index.html?src=FILE shows a packed file")
-          ->type_name("DIR")
-          ->excludes(store);
+          ->type_name("DIR");
   verb->add_option("--allow-source", a->sources,
                    "let the page of --write-page also read files of ORIGIN, as "
                    "https://example.org (repeatable)")
@@ -320,8 +319,14 @@ void AddView(CLI::App* verb, ViewArguments* a) {
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->needs(page);
-  verb->callback([store, page] {
+  verb->callback([store, page, a] {
     if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
+    if (store->count() * page->count() > 0) {
+      throw CLI::ValidationError(
+          "--write-page writes the page alone, without STORE; beside it: "
+          "mtdb pack STORE " +
+          a->page + "/scan.mtdbp, which index.html?src=scan.mtdbp shows");
+    }
   });
   AddParsed(verb, "--listen", "WHERE", &a->listen, ParseEndpoint,
             "ADDRESS:PORT, or PORT on 127.0.0.1, as for serve: whoever can connect can read the "

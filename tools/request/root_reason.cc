@@ -33,16 +33,20 @@ std::string RootReasonText(const ObjectRecord& record) {
   std::string text = "no coarser mesh is stored: of the " + std::to_string(record.root_vertices) +
                      " vertices of the coarsest one";
   const char* separator = ", ";
-  const auto add = [&](uint64_t count, const std::string& why) {
+  const auto add = [&](uint64_t count, const std::string& one, const std::string& many) {
     if (count == 0) return;
-    text += separator + std::to_string(count) + " " + why;
+    text += separator + std::to_string(count) + " " + (count == 1 ? one : many);
     separator = ", ";
   };
-  add(r.nonmanifold, "are at non-manifold places");
-  add(r.topology, "hold a part or a border of the surface together");
-  add(r.degree, "have more than " + std::to_string(record.degree_limit) + " neighbours");
-  add(r.seams, "are on seams of tiles");
-  add(r.bound, "would cost more than the largest error that a step may have");
+  add(r.nonmanifold, "is at a non-manifold place", "are at non-manifold places");
+  add(r.topology, "holds a part or a border of the surface together",
+      "hold a part or a border of the surface together");
+  const std::string neighbours =
+      " more than " + std::to_string(record.degree_limit) + " neighbours";
+  add(r.degree, "has" + neighbours, "have" + neighbours);
+  add(r.seams, "is on a seam of tiles", "are on seams of tiles");
+  add(r.bound, "would cost more than the largest error that a step may have",
+      "would cost more than the largest error that a step may have");
   return text;
 }
 

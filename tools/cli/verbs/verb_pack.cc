@@ -59,9 +59,10 @@ Status Pack(const PackArguments& arguments) {
                          {"content_hash", report.content_hash}});
     return Status::Ok();
   }
-  std::printf("%s: %zu objects, %s bytes, the first %s of them for a first picture, hash %s\n",
-              arguments.to.c_str(), names.size(), Grouped(report.file_bytes).c_str(),
-              Grouped(report.first_bytes).c_str(), report.content_hash.c_str());
+  std::printf("%s: %s, %s bytes, the first %s of them for a first picture, hash %s\n",
+              arguments.to.c_str(), Counted(names.size(), "object", "objects").c_str(),
+              Grouped(report.file_bytes).c_str(), Grouped(report.first_bytes).c_str(),
+              report.content_hash.c_str());
   return Status::Ok();
 }
 

@@ -56,7 +56,10 @@ Result<ObjectSources> OpenWanted(const Database& database, const std::vector<std
   ObjectSources wanted;
   for (const std::string& name : names) {
     const auto at = std::ranges::find(all, name, [](const auto& s) { return s->record().name; });
-    if (at == all.end()) return database.Find(name).status();
+    if (at == all.end()) {
+      MTDB_RETURN_IF_ERROR(database.Find(name).status());
+      return NotFound(database.path() + ": no object " + name);
+    }
     if (std::ranges::find(wanted, *at) == wanted.end()) wanted.push_back(*at);
   }
   return wanted;

@@ -42,8 +42,10 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
   if (objects->size() != 1) {
-    return InvalidArgument(url.origin() + ": holds " + std::to_string(objects->size()) +
-                           " objects; choose one by its name (--name)");
+    return InvalidArgument(url.origin() + ": holds " +
+                           (objects->empty() ? std::string("no object")
+                                             : std::to_string(objects->size()) +
+                                                   " objects; choose one by its name (--name)"));
   }
   const JsonTree& object = (*objects)[0];
   if (!object.is_object() || !object.contains("object") || !object["object"].is_string()) {

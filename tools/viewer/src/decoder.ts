@@ -40,7 +40,8 @@ let values = new ValueReader([]);
 let remember = 0;
 let stretch: Point = [1, 1, 1];
 
-const post = (message: FromWorker, transfer: Transferable[] = []) => (self as unknown as Worker).postMessage(message, transfer);
+const post = (message: FromWorker, transfer: Transferable[] = []) =>
+  (self as unknown as Worker).postMessage(message, transfer);
 
 function close(sentence: string, code = 0) {
   if (socket) {
@@ -54,10 +55,18 @@ function close(sentence: string, code = 0) {
 async function loadDecoder(): Promise<Exports> {
   const nothing = () => 52; // ENOSYS
   // What the C++ library would ask of a system: it is there to say its last words, and to end.
-  const system = new Proxy({}, {
-    get: (_, name) => (name === 'proc_exit' ? () => { throw new Error('the decoder ended'); } : nothing),
-    has: () => true,
-  });
+  const system = new Proxy(
+    {},
+    {
+      get: (_, name) =>
+        name === 'proc_exit'
+          ? () => {
+              throw new Error('the decoder ended');
+            }
+          : nothing,
+      has: () => true,
+    },
+  );
   const response = await fetch(new URL('decoder.wasm', import.meta.url));
   if (!response.ok) throw new Error(`decoder.wasm: HTTP ${response.status}`);
   const module = await WebAssembly.compile(await response.arrayBuffer());
@@ -86,7 +95,12 @@ async function open(url: string) {
     } catch (error) {
       // WebAssembly ends by a trap when it has no more memory.
       const full = error instanceof WebAssembly.RuntimeError || error instanceof RangeError;
-      close(full ? 'This page has no more memory for the mesh; ask for fewer triangles.' : `The mesh cannot be read: ${(error as Error).message}.`, -1);
+      close(
+        full
+          ? 'This page has no more memory for the mesh; ask for fewer triangles.'
+          : `The mesh cannot be read: ${(error as Error).message}.`,
+        -1,
+      );
     }
   };
 }
@@ -95,7 +109,11 @@ function onText(text: string) {
   const message = JSON.parse(text);
   if (message.hello) {
     const hello = message.hello;
-    if (hello.protocol !== 1) return close(`The server speaks version ${Number(hello.protocol)} of the protocol, and this page version 1; load the page anew.`, -1);
+    if (hello.protocol !== 1)
+      return close(
+        `The server speaks version ${Number(hello.protocol)} of the protocol, and this page version 1; load the page anew.`,
+        -1,
+      );
     opened = true;
     const most = Math.min(hello.max_triangles, 2 ** 26);
     wasm.open(most + kSpareVertices, 3 * most + remember + kSpareVertices);
@@ -113,7 +131,9 @@ function onBytes(data: ArrayBuffer) {
   const at = wasm.input(data.byteLength);
   new Uint8Array(wasm.memory.buffer, at, data.byteLength).set(new Uint8Array(data));
   if (wasm.feed() !== 0) {
-    const why = new TextDecoder().decode(new Uint8Array(wasm.memory.buffer, wasm.error(), wasm.error_size()));
+    const why = new TextDecoder().decode(
+      new Uint8Array(wasm.memory.buffer, wasm.error(), wasm.error_size()),
+    );
     return close(`The server sent what is no mesh: ${why}.`, -1);
   }
   dirty = true;
@@ -131,16 +151,44 @@ function makeUpdate(): MeshUpdate {
     at += 8 * count;
     return part;
   };
-  const triangles = ranges(triangleRanges!), vertices = ranges(vertexRanges!), changedNormals = ranges(normalRanges!);
+  const triangles = ranges(triangleRanges!),
+    vertices = ranges(vertexRanges!),
+    changedNormals = ranges(normalRanges!);
   const counts = new Uint32Array(buffer, wasm.counts(), 5).slice();
   const slots = counts[3]!;
   const update: MeshUpdate = {
-    fresh, triangles: counts[0]!, vertices: counts[1]!, triangleSlots: counts[2]!, vertexSlots: slots,
+    fresh,
+    triangles: counts[0]!,
+    vertices: counts[1]!,
+    triangleSlots: counts[2]!,
+    vertexSlots: slots,
     origin: [...new Float64Array(buffer, wasm.origin(), 3)] as MeshUpdate['origin'],
-    indices: gather(Uint32Array, new Uint32Array(buffer, wasm.indices(), 3 * counts[2]!), triangles, 3),
-    positions: gather(Float32Array, new Float32Array(buffer, wasm.positions(), 3 * slots), vertices, 3),
-    normals: gather(Int16Array, new Int16Array(buffer, wasm.normals(), 4 * slots), changedNormals, 4),
-    values: values.gather(new Uint8Array(buffer, wasm.rows(), slots * counts[4]!), counts[4]!, slots, vertices), triangleValues: null, valueRange: values.range,
+    indices: gather(
+      Uint32Array,
+      new Uint32Array(buffer, wasm.indices(), 3 * counts[2]!),
+      triangles,
+      3,
+    ),
+    positions: gather(
+      Float32Array,
+      new Float32Array(buffer, wasm.positions(), 3 * slots),
+      vertices,
+      3,
+    ),
+    normals: gather(
+      Int16Array,
+      new Int16Array(buffer, wasm.normals(), 4 * slots),
+      changedNormals,
+      4,
+    ),
+    values: values.gather(
+      new Uint8Array(buffer, wasm.rows(), slots * counts[4]!),
+      counts[4]!,
+      slots,
+      vertices,
+    ),
+    triangleValues: null,
+    valueRange: values.range,
   };
   fresh = false;
   return update;
@@ -153,7 +201,10 @@ function flush() {
   dirty = false;
   milliseconds += performance.now() - begin;
   taken = false;
-  post({kind: 'update', update, answers, bytes, milliseconds, load: null}, update ? buffersOf(update) : []);
+  post(
+    {kind: 'update', update, answers, bytes, milliseconds, load: null},
+    update ? buffersOf(update) : [],
+  );
   answers = [];
   milliseconds = 0;
 }
@@ -168,7 +219,8 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
       void open(message.url);
       break;
     case 'ask':
-      if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({id: message.id, query: message.query}));
+      if (socket?.readyState === WebSocket.OPEN)
+        socket.send(JSON.stringify({id: message.id, query: message.query}));
       break;
     case 'choose':
       values.choose(message.values);

@@ -1,17 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image that lies over the surface, and what it lies over. The page loads this with the first image.
+// The image that lies over the surface, and what it lies over. The page loads this with the first
+// image.
 import type * as three from 'three';
 import {ownUrl} from './packed_store';
 import {byId, whole} from './page';
 import {ImageReader, liesOver, whyNotOver, type PlacedImage} from './placed_image';
-import type {Viewer} from './viewer';
+import type {Scene} from './scene';
+import type {ObjectInfo} from './source';
 
-const kMost = 8192, kMostOnPhones = 4096; // columns and rows of a texture: 340 and 85 MiB of the card's memory
+const kMost = 8192,
+  kMostOnPhones = 4096; // columns and rows of a texture: 340 and 85 MiB of the card's memory
 
 const sizeOf = (columns: number, rows: number) => `${whole(columns)} × ${whole(rows)}`;
 const namesOf = (infos: {object: string}[]) => infos.map(info => `“${info.object}”`).join(', ');
 
-const isSmaller = ({bitmap, columns, rows}: PlacedImage) => bitmap.width < columns || bitmap.height < rows;
+const isSmaller = ({bitmap, columns, rows}: PlacedImage) =>
+  bitmap.width < columns || bitmap.height < rows;
+
+// What it needs of the page.
+export interface DrapingContext {
+  readonly renderer: three.WebGLRenderer;
+  readonly scene: Scene;
+  shownInfos(): ObjectInfo[];
+  textureOf(bitmap: ImageBitmap): three.Texture;
+}
 
 export class Draping {
   image: PlacedImage | null = null;
@@ -20,31 +32,39 @@ export class Draping {
   private readonly reader: ImageReader;
   private readonly hint = byId('drape-said').dataset.hint!;
 
-  constructor(private readonly viewer: Viewer) {
+  constructor(private readonly viewer: DrapingContext) {
     const most = matchMedia('(max-width: 700px)').matches ? kMostOnPhones : kMost;
     this.reader = new ImageReader(Math.min(most, viewer.renderer.capabilities.maxTextureSize));
   }
 
-  // Files of the user. Where they lie elsewhere, what was there stays. Says what there is to say; so does follow().
+  // Files of the user. Where they lie elsewhere, what was there stays. Says what there is to say;
+  // so does follow().
   async take(files: File[]): Promise<string> {
-    if (this.viewer.scene.objects.size === 0) return 'Choose an object first, then the image that is to lie over it.';
-    return this.read(() => this.reader.fromFiles(files), image => {
-      const why = whyNotOver(image, this.viewer.shownInfos());
-      if (why) return why;
-      this.forgetLink();
-      this.set(image);
-      return '';
-    });
+    if (this.viewer.scene.objects.size === 0)
+      return 'Choose an object first, then the image that is to lie over it.';
+    return this.read(
+      () => this.reader.fromFiles(files),
+      image => {
+        const why = whyNotOver(image, this.viewer.shownInfos());
+        if (why) return why;
+        this.forgetLink();
+        this.set(image);
+        return '';
+      },
+    );
   }
 
   // Of the page's address (`?drape=`). It stays in any case: other objects may lie there.
   async follow(link: string): Promise<string> {
     const url = ownUrl(link, new URL(location.href));
     if (!(url instanceof URL)) return url.message;
-    return this.read(() => this.reader.fromUrl(url), image => {
-      this.set(image);
-      return whyNotOver(image, this.viewer.shownInfos());
-    });
+    return this.read(
+      () => this.reader.fromUrl(url),
+      image => {
+        this.set(image);
+        return whyNotOver(image, this.viewer.shownInfos());
+      },
+    );
   }
 
   remove() {
@@ -54,7 +74,10 @@ export class Draping {
   }
 
   // `use` says why it does not.
-  private async read(from: () => Promise<PlacedImage>, use: (image: PlacedImage) => string): Promise<string> {
+  private async read(
+    from: () => Promise<PlacedImage>,
+    use: (image: PlacedImage) => string,
+  ): Promise<string> {
     const number = ++this.given;
     try {
       const image = await from();
@@ -87,7 +110,8 @@ export class Draping {
   reconsider() {
     const {image} = this;
     for (const {info, mesh} of this.viewer.scene.objects.values()) {
-      mesh.drape = image && liesOver(image.place, info) ? {texture: this.texture!, place: image.place} : null;
+      mesh.drape =
+        image && liesOver(image.place, info) ? {texture: this.texture!, place: image.place} : null;
     }
     ++this.viewer.scene.changes;
     this.tell();
@@ -102,9 +126,15 @@ export class Draping {
 
   private sentenceFor(image: PlacedImage) {
     const {name, columns, rows, bitmap, place} = image;
-    const infos = this.viewer.shownInfos(), over = infos.filter(info => liesOver(place, info));
+    const infos = this.viewer.shownInfos(),
+      over = infos.filter(info => liesOver(place, info));
     const smaller = isSmaller(image) ? `, shown with ${sizeOf(bitmap.width, bitmap.height)}` : '';
-    const where = over.length === infos.length ? '' : over.length > 0 ? ` It lies over ${namesOf(over)}.` : ' It lies elsewhere than what is shown now.';
+    const where =
+      over.length === infos.length
+        ? ''
+        : over.length > 0
+          ? ` It lies over ${namesOf(over)}.`
+          : ' It lies elsewhere than what is shown now.';
     return `“${name}”, ${sizeOf(columns, rows)} pixels${smaller}.${where}`;
   }
 }

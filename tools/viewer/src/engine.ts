@@ -2,9 +2,17 @@
 // The worker of the thick way: the query engine over ranges of a packed file (tools/web). For an
 // object that is shown it keeps the mesh and tells the page what changes; beside that it answers
 // single questions about the file (packed_store.ts).
-import {MtdbError, openFile, type Frame, type MeshObject, type ObjectInfo as FileObject, type PackedFile} from '../../web/src/mtdb';
+import {
+  MtdbError,
+  openFile,
+  type Frame,
+  type MeshObject,
+  type ObjectInfo as FileObject,
+  type PackedFile,
+} from '../../web/src/mtdb';
 import {meshFile} from './mesh_file';
-import type {Point, Query} from './query';
+import {cutMesh} from './cut_mesh';
+import type {HalfSpace, Point, Query} from './query';
 import {buffersOf, gather, ValueReader} from './slots';
 import type {Done, Limits, Load, MeshUpdate, TriangleValue} from './source';
 import type {Answer, FromWorker, ToWorker} from './worker_session';
@@ -12,7 +20,15 @@ import type {Answer, FromWorker, ToWorker} from './worker_session';
 export type Question =
   | {kind: 'objects'; id: number; url: string}
   | {kind: 'probe'; id: number; url: string; object: string; origin: Point; direction: Point}
-  | {kind: 'mesh'; id: number; url: string; object: string; query: Query; format: string}
+  | {
+      kind: 'mesh';
+      id: number;
+      url: string;
+      object: string;
+      query: Query;
+      format: string;
+      planes: HalfSpace[];
+    }
   | {kind: 'forget'; id: number}; // the answer is not wanted any more
 
 export type Reply =
@@ -23,10 +39,12 @@ export type Reply =
 
 const kSlice = 8; // milliseconds of a call
 const kMostTriangles = 2 ** 24;
-const kFirstPause = 500, kLongestPause = 5000; // between two tries to get what failed
+const kFirstPause = 500,
+  kLongestPause = 5000; // between two tries to get what failed
 const kQuestionCache = 96 * 2 ** 20;
 
-const post = (message: FromWorker | Reply, transfer: Transferable[] = []) => (self as unknown as Worker).postMessage(message, transfer);
+const post = (message: FromWorker | Reply, transfer: Transferable[] = []) =>
+  (self as unknown as Worker).postMessage(message, transfer);
 const sentenceOf = (error: unknown) => (error as Error).message;
 
 // ---- an object that is shown ----
@@ -62,7 +80,10 @@ class Shown {
   private opening = 0; // counts, since the last is the one that matters
   private readonly turn = new MessageChannel();
 
-  constructor(private readonly to: ToWorker & {kind: 'open_packed'}, limits: Limits | null) {
+  constructor(
+    private readonly to: ToWorker & {kind: 'open_packed'},
+    limits: Limits | null,
+  ) {
     this.values = new ValueReader(to.types);
     if (limits) this.limits = limits;
     this.turn.port1.onmessage = () => this.step();
@@ -72,10 +93,19 @@ class Shown {
   private async open() {
     const opening = ++this.opening;
     try {
-      const file = this.file ?? await openFile(this.to.url, {...(this.to.byHash ? {urlOf: (etag: string) => `${this.to.url}?hash=${etag.replace(/^W\/|"/g, '')}`} : {})});
+      const file =
+        this.file ??
+        (await openFile(this.to.url, {
+          ...(this.to.byHash
+            ? {urlOf: (etag: string) => `${this.to.url}?hash=${etag.replace(/^W\/|"/g, '')}`}
+            : {}),
+        }));
       file.bytesPerSecond = this.limits.bytesPerSecond;
       this.file = file;
-      const object = await file.open(this.to.object, {cacheBytes: this.limits.cacheBytes, stretch: this.to.stretch});
+      const object = await file.open(this.to.object, {
+        cacheBytes: this.limits.cacheBytes,
+        stretch: this.to.stretch,
+      });
       if (opening !== this.opening) return object.close();
       this.object?.close();
       this.object = object;
@@ -87,7 +117,12 @@ class Shown {
     } catch (error) {
       if (opening !== this.opening) return;
       const code = error instanceof MtdbError ? error.code : 'other';
-      post({kind: 'closed', opened: false, code: code === 'io' || (code === 'not_found' && this.to.byHash) ? 0 : -1, sentence: sentenceOf(error)});
+      post({
+        kind: 'closed',
+        opened: false,
+        code: code === 'io' || (code === 'not_found' && this.to.byHash) ? 0 : -1,
+        sentence: sentenceOf(error),
+      });
     }
   }
 
@@ -132,24 +167,29 @@ class Shown {
     const {max_triangles: most, ...without} = asked.query;
     const begin = performance.now();
     try {
-      // Without a budget the engine goes on from the cut of the last query; with one it searches anew for each.
+      // Without a budget the engine goes on from the cut of the last query; with one it searches
+      // anew for each.
       const frame = object.update(asked.budget ? asked.query : without, kSlice);
       this.note(begin);
       if (!frame) {
         if (object.pending > 0) return;
         const {failure, failureCode} = object;
-        if (object.replaced || !failure || failureCode === 'io') return this.trouble(object, failure || 'The file cannot be read');
+        if (object.replaced || !failure || failureCode === 'io')
+          return this.trouble(object, failure || 'The file cannot be read');
         this.object = null;
         object.close();
         return post({kind: 'closed', opened: true, code: -1, sentence: failure});
       }
-      if (frame.insertions > 0 || frame.removals > 0 || !this.frame || this.reclip) this.dirty = true;
+      if (frame.insertions > 0 || frame.removals > 0 || !this.frame || this.reclip)
+        this.dirty = true;
       this.reclip = false;
       this.frame = frame;
       if (most !== undefined && frame.triangles > most && !asked.budget) {
         asked.budget = true;
         return this.schedule();
       }
+      // A search under a budget begins at the root: until it ends, what is shown stays.
+      if (asked.budget && frame.limit === 'time') return this.schedule();
       this.weigh(object, asked, frame);
       this.flush();
     } catch (error) {
@@ -160,7 +200,12 @@ class Shown {
       }
       this.object = null;
       object.close();
-      post({kind: 'closed', opened: true, code: error instanceof MtdbError && error.code === 'memory' ? -1 : 0, sentence: sentenceOf(error)});
+      post({
+        kind: 'closed',
+        opened: true,
+        code: error instanceof MtdbError && error.code === 'memory' ? -1 : 0,
+        sentence: sentenceOf(error),
+      });
     }
   }
 
@@ -193,8 +238,16 @@ class Shown {
   }
 
   private doneOf(frame: Frame): Done {
-    return {triangles: frame.triangles, vertices: frame.vertices, error_bound: frame.errorBound, shortfall: frame.shortfall,
-      limit: frame.limit === 'missing' ? 'memory' : frame.limit, messages: 0, bytes: frame.bytesRead, milliseconds: this.cut};
+    return {
+      triangles: frame.triangles,
+      vertices: frame.vertices,
+      error_bound: frame.errorBound,
+      shortfall: frame.shortfall,
+      limit: frame.limit === 'missing' ? 'memory' : frame.limit,
+      messages: 0,
+      bytes: frame.bytesRead,
+      milliseconds: this.cut,
+    };
   }
 
   // What does not come is asked for again, until it does.
@@ -218,18 +271,33 @@ class Shown {
   }
 
   private loadOf(object: MeshObject, frame: Frame): Load {
-    return {clusters: frame.decodedClusters, cacheBytes: frame.cacheBytes, engineBytes: object.memoryBytes, requests: object.pending,
-      requestBytes: object.pendingBytes, missing: frame.missing, cutMilliseconds: this.cut};
+    return {
+      clusters: frame.decodedClusters,
+      cacheBytes: frame.cacheBytes,
+      engineBytes: object.memoryBytes,
+      requests: object.pending,
+      requestBytes: object.pendingBytes,
+      missing: frame.missing,
+      cutMilliseconds: this.cut,
+    };
   }
 
   // What was chosen of each slot, and what it spans; errors of 0, which no logarithm knows, aside.
-  private trianglesOf(object: MeshObject, frame: Frame): {values: Float32Array; range: [number, number] | null} | null {
+  private trianglesOf(
+    object: MeshObject,
+    frame: Frame,
+  ): {values: Float32Array; range: [number, number] | null} | null {
     if (!this.triangleValue) return null;
     const {errors, clusters, rounds} = object.triangleFacts();
     const root = object.info.rounds + 1;
-    const value = {error: (slot: number) => Math.abs(errors[slot]!), cluster: (slot: number) => clusters[slot]!, round: (slot: number) => Math.min(rounds[slot]!, root)}[this.triangleValue];
+    const value = {
+      error: (slot: number) => Math.abs(errors[slot]!),
+      cluster: (slot: number) => clusters[slot]!,
+      round: (slot: number) => Math.min(rounds[slot]!, root),
+    }[this.triangleValue];
     const values = new Float32Array(frame.triangleSlots);
-    let low = Infinity, high = -Infinity;
+    let low = Infinity,
+      high = -Infinity;
     for (let slot = 0; slot < values.length; ++slot) {
       const x = (values[slot] = value(slot));
       if (rounds[slot] === 0 || x === 0) continue;
@@ -240,12 +308,27 @@ class Shown {
   }
 
   private makeUpdate(object: MeshObject, frame: Frame): MeshUpdate {
-    const triangles = this.trianglesOf(object, frame), c = object.changes();
+    const triangles = this.trianglesOf(object, frame),
+      c = object.changes();
     const update: MeshUpdate = {
-      fresh: this.fresh, triangles: frame.triangles, vertices: frame.vertices, triangleSlots: frame.triangleSlots, vertexSlots: frame.vertexSlots, origin: c.origin,
-      indices: gather(Uint32Array, c.indices, c.triangleRanges.slice(), 3), positions: gather(Float32Array, c.positions, c.vertexRanges.slice(), 3),
-      normals: gather(Int16Array, c.normals, c.normalRanges.slice(), 4), values: this.values.gather(c.rows, c.rowBytes, frame.vertexSlots, c.vertexRanges.slice()),
-      triangleValues: triangles && gather(Float32Array, triangles.values, this.allTriangles ? new Uint32Array([0, frame.triangleSlots]) : c.triangleRanges.slice(), 1),
+      fresh: this.fresh,
+      triangles: frame.triangles,
+      vertices: frame.vertices,
+      triangleSlots: frame.triangleSlots,
+      vertexSlots: frame.vertexSlots,
+      origin: c.origin,
+      indices: gather(Uint32Array, c.indices, c.triangleRanges.slice(), 3),
+      positions: gather(Float32Array, c.positions, c.vertexRanges.slice(), 3),
+      normals: gather(Int16Array, c.normals, c.normalRanges.slice(), 4),
+      values: this.values.gather(c.rows, c.rowBytes, frame.vertexSlots, c.vertexRanges.slice()),
+      triangleValues:
+        triangles &&
+        gather(
+          Float32Array,
+          triangles.values,
+          this.allTriangles ? new Uint32Array([0, frame.triangleSlots]) : c.triangleRanges.slice(),
+          1,
+        ),
       valueRange: triangles ? triangles.range : this.values.range,
     };
     this.allTriangles = false;
@@ -261,7 +344,17 @@ class Shown {
     this.dirty = false;
     this.taken = false;
     this.milliseconds += performance.now() - begin;
-    post({kind: 'update', update, answers: this.answers, bytes: frame.bytesRead, milliseconds: this.milliseconds, load: this.loadOf(object, frame)}, update ? buffersOf(update) : []);
+    post(
+      {
+        kind: 'update',
+        update,
+        answers: this.answers,
+        bytes: frame.bytesRead,
+        milliseconds: this.milliseconds,
+        load: this.loadOf(object, frame),
+      },
+      update ? buffersOf(update) : [],
+    );
     this.answers = [];
     this.milliseconds = this.cut = 0;
   }
@@ -274,7 +367,11 @@ const objects = new Map<string, Promise<MeshObject>>();
 const underWay = new Map<number, AbortController>();
 
 // What failed or was replaced is opened anew the next time.
-async function kept<T>(all: Map<string, Promise<T>>, key: string, make: () => Promise<T>): Promise<T> {
+async function kept<T>(
+  all: Map<string, Promise<T>>,
+  key: string,
+  make: () => Promise<T>,
+): Promise<T> {
   let value = all.get(key);
   if (!value) {
     value = make();
@@ -284,20 +381,37 @@ async function kept<T>(all: Map<string, Promise<T>>, key: string, make: () => Pr
   return await value;
 }
 const fileOf = (url: string) => kept(files, url, () => openFile(url));
-const objectOf = (url: string, name: string) => kept(objects, JSON.stringify([url, name]), async () => await (await fileOf(url)).open(name, {cacheBytes: kQuestionCache}));
+const objectOf = (url: string, name: string) =>
+  kept(
+    objects,
+    JSON.stringify([url, name]),
+    async () => await (await fileOf(url)).open(name, {cacheBytes: kQuestionCache}),
+  );
 
 async function answer(question: Exclude<Question, {kind: 'forget'}>) {
-  const {id, url} = question, control = new AbortController();
+  const {id, url} = question,
+    control = new AbortController();
   underWay.set(id, control);
   try {
-    if (question.kind === 'objects') return post({kind: 'objects', id, objects: (await fileOf(url)).objects});
+    if (question.kind === 'objects')
+      return post({kind: 'objects', id, objects: (await fileOf(url)).objects});
     const object = await objectOf(url, question.object);
     if (question.kind === 'probe') {
       const hit = await object.castRay(question.origin, question.direction, control.signal);
       return post({kind: 'probe', id, hit: hit && {point: hit.point, error_bound: hit.errorBound}});
     }
-    const mesh = await object.extract({...question.query}, control.signal);
-    post({kind: 'mesh', id, blob: meshFile(mesh, object.info.attributes, question.format), triangles: mesh.indices.length / 3, errorBound: mesh.errorBound});
+    const mesh = cutMesh(
+      await object.extract({...question.query}, control.signal),
+      object.info.attributes,
+      question.planes,
+    );
+    post({
+      kind: 'mesh',
+      id,
+      blob: meshFile(mesh, object.info.attributes, question.format),
+      triangles: mesh.indices.length / 3,
+      errorBound: mesh.errorBound,
+    });
   } catch (error) {
     const code = error instanceof MtdbError ? error.code : 'other';
     if (/replaced/.test(sentenceOf(error)) || code === 'memory') {
@@ -318,15 +432,28 @@ let limits: Limits | null = null;
 self.onmessage = (event: MessageEvent<ToWorker | Question>) => {
   const message = event.data;
   switch (message.kind) {
-    case 'open_packed': shown = new Shown(message, limits); break;
-    case 'ask': shown?.ask(message.id, message.query); break;
-    case 'choose': shown?.choose(message); break;
-    case 'taken': shown?.onTaken(); break;
+    case 'open_packed':
+      shown = new Shown(message, limits);
+      break;
+    case 'ask':
+      shown?.ask(message.id, message.query);
+      break;
+    case 'choose':
+      shown?.choose(message);
+      break;
+    case 'taken':
+      shown?.onTaken();
+      break;
     case 'limit':
       limits = message.limits;
       shown?.limit(limits);
       break;
-    case 'forget': underWay.get(message.id)?.abort(); break;
-    case 'objects': case 'probe': case 'mesh': void answer(message);
+    case 'forget':
+      underWay.get(message.id)?.abort();
+      break;
+    case 'objects':
+    case 'probe':
+    case 'mesh':
+      void answer(message);
   }
 };

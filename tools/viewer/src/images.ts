@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// How images that are to lie over the surface come in: chosen, dropped, or by the page's address. What is done with them is a module of its own (draping.ts), which is loaded with the first one.
-import type {Draping} from './draping';
+// How images that are to lie over the surface come in: chosen, dropped, or by the page's address.
+// What is done with them is a module of its own (draping.ts), which is loaded with the first one.
+import type {Draping, DrapingContext} from './draping';
 import {byId, input} from './page';
-import type {Viewer} from './viewer';
 
 const kSaid = 12_000; // milliseconds that a refusal is shown
+
+// What they need of the page.
+export interface ImagesContext extends DrapingContext {
+  say(sentence: string, milliseconds?: number): void;
+}
 
 export class Images {
   draping: Draping | null = null;
   private linked = false; // the page's address was looked at
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: ImagesContext) {}
 
   bind() {
     const files = input('drape-files');
@@ -20,12 +25,16 @@ export class Images {
       this.take([...files.files!]);
       files.value = '';
     };
-    const on = (kind: 'dragover' | 'dragleave' | 'drop', act: (data: DataTransfer) => void) => addEventListener(kind, event => {
-      if (!event.dataTransfer?.types.includes('Files')) return;
-      event.preventDefault();
-      document.body.classList.toggle('dropping', kind === 'dragover' || event.relatedTarget !== null);
-      act(event.dataTransfer);
-    });
+    const on = (kind: 'dragover' | 'dragleave' | 'drop', act: (data: DataTransfer) => void) =>
+      addEventListener(kind, event => {
+        if (!event.dataTransfer?.types.includes('Files')) return;
+        event.preventDefault();
+        document.body.classList.toggle(
+          'dropping',
+          kind === 'dragover' || event.relatedTarget !== null,
+        );
+        act(event.dataTransfer);
+      });
     on('dragover', () => {});
     on('dragleave', () => {});
     on('drop', data => this.take([...data.files]));
@@ -45,11 +54,14 @@ export class Images {
 
   // `act` resolves to what is to be said.
   private async use(act: (draping: Draping) => Promise<string>) {
-    const said = byId('drape-said'), hint = (said.dataset.hint ??= said.textContent!);
+    const said = byId('drape-said'),
+      hint = (said.dataset.hint ??= said.textContent!);
     said.textContent = 'The image is being read…';
     let sentence: string;
     try {
-      const module = await (import(new URL('draping.js', import.meta.url).href) as Promise<typeof import('./draping')>);
+      const module = await (import(new URL('draping.js', import.meta.url).href) as Promise<
+        typeof import('./draping')
+      >);
       sentence = await act((this.draping ??= new module.Draping(this.viewer)));
     } catch {
       sentence = 'The page cannot load its part that reads images; is its server still there?';

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One object's mesh on the graphics card: arrays of slots, of which only what changes is sent there.
+// One object's mesh on the graphics card: arrays of slots, of which only what changes is sent
+// there.
 import * as three from 'three';
 import type {Place} from './placed_image';
 import {sub, type Point} from './query';
@@ -15,7 +16,8 @@ function write(attribute: three.BufferAttribute, slots: Slots<Data>, count: numb
   const {ranges, data} = slots;
   const array = attribute.array as Data;
   for (let i = 0, at = 0; i < ranges.length; i += 2) {
-    const begin = ranges[i]! * count, size = (ranges[i + 1]! - ranges[i]!) * count;
+    const begin = ranges[i]! * count,
+      size = (ranges[i + 1]! - ranges[i]!) * count;
     array.set(data.subarray(at, at + size) as never, begin);
     attribute.addUpdateRange(begin, size);
     at += size;
@@ -27,7 +29,8 @@ function write(attribute: three.BufferAttribute, slots: Slots<Data>, count: numb
 // not notice that these have to bind them anew.
 function release(geometry: three.BufferGeometry, kept: Iterable<three.BufferAttribute>) {
   const others = new Set<unknown>(kept);
-  for (const [name, attribute] of Object.entries(geometry.attributes)) if (others.has(attribute)) geometry.deleteAttribute(name);
+  for (const [name, attribute] of Object.entries(geometry.attributes))
+    if (others.has(attribute)) geometry.deleteAttribute(name);
   if (others.has(geometry.index)) geometry.setIndex(null);
   geometry.dispose();
 }
@@ -37,10 +40,17 @@ class TriangleFaces {
   readonly geometry = new three.BufferGeometry();
   readonly values: Float32Array;
 
-  constructor(readonly room: number, before: TriangleFaces | null) {
+  constructor(
+    readonly room: number,
+    before: TriangleFaces | null,
+  ) {
     this.values = new Float32Array(3 * room);
-    if (before) this.values.set(before.values.subarray(0, Math.min(before.values.length, 3 * room)));
-    for (const [name, count, array] of [['position', 3, new Float32Array(9 * room)], ['scalar', 1, this.values]] as const) {
+    if (before)
+      this.values.set(before.values.subarray(0, Math.min(before.values.length, 3 * room)));
+    for (const [name, count, array] of [
+      ['position', 3, new Float32Array(9 * room)],
+      ['scalar', 1, this.values],
+    ] as const) {
       const attribute = new three.BufferAttribute(array, count);
       attribute.setUsage(three.DynamicDrawUsage);
       this.geometry.setAttribute(name, attribute);
@@ -48,10 +58,17 @@ class TriangleFaces {
   }
 
   // `changed`: slots whose triangles are others now.
-  write(values: Slots<Float32Array>, changed: Uint32Array, index: ArrayLike<number>, positions: ArrayLike<number>) {
-    const scalar = this.geometry.getAttribute('scalar') as three.BufferAttribute, position = this.geometry.getAttribute('position') as three.BufferAttribute;
+  write(
+    values: Slots<Float32Array>,
+    changed: Uint32Array,
+    index: ArrayLike<number>,
+    positions: ArrayLike<number>,
+  ) {
+    const scalar = this.geometry.getAttribute('scalar') as three.BufferAttribute,
+      position = this.geometry.getAttribute('position') as three.BufferAttribute;
     for (let r = 0, at = 0; r < values.ranges.length; r += 2) {
-      for (let i = values.ranges[r]!; i < values.ranges[r + 1]!; ++i) this.values.fill(values.data[at++]!, 3 * i, 3 * i + 3);
+      for (let i = values.ranges[r]!; i < values.ranges[r + 1]!; ++i)
+        this.values.fill(values.data[at++]!, 3 * i, 3 * i + 3);
       scalar.addUpdateRange(3 * values.ranges[r]!, 3 * (values.ranges[r + 1]! - values.ranges[r]!));
     }
     const to = position.array as Float32Array;
@@ -89,8 +106,13 @@ export class ObjectMesh {
   private edgeGeometry: three.BufferGeometry | null = null;
   private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
   private readonly own = {
-    place: {value: new three.Vector3()}, draped: {value: false}, image: {value: null as three.Texture | null},
-    imageMiddle: {value: new three.Vector2()}, imageAcross: {value: new three.Vector2()}, imageDown: {value: new three.Vector2()},
+    valued: {value: 0}, // what vertices have, as colourBy counts: colours, or a scalar
+    place: {value: new three.Vector3()},
+    draped: {value: false},
+    image: {value: null as three.Texture | null},
+    imageMiddle: {value: new three.Vector2()},
+    imageAcross: {value: new three.Vector2()},
+    imageDown: {value: new three.Vector2()},
   };
   private over: Drape | null = null;
   private readonly surface: three.Mesh;
@@ -98,13 +120,34 @@ export class ObjectMesh {
 
   // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
   // points nearby, so that float32 suffices however large the coordinates are.
-  constructor(shared: Uniforms, private readonly frame: Point, private readonly stretch: Point) {
+  constructor(
+    shared: Uniforms,
+    private frame: Point,
+    private stretch: Point,
+  ) {
     this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.own));
     this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.own));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
     this.edges.visible = false;
     this.edges.renderOrder = 1;
     this.group.add(this.surface, this.edges);
+  }
+
+  place(frame: Point, stretch: Point) {
+    this.frame = frame;
+    this.stretch = stretch;
+    this.group.position.set(...sub(toPage(this.origin, stretch), frame));
+    this.own.place.value.copy(this.group.position);
+  }
+
+  // Some of the vertices, in the page's coordinates, to see where the mesh lies.
+  someVertices(most: number): Float64Array {
+    const p = this.attributes.position?.array ?? [],
+      every = Math.max(1, Math.ceil(this.vertexSlots / most));
+    const out = new Float64Array(3 * Math.ceil(this.vertexSlots / every));
+    for (let v = 0, at = 0; v < this.vertexSlots; v += every)
+      for (let k = 0; k < 3; ++k) out[at++] = (this.origin[k]! + p[3 * v + k]!) * this.stretch[k]!;
+    return out;
   }
 
   apply(update: MeshUpdate) {
@@ -117,14 +160,14 @@ export class ObjectMesh {
     this.vertexSlots = update.vertexSlots;
     this.origin = update.origin;
     this.valueRange = update.valueRange;
-    this.group.position.set(...sub(toPage(update.origin, this.stretch), this.frame));
-    this.own.place.value.copy(this.group.position);
+    this.place(this.frame, this.stretch);
     this.placeImage();
     write(this.index, update.indices, 3);
     write(this.attributes.position!, update.positions, 3);
     write(this.attributes.normal!, update.normals, 4);
     if (update.values) {
       const colours = update.values.data instanceof Uint8Array;
+      this.own.valued.value = colours ? 1 : 2;
       write(this.valueAttribute(colours ? 'colour' : 'scalar'), update.values, colours ? 4 : 1);
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);
@@ -171,7 +214,12 @@ export class ObjectMesh {
   // The value of each triangle, in the order of readTriangles; for test programs.
   readValues(): Float32Array | null {
     const index = this.index.array;
-    return this.faces && Float32Array.from({length: this.triangleSlots}, (_, i) => i).filter(i => index[3 * i] !== index[3 * i + 1]).map(i => this.faces!.values[3 * i]!);
+    return (
+      this.faces &&
+      Float32Array.from({length: this.triangleSlots}, (_, i) => i)
+        .filter(i => index[3 * i] !== index[3 * i + 1])
+        .map(i => this.faces!.values[3 * i]!)
+    );
   }
 
   private writeFaces(values: Slots<Float32Array>, changed: Uint32Array) {
@@ -182,14 +230,20 @@ export class ObjectMesh {
       this.faces = faces;
       this.surface.geometry = faces.geometry;
     }
-    this.faces!.write(values, fresh ? new Uint32Array([0, this.triangleSlots]) : changed, this.index.array, this.attributes.position!.array);
+    this.faces!.write(
+      values,
+      fresh ? new Uint32Array([0, this.triangleSlots]) : changed,
+      this.index.array,
+      this.attributes.position!.array,
+    );
     this.faces!.geometry.setDrawRange(0, 3 * this.triangleSlots);
   }
 
   // Corner by corner, in model units; test programs compare them with those of `mtdb extract`.
   readTriangles(): Float64Array {
     const out = new Float64Array(9 * this.triangles);
-    const index = this.index.array, p = this.attributes.position?.array;
+    const index = this.index.array,
+      p = this.attributes.position?.array;
     let at = 0;
     for (let i = 0; i < 3 * this.triangleSlots; i += 3) {
       if (index[i] === index[i + 1]) continue;
@@ -209,10 +263,18 @@ export class ObjectMesh {
   }
 
   private makeRoom(update: MeshUpdate) {
-    const moreTriangles = update.triangleSlots > this.triangleRoom, moreVertices = update.vertexSlots > this.vertexRoom;
+    const moreTriangles = update.triangleSlots > this.triangleRoom,
+      moreVertices = update.vertexSlots > this.vertexRoom;
     if (!moreTriangles && !moreVertices) return;
     const before = this.geometry;
-    const grown = (old: three.BufferAttribute | undefined, Kind: new (n: number) => Data, slots: number, count: number, used: number, normalized = false) => {
+    const grown = (
+      old: three.BufferAttribute | undefined,
+      Kind: new (n: number) => Data,
+      slots: number,
+      count: number,
+      used: number,
+      normalized = false,
+    ) => {
       const array = new Kind(slots * count);
       if (old) array.set((old.array as Data).subarray(0, used * count) as never);
       const attribute = new three.BufferAttribute(array, count, normalized);
@@ -242,7 +304,8 @@ export class ObjectMesh {
     }
     this.geometry = new three.BufferGeometry();
     this.geometry.setIndex(this.index);
-    for (const [name, attribute] of Object.entries(this.attributes)) this.geometry.setAttribute(name, attribute);
+    for (const [name, attribute] of Object.entries(this.attributes))
+      this.geometry.setAttribute(name, attribute);
     if (!this.faces) this.surface.geometry = this.geometry;
     release(before, [this.index, ...Object.values(this.attributes)]);
     if (this.edges.visible) {
@@ -254,7 +317,10 @@ export class ObjectMesh {
   private valueAttribute(name: 'colour' | 'scalar'): three.BufferAttribute {
     let attribute = this.attributes[name];
     if (!attribute) {
-      attribute = name === 'colour' ? new three.BufferAttribute(new Uint8Array(4 * this.vertexRoom), 4, true) : new three.BufferAttribute(new Float32Array(this.vertexRoom), 1);
+      attribute =
+        name === 'colour'
+          ? new three.BufferAttribute(new Uint8Array(4 * this.vertexRoom), 4, true)
+          : new three.BufferAttribute(new Float32Array(this.vertexRoom), 1);
       attribute.setUsage(three.DynamicDrawUsage);
       this.attributes[name] = attribute;
       this.geometry.setAttribute(name, attribute);
@@ -280,10 +346,13 @@ export class ObjectMesh {
   }
 
   private writeEdges(ranges: Uint32Array) {
-    const to = this.edgeIndex!.array as Uint32Array, from = this.index.array;
+    const to = this.edgeIndex!.array as Uint32Array,
+      from = this.index.array;
     for (let r = 0; r < ranges.length; r += 2) {
       for (let t = ranges[r]!; t < ranges[r + 1]!; ++t) {
-        const a = from[3 * t]!, b = from[3 * t + 1]!, c = from[3 * t + 2]!;
+        const a = from[3 * t]!,
+          b = from[3 * t + 1]!,
+          c = from[3 * t + 2]!;
         to.set([a, b, b, c, c, a], 6 * t);
       }
       this.edgeIndex!.addUpdateRange(6 * ranges[r]!, 6 * (ranges[r + 1]! - ranges[r]!));

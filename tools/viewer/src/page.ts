@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elements of the page, and how it writes numbers.
-export const byId = <T extends HTMLElement = HTMLElement>(id: string) => document.getElementById(id) as T;
+export const byId = <T extends HTMLElement = HTMLElement>(id: string) =>
+  document.getElementById(id) as T;
 export const select = (id: string) => byId<HTMLSelectElement>(id);
 export const input = (id: string) => byId<HTMLInputElement>(id);
 

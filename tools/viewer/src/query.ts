@@ -6,6 +6,7 @@ export type Point = [number, number, number];
 export interface Camera {
   eye: Point;
   target: Point;
+  up?: Point; // z without it
   fov: number; // degrees, from the bottom to the top of the picture
   viewport: [number, number]; // pixels
 }
@@ -45,7 +46,11 @@ export const sub = (a: Point, b: Point): Point => [a[0] - b[0], a[1] - b[1], a[2
 export const scale = (a: Point, s: number): Point => [a[0] * s, a[1] * s, a[2] * s];
 export const dot = (a: Point, b: Point) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const length = (a: Point) => Math.hypot(a[0], a[1], a[2]);
-export const cross = (a: Point, b: Point): Point => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const cross = (a: Point, b: Point): Point => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 export const unit = (a: Point): Point => scale(a, 1 / (length(a) || 1));
 
 // What a pixel covers at a depth.

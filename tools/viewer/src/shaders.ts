@@ -11,6 +11,8 @@ in float scalar;
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
 uniform vec3 place, stretch; // of the mesh in the scene; see stretch.ts
+uniform vec3 up;
+uniform float lean;          // of what heights are drawn, once they were exaggerated
 uniform int colourBy;        // 0 plain, 1 vertex colours, 2 scalar, 3 height, 4 steepness, 5 permitted error, 6 scalar by its logarithm, 7 a colour for each value of the scalar
 uniform vec2 range;          // of what the colour map shows
 uniform vec2 imageMiddle, imageAcross, imageDown; // from the mesh's origin; see placed_image.ts
@@ -28,12 +30,12 @@ void main() {
   inScene = place + placed;
   vec2 fromMiddle = position.xy - imageMiddle;
   inImage = imageSteps = 0.5 + vec2(dot(imageAcross, fromMiddle), dot(imageDown, fromMiddle));
-  normalInView = normalMatrix * normal.xyz;
+  normalInView = normalMatrix * vec3(normal.xy, normal.z * lean);
   plain = colour.rgb;
   if (colourBy == 6) level = range.y > range.x ? log(max(scalar, range.x) / range.x) / log(range.y / range.x) : 0.5;
   if (colourBy == 7) level = fract(scalar * 0.6180339887);
   if (colourBy > 5) return;
-  float shown = colourBy == 2 ? scalar : colourBy == 3 ? inScene.z : degrees(acos(clamp(abs(normal.z) / max(length(normal.xyz), 1e-6), 0.0, 1.0)));
+  float shown = colourBy == 2 ? scalar : colourBy == 3 ? dot(inScene, up) : degrees(acos(clamp(abs(dot(normal.xyz, up)) / max(length(normal.xyz), 1e-6), 0.0, 1.0)));
   level = range.y > range.x ? (shown - range.x) / (range.y - range.x) : 0.5;
 }`;
 
@@ -56,7 +58,7 @@ in vec2 imageSteps;
 centroid in vec3 normalInView, plain;
 centroid in float level;
 centroid in vec2 inImage;
-uniform int colourBy;
+uniform int colourBy, valued; // valued: what the object's vertices have, 1 or 2
 uniform bool flatShading;
 uniform int backFaces;        // 0 as the front, 1 in a colour of their own, 2 that without light, as the filling of a section
 uniform vec3 surface, back, mark, light;   // colours as on screens; the direction to the light, in view
@@ -92,7 +94,7 @@ void main() {
     if (away < 0.0) n = normalize(n - away * toEye);
   }
   float shown = colourBy == 5 ? permittedLevel(o) : level;
-  vec3 base = colourBy == 0 ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
+  vec3 base = colourBy == 0 || ((colourBy == 1 || colourBy == 2) && valued != colourBy) ? surface : colourBy == 1 ? plain : texture(map, vec2((clamp(shown, 0.0, 1.0) * 255.0 + 0.5) / 256.0, 0.5)).rgb;
   vec2 stepRight = dFdx(imageSteps), stepUp = dFdy(imageSteps);
   if (draped && inImage == clamp(inImage, 0.0, 1.0)) {
     vec4 over = textureGrad(image, inImage, stepRight, stepUp);
@@ -135,23 +137,49 @@ export function sharedUniforms(): Uniforms {
   const map = new three.DataTexture(new Uint8Array(4 * 256), 256, 1);
   map.magFilter = map.minFilter = three.LinearFilter;
   return {
-    colourBy: {value: 0}, range: {value: new three.Vector2(0, 1)}, stretch: {value: new three.Vector3(1, 1, 1)}, planeCount: {value: 0},
-    planes: {value: Array.from({length: 6}, () => new three.Vector4())}, ball: {value: new three.Vector4(0, 0, 0, -1)}, clips: {value: false},
-    flatShading: {value: false}, backFaces: {value: 0}, surface: {value: new three.Color()}, mark: {value: new three.Color()},
-    weights: {value: new three.Vector3()}, permitted: {value: new three.Vector4()}, apex: {value: new three.Vector3()}, back: {value: new three.Color()}, light: {value: new three.Vector3(0, 0, 1)}, map: {value: map}, edge: {value: new three.Color()},
+    colourBy: {value: 0},
+    range: {value: new three.Vector2(0, 1)},
+    stretch: {value: new three.Vector3(1, 1, 1)},
+    up: {value: new three.Vector3(0, 0, 1)},
+    lean: {value: 1},
+    planeCount: {value: 0},
+    planes: {value: Array.from({length: 6}, () => new three.Vector4())},
+    ball: {value: new three.Vector4(0, 0, 0, -1)},
+    clips: {value: false},
+    flatShading: {value: false},
+    backFaces: {value: 0},
+    surface: {value: new three.Color()},
+    mark: {value: new three.Color()},
+    weights: {value: new three.Vector3()},
+    permitted: {value: new three.Vector4()},
+    apex: {value: new three.Vector3()},
+    back: {value: new three.Color()},
+    light: {value: new three.Vector3(0, 0, 1)},
+    map: {value: map},
+    edge: {value: new three.Color()},
     edgeOpacity: {value: 0.55},
   };
 }
 
 export function surfaceMaterial(shared: Uniforms, own: Uniforms) {
   return new three.RawShaderMaterial({
-    glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: fragment, uniforms: {...shared, ...own} as never,
-    side: three.DoubleSide, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    glslVersion: three.GLSL3,
+    vertexShader: vertex,
+    fragmentShader: fragment,
+    uniforms: {...shared, ...own} as never,
+    side: three.DoubleSide,
+    polygonOffsetFactor: 1,
+    polygonOffsetUnits: 1,
   });
 }
 
 export function edgeMaterial(shared: Uniforms, own: Uniforms) {
   return new three.RawShaderMaterial({
-    glslVersion: three.GLSL3, vertexShader: vertex, fragmentShader: edgeFragment, uniforms: {...shared, ...own} as never, transparent: true, depthWrite: false,
+    glslVersion: three.GLSL3,
+    vertexShader: vertex,
+    fragmentShader: edgeFragment,
+    uniforms: {...shared, ...own} as never,
+    transparent: true,
+    depthWrite: false,
   });
 }

@@ -2,7 +2,7 @@
 // Where meshes come from. The page draws, measures and takes away by these interfaces alone. Two
 // ways fill them: thin, by a session of a server, which cuts and sends what changes; and thick, by
 // the engine in a worker of this page, which reads ranges of a packed file.
-import type {Point, Query} from './query';
+import type {HalfSpace, Point, Query} from './query';
 
 export type Way = 'thin' | 'thick';
 
@@ -17,6 +17,10 @@ export interface ObjectInfo extends ObjectEntry {
   diagonal: number;
   rounding_error: number;
   attributes: {name: string; type: string}[];
+  units?: string; // of lengths; empty: not said
+  up?: Point; // of length 1; none: an older program's object
+  up_given?: boolean; // ingest was told so
+  error_measure?: string; // vertical: of a terrain
   raster?: {crs: string; height_units: string}; // of a terrain
 }
 
@@ -44,8 +48,8 @@ export interface MeshUpdate {
   valueRange: [number, number] | null; // of a scalar, so far; of triangles, now
 }
 
-// What the thick way knows of each triangle: its error (b(t) of docs/query.md, or what is known to be no less), the round (1 is the finest)
-// and the number of the cluster that made it.
+// What the thick way knows of each triangle: its error (b(t) of docs/query.md, or what is known to
+// be no less), the round (1 is the finest) and the number of the cluster that made it.
 export type TriangleValue = 'error' | 'round' | 'cluster';
 
 // Which attributes come with the vertices, or what with the triangles: that only the thick way has.
@@ -70,7 +74,8 @@ export interface Done {
 export interface MeshListener {
   // The mesh has changed.
   changed(update: MeshUpdate): void;
-  // The mesh is the answer of a query; `query` is the object that was given to ask(). The update with its last change came before.
+  // The mesh is the answer of a query; `query` is the object that was given to ask(). The update
+  // with its last change came before.
   answered(query: Query, done: Done): void;
   // A query has failed, and the mesh stays as it is.
   failed(query: Query, sentence: string): void;
@@ -122,13 +127,33 @@ export interface TakenMesh {
   errorBound: number;
 }
 
-// What may be otherwise soon: the codes of docs/protocol.md with status 503, those of the engine, and of this page.
-const kPassing = new Set(['too_many_connections', 'too_many_sessions', 'too_many_objects', 'no_session_memory', 'no_temporary_space', 'timeout', 'budget_exceeded', 'no_space',
-  'shutting_down', 'gone', 'io', 'memory', 'unreachable', 'lost', 'decoder', 'engine']);
+// What may be otherwise soon: the codes of docs/protocol.md with status 503, those of the engine,
+// and of this page.
+const kPassing = new Set([
+  'too_many_connections',
+  'too_many_sessions',
+  'too_many_objects',
+  'no_session_memory',
+  'no_temporary_space',
+  'timeout',
+  'budget_exceeded',
+  'no_space',
+  'shutting_down',
+  'gone',
+  'io',
+  'memory',
+  'unreachable',
+  'lost',
+  'decoder',
+  'engine',
+]);
 
 // Errors are StoreErrors, whose message is a sentence for the user.
 export class StoreError extends Error {
-  constructor(message: string, readonly code: string) {
+  constructor(
+    message: string,
+    readonly code: string,
+  ) {
     super(message);
   }
 
@@ -146,5 +171,7 @@ export interface Store {
   open(name: string, way: Way, listener: MeshListener): MeshSource;
   // Where a ray first meets the surface, at full resolution; null when it does not.
   probe(name: string, origin: Point, direction: Point, signal?: AbortSignal): Promise<Hit | null>;
-  mesh(name: string, query: Query, format: string): Promise<TakenMesh>;
+  // `planes`, in the model's coordinates: what is outside of one is cut off. Draco is not written
+  // then.
+  mesh(name: string, query: Query, format: string, planes?: HalfSpace[]): Promise<TakenMesh>;
 }

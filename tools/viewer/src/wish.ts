@@ -1,6 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // From what the user wants to see, in the page's coordinates, to the query for it, in the model's.
-import {add, cross, scale, sub, unit, unitsPerPixel, type Camera, type HalfSpace, type Point, type Query, type Region, type Threshold} from './query';
+import {
+  add,
+  cross,
+  scale,
+  sub,
+  unit,
+  unitsPerPixel,
+  type Camera,
+  type HalfSpace,
+  type Point,
+  type Query,
+  type Region,
+  type Threshold,
+} from './query';
 import {halfSpaceOf, regionOf, type Shape} from './shapes';
 import {toModel} from './stretch';
 
@@ -16,8 +29,9 @@ export interface Focus {
 
 export interface Wish {
   camera: Camera;
-  pixels: number;
+  pixels: number; // 0: all that there is, wherever the camera looks
   focus: Focus | null;
+  distancePixels: number; // of errors that grow from a wedge's apex
   maxTriangles: number;
   stretch: Point;
 }
@@ -28,23 +42,49 @@ export const slopeOf = (camera: Camera, pixels: number) => pixels * unitsPerPixe
 export function queryFor(wish: Wish): Query {
   const {stretch, focus} = wish;
   const even = stretch.every(s => s === 1);
-  const screen: Threshold = even ? {screen: {camera: wish.camera, pixels: wish.pixels}}
-    : byDistance(wish.camera.eye, slopeOf(wish.camera, wish.pixels) * cornerCosine(wish.camera), stretch);
-  const frustum: Region = even ? {frustum: wish.camera} : {polyhedron: sidesOf(wish.camera).map(p => halfSpaceOf(p, stretch))};
+  const screen: Threshold =
+    wish.pixels === 0
+      ? 'full'
+      : even
+        ? {screen: {camera: wish.camera, pixels: wish.pixels}}
+        : byDistance(
+            wish.camera.eye,
+            (slopeOf(wish.camera, wish.pixels) * cornerCosine(wish.camera)) / stretch[2],
+            stretch,
+          );
+  const frustum: Region = even
+    ? {frustum: wish.camera}
+    : {polyhedron: sidesOf(wish.camera).map(p => halfSpaceOf(p, stretch))};
   const query: Query = {max_triangles: wish.maxTriangles};
-  if (!focus) return {...query, region: frustum, threshold: screen};
+  if (!focus) return {...query, ...(wish.pixels === 0 ? {} : {region: frustum}), threshold: screen};
   const region = regionOf(focus.region, stretch);
-  const inside: Threshold = focus.inside === 'view' ? screen
-    : focus.inside === 'distance' ? byDistance(apexOf(focus.region, wish.camera), slopeOf(wish.camera, wish.pixels), stretch) : focus.inside;
-  if (focus.outside === 'view') return {...query, region: {union: [frustum, region]}, threshold: {by_region: {region, inside, outside: screen}}};
+  const inside: Threshold =
+    focus.inside === 'view'
+      ? screen
+      : focus.inside === 'distance'
+        ? byDistance(
+            apexOf(focus.region, wish.camera),
+            slopeOf(wish.camera, wish.distancePixels) / stretch[2],
+            stretch,
+          )
+        : focus.inside;
+  if (focus.outside === 'view')
+    return {
+      ...query,
+      ...(wish.pixels === 0 ? {} : {region: {union: [frustum, region]}}),
+      threshold: {by_region: {region, inside, outside: screen}},
+    };
   return {...query, region, threshold: inside, ...(focus.outside === 'clip' ? {clip: true} : {})};
 }
 
-export const apexOf = (shape: Shape, camera: Camera): Point => ('wedge' in shape ? shape.wedge.apex : camera.eye);
+export const apexOf = (shape: Shape, camera: Camera): Point =>
+  'wedge' in shape ? shape.wedge.apex : camera.eye;
 
-// Cosine of the angle between the picture's middle and its corners: a depth is at least so much of a distance.
+// Cosine of the angle between the picture's middle and its corners: a depth is at least so much of
+// a distance.
 function cornerCosine(camera: Camera) {
-  const tan = Math.tan((camera.fov * Math.PI) / 360), aspect = camera.viewport[0] / camera.viewport[1];
+  const tan = Math.tan((camera.fov * Math.PI) / 360),
+    aspect = camera.viewport[0] / camera.viewport[1];
   return 1 / Math.sqrt(1 + tan * tan * (1 + aspect * aspect));
 }
 
@@ -55,7 +95,9 @@ function byDistance(point: Point, slope: number, stretch: Point): Threshold {
   const steps: Threshold[] = [0];
   for (let reach = 20; reach < 2e7; reach *= 1.3) {
     const half: Point = [reach, reach, reach];
-    const box: Region = {box: {min: toModel(sub(point, half), stretch), max: toModel(add(point, half), stretch)}};
+    const box: Region = {
+      box: {min: toModel(sub(point, half), stretch), max: toModel(add(point, half), stretch)},
+    };
     steps.push({by_region: {region: box, inside: 0, outside: slope * reach}});
   }
   return {largest: steps};
@@ -64,8 +106,21 @@ function byDistance(point: Point, slope: number, stretch: Point): Threshold {
 // The frustum's sides, and the plane through the eye.
 function sidesOf(camera: Camera): HalfSpace[] {
   const forward = unit(sub(camera.target, camera.eye));
-  const right = unit(cross(forward, Math.hypot(forward[0], forward[1]) > 1e-9 ? [0, 0, 1] : [0, 1, 0])), up = cross(right, forward);
-  const tan = Math.tan((camera.fov * Math.PI) / 360), wide = (tan * camera.viewport[0]) / camera.viewport[1];
-  const side = (across: Point, reach: number): HalfSpace => ({point: camera.eye, normal: sub(across, scale(forward, reach))});
-  return [side(right, wide), side(scale(right, -1), wide), side(up, tan), side(scale(up, -1), tan), {point: camera.eye, normal: scale(forward, -1)}];
+  const right = unit(
+      cross(forward, Math.hypot(forward[0], forward[1]) > 1e-9 ? [0, 0, 1] : [0, 1, 0]),
+    ),
+    up = cross(right, forward);
+  const tan = Math.tan((camera.fov * Math.PI) / 360),
+    wide = (tan * camera.viewport[0]) / camera.viewport[1];
+  const side = (across: Point, reach: number): HalfSpace => ({
+    point: camera.eye,
+    normal: sub(across, scale(forward, reach)),
+  });
+  return [
+    side(right, wide),
+    side(scale(right, -1), wide),
+    side(up, tan),
+    side(scale(up, -1), tan),
+    {point: camera.eye, normal: scale(forward, -1)},
+  ];
 }

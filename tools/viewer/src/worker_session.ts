@@ -1,12 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh that a worker keeps: decoder.ts (thin) or engine.ts (thick). Finds it again when it is lost.
+// A mesh that a worker keeps: decoder.ts (thin) or engine.ts (thick). Finds it again when it is
+// lost.
 import type {Point, Query} from './query';
 import {StoreError} from './source';
-import type {Done, Limits, Load, MeshListener, MeshSource, MeshUpdate, ObjectInfo, Traffic, ValueChoice} from './source';
+import type {
+  Done,
+  Limits,
+  Load,
+  MeshListener,
+  MeshSource,
+  MeshUpdate,
+  ObjectInfo,
+  Traffic,
+  ValueChoice,
+} from './source';
 
 export type ToWorker =
   | {kind: 'open'; url: string; remember: number; types: string[]; stretch: Point} // of decoder.ts
-  | {kind: 'open_packed'; url: string; object: string; byHash: boolean; types: string[]; stretch: Point} // of engine.ts
+  | {
+      kind: 'open_packed';
+      url: string;
+      object: string;
+      byHash: boolean;
+      types: string[];
+      stretch: Point;
+    } // of engine.ts
   | {kind: 'ask'; id: number; query: Query}
   | {kind: 'choose'; values: ValueChoice}
   | {kind: 'limit'; limits: Limits}
@@ -21,13 +39,21 @@ export interface Answer {
 
 export type FromWorker =
   | {kind: 'hello'; hello: {max_triangles: number}}
-  | {kind: 'update'; update: MeshUpdate | null; answers: Answer[]; bytes: number; milliseconds: number; load: Load | null}
+  | {
+      kind: 'update';
+      update: MeshUpdate | null;
+      answers: Answer[];
+      bytes: number;
+      milliseconds: number;
+      load: Load | null;
+    }
   // Something does not come; the worker tries again. Empty: it does.
   | {kind: 'trouble'; sentence: string}
   | {kind: 'closed'; opened: boolean; code: number; sentence: string};
 
 const kPatience = 120; // milliseconds before a newer query takes the place of one that a server works on
-const kFirstPause = 500, kLongestPause = 5000; // milliseconds between two tries to find a lost server
+const kFirstPause = 500,
+  kLongestPause = 5000; // milliseconds between two tries to find a lost server
 
 // What differs between the two ways.
 export interface WorkerKind {
@@ -53,7 +79,11 @@ export class WorkerSession implements MeshSource {
   private answered: Query | null = null; // the last that has its answer
   private limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity};
 
-  constructor(private readonly name: string, private readonly listener: MeshListener, private readonly way: WorkerKind) {
+  constructor(
+    private readonly name: string,
+    private readonly listener: MeshListener,
+    private readonly way: WorkerKind,
+  ) {
     listener.state('opening', '');
     void this.start();
   }
@@ -73,7 +103,8 @@ export class WorkerSession implements MeshSource {
     const worker = new Worker(new URL(this.way.script, import.meta.url), {type: 'module'});
     this.worker = worker;
     worker.onmessage = (event: MessageEvent<FromWorker>) => this.onMessage(event.data);
-    worker.onerror = () => this.lose(new StoreError('The decoder could not be started; load the page anew.', 'decoder'));
+    worker.onerror = () =>
+      this.lose(new StoreError('The decoder could not be started; load the page anew.', 'decoder'));
     this.post({kind: 'limit', limits: this.limits});
     this.post(this.way.open(info));
   }
@@ -107,7 +138,8 @@ export class WorkerSession implements MeshSource {
       for (const answer of message.answers) this.onAnswer(answer);
       requestAnimationFrame(() => this.post({kind: 'taken'}));
     } else if (message.kind === 'trouble') {
-      if (message.sentence) this.listener.state('lost', `${message.sentence.replace(/\.$/, '')}. Trying again…`);
+      if (message.sentence)
+        this.listener.state('lost', `${message.sentence.replace(/\.$/, '')}. Trying again…`);
       else this.listener.state('open', '');
     } else {
       void this.onClosed(message);
@@ -141,7 +173,10 @@ export class WorkerSession implements MeshSource {
     if (message.sentence) return this.lose(new StoreError(message.sentence, 'decoder'));
     try {
       await this.way.info();
-      const why = message.code === 1013 || !message.opened ? 'The server has no room for another session' : 'The connection to the server was lost';
+      const why =
+        message.code === 1013 || !message.opened
+          ? 'The server has no room for another session'
+          : 'The connection to the server was lost';
       this.lose(new StoreError(why, 'lost'));
     } catch (error) {
       this.lose(error as StoreError);
@@ -153,7 +188,12 @@ export class WorkerSession implements MeshSource {
     if (this.closed) return;
     if (!error.passes) {
       this.closed = true;
-      return this.listener.state('gone', error.code === 'no_such_object' ? `The object “${this.name}” is not in the store any more.` : error.message);
+      return this.listener.state(
+        'gone',
+        error.code === 'no_such_object'
+          ? `The object “${this.name}” is not in the store any more.`
+          : error.message,
+      );
     }
     this.listener.state('lost', `${error.message.replace(/\.$/, '')}. Trying again…`);
     clearTimeout(this.timer);
@@ -170,7 +210,8 @@ export class WorkerSession implements MeshSource {
   // the page takes the newest at once.
   private send() {
     const query = this.wanted;
-    if (!this.ready || !query || this.sent.at(-1)?.query === query || this.answered === query) return;
+    if (!this.ready || !query || this.sent.at(-1)?.query === query || this.answered === query)
+      return;
     const last = this.sent.at(-1);
     if (this.way.script === 'engine.js') this.sent = [];
     else if (last && performance.now() - last.at < kPatience) {
@@ -193,7 +234,11 @@ export class WorkerSession implements MeshSource {
   }
 
   limit(limits: Limits) {
-    if (limits.cacheBytes === this.limits.cacheBytes && limits.bytesPerSecond === this.limits.bytesPerSecond) return;
+    if (
+      limits.cacheBytes === this.limits.cacheBytes &&
+      limits.bytesPerSecond === this.limits.bytesPerSecond
+    )
+      return;
     this.limits = limits;
     this.post({kind: 'limit', limits});
   }

@@ -203,6 +203,8 @@ const kCodes: Record<number, ErrorCode> = {
   100: 'invalid_argument', 101: 'not_found', 103: 'unsupported', 104: 'aborted', 105: 'no_space',
   201: 'corrupt', 300: 'io', 301: 'memory', 303: 'not_yet',
 };
+const kNoParts = 'the web server sends no parts of files (it ignores Range), as python3 -m http.server does; nginx, Apache, Caddy and mtdb serve do';
+const kSmallFile = 64e6; // bytes that are taken whole from a server that sends no parts
 const transient = new Set([408, 425, 429, 500, 502, 503, 504]);
 
 /** The bytes of one file on a server: ranges, tried again where that may help. */
@@ -215,6 +217,7 @@ class FileRanges {
   replaced = false;
   private etag: string | null = null;
   private from: string; // where the next range is asked for
+  private whole: Uint8Array | null = null; // of a server that sends no parts
   private readonly get: typeof fetch;
   private free = 0; // when more may be asked for; performance.now()
 
@@ -235,6 +238,7 @@ class FileRanges {
   }
 
   async read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array> {
+    if (this.whole) return this.whole.slice(offset, offset + length);
     const most = this.options.maxBytes ?? Infinity;
     if (this.asked + length > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached`, 'budget');
     this.asked += length; // what is on its way counts, too
@@ -267,21 +271,47 @@ class FileRanges {
     return new MtdbError(`${this.url}: the file was replaced; open it anew`, 'corrupt');
   }
 
+  /** All of a small file. `more`: to be called when some of it has come. */
+  private async takeWhole(response: Response, where: string, more: () => void): Promise<Uint8Array> {
+    const most = this.options.maxBytes ?? Infinity, parts: Uint8Array[] = [], reader = response.body!.getReader();
+    let size = Number(response.headers.get('Content-Length') ?? 0), at = 0;
+    for (;;) {
+      if (size > kSmallFile) throw new MtdbError(`${where}: ${kNoParts}; files of more than ${kSmallFile / 1e6} MB are not taken whole`, 'unsupported');
+      if (size > most) throw new MtdbError(`${this.url}: the limit of ${most} bytes is reached, and ${kNoParts}`, 'budget');
+      const {done, value} = await reader.read();
+      if (done) break;
+      more();
+      parts.push(value);
+      this.bytes += value.length;
+      at += value.length;
+      size = Math.max(size, at);
+    }
+    if (at < size && !response.headers.has('Content-Encoding')) throw new MtdbError(`${where}: ${at} bytes came instead of ${size}`, 'io');
+    const whole = new Uint8Array(at);
+    parts.reduce((begin, part) => (whole.set(part, begin), begin + part.length), 0);
+    return whole;
+  }
+
   private async tryRead(offset: number, length: number, outer?: AbortSignal): Promise<Uint8Array> {
     const control = new AbortController();
     const stop = () => control.abort();
     outer?.addEventListener('abort', stop);
-    const timer = setTimeout(stop, this.options.timeout ?? 15000);
+    const wait = () => setTimeout(stop, this.options.timeout ?? 15000);
+    let timer = wait();
     try {
       ++this.requests;
       const response = await this.get(this.from, {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal: control.signal});
       const where = `${this.url}: bytes ${offset} to ${offset + length}`;
+      if (response.status === 200 && this.size === 0) {
+        this.whole = await this.takeWhole(response, where, () => (clearTimeout(timer), timer = wait())).finally(stop);
+        this.size = this.whole.length;
+        return this.whole.slice(offset, offset + length);
+      }
       if (response.status !== 206) {
         stop(); // a body may be the whole file
         if (this.size > 0 && [410, 412, 416].includes(response.status)) throw this.otherFile();
         const code: ErrorCode = transient.has(response.status) ? 'io' : response.status === 404 ? 'not_found' : 'unsupported';
-        const why = response.status === 200 ? 'the web server sends no parts of files (it ignores Range), as python3 -m http.server does; nginx, Apache, Caddy and mtdb serve do' : `the server answers ${response.status} ${response.statusText}`;
-        throw new MtdbError(`${where}: ${why}`, code);
+        throw new MtdbError(`${where}: ${response.status === 200 ? kNoParts : `the server answers ${response.status} ${response.statusText}`}`, code);
       }
       const range = /^bytes (\d+)-(\d+)\/(\d+)$/.exec(response.headers.get('Content-Range') ?? '');
       if (!range) throw new MtdbError(`${where}: no Content-Range that can be read; a server of another origin has to expose it (docs/packed.md)`, 'unsupported');
