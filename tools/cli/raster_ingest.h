@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/cli/verbs.h"
+#include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/client/json.h"
 #include "tools/gdal/raster_input.h"
 

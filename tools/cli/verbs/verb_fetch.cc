@@ -5,6 +5,7 @@
 #include "codecs/mesh_file/atomic_file.h"
 #include "codecs/mesh_file/mesh_file.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
@@ -75,8 +76,6 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
               SizeText(a.bytes_read).c_str(), Grouped(a.clusters_cached).c_str());
 }
 
-}  // namespace
-
 Status Fetch(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
   MTDB_ASSIGN_OR_RETURN(const QueryJson query, QueryOf(arguments.query, arguments.size));
@@ -105,5 +104,24 @@ Status Fetch(const QueryArguments& arguments) {
                std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
 }
+
+RunVerb AddFetch(CLI::App* verb) {
+  const auto a = std::make_shared<QueryArguments>();
+  AddUrl(verb, &a->store);
+  AddOutput(verb, &a->output);
+  AddQueryOptions(verb, a.get(), false);
+  AddTimeout(verb, &a->timeout_seconds);
+  AddMeshOptions(verb, a.get());
+  return [a](Invocation&) { return Fetch(*a); };
+}
+
+}  // namespace
+
+const Verb kFetchVerb{
+    "fetch", "extract from a server (mtdb serve)",
+    "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
+    "--sphere 0,0,180,60\n"
+    "More: docs/query.md, docs/protocol.md",
+    AddFetch};
 
 }  // namespace mtdb
