@@ -9,14 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "query/json/json_value.h"
 #include "store/base/coordinate_limit.h"
+#include "store/base/json.h"
 #include "store/base/out_of_memory.h"
 #include "store/metres_of_unit.h"
 
 namespace mtdb {
-
-using namespace internal;
 
 namespace {
 
@@ -35,20 +33,20 @@ struct Reading {
 
 // A value and where it is.
 struct Node {
-  const JsonValue& json;
+  const Json& json;
   std::string path;
   Reading* reading;
 
   Node operator[](const char* key) const {
-    return {json.at(key), (path.empty() ? "" : path + ".") + key, reading};
+    return {json[key], (path.empty() ? "" : path + ".") + key, reading};
   }
   Node operator[](size_t i) const {
-    return {json.at(i), path + "[" + std::to_string(i) + "]", reading};
+    return {json[i], path + "[" + std::to_string(i) + "]", reading};
   }
   bool has(const char* key) const { return json.contains(key); }
 };
 
-std::string Found(const JsonValue& json) {
+std::string Found(const Json& json) {
   if (json.is_object()) return "an object";
   if (json.is_array()) return "a list of " + std::to_string(json.size());
   std::string text = json.Text();
@@ -76,10 +74,8 @@ Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
   std::vector<const char*> known(required);
   known.insert(known.end(), optional);
   if (!node.json.is_object()) return Unexpected(node, "an object with " + Listed(known));
-  for (const auto& [key, value] : node.json.members()) {
-    if (std::find(known.begin(), known.end(), key) == known.end()) {
-      return Wrong(node, "no key " + Found(JsonValue(key)) + " here; known are " + Listed(known));
-    }
+  if (const std::string* const key = node.json.UnknownKey(known)) {
+    return Wrong(node, "no key " + Found(*key) + " here; known are " + Listed(known));
   }
   for (const char* key : required) {
     if (!node.has(key)) return Wrong(node, std::string("the key \"") + key + "\" is missing");
@@ -382,11 +378,10 @@ Result<const Kind*> KindOf(const Node& node, const Kind (&kinds)[kCount], const 
   }
   std::vector<const char*> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  const std::string found = node.json.is_object() && node.json.size() == 1
-                                ? Found(JsonValue(node.json.members().begin()->first))
-                            : node.json.is_object()
-                                ? "an object with " + std::to_string(node.json.size()) + " keys"
-                                : Found(node.json);
+  const std::string found =
+      node.json.is_object() && node.json.size() == 1 ? Found(node.json.members().front().name)
+      : node.json.is_object() ? "an object with " + std::to_string(node.json.size()) + " keys"
+                              : Found(node.json);
   return Wrong(node, std::string("expected ") + what + ", an object with one of the keys " +
                          Listed(names) + "; found " + found);
 }
@@ -525,10 +520,10 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
 }
 
 Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {1, 1, 1}) {
-  MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+  MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
   Reading reading{0, metres};
   const Node node{json, "query", &reading};
-  const auto entry = [&](const char* key) { return Node{json.at(key), key, &reading}; };
+  const auto entry = [&](const char* key) { return Node{json[key], key, &reading}; };
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
                                   "max_milliseconds", "clip", "normals", "available_only"}));
@@ -583,7 +578,7 @@ Result<Query> ParseQuery(std::string_view text, const ObjectRecord& record) {
 
 Result<RegionPtr> ParseRegion(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<RegionPtr> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
     Reading reading;
     return RegionOf({json, "region", &reading}, 0);
   });
@@ -591,7 +586,7 @@ Result<RegionPtr> ParseRegion(std::string_view text) {
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
   return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
     Reading reading;
     return ThresholdOf({json, "threshold", &reading}, diagonal, 0);
   });
@@ -599,7 +594,7 @@ Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
 
 Result<Camera> ParseCamera(std::string_view text) {
   return CatchOutOfMemory([&]() -> Result<Camera> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
     Reading reading;
     return CameraOf({json, "camera", &reading});
   });

@@ -56,8 +56,6 @@ const char* ReasonName(GridReason reason) {
 
 double Megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
-Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
-
 }  // namespace
 
 std::string AccuracyLine(const MeshSurvey& s) {
@@ -164,21 +162,21 @@ Json AccuracyJson(const MeshSurvey& s) {
             {"advised_step", s.advised_step}};
   if (s.far_vertices) {
     Json& far = json["far_vertices"];
-    far = {{"count", s.far_vertices->count}, {"position", Point(s.far_vertices->position)}};
+    far = {{"count", s.far_vertices->count}, {"position", Json(s.far_vertices->position)}};
     if (s.far_vertices->vertex) far["vertex"] = *s.far_vertices->vertex;
   }
   return json;
 }
 
 Json SurveyJson(const MeshSurvey& s) {
-  Json attributes = Json::array();
+  Json attributes = Json::Array();
   for (const VertexAttribute& a : s.header.attributes.attributes) attributes.push_back(a.name);
   Json json{{"triangles", s.triangles},
             {"vertices", s.vertices},
             {"degenerate_triangles", s.triangles - s.kept_triangles},
             {"welded_vertices", s.welded_vertices},
             {"equal_vertices", s.equal_vertices},
-            {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}},
+            {"bounds", {{"min", Json(s.bounds.min)}, {"max", Json(s.bounds.max)}}},
             {"diagonal", Diagonal(s.bounds)},
             {"edges",
              {{"shortest", s.edges.shortest},

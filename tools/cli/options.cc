@@ -186,7 +186,7 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
     // A query of options alone depends on nothing else; of the object's size only by a factor.
     if (status.ok() && a->query.file.empty()) {
       const auto json = QueryOf(a->query, a->size);
-      status = json.ok() ? ParseQuery(json->dump(), 1).status() : json.status();
+      status = json.ok() ? ParseQuery(json->Text(), 1).status() : json.status();
     }
     if (status.ok() && a->output == "-" && a->output_format.empty()) {
       status = InvalidArgument("-: standard output has no suffix: give --format, such as ply");

@@ -10,8 +10,8 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "query/surface.h"
+#include "store/base/json.h"
 #include "store/database.h"
-#include "tools/client/json.h"
 #include "tools/render/render.h"
 #include "tools/request/query_options.h"
 
@@ -48,7 +48,7 @@ Status ExtractRaster(const QueryArguments& arguments);
 Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments);
 
 struct QueryReport {
-  const QueryJson& query;
+  const Json& query;
   const ObjectRecord& record;
   const ExtractStats& stats;
   std::optional<MeshWriteReport> file = {};  // extract: what the file has of the mesh
@@ -58,7 +58,7 @@ struct QueryReport {
 };
 // Whether a line tells by how much the answer falls short: not when a budget ended the refinement
 // of a query that asks for no error but so many triangles, bytes or milliseconds.
-bool TellsShortfall(const QueryJson& query, const std::string& limit);
+bool TellsShortfall(const Json& query, const std::string& limit);
 // As text or JSON; to standard error, when the mesh goes to standard output.
 void PrintQueryReport(const QueryArguments& arguments, const QueryReport& report);
 

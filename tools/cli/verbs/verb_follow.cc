@@ -33,9 +33,9 @@ struct FollowArguments {
 };
 using Count = unsigned long long;
 
-Result<QueryJson::array_t> ReadPath(const std::string& path) {
+Result<Json::Array> ReadPath(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
-  Result<QueryJson::array_t> queries = ParseFollowPath(text);
+  Result<Json::Array> queries = ParseFollowPath(text);
   if (!queries.ok()) return InvalidArgument(path + ": " + queries.status().message());
   return queries;
 }
@@ -125,7 +125,7 @@ void PrintSummary(const RemoteSession& session, const std::vector<RemoteUpdate>&
 }
 
 Status Follow(const FollowArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson::array_t queries, ReadPath(arguments.path));
+  MTDB_ASSIGN_OR_RETURN(const Json::Array queries, ReadPath(arguments.path));
   CsvFile csv;
   if (!arguments.csv.empty()) MTDB_RETURN_IF_ERROR(csv.Open(arguments.csv));
   RemoteSessionOptions options;
@@ -139,10 +139,10 @@ Status Follow(const FollowArguments& arguments) {
   const std::chrono::duration<double, std::milli> opened = std::chrono::steady_clock::now() - begin;
   MTDB_RETURN_IF_ERROR(csv.AddStart(*session, opened.count()));
   std::vector<RemoteUpdate> updates;
-  Json steps = Json::array();
-  for (const QueryJson& query : queries) {
+  Json steps = Json::Array();
+  for (const Json& query : queries) {
     const size_t step = updates.size() + 1;
-    Result<RemoteUpdate> update = session->Update(query.dump());
+    Result<RemoteUpdate> update = session->Update(query.Text());
     if (!update.ok()) {
       return {update.status().code(),
               "step " + std::to_string(step) + ": " + update.status().message()};

@@ -311,7 +311,7 @@ Status Ingest(const IngestArguments& arguments) {
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     if (raster != nullptr) json["raster_input"] = raster->ReportJson();
-    json["stages"] = Json::array();
+    json["stages"] = Json::Array();
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},
                                 {"seconds", stage.seconds},

@@ -144,7 +144,7 @@ void PrintInfo(const ObjectRecord& r) {
 }
 
 Json JournalsJson(const std::vector<IngestJournal>& journals) {
-  Json list = Json::array();
+  Json list = Json::Array();
   for (const IngestJournal& j : journals) {
     list.push_back({{"object", j.object},
                     {"running", j.running},
@@ -197,12 +197,13 @@ Status Info(const InspectArguments& arguments) {
     records.push_back(std::move(record));
   }
   if (arguments.json) {
-    Json objects = Json::array();
+    Json objects = Json::Array();
     for (const ObjectRecord& r : records) {
-      Json& object = objects.emplace_back(RecordJson(r, file_bytes));
+      Json& object = objects.push_back(RecordJson(r, file_bytes));
       if (!arguments.streams) continue;
       MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
-      object["stream_bits_per_vertex"] = bits;
+      Json& json = object["stream_bits_per_vertex"] = Json::Object();
+      for (const auto& [name, n] : bits) json[name] = n;
     }
     PrintAnswer("info",
                 {{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
@@ -297,7 +298,7 @@ Status Verify(const InspectArguments& arguments, bool* failed) {
   *failed = !report.ok();
   if (arguments.json) {
     Json json = {{"store", arguments.store}, {"level", arguments.level}};
-    json.update(ChecksJson(report));
+    json.Update(ChecksJson(report));
     PrintAnswer("verify", json);
     return Status::Ok();
   }

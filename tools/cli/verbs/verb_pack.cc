@@ -57,7 +57,7 @@ Status Pack(const PackArguments& arguments) {
                         PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));
   MTDB_RETURN_IF_ERROR(file->Commit());
   if (arguments.json) {
-    Json objects = Json::array();
+    Json objects = Json::Array();
     for (const std::string& name : names) objects.push_back({{"object", name}});
     PrintAnswer("pack", {{"output", arguments.to},
                          {"objects", objects},
@@ -94,7 +94,7 @@ Status Unpack(const PackArguments& arguments) {
   } else {
     MTDB_RETURN_IF_ERROR(CopyToNewStore(sources, arguments.to));
   }
-  Json objects = Json::array();
+  Json objects = Json::Array();
   for (const auto& source : sources) {
     const ObjectRecord& record = source->record();
     objects.push_back({{"object", record.name}, {"digest", record.digest_hex()}});

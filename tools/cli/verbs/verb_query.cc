@@ -65,14 +65,14 @@ Status Extract(const QueryArguments& arguments) {
         "--spacing, --window: are for rasters, whose names end in .tif, .asc or .hgt; --box and "
         "--clip give a part of a mesh");
   }
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(json);
     return Status::Ok();
   }
   const bool standard = arguments.output == "-";
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MeshWriteOptions write = MeshOptionsOf(surface->record(), json.value("normals", false));
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), json["normals"] == true);
   write.double_positions = arguments.double_positions;
   if (standard) write.descriptor = STDOUT_FILENO;
   const auto open = [&]() {

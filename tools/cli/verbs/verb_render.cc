@@ -32,11 +32,7 @@ double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-Vec3d PointOf(const QueryJson& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
-
-Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
+Vec3d PointOf(const Json& json) { return {json[0].number(), json[1].number(), json[2].number()}; }
 
 constexpr double kMapAngle = 0.02;  // radians: as if seen from far above
 
@@ -93,7 +89,7 @@ Status NameImage(const QueryArguments& arguments, Status status) {
 
 Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
   MTDB_ASSIGN_OR_RETURN(Camera camera,
-                        ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+                        ParseCamera(CameraOf(arguments.query, arguments.size).Text()));
   camera.eye = Scaled(camera.eye, scale);
   camera.direction = Scaled(camera.direction, scale);
   options->camera = camera;
@@ -154,18 +150,17 @@ Json PictureJson(const QueryArguments& arguments, const RenderOptions& options,
                  const RenderImage& image) {
   const Vec3d up = options.camera ? options.camera->axes().up : options.up;
   const Vec3d direction = options.camera ? options.camera->axes().forward : options.view_direction;
-  return {
-      {"width_px", image.width},
-      {"height_px", image.height},
-      {"direction", PointJson(direction)},
-      {"up", PointJson(up)},
-      {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
-      {"colour_range", image.range ? Json::array({(*image.range)[0], (*image.range)[1]}) : Json()}};
+  return {{"width_px", image.width},
+          {"height_px", image.height},
+          {"direction", Json(direction)},
+          {"up", Json(up)},
+          {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
+          {"colour_range", image.range ? Json(*image.range) : Json()}};
 }
 
 Status Render(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(json);
     return Status::Ok();

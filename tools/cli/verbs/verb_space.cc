@@ -127,7 +127,7 @@ Status Remove(const SpaceArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const uint64_t free_bytes, database->FreeBytes());
   const uint64_t freed = free_bytes > free_before ? free_bytes - free_before : 0;
   if (arguments.json) {
-    Json removed = Json::array();
+    Json removed = Json::Array();
     for (const ObjectRecord& r : records) removed.push_back(r.name);
     PrintAnswer("remove", {{"store", arguments.store},
                            {"removed", removed},

@@ -87,7 +87,7 @@ Status FindAndPrint(const ProfileArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
   const ObjectRecord& record = surface->record();
   if (arguments.json) {
-    Json points = Json::array();
+    Json points = Json::Array();
     for (const ProfilePoint& p : profile.points) {
       points.push_back(
           {{"distance", p.distance}, {"x", p.x}, {"y", p.y}, {"height", HeightJson(p.height)}});
@@ -134,7 +134,7 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   HeightOptions options;
   options.error_model = arguments.error.value_or(-1);
   HeightCost cost;
-  Json list = Json::array();
+  Json list = Json::Array();
   MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
                         FindHeights(*surface, places, options, &cost));
   for (size_t i = 0; i < places.size(); ++i) {

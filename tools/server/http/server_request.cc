@@ -69,8 +69,8 @@ Status Set(Value* value, Parse parse, const std::string& text) {
 }
 
 template <typename Parse>
-Status Append(QueryJson::array_t* values, Parse parse, const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(QueryJson value, parse(text));
+Status Append(Json::Array* values, Parse parse, const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json value, parse(text));
   values->push_back(std::move(value));
   return Status::Ok();
 }
@@ -183,7 +183,7 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       return InvalidArgument(
           "the body holds the query: give no other parameters than format and double beside it");
     }
-    Result<QueryJson> json = ParseQueryText(body);
+    Result<Json> json = ParseQueryText(body);
     if (!json.ok()) return InvalidArgument("body: " + json.status().message());
     request.query = *std::move(json);
     return request;
