@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "query/query_from_json.h"
 #include "store/base/coordinate_limit.h"
-#include "store/base/json.h"
 #include "store/base/out_of_memory.h"
 #include "store/metres_of_unit.h"
 
@@ -18,7 +18,6 @@ namespace mtdb {
 
 namespace {
 
-constexpr int kDeepest = 64;  // braces and brackets within each other
 constexpr size_t kExcerpt = 40;
 constexpr int kMostParts = 4096;  // regions and thresholds; each may be asked for each triangle
 constexpr int kLargestViewport = 1 << 20;
@@ -394,7 +393,7 @@ Status CountPart(const Node& node) {
 
 Result<RegionPtr> RegionOf(const Node& node, int depth) {
   MTDB_RETURN_IF_ERROR(CountPart(node));
-  if (depth == kDeepest) return Wrong(node, "too many regions within each other");
+  if (depth == kDeepestQuery) return Wrong(node, "too many regions within each other");
   MTDB_ASSIGN_OR_RETURN(const RegionKind* kind, KindOf(node, kRegionKinds, "a region"));
   return kind->parse(node[kind->name], depth + 1);
 }
@@ -506,7 +505,7 @@ constexpr ThresholdKind kThresholdKinds[] = {
 
 Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   MTDB_RETURN_IF_ERROR(CountPart(node));
-  if (depth == kDeepest) return Wrong(node, "too many thresholds within each other");
+  if (depth == kDeepestQuery) return Wrong(node, "too many thresholds within each other");
   if (node.json.is_number()) {
     MTDB_ASSIGN_OR_RETURN(const double error, NonNegative(node));
     return ConstantThreshold(error);
@@ -519,8 +518,7 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   return kind->parse(node[kind->name], diagonal, depth + 1);
 }
 
-Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {1, 1, 1}) {
-  MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
+Result<Query> ReadQuery(const Json& json, double diagonal, Vec3d metres) {
   Reading reading{0, metres};
   const Node node{json, "query", &reading};
   const auto entry = [&](const char* key) { return Node{json[key], key, &reading}; };
@@ -563,41 +561,57 @@ Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {
   return query;
 }
 
+// What `read` makes of a text.
+template <typename Read>
+auto OfText(std::string_view text, Read read) {
+  return CatchOutOfMemory([&]() -> decltype(read(Json())) {
+    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepestQuery));
+    return read(json);
+  });
+}
+
 }  // namespace
 
+Result<Query> QueryFromJson(const Json& json, double diagonal) {
+  return CatchOutOfMemory([&] { return ReadQuery(json, diagonal, {1, 1, 1}); });
+}
+
+Result<Query> QueryFromJson(const Json& json, const ObjectRecord& record) {
+  const std::array<double, 2> metres = MetresOfUnit(record);
+  return CatchOutOfMemory([&] {
+    return ReadQuery(json, record.diagonal(), {metres[0], metres[1], 1});
+  });
+}
+
+Result<RegionPtr> RegionFromJson(const Json& json) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return RegionOf({json, "region", &reading}, 0); });
+}
+
+Result<ThresholdPtr> ThresholdFromJson(const Json& json, double diagonal) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return ThresholdOf({json, "threshold", &reading}, diagonal, 0); });
+}
+
+Result<Camera> CameraFromJson(const Json& json) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return CameraOf({json, "camera", &reading}); });
+}
+
 Result<Query> ParseQuery(std::string_view text, double diagonal) {
-  return CatchOutOfMemory([&] { return ReadQuery(text, diagonal); });
+  return OfText(text, [&](const Json& json) { return QueryFromJson(json, diagonal); });
 }
 
 Result<Query> ParseQuery(std::string_view text, const ObjectRecord& record) {
-  const std::array<double, 2> metres = MetresOfUnit(record);
-  return CatchOutOfMemory([&] {
-    return ReadQuery(text, record.diagonal(), {metres[0], metres[1], 1});
-  });
+  return OfText(text, [&](const Json& json) { return QueryFromJson(json, record); });
 }
 
-Result<RegionPtr> ParseRegion(std::string_view text) {
-  return CatchOutOfMemory([&]() -> Result<RegionPtr> {
-    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
-    Reading reading;
-    return RegionOf({json, "region", &reading}, 0);
-  });
-}
+Result<RegionPtr> ParseRegion(std::string_view text) { return OfText(text, RegionFromJson); }
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
-  return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
-    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
-    Reading reading;
-    return ThresholdOf({json, "threshold", &reading}, diagonal, 0);
-  });
+  return OfText(text, [&](const Json& json) { return ThresholdFromJson(json, diagonal); });
 }
 
-Result<Camera> ParseCamera(std::string_view text) {
-  return CatchOutOfMemory([&]() -> Result<Camera> {
-    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepest));
-    Reading reading;
-    return CameraOf({json, "camera", &reading});
-  });
-}
+Result<Camera> ParseCamera(std::string_view text) { return OfText(text, CameraFromJson); }
 
 }  // namespace mtdb

@@ -113,7 +113,7 @@ const std::map<std::string, std::set<std::string>> kPublicHeaders{
     {"query/answer", {"cut.h", "surface.h"}},
     {"query/moving", {"session.h"}},
     {"query/ask", {"heights.h", "probe.h", "verify_object.h"}},
-    {"query/json", {"query_json.h"}},
+    {"query/json", {"query_from_json.h", "query_json.h"}},
     {"builder/disk", {"build_options.h"}},
     {"builder/intake", {"mesh_survey.h"}},
     {"builder/write", {"journal_info.h"}},

@@ -2,7 +2,7 @@
 #include "tools/cli/options.h"
 
 #include "codecs/mesh_file/mesh_file.h"
-#include "query/query_json.h"
+#include "query/query_from_json.h"
 #include "store/database.h"
 #include "tools/cli/raster_output.h"
 #include "tools/client/client.h"
@@ -151,9 +151,9 @@ void AddCameraOptions(CLI::App* verb, QueryOptions* q, bool draws) {
                        const char* description) {
     AddParsed(verb, name, form, value, parse, description)->group(group);
   };
-  add("--eye", "X,Y,Z", &q->eye, PointOption, "where it is");
-  add("--target", "X,Y,Z", &q->target, PointOption, "what it looks at");
-  add("--up", "X,Y,Z", &q->up, PointOption,
+  add("--eye", "X,Y,Z", &q->eye, ParsePoint, "where it is");
+  add("--target", "X,Y,Z", &q->target, ParsePoint, "what it looks at");
+  add("--up", "X,Y,Z", &q->up, ParsePoint,
       draws ? "what is up in the picture, also without a camera (default with a camera: 0,0,1)"
             : "what is up in its picture (default: 0,0,1)");
   add("--fov", "DEGREES", &q->fov, ParsePositive,
@@ -186,7 +186,7 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
     // A query of options alone depends on nothing else; of the object's size only by a factor.
     if (status.ok() && a->query.file.empty()) {
       const auto json = QueryOf(a->query, a->size);
-      status = json.ok() ? ParseQuery(json->Text(), 1).status() : json.status();
+      status = json.ok() ? QueryFromJson(*json, 1).status() : json.status();
     }
     if (status.ok() && a->output == "-" && a->output_format.empty()) {
       status = InvalidArgument("-: standard output has no suffix: give --format, such as ply");

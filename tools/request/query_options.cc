@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "query/query_from_json.h"
 #include "tools/request/read_file.h"
 
 namespace mtdb {
@@ -16,8 +17,6 @@ using Numbers = std::vector<double>;
 
 Json PointAt(const Numbers& n, size_t i) { return Json::Array{n[i], n[i + 1], n[i + 2]}; }
 
-Vec3d PointOf(const Json& json) { return {json[0].number(), json[1].number(), json[2].number()}; }
-
 // What the numbers mean is checked where JSON is.
 Result<Json> Checked(const std::string& text, Json part, const Status& status) {
   if (status.ok()) return part;
@@ -25,8 +24,8 @@ Result<Json> Checked(const std::string& text, Json part, const Status& status) {
 }
 
 Result<Json> CheckedRegion(const std::string& text, Json region) {
-  const Result<RegionPtr> parsed = ParseRegion(region.Text());
-  return Checked(text, std::move(region), parsed.ok() ? Status::Ok() : parsed.status());
+  const Status status = RegionFromJson(region).status();
+  return Checked(text, std::move(region), status);
 }
 
 // One part as it is, several as the list of a part that puts them together.
@@ -45,9 +44,10 @@ Result<Json> ReadQueryFile(const std::string& path) {
 
 }  // namespace
 
-Result<Json> PointOption(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 3, "X,Y,Z"));
-  return PointAt(n, 0);
+Result<Json> ParseQueryText(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
+  return json;
 }
 
 Result<Json> BoxOption(const std::string& text) {
@@ -73,8 +73,8 @@ Result<Json> HalfSpaceOption(const std::string& text) {
 }
 
 Result<Json> PointRegionOption(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const Json point, PointOption(text));
-  return CheckedRegion(text, {{"point", point}});
+  MTDB_ASSIGN_OR_RETURN(const Vec3d point, ParsePoint(text));
+  return CheckedRegion(text, {{"point", Json(point)}});
 }
 
 Result<Json> SegmentOption(const std::string& text) {
@@ -126,8 +126,8 @@ Result<Json> ErrorAtOption(const std::string& text) {
     if (!numbers.ok()) return Unexpected(text, "5 numbers after the law: LAW,X,Y,Z,BASE,F");
     const Numbers& n = *numbers;
     Json part = {{law[1], {{"point", PointAt(n, 0)}, {"base", n[3]}, {law[2], n[4]}}}};
-    const Result<ThresholdPtr> parsed = ParseThreshold(part.Text(), 0);
-    return Checked(text, std::move(part), parsed.ok() ? Status::Ok() : parsed.status());
+    const Status status = ThresholdFromJson(part, 0).status();
+    return Checked(text, std::move(part), status);
   }
   return Unexpected(text, "linear, quadratic, sqrt or exp, and numbers: LAW,X,Y,Z,BASE,F");
 }
@@ -162,7 +162,7 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
     if (o.eye) return wrong("--eye", kNeedsCamera);
     if (o.target) return wrong("--target", kNeedsCamera);
     if (o.up && !draws) return wrong("--up", kNeedsCamera);
-    if (o.up && SquaredLength(PointOf(*o.up)) == 0) {
+    if (o.up && SquaredLength(*o.up) == 0) {
       return wrong("--up", "must not be 0,0,0");
     }
     if (o.fov) return wrong("--fov", kNeedsCamera);
@@ -172,7 +172,7 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
   if (!draws && !o.frustum && !o.pixels) {
     return wrong("--eye", "is of no use without --frustum or --pixels");
   }
-  const Result<Camera> camera = ParseCamera(CameraOf(o, {1200, 900}).Text());
+  const Result<Camera> camera = CameraFromJson(CameraOf(o, {1200, 900}));
   return camera.ok()
              ? Status::Ok()
              : InvalidArgument("--eye, --target, --up, --fov: " + camera.status().message());
@@ -180,8 +180,8 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
 
 Json CameraOf(const QueryOptions& o, const Extent& viewport) {
   const Extent size = o.viewport.value_or(viewport);
-  Json camera = {{"eye", *o.eye}, {"target", *o.target}};
-  if (o.up) camera["up"] = *o.up;
+  Json camera = {{"eye", Json(*o.eye)}, {"target", Json(*o.target)}};
+  if (o.up) camera["up"] = Json(*o.up);
   if (o.fov) camera["fov"] = *o.fov;
   camera["viewport"] = {size.width, size.height};
   return camera;

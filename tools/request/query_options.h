@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The options of extract and render that say what is asked for, as a query in JSON.
+// The options of extract and render that say what is asked for, as a query.
 #pragma once
 
 #include <cstdint>
@@ -7,23 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "query/query_json.h"
 #include "store/base/json.h"
 #include "store/base/status.h"
 #include "tools/request/arguments.h"
 
 namespace mtdb {
-
-// As ParseQuery.
-inline Result<Query> QueryFromJson(const Json& json, const ObjectRecord& record) {
-  return ParseQuery(json.Text(), record);
-}
-
-// The value of a text that is a query. Errors: those of ParseQuery.
-inline Result<Json> ParseQueryText(const std::string& text) {
-  MTDB_RETURN_IF_ERROR(ParseQuery(text, 0).status());
-  return Json::Parse(text);
-}
 
 // Parts of a query are as docs/query.md has them.
 struct QueryOptions {
@@ -44,8 +32,8 @@ struct QueryOptions {
   bool outside = false;
   bool clip = false;
 
-  std::optional<Json> eye, target, up;  // points
-  std::optional<double> fov;            // degrees
+  std::optional<Vec3d> eye, target, up;
+  std::optional<double> fov;  // degrees
   std::optional<Extent> viewport;
 
   std::string file;  // with a query; then no region and no threshold
@@ -55,7 +43,6 @@ struct QueryOptions {
 
 // The texts of options as parts of a query. An error is kInvalidArgument and says what was
 // expected.
-Result<Json> PointOption(const std::string& text);
 Result<Json> BoxOption(const std::string& text);
 Result<Json> SphereOption(const std::string& text);
 Result<Json> HalfSpaceOption(const std::string& text);
@@ -71,7 +58,10 @@ Result<Json> ErrorAtOption(const std::string& text);
 Status CheckOptions(const QueryOptions& options, bool draws);
 // The camera of options that have one. Without a viewport of their own, it is `viewport`.
 Json CameraOf(const QueryOptions& options, const Extent& viewport);
-// What the options ask for. Reads `file`. Errors: kNotFound, kIoError, kInvalidArgument.
+// A text that is a query. Errors: those of ParseQuery.
+Result<Json> ParseQueryText(const std::string& text);
+// What the options ask for, as QueryFromJson takes it. Reads `file`. Errors: kNotFound, kIoError,
+// kInvalidArgument.
 Result<Json> QueryOf(const QueryOptions& options, const Extent& viewport);
 
 }  // namespace mtdb

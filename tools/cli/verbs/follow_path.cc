@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 
 namespace mtdb {
 
@@ -68,7 +69,7 @@ Result<Keyframe> ParseKeyframe(const std::string& text) {
   } else if (!pixels.is_null()) {
     return InvalidArgument("pixels: needs a camera");
   }
-  MTDB_RETURN_IF_ERROR(ParseQueryText(json.Text()).status());
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
   return frame;
 }
 
@@ -119,7 +120,7 @@ Result<Json::Array> ParseFollowPath(const std::string& text) {
       Result<Json> query =
           Between(from, frame->query, static_cast<double>(i) / static_cast<double>(steps), "query");
       if (!query.ok()) return Wrong(number, query.status().message());
-      const Status status = ParseQueryText(query->Text()).status();
+      const Status status = QueryFromJson(*query, 0).status();
       if (!status.ok()) return Wrong(number, "on the way to it: " + status.message());
       queries.push_back(*std::move(query));
     }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 #include "query/surface.h"
 #include "tools/cli/options.h"
 #include "tools/cli/query_report.h"

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "query/heights.h"
+#include "query/query_from_json.h"
 #include "query/surface.h"
 #include "tools/cli/grouped.h"
 #include "tools/cli/options.h"
@@ -31,8 +32,6 @@ using Clock = std::chrono::steady_clock;
 double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
-
-Vec3d PointOf(const Json& json) { return {json[0].number(), json[1].number(), json[2].number()}; }
 
 constexpr double kMapAngle = 0.02;  // radians: as if seen from far above
 
@@ -88,8 +87,7 @@ Status NameImage(const QueryArguments& arguments, Status status) {
 }
 
 Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
-  MTDB_ASSIGN_OR_RETURN(Camera camera,
-                        ParseCamera(CameraOf(arguments.query, arguments.size).Text()));
+  MTDB_ASSIGN_OR_RETURN(Camera camera, CameraFromJson(CameraOf(arguments.query, arguments.size)));
   camera.eye = Scaled(camera.eye, scale);
   camera.direction = Scaled(camera.direction, scale);
   options->camera = camera;
@@ -116,7 +114,7 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   Stretch(scale, &mesh);
   const bool heights = IsTerrain(surface.record());
   const std::optional<ObjectUp>& stored = surface.record().up;
-  options->up = arguments.query.up ? PointOf(*arguments.query.up)
+  options->up = arguments.query.up ? *arguments.query.up
                 : heights          ? Vec3d{0, 0, 1}
                 : stored           ? stored->direction
                                    : EstimateUp(mesh);

@@ -98,9 +98,9 @@ Status SetParameter(const std::string& name, const std::string& text, QueryOptio
   if (name == "intersect") return Set(&q->intersect, ParseFlag, text);
   if (name == "outside") return Set(&q->outside, ParseFlag, text);
   if (name == "clip") return Set(&q->clip, ParseFlag, text);
-  if (name == "eye") return Set(&q->eye, PointOption, text);
-  if (name == "target") return Set(&q->target, PointOption, text);
-  if (name == "up") return Set(&q->up, PointOption, text);
+  if (name == "eye") return Set(&q->eye, ParsePoint, text);
+  if (name == "target") return Set(&q->target, ParsePoint, text);
+  if (name == "up") return Set(&q->up, ParsePoint, text);
   if (name == "fov") return Set(&q->fov, ParsePositive, text);
   if (name == "viewport") return Set(&q->viewport, ParseExtent, text);
   return InvalidArgument("no such parameter; known are format and the options of 'mtdb extract'");

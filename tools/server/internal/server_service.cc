@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 #include "query/query_json.h"
 #include "store/base/wait_scope.h"
 #include "store/files/posix_file.h"
