@@ -8,30 +8,17 @@
 
 #include "query/heights.h"
 #include "store/base/redact.h"
+#include "store/base/scalar_names.h"
 #include "tools/request/root_reason.h"
 
 namespace mtdb {
 
 namespace {
 
-const char* TypeName(ScalarType type) {
-  switch (type) {
-    case ScalarType::kInt8: return "int8";
-    case ScalarType::kUint8: return "uint8";
-    case ScalarType::kInt16: return "int16";
-    case ScalarType::kUint16: return "uint16";
-    case ScalarType::kInt32: return "int32";
-    case ScalarType::kUint32: return "uint32";
-    case ScalarType::kFloat32: return "float32";
-    case ScalarType::kFloat64: return "float64";
-  }
-  return "unknown";
-}
-
 Json AttributesJson(const ObjectRecord& r) {
   Json attributes = Json::Array();
   for (const VertexAttribute& a : r.attributes.attributes) {
-    Json& json = attributes.push_back({{"name", a.name}, {"type", TypeName(a.type)}});
+    Json& json = attributes.push_back({{"name", a.name}, {"type", ScalarName(a.type)}});
     if (a.step > 0) json["step"] = a.step;
     if (a.normal_bits > 0) json["normal_bits"] = a.normal_bits;
   }

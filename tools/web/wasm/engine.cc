@@ -21,6 +21,7 @@
 #include "query/session.h"
 #include "query/surface.h"
 #include "store/base/json.h"
+#include "store/base/scalar_names.h"
 #include "store/packed_file.h"
 #include "store/range_reader.h"
 #include "tools/viewer/wasm/slot_ranges.h"
@@ -142,10 +143,6 @@ struct State {
 };
 State state;
 
-// By ScalarType.
-constexpr std::array<const char*, 8> kScalarNames{"int8",  "uint8",  "int16",   "uint16",
-                                                  "int32", "uint32", "float32", "float64"};
-
 uint32_t Code(const Status& status) {
   if (!status.ok()) state.error = status.message();
   return static_cast<uint32_t>(status.code());
@@ -158,8 +155,7 @@ std::string Input() {
 Json ObjectJson(const ObjectRecord& record) {
   Json attributes = Json::Array();
   for (const VertexAttribute& a : record.attributes.attributes) {
-    attributes.push_back(
-        {{"name", a.name}, {"type", kScalarNames.at(static_cast<size_t>(a.type))}});
+    attributes.push_back({{"name", a.name}, {"type", ScalarName(a.type)}});
   }
   Json json = {{"object", record.name},
                {"triangles", record.triangles},
