@@ -9,18 +9,15 @@
 #include <utility>
 #include <vector>
 
-#include "query/json/json_value.h"
+#include "query/query_from_json.h"
 #include "store/base/coordinate_limit.h"
 #include "store/base/out_of_memory.h"
 #include "store/metres_of_unit.h"
 
 namespace mtdb {
 
-using namespace internal;
-
 namespace {
 
-constexpr int kDeepest = 64;  // braces and brackets within each other
 constexpr size_t kExcerpt = 40;
 constexpr int kMostParts = 4096;  // regions and thresholds; each may be asked for each triangle
 constexpr int kLargestViewport = 1 << 20;
@@ -35,20 +32,20 @@ struct Reading {
 
 // A value and where it is.
 struct Node {
-  const JsonValue& json;
+  const Json& json;
   std::string path;
   Reading* reading;
 
   Node operator[](const char* key) const {
-    return {json.at(key), (path.empty() ? "" : path + ".") + key, reading};
+    return {json[key], (path.empty() ? "" : path + ".") + key, reading};
   }
   Node operator[](size_t i) const {
-    return {json.at(i), path + "[" + std::to_string(i) + "]", reading};
+    return {json[i], path + "[" + std::to_string(i) + "]", reading};
   }
   bool has(const char* key) const { return json.contains(key); }
 };
 
-std::string Found(const JsonValue& json) {
+std::string Found(const Json& json) {
   if (json.is_object()) return "an object";
   if (json.is_array()) return "a list of " + std::to_string(json.size());
   std::string text = json.Text();
@@ -76,10 +73,8 @@ Status CheckKeys(const Node& node, std::initializer_list<const char*> required,
   std::vector<const char*> known(required);
   known.insert(known.end(), optional);
   if (!node.json.is_object()) return Unexpected(node, "an object with " + Listed(known));
-  for (const auto& [key, value] : node.json.members()) {
-    if (std::find(known.begin(), known.end(), key) == known.end()) {
-      return Wrong(node, "no key " + Found(JsonValue(key)) + " here; known are " + Listed(known));
-    }
+  if (const std::string* const key = node.json.UnknownKey(known)) {
+    return Wrong(node, "no key " + Found(*key) + " here; known are " + Listed(known));
   }
   for (const char* key : required) {
     if (!node.has(key)) return Wrong(node, std::string("the key \"") + key + "\" is missing");
@@ -382,11 +377,10 @@ Result<const Kind*> KindOf(const Node& node, const Kind (&kinds)[kCount], const 
   }
   std::vector<const char*> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  const std::string found = node.json.is_object() && node.json.size() == 1
-                                ? Found(JsonValue(node.json.members().begin()->first))
-                            : node.json.is_object()
-                                ? "an object with " + std::to_string(node.json.size()) + " keys"
-                                : Found(node.json);
+  const std::string found =
+      node.json.is_object() && node.json.size() == 1 ? Found(node.json.members().front().name)
+      : node.json.is_object() ? "an object with " + std::to_string(node.json.size()) + " keys"
+                              : Found(node.json);
   return Wrong(node, std::string("expected ") + what + ", an object with one of the keys " +
                          Listed(names) + "; found " + found);
 }
@@ -399,7 +393,7 @@ Status CountPart(const Node& node) {
 
 Result<RegionPtr> RegionOf(const Node& node, int depth) {
   MTDB_RETURN_IF_ERROR(CountPart(node));
-  if (depth == kDeepest) return Wrong(node, "too many regions within each other");
+  if (depth == kDeepestQuery) return Wrong(node, "too many regions within each other");
   MTDB_ASSIGN_OR_RETURN(const RegionKind* kind, KindOf(node, kRegionKinds, "a region"));
   return kind->parse(node[kind->name], depth + 1);
 }
@@ -511,7 +505,7 @@ constexpr ThresholdKind kThresholdKinds[] = {
 
 Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   MTDB_RETURN_IF_ERROR(CountPart(node));
-  if (depth == kDeepest) return Wrong(node, "too many thresholds within each other");
+  if (depth == kDeepestQuery) return Wrong(node, "too many thresholds within each other");
   if (node.json.is_number()) {
     MTDB_ASSIGN_OR_RETURN(const double error, NonNegative(node));
     return ConstantThreshold(error);
@@ -524,11 +518,10 @@ Result<ThresholdPtr> ThresholdOf(const Node& node, double diagonal, int depth) {
   return kind->parse(node[kind->name], diagonal, depth + 1);
 }
 
-Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {1, 1, 1}) {
-  MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
+Result<Query> ReadQuery(const Json& json, double diagonal, Vec3d metres) {
   Reading reading{0, metres};
   const Node node{json, "query", &reading};
-  const auto entry = [&](const char* key) { return Node{json.at(key), key, &reading}; };
+  const auto entry = [&](const char* key) { return Node{json[key], key, &reading}; };
   MTDB_RETURN_IF_ERROR(CheckKeys(node, {},
                                  {"region", "threshold", "max_triangles", "max_bytes",
                                   "max_milliseconds", "clip", "normals", "available_only"}));
@@ -568,41 +561,57 @@ Result<Query> ReadQuery(std::string_view text, double diagonal, Vec3d metres = {
   return query;
 }
 
+// What `read` makes of a text.
+template <typename Read>
+auto OfText(std::string_view text, Read read) {
+  return CatchOutOfMemory([&]() -> decltype(read(Json())) {
+    MTDB_ASSIGN_OR_RETURN(const Json json, Json::Parse(text, kDeepestQuery));
+    return read(json);
+  });
+}
+
 }  // namespace
 
+Result<Query> QueryFromJson(const Json& json, double diagonal) {
+  return CatchOutOfMemory([&] { return ReadQuery(json, diagonal, {1, 1, 1}); });
+}
+
+Result<Query> QueryFromJson(const Json& json, const ObjectRecord& record) {
+  const std::array<double, 2> metres = MetresOfUnit(record);
+  return CatchOutOfMemory([&] {
+    return ReadQuery(json, record.diagonal(), {metres[0], metres[1], 1});
+  });
+}
+
+Result<RegionPtr> RegionFromJson(const Json& json) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return RegionOf({json, "region", &reading}, 0); });
+}
+
+Result<ThresholdPtr> ThresholdFromJson(const Json& json, double diagonal) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return ThresholdOf({json, "threshold", &reading}, diagonal, 0); });
+}
+
+Result<Camera> CameraFromJson(const Json& json) {
+  Reading reading;
+  return CatchOutOfMemory([&] { return CameraOf({json, "camera", &reading}); });
+}
+
 Result<Query> ParseQuery(std::string_view text, double diagonal) {
-  return CatchOutOfMemory([&] { return ReadQuery(text, diagonal); });
+  return OfText(text, [&](const Json& json) { return QueryFromJson(json, diagonal); });
 }
 
 Result<Query> ParseQuery(std::string_view text, const ObjectRecord& record) {
-  const std::array<double, 2> metres = MetresOfUnit(record);
-  return CatchOutOfMemory([&] {
-    return ReadQuery(text, record.diagonal(), {metres[0], metres[1], 1});
-  });
+  return OfText(text, [&](const Json& json) { return QueryFromJson(json, record); });
 }
 
-Result<RegionPtr> ParseRegion(std::string_view text) {
-  return CatchOutOfMemory([&]() -> Result<RegionPtr> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    Reading reading;
-    return RegionOf({json, "region", &reading}, 0);
-  });
-}
+Result<RegionPtr> ParseRegion(std::string_view text) { return OfText(text, RegionFromJson); }
 
 Result<ThresholdPtr> ParseThreshold(std::string_view text, double diagonal) {
-  return CatchOutOfMemory([&]() -> Result<ThresholdPtr> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    Reading reading;
-    return ThresholdOf({json, "threshold", &reading}, diagonal, 0);
-  });
+  return OfText(text, [&](const Json& json) { return ThresholdFromJson(json, diagonal); });
 }
 
-Result<Camera> ParseCamera(std::string_view text) {
-  return CatchOutOfMemory([&]() -> Result<Camera> {
-    MTDB_ASSIGN_OR_RETURN(const JsonValue json, JsonValue::Parse(text, kDeepest));
-    Reading reading;
-    return CameraOf({json, "camera", &reading});
-  });
-}
+Result<Camera> ParseCamera(std::string_view text) { return OfText(text, CameraFromJson); }
 
 }  // namespace mtdb

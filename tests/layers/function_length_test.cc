@@ -27,7 +27,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLonger{
      "encodes and decodes, statement by statement as codecs/FORMAT.md has it"},
     {{"codecs/coding/hole_frame.inc", " HoleFrame::Set("},
      "arithmetic without branches, as codecs/FORMAT.md has it"},
-    {{"tools/cli/main.cc", "(CLI::App* verb, "}, "a statement for each option of a verb"},
     {{"tools/cli/verbs/verb_ingest.cc", " Ingest("}, "what the verb does, in order"},
 };
 

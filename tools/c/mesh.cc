@@ -335,7 +335,7 @@ Status WriteFile(const char* path, mtdb::MeshWriteOptions with, const mtdb_file_
   if (json == nullptr) return Status::Ok();
   mtdb::Json report = mtdb::MeshFileJson(writer->report());
   report["rounding"] = writer->rounding();
-  *json = new mtdb_names{{report.dump(-1, ' ', false, mtdb::Json::error_handler_t::replace)}};
+  *json = new mtdb_names{{report.Text()}};
   return Status::Ok();
 }
 

@@ -283,7 +283,7 @@ mtdb_code mtdb_object_json(const mtdb_object* object, mtdb_names** json, mtdb_er
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
     const Result<uint64_t> file_bytes = object->database->FileBytes();
     *json = new mtdb_names{
-        {mtdb::RecordJson(object->surface->record(), file_bytes.ok() ? *file_bytes : 0).dump()}};
+        {mtdb::RecordJson(object->surface->record(), file_bytes.ok() ? *file_bytes : 0).Text()}};
     return Status::Ok();
   });
 }

@@ -1,13 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers in texts for people: "1,234,567", "1 vertex".
+// Texts for people, and numbers in them: "1,234,567", "1 vertex".
 #pragma once
 
+#include <cstdarg>
 #include <cstdint>
+#include <cstdio>
 #include <string>
 
 #include "store/object_record.h"
 
 namespace mtdb {
+
+// As printf has it; at most 399 bytes.
+__attribute__((format(printf, 1, 2))) inline std::string Formatted(const char* format, ...) {
+  char text[400];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text, sizeof(text), format, arguments);
+  va_end(arguments);
+  return text;
+}
 
 inline std::string Grouped(uint64_t number) {
   std::string text = std::to_string(number);

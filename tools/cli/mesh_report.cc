@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/cli/mesh_report.h"
 
-#include <cstdarg>
 #include <cstdio>
 
 #include "tools/cli/grouped.h"
@@ -13,15 +12,6 @@ namespace mtdb {
 namespace {
 
 constexpr uint64_t kJournalBytes = 15;  // a triangle, see BuildOptions::journal_path
-
-__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
-  char text[400];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 bool IsTooCoarse(const MeshSurvey& s) {
   constexpr double kStepsPerEdge = 4;
@@ -56,22 +46,21 @@ const char* ReasonName(GridReason reason) {
 
 double Megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
-Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
-
 }  // namespace
 
 std::string AccuracyLine(const MeshSurvey& s) {
   if (s.grid.mode == PositionMode::kLossless) return "positions: float32, lossless";
   if (s.grid.mode == PositionMode::kRaster) {
-    return Text("positions: columns and rows as they are, heights in steps of %.6g", s.grid.step);
+    return Formatted("positions: columns and rows as they are, heights in steps of %.6g",
+                     s.grid.step);
   }
   std::string line =
-      Text("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s));
+      Formatted("positions: %d bits, steps of %.6g, %s", s.bits, s.grid.step, ReasonText(s));
   constexpr int kUsualBits = 16;
   if (s.reason != GridReason::kGiven && s.bits > kUsualBits) {
     // Measured on scans: 2 to 3 bits a vertex for each bit, some 7 % of a store.
-    line += Text("; the store is some %d %% larger than at %d bits", 7 * (s.bits - kUsualBits),
-                 kUsualBits);
+    line += Formatted("; the store is some %d %% larger than at %d bits", 7 * (s.bits - kUsualBits),
+                      kUsualBits);
   }
   return line;
 }
@@ -80,24 +69,25 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
   std::vector<std::string> warnings;
   if (!s.refusal.ok()) return {"ingest refuses this: " + s.refusal.message()};
   if (s.far_vertices) {
-    warnings.push_back(Text("half of the edges are shorter than %.3g, the steps of the grid are "
-                            "%.3g: ",
-                            s.edges.median, s.grid.step) +
-                       FarVerticesText(*s.far_vertices) + "; without, the grid would be finer");
+    warnings.push_back(
+        Formatted("half of the edges are shorter than %.3g, the steps of the grid are "
+                  "%.3g: ",
+                  s.edges.median, s.grid.step) +
+        FarVerticesText(*s.far_vertices) + "; without, the grid would be finer");
   }
   if (s.attributes_differ) {
     warnings.push_back(
-        Text("%s vertices lie where others do, with other attributes: the mesh is "
-             "cut there, and the cuts are never simplified; --weld would join them",
-             Grouped(s.equal_vertices).c_str()));
+        Formatted("%s vertices lie where others do, with other attributes: the mesh is "
+                  "cut there, and the cuts are never simplified; --weld would join them",
+                  Grouped(s.equal_vertices).c_str()));
   }
   if (s.collapsed_triangles != 0) {
-    warnings.push_back(Text("%s of %s triangles are too thin for steps of %.3g and lose their "
-                            "area; ",
-                            Grouped(s.collapsed_triangles).c_str(),
-                            Grouped(s.kept_triangles).c_str(), s.grid.step) +
-                       (s.advised_bits > s.bits ? Text("%d bits (steps of %.3g) suit the mesh",
-                                                       s.advised_bits, s.advised_step)
+    warnings.push_back(Formatted("%s of %s triangles are too thin for steps of %.3g and lose their "
+                                 "area; ",
+                                 Grouped(s.collapsed_triangles).c_str(),
+                                 Grouped(s.kept_triangles).c_str(), s.grid.step) +
+                       (s.advised_bits > s.bits ? Formatted("%d bits (steps of %.3g) suit the mesh",
+                                                            s.advised_bits, s.advised_step)
                         : s.fits_float32        ? std::string("--lossless keeps them")
                                                 : std::string("no grid is finer")));
   }
@@ -164,21 +154,21 @@ Json AccuracyJson(const MeshSurvey& s) {
             {"advised_step", s.advised_step}};
   if (s.far_vertices) {
     Json& far = json["far_vertices"];
-    far = {{"count", s.far_vertices->count}, {"position", Point(s.far_vertices->position)}};
+    far = {{"count", s.far_vertices->count}, {"position", Json(s.far_vertices->position)}};
     if (s.far_vertices->vertex) far["vertex"] = *s.far_vertices->vertex;
   }
   return json;
 }
 
 Json SurveyJson(const MeshSurvey& s) {
-  Json attributes = Json::array();
+  Json attributes = Json::Array();
   for (const VertexAttribute& a : s.header.attributes.attributes) attributes.push_back(a.name);
   Json json{{"triangles", s.triangles},
             {"vertices", s.vertices},
             {"degenerate_triangles", s.triangles - s.kept_triangles},
             {"welded_vertices", s.welded_vertices},
             {"equal_vertices", s.equal_vertices},
-            {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}},
+            {"bounds", {{"min", Json(s.bounds.min)}, {"max", Json(s.bounds.max)}}},
             {"diagonal", Diagonal(s.bounds)},
             {"edges",
              {{"shortest", s.edges.shortest},

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "builder/build.h"
-#include "tools/client/json.h"
+#include "store/base/json.h"
 
 namespace mtdb {
 

@@ -25,7 +25,7 @@ struct Remarks {
   std::string text;
 };
 
-Remarks RemarksOn(const QueryJson& query, const ObjectRecord& record, const ExtractStats& stats) {
+Remarks RemarksOn(const Json& query, const ObjectRecord& record, const ExtractStats& stats) {
   Remarks r;
   char line[512];
   if (query.contains("region") && stats.active_triangles == 0) {
@@ -38,9 +38,9 @@ Remarks RemarksOn(const QueryJson& query, const ObjectRecord& record, const Extr
                   b.min.x, b.min.y, b.min.z, b.max.x, b.max.y, b.max.z);
     r.text += line;
   }
-  if (query.contains("max_triangles") &&
-      record.root_triangles > query["max_triangles"].get<uint64_t>()) {
-    const auto most = query["max_triangles"].get<uint64_t>();
+  const uint64_t* const limit = query["max_triangles"].whole_number();
+  if (limit != nullptr && record.root_triangles > *limit) {
+    const uint64_t most = *limit;
     const std::string why = RootReasonText(record);
     r.unmet_limit = {{"max_triangles", most}, {"least", record.root_triangles}, {"reason", why}};
     std::snprintf(line, sizeof(line),
@@ -85,7 +85,7 @@ Json ReportJson(const QueryArguments& arguments, const QueryReport& report,
                  {"emit", std::max(0.0, stats.seconds.emit - report.write_seconds)},
                  {"write", report.write_seconds},
                  {"total", report.total_seconds}}}};
-  if (report.file) json.update(MeshFileJson(*report.file));
+  if (report.file) json.Update(MeshFileJson(*report.file));
   if (!report.picture.is_null()) json["picture"] = report.picture;
   return json;
 }
@@ -103,9 +103,8 @@ Result<std::shared_ptr<Surface>> OpenSurface(const QueryArguments& arguments) {
   return Surface::Open(std::move(source), options);
 }
 
-bool TellsShortfall(const QueryJson& query, const std::string& limit) {
-  const auto threshold = query.find("threshold");
-  const bool asks = threshold != query.end() && *threshold != "full";
+bool TellsShortfall(const Json& query, const std::string& limit) {
+  const bool asks = query.contains("threshold") && query["threshold"] != "full";
   return asks || limit == LimitName(QueryLimit::kThreshold);
 }
 

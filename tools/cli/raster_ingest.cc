@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdarg>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -16,15 +15,6 @@
 namespace mtdb {
 
 namespace {
-
-__attribute__((format(printf, 1, 2))) std::string Text(const char* format, ...) {
-  char text[400];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(text, sizeof(text), format, arguments);
-  va_end(arguments);
-  return text;
-}
 
 Status CheckOptions(const IngestArguments& a) {
   const char* wrong = nullptr;
@@ -90,30 +80,32 @@ std::vector<std::string> RasterIngest::Notes() const {
   std::vector<std::string> notes = input_->info().notes;
   if (input_->files() > 1) {
     const RasterDisagreement& d = input_->disagreement();
-    std::string note = Text("%zu files joined to %u x %u samples; %s lie in more than one",
-                            input_->files(), f.columns, f.rows, Grouped(d.overlapping).c_str());
+    std::string note =
+        Formatted("%zu files joined to %u x %u samples; %s lie in more than one", input_->files(),
+                  f.columns, f.rows, Grouped(d.overlapping).c_str());
     if (d.samples > 0) {
-      note += Text(", %s of them differ, by up to %.9g: the first file's are kept",
-                   Grouped(d.samples).c_str(), d.largest);
+      note += Formatted(", %s of them differ, by up to %.9g: the first file's are kept",
+                        Grouped(d.samples).c_str(), d.largest);
     }
     notes.push_back(note);
   }
   const RasterMeshReport& r = input_->report();
   if (input_->height_step_reason() == HeightStepReason::kChosen) {
-    notes.push_back(Text("heights are rounded to steps of %.9g: %s; --step-z chooses other steps",
-                         input_->height_step(),
-                         HeightStepReasonText(input_->height_step_reason())));
+    notes.push_back(
+        Formatted("heights are rounded to steps of %.9g: %s; --step-z chooses other steps",
+                  input_->height_step(), HeightStepReasonText(input_->height_step_reason())));
   }
   if (r.filled.holes > 0 || r.filled.left > 0) {
-    std::string note = Text("%s samples of %s holes got a height",
-                            Grouped(r.filled.samples).c_str(), Grouped(r.filled.holes).c_str());
+    std::string note =
+        Formatted("%s samples of %s holes got a height", Grouped(r.filled.samples).c_str(),
+                  Grouped(r.filled.holes).c_str());
     if (r.filled.left > 0)
-      note += Text("; %s larger holes were left", Grouped(r.filled.left).c_str());
+      note += Formatted("; %s larger holes were left", Grouped(r.filled.left).c_str());
     notes.push_back(note);
   }
   if (r.holes > 0) {
-    notes.push_back(Text("%s of %s samples have no height: holes", Grouped(r.holes).c_str(),
-                         Grouped(r.holes + r.filled.samples + r.samples).c_str()));
+    notes.push_back(Formatted("%s of %s samples have no height: holes", Grouped(r.holes).c_str(),
+                              Grouped(r.holes + r.filled.samples + r.samples).c_str()));
   }
   return notes;
 }

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/cli/verbs.h"
-#include "tools/client/json.h"
+#include "store/base/json.h"
+#include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/gdal/raster_input.h"
 
 namespace mtdb {

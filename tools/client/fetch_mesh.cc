@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <charconv>
 
+#include "store/base/json.h"
 #include "tools/client/client.h"
 #include "tools/client/http_client.h"
 #include "tools/client/internal/remote_object.h"
-#include "tools/client/json.h"
 #include "tools/client/shortfall_json.h"
 
 namespace mtdb {
@@ -33,8 +33,9 @@ bool TakeHeaders(const HttpResponse& response, FetchAnswer* answer) {
   answer->limit = response.header("x-mtdb-limit");
   answer->file = response.header("x-mtdb-file");
   const std::string text = response.header("x-mtdb-shortfall");
-  const JsonTree shortfall = text == "null" ? JsonTree() : ParseJsonObject(text);
-  return ok && IsWord(answer->limit) && ParseShortfall(shortfall, &answer->shortfall);
+  const Result<Json> shortfall = Json::Parse(text);
+  return ok && IsWord(answer->limit) && shortfall.ok() &&
+         ParseShortfall(*shortfall, &answer->shortfall);
 }
 
 }  // namespace

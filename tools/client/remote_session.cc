@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "codecs/stream/update_stream.h"
+#include "store/base/json.h"
 #include "tools/client/client.h"
 #include "tools/client/internal/blocking_connection.h"
 #include "tools/client/internal/remote_object.h"
-#include "tools/client/json.h"
 #include "tools/client/session_message.h"
 
 namespace mtdb {
@@ -214,8 +214,8 @@ Result<RemoteSession::Impl::Message> RemoteSession::Impl::Read() {
 }
 
 Result<uint64_t> RemoteSession::Impl::Send(const std::string& query) {
-  const auto json = JsonTree::parse(query, nullptr, false);
-  if (!json.is_object()) return InvalidArgument("the query is not a JSON object");
+  if (!Json::ParseObject(query).is_object())
+    return InvalidArgument("the query is not a JSON object");
   if (!connected_) return IoError(where_ + ": the session is closed");
   const std::string text = SessionRequestText({next_id_, query});
   if (text.size() > hello_.max_message_bytes) {

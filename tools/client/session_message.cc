@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "tools/client/json.h"
+#include "store/base/json.h"
 #include "tools/client/printable.h"
 #include "tools/client/shortfall_json.h"
 
@@ -11,53 +11,39 @@ namespace mtdb {
 
 namespace {
 
-std::string Text(const JsonTree& json) {
-  return json.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
-}
-
-std::optional<uint64_t> IdOf(const JsonTree& json) {
-  const auto at = json.find("id");
-  if (at == json.end() || !at->is_number_unsigned()) return std::nullopt;
-  const auto id = at->get<uint64_t>();
-  return id <= kLargestId ? std::optional(id) : std::nullopt;
+std::optional<uint64_t> IdOf(const Json& json) {
+  const uint64_t* const id = json["id"].whole_number();
+  return id != nullptr && *id <= kLargestId ? std::optional(*id) : std::nullopt;
 }
 
 // Takes the values of an object's keys, all of which must be there and of the right kind.
 class Fields {
  public:
-  explicit Fields(const JsonTree& json) : json_(json), ok_(json.is_object()) {}
+  explicit Fields(const Json& json) : json_(json), ok_(json.is_object()) {}
   bool ok() const { return ok_; }
 
-  void Take(const char* key, uint64_t* value) {
-    if (Find(key, &JsonTree::is_number_unsigned)) *value = found_->get<uint64_t>();
-  }
+  void Take(const char* key, uint64_t* value) { Take(json_[key].whole_number(), value); }
+  void Take(const char* key, std::string* value) { Take(json_[key].string(), value); }
+  void Take(const char* key, bool* value) { Take(json_[key].boolean(), value); }
   void Take(const char* key, double* value) {
-    if (!Find(key, &JsonTree::is_number)) return;
-    *value = found_->get<double>();
-    ok_ = std::isfinite(*value) && *value >= 0;
-  }
-  void Take(const char* key, std::string* value) {
-    if (Find(key, &JsonTree::is_string)) *value = found_->get<std::string>();
-  }
-  void Take(const char* key, bool* value) {
-    if (Find(key, &JsonTree::is_boolean)) *value = found_->get<bool>();
+    const Json& json = json_[key];
+    ok_ = ok_ && json.is_number() && json.number() >= 0;
+    if (ok_) *value = json.number();
   }
 
  private:
-  bool Find(const char* key, bool (JsonTree::*is)() const noexcept) {
-    if (!ok_) return false;
-    found_ = json_.find(key);
-    ok_ = found_ != json_.end() && (*found_.*is)();
-    return ok_;
+  template <typename Value>
+  void Take(const Value* found, Value* value) {
+    ok_ = ok_ && found != nullptr;
+    if (ok_) *value = *found;
   }
-  const JsonTree& json_;
-  JsonTree::const_iterator found_;
+  const Json& json_;
   bool ok_;
 };
 
 Status NotReply() { return BadInput("the server sent a control message that mtdb does not know"); }
 
-Result<SessionHello> HelloOf(const JsonTree& json) {
+Result<SessionHello> HelloOf(const Json& json) {
   uint64_t protocol = 0;
   Fields head(json);
   head.Take("protocol", &protocol);
@@ -82,7 +68,7 @@ Result<SessionHello> HelloOf(const JsonTree& json) {
   return hello;
 }
 
-Result<SessionDone> DoneOf(const JsonTree& json) {
+Result<SessionDone> DoneOf(const Json& json) {
   SessionDone done;
   Fields fields(json);
   fields.Take("triangles", &done.triangles);
@@ -91,7 +77,7 @@ Result<SessionDone> DoneOf(const JsonTree& json) {
   fields.Take("error_bound", &done.error_bound);
   fields.Take("limit", &done.limit);
   if (!fields.ok() || !IsWord(done.limit) || !json.contains("shortfall") ||
-      !ParseShortfall(json.at("shortfall"), &done.shortfall)) {
+      !ParseShortfall(json["shortfall"], &done.shortfall)) {
     return NotReply();
   }
   fields.Take("insertions", &done.insertions);
@@ -108,8 +94,8 @@ Result<SessionDone> DoneOf(const JsonTree& json) {
 Result<SessionRequest> ParseSessionRequest(std::string_view text, std::optional<uint64_t>* id) {
   constexpr const char* kForm = R"({"id": 7, "query": {...}})";
   id->reset();
-  const JsonTree json = ParseJsonObject(text);
-  if (json.is_discarded()) {
+  const Json json = Json::ParseObject(text);
+  if (json.is_null()) {
     return InvalidArgument(std::string("expected a JSON object such as ") + kForm);
   }
   *id = IdOf(json);
@@ -117,16 +103,14 @@ Result<SessionRequest> ParseSessionRequest(std::string_view text, std::optional<
     return InvalidArgument("id: expected a whole number from 0 to 9007199254740991, as in " +
                            std::string(kForm));
   }
-  const auto query = json.find("query");
-  if (query == json.end() || !query->is_object()) {
+  const Json& query = json["query"];
+  if (!query.is_object()) {
     return InvalidArgument("query: expected an object, as in " + std::string(kForm));
   }
-  for (const auto& [key, value] : json.items()) {
-    if (key != "id" && key != "query") {
-      return InvalidArgument("no key " + Text(key) + " here; known are id, query");
-    }
+  if (const std::string* const key = json.UnknownKey({"id", "query"})) {
+    return InvalidArgument("no key " + Json(*key).Text() + " here; known are id, query");
   }
-  return SessionRequest{**id, Text(*query)};
+  return SessionRequest{**id, query.Text()};
 }
 
 std::string SessionRequestText(const SessionRequest& request) {
@@ -134,13 +118,13 @@ std::string SessionRequestText(const SessionRequest& request) {
 }
 
 Result<SessionReply> ParseSessionReply(std::string_view text) {
-  const JsonTree json = ParseJsonObject(text);
-  if (json.is_discarded()) return NotReply();
+  const Json json = Json::ParseObject(text);
+  if (json.is_null()) return NotReply();
   SessionReply reply;
   reply.id = IdOf(json);
-  if (const auto hello = json.find("hello"); hello != json.end()) {
+  if (json.contains("hello")) {
     reply.kind = SessionReply::Kind::kHello;
-    MTDB_ASSIGN_OR_RETURN(reply.hello, HelloOf(*hello));
+    MTDB_ASSIGN_OR_RETURN(reply.hello, HelloOf(json["hello"]));
     return reply;
   }
   Fields fields(json);
@@ -150,9 +134,9 @@ Result<SessionReply> ParseSessionReply(std::string_view text) {
     return fields.ok() ? Result<SessionReply>(std::move(reply)) : NotReply();
   }
   if (!reply.id) return NotReply();
-  if (const auto done = json.find("done"); done != json.end()) {
+  if (json.contains("done")) {
     reply.kind = SessionReply::Kind::kDone;
-    MTDB_ASSIGN_OR_RETURN(reply.done, DoneOf(*done));
+    MTDB_ASSIGN_OR_RETURN(reply.done, DoneOf(json["done"]));
     return reply;
   }
   bool superseded = false;
@@ -163,7 +147,7 @@ Result<SessionReply> ParseSessionReply(std::string_view text) {
 }
 
 std::string SessionReplyText(const SessionReply& reply) {
-  Json json = Json::object();
+  Json json = Json::Object();
   if (reply.id) json["id"] = *reply.id;
   const SessionHello& hello = reply.hello;
   const SessionDone& done = reply.done;
@@ -196,7 +180,7 @@ std::string SessionReplyText(const SessionReply& reply) {
     case SessionReply::Kind::kSuperseded: json["superseded"] = true; break;
     case SessionReply::Kind::kError: json["error"] = reply.error; json["code"] = reply.code;
   }
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json.Text();
 }
 
 }  // namespace mtdb

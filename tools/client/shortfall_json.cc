@@ -1,41 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/client/shortfall_json.h"
 
+#include <algorithm>
 #include <cstdio>
 
 namespace mtdb {
-namespace {
-
-Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
-
-}  // namespace
 
 Json ShortfallJson(const Shortfall& s) {
   if (!s.any()) return nullptr;
   return {{"triangles", s.triangles},
           {"excess", s.excess},
-          {"bounds", {{"min", Point(s.bounds.min)}, {"max", Point(s.bounds.max)}}}};
+          {"bounds", {{"min", Json(s.bounds.min)}, {"max", Json(s.bounds.max)}}}};
 }
 
-bool ParseShortfall(const JsonTree& json, Shortfall* shortfall) {
+bool ParseShortfall(const Json& json, Shortfall* shortfall) {
   *shortfall = {};
   if (json.is_null()) return true;
   Shortfall s;
-  const auto number = [](const JsonTree& object, const auto& key) {
-    return object.at(key).template get<double>();
+  bool ok = json["triangles"].whole_number() != nullptr;
+  const auto take = [&](const Json& number, double* value) {
+    ok = ok && number.is_number();
+    if (ok) *value = number.number();
   };
-  try {
-    s.triangles = json.at("triangles").get<uint64_t>();
-    s.excess = number(json, "excess");
-    for (int i = 0; i < 3; ++i) {
-      s.bounds.min[i] = number(json.at("bounds").at("min"), static_cast<size_t>(i));
-      s.bounds.max[i] = number(json.at("bounds").at("max"), static_cast<size_t>(i));
-    }
-  } catch (const JsonTree::exception&) {
-    return false;
+  if (ok) s.triangles = *json["triangles"].whole_number();
+  take(json["excess"], &s.excess);
+  for (int i = 0; i < 3; ++i) {
+    take(json["bounds"]["min"][static_cast<size_t>(i)], &s.bounds.min[i]);
+    take(json["bounds"]["max"][static_cast<size_t>(i)], &s.bounds.max[i]);
   }
-  *shortfall = s;
-  return true;
+  if (ok) *shortfall = s;
+  return ok;
+}
+
+bool IsWord(std::string_view text) {
+  return !text.empty() && text.size() <= 32 &&
+         std::ranges::all_of(text, [](char c) { return c >= 'a' && c <= 'z'; });
 }
 
 std::string ShortfallText(const Shortfall& s, const std::string& limit) {

@@ -190,6 +190,25 @@ Result<std::string> ParseLengthUnit(const std::string& text) {
   return Unexpected(text, "um, mm, cm, m, km, in or ft");
 }
 
+Result<std::array<double, 2>> ParsePlace(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseNumbers(text, 2, "X,Y"));
+  return std::array{numbers[0], numbers[1]};
+}
+
+Result<std::array<double, 2>> ParseSpacing(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "D or DX,DY"));
+  if (numbers.empty() || numbers.size() > 2 || !(numbers.front() > 0) || !(numbers.back() > 0)) {
+    return Unexpected(text, "a positive spacing, D or DX,DY");
+  }
+  return std::array<double, 2>{numbers.front(), numbers.back()};
+}
+
+Result<std::array<double, 4>> ParseWindow(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 4, "X0,Y0,X1,Y1"));
+  return std::array<double, 4>{std::min(n[0], n[2]), std::min(n[1], n[3]), std::max(n[0], n[2]),
+                               std::max(n[1], n[3])};
+}
+
 Result<Ray> ParseRay(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 6, "X,Y,Z,DX,DY,DZ"));
   const Ray ray{{n[0], n[1], n[2]}, {n[3], n[4], n[5]}};

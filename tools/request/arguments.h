@@ -2,6 +2,7 @@
 // Texts of the command line as values. An error is kInvalidArgument and says what was expected.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -57,6 +58,12 @@ Result<Vec3d> ParseUp(const std::string& text);
 Result<std::string> ParseLengthUnit(const std::string& text);
 // "X,Y,Z".
 Result<Vec3d> ParsePoint(const std::string& text);
+// "X,Y".
+Result<std::array<double, 2>> ParsePlace(const std::string& text);
+// "D" or "DX,DY", positive.
+Result<std::array<double, 2>> ParseSpacing(const std::string& text);
+// Two corners, "X0,Y0,X1,Y1", as the least and the largest x and y.
+Result<std::array<double, 4>> ParseWindow(const std::string& text);
 // "X,Y,Z,DX,DY,DZ"; the direction is not 0.
 Result<Ray> ParseRay(const std::string& text);
 // "127.0.0.1:8080", "[::1]:8080", "localhost:8080", or the port alone, on 127.0.0.1.

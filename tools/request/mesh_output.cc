@@ -19,17 +19,15 @@ double MetresOfHeight(const ObjectRecord& record) {
   return 1;
 }
 
-Json PointJson(const std::optional<Vec3d>& p) {
-  return p ? Json::array({p->x, p->y, p->z}) : Json();
-}
+Json PointJson(const std::optional<Vec3d>& p) { return p ? Json(*p) : Json(); }
 
-std::optional<Vec3d> ParsePoint(const JsonTree& json) {
-  if (!json.is_array() || json.size() != 3) return std::nullopt;
+std::optional<Vec3d> ParsePoint(const Json& json) {
+  if (json.size() != 3) return std::nullopt;
   Vec3d p;
   for (int i = 0; i < 3; ++i) {
-    const JsonTree& number = json[static_cast<size_t>(i)];
+    const Json& number = json[static_cast<size_t>(i)];
     if (!number.is_number()) return std::nullopt;
-    p[i] = number.get<double>();
+    p[i] = number.number();
   }
   return p;
 }
@@ -51,33 +49,27 @@ MeshWriteOptions MeshOptionsOf(const ObjectRecord& record, bool normals) {
 }
 
 Json MeshFileJson(const MeshWriteReport& report) {
-  Json json = {{"positions", report.positions},
-               {"origin", PointJson(report.origin)},
-               {"node_origin", PointJson(report.node_origin)},
-               {"not_written", Json::array()},
-               {"notes", Json::array()}};
-  for (const std::string& text : report.not_written) json["not_written"].push_back(text);
-  for (const std::string& text : report.notes) json["notes"].push_back(text);
-  return json;
+  return {{"positions", report.positions},
+          {"origin", PointJson(report.origin)},
+          {"node_origin", PointJson(report.node_origin)},
+          {"not_written", report.not_written},
+          {"notes", report.notes}};
 }
 
 MeshWriteReport ParseMeshFile(const std::string& text) {
   MeshWriteReport report;
-  const JsonTree json = ParseJsonObject(text);
-  if (!json.is_object()) return report;
-  const auto member = [&](const char* name) { return json.value(name, JsonTree()); };
+  const Json json = Json::ParseObject(text);
   const auto texts = [&](const char* name, std::vector<std::string>* list) {
-    const JsonTree values = member(name);
-    if (!values.is_array()) return;
-    for (const JsonTree& value : values) {
-      if (value.is_string()) list->push_back(value.get<std::string>());
+    const Json& values = json[name];
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (const std::string* const value = values[i].string()) list->push_back(*value);
     }
   };
-  if (const JsonTree positions = member("positions"); positions.is_string()) {
-    report.positions = positions.get<std::string>();
+  if (const std::string* const positions = json["positions"].string()) {
+    report.positions = *positions;
   }
-  report.origin = ParsePoint(member("origin"));
-  report.node_origin = ParsePoint(member("node_origin"));
+  report.origin = ParsePoint(json["origin"]);
+  report.node_origin = ParsePoint(json["node_origin"]);
   texts("not_written", &report.not_written);
   texts("notes", &report.notes);
   return report;
@@ -87,7 +79,7 @@ std::string MeshFileText(const MeshWriteReport& report) {
   std::string text;
   // With all digits, to be added.
   const auto point = [](const Vec3d& p) {
-    return Json(p.x).dump() + " " + Json(p.y).dump() + " " + Json(p.z).dump();
+    return Json(p.x).Text() + " " + Json(p.y).Text() + " " + Json(p.z).Text();
   };
   if (report.origin) {
     text += "  float32 positions in the file are offsets from " + point(*report.origin) + "\n";

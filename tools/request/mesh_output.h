@@ -6,8 +6,8 @@
 #include <string>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "store/base/json.h"
 #include "store/object_record.h"
-#include "tools/client/json.h"
 
 namespace mtdb {
 

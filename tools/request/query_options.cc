@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "query/query_from_json.h"
 #include "tools/request/read_file.h"
 
 namespace mtdb {
@@ -14,47 +15,42 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-QueryJson PointAt(const Numbers& n, size_t i) {
-  return QueryJson::array({n[i], n[i + 1], n[i + 2]});
-}
-
-Vec3d PointOf(const QueryJson& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
+Json PointAt(const Numbers& n, size_t i) { return Json::Array{n[i], n[i + 1], n[i + 2]}; }
 
 // What the numbers mean is checked where JSON is.
-Result<QueryJson> Checked(const std::string& text, QueryJson part, const Status& status) {
+Result<Json> Checked(const std::string& text, Json part, const Status& status) {
   if (status.ok()) return part;
   return InvalidArgument(status.message() + ", in '" + text + "'");
 }
 
-Result<QueryJson> CheckedRegion(const std::string& text, QueryJson region) {
-  const Result<RegionPtr> parsed = ParseRegion(region.dump());
-  return Checked(text, std::move(region), parsed.ok() ? Status::Ok() : parsed.status());
+Result<Json> CheckedRegion(const std::string& text, Json region) {
+  const Status status = RegionFromJson(region).status();
+  return Checked(text, std::move(region), status);
 }
 
 // One part as it is, several as the list of a part that puts them together.
-QueryJson Together(const char* key, QueryJson::array_t parts) {
+Json Together(const char* key, Json::Array parts) {
   if (parts.size() == 1) return std::move(parts[0]);
-  return {{key, QueryJson(std::move(parts))}};
+  return {{key, Json(std::move(parts))}};
 }
 
-Result<QueryJson> ReadQueryFile(const std::string& path) {
+Result<Json> ReadQueryFile(const std::string& path) {
   constexpr uint64_t kMostBytes = uint64_t{64} << 20;
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMostBytes));
-  Result<QueryJson> json = ParseQueryText(text);
+  Result<Json> json = ParseQueryText(text);
   if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
   return json;
 }
 
 }  // namespace
 
-Result<QueryJson> PointOption(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 3, "X,Y,Z"));
-  return PointAt(n, 0);
+Result<Json> ParseQueryText(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
+  return json;
 }
 
-Result<QueryJson> BoxOption(const std::string& text) {
+Result<Json> BoxOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
   // Any two opposite corners.
   Numbers least(3), most(3);
@@ -65,59 +61,59 @@ Result<QueryJson> BoxOption(const std::string& text) {
   return CheckedRegion(text, {{"box", {{"min", PointAt(least, 0)}, {"max", PointAt(most, 0)}}}});
 }
 
-Result<QueryJson> SphereOption(const std::string& text) {
+Result<Json> SphereOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 4, "X,Y,Z,R"));
   return CheckedRegion(text, {{"sphere", {{"centre", PointAt(n, 0)}, {"radius", n[3]}}}});
 }
 
-Result<QueryJson> HalfSpaceOption(const std::string& text) {
+Result<Json> HalfSpaceOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X,Y,Z,NX,NY,NZ"));
   return CheckedRegion(text,
                        {{"half_space", {{"point", PointAt(n, 0)}, {"normal", PointAt(n, 3)}}}});
 }
 
-Result<QueryJson> PointRegionOption(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson point, PointOption(text));
-  return CheckedRegion(text, {{"point", point}});
+Result<Json> PointRegionOption(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const Vec3d point, ParsePoint(text));
+  return CheckedRegion(text, {{"point", Json(point)}});
 }
 
-Result<QueryJson> SegmentOption(const std::string& text) {
+Result<Json> SegmentOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
   return CheckedRegion(text, {{"segment", {{"from", PointAt(n, 0)}, {"to", PointAt(n, 3)}}}});
 }
 
-Result<QueryJson> TubeOption(const std::string& text) {
+Result<Json> TubeOption(const std::string& text) {
   const std::string form = "R,X0,Y0,Z0,X1,Y1,Z1,...";
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
   if (n.size() < 4 || n.size() % 3 != 1) {
     return Unexpected(text, form + ": a radius and points of three numbers");
   }
-  QueryJson line = QueryJson::array();
+  Json line = Json::Array();
   for (size_t i = 1; i < n.size(); i += 3) line.push_back(PointAt(n, i));
   return CheckedRegion(text, {{"tube", {{"line", line}, {"radius", n[0]}}}});
 }
 
-Result<QueryJson> PrismOption(const std::string& text) {
+Result<Json> PrismOption(const std::string& text) {
   const std::string form = "X0,Y0,X1,Y1,X2,Y2,...";
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
   if (n.size() < 6 || n.size() % 2 != 0) {
     return Unexpected(text, form + ": at least three corners of two numbers");
   }
-  QueryJson polygon = QueryJson::array();
+  Json polygon = Json::Array();
   for (size_t i = 0; i < n.size(); i += 2) polygon.push_back({n[i], n[i + 1]});
   return CheckedRegion(text, {{"prism", {{"polygon", polygon}}}});
 }
 
-Result<QueryJson> WedgeOption(const std::string& text) {
+Result<Json> WedgeOption(const std::string& text) {
   const std::string form = "X,Y,DX,DY,ANGLE[,FAR]";
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseList(text, form));
   if (n.size() != 5 && n.size() != 6) return Unexpected(text, "5 or 6 numbers " + form);
-  QueryJson wedge = {{"apex", {n[0], n[1]}}, {"direction", {n[2], n[3]}}, {"angle", n[4]}};
+  Json wedge = {{"apex", {n[0], n[1]}}, {"direction", {n[2], n[3]}}, {"angle", n[4]}};
   if (n.size() == 6) wedge["far"] = n[5];
   return CheckedRegion(text, {{"wedge", wedge}});
 }
 
-Result<QueryJson> ErrorAtOption(const std::string& text) {
+Result<Json> ErrorAtOption(const std::string& text) {
   // A law, its key, and that of its last number.
   constexpr const char* kLaws[][3] = {{"linear", "linear", "slope"},
                                       {"quadratic", "quadratic", "factor"},
@@ -129,9 +125,9 @@ Result<QueryJson> ErrorAtOption(const std::string& text) {
     const Result<Numbers> numbers = ParseNumbers(text.substr(comma + 1), 5, "");
     if (!numbers.ok()) return Unexpected(text, "5 numbers after the law: LAW,X,Y,Z,BASE,F");
     const Numbers& n = *numbers;
-    QueryJson part = {{law[1], {{"point", PointAt(n, 0)}, {"base", n[3]}, {law[2], n[4]}}}};
-    const Result<ThresholdPtr> parsed = ParseThreshold(part.dump(), 0);
-    return Checked(text, std::move(part), parsed.ok() ? Status::Ok() : parsed.status());
+    Json part = {{law[1], {{"point", PointAt(n, 0)}, {"base", n[3]}, {law[2], n[4]}}}};
+    const Status status = ThresholdFromJson(part, 0).status();
+    return Checked(text, std::move(part), status);
   }
   return Unexpected(text, "linear, quadratic, sqrt or exp, and numbers: LAW,X,Y,Z,BASE,F");
 }
@@ -166,7 +162,7 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
     if (o.eye) return wrong("--eye", kNeedsCamera);
     if (o.target) return wrong("--target", kNeedsCamera);
     if (o.up && !draws) return wrong("--up", kNeedsCamera);
-    if (o.up && SquaredLength(PointOf(*o.up)) == 0) {
+    if (o.up && SquaredLength(*o.up) == 0) {
       return wrong("--up", "must not be 0,0,0");
     }
     if (o.fov) return wrong("--fov", kNeedsCamera);
@@ -176,35 +172,35 @@ Status CheckOptions(const QueryOptions& o, bool draws) {
   if (!draws && !o.frustum && !o.pixels) {
     return wrong("--eye", "is of no use without --frustum or --pixels");
   }
-  const Result<Camera> camera = ParseCamera(CameraOf(o, {1200, 900}).dump());
+  const Result<Camera> camera = CameraFromJson(CameraOf(o, {1200, 900}));
   return camera.ok()
              ? Status::Ok()
              : InvalidArgument("--eye, --target, --up, --fov: " + camera.status().message());
 }
 
-QueryJson CameraOf(const QueryOptions& o, const Extent& viewport) {
+Json CameraOf(const QueryOptions& o, const Extent& viewport) {
   const Extent size = o.viewport.value_or(viewport);
-  QueryJson camera = {{"eye", *o.eye}, {"target", *o.target}};
-  if (o.up) camera["up"] = *o.up;
+  Json camera = {{"eye", Json(*o.eye)}, {"target", Json(*o.target)}};
+  if (o.up) camera["up"] = Json(*o.up);
   if (o.fov) camera["fov"] = *o.fov;
   camera["viewport"] = {size.width, size.height};
   return camera;
 }
 
-Result<QueryJson> QueryOf(const QueryOptions& o, const Extent& viewport) {
-  QueryJson query = QueryJson::object();
+Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
+  Json query = Json::Object();
   if (!o.file.empty()) {
     MTDB_ASSIGN_OR_RETURN(query, ReadQueryFile(o.file));
     if (o.clip && !query.contains("region")) {
       return InvalidArgument(o.file + ": has no region for --clip");
     }
   } else {
-    QueryJson::array_t regions = o.regions;
+    Json::Array regions = o.regions;
     if (o.frustum) regions.push_back({{"frustum", CameraOf(o, viewport)}});
-    QueryJson region;
+    Json region;
     if (!regions.empty()) region = Together(o.intersect ? "intersection" : "union", regions);
     if (o.outside) region = {{"outside", region}};
-    QueryJson::array_t thresholds = o.errors_at;
+    Json::Array thresholds = o.errors_at;
     if (o.error) thresholds.push_back(*o.error);
     if (o.error_relative) thresholds.push_back({{"relative", *o.error_relative}});
     if (o.pixels) {
@@ -212,7 +208,7 @@ Result<QueryJson> QueryOf(const QueryOptions& o, const Extent& viewport) {
           {{"screen", {{"camera", CameraOf(o, viewport)}, {"pixels", *o.pixels}}}});
     }
     if (thresholds.empty()) thresholds.push_back("full");
-    QueryJson threshold = Together("smallest", thresholds);
+    Json threshold = Together("smallest", thresholds);
     if (o.error_outside) {
       threshold = {{"by_region",
                     {{"region", region}, {"inside", threshold}, {"outside", *o.error_outside}}}};

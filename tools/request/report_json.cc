@@ -8,40 +8,25 @@
 
 #include "query/heights.h"
 #include "store/base/redact.h"
+#include "store/base/scalar_names.h"
 #include "tools/request/root_reason.h"
 
 namespace mtdb {
 
 namespace {
 
-const char* TypeName(ScalarType type) {
-  switch (type) {
-    case ScalarType::kInt8: return "int8";
-    case ScalarType::kUint8: return "uint8";
-    case ScalarType::kInt16: return "int16";
-    case ScalarType::kUint16: return "uint16";
-    case ScalarType::kInt32: return "int32";
-    case ScalarType::kUint32: return "uint32";
-    case ScalarType::kFloat32: return "float32";
-    case ScalarType::kFloat64: return "float64";
-  }
-  return "unknown";
-}
-
-Json Point(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
-
 Json AttributesJson(const ObjectRecord& r) {
-  Json attributes = Json::array();
+  Json attributes = Json::Array();
   for (const VertexAttribute& a : r.attributes.attributes) {
-    attributes.push_back({{"name", a.name}, {"type", TypeName(a.type)}});
-    if (a.step > 0) attributes.back()["step"] = a.step;
-    if (a.normal_bits > 0) attributes.back()["normal_bits"] = a.normal_bits;
+    Json& json = attributes.push_back({{"name", a.name}, {"type", ScalarName(a.type)}});
+    if (a.step > 0) json["step"] = a.step;
+    if (a.normal_bits > 0) json["normal_bits"] = a.normal_bits;
   }
   return attributes;
 }
 
 Json RoundsJson(const ObjectRecord& r) {
-  Json rounds = Json::array();
+  Json rounds = Json::Array();
   for (const RoundReport& round : r.rounds) {
     rounds.push_back({{"triangles_in", round.triangles_in},
                       {"triangles_out", round.triangles_out},
@@ -93,7 +78,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
         {"nonmanifold_vertices", r.input.nonmanifold_vertices}}},
       {"attributes", AttributesJson(r)},
       {"digest", r.digest_hex()},
-      {"bounds", {{"min", Point(r.bounds.min)}, {"max", Point(r.bounds.max)}}},
+      {"bounds", {{"min", Json(r.bounds.min)}, {"max", Json(r.bounds.max)}}},
       {"diagonal", r.diagonal()},
       {"positions", lossless   ? "float32"
                     : r.raster ? "raster"
@@ -121,7 +106,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"units", r.units},
   };
   if (r.up) {
-    json["up"] = Point(r.up->direction);
+    json["up"] = Json(r.up->direction);
     json["up_given"] = r.up->given;
   }
   if (r.raster) {
@@ -132,7 +117,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
 }
 
 Json CatalogJson(const std::vector<ObjectRecord>& records) {
-  Json objects = Json::array();
+  Json objects = Json::Array();
   for (const ObjectRecord& r : records) {
     objects.push_back({{"object", r.name}, {"triangles", r.triangles}, {"vertices", r.vertices}});
   }
@@ -142,11 +127,11 @@ Json CatalogJson(const std::vector<ObjectRecord>& records) {
 Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray) {
   Json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
   if (answer.hit) {
-    json["point"] = Point(answer.hit->point);
+    json["point"] = Json(answer.hit->point);
     json[ray ? "parameter" : "distance"] = answer.hit->distance;
     json["front"] = answer.hit->front;
-    json["triangle"] = Json::array();
-    for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(Point(p));
+    json["triangle"] = Json::Array();
+    for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(Json(p));
     json["error_bound"] = answer.error_bound;
     json["excess"] = answer.excess;
   }
@@ -194,12 +179,12 @@ bool MayHaveSecrets(const std::string& key) {
 }
 
 void TakeSecrets(Json& json, bool any_string) {
-  if (json.is_string()) {
-    if (any_string) json = WithoutSecrets(json.get_ref<const std::string&>());
+  if (const std::string* const text = json.string()) {
+    if (any_string) json = WithoutSecrets(*text);
   } else if (json.is_array()) {
-    for (Json& element : json) TakeSecrets(element, any_string);
+    for (Json& element : json.elements()) TakeSecrets(element, any_string);
   } else if (json.is_object()) {
-    for (auto& [key, value] : json.items()) TakeSecrets(value, any_string || MayHaveSecrets(key));
+    for (auto& [key, value] : json.members()) TakeSecrets(value, any_string || MayHaveSecrets(key));
   }
 }
 
@@ -208,13 +193,13 @@ void TakeSecrets(Json& json, bool any_string) {
 void PrintAnswer(const char* answer, const Json& json, std::FILE* to) {
   constexpr const char* kVersion = "/1";
   Json whole = {{"schema", std::string("mtdb/") + answer + kVersion}};
-  whole.update(json);
+  whole.Update(json);
   TakeSecrets(whole, false);
   PrintJson(whole, to);
 }
 
 void PrintJson(const Json& json, std::FILE* to) {
-  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace);
+  const std::string text = json.Text(Json::Form::kLines);
   std::fprintf(to, "%s\n", text.c_str());
 }
 

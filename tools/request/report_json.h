@@ -8,9 +8,9 @@
 
 #include "query/cut.h"
 #include "query/probe.h"
+#include "store/base/json.h"
 #include "store/object_record.h"
 #include "store/verify_store.h"
-#include "tools/client/json.h"
 
 namespace mtdb {
 

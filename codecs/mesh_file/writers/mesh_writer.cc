@@ -5,6 +5,7 @@
 
 #include "codecs/mesh_file/writers/text_format.h"
 #include "store/base/attribute_layout.h"
+#include "store/base/scalar_names.h"
 
 namespace mtdb::internal {
 
@@ -91,23 +92,7 @@ Status MeshWriter::End() {
   return Status::Ok();
 }
 
-namespace {
-
-const char* TypeName(ScalarType type) {
-  switch (type) {
-    case ScalarType::kInt8: return "int8";
-    case ScalarType::kUint8: return "uint8";
-    case ScalarType::kInt16: return "int16";
-    case ScalarType::kUint16: return "uint16";
-    case ScalarType::kInt32: return "int32";
-    case ScalarType::kUint32: return "uint32";
-    case ScalarType::kFloat32: return "float32";
-    case ScalarType::kFloat64: return "float64";
-  }
-  return "";
-}
-
-}  // namespace
+namespace {}  // namespace
 
 MeshWriteReport MeshWriter::report() const {
   constexpr size_t kMostNamed = 40;
@@ -122,12 +107,12 @@ MeshWriteReport MeshWriter::report() const {
     if (type == all[i].type) {
       report.not_written.back() += ", " + all[i].name;
     } else {
-      if (type) report.not_written.back() += std::string(" (") + TypeName(*type) + ")";
+      if (type) report.not_written.back() += std::string(" (") + ScalarName(*type) + ")";
       report.not_written.push_back(all[i].name);
       type = all[i].type;
     }
   }
-  if (type) report.not_written.back() += std::string(" (") + TypeName(*type) + ")";
+  if (type) report.not_written.back() += std::string(" (") + ScalarName(*type) + ")";
   if (named > kMostNamed) {
     report.not_written.push_back(std::to_string(named - kMostNamed) + " more");
   }
@@ -138,7 +123,7 @@ MeshWriteReport MeshWriter::report() const {
 void ColourReader::AddToReport(const char* bits, MeshWriteReport* report) const {
   if (count() == 0) return;
   if (bits != nullptr && type() != ScalarType::kUint8) {
-    report->notes.push_back(std::string("colours of ") + TypeName(type()) + " are rounded to " +
+    report->notes.push_back(std::string("colours of ") + ScalarName(type()) + " are rounded to " +
                             bits);
   }
   if (cut_ > 0) {

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 
 namespace mtdb {
 
@@ -23,35 +24,27 @@ Status Wrong(size_t line, const std::string& what) {
 }
 
 struct Keyframe {
-  QueryJson query;
+  Json query;
   size_t steps = 1;  // that lead to it
 };
 
-// Takes `key` away from `json`; null when it is not there.
-QueryJson Taken(QueryJson& json, const char* key) {
-  const auto at = json.find(key);
-  if (at == json.end()) return nullptr;
-  QueryJson value = std::move(*at);
-  json.erase(at);
-  return value;
-}
-
 Result<Keyframe> ParseKeyframe(const std::string& text) {
   Keyframe frame;
-  QueryJson& json = frame.query;
-  json = QueryJson::parse(text, nullptr, false);
+  Json& json = frame.query;
+  json = Json::ParseObject(text);
   if (!json.is_object()) return InvalidArgument("expected a JSON object");
-  if (const QueryJson steps = Taken(json, "steps"); !steps.is_null()) {
-    if (!steps.is_number_unsigned() || steps == 0 || steps > kMostSteps) {
+  if (const Json steps = json.Take("steps"); !steps.is_null()) {
+    const uint64_t* const number = steps.whole_number();
+    if (number == nullptr || *number == 0 || *number > kMostSteps) {
       return InvalidArgument("steps: expected a whole number from 1 to 1000000");
     }
-    frame.steps = steps.get<size_t>();
+    frame.steps = *number;
   }
-  const QueryJson camera = Taken(json, "camera");
-  const QueryJson box = Taken(json, "box");
-  const QueryJson error = Taken(json, "error");
-  const QueryJson pixels = Taken(json, "pixels");
-  const auto set = [&](const char* key, QueryJson value) -> Status {
+  const Json camera = json.Take("camera");
+  const Json box = json.Take("box");
+  const Json error = json.Take("error");
+  const Json pixels = json.Take("pixels");
+  const auto set = [&](const char* key, Json value) -> Status {
     if (json.contains(key)) {
       return InvalidArgument(std::string(key) +
                              ": is given twice, by its own name and by camera, "
@@ -66,54 +59,51 @@ Result<Keyframe> ParseKeyframe(const std::string& text) {
     if (!json.contains("region")) json["region"] = {{"frustum", camera}};
     if (!json.contains("threshold") || !pixels.is_null()) {
       if (!pixels.is_null() &&
-          !(pixels.is_number() && pixels.get<double>() > 0 && pixels.get<double>() < kMostPixels)) {
+          !(pixels.is_number() && pixels.number() > 0 && pixels.number() < kMostPixels)) {
         return InvalidArgument("pixels: expected a number above 0");
       }
       MTDB_RETURN_IF_ERROR(
           set("threshold",
-              {{"screen",
-                {{"camera", camera}, {"pixels", pixels.is_null() ? QueryJson(1) : pixels}}}}));
+              {{"screen", {{"camera", camera}, {"pixels", pixels.is_null() ? Json(1) : pixels}}}}));
     }
   } else if (!pixels.is_null()) {
     return InvalidArgument("pixels: needs a camera");
   }
-  MTDB_RETURN_IF_ERROR(ParseQueryText(json.dump()).status());
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
   return frame;
 }
 
 // What lies between two values of the same build; `key` is the nearest one above it.
-Result<QueryJson> Between(const QueryJson& from, const QueryJson& to, double t,
-                          const std::string& key) {
+Result<Json> Between(const Json& from, const Json& to, double t, const std::string& key) {
   if (from == to) return to;
   if (from.is_number() && to.is_number()) {
-    const double value = from.get<double>() + t * (to.get<double>() - from.get<double>());
-    if (kWhole.contains(key)) return QueryJson(static_cast<uint64_t>(std::llround(value)));
-    return QueryJson(value);
+    const double value = from.number() + t * (to.number() - from.number());
+    return kWhole.contains(key) ? Json(static_cast<uint64_t>(std::llround(value))) : Json(value);
   }
-  if (from.type() != to.type() || from.size() != to.size() || !from.is_structured()) {
+  const bool alike = (from.is_array() && to.is_array()) || (from.is_object() && to.is_object());
+  if (!alike || from.size() != to.size()) {
     return InvalidArgument(key +
                            ": steps lead from one line to the next only where both differ "
                            "in nothing but numbers");
   }
-  QueryJson between = to;
+  Json between = to;
   if (to.is_array()) {
     for (size_t i = 0; i < to.size(); ++i) {
-      MTDB_ASSIGN_OR_RETURN(between[i], Between(from[i], to[i], t, key));
+      MTDB_ASSIGN_OR_RETURN(between.elements()[i], Between(from[i], to[i], t, key));
     }
     return between;
   }
-  for (auto& [name, value] : between.items()) {
-    const auto at = from.find(name);
-    if (at == from.end()) return Between(QueryJson(), QueryJson(0), t, name);
-    MTDB_ASSIGN_OR_RETURN(value, Between(*at, to[name], t, name));
+  for (auto& [name, value] : between.members()) {
+    if (!from.contains(name)) return Between(Json(), 0, t, name);
+    MTDB_ASSIGN_OR_RETURN(value, Between(from[name], to[name], t, name));
   }
   return between;
 }
 
 }  // namespace
 
-Result<QueryJson::array_t> ParseFollowPath(const std::string& text) {
-  QueryJson::array_t queries;
+Result<Json::Array> ParseFollowPath(const std::string& text) {
+  Json::Array queries;
   std::istringstream lines(text);
   std::string line;
   for (size_t number = 1; std::getline(lines, line); ++number) {
@@ -121,16 +111,16 @@ Result<QueryJson::array_t> ParseFollowPath(const std::string& text) {
     if (begin == std::string::npos || line[begin] == '#') continue;
     const Result<Keyframe> frame = ParseKeyframe(line);
     if (!frame.ok()) return Wrong(number, frame.status().message());
-    const QueryJson from = queries.empty() ? frame->query : queries.back();
+    const Json from = queries.empty() ? frame->query : queries.back();
     const size_t steps = queries.empty() ? 1 : frame->steps;
     if (queries.size() + steps > kMostSteps) {
       return Wrong(number, "more than 1000000 steps");
     }
     for (size_t i = 1; i < steps; ++i) {
-      Result<QueryJson> query =
+      Result<Json> query =
           Between(from, frame->query, static_cast<double>(i) / static_cast<double>(steps), "query");
       if (!query.ok()) return Wrong(number, query.status().message());
-      const Status status = ParseQueryText(query->dump()).status();
+      const Status status = QueryFromJson(*query, 0).status();
       if (!status.ok()) return Wrong(number, "on the way to it: " + status.message());
       queries.push_back(*std::move(query));
     }

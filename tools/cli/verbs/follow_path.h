@@ -15,7 +15,7 @@ inline constexpr size_t kMostSteps = 1'000'000;
 // The queries of all steps. `text` has a JSON object a line, as docs/protocol.md has them ("mtdb
 // follow"); empty lines and those that begin with # count for nothing. Errors: kInvalidArgument;
 // the message begins with the line.
-Result<QueryJson::array_t> ParseFollowPath(const std::string& text);
+Result<Json::Array> ParseFollowPath(const std::string& text);
 
 // The name of a step's file: `pattern` with the step in the place of its only %d or %03d.
 // kInvalidArgument when it has no such place, or what is no name of a mesh file.

@@ -7,7 +7,7 @@
 
 #include "builder/build.h"
 #include "store/base/hash.h"
-#include "tools/client/json.h"
+#include "store/base/json.h"
 
 namespace mtdb {
 
@@ -51,11 +51,11 @@ std::string JournalPath(const std::string& folder, const std::string& store,
 std::string JournalNote(const std::string& store, const std::string& object,
                         const std::string& command) {
   std::error_code error;
-  const JsonTree note{{"store", store},
-                      {"object", object},
-                      {"folder", std::filesystem::current_path(error).string()},
-                      {"command", command.size() <= kMaxCommandBytes ? command : ""}};
-  return note.dump(-1, ' ', false, JsonTree::error_handler_t::replace);
+  const Json note{{"command", command.size() <= kMaxCommandBytes ? command : ""},
+                  {"folder", std::filesystem::current_path(error).string()},
+                  {"object", object},
+                  {"store", store}};
+  return note.Text();
 }
 
 std::vector<IngestJournal> FindJournals(const std::string& folder, const std::string& store,
@@ -69,10 +69,10 @@ std::vector<IngestJournal> FindJournals(const std::string& folder, const std::st
     if (!name.starts_with(prefix) || !name.ends_with(kSuffix)) continue;
     const Result<JournalInfo> info = ReadJournalInfo(at->path().string(), published);
     if (!info.ok()) continue;
-    const JsonTree note = JsonTree::parse(info->note, nullptr, false);
+    const Json note = Json::ParseObject(info->note);
     const auto text = [&](const char* key) {
-      const bool there = note.is_object() && note.contains(key) && note[key].is_string();
-      return there ? note[key].get<std::string>() : std::string();
+      const std::string* const found = note[key].string();
+      return found != nullptr ? *found : std::string();
     };
     // Of a store of the same name elsewhere.
     if (!text("store").empty() && text("store") != store) continue;

@@ -5,6 +5,7 @@
 #include "codecs/mesh_file/atomic_file.h"
 #include "codecs/mesh_file/mesh_file.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/client/client.h"
@@ -18,14 +19,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const FetchAnswer& a,
+void PrintFetched(const QueryArguments& arguments, const Json& query, const FetchAnswer& a,
                   double seconds) {
   const bool missed = query.contains("region") && a.active_triangles == 0;
   Json unmet;
-  if (query.contains("max_triangles") && a.triangles > query["max_triangles"].get<uint64_t>()) {
-    unmet = {{"max_triangles", query["max_triangles"]},
-             {"least", a.triangles},
-             {"reason", "no coarser mesh is stored"}};
+  const uint64_t* const most = query["max_triangles"].whole_number();
+  if (most != nullptr && a.triangles > *most) {
+    unmet = {
+        {"max_triangles", *most}, {"least", a.triangles}, {"reason", "no coarser mesh is stored"}};
   }
   const MeshWriteReport file = ParseMeshFile(a.file);
   if (arguments.json) {
@@ -46,7 +47,7 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
                  {"bytes_read", a.bytes_read},
                  {"bytes_received", a.bytes_received},
                  {"seconds", {{"total", seconds}}}};
-    json.update(MeshFileJson(file));
+    json.Update(MeshFileJson(file));
     PrintAnswer("fetch", json);
     return;
   }
@@ -61,7 +62,7 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
   }
   if (!unmet.is_null()) {
     std::printf("  WARNING: the limit of %s triangles cannot be kept: no coarser mesh is stored\n",
-                Grouped(unmet["max_triangles"].get<uint64_t>()).c_str());
+                Grouped(*most).c_str());
   }
   std::fputs(MeshFileText(file).c_str(), stdout);
   std::printf("  received %s in %.3g s\n", SizeText(a.bytes_received).c_str(), seconds);
@@ -75,11 +76,9 @@ void PrintFetched(const QueryArguments& arguments, const QueryJson& query, const
               SizeText(a.bytes_read).c_str(), Grouped(a.clusters_cached).c_str());
 }
 
-}  // namespace
-
 Status Fetch(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
-  MTDB_ASSIGN_OR_RETURN(const QueryJson query, QueryOf(arguments.query, arguments.size));
+  MTDB_ASSIGN_OR_RETURN(const Json query, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(query);
     return Status::Ok();
@@ -98,12 +97,31 @@ Status Fetch(const QueryArguments& arguments) {
     return output->Append(piece);
   };
   MTDB_ASSIGN_OR_RETURN(const FetchAnswer answer,
-                        FetchMesh(arguments.store, query.dump(), options, receive));
+                        FetchMesh(arguments.store, query.Text(), options, receive));
   MTDB_RETURN_IF_ERROR(receive(""));
   MTDB_RETURN_IF_ERROR(output->Commit());
   PrintFetched(arguments, query, answer,
                std::chrono::duration<double>(Clock::now() - begin).count());
   return Status::Ok();
 }
+
+RunVerb AddFetch(CLI::App* verb) {
+  const auto a = std::make_shared<QueryArguments>();
+  AddUrl(verb, &a->store);
+  AddOutput(verb, &a->output);
+  AddQueryOptions(verb, a.get(), false);
+  AddTimeout(verb, &a->timeout_seconds);
+  AddMeshOptions(verb, a.get());
+  return [a](Invocation&) { return Fetch(*a); };
+}
+
+}  // namespace
+
+const Verb kFetchVerb{
+    "fetch", "extract from a server (mtdb serve)",
+    "Example: mtdb fetch http://localhost:8080/objects/statue head.ply --error 0.5 "
+    "--sphere 0,0,180,60\n"
+    "More: docs/query.md, docs/protocol.md",
+    AddFetch};
 
 }  // namespace mtdb

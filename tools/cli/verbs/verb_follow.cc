@@ -8,6 +8,7 @@
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "store/files/guarded_file.h"
+#include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/follow_path.h"
 #include "tools/client/client.h"
@@ -19,11 +20,22 @@ namespace mtdb {
 
 namespace {
 
+struct FollowArguments {
+  std::string url;
+  std::string path;    // a file of keyframes
+  std::string output;  // a pattern of mesh files; empty: none
+  std::string csv;     // empty: none
+  std::string name;
+  uint32_t remembered_vertices = 65536;
+  double timeout_seconds = 600;
+  double reconnect_seconds = 0;
+  bool json = false;
+};
 using Count = unsigned long long;
 
-Result<QueryJson::array_t> ReadPath(const std::string& path) {
+Result<Json::Array> ReadPath(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path));
-  Result<QueryJson::array_t> queries = ParseFollowPath(text);
+  Result<Json::Array> queries = ParseFollowPath(text);
   if (!queries.ok()) return InvalidArgument(path + ": " + queries.status().message());
   return queries;
 }
@@ -112,10 +124,8 @@ void PrintSummary(const RemoteSession& session, const std::vector<RemoteUpdate>&
   std::fputs(ShortfallText(last.shortfall, last.limit).c_str(), stdout);
 }
 
-}  // namespace
-
 Status Follow(const FollowArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const QueryJson::array_t queries, ReadPath(arguments.path));
+  MTDB_ASSIGN_OR_RETURN(const Json::Array queries, ReadPath(arguments.path));
   CsvFile csv;
   if (!arguments.csv.empty()) MTDB_RETURN_IF_ERROR(csv.Open(arguments.csv));
   RemoteSessionOptions options;
@@ -129,10 +139,10 @@ Status Follow(const FollowArguments& arguments) {
   const std::chrono::duration<double, std::milli> opened = std::chrono::steady_clock::now() - begin;
   MTDB_RETURN_IF_ERROR(csv.AddStart(*session, opened.count()));
   std::vector<RemoteUpdate> updates;
-  Json steps = Json::array();
-  for (const QueryJson& query : queries) {
+  Json steps = Json::Array();
+  for (const Json& query : queries) {
     const size_t step = updates.size() + 1;
-    Result<RemoteUpdate> update = session->Update(query.dump());
+    Result<RemoteUpdate> update = session->Update(query.Text());
     if (!update.ok()) {
       return {update.status().code(),
               "step " + std::to_string(step) + ": " + update.status().message()};
@@ -160,5 +170,53 @@ Status Follow(const FollowArguments& arguments) {
   session->Close();
   return Status::Ok();
 }
+
+RunVerb AddFollow(CLI::App* verb) {
+  const auto a = std::make_shared<FollowArguments>();
+  AddUrl(verb, &a->url);
+  verb->add_option("--path", a->path,
+                   "what to ask for: a JSON object a line, a query of its own or a keyframe; "
+                   "required")
+      ->required()
+      ->type_name("FILE");
+  verb->add_option("--output", a->output,
+                   "write the mesh of each step; %d or %03d stands for the step: step-%03d.ply")
+      ->type_name("PATTERN")
+      ->check([](const std::string& text) {
+        const Status status = StepFile(text, 0).status();
+        return status.ok() ? WrittenMeshFormatOf(text).status().message() : status.message();
+      });
+  verb->add_option("--csv", a->csv,
+                   "write a table of bytes, milliseconds and triangles, a row a step")
+      ->type_name("FILE");
+  AddName(verb, &a->name);
+  verb->add_option("--remember", a->remembered_vertices,
+                   "remember N removed vertices, so that they need not come again")
+      ->type_name("N")
+      ->check(CLI::Range(0u, 1u << 24))
+      ->capture_default_str();
+  AddTimeout(verb, &a->timeout_seconds);
+  AddParsed(verb, "--reconnect", "SECONDS", &a->reconnect_seconds, ParseSeconds,
+            "when the connection is lost, try so long to get another, and go on from the base mesh")
+      ->default_str("0");
+  AddJson(verb, &a->json);
+  return [a](Invocation&) { return Follow(*a); };
+}
+
+}  // namespace
+
+const Verb kFollowVerb{
+    "follow", "drive a session of a server (mtdb serve) along a path of queries",
+    "A line of FILE is a query (docs/query.md), or has short forms of one:\n"
+    "  {\"camera\": {\"eye\": [0, -9, 4], \"target\": [0, 0, 3]}, \"pixels\": 1}\n"
+    "  {\"camera\": {\"eye\": [9, 0, 4], \"target\": [0, 0, 3]}, \"pixels\": 1, "
+    "\"steps\": 30}\n"
+    "  {\"box\": {\"min\": [0, 0, 0], \"max\": [1, 1, 1]}, \"error\": 0.01}\n"
+    "With \"steps\" so many queries lead from the line before to this one, along a "
+    "straight line.\n"
+    "Example: mtdb follow http://localhost:8080/objects/statue --path flight.jsonl "
+    "--output step-%03d.ply --csv flight.csv\n"
+    "More: docs/protocol.md",
+    AddFollow};
 
 }  // namespace mtdb

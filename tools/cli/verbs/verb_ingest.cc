@@ -9,16 +9,21 @@
 
 #include "builder/build.h"
 #include "builder/mesh_survey.h"
+#include "codecs/mesh_file/mesh_file.h"
+#include "codecs/raster_file/raster_file.h"
+#include "store/object_name.h"
 #include "tools/cli/grouped.h"
 #include "tools/cli/machine.h"
 #include "tools/cli/mesh_report.h"
+#include "tools/cli/options.h"
 #include "tools/cli/progress.h"
 #include "tools/cli/raster_ingest.h"
 #include "tools/cli/verbs.h"
+#include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/cli/verbs/ingest_journal.h"
 #include "tools/cli/verbs/late_writer.h"
 #include "tools/cli/verbs/merge.h"
-#include "tools/generate/generate.h"
+#include "tools/gdal/gdal_raster.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 #include "tools/request/root_reason.h"
@@ -238,6 +243,8 @@ Status Survey(const IngestArguments& arguments) {
   return Status::Ok();
 }
 
+namespace {
+
 Status Ingest(const IngestArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
   const std::string store = RealStorePath(arguments.store);
@@ -304,7 +311,7 @@ Status Ingest(const IngestArguments& arguments) {
     json["warnings"] = AccuracyWarnings(report.survey);
     json["notes"] = notes;
     if (raster != nullptr) json["raster_input"] = raster->ReportJson();
-    json["stages"] = Json::array();
+    json["stages"] = Json::Array();
     for (const StageCost& stage : report.stages) {
       json["stages"].push_back({{"stage", stage.stage},
                                 {"seconds", stage.seconds},
@@ -333,20 +340,148 @@ Status Ingest(const IngestArguments& arguments) {
   return Status::Ok();
 }
 
-Status Generate(const GenerateArguments& arguments) {
-  GenerateReport report;
-  MTDB_RETURN_IF_ERROR(GenerateFile(arguments.shape,
-                                    {.triangles = arguments.triangles, .seed = arguments.seed},
-                                    arguments.output, &report));
-  if (arguments.json) {
-    PrintAnswer("generate", {{"output", arguments.output},
-                             {"vertices", report.vertices},
-                             {"triangles", report.triangles}});
-  } else {
-    std::printf("%s: %s triangles, %s vertices\n", arguments.output.c_str(),
-                Grouped(report.triangles).c_str(), Grouped(report.vertices).c_str());
-  }
-  return Status::Ok();
+void AddInputs(CLI::App* verb, std::vector<std::string>* paths, IngestArguments* a) {
+  verb->add_option("INPUT... STORE", *paths,
+                   "mesh files (" + SuffixesOf(ReadMeshFormats()) +
+                       ", also compressed by gzip, or - for standard input; several become one "
+                       "object), or rasters of heights (" +
+                       OwnRasterSuffixes() + (HasGdal() ? ", and what GDAL reads" : "") +
+                       "; several of one grid are joined), then the store, which is made when it "
+                       "is not there")
+      ->required()
+      ->expected(2, 1 << 20);
+  AddInputFormat(verb, &a->format);
+  verb->add_option("--name", a->name,
+                   "the object's name (default: INPUT without folders and extension)")
+      ->type_name("NAME")
+      ->check([](const std::string& text) { return CheckObjectName(text).message(); });
 }
+
+void AddRounding(CLI::App* verb, IngestArguments* a) {
+  auto* bits = verb->add_option("--bits", a->bits,
+                                "round positions to a grid of 2^N cells along the longest side, "
+                                "N from 1 to 24 (default: a grid that suits the mesh, of 16 bits "
+                                "or more; --dry-run says which)")
+                   ->type_name("N")
+                   ->check(CLI::Range(1, 24));
+  auto* step = AddParsed(verb, "--step", "S", &a->step, ParsePositive,
+                         "round positions to multiples of S model units instead");
+  AddParsed(verb, "--step-z", "S", &a->step_z, ParsePositive,
+            "rasters: round heights to multiples of S (default: integers and decimals as they are "
+            "written; other floats so that rounding is small beside their range and differences; "
+            "'mtdb info FILE' says it)");
+  verb->add_option("--fill", a->fill,
+                   "rasters: close holes of up to N columns and rows of samples (pixels) with a "
+                   "smooth surface; larger ones and the outside stay")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1 << 20));
+  verb->add_flag("--terrain", a->terrain,
+                 "the mesh is a height field, z above x and y, and becomes a terrain: errors are "
+                 "differences in height; one that is folded is refused");
+  auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
+  bits->excludes(step)->excludes(lossless);
+  step->excludes(lossless);
+}
+
+void AddWeld(CLI::App* verb, IngestArguments* a) {
+  // A word that is no tolerance is mostly the next argument.
+  verb->add_option_function<std::string>(
+          "--weld",
+          [a](const std::string& text) {
+            const auto tolerance = ParseNonNegative(text.empty() ? "0" : text);
+            if (!tolerance.ok()) {
+              throw CLI::ValidationError("--weld", tolerance.status().message() +
+                                                       "; write --weld=0 before other arguments");
+            }
+            a->weld = *tolerance;
+          },
+          "join vertices of equal positions, or of positions within TOLERANCE model units, into "
+          "one: several files, or tiles that adjoin, become one surface")
+      ->type_name("[TOLERANCE]")
+      ->expected(0, 1);
+  verb->add_flag("--no-weld", a->keep_apart,
+                 "keep cuts in the mesh (default: joined where attributes agree)")
+      ->excludes("--weld");
+}
+
+void AddAttributes(CLI::App* verb, IngestArguments* a) {
+  verb->add_option("--normals", a->normal_bits,
+                   "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
+                   "4 to 16, e.g. 10 (default: lossless)")
+      ->type_name("N")
+      ->check(CLI::Range(4, 16));
+  AddParsedList(
+      verb, "--attribute", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
+      "round a float attribute to multiples of a step (default: lossless); may be repeated");
+  AddParsed(verb, "--up", "AXIS", &a->up, ParseUp,
+            "what is up in pictures and in the viewer: x, y, z, -x, -y, -z (as --up=-y), or a "
+            "vector X,Y,Z (default: found from the shape; terrains: z)");
+  AddParsed(verb, "--units", "UNIT", &a->units, ParseLengthUnit,
+            "what coordinates are in: um, mm, cm, m, km, in or ft; kept and shown, and changes no "
+            "number");
+}
+
+void AddWork(CLI::App* verb, IngestArguments* a) {
+  verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, ParseMemory,
+            "use at most so much memory, the rest goes to temporary files, e.g. 1G; at least 256M "
+            "(default: a quarter of the machine's)");
+  verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
+      ->type_name("DIR");
+  AddParsed(verb, "--max-tmp", "SIZE", &a->max_tmp_bytes, ParseSize,
+            "temporary files and the journal take at most so much (default: all there is)");
+  verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
+  verb->add_flag("--force", a->force, "replace an object of that name");
+  verb->add_flag("--dry-run", a->dry_run,
+                 "store nothing; tell what the mesh is like, which accuracy suits it, and what it "
+                 "takes")
+      ->excludes("--resume");
+  AddJson(verb, &a->json);
+  AddVerbose(verb, &a->verbose);
+}
+
+// What single options cannot see.
+void CheckPaths(const std::vector<std::string>& paths, const IngestArguments& a) {
+  const auto count = std::count(paths.begin(), paths.end() - 1, "-");
+  if (count > 1) throw CLI::ValidationError("-", "standard input can be read once");
+  if (paths.front() == "-" && a.name.empty() && !a.dry_run) {
+    throw CLI::ValidationError("-", "standard input has no name: give the object one by --name");
+  }
+  if (count == 0 && !a.format.empty()) {
+    throw CLI::ValidationError("--format", "goes with - only; files are known by their names");
+  }
+  if (Database::IsUrl(paths.back())) {
+    throw CLI::ValidationError(paths.back(), "a URL cannot be written to; give a file");
+  }
+  if (count == 1 && a.resume) {
+    throw CLI::ValidationError("--resume", "cannot read standard input again; copy it to a file");
+  }
+}
+
+RunVerb AddIngest(CLI::App* verb) {
+  const auto a = std::make_shared<IngestArguments>();
+  const auto paths = std::make_shared<std::vector<std::string>>();
+  AddInputs(verb, paths.get(), a.get());
+  AddRounding(verb, a.get());
+  AddWeld(verb, a.get());
+  AddAttributes(verb, a.get());
+  AddWork(verb, a.get());
+  verb->callback([a, paths] { CheckPaths(*paths, *a); });
+  return [a, paths](Invocation& invocation) {
+    a->store = paths->back();
+    a->inputs.assign(paths->begin(), paths->end() - 1);
+    a->resume_command = invocation.command + (a->resume ? "" : " --resume");
+    a->quiet = invocation.quiet;
+    return Ingest(*a);
+  };
+}
+
+}  // namespace
+
+const Verb kIngestVerb{"ingest", "store a mesh at every level of detail",
+                       "Example: mtdb ingest scan.ply scans.mtdb --name statue --bits 18",
+                       AddIngest};
 
 }  // namespace mtdb

@@ -15,8 +15,10 @@
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/raster_ingest.h"
 #include "tools/cli/verbs.h"
+#include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/cli/verbs/ingest_journal.h"
 #include "tools/client/printable.h"
 #include "tools/request/arguments.h"
@@ -27,6 +29,16 @@ namespace mtdb {
 
 namespace {
 
+struct InspectArguments {
+  std::string store;
+  OpenOptions open;
+  std::string name;
+  std::string level = "fast";  // verify
+  bool streams = false;        // info: read all payloads, and tell what their streams take
+  std::string format;          // info: of a mesh on standard input
+  std::string tmp;             // list: where journals lie; empty: the store's folder
+  bool json = false;
+};
 constexpr uint64_t kMuchFreeSpace = uint64_t{1} << 20;
 
 using BitsPerVertex = std::map<std::string, double>;
@@ -132,7 +144,7 @@ void PrintInfo(const ObjectRecord& r) {
 }
 
 Json JournalsJson(const std::vector<IngestJournal>& journals) {
-  Json list = Json::array();
+  Json list = Json::Array();
   for (const IngestJournal& j : journals) {
     list.push_back({{"object", j.object},
                     {"running", j.running},
@@ -162,8 +174,6 @@ void PrintJournal(const IngestJournal& j) {
   std::printf("    to give it up: rm %s\n", QuoteForShell(Printable(j.path)).c_str());
 }
 
-}  // namespace
-
 Status Info(const InspectArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture({arguments.store}));
   const bool is_input = IsMeshFile(arguments.store) || IsRaster(arguments.store);
@@ -187,12 +197,13 @@ Status Info(const InspectArguments& arguments) {
     records.push_back(std::move(record));
   }
   if (arguments.json) {
-    Json objects = Json::array();
+    Json objects = Json::Array();
     for (const ObjectRecord& r : records) {
-      Json& object = objects.emplace_back(RecordJson(r, file_bytes));
+      Json& object = objects.push_back(RecordJson(r, file_bytes));
       if (!arguments.streams) continue;
       MTDB_ASSIGN_OR_RETURN(const BitsPerVertex bits, MeasureStreams(*database, r));
-      object["stream_bits_per_vertex"] = bits;
+      Json& json = object["stream_bits_per_vertex"] = Json::Object();
+      for (const auto& [name, n] : bits) json[name] = n;
     }
     PrintAnswer("info",
                 {{"store", arguments.store}, {"file_bytes", file_bytes}, {"objects", objects}});
@@ -253,7 +264,8 @@ Status List(const InspectArguments& arguments) {
   return Status::Ok();
 }
 
-Status Verify(const InspectArguments& arguments, bool* ok) {
+// `*failed`: a check did; an error: nothing could be examined.
+Status Verify(const InspectArguments& arguments, bool* failed) {
   CheckReport report;
   if (!arguments.name.empty()) {
     // A name that is not there is a mistake of the caller, unless the catalog is damaged.
@@ -283,10 +295,10 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
       }
     }
   }
-  *ok = report.ok();
+  *failed = !report.ok();
   if (arguments.json) {
     Json json = {{"store", arguments.store}, {"level", arguments.level}};
-    json.update(ChecksJson(report));
+    json.Update(ChecksJson(report));
     PrintAnswer("verify", json);
     return Status::Ok();
   }
@@ -298,5 +310,54 @@ Status Verify(const InspectArguments& arguments, bool* ok) {
               report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
   return Status::Ok();
 }
+
+RunVerb AddInfo(CLI::App* verb) {
+  const auto a = std::make_shared<InspectArguments>();
+  verb->add_option("STORE", a->store,
+                   "the store file, or a mesh file; - is a mesh on standard input")
+      ->required();
+  AddInputFormat(verb, &a->format);
+  AddOnly(verb, &a->name);
+  AddJson(verb, &a->json);
+  verb->add_flag("--streams", a->streams,
+                 "read all clusters, and tell what their streams take, attributes among them");
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return Info(*a); };
+}
+
+RunVerb AddList(CLI::App* verb) {
+  const auto a = std::make_shared<InspectArguments>();
+  AddStore(verb, &a->store);
+  AddJson(verb, &a->json);
+  verb->add_option("--tmp", a->tmp,
+                   "look for journals of interrupted ingests in DIR (default: the store's folder)")
+      ->type_name("DIR");
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return List(*a); };
+}
+
+RunVerb AddVerify(CLI::App* verb) {
+  const auto a = std::make_shared<InspectArguments>();
+  AddStore(verb, &a->store);
+  AddOnly(verb, &a->name);
+  AddJson(verb, &a->json);
+  verb->add_option("--level", a->level,
+                   "fast: pages, checksums, index, digests; full: also decodes every cluster; "
+                   "global: also rebuilds the whole surface and compares it with what was ingested")
+      ->type_name("LEVEL")
+      ->check(CLI::IsMember({"fast", "full", "global"}))
+      ->capture_default_str();
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation& invocation) { return Verify(*a, &invocation.failed); };
+}
+
+}  // namespace
+
+const Verb kInfoVerb{"info", "tell what a store holds, or what a mesh file is like", "", AddInfo};
+
+const Verb kListVerb{"list", "list the objects of a store, and ingests that were interrupted", "",
+                     AddList};
+
+const Verb kVerifyVerb{"verify", "check a store's bytes and meshes", "", AddVerify};
 
 }  // namespace mtdb

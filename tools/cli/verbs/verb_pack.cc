@@ -8,6 +8,7 @@
 #include "store/database.h"
 #include "store/packed_file.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
 #include "tools/request/report_json.h"
 
@@ -15,6 +16,14 @@ namespace mtdb {
 
 namespace {
 
+struct PackArguments {
+  std::string from;  // pack: a store; unpack: a packed file or its URL
+  OpenOptions open;  // of `from`
+  std::string to;
+  std::vector<std::string> names;  // none: all
+  bool force = false;              // unpack: replaces objects
+  bool json = false;
+};
 // The given ones in their order; without any, all by name.
 Result<std::vector<std::string>> NamesOf(const Database& database,
                                          const std::vector<std::string>& given) {
@@ -30,8 +39,6 @@ Result<std::vector<std::string>> NamesOf(const Database& database,
   }
   return names;
 }
-
-}  // namespace
 
 Status Pack(const PackArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
@@ -50,7 +57,7 @@ Status Pack(const PackArguments& arguments) {
                         PackObjects(sources, [&](ByteSpan bytes) { return file->Append(bytes); }));
   MTDB_RETURN_IF_ERROR(file->Commit());
   if (arguments.json) {
-    Json objects = Json::array();
+    Json objects = Json::Array();
     for (const std::string& name : names) objects.push_back({{"object", name}});
     PrintAnswer("pack", {{"output", arguments.to},
                          {"objects", objects},
@@ -88,7 +95,7 @@ Status Unpack(const PackArguments& arguments) {
   } else {
     MTDB_RETURN_IF_ERROR(CopyToNewStore(sources, arguments.to));
   }
-  Json objects = Json::array();
+  Json objects = Json::Array();
   for (const auto& source : sources) {
     const ObjectRecord& record = source->record();
     objects.push_back({{"object", record.name}, {"digest", record.digest_hex()}});
@@ -98,5 +105,44 @@ Status Unpack(const PackArguments& arguments) {
   if (arguments.json) PrintAnswer("unpack", {{"store", arguments.to}, {"objects", objects}});
   return Status::Ok();
 }
+
+void AddNamesAndJson(CLI::App* verb, PackArguments* a) {
+  verb->add_option("--name", a->names, "this object only; several: in this order")
+      ->type_name("NAME")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  AddJson(verb, &a->json);
+}
+
+RunVerb AddPack(CLI::App* verb) {
+  const auto a = std::make_shared<PackArguments>();
+  AddStore(verb, &a->from);
+  IsWritten(verb->add_option("FILE", a->to, "the packed file; one of that name is replaced"))
+      ->required();
+  AddNamesAndJson(verb, a.get());
+  return [a](Invocation&) { return Pack(*a); };
+}
+
+RunVerb AddUnpack(CLI::App* verb) {
+  const auto a = std::make_shared<PackArguments>();
+  verb->add_option("FILE", a->from, "the packed file, or its URL")->required();
+  IsWritten(verb->add_option("STORE", a->to, "the store; made if it is not there"))->required();
+  AddNamesAndJson(verb, a.get());
+  verb->add_flag("--force", a->force, "replace objects of the same names");
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return Unpack(*a); };
+}
+
+}  // namespace
+
+const Verb kPackVerb{"pack", "write a store's objects into one file for a web server",
+                     "Every verb that reads takes the file, or its URL, for a store.\n"
+                     "Examples: mtdb pack scans.mtdb statue.mtdbp --name statue\n"
+                     "          mtdb info https://example.org/statue.mtdbp\n"
+                     "More: docs/packed.md",
+                     AddPack};
+
+const Verb kUnpackVerb{"unpack", "put a packed file's objects into a store",
+                       "Example: mtdb unpack statue.mtdbp scans.mtdb", AddUnpack};
 
 }  // namespace mtdb

@@ -5,7 +5,9 @@
 #include "query/probe.h"
 #include "store/database.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
+#include "tools/cli/verbs/probe_arguments.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -41,8 +43,6 @@ void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
               static_cast<double>(answer.bytes_read) / 1e3, 1e3 * seconds);
 }
 
-}  // namespace
-
 Status Probe(const ProbeArguments& arguments) {
   if (!arguments.heights.empty() || !arguments.heights_file.empty()) return ProbeHeights(arguments);
   const auto begin = std::chrono::steady_clock::now();
@@ -62,5 +62,44 @@ Status Probe(const ProbeArguments& arguments) {
   PrintProbe(arguments, surface->record(), *answer, seconds.count());
   return Status::Ok();
 }
+
+RunVerb AddProbe(CLI::App* verb) {
+  const auto a = std::make_shared<ProbeArguments>();
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name);
+  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
+                          "find the closest point of the surface to this one");
+  AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, ParseRay,
+            "find where this ray, of origin and direction, first meets the surface")
+      ->excludes(point);
+  AddParsedList(verb, "--height", "X,Y", &a->heights, ParsePlace,
+                "of a terrain: the height there; may be repeated")
+      ->excludes("--point")
+      ->excludes("--ray");
+  verb->add_option("--heights", a->heights_file,
+                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
+                   "standard input")
+      ->type_name("FILE")
+      ->excludes("--point")
+      ->excludes("--ray")
+      ->excludes("--height");
+  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
+            "on a surface within E of the input, in model units (default: full resolution)");
+  AddParsed(verb, "--limit", "D", &a->limit, ParseNonNegative,
+            "look no farther: a distance, or for rays a multiple of the direction");
+  AddJson(verb, &a->json);
+  verb->callback([a] {
+    if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
+      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
+    }
+  });
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return Probe(*a); };
+}
+
+}  // namespace
+
+const Verb kProbeVerb{"probe", "find the closest point of a surface, or the first hit of a ray",
+                      "Example: mtdb probe scans.mtdb --ray 0,0,500,0,0,-1 --error 0.5", AddProbe};
 
 }  // namespace mtdb

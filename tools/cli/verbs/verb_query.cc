@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 #include "query/surface.h"
+#include "tools/cli/options.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
@@ -56,9 +58,7 @@ class TimedSink final : public MeshSink {
   double seconds_ = 0;
 };
 
-}  // namespace
-
-Status ExtractVerb(const QueryArguments& arguments) {
+Status Extract(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
   if (IsRasterOutput(arguments.output)) return ExtractRaster(arguments);
   if (arguments.spacing || arguments.window) {
@@ -66,14 +66,14 @@ Status ExtractVerb(const QueryArguments& arguments) {
         "--spacing, --window: are for rasters, whose names end in .tif, .asc or .hgt; --box and "
         "--clip give a part of a mesh");
   }
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(json);
     return Status::Ok();
   }
   const bool standard = arguments.output == "-";
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
-  MeshWriteOptions write = MeshOptionsOf(surface->record(), json.value("normals", false));
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), json["normals"] == true);
   write.double_positions = arguments.double_positions;
   if (standard) write.descriptor = STDOUT_FILENO;
   const auto open = [&]() {
@@ -99,5 +99,43 @@ Status ExtractVerb(const QueryArguments& arguments) {
   PrintQueryReport(arguments, report);
   return Status::Ok();
 }
+
+RunVerb AddExtract(CLI::App* verb) {
+  const auto a = std::make_shared<QueryArguments>();
+  AddStore(verb, &a->store);
+  AddOutput(verb, &a->output, true, true);
+  verb->add_option("--format", a->output_format,
+                   "the format of standard output: ply, obj, stl, off or drc")
+      ->type_name("FORMAT")
+      ->check(
+          [](const std::string& text) { return FindWrittenMeshFormat(text).status().message(); });
+  AddQueryOptions(verb, a.get(), false);
+  verb->add_option("--drape", a->drape,
+                   "to .glb: with this image over it (a PNG or JPEG with a world file, a GeoTIFF)")
+      ->type_name("FILE");
+  AddParsed(verb, "--spacing", "D[,DY]", &a->spacing, ParseSpacing,
+            "of a terrain to .tif (with GDAL), .asc or .hgt: samples so far apart (default: the "
+            "raster's own)");
+  AddParsed(verb, "--window", "X0,Y0,X1,Y1", &a->window, ParseWindow,
+            "of a terrain to a raster: the samples of this part");
+  AddCache(verb, &a->cache_bytes, kQuarterOfMemory);
+  AddImplicit(verb, &a->implicit);
+  AddMeshOptions(verb, a.get());
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation& invocation) {
+    a->quiet = invocation.quiet;
+    return Extract(*a);
+  };
+}
+
+}  // namespace
+
+const Verb kExtractVerb{
+    "extract", "write the mesh of a region at an accuracy",
+    "Examples: mtdb extract scans.mtdb head.ply --error 0.5 --sphere 0,0,180,60 --clip\n"
+    "          mtdb extract scans.mtdb view.ply --pixels 1 --frustum --eye 0,-900,200 "
+    "--target 0,0,100\n"
+    "More: docs/query.md",
+    AddExtract};
 
 }  // namespace mtdb

@@ -5,14 +5,17 @@
 #include <unistd.h>
 
 #include "query/heights.h"
+#include "query/query_from_json.h"
 #include "query/surface.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/progress.h"
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/drape.h"
 #include "tools/render/render.h"
 #include "tools/render/view.h"
+#include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb {
@@ -29,12 +32,6 @@ using Clock = std::chrono::steady_clock;
 double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
-
-Vec3d PointOf(const QueryJson& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
-
-Json PointJson(Vec3d p) { return Json::array({p.x, p.y, p.z}); }
 
 constexpr double kMapAngle = 0.02;  // radians: as if seen from far above
 
@@ -90,8 +87,7 @@ Status NameImage(const QueryArguments& arguments, Status status) {
 }
 
 Status ChooseCamera(const QueryArguments& arguments, Vec3d scale, RenderOptions* options) {
-  MTDB_ASSIGN_OR_RETURN(Camera camera,
-                        ParseCamera(CameraOf(arguments.query, arguments.size).dump()));
+  MTDB_ASSIGN_OR_RETURN(Camera camera, CameraFromJson(CameraOf(arguments.query, arguments.size)));
   camera.eye = Scaled(camera.eye, scale);
   camera.direction = Scaled(camera.direction, scale);
   options->camera = camera;
@@ -118,7 +114,7 @@ Status ChooseView(const QueryArguments& arguments, const Surface& surface, bool 
   Stretch(scale, &mesh);
   const bool heights = IsTerrain(surface.record());
   const std::optional<ObjectUp>& stored = surface.record().up;
-  options->up = arguments.query.up ? PointOf(*arguments.query.up)
+  options->up = arguments.query.up ? *arguments.query.up
                 : heights          ? Vec3d{0, 0, 1}
                 : stored           ? stored->direction
                                    : EstimateUp(mesh);
@@ -152,20 +148,17 @@ Json PictureJson(const QueryArguments& arguments, const RenderOptions& options,
                  const RenderImage& image) {
   const Vec3d up = options.camera ? options.camera->axes().up : options.up;
   const Vec3d direction = options.camera ? options.camera->axes().forward : options.view_direction;
-  return {
-      {"width_px", image.width},
-      {"height_px", image.height},
-      {"direction", PointJson(direction)},
-      {"up", PointJson(up)},
-      {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
-      {"colour_range", image.range ? Json::array({(*image.range)[0], (*image.range)[1]}) : Json()}};
+  return {{"width_px", image.width},
+          {"height_px", image.height},
+          {"direction", Json(direction)},
+          {"up", Json(up)},
+          {"image", arguments.drape.empty() ? Json() : Json(arguments.drape)},
+          {"colour_range", image.range ? Json(*image.range) : Json()}};
 }
 
-}  // namespace
-
-Status RenderVerb(const QueryArguments& arguments) {
+Status Render(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
-  MTDB_ASSIGN_OR_RETURN(const QueryJson json, QueryOf(arguments.query, arguments.size));
+  MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.query, arguments.size));
   if (arguments.print_query) {
     PrintJson(json);
     return Status::Ok();
@@ -214,5 +207,144 @@ Status RenderVerb(const QueryArguments& arguments) {
   PrintQueryReport(arguments, report);
   return Status::Ok();
 }
+
+struct Background {
+  std::optional<Rgb> colour;
+  bool transparent = false;
+};
+
+Result<Background> ParseBackground(const std::string& text) {
+  if (text == "transparent") return Background{std::nullopt, true};
+  if (text == "white") return Background{Rgb{255, 255, 255}};
+  if (text == "black") return Background{Rgb{0, 0, 0}};
+  if (text == "grey" || text == "gray") return Background{Rgb{128, 128, 128}};
+  constexpr const char* kHexDigits = "0123456789abcdefABCDEF";
+  if (text.size() == 7 && text[0] == '#' &&
+      text.find_first_not_of(kHexDigits, 1) == std::string::npos) {
+    const auto value = static_cast<uint32_t>(std::stoul(text.substr(1), nullptr, 16));
+    return Background{Rgb{static_cast<uint8_t>(value >> 16), static_cast<uint8_t>(value >> 8),
+                          static_cast<uint8_t>(value)}};
+  }
+  return Unexpected(text, "white, black, grey, transparent or #RRGGBB");
+}
+
+Result<std::array<double, 2>> ParseRange(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 2, "LEAST,MOST"));
+  if (n[0] > n[1]) return Unexpected(text, "LEAST,MOST, with LEAST at most MOST");
+  return std::array{n[0], n[1]};
+}
+
+void SetColouring(const std::string& text, RenderOptions* picture) {
+  constexpr std::string_view kAttribute = "attribute:";
+  if (text == "none") {
+    picture->colour_by = ColourBy::kNothing;
+  } else if (text == "normal") {
+    picture->colour_by = ColourBy::kNormal;
+  } else if (text == "height") {
+    picture->colour_by = ColourBy::kHeight;
+  } else if (text == "error") {
+    picture->colour_by = ColourBy::kDistance;
+  } else {
+    picture->colour_by = ColourBy::kAttribute;
+    picture->attribute = text.starts_with(kAttribute) ? text.substr(kAttribute.size()) : text;
+  }
+}
+
+// What its colours mean.
+void AddColourOptions(CLI::App* verb, const char* group, QueryArguments* a) {
+  verb->add_option_function<std::string>(
+          "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
+          "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
+          "the surface at full resolution; normal; or none (default: the scan's red, green, blue; "
+          "of a terrain height). attribute:NAME is "
+          "an attribute, whatever its name")
+      ->type_name("WHAT")
+      ->group(group);
+  verb->add_option("--drape", a->drape,
+                   "with this image over it, where it lies: a PNG or JPEG with a world file beside "
+                   "it, a GeoTIFF")
+      ->type_name("FILE")
+      ->group(group);
+  AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
+            "the values of the first and the last colour (default: those that there are)")
+      ->group(group);
+}
+
+// After AddQueryOptions.
+void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
+  const char* group = "The picture";
+  AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
+      ->default_str("1200x900")
+      ->group(group);
+  verb->add_option("--view", a->view,
+                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
+                   "auto, which shows the broader side from above, and a terrain as a map; --up "
+                   "says what is up "
+                   "(default: found from the shape)")
+      ->type_name("SIDE")
+      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
+      ->default_str("auto")
+      ->group(group);
+  AddColourOptions(verb, group, a);
+  verb->add_option_function<std::string>(
+          "--background",
+          [a](const std::string& text) {
+            const Result<Background> background = ParseBackground(text);
+            if (!background.ok()) {
+              throw CLI::ValidationError("--background", background.status().message());
+            }
+            a->picture.background = background->colour;
+            a->picture.transparent = background->transparent;
+          },
+          "white, black, grey, #RRGGBB, or transparent (default: a dark gradient)")
+      ->type_name("COLOUR")
+      ->group(group);
+  const auto flag = [&](const char* name, bool* value, const char* description) {
+    verb->add_flag(name, *value, description)->group(group);
+  };
+  AddParsed(verb, "--exaggerate", "F", &a->exaggerate, ParsePositive,
+            "draw heights (z) F times as high; what is asked for, legends and errors stay as they "
+            "are (default: 1)")
+      ->group(group);
+  flag("--hillshade", &a->picture.hillshade,
+       "light as of maps, from the north-west (default for a terrain without --colour)");
+  flag("--wireframe", &a->picture.wireframe, "draw the edges of the triangles");
+  flag("--smooth", &a->picture.smooth, "shade triangles as parts of a smooth surface");
+  flag("--scale-bar", &a->picture.scale_bar,
+       "draw a round length, true at the depth of the object's middle");
+  verb->add_flag_callback(
+          "--no-legend", [a] { a->picture.legend = false; }, "leave out the legend of the colours")
+      ->group(group);
+  flag("--draft", &a->picture.draft, "fast: no shadows, no soft edges");
+  flag("--overview", &a->overview,
+       "draw the whole object as without a camera, not what the camera sees");
+}
+
+RunVerb AddRender(CLI::App* verb) {
+  const auto a = std::make_shared<QueryArguments>();
+  AddStore(verb, &a->store);
+  IsWritten(verb->add_option("OUT.png", a->output, "the picture: .png, .jpg or .jpeg"))
+      ->required()
+      ->check([](const std::string& text) { return CheckPictureName(text).message(); });
+  AddQueryOptions(verb, a.get(), true);
+  AddCache(verb, &a->cache_bytes, kQuarterOfMemory);
+  AddPictureOptions(verb, a.get());
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation& invocation) {
+    a->quiet = invocation.quiet;
+    return Render(*a);
+  };
+}
+
+}  // namespace
+
+const Verb kRenderVerb{
+    "render", "draw what extract would write",
+    "Examples: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe\n"
+    "          mtdb render scans.mtdb error.png --colour error --error-rel 0.002 "
+    "--view top\n"
+    "Where the surface is blue, its back is seen: the inside of an open scan, or "
+    "triangles whose orientation\nis wrong in the input. More: docs/guide.md",
+    AddRender};
 
 }  // namespace mtdb

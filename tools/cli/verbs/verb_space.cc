@@ -7,6 +7,7 @@
 
 #include "store/copy.h"
 #include "store/database.h"
+#include "tools/cli/options.h"
 #include "tools/cli/progress.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/ingest_journal.h"
@@ -16,6 +17,14 @@
 namespace mtdb {
 namespace {
 
+struct SpaceArguments {
+  std::string store;
+  std::string target;              // copy: another store
+  std::vector<std::string> names;  // remove, copy: the objects (copy: none are all); rename: both
+  bool force = false;              // copy: replace objects of the same names
+  bool json = false;
+  bool quiet = false;  // no progress
+};
 // Set by Ctrl-C.
 volatile std::sig_atomic_t g_interrupted = 0;
 
@@ -103,8 +112,6 @@ Status CopyInto(const SpaceArguments& arguments, const ObjectSources& wanted,
   return Status::Ok();
 }
 
-}  // namespace
-
 Status Remove(const SpaceArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
                         Database::Open(arguments.store, {.writable = true, .create = false}));
@@ -123,7 +130,7 @@ Status Remove(const SpaceArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const uint64_t free_bytes, database->FreeBytes());
   const uint64_t freed = free_bytes > free_before ? free_bytes - free_before : 0;
   if (arguments.json) {
-    Json removed = Json::array();
+    Json removed = Json::Array();
     for (const ObjectRecord& r : records) removed.push_back(r.name);
     PrintAnswer("remove", {{"store", arguments.store},
                            {"removed", removed},
@@ -218,5 +225,76 @@ Status Compact(const SpaceArguments& arguments) {
               SizeText(report->bytes_before).c_str());
   return Status::Ok();
 }
+
+template <Status (*kRun)(const SpaceArguments&)>
+RunVerb Running(std::shared_ptr<SpaceArguments> arguments) {
+  return [a = std::move(arguments)](Invocation& invocation) {
+    a->quiet = invocation.quiet;
+    return kRun(*a);
+  };
+}
+
+RunVerb AddRemove(CLI::App* verb) {
+  auto a = std::make_shared<SpaceArguments>();
+  AddWrittenStore(verb, &a->store);
+  verb->add_option("NAME", a->names, "the objects")->required()->expected(1, 1 << 20);
+  AddJson(verb, &a->json);
+  return Running<Remove>(std::move(a));
+}
+
+RunVerb AddRename(CLI::App* verb) {
+  auto a = std::make_shared<SpaceArguments>();
+  AddWrittenStore(verb, &a->store);
+  verb->add_option("OLD NEW", a->names, "the object's name, and its new name")
+      ->required()
+      ->expected(2)
+      ->type_size(1);
+  AddJson(verb, &a->json);
+  return Running<Rename>(std::move(a));
+}
+
+RunVerb AddCopy(CLI::App* verb) {
+  auto a = std::make_shared<SpaceArguments>();
+  AddStore(verb, &a->store);
+  IsWritten(verb->add_option("TARGET", a->target, "the other store"))->required();
+  verb->add_option("NAME", a->names, "the objects (default: all)")->expected(0, 1 << 20);
+  verb->add_flag("--force", a->force, "replace objects of TARGET that differ");
+  AddJson(verb, &a->json);
+  return Running<Copy>(std::move(a));
+}
+
+RunVerb AddCompact(CLI::App* verb) {
+  auto a = std::make_shared<SpaceArguments>();
+  AddWrittenStore(verb, &a->store);
+  AddJson(verb, &a->json);
+  return Running<Compact>(std::move(a));
+}
+
+}  // namespace
+
+const Verb kRemoveVerb{
+    "remove", "remove objects from a store",
+    "The file keeps its size: the next objects fill the room, or 'mtdb compact' gives it back.\n"
+    "Example: mtdb remove scans.mtdb statue vase",
+    AddRemove};
+
+const Verb kRenameVerb{"rename", "give an object another name",
+                       "Example: mtdb rename scans.mtdb scan statue", AddRename};
+
+const Verb kCopyVerb{
+    "copy", "copy objects into another store, or make a backup",
+    "A TARGET that is not there appears when the copy is complete, with what STORE had at one "
+    "moment.\nInto one that is there go the objects that it has not; an object that differs "
+    "under\nthe same name is an error, or replaced with --force.\n"
+    "Examples: mtdb copy scans.mtdb backup.mtdb\n"
+    "          mtdb copy scans.mtdb museum.mtdb statue vase",
+    AddCopy};
+
+const Verb kCompactVerb{
+    "compact", "make a store's file as small as its objects",
+    "Writes a new file beside the old one and puts it in its place in one step; the disk must "
+    "have\nroom for both. Nobody may write to the store meanwhile.\n"
+    "Example: mtdb compact scans.mtdb",
+    AddCompact};
 
 }  // namespace mtdb

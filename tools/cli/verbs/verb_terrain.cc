@@ -8,8 +8,10 @@
 #include "query/heights.h"
 #include "store/database.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/options.h"
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
+#include "tools/cli/verbs/probe_arguments.h"
 #include "tools/request/read_file.h"
 #include "tools/request/report_json.h"
 
@@ -60,6 +62,67 @@ Result<std::vector<Place>> ReadPlaces(const std::string& path) {
   return places;
 }
 
+struct ProfileArguments {
+  std::string store;
+  OpenOptions open;
+  std::string name;
+  std::vector<std::array<double, 2>> line;
+  std::optional<double> error;
+  bool json = false;
+};
+Result<std::vector<Place>> ParseLine(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "X0,Y0,X1,Y1,..."));
+  if (numbers.size() < 4 || numbers.size() % 2 != 0) {
+    return Unexpected(text, "two corners or more, X0,Y0,X1,Y1,...");
+  }
+  std::vector<Place> corners;
+  for (size_t i = 0; i < numbers.size(); i += 2) corners.push_back({numbers[i], numbers[i + 1]});
+  return corners;
+}
+
+Status FindAndPrint(const ProfileArguments& arguments) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
+  HeightOptions options;
+  options.error_model = arguments.error.value_or(-1);
+  MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
+  const ObjectRecord& record = surface->record();
+  if (arguments.json) {
+    Json points = Json::Array();
+    for (const ProfilePoint& p : profile.points) {
+      points.push_back(
+          {{"distance", p.distance}, {"x", p.x}, {"y", p.y}, {"height", HeightJson(p.height)}});
+    }
+    PrintAnswer("profile", {{"object", record.name},
+                            {"points", points},
+                            {"error_bound", profile.cost.error_bound},
+                            {"clusters_read", profile.cost.clusters_read},
+                            {"clusters_total", record.clusters},
+                            {"bytes_read", profile.cost.bytes_read}});
+    return Status::Ok();
+  }
+  std::printf("distance,x,y,height\n");
+  for (const ProfilePoint& p : profile.points) {
+    std::printf("%.12g,%.12g,%.12g,", p.distance, p.x, p.y);
+    if (p.height) std::printf("%.9g", *p.height);
+    std::printf("\n");
+  }
+  return Status::Ok();
+}
+
+RunVerb AddProfile(CLI::App* verb) {
+  const auto a = std::make_shared<ProfileArguments>();
+  verb->add_option("STORE", a->store, "the store file")->required();
+  AddName(verb, &a->name);
+  AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, ParseLine,
+            "the line's corners, in the terrain's coordinates")
+      ->required();
+  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
+            "no height off by more than E (default: full resolution)");
+  AddJson(verb, &a->json);
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return FindAndPrint(*a); };
+}
+
 }  // namespace
 
 Status ProbeHeights(const ProbeArguments& arguments) {
@@ -71,7 +134,7 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   HeightOptions options;
   options.error_model = arguments.error.value_or(-1);
   HeightCost cost;
-  Json list = Json::array();
+  Json list = Json::Array();
   MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
                         FindHeights(*surface, places, options, &cost));
   for (size_t i = 0; i < places.size(); ++i) {
@@ -100,50 +163,6 @@ Status ProbeHeights(const ProbeArguments& arguments) {
     std::fprintf(stderr, "  %zu heights, error at most %.6g; read %s of %u clusters, %.1f KB\n",
                  places.size(), cost.error_bound, Grouped(cost.clusters_read).c_str(),
                  record.clusters, static_cast<double>(cost.bytes_read) / 1e3);
-  }
-  return Status::Ok();
-}
-
-Result<Place> ParsePlace(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseNumbers(text, 2, "X,Y"));
-  return Place{numbers[0], numbers[1]};
-}
-
-Result<std::vector<Place>> ParseLine(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "X0,Y0,X1,Y1,..."));
-  if (numbers.size() < 4 || numbers.size() % 2 != 0) {
-    return Unexpected(text, "two corners or more, X0,Y0,X1,Y1,...");
-  }
-  std::vector<Place> corners;
-  for (size_t i = 0; i < numbers.size(); i += 2) corners.push_back({numbers[i], numbers[i + 1]});
-  return corners;
-}
-
-Status ProfileVerb(const ProfileArguments& arguments) {
-  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
-  HeightOptions options;
-  options.error_model = arguments.error.value_or(-1);
-  MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
-  const ObjectRecord& record = surface->record();
-  if (arguments.json) {
-    Json points = Json::array();
-    for (const ProfilePoint& p : profile.points) {
-      points.push_back(
-          {{"distance", p.distance}, {"x", p.x}, {"y", p.y}, {"height", HeightJson(p.height)}});
-    }
-    PrintAnswer("profile", {{"object", record.name},
-                            {"points", points},
-                            {"error_bound", profile.cost.error_bound},
-                            {"clusters_read", profile.cost.clusters_read},
-                            {"clusters_total", record.clusters},
-                            {"bytes_read", profile.cost.bytes_read}});
-    return Status::Ok();
-  }
-  std::printf("distance,x,y,height\n");
-  for (const ProfilePoint& p : profile.points) {
-    std::printf("%.12g,%.12g,%.12g,", p.distance, p.x, p.y);
-    if (p.height) std::printf("%.9g", *p.height);
-    std::printf("\n");
   }
   return Status::Ok();
 }
@@ -183,18 +202,8 @@ Status ExtractRaster(const QueryArguments& arguments) {
   return Status::Ok();
 }
 
-Result<std::array<double, 2>> ParseSpacing(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers, ParseList(text, "D or DX,DY"));
-  if (numbers.empty() || numbers.size() > 2 || !(numbers.front() > 0) || !(numbers.back() > 0)) {
-    return Unexpected(text, "a positive spacing, D or DX,DY");
-  }
-  return std::array<double, 2>{numbers.front(), numbers.back()};
-}
-
-Result<std::array<double, 4>> ParseWindow(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 4, "X0,Y0,X1,Y1"));
-  return std::array<double, 4>{std::min(n[0], n[2]), std::min(n[1], n[3]), std::max(n[0], n[2]),
-                               std::max(n[1], n[3])};
-}
+const Verb kProfileVerb{"profile", "write the heights of a terrain along a line, as CSV",
+                        "Example: mtdb profile alps.mtdb --line 7.1,46.0,7.9,46.4 --error 5",
+                        AddProfile};
 
 }  // namespace mtdb

@@ -7,8 +7,11 @@
 #include <utility>
 #include <vector>
 
+#include "tools/cli/options.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/drape.h"
+#include "tools/cli/verbs/serve_and_tell.h"
+#include "tools/request/arguments.h"
 #include "tools/server/server.h"
 
 extern char** environ;
@@ -17,6 +20,16 @@ namespace mtdb {
 
 namespace {
 
+struct ViewArguments {
+  std::string store;
+  OpenOptions open;
+  std::optional<Endpoint> listen;  // none: `port` on 127.0.0.1
+  uint16_t port = 0;               // 0: any free one
+  bool browser = true;
+  std::string drape;                 // an image; empty: none
+  std::string page;                  // the folder, to write the page only
+  std::vector<std::string> sources;  // origins of files that it may read then, beside its own
+};
 // Asks the desktop to show the URL, and does not wait for it. Where there is none, the URL that was
 // printed has to do.
 void OpenBrowser(const std::string& url) {
@@ -45,8 +58,7 @@ std::vector<ServedFile> FilesOf(PlacedImage image) {
           {png ? "drape.pgw" : "drape.jgw", "text/plain; charset=utf-8", world}};
 }
 
-}  // namespace
-
+// Serves the store on this machine, and has the desktop's browser show it; or writes the page.
 Status View(const ViewArguments& arguments) {
   if (!arguments.page.empty()) return WritePage(arguments.page, arguments.sources);
   MTDB_RETURN_IF_ERROR(CheckViewer());
@@ -65,5 +77,59 @@ Status View(const ViewArguments& arguments) {
     if (arguments.browser) OpenBrowser(page.empty() ? url + "/" : url);
   });
 }
+
+RunVerb AddView(CLI::App* verb) {
+  const auto a = std::make_shared<ViewArguments>();
+  CLI::Option* store =
+      verb->add_option("STORE", a->store, "the store file, or a packed file or its URL");
+  CLI::Option* page =
+      verb->add_option("--write-page", a->page,
+                       "only write the page's files into DIR, for any web server: beside them, "
+                       "index.html?src=FILE shows a packed file")
+          ->type_name("DIR");
+  verb->add_option("--allow-source", a->sources,
+                   "let the page of --write-page also read files of ORIGIN, as "
+                   "https://example.org (repeatable)")
+      ->type_name("ORIGIN")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->needs(page);
+  verb->callback([store, page, a] {
+    if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
+    if (store->count() * page->count() > 0) {
+      throw CLI::ValidationError(
+          "--write-page writes the page alone, without STORE; beside it: "
+          "mtdb pack STORE " +
+          a->page + "/scan.mtdbp, which index.html?src=scan.mtdbp shows");
+    }
+  });
+  AddParsed(verb, "--listen", "WHERE", &a->listen, ParseEndpoint,
+            "ADDRESS:PORT, or PORT on 127.0.0.1, as for serve: whoever can connect can read the "
+            "whole store");
+  verb->add_option("--port", a->port, "listen on this port (default: any free one)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 65535))
+      ->excludes("--listen");
+  verb->add_flag_callback(
+      "--no-browser", [a] { a->browser = false; }, "only print the URL");
+  verb->add_option("--drape", a->drape,
+                   "lay IMAGE, a PNG or JPEG with a world file or a GeoTIFF, over the surface")
+      ->type_name("IMAGE")
+      ->excludes(page);
+  AddCacheDirectory(verb, &a->open);
+  return [a](Invocation&) { return View(*a); };
+}
+
+}  // namespace
+
+const Verb kViewVerb{"view", "look at a store's objects in the browser",
+                     "Serves STORE on this machine alone, prints the URL, and opens it by "
+                     "xdg-open. Ends with SIGINT (Ctrl-C) or SIGTERM.\n"
+                     "Example: mtdb view scans.mtdb\n"
+                     "To choose limits, or to let others look: mtdb serve, whose URL shows "
+                     "the same page.\n"
+                     "For web servers without mtdb: mtdb view --write-page www; mtdb pack "
+                     "scans.mtdb www/scan.mtdbp; then index.html?src=scan.mtdbp",
+                     AddView};
 
 }  // namespace mtdb

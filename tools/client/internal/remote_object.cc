@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/client/internal/remote_object.h"
 
-#include "tools/client/json.h"
+#include "store/base/json.h"
 #include "tools/client/printable.h"
 
 namespace mtdb::internal {
@@ -35,36 +35,28 @@ Result<std::string> OnlyObjectPath(const HttpUrl& url, HttpClient& client) {
         return AppendText(url.origin(), piece, &text);
       }));
   if (response.status != 200) return Refused(url.origin(), response.status, text);
-  const JsonTree json = ParseJsonObject(text);
-  const JsonTree* objects =
-      json.is_object() && json.contains("objects") ? &json["objects"] : nullptr;
-  if (objects == nullptr || !objects->is_array()) {
-    return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
-  }
-  if (objects->size() != 1) {
+  const Json json = Json::ParseObject(text);
+  const Json& objects = json["objects"];
+  if (objects.is_array() && objects.size() != 1) {
     return InvalidArgument(url.origin() + ": holds " +
-                           (objects->empty() ? std::string("no object")
-                                             : std::to_string(objects->size()) +
-                                                   " objects; choose one by its name (--name)"));
+                           (objects.size() == 0 ? std::string("no object")
+                                                : std::to_string(objects.size()) +
+                                                      " objects; choose one by its name (--name)"));
   }
-  const JsonTree& object = (*objects)[0];
-  if (!object.is_object() || !object.contains("object") || !object["object"].is_string()) {
+  const std::string* const name = objects[0]["object"].string();
+  if (name == nullptr || Printable(*name) != *name) {
     return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
   }
-  const std::string name = object["object"].get<std::string>();
-  if (Printable(name) != name) {
-    return BadInput(url.origin() + ": /objects is not a catalog; is this mtdb serve?");
-  }
-  return std::string(kObjects) + PercentEncode(name);
+  return std::string(kObjects) + PercentEncode(*name);
 }
 
 Status Refused(const std::string& where, unsigned status, const std::string& text) {
-  const JsonTree json = ParseJsonObject(text);
-  const bool told = json.is_object() && json.contains("error") && json["error"].is_string();
+  const Json json = Json::ParseObject(text);
+  const std::string* const told = json["error"].string();
   const std::string message =
       where + ": " + std::to_string(status) + ": " +
-      (told ? json["error"].get<std::string>() : "not an answer of mtdb serve; does it run there?");
-  if (!told && status < 500) return BadInput(message);
+      (told != nullptr ? *told : "not an answer of mtdb serve; does it run there?");
+  if (told == nullptr && status < 500) return BadInput(message);
   if (status == 404 || status == 410) return NotFound(message);
   if (status == 503) return {StatusCode::kBusy, message};
   return status >= 500 ? IoError(message) : InvalidArgument(message);

@@ -69,8 +69,8 @@ Status Set(Value* value, Parse parse, const std::string& text) {
 }
 
 template <typename Parse>
-Status Append(QueryJson::array_t* values, Parse parse, const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(QueryJson value, parse(text));
+Status Append(Json::Array* values, Parse parse, const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json value, parse(text));
   values->push_back(std::move(value));
   return Status::Ok();
 }
@@ -98,9 +98,9 @@ Status SetParameter(const std::string& name, const std::string& text, QueryOptio
   if (name == "intersect") return Set(&q->intersect, ParseFlag, text);
   if (name == "outside") return Set(&q->outside, ParseFlag, text);
   if (name == "clip") return Set(&q->clip, ParseFlag, text);
-  if (name == "eye") return Set(&q->eye, PointOption, text);
-  if (name == "target") return Set(&q->target, PointOption, text);
-  if (name == "up") return Set(&q->up, PointOption, text);
+  if (name == "eye") return Set(&q->eye, ParsePoint, text);
+  if (name == "target") return Set(&q->target, ParsePoint, text);
+  if (name == "up") return Set(&q->up, ParsePoint, text);
   if (name == "fov") return Set(&q->fov, ParsePositive, text);
   if (name == "viewport") return Set(&q->viewport, ParseExtent, text);
   return InvalidArgument("no such parameter; known are format and the options of 'mtdb extract'");
@@ -183,7 +183,7 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       return InvalidArgument(
           "the body holds the query: give no other parameters than format and double beside it");
     }
-    Result<QueryJson> json = ParseQueryText(body);
+    Result<Json> json = ParseQueryText(body);
     if (!json.ok()) return InvalidArgument("body: " + json.status().message());
     request.query = *std::move(json);
     return request;

@@ -27,7 +27,7 @@ Result<RequestTarget> ParseTarget(const std::string& text);
 struct MeshRequest {
   bool double_positions = false;  // of ply
   std::string format = "ply";     // see FindWrittenMeshFormat
-  QueryJson query;                // as docs/query.md has it; its values are not yet checked
+  Json query;                     // as docs/query.md has it; its values are not yet checked
 };
 // The query is the body when there is one, else the parameters, which are the options of `mtdb
 // extract` without dashes. kInvalidArgument with a message that begins with the parameter.

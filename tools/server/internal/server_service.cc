@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "codecs/mesh_file/mesh_file.h"
+#include "query/query_from_json.h"
 #include "query/query_json.h"
 #include "store/base/wait_scope.h"
 #include "store/files/posix_file.h"
@@ -33,9 +34,7 @@ constexpr uint64_t kMaxKeptTriangles = 2'000'000;
 // A ClientMesh numbers half-edges, four a triangle, in 32 bits.
 constexpr uint64_t kMaxSessionTriangles = uint64_t{1} << 28;
 
-std::string Dump(const Json& json) {
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
+std::string Dump(const Json& json) { return json.Text(Json::Form::kLines) + "\n"; }
 
 // Passes a mesh on, unless it is too large or nobody wants it any more.
 class GuardedSink final : public MeshSink {
@@ -90,7 +89,7 @@ void AddStats(const ExtractStats& stats, ServerAnswer* answer) {
                           {"X-Mtdb-Vertices", std::to_string(stats.vertices)},
                           {"X-Mtdb-Active-Triangles", std::to_string(stats.active_triangles)},
                           {"X-Mtdb-Error-Bound", bound},
-                          {"X-Mtdb-Shortfall", ShortfallJson(stats.shortfall).dump()},
+                          {"X-Mtdb-Shortfall", ShortfallJson(stats.shortfall).Text()},
                           {"X-Mtdb-Limit", LimitName(stats.limit)},
                           {"X-Mtdb-Clusters-Read", std::to_string(stats.clusters_read)},
                           {"X-Mtdb-Clusters-Cached", std::to_string(stats.clusters_cached)},
@@ -363,8 +362,7 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   query.control = &call.control;
   ServerAnswer answer;
   MTDB_ASSIGN_OR_RETURN(answer.file, AnonymousFile::Create(folder_));
-  const bool normals = request.query.value("normals", false);
-  MeshWriteOptions write = MeshOptionsOf(surface->record(), normals);
+  MeshWriteOptions write = MeshOptionsOf(surface->record(), query.normals);
   write.double_positions = request.double_positions;
   write.descriptor = answer.file.descriptor();
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
@@ -380,9 +378,8 @@ Result<ServerAnswer> ServerService::Mesh(const std::string& name, const MeshRequ
   answer.content_type = format.content_type;
   answer.triangles = stats.triangles;
   AddStats(stats, &answer);
-  answer.headers.emplace_back(
-      "X-Mtdb-File",
-      MeshFileJson(writer->report()).dump(-1, ' ', true, Json::error_handler_t::replace));
+  answer.headers.emplace_back("X-Mtdb-File",
+                              MeshFileJson(writer->report()).Text(Json::Form::kAscii));
   return answer;
 }
 

@@ -6,7 +6,6 @@
 // error() then says why.
 #include <array>
 #include <cstdint>
-#include <cstdio>
 #include <cstring>
 #include <map>
 #include <memory>
@@ -21,6 +20,8 @@
 #include "query/query_json.h"
 #include "query/session.h"
 #include "query/surface.h"
+#include "store/base/json.h"
+#include "store/base/scalar_names.h"
 #include "store/packed_file.h"
 #include "store/range_reader.h"
 #include "tools/viewer/wasm/slot_ranges.h"
@@ -142,10 +143,6 @@ struct State {
 };
 State state;
 
-// By ScalarType.
-constexpr std::array<const char*, 8> kScalarNames{"int8",  "uint8",  "int16",   "uint16",
-                                                  "int32", "uint32", "float32", "float64"};
-
 uint32_t Code(const Status& status) {
   if (!status.ok()) state.error = status.message();
   return static_cast<uint32_t>(status.code());
@@ -155,75 +152,29 @@ std::string Input() {
   return {reinterpret_cast<const char*>(state.input.data()), state.input.size()};
 }
 
-void AddNumber(double value, std::string* json) {
-  std::array<char, 32> text;
-  std::snprintf(text.data(), text.size(), "%.17g", value);
-  *json += text.data();
-}
-
-void AddString(const std::string& value, std::string* json) {
-  *json += '"';
-  for (const char c : value) {
-    if (c == '"' || c == '\\') *json += '\\';
-    if (static_cast<unsigned char>(c) < 0x20) {
-      std::array<char, 8> text;
-      std::snprintf(text.data(), text.size(), "\\u%04x", c);
-      *json += text.data();
-    } else {
-      *json += c;
-    }
-  }
-  *json += '"';
-}
-
-void AddPoint(const Vec3d& p, std::string* json) {
-  for (int i = 0; i < 3; ++i) {
-    *json += i == 0 ? '[' : ',';
-    AddNumber(p[i], json);
-  }
-  *json += ']';
-}
-
-void AddObject(const ObjectRecord& record, std::string* json) {
-  *json += "{\"object\":";
-  AddString(record.name, json);
-  const std::array<std::pair<const char*, double>, 6> numbers{
-      {{"triangles", static_cast<double>(record.triangles)},
-       {"vertices", static_cast<double>(record.vertices)},
-       {"clusters", static_cast<double>(record.clusters)},
-       {"rounds", static_cast<double>(record.rounds.size())},
-       {"diagonal", record.diagonal()},
-       {"rounding_error", record.rounding_error}}};
-  for (const auto& [key, value] : numbers) {
-    *json += std::string(",\"") + key + "\":";
-    AddNumber(value, json);
-  }
-  *json += ",\"bounds\":{\"min\":";
-  AddPoint(record.bounds.min, json);
-  *json += ",\"max\":";
-  AddPoint(record.bounds.max, json);
-  *json += "},\"attributes\":[";
+Json ObjectJson(const ObjectRecord& record) {
+  Json attributes = Json::Array();
   for (const VertexAttribute& a : record.attributes.attributes) {
-    if (json->back() != '[') *json += ',';
-    *json += "{\"name\":";
-    AddString(a.name, json);
-    *json += std::string(",\"type\":\"") + kScalarNames.at(static_cast<size_t>(a.type)) + "\"}";
+    attributes.push_back({{"name", a.name}, {"type", ScalarName(a.type)}});
   }
-  *json += "],\"units\":";
-  AddString(record.units, json);
+  Json json = {{"object", record.name},
+               {"triangles", record.triangles},
+               {"vertices", record.vertices},
+               {"clusters", record.clusters},
+               {"rounds", record.rounds.size()},
+               {"diagonal", record.diagonal()},
+               {"rounding_error", record.rounding_error},
+               {"bounds", {{"min", Json(record.bounds.min)}, {"max", Json(record.bounds.max)}}},
+               {"attributes", attributes},
+               {"units", record.units}};
   if (record.up) {
-    *json += ",\"up\":";
-    AddPoint(record.up->direction, json);
-    *json += std::string(",\"up_given\":") + (record.up->given ? "true" : "false");
+    json["up"] = Json(record.up->direction);
+    json["up_given"] = record.up->given;
   }
   if (record.raster) {
-    *json += ",\"raster\":{\"crs\":";
-    AddString(record.georeference, json);
-    *json += ",\"height_units\":";
-    AddString(record.raster->height_units, json);
-    *json += '}';
+    json["raster"] = {{"crs", record.georeference}, {"height_units", record.raster->height_units}};
   }
-  *json += '}';
+  return json;
 }
 
 // Why the worst of what failed did, into state.error and `code`.
@@ -395,12 +346,9 @@ MTDB_EXPORT("open_file") extern "C" uint32_t OpenFile() {
   state.ranges->SetOpening(false);
   if (!file.ok()) return Code(file.status());
   state.file = *std::move(file);
-  state.text = "[";
-  for (const ObjectRecord& record : state.file->List()) {
-    if (state.text.size() > 1) state.text += ',';
-    AddObject(record, &state.text);
-  }
-  state.text += ']';
+  Json objects = Json::Array();
+  for (const ObjectRecord& record : state.file->List()) objects.push_back(ObjectJson(record));
+  state.text = objects.Text();
   return 0;
 }
 // The object whose name is in the input, with a cache of so many bytes. Likewise.

@@ -1,31 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// JsonValue against nlohmann: the same texts are JSON, and mean the same.
+// Json against nlohmann: the same texts are JSON, mean the same, and are written alike.
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <string>
 #include <vector>
 
-#include "query/json/json_value.h"
+#include "store/base/json.h"
 
-namespace mtdb::testing {
+namespace mtdb::test {
 namespace {
 
-using Json = nlohmann::json;
-using internal::JsonValue;
+using Theirs = nlohmann::ordered_json;
 
-bool Same(const JsonValue& ours, const Json& theirs) {
+bool Same(const Json& ours, const Theirs& theirs) {
   if (theirs.is_object()) {
     if (!ours.is_object() || ours.size() != theirs.size()) return false;
+    size_t i = 0;
     for (const auto& [key, value] : theirs.items()) {
-      if (!ours.contains(key.c_str()) || !Same(*ours.members().at(key), value)) return false;
+      const auto& [our_key, our_value] = ours.members()[i++];
+      if (our_key != key || !ours.contains(key) || !Same(our_value, value)) return false;
     }
     return true;
   }
   if (theirs.is_array()) {
     if (!ours.is_array() || ours.size() != theirs.size()) return false;
     for (size_t i = 0; i < theirs.size(); ++i) {
-      if (!Same(ours.at(i), theirs[i])) return false;
+      if (!Same(ours[i], theirs[i])) return false;
     }
     return true;
   }
@@ -34,20 +37,31 @@ bool Same(const JsonValue& ours, const Json& theirs) {
   if (theirs.is_number()) {
     if (!ours.is_number() || ours.number() != theirs.get<double>()) return false;
     const bool natural = ours.whole_number() != nullptr;
-    return natural == theirs.is_number_unsigned() && Json::parse(ours.Text()) == theirs;
+    return natural == theirs.is_number_unsigned();
   }
-  if (theirs.is_string()) return ours.Text() == theirs.dump();
-  return ours.Text() == "null" && !ours.is_object() && !ours.is_array();
+  if (theirs.is_string()) return ours.string() != nullptr && *ours.string() == theirs;
+  return ours.is_null();
+}
+
+// In all forms.
+void CompareTexts(const Json& ours, const Theirs& theirs) {
+  constexpr auto kReplace = Theirs::error_handler_t::replace;
+  CHECK(ours.Text() == theirs.dump(-1, ' ', false, kReplace));
+  CHECK(ours.Text(Json::Form::kAscii) == theirs.dump(-1, ' ', true, kReplace));
+  CHECK(ours.Text(Json::Form::kLines) == theirs.dump(2, ' ', false, kReplace));
 }
 
 // Whether nlohmann takes it, and ours says the same.
 bool Compare(const std::string& text) {
   // nlohmann's tree from texts of its own limits: numbers that are too large are errors in both.
-  const Json theirs = Json::parse(text, nullptr, false);
-  const auto ours = JsonValue::Parse(text, 64);
+  const Theirs theirs = Theirs::parse(text, nullptr, false);
+  const auto ours = Json::Parse(text, 64);
   INFO(text);
   CHECK(ours.ok() == !theirs.is_discarded());
-  if (ours.ok() && !theirs.is_discarded()) CHECK(Same(*ours, theirs));
+  if (ours.ok() && !theirs.is_discarded()) {
+    CHECK(Same(*ours, theirs));
+    CompareTexts(*ours, theirs);
+  }
   return ours.ok();
 }
 
@@ -59,7 +73,7 @@ std::string Join(const std::vector<std::string>& parts, std::mt19937& random) {
 
 }  // namespace
 
-TEST_CASE("JSON is read as nlohmann reads it, text by text", "[query][json]") {
+TEST_CASE("JSON is read as nlohmann reads it, text by text", "[json]") {
   for (const std::string text : {"0",
                                  "-0",
                                  "-",
@@ -129,7 +143,7 @@ TEST_CASE("JSON is read as nlohmann reads it, text by text", "[query][json]") {
   }
 }
 
-TEST_CASE("JSON is read as nlohmann reads it, at random", "[query][json]") {
+TEST_CASE("JSON is read as nlohmann reads it, at random", "[json]") {
   const std::vector<std::string> parts{"{",          "}",     "[",        "]",       ",",
                                        ":",          "\"a\"", "\"a\":",   "\"b\": ", "1",
                                        "-2",         ".5",    "e3",       "0",       "true",
@@ -158,4 +172,50 @@ TEST_CASE("JSON is read as nlohmann reads it, at random", "[query][json]") {
   CHECK(read > 3000);
 }
 
-}  // namespace mtdb::testing
+TEST_CASE("JSON is written as nlohmann writes it", "[json]") {
+  std::mt19937_64 random(5);
+  const auto compare = [](double number) {
+    INFO(number);
+    CHECK(Json(number).Text() == Theirs(number).dump());
+  };
+  for (int i = 0; i < 20'000; ++i) {
+    const uint64_t bits = random();
+    double any = 0;
+    std::memcpy(&any, &bits, sizeof(any));
+    compare(any);
+    const double near = std::uniform_real_distribution<double>(-1000, 1000)(random);
+    compare(near);
+    compare(static_cast<float>(near));
+    compare(std::round(near));
+  }
+  for (const double number : {0.0, -0.0, 1e15, 1e16, 123456789012345.0, 1234567890123456.0, 1e-4,
+                              1e-5, 5e-324, 1.7976931348623157e308}) {
+    compare(number);
+  }
+  CHECK(Json(-5).Text() == "-5");
+  CHECK(Json(uint64_t{18446744073709551615U}).Text() == "18446744073709551615");
+  // Of any bytes, most of them no UTF-8.
+  for (int i = 0; i < 20'000; ++i) {
+    std::string text;
+    for (size_t n = random() % 12; n > 0; --n) {
+      constexpr std::string_view kOften = "\xE2\x82\xAC\xF0\x9F\x98\x80\xED\xA0\xC3\x7F\x1F\"\\";
+      text += random() % 2 == 0 ? kOften[random() % kOften.size()] : static_cast<char>(random());
+    }
+    CompareTexts(Json(text), Theirs(text));
+  }
+}
+
+TEST_CASE("lists in braces are objects when they are pairs of a key and a value", "[json]") {
+  CHECK(Json{{"a", 1}, {"b", {{"c", nullptr}}}}.Text() == R"({"a":1,"b":{"c":null}})");
+  CHECK(Json{{"a", 1}, 2}.Text() == R"([["a",1],2])");
+  Json json;
+  json["list"].push_back({{"x", 1.5}});
+  json["list"].push_back(true);
+  json.Update({{"more", Vec3d{1, 2, 3}.x}, {"list", "none"}});
+  CHECK(json.Text() == R"({"list":"none","more":1.0})");
+  CHECK(json.Take("list") == "none");
+  CHECK(json.Take("list").is_null());
+  CHECK(*Json{{"b", 1}, {"a", 1}, {"c", 1}}.UnknownKey({"c"}) == "a");
+}
+
+}  // namespace mtdb::test
