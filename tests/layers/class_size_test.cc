@@ -38,8 +38,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLarger{
     {{"query/cut/judge.h", "Judge"}, kBeingSplit},
     {{"query/cut/search.h", "Search"}, kBeingSplit},
     {{"query/moving/budget_cut.h", "BudgetCut"}, kBeingSplit},
-    {{"query/moving/deadlines.h", "Deadlines"}, kBeingSplit},
-    {{"query/moving/moving_units.h", "UnitDeadlines"}, kBeingSplit},
     // What a caller sets, or is told.
     {{"builder/build_options.h", "BuildOptions"}, kRecord},
     {{"builder/disk/tile.h", "TileResult"}, kRecord},
