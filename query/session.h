@@ -12,7 +12,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,14 +23,6 @@
 namespace mtdb {
 
 class Surface;
-
-namespace internal {
-class Bits;
-class CutState;
-class BudgetCut;
-class MovingCut;
-class UnitReader;
-}  // namespace internal
 
 // Takes the batches of one round of an update, in order. What it returns but ok ends the update.
 using BatchSink = std::function<Status(std::span<const UpdateBatch>)>;
@@ -112,44 +103,12 @@ class Session {
   TriangleFacts FactsOf(TriangleKey key) const;
 
   bool applied(UnitId cluster, NodeIndex node) const;
-  uint64_t applied_count() const { return applied_count_; }
+  uint64_t applied_count() const;
 
  private:
-  using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
-  Session(std::shared_ptr<const Surface> surface, const SessionOptions& options);
-  Result<BaseMesh> ReadBase() const;
-  Status TakeRoot() const;
-  Result<SessionUpdate> Run(const Query& query, bool rounds, const TakeBatches& take);
-  Status Move(internal::UnitReader& reader, const Query& query, bool rounds,
-              const TakeBatches& take, SessionUpdate* update);
-  Status MoveWithin(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
-                    SessionUpdate* update);
-  Status Select(internal::UnitReader& reader, const Query& query, const TakeBatches& take,
-                SessionUpdate* update);
-  void HideCut();
-  Status Show(const internal::CutState& cut, internal::UnitReader& reader, const TakeBatches& take,
-              SessionUpdate* update);
-  Status Follow(internal::MovingCut& cut, const TakeBatches& take, SessionUpdate* update);
-  void FillStatsOnTheWay(ExtractStats* stats) const;
-  uint64_t TrianglesShown() const;
-  const internal::Bits& BitsOf(UnitId cluster) const;
-  const std::shared_ptr<const Surface> surface_;
-  std::unique_ptr<internal::UnitReader> available_;  // not null: it waits for nothing
-  std::unique_ptr<internal::MovingCut> moving_;      // null after an update with a budget
-  // Then: what the client has.
-  struct Selected {
-    std::vector<internal::Bits> applied;  // per cluster, empty where no node is
-    uint64_t triangles = 0;
-    uint64_t clusters_used = 0;
-    uint8_t largest_code = 0;  // of the whole mesh
-  };
-  Selected selected_;
-  // What is on its way to take the place of the cut, or is kept within a budget.
-  std::unique_ptr<internal::MovingCut> next_;
-  std::unique_ptr<internal::BudgetCut> within_;
-  std::optional<Query> within_query_;  // that it is on its way to, over several calls
-  bool next_is_shown_ = false;         // the client has had what it was
-  uint64_t applied_count_ = 0;
+  class Impl;
+  explicit Session(std::unique_ptr<Impl> impl);
+  const std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace mtdb

@@ -48,7 +48,7 @@ Status Insertion::Leave() {
     const std::vector<uint8_t>& codes = unit.cluster.error_codes;
     const auto reach = [&](NodeIndex node) {
       const bool waits =
-          u.known.Test(node) ? u.refusing.Test(node) : deadlines_.Learn(u, node, codes[node]);
+          u.known.Test(node) ? u.refusing.Test(node) : decisions_.Learn(u, node, codes[node]);
       if (waits) Defer(u, node, codes[node]);
     };
     if (u.looked) {
@@ -95,7 +95,7 @@ bool Insertion::TimeIsOver() const {
 }
 
 void Insertion::DeferChild(MovingUnit& u, uint32_t ordinal, UnitId child) {
-  Deadlines::SetChildWaits(u, ordinal);
+  u.deadlines.SetChildWaits(ordinal);
   children_waiting_[units_.LargestCode(child)].emplace_back(u.id, ordinal);
 }
 
@@ -183,7 +183,7 @@ Status Insertion::Advance(MovingUnit& u, const LoadedUnit& unit) {
     nodes_.swap(u.undecided);
     ForEachFetched(unit, nodes_, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) return;
-      if (Deadlines::Waits(u, node)) deadlines_.Evaluate(u, unit, node);
+      if (u.Waits(node)) decisions_.Evaluate(u, unit, node);
       if (u.refusing.Test(node)) u.wanted.Set(node);
     });
     nodes_.clear();
@@ -216,8 +216,8 @@ void Insertion::LookAt(MovingUnit& u, const LoadedUnit& unit) {
 void Insertion::LookAtChildren(MovingUnit& u, const LoadedUnit& unit) {
   for (const uint32_t ordinal : u.undecided_children) {
     const UnitId child = unit.children()[ordinal];
-    const Leeway margin = deadlines_.ChildMargin(u, child);
-    Deadlines::SetChild(u, ordinal, margin);
+    const Leeway margin = decisions_.ChildMargin(u, child);
+    u.deadlines.SetChild(ordinal, margin);
     if (margin.fall >= 0) continue;
     for (const uint32_t slot : unit.slots_of_child(ordinal)) {
       // A child that has been opened will look for itself.
@@ -233,7 +233,7 @@ void Insertion::ReachNode(MovingUnit& u, NodeIndex node, uint8_t code) {
     if (u.refusing.Test(node)) Want(u, node, code);
     return;
   }
-  if (!deadlines_.Learn(u, node, code)) return;
+  if (!decisions_.Learn(u, node, code)) return;
   if (code <= waiting_code_) {
     Defer(u, node, code);
   } else {
@@ -249,17 +249,17 @@ void Insertion::ReachChild(MovingUnit& u, const LoadedUnit& unit, uint32_t slot,
     units_.queue().Add(*child, {u.id, slot});
     return;
   }
-  if (Deadlines::ChildWaits(u, ordinal)) return;
+  if (u.deadlines.ChildWaits(ordinal)) return;
   const uint8_t code = units_.LargestCode(id);
   if (code <= waiting_code_) return DeferChild(u, ordinal, id);
-  const Leeway margin = deadlines_.Margin(u, unit, slot, code);
+  const Leeway margin = decisions_.Margin(u, unit, slot, code);
   if (margin.fall < 0 && units_.pins().reader().IsAvailable(id)) {
     units_.Open(id);
   } else if (margin.fall < 0) {
     missing_.emplace_back(u.id, ordinal);
-    Deadlines::SetChildWaits(u, ordinal);
+    u.deadlines.SetChildWaits(ordinal);
   } else {
-    Deadlines::AddChild(u, ordinal, margin);
+    u.deadlines.AddChild(ordinal, margin);
   }
 }
 
@@ -289,10 +289,10 @@ Status Insertion::Insert(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) 
 void Insertion::FollowInsertion(MovingUnit& u, NodeIndex node) {
   const LoadedUnit& unit = *u.pin;
   const CompactCluster& cluster = unit.cluster;
-  if (!u.known.Test(node) || Deadlines::Waits(u, node)) {
+  if (!u.known.Test(node) || u.Waits(node)) {
     units_.Save(u);
     u.known.Set(node);
-    deadlines_.Evaluate(u, unit, node);
+    decisions_.Evaluate(u, unit, node);
   }
   strength_.Find(u, unit, node);
   for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {

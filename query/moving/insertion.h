@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "query/moving/deadlines.h"
+#include "query/moving/decisions.h"
 #include "query/moving/moving_units.h"
 #include "query/moving/strength.h"
 #include "query/query_control.h"
@@ -20,8 +20,8 @@ namespace mtdb::internal {
 // on the way; cuts between rounds hold all their parents.
 class Insertion {
  public:
-  Insertion(MovingUnits& units, Deadlines& deadlines, Strength& strength)
-      : units_(units), deadlines_(deadlines), strength_(strength) {}
+  Insertion(MovingUnits& units, Decisions& decisions, Strength& strength)
+      : units_(units), decisions_(decisions), strength_(strength) {}
 
   // Begins a move: all waits. What the last one has left still does, if the query is the same.
   void Begin(QueryControl* control);
@@ -66,7 +66,7 @@ class Insertion {
   void Want(MovingUnit& u, NodeIndex node, uint8_t code);
 
   MovingUnits& units_;
-  Deadlines& deadlines_;
+  Decisions& decisions_;
   Strength& strength_;
   QueryControl* control_ = nullptr;
   // What has an error of at most this code waits: nodes, and children of units by their ordinals.

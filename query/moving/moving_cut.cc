@@ -19,9 +19,10 @@ MovingCut::MovingCut(const ClusterSource& source)
     : bounds_(source.record().bounds),
       units_(source),
       deadlines_(units_),
+      decisions_(units_),
       strength_(units_),
       removal_(units_),
-      insertion_(units_, deadlines_, strength_) {}
+      insertion_(units_, decisions_, strength_) {}
 
 const Bits& MovingCut::applied(UnitId unit) const {
   static const Bits kNone;
@@ -78,7 +79,7 @@ Status MovingCut::EndMoves(UnitReader& reader, bool finds_active, bool complete)
 
 Status MovingCut::Step(const Query& query, const Goal& goal, uint64_t round_nodes,
                        const Commit& commit) {
-  deadlines_.ResetCount();
+  decisions_.ResetCount();
   missing_.clear();
   weak_.clear();
   idle_.clear();
@@ -143,7 +144,7 @@ Status MovingCut::Decide(const Query& query, const Cutoff& cutoff, bool* anythin
     MovingUnit& u = *units_.Find(id);
     const bool stays = passes && (id < first || id >= last);
     if ((stays || !*anything_moved) && !u.deadlines.stale) continue;
-    const Deadlines::Expired& expired = deadlines_.Advance(u, moved);
+    const Expired& expired = deadlines_.Advance(u, moved);
     // Now and then a unit that only waits is asked whether it still has to.
     if (u.applied_count == 0 && id < units_.index().cluster_count() &&
         (expired.all || (id + moves_) % kAskEvery == 0)) {
@@ -154,8 +155,7 @@ Status MovingCut::Decide(const Query& query, const Cutoff& cutoff, bool* anythin
   return Status::Ok();
 }
 
-Status MovingCut::DecideUnit(MovingUnit& u, const Deadlines::Expired& expired,
-                             const Deadlines::Moved& moved) {
+Status MovingCut::DecideUnit(MovingUnit& u, const Expired& expired, const Deadlines::Moved& moved) {
   if (expired.nodes.empty() && expired.sides.empty() && expired.children.empty()) {
     return Status::Ok();
   }
@@ -163,14 +163,14 @@ Status MovingCut::DecideUnit(MovingUnit& u, const Deadlines::Expired& expired,
     deadlines_.LookAround(u, unit, moved);
     ForEachFetched(unit, expired.nodes, Fetch::kShapes, [&](NodeIndex node) {
       if (u.applied.Test(node)) {
-        if (!deadlines_.Evaluate(u, unit, node)) return;
+        if (!decisions_.Evaluate(u, unit, node)) return;
         strength_.Recheck(u, node);
         if (!u.strong.Test(node)) weak_.push_back(KeyOf(u.id, node));
       } else if (units_.AnyPresent(u, unit, node)) {
-        deadlines_.Evaluate(u, unit, node);
+        decisions_.Evaluate(u, unit, node);
         if (u.refusing.Test(node)) insertion_.Defer(u, node, unit.cluster.error_codes[node]);
       } else {
-        deadlines_.Forget(u, unit, node);
+        decisions_.Forget(u, unit, node);
       }
     });
     for (const uint32_t ordinal : expired.children) {
@@ -220,7 +220,7 @@ bool MovingCut::MayClose(MovingUnit& u, const LoadedUnit& unit) {
     if (!units_.Present(u, unit, slot)) continue;
     const uint32_t p = unit.origins[slot].parent;
     const MovingUnit& parent = *units_.Find(unit.parents[p]);
-    const Leeway margin = deadlines_.Margin(parent, unit, slot, units_.LargestCode(u.id));
+    const Leeway margin = decisions_.Margin(parent, unit, slot, units_.LargestCode(u.id));
     if (margin.fall < 0) return false;
     margins[p].fall = std::min(margins[p].fall, margin.fall);
     margins[p].shift = std::min(margins[p].shift, margin.shift);
@@ -231,7 +231,7 @@ bool MovingCut::MayClose(MovingUnit& u, const LoadedUnit& unit) {
     if (parent == nullptr) continue;
     const std::span<const UnitId> children = units_.index().children(parent->id);
     const auto at = std::lower_bound(children.begin(), children.end(), u.id);
-    Deadlines::SetChild(*parent, static_cast<uint32_t>(at - children.begin()), margins[p]);
+    parent->deadlines.SetChild(static_cast<uint32_t>(at - children.begin()), margins[p]);
   }
   units_.SetLooked(u, unit, false, [](NodeIndex) {});
   return true;

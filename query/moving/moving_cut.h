@@ -9,6 +9,7 @@
 #include "query/cache/unit_reader.h"
 #include "query/cut/survey.h"
 #include "query/moving/deadlines.h"
+#include "query/moving/decisions.h"
 #include "query/moving/insertion.h"
 #include "query/moving/moving_units.h"
 #include "query/moving/removal.h"
@@ -70,7 +71,7 @@ class MovingCut {
   // Units of which something is kept.
   size_t open_units() const { return units_.open().size(); }
   // Nodes looked at by the last move.
-  uint64_t evaluated() const { return deadlines_.evaluated(); }
+  uint64_t evaluated() const { return decisions_.evaluated(); }
 
  private:
   struct Goal {
@@ -88,8 +89,7 @@ class MovingCut {
   // What the query decides otherwise: sets refused triangles, tells Strength and Insertion. All
   // units were asked if `anything_moved`.
   Status Decide(const Query& query, const Cutoff& cutoff, bool* anything_moved);
-  Status DecideUnit(MovingUnit& u, const Deadlines::Expired& expired,
-                    const Deadlines::Moved& moved);
+  Status DecideUnit(MovingUnit& u, const Expired& expired, const Deadlines::Moved& moved);
   Status EndRound(const Commit& commit);
   void AskForMissing();
   // Closes units that no present triangle can need.
@@ -99,6 +99,7 @@ class MovingCut {
   const Box3d bounds_;
   MovingUnits units_;
   Deadlines deadlines_;
+  Decisions decisions_;
   Strength strength_;
   Removal removal_;
   Insertion insertion_;

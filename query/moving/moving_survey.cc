@@ -5,7 +5,7 @@
 #include <bit>
 #include <span>
 
-#include "query/moving/deadlines.h"
+#include "query/moving/decisions.h"
 
 namespace mtdb::internal {
 
@@ -17,11 +17,11 @@ Result<ActiveTriangles> MovingSurvey::Run(bool complete, const Box3d& bounds) {
 }
 
 Activity MovingSurvey::KnownOfStar(CutUnit& u, const LoadedUnit& unit, NodeIndex node) const {
-  return Deadlines::SideOf(judge_, static_cast<MovingUnit&>(u), unit, node);
+  return Decisions::SideOf(judge_, static_cast<MovingUnit&>(u).deadlines, unit, node);
 }
 
 bool MovingSurvey::StarsTellMore(const CutUnit& u) const {
-  return !(static_cast<const MovingUnit&>(u).deadlines.margin > 0);
+  return !(static_cast<const MovingUnit&>(u).deadlines.bounds.margin > 0);
 }
 
 // Of an in-triangle: as its creator's star.
@@ -33,9 +33,8 @@ Activity MovingSurvey::KnownOfInTriangle(const LoadedUnit& unit, uint32_t slot) 
 
 Activity MovingSurvey::ActivityOf(const MovingUnit& u, NodeIndex creator) const {
   const UnitDeadlines& d = u.deadlines;
-  if (d.activity != Activity::kSome) return d.activity;
-  return creator == kNone32 || d.sides.empty() ? Activity::kSome
-                                               : Deadlines::SideToActivity(d.sides[creator]);
+  if (d.bounds.activity != Activity::kSome) return d.bounds.activity;
+  return creator == kNone32 ? Activity::kSome : d.side(creator).activity();
 }
 
 // Where the region's border is not near, which the decisions have told, triangles are counted by
@@ -44,8 +43,8 @@ Result<ActiveTriangles> MovingSurvey::RunMoving() {
   for (const UnitId id : cut_.open()) {
     auto& u = static_cast<MovingUnit&>(*cut_.Find(id));
     if (u.present.empty()) continue;
-    if (u.deadlines.activity == Activity::kAll) active_.count += u.present.Count();
-    if (u.deadlines.activity != Activity::kSome) continue;
+    if (u.deadlines.bounds.activity == Activity::kAll) active_.count += u.present.Count();
+    if (u.deadlines.bounds.activity != Activity::kSome) continue;
     MTDB_RETURN_IF_ERROR(pins_.RunOn(u, [&](const LoadedUnit& unit) {
       CountStars(u, unit);
       return Status::Ok();
@@ -67,7 +66,7 @@ Result<ActiveTriangles> MovingSurvey::RunMoving() {
   // By now it is known of all stars.
   for (const UnitId id : cut_.open()) {
     auto& u = static_cast<MovingUnit&>(*cut_.Find(id));
-    if (u.present.empty() || u.deadlines.activity == Activity::kNone) continue;
+    if (u.present.empty() || u.deadlines.bounds.activity == Activity::kNone) continue;
     const bool by_nodes = LargestBelow(cut_.LargestCode(id)) > active_.largest_code;
     const bool by_children = LargestOfChildren(id) > active_.largest_code;
     if (!by_nodes && !by_children) continue;
@@ -109,7 +108,7 @@ void MovingSurvey::CountStars(MovingUnit& u, const LoadedUnit& unit) {
     if (size == 0) return;
     const uint64_t present = BitsAt(u.present.words(), begin, size);
     if (present == 0) return;
-    const Activity activity = Deadlines::SideOf(judge_, u, unit, node);
+    const Activity activity = Decisions::SideOf(judge_, u.deadlines, unit, node);
     if (activity == Activity::kAll) active_.count += PopCount(present);
     if (activity != Activity::kSome) return;
     for (uint64_t rest = present; rest != 0; rest &= rest - 1) {
@@ -120,9 +119,11 @@ void MovingSurvey::CountStars(MovingUnit& u, const LoadedUnit& unit) {
     const uint64_t applied = u.applied.words()[first / 64];
     uint64_t inside = 0;
     uint64_t near = applied;
-    if (const std::vector<float>& sides = u.deadlines.sides; applied != 0 && !sides.empty()) {
-      inside = applied & BitsWhere(sides.data() + first, [](float side) { return side > 0; });
-      near &= ~inside & ~BitsWhere(sides.data() + first, [](float side) { return side < 0; });
+    if (const std::span<const Side> sides = u.deadlines.sides(); applied != 0 && !sides.empty()) {
+      inside = applied & BitsWhere(sides.data() + first,
+                                   [](Side s) { return s.activity() == Activity::kAll; });
+      near &= ~inside & ~BitsWhere(sides.data() + first,
+                                   [](Side s) { return s.activity() == Activity::kNone; });
     }
     // Stars follow each other; those of nodes that are not applied have no present triangles.
     const uint32_t nodes = std::min(unit.nodes() - first, uint32_t{64});
@@ -151,7 +152,7 @@ void MovingSurvey::CountNear(const LoadedUnit& unit, uint32_t slot, NodeIndex cr
 bool MovingSurvey::IsActive(const MovingUnit& u, const LoadedUnit& unit, uint32_t slot) const {
   if (!cut_.Present(u, unit, slot)) return false;
   if (slot < u.first_own) return KnownOfInTriangle(unit, slot) == Activity::kAll;
-  const bool all = u.deadlines.activity == Activity::kAll;
+  const bool all = u.deadlines.bounds.activity == Activity::kAll;
   return all || ActivityOf(u, unit.creator(slot)) == Activity::kAll;
 }
 

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "query/moving/moving_units.h"
 
-#include "query/moving/deadlines.h"
-
 namespace mtdb::internal {
 
 MovingUnit& MovingUnits::Open(UnitId id) {
   if (MovingUnit* const u = Find(id); u != nullptr) return *u;
   auto& u = static_cast<MovingUnit&>(Add(id, std::make_unique<MovingUnit>()));
-  Deadlines::Begin(judge_, index(), u);
+  u.deadlines.Begin(UnitBounds(judge_, id), u.known, index().children(id).size());
   queue_.Add(u);
   return u;
 }

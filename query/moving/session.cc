@@ -9,6 +9,8 @@
 #include <string>
 #include <unordered_map>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "query/cache/available_units.h"
 #include "query/cache/unit_reader.h"
@@ -75,16 +77,6 @@ class Changes {
   UpdateBatches insertions_;
 };
 
-// Which units the nodes are in, and the pieces of the root.
-template <typename BitsOf>
-std::vector<UnitId> UnitsOf(const ClusterIndex& index, const BitsOf& bits_of) {
-  std::vector<UnitId> used;
-  for (UnitId u = 0; u < index.unit_count(); ++u) {
-    if (u >= index.cluster_count() || !bits_of(u).empty()) used.push_back(u);
-  }
-  return used;
-}
-
 void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
                const ActiveTriangles& active, ExtractStats* stats) {
   stats->triangles = counts.triangles;
@@ -93,35 +85,116 @@ void FillStats(const ObjectRecord& record, const CutState::Counts& counts,
   stats->shortfall = active.shortfall;
 }
 
+// What a client has that no moving cut holds.
+struct Selected {
+  std::vector<Bits> applied;  // per cluster, empty where no node is
+  uint64_t nodes = 0, triangles = 0, clusters_used = 0;
+  uint8_t largest_code = 0;  // of the whole mesh
+
+  Selected(const CutState& cut, uint8_t largest)
+      : applied(cut.index().cluster_count()),
+        nodes(cut.counts().applied),
+        triangles(cut.counts().triangles),
+        largest_code(largest) {
+    for (UnitId c = 0; c < applied.size(); ++c) {
+      const CutUnit* const u = cut.Find(c);
+      if (u == nullptr || u->applied_count == 0) continue;
+      applied[c] = u->applied;
+      ++clusters_used;
+    }
+  }
+};
+
+// The units that nodes are applied of, and the pieces of the root.
+std::vector<UnitId> UnitsOf(const ClusterIndex& index, const Selected& selected) {
+  std::vector<UnitId> used;
+  for (UnitId u = 0; u < index.unit_count(); ++u) {
+    if (u >= index.cluster_count() || !selected.applied[u].empty()) used.push_back(u);
+  }
+  return used;
+}
+
 }  // namespace
 
-Session::Session(std::shared_ptr<const Surface> surface, const SessionOptions& options)
-    : surface_(std::move(surface)), moving_(std::make_unique<MovingCut>(*surface_->source())) {
+// Where a session is between updates, and where an update leads:
+//
+//               no budget             max_triangles    other budgets (of a session that waits)
+//   AtCut       AtCut                 Hidden           Selected
+//   Selected    Hidden, then AtCut    Hidden           Selected
+//   Hidden      Hidden, then AtCut    Hidden           Selected
+//
+// A session begins at the root: AtCut. After Hidden it comes to AtCut when the hidden cut is that
+// of the query, or as large as what the client has; one that waits does so in the same update. An
+// error leaves it where it is, but for AtCut, which a budget turns into Hidden, and Hidden, which
+// other budgets turn into Selected, before they fail.
+class Session::Impl {
+ public:
+  using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
+
+  Impl(std::shared_ptr<const Surface> surface, const SessionOptions& options);
+  ~Impl();
+
+  Result<BaseMesh> Base() const;
+  Result<SessionUpdate> Update(const Query& query, bool rounds, const TakeBatches& take);
+  void RetryFailed();
+  TriangleFacts FactsOf(TriangleKey key) const;
+  const ClusterIndex& index() const { return surface_->index(); }
+  const Bits& BitsOf(UnitId cluster) const;
+  uint64_t applied_count() const;
+
+ private:
+  // The client has the moving cut.
+  struct AtCut {
+    std::unique_ptr<MovingCut> cut;
+  };
+  // The client has what it had, and a moving cut is on its way behind that, to take its place, or
+  // to be shown as far as it fits a budget.
+  struct Hidden {
+    Selected shown;
+    std::unique_ptr<MovingCut> cut;
+    bool was_shown;              // the client has had what the cut was
+    std::optional<Query> query;  // with a budget: that it is on its way to, over several calls
+  };
+
+  Status TakeRoot() const;
+  Status Move(MovingCut& cut, UnitReader& reader, const Query& query, bool rounds,
+              const TakeBatches& take, SessionUpdate* update);
+  Status MoveHidden(UnitReader& reader, const Query& query, const TakeBatches& take,
+                    SessionUpdate* update);
+  Status MoveWithin(UnitReader& reader, const Query& query, const TakeBatches& take,
+                    SessionUpdate* update);
+  Status Select(UnitReader& reader, const Query& query, const TakeBatches& take,
+                SessionUpdate* update);
+  Hidden& Hide();
+  Result<Selected> Show(const CutState& cut, UnitReader& reader, const TakeBatches& take,
+                        SessionUpdate* update) const;
+  Status Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* update) const;
+  void FillStatsOf(const MovingCut& cut, ExtractStats* stats) const;
+  void FillStatsOnTheWay(const Selected& shown, ExtractStats* stats) const;
+  const Selected& selected() const;  // unless AtCut
+
+  const std::shared_ptr<const Surface> surface_;
+  std::unique_ptr<UnitReader> available_;  // not null: it waits for nothing
+  std::variant<AtCut, Selected, Hidden> state_;
+  std::optional<BudgetCut> within_;  // where the last budget of triangles was
+};
+
+Session::Impl::Impl(std::shared_ptr<const Surface> surface, const SessionOptions& options)
+    : surface_(std::move(surface)),
+      state_(AtCut{std::make_unique<MovingCut>(*surface_->source())}) {
   if (!options.available_only) return;
   available_ =
       std::make_unique<UnitReader>(surface_->cache(), ReaderLimits{nullptr, std::nullopt, true});
   available_->BeginCall(nullptr, std::nullopt);
 }
 
-Session::~Session() {
+Session::Impl::~Impl() {
   // Nothing that is on its way is wanted any more.
   if (available_ == nullptr) return;
   static_cast<void>(TryAllocate([&] { available_->available()->Ask({}, true); }));
 }
 
-Result<std::unique_ptr<Session>> Session::Open(std::shared_ptr<const Surface> surface,
-                                               const SessionOptions& options) {
-  MTDB_CHECK(surface != nullptr, "a session needs a surface");
-  return CatchOutOfMemory([&]() -> Result<std::unique_ptr<Session>> {
-    return std::unique_ptr<Session>(new Session(std::move(surface), options));
-  });
-}
-
-Result<BaseMesh> Session::Base() const {
-  return CatchOutOfMemory([&] { return ReadBase(); });
-}
-
-Result<BaseMesh> Session::ReadBase() const {
+Result<BaseMesh> Session::Impl::Base() const {
   const ClusterIndex& index = surface_->index();
   const size_t row_bytes = surface_->record().attributes.row_bytes();
   UnitReader waiting(surface_->cache(), {});
@@ -154,7 +227,7 @@ Result<BaseMesh> Session::ReadBase() const {
   return base;
 }
 
-Status Session::TakeRoot() const {
+Status Session::Impl::TakeRoot() const {
   AvailableUnits& units = *available_->available();
   available_->BeginCall(nullptr, std::nullopt);
   const Status status = units.TakeRoot();
@@ -164,11 +237,11 @@ Status Session::TakeRoot() const {
   return status;
 }
 
-void Session::RetryFailed() {
+void Session::Impl::RetryFailed() {
   if (available_ != nullptr) available_->available()->ForgetFailures();
 }
 
-TriangleFacts Session::FactsOf(TriangleKey key) const {
+TriangleFacts Session::Impl::FactsOf(TriangleKey key) const {
   MTDB_CHECK(available_ != nullptr, "only a session that does not wait knows of its triangles");
   const AvailableUnits& units = *available_->available();
   const auto id = static_cast<UnitId>(key >> 32);
@@ -192,103 +265,86 @@ TriangleFacts Session::FactsOf(TriangleKey key) const {
   return facts(child->cluster.error_codes[child->removers()[in_slot]], true);
 }
 
-Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatch>* batches) {
-  batches->clear();
-  return CatchOutOfMemory([&] {
-    return Run(query, false, [&](std::vector<UpdateBatch> round) {
-      *batches = std::move(round);
-      return Status::Ok();
-    });
-  });
-}
-
-Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink) {
-  return CatchOutOfMemory([&] {
-    return Run(query, true, [&](const std::vector<UpdateBatch>& round) { return sink(round); });
-  });
-}
-
-Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBatches& take) {
+Result<SessionUpdate> Session::Impl::Update(const Query& query, bool rounds,
+                                            const TakeBatches& take) {
   const Stopwatch watch;
-  const ClusterIndex& index = surface_->index();
   const bool waits = available_ == nullptr;
   const bool budget =
       query.max_triangles || query.max_bytes || (waits && query.max_milliseconds.has_value());
   SessionUpdate result;
   ExtractStats& stats = result.stats;
+  AtCut* const at_cut = std::get_if<AtCut>(&state_);
   std::optional<UnitReader> waiting;
   if (waits) {
     waiting.emplace(surface_->cache(), ReaderLimits{query.control, query.max_bytes});
   } else {
     MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query));
-    if (!budget) within_query_.reset();
-    if (!budget && moving_ != nullptr) available_->available()->Hold({});
+    if (Hidden* const hidden = std::get_if<Hidden>(&state_); hidden && !budget) {
+      hidden->query.reset();
+    }
+    if (at_cut && !budget) available_->available()->Hold({});
     available_->BeginCall(query.control, DeadlineOf(query));
   }
   UnitReader& reader = waits ? *waiting : *available_;
-  if (!budget) {
-    MTDB_RETURN_IF_ERROR(Move(reader, query, rounds, take, &result));
+  if (!budget && at_cut) {
+    MTDB_RETURN_IF_ERROR(Move(*at_cut->cut, reader, query, rounds, take, &result));
+  } else if (!budget) {
+    MTDB_RETURN_IF_ERROR(MoveHidden(reader, query, take, &result));
   } else if (!waits || (!query.max_bytes && !query.max_milliseconds)) {
     MTDB_RETURN_IF_ERROR(MoveWithin(reader, query, take, &result));
   } else {
-    next_.reset();
-    within_.reset();
     MTDB_RETURN_IF_ERROR(Select(reader, query, take, &result));
   }
-  stats.vertices = index.root_vertices() + applied_count_;
-  stats.nodes_applied = applied_count_;
-  stats.clusters_total = index.cluster_count();
+  stats.vertices = index().root_vertices() + applied_count();
+  stats.nodes_applied = applied_count();
+  stats.clusters_total = index().cluster_count();
   reader.FillStats(&stats);
   stats.seconds.select = std::max(0.0, watch.Seconds() - stats.seconds.load);
   return result;
 }
 
-Status Session::Move(UnitReader& reader, const Query& query, bool rounds, const TakeBatches& take,
-                     SessionUpdate* update) {
-  // From a cut that a budget made: a moving cut begins at the root and takes its place at the end,
-  // or when it has as many triangles.
-  std::unique_ptr<MovingCut> fresh = std::move(next_);
-  if (moving_ == nullptr && fresh == nullptr) {
-    fresh = std::make_unique<MovingCut>(*surface_->source());
-  }
-  MovingCut& cut = fresh == nullptr ? *moving_ : *fresh;
-  const auto end_round = [&]() -> Status {
-    return fresh != nullptr ? Status::Ok() : Follow(cut, take, update);
-  };
+Status Session::Impl::Move(MovingCut& cut, UnitReader& reader, const Query& query, bool rounds,
+                           const TakeBatches& take, SessionUpdate* update) {
   MTDB_RETURN_IF_ERROR(
-      cut.Move(reader, query, rounds && fresh == nullptr ? kRoundNodes : 0, end_round));
-  const bool shows =
-      fresh == nullptr || !cut.unfinished() || cut.counts().triangles >= selected_.triangles;
-  if (fresh != nullptr && shows) {
-    Changes changes(*surface_);
-    for (UnitId c = 0; c < selected_.applied.size(); ++c) {
-      changes.AddUnit(c, selected_.applied[c], cut.applied(c));
-    }
-    MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
-    applied_count_ = cut.counts().applied;
-    moving_ = std::move(fresh);
-    selected_ = {};
-    if (available_ != nullptr) available_->available()->Hold({});
-  }
-  ExtractStats& stats = update->stats;
-  stats.missing = cut.missing();
-  if (!shows) {
-    next_ = std::move(fresh);
-    FillStatsOnTheWay(&stats);
-    return Status::Ok();
-  }
-  FillStats(surface_->record(), cut.counts(), cut.active(), &stats);
-  stats.nodes_forced = cut.counts().forced;
-  stats.clusters_used = cut.counts().clusters_used;
-  stats.nodes_visited = cut.evaluated();
-  if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
-  const bool out_of_time = available_ != nullptr && available_->available()->out_of_time();
-  if (cut.unfinished() || out_of_time) stats.limit = QueryLimit::kTime;
+      cut.Move(reader, query, rounds ? kRoundNodes : 0, [&] { return Follow(cut, take, update); }));
+  FillStatsOf(cut, &update->stats);
   return Status::Ok();
 }
 
+Status Session::Impl::MoveHidden(UnitReader& reader, const Query& query, const TakeBatches& take,
+                                 SessionUpdate* update) {
+  Hidden& hidden = Hide();
+  MovingCut& cut = *hidden.cut;
+  MTDB_RETURN_IF_ERROR(cut.Move(reader, query, 0, [] { return Status::Ok(); }));
+  if (cut.unfinished() && cut.counts().triangles < hidden.shown.triangles) {
+    update->stats.missing = cut.missing();
+    FillStatsOnTheWay(hidden.shown, &update->stats);
+    return Status::Ok();
+  }
+  Changes changes(*surface_);
+  for (UnitId c = 0; c < hidden.shown.applied.size(); ++c) {
+    changes.AddUnit(c, hidden.shown.applied[c], cut.applied(c));
+  }
+  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
+  state_ = AtCut{std::move(hidden.cut)};
+  if (available_ != nullptr) available_->available()->Hold({});
+  FillStatsOf(cut, &update->stats);
+  return Status::Ok();
+}
+
+void Session::Impl::FillStatsOf(const MovingCut& cut, ExtractStats* stats) const {
+  FillStats(surface_->record(), cut.counts(), cut.active(), stats);
+  stats->missing = cut.missing();
+  stats->nodes_forced = cut.counts().forced;
+  stats->clusters_used = cut.counts().clusters_used;
+  stats->nodes_visited = cut.evaluated();
+  if (!stats->missing.empty()) stats->limit = QueryLimit::kMissing;
+  const bool out_of_time = available_ != nullptr && available_->available()->out_of_time();
+  if (cut.unfinished() || out_of_time) stats->limit = QueryLimit::kTime;
+}
+
 // The round of a moving cut.
-Status Session::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* update) {
+Status Session::Impl::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* update) const {
   Changes changes(*surface_);
   cut.ForEachChange([&](UnitId unit, const Bits& before, const Bits& now) {
     changes.AddUnit(unit, before, now);
@@ -301,49 +357,49 @@ Status Session::Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* u
     return take(std::move(batches));
   };
   const auto get = [&](UnitId unit) { return cut.Pin(unit); };
-  const Status taken = changes.Send(get, release_and_take, update);
-  if (taken.ok()) applied_count_ = cut.counts().applied;
-  return taken;
+  return changes.Send(get, release_and_take, update);
 }
 
 // The client sees where the cut ends, and not the cuts on the way, which may be too large. A query
 // that a session did not come to the end of, which does not wait, is ended before a later one
 // begins: one that a later query ends would never end where each call has another one.
-Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBatches& take,
-                           SessionUpdate* update) {
-  HideCut();
-  const uint64_t shown_triangles = selected_.triangles;
+Status Session::Impl::MoveWithin(UnitReader& reader, const Query& query, const TakeBatches& take,
+                                 SessionUpdate* update) {
+  if (!within_) within_.emplace(*surface_->source());
+  Hidden& hidden = Hide();
+  MovingCut& cut = *hidden.cut;
+  std::optional<Query>& goal = hidden.query;
+  const uint64_t shown_triangles = hidden.shown.triangles;
   for (;;) {
-    const bool goes_on = within_query_.has_value();
-    if (!goes_on) within_query_ = query;
-    within_query_->control = query.control;
-    const Status moved = within_->Move(reader, *within_query_, goes_on, next_.get());
-    within_query_->control = nullptr;
-    if (!moved.ok()) within_query_.reset();
+    const bool goes_on = goal.has_value();
+    if (!goes_on) goal = query;
+    goal->control = query.control;
+    const Status moved = within_->Move(reader, *goal, goes_on, &cut);
+    goal->control = nullptr;
+    if (!moved.ok()) goal.reset();
     MTDB_RETURN_IF_ERROR(moved);
-    next_is_shown_ |= within_->done() || next_->counts().triangles >= shown_triangles;
-    if (within_->fits() && next_is_shown_) {
-      const Status shown = Show(next_->state(), reader, take, update);
-      if (!shown.ok()) within_query_.reset();
-      MTDB_RETURN_IF_ERROR(shown);
+    hidden.was_shown |= within_->done() || cut.counts().triangles >= shown_triangles;
+    if (within_->fits() && hidden.was_shown) {
+      Result<Selected> shown = Show(cut.state(), reader, take, update);
+      if (!shown.ok()) goal.reset();
+      MTDB_ASSIGN_OR_RETURN(hidden.shown, std::move(shown));
     }
     ExtractStats& stats = update->stats;
-    stats.missing = next_->missing();
-    const bool answers =
-        available_ == nullptr || (within_->done() && next_->Answers(query) &&
-                                  within_query_->max_triangles == query.max_triangles);
-    if (answers || within_->done()) within_query_.reset();
+    stats.missing = cut.missing();
+    const bool answers = available_ == nullptr || (within_->done() && cut.Answers(query) &&
+                                                   goal->max_triangles == query.max_triangles);
+    if (answers || within_->done()) goal.reset();
     if (answers) {
-      FillStats(surface_->record(), next_->counts(), next_->active(), &stats);
-      stats.clusters_used = selected_.clusters_used;
+      FillStats(surface_->record(), cut.counts(), cut.active(), &stats);
+      stats.clusters_used = hidden.shown.clusters_used;
       if (within_->ended_by_budget()) stats.limit = QueryLimit::kTriangles;
       if (!stats.missing.empty()) stats.limit = QueryLimit::kMissing;
       stats.nodes_visited = within_->evaluated();
-      stats.nodes_forced = next_->counts().forced;
+      stats.nodes_forced = cut.counts().forced;
       return Status::Ok();
     }
-    if (within_query_ || available_->available()->time_is_over()) {
-      FillStatsOnTheWay(&stats);
+    if (goal || available_->available()->time_is_over()) {
+      FillStatsOnTheWay(hidden.shown, &stats);
       return Status::Ok();
     }
     available_->BeginCall(query.control, DeadlineOf(query));
@@ -351,96 +407,121 @@ Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBat
 }
 
 // The cut moves on behind what the client has.
-void Session::HideCut() {
-  if (within_ == nullptr) within_ = std::make_unique<BudgetCut>(*surface_->source());
-  if (next_ == nullptr) next_is_shown_ = moving_ != nullptr;
-  if (moving_ != nullptr) {
-    Selected now;
-    now.applied.resize(surface_->index().cluster_count());
-    for (UnitId c = 0; c < now.applied.size(); ++c) now.applied[c] = moving_->applied(c);
-    now.triangles = moving_->counts().triangles;
-    now.clusters_used = moving_->counts().clusters_used;
-    now.largest_code = moving_->counts().LargestCode();
-    if (available_ != nullptr) {
-      available_->available()->Hold(
-          UnitsOf(surface_->index(), [&](UnitId c) { return now.applied[c]; }));
-    }
-    selected_ = std::move(now);
-    next_ = std::move(moving_);
+Session::Impl::Hidden& Session::Impl::Hide() {
+  if (AtCut* const at = std::get_if<AtCut>(&state_)) {
+    Selected shown(at->cut->state(), at->cut->counts().LargestCode());
+    if (available_ != nullptr) available_->available()->Hold(UnitsOf(index(), shown));
+    state_ = Hidden{std::move(shown), std::move(at->cut), true, std::nullopt};
+  } else if (Selected* const selected = std::get_if<Selected>(&state_)) {
+    auto fresh = std::make_unique<MovingCut>(*surface_->source());
+    state_ = Hidden{std::move(*selected), std::move(fresh), false, std::nullopt};
   }
-  if (next_ == nullptr) next_ = std::make_unique<MovingCut>(*surface_->source());
+  return *std::get_if<Hidden>(&state_);
 }
 
 // Under other budgets the cut is not the least one of any query, and cannot move on.
-Status Session::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
-                       SessionUpdate* update) {
+Status Session::Impl::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
+                             SessionUpdate* update) {
+  within_.reset();
+  if (Hidden* const hidden = std::get_if<Hidden>(&state_)) state_ = std::move(hidden->shown);
   const ObjectRecord& record = surface_->record();
   CutState cut(*surface_->source(), false);
   Search search(*surface_->source(), reader, query, record.rounding_error, &cut);
   MTDB_ASSIGN_OR_RETURN(const Search::Outcome outcome, search.Run());
   // What the updates need was in the search's reach, or is what the client holds: no budget.
   UnitReader updates(surface_->cache(), {query.control, std::nullopt});
-  MTDB_RETURN_IF_ERROR(Show(cut, updates, take, update));
+  MTDB_ASSIGN_OR_RETURN(state_, Show(cut, updates, take, update));
   FillStats(record, cut.counts(), outcome.active, &update->stats);
-  update->stats.clusters_used = selected_.clusters_used;
+  update->stats.clusters_used = selected().clusters_used;
   update->stats.limit = outcome.limit;
   update->stats.nodes_visited = outcome.nodes_visited;
   update->stats.nodes_forced = outcome.nodes_forced;
   return Status::Ok();
 }
 
-// The client's cut becomes this one.
-Status Session::Show(const CutState& cut, UnitReader& reader, const TakeBatches& take,
-                     SessionUpdate* update) {
-  const ClusterIndex& index = surface_->index();
-  Selected now;
-  now.applied.resize(index.cluster_count());
+// Has the client take this cut; returns what it has then.
+Result<Selected> Session::Impl::Show(const CutState& cut, UnitReader& reader,
+                                     const TakeBatches& take, SessionUpdate* update) const {
+  Selected now(cut, LargestCodeLeft(cut));
   Changes changes(*surface_);
-  for (UnitId c = 0; c < index.cluster_count(); ++c) {
-    const CutUnit* const u = cut.Find(c);
-    if (u != nullptr && u->applied_count > 0) now.applied[c] = u->applied;
-    changes.AddUnit(c, BitsOf(c), now.applied[c]);
-    now.clusters_used += now.applied[c].empty() ? 0 : 1;
-  }
-  now.triangles = cut.counts().triangles;
-  now.largest_code = LargestCodeLeft(cut);
+  for (UnitId c = 0; c < now.applied.size(); ++c) changes.AddUnit(c, BitsOf(c), now.applied[c]);
   std::vector<UnitId> used;
-  if (available_ != nullptr) used = UnitsOf(index, [&](UnitId c) { return now.applied[c]; });
+  if (available_ != nullptr) used = UnitsOf(index(), now);
   MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
-  selected_ = std::move(now);
-  moving_.reset();
-  applied_count_ = cut.counts().applied;
   if (available_ != nullptr) available_->available()->Hold(std::move(used));
-  return Status::Ok();
-}
-
-uint64_t Session::TrianglesShown() const {
-  return moving_ != nullptr ? moving_->counts().triangles : selected_.triangles;
+  return now;
 }
 
 // Of the whole mesh that the client has: what it is told of is another query's.
-void Session::FillStatsOnTheWay(ExtractStats* stats) const {
-  const uint8_t code =
-      moving_ != nullptr ? moving_->counts().LargestCode() : selected_.largest_code;
+void Session::Impl::FillStatsOnTheWay(const Selected& shown, ExtractStats* stats) const {
   CutState::Counts counts;
-  counts.triangles = TrianglesShown();
-  FillStats(surface_->record(), counts, {true, counts.triangles, code, {}}, stats);
-  stats->clusters_used =
-      moving_ != nullptr ? moving_->counts().clusters_used : selected_.clusters_used;
+  counts.triangles = shown.triangles;
+  FillStats(surface_->record(), counts, {true, shown.triangles, shown.largest_code, {}}, stats);
+  stats->clusters_used = shown.clusters_used;
   stats->limit = QueryLimit::kTime;
 }
 
-const Bits& Session::BitsOf(UnitId cluster) const {
-  return moving_ == nullptr ? selected_.applied[cluster] : moving_->applied(cluster);
+const Selected& Session::Impl::selected() const {
+  const Hidden* const hidden = std::get_if<Hidden>(&state_);
+  return hidden != nullptr ? hidden->shown : *std::get_if<Selected>(&state_);
 }
 
+const Bits& Session::Impl::BitsOf(UnitId cluster) const {
+  const AtCut* const at = std::get_if<AtCut>(&state_);
+  return at != nullptr ? at->cut->applied(cluster) : selected().applied[cluster];
+}
+
+uint64_t Session::Impl::applied_count() const {
+  const AtCut* const at = std::get_if<AtCut>(&state_);
+  return at != nullptr ? at->cut->counts().applied : selected().nodes;
+}
+
+// ---- the public part ----
+
+Session::Session(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Session::~Session() = default;
+
+Result<std::unique_ptr<Session>> Session::Open(std::shared_ptr<const Surface> surface,
+                                               const SessionOptions& options) {
+  MTDB_CHECK(surface != nullptr, "a session needs a surface");
+  return CatchOutOfMemory([&]() -> Result<std::unique_ptr<Session>> {
+    auto impl = std::make_unique<Impl>(std::move(surface), options);
+    return std::unique_ptr<Session>(new Session(std::move(impl)));
+  });
+}
+
+Result<BaseMesh> Session::Base() const {
+  return CatchOutOfMemory([&] { return impl_->Base(); });
+}
+
+Result<SessionUpdate> Session::Update(const Query& query, std::vector<UpdateBatch>* batches) {
+  batches->clear();
+  return CatchOutOfMemory([&] {
+    return impl_->Update(query, false, [&](std::vector<UpdateBatch> round) {
+      *batches = std::move(round);
+      return Status::Ok();
+    });
+  });
+}
+
+Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink) {
+  return CatchOutOfMemory([&] {
+    return impl_->Update(query, true,
+                         [&](const std::vector<UpdateBatch>& round) { return sink(round); });
+  });
+}
+
+void Session::RetryFailed() { impl_->RetryFailed(); }
+TriangleFacts Session::FactsOf(TriangleKey key) const { return impl_->FactsOf(key); }
+
 bool Session::applied(UnitId cluster, NodeIndex node) const {
-  const ClusterIndex& index = surface_->index();
+  const ClusterIndex& index = impl_->index();
   MTDB_CHECK(
       cluster < index.cluster_count() && (!index.Has(cluster) || node < index.unit(cluster).nodes),
       "no such node");
-  const Bits& bits = BitsOf(cluster);
+  const Bits& bits = impl_->BitsOf(cluster);
   return !bits.empty() && bits.Test(node);
 }
+uint64_t Session::applied_count() const { return impl_->applied_count(); }
 
 }  // namespace mtdb

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "query/moving/deadlines.h"
+#include "query/moving/decisions.h"
 #include "query/moving/insertion.h"
 #include "query/moving/removal.h"
 #include "query/moving/strength.h"
@@ -40,9 +41,10 @@ struct Parts {
         units(*fixture.source),
         pins(units, reader, meter),
         deadlines(units),
+        decisions(units),
         strength(units),
         removal(units),
-        insertion(units, deadlines, strength) {
+        insertion(units, decisions, strength) {
     units.judge().SetMeter(&meter);
     units.SetPins(&pins);
   }
@@ -79,14 +81,14 @@ struct Parts {
       MovingUnit& u = *units.Find(id);
       deadlines.Advance(u, moved);
       const LoadedUnit* const unit = pins.Pin(u).value();
-      const Deadlines::Expired expired = deadlines.LookAround(u, *unit, moved);
+      const Expired expired = deadlines.LookAround(u, *unit, moved);
       decide(u, *unit, expired);
     }
   }
-  void Evaluate(MovingUnit& u, const LoadedUnit& unit, const Deadlines::Expired& expired,
+  void Evaluate(MovingUnit& u, const LoadedUnit& unit, const Expired& expired,
                 std::vector<NodeKey>* weak) {
     for (const NodeIndex node : expired.nodes) {
-      const bool changed = deadlines.Evaluate(u, unit, node);
+      const bool changed = decisions.Evaluate(u, unit, node);
       if (!u.applied.Test(node)) {
         if (u.refusing.Test(node)) insertion.Defer(u, node, unit.cluster.error_codes[node]);
       } else if (changed) {
@@ -128,6 +130,7 @@ struct Parts {
   MovingUnits units;
   UnitPins pins;
   Deadlines deadlines;
+  Decisions decisions;
   Strength strength;
   Removal removal;
   Insertion insertion;
@@ -225,7 +228,7 @@ TEST_CASE("What a border that moves elsewhere cannot change is not asked about")
       for (const NodeIndex node : expired.nodes) {
         const Box3d box = f.source->record_.grid.Bounds(unit.star_bounds(node));
         const bool may_meet = box.max.x + 2 * Diagonal(box) > face;
-        ++(expired.all || may_meet || u.deadlines.reaches[node] == 0 ? near : far);
+        ++(expired.all || may_meet || u.deadlines.reach(node) == 0 ? near : far);
       }
       std::vector<NodeKey> weak;
       parts.Evaluate(u, unit, expired, &weak);
