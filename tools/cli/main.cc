@@ -28,6 +28,7 @@
 #include "tools/cli/raster_output.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/follow_path.h"
+#include "tools/cli/verbs/tile.h"
 #include "tools/client/client.h"
 #include "tools/client/printable.h"
 #include "tools/gdal/gdal_raster.h"
@@ -342,6 +343,7 @@ class CommandLine {
   mtdb::QueryArguments query_;
   mtdb::ProbeArguments probe_;
   mtdb::ProfileArguments profile_;
+  mtdb::TileArguments tile_;
   mtdb::ServerOptions serve_;
   mtdb::ViewArguments view_;
   mtdb::FollowArguments follow_;
@@ -373,6 +375,15 @@ CommandLine::CommandLine() {
                            "Example: mtdb profile alps.mtdb --line 7.1,46.0,7.9,46.4 --error 5",
                            [this](bool*) { return mtdb::ProfileVerb(profile_); }),
                    &profile_);
+  mtdb::AddTile(AddVerb("tile", "write tiles for Cesium, QGIS, three.js and others",
+                        "Examples: mtdb tile scans.mtdb www/statue --at 11.57,48.14,520\n"
+                        "          mtdb tile alps.mtdb www/alps --as quantized-mesh\n"
+                        "More: docs/tiles.md",
+                        [this](bool*) {
+                          tile_.quiet = quiet_;
+                          return mtdb::TileVerb(tile_);
+                        }),
+                &tile_);
   AddServerVerbs();
   AddViewVerb();
   AddFollowVerb();
@@ -380,10 +391,10 @@ CommandLine::CommandLine() {
   AddSpaceVerbs();
   AddGenerateVerb();
   const std::pair<const char*, mtdb::OpenOptions*> readers[] = {
-      {"info", &inspect_.open},    {"list", &inspect_.open}, {"verify", &inspect_.open},
-      {"extract", &query_.open},   {"render", &query_.open}, {"probe", &probe_.open},
-      {"profile", &profile_.open}, {"unpack", &pack_.open},  {"serve", &serve_.service.open},
-      {"view", &view_.open}};
+      {"info", &inspect_.open},        {"list", &inspect_.open}, {"verify", &inspect_.open},
+      {"extract", &query_.open},       {"render", &query_.open}, {"probe", &probe_.open},
+      {"profile", &profile_.open},     {"tile", &tile_.open},    {"unpack", &pack_.open},
+      {"serve", &serve_.service.open}, {"view", &view_.open}};
   for (const auto& [verb, open] : readers) mtdb::AddCacheDirectory(app_.get_subcommand(verb), open);
 }
 
