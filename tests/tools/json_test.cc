@@ -48,6 +48,7 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   run({"probe", store, "--name", "hills", "--height", "1.5,1.5", "--height", "9,9"});
   run({"profile", store, "--name", "hills", "--line", "0,0,3,3"});
   run({"extract", store, folder.File("b.asc"), "--name", "hills"});
+  run({"tile", store, folder.File("tiles"), "--name", "patch"});
   run({"info", store});
   run({"info", store, "--name", "t", "--streams"});
   run({"list", store});

@@ -13,11 +13,11 @@ namespace {
 
 // As help lists them.
 constexpr const mtdb::Verb* kVerbs[] = {
-    &mtdb::kIngestVerb, &mtdb::kInfoVerb,    &mtdb::kListVerb,     &mtdb::kExtractVerb,
-    &mtdb::kVerifyVerb, &mtdb::kRenderVerb,  &mtdb::kProbeVerb,    &mtdb::kProfileVerb,
-    &mtdb::kServeVerb,  &mtdb::kFetchVerb,   &mtdb::kViewVerb,     &mtdb::kFollowVerb,
-    &mtdb::kPackVerb,   &mtdb::kUnpackVerb,  &mtdb::kRemoveVerb,   &mtdb::kRenameVerb,
-    &mtdb::kCopyVerb,   &mtdb::kCompactVerb, &mtdb::kGenerateVerb,
+    &mtdb::kIngestVerb, &mtdb::kInfoVerb,   &mtdb::kListVerb,    &mtdb::kExtractVerb,
+    &mtdb::kVerifyVerb, &mtdb::kRenderVerb, &mtdb::kProbeVerb,   &mtdb::kProfileVerb,
+    &mtdb::kServeVerb,  &mtdb::kFetchVerb,  &mtdb::kViewVerb,    &mtdb::kFollowVerb,
+    &mtdb::kPackVerb,   &mtdb::kTileVerb,   &mtdb::kUnpackVerb,  &mtdb::kRemoveVerb,
+    &mtdb::kRenameVerb, &mtdb::kCopyVerb,   &mtdb::kCompactVerb, &mtdb::kGenerateVerb,
 };
 
 }  // namespace

@@ -33,7 +33,7 @@ struct Verb {
 };
 
 extern const Verb kIngestVerb, kInfoVerb, kListVerb, kExtractVerb, kVerifyVerb, kRenderVerb,
-    kProbeVerb, kProfileVerb, kServeVerb, kFetchVerb, kViewVerb, kFollowVerb, kPackVerb,
+    kProbeVerb, kProfileVerb, kServeVerb, kFetchVerb, kViewVerb, kFollowVerb, kPackVerb, kTileVerb,
     kUnpackVerb, kRemoveVerb, kRenameVerb, kCopyVerb, kCompactVerb, kGenerateVerb;
 
 }  // namespace mtdb

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `mtdb tile` writes as 3D Tiles, read as clients do.
+#include <cmath>
+#include <limits>
+
+#include "tests/tiles/tile_reading.h"
+
+namespace mtdb::test {
+namespace {
+
+// A store of a sculpture with some 30,000 triangles, and its tiles of some 1,000.
+struct TiledSculpture {
+  Example example{30000};
+  std::string folder = example.folder.File("tiles");
+  Json answer =
+      RunJson({"tile", example.store, folder, "--tile-triangles", "1000", "--threads", "2"});
+  ReadTile root = ReadTileset(folder);
+  std::map<int, std::vector<const ReadTile*>> levels;
+  TiledSculpture() { TilesByLevel(root, &levels); }
+};
+const TiledSculpture& TheTiles() {
+  static const TiledSculpture kTiles;
+  return kTiles;
+}
+
+// The triangles of a level, those of several tiles once.
+std::set<CornerTriangle> SurfaceOf(const std::string& folder,
+                                   const std::vector<const ReadTile*>& tiles, double* step) {
+  std::set<CornerTriangle> surface;
+  for (const ReadTile* const tile : tiles) {
+    const ReadGltf gltf = ReadGlb(folder + "/" + tile->uri);
+    *step = gltf.step;
+    CHECK(gltf.bound == tile->bound);
+    for (const auto& t : gltf.surface) {
+      surface.insert(Sorted({gltf.corners[t[0]], gltf.corners[t[1]], gltf.corners[t[2]]}));
+    }
+  }
+  return surface;
+}
+
+// The same of a mesh file, on the lattice.
+std::set<CornerTriangle> SurfaceOf(const TriangleMesh& mesh, double step, Vec3d origin,
+                                   Corner origin_corner) {
+  const auto corner = [&](VertexIndex v) {
+    Corner c{};
+    for (int i = 0; i < 3; ++i) {
+      const auto at = static_cast<size_t>(i);
+      c[at] = origin_corner[at] + std::llround((mesh.positions[v][i] - origin[i]) / step);
+    }
+    return c;
+  };
+  std::set<CornerTriangle> surface;
+  for (const TriangleVertices& t : mesh.triangles) {
+    surface.insert(Sorted({corner(t[0]), corner(t[1]), corner(t[2])}));
+  }
+  return surface;
+}
+
+TEST_CASE("the finest level's tiles, put together, are the mesh that extract writes", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const auto& finest = tiles.levels.rbegin()->second;
+  CHECK(finest.size() > 20);
+  double step = 0;
+  const std::set<CornerTriangle> surface = SurfaceOf(tiles.folder, finest, &step);
+  CHECK(step == Approx(tiles.example.step()));
+  const ReadGltf some = ReadGlb(tiles.folder + "/" + finest[0]->uri);
+  const TriangleMesh full = ReadMesh(tiles.example.full);
+  CHECK(SurfaceOf(full, step, some.positions[0], some.corners[0]) == surface);
+}
+
+TEST_CASE("a level has no cracks: each edge of its tiles has two triangles", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  REQUIRE(tiles.levels.size() >= 3);
+  for (const auto& [level, of_level] : tiles.levels) {
+    INFO("level " << level);
+    double step = 0;
+    const std::set<CornerTriangle> surface = SurfaceOf(tiles.folder, of_level, &step);
+    std::set<std::pair<Corner, Corner>> edges;
+    for (const CornerTriangle& t : surface) {
+      for (size_t i = 0; i < 3; ++i) CHECK(edges.insert({t[i], t[(i + 1) % 3]}).second);
+    }
+    size_t alone = 0;
+    for (const auto& [a, b] : edges) alone += edges.contains({b, a}) ? 0 : 1;
+    CHECK(alone == 0);
+  }
+}
+
+TEST_CASE("levels have the bounds that they state, and tiles their boxes and sizes", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const TriangleMesh full = ReadMesh(tiles.example.full);
+  const Json& levels = tiles.answer.at("levels");
+  REQUIRE(levels.size() == tiles.levels.size());
+  size_t number = 0;
+  for (const auto& [level, of_level] : tiles.levels) {
+    INFO("level " << level);
+    const double bound = levels.at(number).at("error_bound");
+    CHECK(levels.at(number++).at("tiles") == of_level.size());
+    std::vector<Triangle3d> all;
+    for (const ReadTile* const tile : of_level) {
+      CHECK(tile->bound == bound);
+      const ReadGltf gltf = ReadGlb(tiles.folder + "/" + tile->uri);
+      CHECK(gltf.surface.size() <= 2600);
+      for (const Vec3d& p : gltf.positions) {
+        for (int i = 0; i < 3; ++i) {
+          const auto at = static_cast<size_t>(i);
+          CHECK(std::abs(p[i] - tile->box[at]) <= tile->box[3 + 4 * at] * (1 + 1e-9));
+        }
+      }
+      for (const auto& t : gltf.surface) {
+        all.push_back({gltf.positions[t[0]], gltf.positions[t[1]], gltf.positions[t[2]]});
+      }
+    }
+    if (level > 1) continue;  // the distance takes long, and is 0 at last
+    double farthest = 0;
+    for (size_t v = 0; v < full.positions.size(); v += 7) {
+      double nearest = std::numeric_limits<double>::infinity();
+      for (const Triangle3d& t : all) {
+        nearest =
+            std::min(nearest, SquaredDistancePointTriangle(full.positions[v], t[0], t[1], t[2]));
+      }
+      farthest = std::max(farthest, nearest);
+    }
+    CHECK(std::sqrt(farthest) <= bound);
+    CHECK(std::sqrt(farthest) > 0.3 * bound);
+  }
+}
+
+TEST_CASE("tiles but the root's have skirts below edges where the level goes on", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  CHECK(ReadGlb(tiles.folder + "/" + tiles.root.uri).skirts.empty());
+  const auto& finest = tiles.levels.rbegin()->second;
+  for (const ReadTile* const tile : finest) {
+    INFO(tile->uri);
+    const ReadGltf gltf = ReadGlb(tiles.folder + "/" + tile->uri);
+    std::map<std::pair<uint32_t, uint32_t>, int> edges;
+    const auto add = [&](const std::array<uint32_t, 3>& t) {
+      for (size_t i = 0; i < 3; ++i) ++edges[{t[i], t[(i + 1) % 3]}];
+    };
+    for (const auto& t : gltf.surface) add(t);
+    const auto surface = edges;
+    for (const auto& t : gltf.skirts) add(t);
+    size_t open = 0;
+    for (const auto& [edge, count] : surface) {
+      if (surface.contains({edge.second, edge.first})) continue;
+      CHECK(edges.contains({edge.second, edge.first}));
+      ++open;
+    }
+    CHECK(gltf.skirts.size() == 2 * open);
+  }
+}
+
+TEST_CASE("tiles depend neither on threads nor memory, and a killed run goes on", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const Folder folder;
+  const std::string other = folder.File("other");
+  const Arguments arguments{"tile", tiles.example.store, other, "--tile-triangles",
+                            "1000", "--threads",         "1",   "--memory",
+                            "256M"};
+  const pid_t child = Start(arguments, folder.File("out"), folder.File("err"));
+  while (!Exists(other + "/1")) ::usleep(1000);
+  ::kill(child, SIGKILL);
+  const Outcome killed = Finish(child);
+  CHECK((killed.signal == SIGKILL || killed.exit_code == 0));
+  RunOk(arguments);
+  const Json again = RunJson(arguments);  // and does nothing a third time
+  CHECK(again.at("levels_found") == tiles.levels.size());
+  size_t files = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(tiles.folder)) {
+    if (!entry.is_regular_file()) continue;
+    ++files;
+    const std::string name = std::filesystem::relative(entry.path(), tiles.folder);
+    INFO(name);
+    CHECK(ReadText(entry.path()) == ReadText(other + "/" + name));
+  }
+  CHECK(files > tiles.answer.at("tiles").get<size_t>());
+}
+
+TEST_CASE("what is in the folder is not written over", "[tile]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  WriteText(folder.File("file"), "x");
+  RunFails(1, {"tile", example.store, folder.File("file")}, {"expected a folder"});
+  std::filesystem::create_directory(folder.File("full"));
+  WriteText(folder.File("full/mine.txt"), "x");
+  RunFails(1, {"tile", example.store, folder.File("full")}, {"not empty", "nothing was written"});
+  CHECK(ReadText(folder.File("full/mine.txt")) == "x");
+  const std::string tiles = folder.File("tiles");
+  RunOk({"tile", example.store, tiles});
+  RunFails(1, {"tile", example.store, tiles, "--pixels", "16"}, {"--force"});
+  RunOk({"tile", example.store, tiles, "--pixels", "16", "--force"});
+  CHECK(ReadTileset(tiles).children.empty());
+}
+
+TEST_CASE("a place on the globe becomes the root's matrix", "[tile]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  RunOk({"tile", example.store, folder.File("t"), "--at=90,0,100"});
+  const Json tileset = Json::parse(ReadText(folder.File("t/tileset.json")));
+  const Json& m = tileset.at("root").at("transform");
+  REQUIRE(m.size() == 16);
+  const auto column = [&](size_t i) {
+    return Vec3d{m.at(4 * i), m.at(4 * i + 1), m.at(4 * i + 2)};
+  };
+  // At longitude 90 on the equator y is up, and -x is east.
+  const Json& box = tileset.at("root").at("boundingVolume").at("box");
+  const Vec3d middle{box.at(0), box.at(1), box.at(2)};
+  const Vec3d on_globe =
+      column(0) * middle.x + column(1) * middle.y + column(2) * middle.z + column(3);
+  CHECK(on_globe.y > 6378137 + 100);
+  CHECK(std::abs(on_globe.x) < 1e-3 * example.info.at("diagonal").get<double>() + 1e-6);
+  CHECK(Length(column(0)) == Approx(1));
+  CHECK(Dot(column(0), column(1)) == Approx(0).margin(1e-12));
+  RunFails(2, {"tile", example.store, folder.File("u"), "--at=1,2"}, {"LON,LAT,HEIGHT"});
+}
+
+}  // namespace
+}  // namespace mtdb::test

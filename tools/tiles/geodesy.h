@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Places on the ellipsoid of WGS 84, which globes are drawn on.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "store/base/geometry.h"
+
+namespace mtdb {
+
+inline constexpr double kEarthRadius = 6378137;  // half of the longest axis, in metres
+inline constexpr double kEarthFlattening = 1 / 298.257223563;
+inline constexpr double kEarthSquaredEccentricity = kEarthFlattening * (2 - kEarthFlattening);
+inline constexpr double kRadOfDegree = std::numbers::pi / 180;
+
+// Degrees, and metres above the ellipsoid.
+struct GlobePlace {
+  double longitude = 0, latitude = 0, height = 0;
+};
+
+// Earth-centred, earth-fixed: x through longitude 0, z through the north pole, in metres.
+inline Vec3d EarthCentred(const GlobePlace& place) {
+  const double lon = place.longitude * kRadOfDegree, lat = place.latitude * kRadOfDegree;
+  const double s = std::sin(lat), c = std::cos(lat);
+  const double n = kEarthRadius / std::sqrt(1 - kEarthSquaredEccentricity * s * s);
+  return {(n + place.height) * c * std::cos(lon), (n + place.height) * c * std::sin(lon),
+          (n * (1 - kEarthSquaredEccentricity) + place.height) * s};
+}
+
+// East, north and up at a place.
+struct LocalFrame {
+  Vec3d origin;  // earth-centred
+  Vec3d east, north, up;
+
+  explicit LocalFrame(const GlobePlace& place) : origin(EarthCentred(place)) {
+    const double lon = place.longitude * kRadOfDegree, lat = place.latitude * kRadOfDegree;
+    east = {-std::sin(lon), std::cos(lon), 0};
+    north = {-std::sin(lat) * std::cos(lon), -std::sin(lat) * std::sin(lon), std::cos(lat)};
+    up = {std::cos(lat) * std::cos(lon), std::cos(lat) * std::sin(lon), std::sin(lat)};
+  }
+  Vec3d FromEarth(Vec3d p) const {
+    const Vec3d d = p - origin;
+    return {Dot(d, east), Dot(d, north), Dot(d, up)};
+  }
+  // Of a direction.
+  Vec3d ToEarth(Vec3d d) const { return east * d.x + north * d.y + up * d.z; }
+};
+
+}  // namespace mtdb

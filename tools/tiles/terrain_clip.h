@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pieces of triangles between meridians and parallels, cut so that both sides of a line agree.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "store/base/geometry.h"
+
+namespace mtdb {
+
+struct ClipVertex {
+  Vec3d position;
+  Vec3d normal;
+};
+
+// A convex polygon; of a triangle between two pairs of lines it has at most seven corners.
+struct ClipPolygon {
+  std::array<ClipVertex, 8> corners{};
+  size_t count = 0;
+  void Add(const ClipVertex& v) {
+    if (count < corners.size()) corners[count++] = v;
+  }
+};
+
+// The part of the polygon where low <= position[axis] <= high. A corner on a line lies there
+// exactly, and follows from the edge's ends alone, whichever side is asked for: so what is cut at x
+// first and then at y fits what lies beside it, bit for bit.
+ClipPolygon ClipBetween(const ClipPolygon& polygon, int axis, double low, double high);
+
+}  // namespace mtdb

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/tiles/tile_folder.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <system_error>
+#include <unistd.h>
+#include <utility>
+
+#include "store/base/hash.h"
+#include "store/files/posix_file.h"
+
+namespace mtdb {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+Status FileError(const std::string& path, int error) {
+  return {FileErrorCode(error), path + ": " + std::generic_category().message(error)};
+}
+
+// What a tree has at its top: levels, and the files that name them.
+bool IsOfTree(const std::string& name) {
+  return name.find_first_not_of("0123456789") == std::string::npos || name == kTileRecord ||
+         name == "tileset.json" || name == "layer.json";
+}
+
+// Of a record without it: a damaged one is none, and what is read of others has its shape.
+std::string CheckOf(const Json& record) {
+  const std::string text = record.Text();
+  return std::to_string(Hash64(AsBytes(text), 0));
+}
+
+}  // namespace
+
+TileFolder::~TileFolder() {
+  if (folder_ >= 0) ::close(folder_);
+}
+
+Result<std::unique_ptr<TileFolder>> TileFolder::Open(const std::string& path, const Json& identity,
+                                                     bool force) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (fs::exists(status) && !fs::is_directory(status)) {
+    return Status(StatusCode::kAlreadyExists,
+                  path + ": expected a folder for tiles, found a file; nothing was written");
+  }
+  if (!fs::exists(status) && ::mkdir(path.c_str(), 0777) != 0) return FileError(path, errno);
+  std::unique_ptr<TileFolder> folder(new TileFolder(path));
+  folder->identity_ = identity;
+  MTDB_RETURN_IF_ERROR(folder->Lock());
+  MTDB_RETURN_IF_ERROR(folder->ReadRecord(force));
+  // Whose folder it is is known before the first tile.
+  if (folder->progress_.is_null()) MTDB_RETURN_IF_ERROR(folder->Record(Json(Json::Object{})));
+  return folder;
+}
+
+Status TileFolder::Lock() {
+  folder_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder_ < 0) return FileError(path_, errno);
+  if (::flock(folder_, LOCK_EX | LOCK_NB) == 0) return Status::Ok();
+  if (errno != EWOULDBLOCK) return FileError(path_, errno);
+  return {StatusCode::kBusy, path_ + ": another process writes tiles there"};
+}
+
+Status TileFolder::ReadRecord(bool force) {
+  std::error_code error;
+  const auto record = ReadTileRecord(path_);
+  if (!record.ok()) {
+    if (fs::is_empty(path_, error)) return Status::Ok();
+    return {StatusCode::kAlreadyExists,
+            path_ +
+                ": the folder is not empty and has no tiles by mtdb; nothing was written: name "
+                "another folder, or one that is not there"};
+  }
+  if ((*record)["of"] == identity_) {
+    progress_ = (*record)["progress"];
+    if (progress_.is_null()) progress_ = Json(Json::Object{});
+    return Status::Ok();
+  }
+  if (!force) {
+    return {StatusCode::kAlreadyExists,
+            path_ +
+                ": the folder has tiles of another object, version or accuracy; --force "
+                "replaces them"};
+  }
+  return Clear();
+}
+
+Status TileFolder::Clear() const {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(path_, error)) {
+    if (!IsOfTree(entry.path().filename())) continue;
+    fs::remove_all(entry.path(), error);
+    if (error) return FileError(entry.path(), error.value());
+  }
+  return error ? FileError(path_, error.value()) : Status::Ok();
+}
+
+Status TileFolder::Write(const std::string& name, ByteSpan bytes) const {
+  const std::string path = path_ + "/" + name, temporary = path + ".tmp";
+  const auto open = [&] {
+    return ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  };
+  int file = open();
+  if (file < 0 && errno == ENOENT) {
+    std::error_code error;
+    fs::create_directories(fs::path(path).parent_path(), error);
+    file = open();
+  }
+  if (file < 0) return FileError(path, errno);
+  const bool written = WriteFully(file, 0, bytes.data(), bytes.size());
+  const int error = errno;
+  if (::close(file) != 0 || !written) {
+    ::unlink(temporary.c_str());
+    return FileError(path, written ? errno : error);
+  }
+  return std::rename(temporary.c_str(), path.c_str()) == 0 ? Status::Ok() : FileError(path, errno);
+}
+
+Status TileFolder::Record(const Json& progress) {
+  progress_ = progress;
+  if (::syncfs(folder_) != 0) return FileError(path_, errno);
+  Json record = {{"schema", "mtdb/tile_record/1"}, {"of", identity_}, {"progress", progress}};
+  record["check"] = CheckOf(record);
+  MTDB_RETURN_IF_ERROR(Write(kTileRecord, AsBytes(record.Text() + "\n")));
+  return Status::Ok();
+}
+
+Result<Json> ReadTileRecord(const std::string& path) {
+  std::ifstream in(path + "/" + kTileRecord, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  Json record = Json::ParseObject(text);
+  const Json check = record.is_object() ? record.Take("check") : Json();
+  const bool has_schema = std::as_const(record)["schema"] == Json("mtdb/tile_record/1");
+  if (has_schema && check == Json(CheckOf(record))) return record;
+  return NotFound(path + ": no tiles by mtdb are there");
+}
+
+}  // namespace mtdb

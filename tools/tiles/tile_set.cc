@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/tiles/tile_set.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "tools/tiles/tile_buckets.h"
+#include "tools/tiles/tile_folder.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr size_t kBucketBytes = 32;  // of a triangle while it is sorted
+
+Json LevelJson(const TileLevel& level) {
+  return {{"error_bound", level.error_bound},
+          {"triangles", level.triangles},
+          {"tiles", level.tiles},
+          {"written_triangles", level.written_triangles},
+          {"bytes", level.bytes}};
+}
+
+TileLevel LevelOf(const Json& json) {
+  return {json["error_bound"].number(), *json["triangles"].whole_number(),
+          *json["tiles"].whole_number(), *json["written_triangles"].whole_number(),
+          *json["bytes"].whole_number()};
+}
+
+// One tree, level after level.
+class TileWriter {
+ public:
+  TileWriter(const Surface& surface, TileFormat& format, const TileSetOptions& options,
+             TileFolder& folder)
+      : surface_(surface), format_(format), options_(options), folder_(folder) {}
+
+  Result<TileSetReport> Run() {
+    MTDB_RETURN_IF_ERROR(TakeEarlierLevels());
+    while (const std::optional<Query> query = format_.NextLevel()) {
+      MTDB_RETURN_IF_ERROR(WriteLevel(*query));
+    }
+    MTDB_ASSIGN_OR_RETURN(const auto files, format_.Finish());
+    for (const auto& [name, text] : files) {
+      MTDB_RETURN_IF_ERROR(folder_.Write(name, AsBytes(text)));
+      report_.file_bytes += text.size();
+    }
+    report_.files = files.size();
+    return report_;
+  }
+
+ private:
+  Status TakeEarlierLevels() {
+    const Json& progress = folder_.progress();
+    if (!progress.contains("levels")) return Status::Ok();
+    for (const Json& level : progress["levels"].elements())
+      report_.levels.push_back(LevelOf(level));
+    report_.levels_found = static_cast<uint32_t>(report_.levels.size());
+    for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
+    return format_.Restore(progress["state"]);
+  }
+
+  Status Record() {
+    Json levels(Json::Array{});
+    for (const TileLevel& level : report_.levels) levels.push_back(LevelJson(level));
+    return folder_.Record({{"levels", std::move(levels)}, {"state", format_.State()}});
+  }
+
+  // Some four thirds of the finest level are cut, then encoded.
+  Status Tell(uint64_t of_level, const std::string& what) {
+    if (!options_.progress) return Status::Ok();
+    const double all = 8.0 / 3 * static_cast<double>(surface_.record().triangles);
+    const double part = static_cast<double>(done_ + of_level) / std::max(all, 1.0);
+    return options_.progress(std::min(part, 1.0),
+                             "level " + std::to_string(report_.levels.size()) + ": " + what);
+  }
+
+  Status WriteLevel(const Query& query) {
+    MTDB_RETURN_IF_ERROR(Tell(0, "cut"));
+    LevelMesh mesh(options_.tmp_directory, [this](Vec3d p) { return format_.Place(p); });
+    MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface_.Extract(query, mesh));
+    MTDB_ASSIGN_OR_RETURN(const std::optional<uint32_t> tiles, format_.Plan(mesh, stats));
+    if (!tiles) return Status::Ok();
+    MTDB_RETURN_IF_ERROR(Tell(mesh.triangle_count() / 2, "sort"));
+    TileBuckets buckets(options_.tmp_directory, options_.memory_bytes / 2 / kBucketBytes);
+    MTDB_RETURN_IF_ERROR(Sort(mesh, &buckets));
+    TileLevel level;
+    MTDB_RETURN_IF_ERROR(EncodeTiles(mesh, buckets, *tiles, &level));
+    const TileLevel told = format_.EndLevel();
+    level.error_bound = told.error_bound;
+    level.triangles = mesh.triangle_count();
+    done_ += 2 * level.triangles;
+    report_.levels.push_back(level);
+    return Record();
+  }
+
+  // Triangles go to their tiles, and their normals, as long as they are large, to their vertices.
+  Status Sort(const LevelMesh& mesh, TileBuckets* buckets) {
+    const bool adds_normals = format_.has_normals() && !mesh.has_normals();
+    std::vector<uint32_t> tiles;
+    const Status visited = mesh.Visit([&](std::span<const LevelTriangle> triangles) {
+      for (const LevelTriangle& t : triangles) {
+        const Triangle3d corners = mesh.Corners(t);
+        format_.TilesOf(corners, &tiles);
+        for (const uint32_t tile : tiles) MTDB_RETURN_IF_ERROR(buckets->Add(tile, t));
+        if (adds_normals) AddNormal(mesh, t, corners);
+      }
+      return Status::Ok();
+    });
+    MTDB_RETURN_IF_ERROR(visited);
+    return buckets->Finish();
+  }
+
+  void AddNormal(const LevelMesh& mesh, const LevelTriangle& t, const Triangle3d& corners) const {
+    const Vec3d metres = format_.MetresAt(corners[0]);
+    const auto scaled = [&](Vec3d v) {
+      return Vec3d{v.x * metres.x, v.y * metres.y, v.z * metres.z};
+    };
+    const Vec3d n = Cross(scaled(corners[1] - corners[0]), scaled(corners[2] - corners[0]));
+    const Vec3f f{static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
+    for (const uint32_t v : t) mesh.vertex(v).normal += f;
+  }
+
+  Status EncodeTiles(const LevelMesh& mesh, const TileBuckets& buckets, uint32_t tiles,
+                     TileLevel* level) {
+    std::atomic<uint32_t> next{0};
+    std::mutex mutex;
+    std::condition_variable changed;
+    Status failure;
+    unsigned working = std::max(options_.threads, 1u);
+    const auto work = [&] {
+      std::vector<LevelTriangle> triangles;
+      for (uint32_t tile = next++; tile < tiles; tile = next++) {
+        uint64_t bytes = 0, written = 0;
+        const Status status = EncodeTile(mesh, buckets, tile, &triangles, &bytes, &written);
+        const std::lock_guard lock(mutex);
+        level->tiles += bytes > 0 ? 1 : 0;
+        level->bytes += bytes;
+        level->written_triangles += written;
+        if (!status.ok() && failure.ok()) failure = status;
+        if (!failure.ok()) break;
+      }
+      const std::lock_guard lock(mutex);
+      --working;
+      changed.notify_all();
+    };
+    std::vector<std::thread> threads;
+    for (unsigned i = 0; i < std::max(options_.threads, 1u); ++i) threads.emplace_back(work);
+    {
+      std::unique_lock lock(mutex);
+      while (working > 0) {
+        changed.wait_for(lock, std::chrono::milliseconds(100));
+        const uint64_t part =
+            mesh.triangle_count() * std::min(next.load(), tiles) / std::max(tiles, 1u);
+        const Status told = Tell(mesh.triangle_count() + part, "write tiles");
+        if (!told.ok() && failure.ok()) failure = told;
+        mesh.Release();
+      }
+    }
+    for (std::thread& thread : threads) thread.join();
+    return failure;
+  }
+
+  Status EncodeTile(const LevelMesh& mesh, const TileBuckets& buckets, uint32_t tile,
+                    std::vector<LevelTriangle>* triangles, uint64_t* bytes, uint64_t* written) {
+    MTDB_RETURN_IF_ERROR(buckets.Read(tile, triangles));
+    MTDB_ASSIGN_OR_RETURN(const TileFile file, format_.Encode(tile, *triangles, mesh));
+    if (file.bytes.empty()) return Status::Ok();
+    MTDB_RETURN_IF_ERROR(folder_.Write(file.path, file.bytes));
+    *bytes = file.bytes.size();
+    *written = file.triangles;
+    return Status::Ok();
+  }
+
+  const Surface& surface_;
+  TileFormat& format_;
+  const TileSetOptions& options_;
+  TileFolder& folder_;
+  TileSetReport report_;
+  uint64_t done_ = 0;  // twice the triangles of the levels that are written
+};
+
+}  // namespace
+
+Result<TileSetReport> WriteTileSet(const Surface& surface, const std::string& path,
+                                   TileFormat& format, const TileSetOptions& options) {
+  Json identity = {{"format", format.name()},
+                   {"object", surface.record().name},
+                   {"digest", surface.record().digest_hex()}};
+  if (options.identity.is_object()) identity.Update(options.identity);
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<TileFolder> folder,
+                        TileFolder::Open(path, identity, options.force));
+  return TileWriter(surface, format, options, *folder).Run();
+}
+
+}  // namespace mtdb
