@@ -100,7 +100,7 @@ Session::Session(std::shared_ptr<const Surface> surface, const SessionOptions& o
   if (!options.available_only) return;
   available_ =
       std::make_unique<UnitReader>(surface_->cache(), ReaderLimits{nullptr, std::nullopt, true});
-  available_->BeginCall(nullptr, std::nullopt);
+  available_->available()->Begin(nullptr, std::nullopt);
 }
 
 Session::~Session() {
@@ -156,10 +156,11 @@ Result<BaseMesh> Session::ReadBase() const {
 
 Status Session::TakeRoot() const {
   AvailableUnits& units = *available_->available();
-  available_->BeginCall(nullptr, std::nullopt);
+  available_->available()->Begin(nullptr, std::nullopt);
   const Status status = units.TakeRoot();
-  if (!units.missing().empty()) {
-    units.Ask(std::vector<UnitId>(units.missing().begin(), units.missing().end()), false);
+  const std::span<const UnitId> missing = units.missing().list();
+  if (!missing.empty()) {
+    units.Ask(std::vector<UnitId>(missing.begin(), missing.end()), false);
   }
   return status;
 }
@@ -223,7 +224,7 @@ Result<SessionUpdate> Session::Run(const Query& query, bool rounds, const TakeBa
     MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query));
     if (!budget) within_query_.reset();
     if (!budget && moving_ != nullptr) available_->available()->Hold({});
-    available_->BeginCall(query.control, DeadlineOf(query));
+    available_->available()->Begin(query.control, DeadlineOf(query));
   }
   UnitReader& reader = waits ? *waiting : *available_;
   if (!budget) {
@@ -346,7 +347,7 @@ Status Session::MoveWithin(UnitReader& reader, const Query& query, const TakeBat
       FillStatsOnTheWay(&stats);
       return Status::Ok();
     }
-    available_->BeginCall(query.control, DeadlineOf(query));
+    available_->available()->Begin(query.control, DeadlineOf(query));
   }
 }
 
