@@ -8,11 +8,10 @@
 namespace mtdb {
 
 namespace internal {
-class ClusterCache;
+struct CacheUser;
 class CutImpl;
 class Insertion;
 class Search;
-class UnitReader;
 }  // namespace internal
 
 // Given by pointer in Query; must outlive the query and its Cut. One query at a time. Safe for many
@@ -32,8 +31,7 @@ class QueryControl {
   uint64_t triangles_emitted() const { return triangles_emitted_.load(std::memory_order_relaxed); }
 
  private:
-  friend class internal::ClusterCache;
-  friend class internal::UnitReader;
+  friend struct internal::CacheUser;
   friend class internal::Search;
   friend class internal::Insertion;
   friend class internal::CutImpl;

@@ -64,7 +64,7 @@ Status CutImpl::Select() {
   }
   if (query_.available_only) {
     MTDB_RETURN_IF_ERROR(CheckLimits(surface_->record(), query_));
-    reader_.BeginCall(query_.control, DeadlineOf(query_));
+    reader_.available()->Begin(query_.control, DeadlineOf(query_));
   }
   MTDB_RETURN_IF_ERROR(reader_.Check());
   everything_ = WantsEverything();
@@ -255,7 +255,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   const std::vector<UnitId> units = OutputUnits();
   const bool all_active = stats_.active_triangles == stats_.triangles;
   // Without room for all units they are loaded for their vertices and triangles together.
-  const auto file = reader_.Fit(units) ? nullptr : reader_.spill_file();
+  const auto file = reader_.SpillBeside(units);
   keeps_ = file == nullptr ? 0 : all_active ? 1 : 2;
   for (size_t k = 0; k < kept_.size(); ++k) {
     kept_[k].Begin(k < keeps_ ? file : nullptr, units.size(), stats_.vertices);

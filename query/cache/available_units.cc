@@ -5,7 +5,6 @@
 #include <functional>
 #include <utility>
 
-#include "query/cache/cache_plan.h"
 #include "query/fields/make_room.h"
 #include "store/base/out_of_memory.h"
 
@@ -22,30 +21,47 @@ constexpr size_t kJobsPerThread = 8;  // of a source that answers at once
 
 }  // namespace
 
-AvailableUnits::AvailableUnits(ClusterCache& cache, ClusterCache::ClientPtr client)
-    : cache_(cache),
-      client_(std::move(client)),
-      most_bytes_(cache.budget_bytes() - cache.budget_bytes() / kOtherShare),
-      taken_(cache.entries_.size()),
-      noted_(cache.entries_.size()) {
-  const MutexLock lock(cache_.mutex_);
-  client_->takes_what_is_there = true;
+void MissingUnits::Note(UnitId unit, Reason reason) {
+  if (noted_[unit]) return;
+  MakeRoomForOne(list_);
+  if (reason != Reason::kNotRead) reasons_.emplace(unit, reason);
+  noted_[unit] = true;
+  list_.push_back(unit);
 }
+
+void MissingUnits::Clear() {
+  for (const UnitId u : list_) noted_[u] = false;
+  list_.clear();
+  reasons_.clear();
+}
+
+MissingUnits::Reason MissingUnits::reason(UnitId unit) const {
+  const auto at = reasons_.find(unit);
+  return at == reasons_.end() ? Reason::kNotRead : at->second;
+}
+
+AvailableUnits::AvailableUnits(ClusterCache& cache, CacheUserPtr user)
+    : cache_(cache),
+      user_(std::move(user)),
+      most_bytes_(cache.options().budget_bytes - cache.options().budget_bytes / kOtherShare),
+      taken_(cache.index().unit_count()),
+      missing_(cache.index().unit_count()) {}
 
 AvailableUnits::~AvailableUnits() {
-  const MutexLock lock(cache_.mutex_);
-  for (const UnitId u : list_) cache_.Unpin(u);
+  LockedCache cache(cache_);
+  for (const UnitId u : list_) cache.Unpin(u);
 }
 
-void AvailableUnits::Begin(std::optional<TimePoint> until) {
+void AvailableUnits::Begin(QueryControl* control, std::optional<TimePoint> until) {
   until_ = until;
   begun_ = std::chrono::steady_clock::now();
   decoded_ = out_of_time_ = false;
-  for (const UnitId u : missing_) noted_[u] = false;
-  missing_.clear();
-  reasons_.clear();
-  const MutexLock lock(cache_.mutex_);
-  cache_.StartWorkers();
+  missing_.Clear();
+  LockedCache cache(cache_);
+  user_->limits.control = control;
+  came_bytes_ += user_->stats.bytes_read;
+  user_->stats = {};
+  cache.loaders().Start();
 }
 
 void AvailableUnits::BeginRefining() {
@@ -55,42 +71,21 @@ void AvailableUnits::BeginRefining() {
   begun_ = now;
 }
 
-bool AvailableUnits::HasWorkers() const {
-#if MTDB_THREADS
-  return !cache_.workers_.empty();
-#else
-  return false;
-#endif
-}
-
-void AvailableUnits::Note(UnitId unit, MissingCluster::Reason reason) {
-  if (noted_[unit]) return;
-  MakeRoomForOne(missing_);
-  if (reason != MissingCluster::Reason::kNotRead) reasons_.emplace(unit, reason);
-  noted_[unit] = true;
-  missing_.push_back(unit);
-}
-
-MissingCluster::Reason AvailableUnits::reason(UnitId unit) const {
-  const auto at = reasons_.find(unit);
-  return at == reasons_.end() ? MissingCluster::Reason::kNotRead : at->second;
-}
-
 Status AvailableUnits::failure(UnitId unit) const {
-  const MutexLock lock(cache_.mutex_);
-  const auto at = client_->failures.find(unit);
-  return at == client_->failures.end() ? Status::Ok() : at->second;
+  const LockedCache cache(cache_);
+  const auto at = user_->failures.find(unit);
+  return at == user_->failures.end() ? Status::Ok() : at->second;
 }
 
 void AvailableUnits::ForgetFailures() {
-  const MutexLock lock(cache_.mutex_);
-  client_->failures.clear();
+  const LockedCache cache(cache_);
+  user_->failures.clear();
 }
 
 Result<const LoadedUnit*> AvailableUnits::Take(UnitId unit) {
   if (taken_[unit] != nullptr) return taken_[unit];
-  if (!noted_[unit]) {
-    const ClusterIndex& index = cache_.index_;
+  if (!missing_.Has(unit)) {
+    const ClusterIndex& index = cache_.index();
     // All that is missing of what it comes from, so that it is asked for at one time.
     todo_.assign(1, unit);
     for (size_t i = 0; i < todo_.size(); ++i) {
@@ -99,90 +94,88 @@ Result<const LoadedUnit*> AvailableUnits::Take(UnitId unit) {
         if (taken_[p] == nullptr && std::ranges::find(todo_, p) == todo_.end()) todo_.push_back(p);
       }
     }
-    std::ranges::sort(todo_, std::greater<>());
-    ClusterCache::Lock lock(cache_.mutex_);
-    for (const UnitId u : todo_) TakeOne(u, lock);
+    std::ranges::sort(todo_, std::greater<>());  // parents come first
+    LockedCache cache(cache_);
+    for (const UnitId u : todo_) {
+      if (!missing_.Has(u)) TakeOne(u, cache);
+    }
   }
   if (taken_[unit] != nullptr) return taken_[unit];
-  return NotYet(UnitName(cache_.source_->record(), unit) + ": is not in memory");
+  return NotYet(UnitName(cache_.record(), unit) + ": is not in memory");
 }
 
 Status AvailableUnits::TakeRoot() {
   Status status;
-  for (UnitId id = cache_.index_.cluster_count(); id < cache_.index_.unit_count(); ++id) {
+  const ClusterIndex& index = cache_.index();
+  for (UnitId id = index.cluster_count(); id < index.unit_count(); ++id) {
     const Result<const LoadedUnit*> unit = Take(id);
     if (unit.ok()) continue;
     Status failed = failure(id);
-    if (reason(id) == MissingCluster::Reason::kNoRoom) {
-      const MutexLock lock(cache_.mutex_);
-      failed = cache_.NoRoom(id, cache_.EstimateBytes(id));
+    if (missing_.reason(id) == MissingUnits::Reason::kNoRoom) {
+      const LockedCache cache(cache_);
+      failed = cache.NoRoom(id, cache.units().EstimateBytes(id));
     }
     if (status.ok() || !failed.ok()) status = failed.ok() ? unit.status() : failed;
   }
   return status;
 }
 
-// Its parents come before it.
-void AvailableUnits::TakeOne(UnitId unit, ClusterCache::Lock& lock) {
-  using Reason = MissingCluster::Reason;
-  if (noted_[unit]) return;
-  const ClusterIndex& index = cache_.index_;
-  ClusterCache::Entry& entry = cache_.entries_[unit];
-  if (client_->failures.contains(unit)) return Note(unit, Reason::kFailed);
+void AvailableUnits::TakeOne(UnitId unit, LockedCache& cache) {
+  MakeRoomForOne(list_);
+  if (const std::optional<MissingUnits::Reason> reason = Pin(unit, cache)) {
+    return missing_.Note(unit, *reason);
+  }
+  taken_[unit] = cache.units()[unit].value.get();
+  list_.push_back(unit);
+  bytes_ += cache.units()[unit].bytes;
+}
+
+std::optional<MissingUnits::Reason> AvailableUnits::Pin(UnitId unit, LockedCache& cache) {
+  using Reason = MissingUnits::Reason;
+  const ClusterIndex& index = cache_.index();
+  if (user_->failures.contains(unit)) return Reason::kFailed;
   const bool parents = index.Has(unit) && std::ranges::all_of(index.parents(unit), [&](UnitId p) {
                          return taken_[p] != nullptr;
                        });
-  if (!parents || cache_.exclusive_ || cache_.exclusive_waiting_ > 0) {
-    return Note(unit, Reason::kNotRead);
+  if (!parents || cache.admission().closed()) return Reason::kNotRead;
+  const bool ready = cache.units().ready(unit);
+  if (const auto at = user_->no_room.find(unit); at != user_->no_room.end()) {
+    if (!ready && cache.used_bytes() >= at->second) return Reason::kNoRoom;
+    user_->no_room.erase(at);
   }
-  const bool ready = entry.state == ClusterCache::State::kReady;
-  if (const auto at = client_->no_room.find(unit); at != client_->no_room.end()) {
-    if (!ready && cache_.bytes_ >= at->second) return Note(unit, Reason::kNoRoom);
-    client_->no_room.erase(at);
-  }
-  if (bytes_ + (ready ? entry.bytes : cache_.EstimateBytes(unit)) > most_bytes_) {
-    return Note(unit, Reason::kNoRoom);
-  }
-  MakeRoomForOne(list_);
+  const size_t bytes = ready ? cache.units()[unit].bytes : cache.units().EstimateBytes(unit);
+  if (bytes_ + bytes > most_bytes_) return Reason::kNoRoom;
   if (ready) {
-    if (index.unit(unit).nodes > 0 && !client_->read[unit]) ++client_->stats.clusters_cached;
-    cache_.Pin(unit);
-  } else {
-    const Status status = Load(unit, lock);
-    if (status.code() == StatusCode::kNotYet) return Note(unit, Reason::kNotRead);
-    if (status.code() == StatusCode::kBudgetExceeded || status.code() == StatusCode::kNoSpace) {
-      client_->no_room[unit] = cache_.bytes_;
-      return Note(unit, Reason::kNoRoom);
-    }
-    if (!status.ok()) {
-      client_->failures[unit] = status;
-      return Note(unit, Reason::kFailed);
-    }
+    if (index.unit(unit).nodes > 0 && !user_->read[unit]) ++user_->stats.clusters_cached;
+    cache.Pin(unit);
+    return std::nullopt;
   }
-  taken_[unit] = entry.value.get();
-  list_.push_back(unit);
-  bytes_ += entry.bytes;
+  const Status status = Load(unit, cache);
+  if (status.ok()) return std::nullopt;
+  if (status.code() == StatusCode::kNotYet) return Reason::kNotRead;
+  if (status.code() == StatusCode::kBudgetExceeded || status.code() == StatusCode::kNoSpace) {
+    user_->no_room[unit] = cache.used_bytes();
+    return Reason::kNoRoom;
+  }
+  user_->failures[unit] = status;
+  return Reason::kFailed;
 }
 
 // kNotYet: somebody else is at it, or will be.
-Status AvailableUnits::Load(UnitId unit, ClusterCache::Lock& lock) {
-  const ClusterCache::Entry& entry = cache_.entries_[unit];
+Status AvailableUnits::Load(UnitId unit, LockedCache& cache) {
   // What a thread decodes goes again with it, unless it stays decoded between queries.
-  const bool others_decode = HasWorkers() && cache_.options_.form == RuntimeForm::kExplicit;
-  if (!cache_.CanLoad(unit) || others_decode || entry.state != ClusterCache::State::kEmpty) {
-    return NotYet("");
-  }
+  const bool others_decode =
+      cache.loaders().has_threads() && cache_.options().form == RuntimeForm::kExplicit;
+  if (!cache.CanLoad(unit) || others_decode || !cache.units().empty(unit)) return NotYet("");
   if (decoded_ && time_is_over()) {
     out_of_time_ = true;
     return NotYet("");
   }
   decoded_ = true;
-  cache_.Enter();
-  ClusterCache::LoadRequest request{client_};
-  request.waits = false;
-  const Status status = cache_.Load(unit, request, lock).status();
-  cache_.Leave();
-  return status;
+  cache.admission().Enter();
+  const LoadOutcome loaded = cache.Load(unit, user_, Waiting::kNever);
+  cache.admission().Leave();
+  return loaded.status;
 }
 
 void AvailableUnits::KeepOnly(std::span<const UnitId> units) {
@@ -193,84 +186,68 @@ void AvailableUnits::KeepOnly(std::span<const UnitId> units) {
   std::ranges::sort(list_);  // parents are larger
   for (const UnitId u : list_) {
     if (!keep[u]) continue;
-    for (const UnitId p : cache_.index_.parents(u)) keep[p] = true;
+    for (const UnitId p : cache_.index().parents(u)) keep[p] = true;
   }
-  const MutexLock lock(cache_.mutex_);
+  LockedCache cache(cache_);
   std::erase_if(list_, [&](UnitId u) {
     if (keep[u]) return false;
-    cache_.Unpin(u);
+    cache.Unpin(u);
     taken_[u] = nullptr;
-    bytes_ -= cache_.entries_[u].bytes;
+    bytes_ -= cache.units()[u].bytes;
     return true;
   });
 }
 
-// Of this query, and of others that are over and took what was there: a later one is their heir.
-void AvailableUnits::WithdrawUnwanted(const std::vector<bool>& wanted) {
-  for (size_t i = cache_.batches_.size(); i-- > 0;) {
-    const std::shared_ptr<ClusterCache::Batch> batch = cache_.batches_[i];
-    const ClusterCache::Client& client = *batch->client;
-    if (&client != client_.get() && !(client.stopped && client.takes_what_is_there)) continue;
-    const bool any = std::ranges::any_of(batch->units, [&](UnitId u) {
-      return wanted[u] && cache_.entries_[u].asked == batch.get();
-    });
-    if (!any) cache_.Withdraw(*batch);
-  }
-}
-
 // In place of the jobs that this query has there.
-void AvailableUnits::PushJobs(std::span<const UnitId> order) {
-  std::vector<ClusterCache::Job> others;
-  for (; !cache_.jobs_.empty(); cache_.jobs_.pop()) {
-    if (cache_.jobs_.top().client != client_) others.push_back(cache_.jobs_.top());
-  }
-  for (ClusterCache::Job& job : others) cache_.jobs_.push(std::move(job));
-  if (!HasWorkers()) return;
-  size_t left = kJobsPerThread * cache_.threads();
+void AvailableUnits::PushJobs(std::span<const UnitId> order, const std::vector<bool>& wanted,
+                              LockedCache& cache) {
+  cache.loaders().RemoveJobsOf(user_);
+  if (!cache.loaders().has_threads()) return;
+  size_t left = kJobsPerThread * cache_.options().threads;
   for (const UnitId u : order) {
-    const ClusterCache::Entry& entry = cache_.entries_[u];
-    if (entry.state != ClusterCache::State::kEmpty) continue;
-    if (!cache_.CanLoad(u)) continue;
+    if (!wanted[u] || !cache.units().empty(u) || !cache.CanLoad(u)) continue;
     if (left-- == 0) break;
-    cache_.jobs_.push({u, client_});
+    cache.loaders().Push(u, user_);
   }
-  cache_.work_.notify_all();
+  cache.loaders().Wake();
 }
 
 void AvailableUnits::Ask(std::span<const UnitId> order, bool all) {
-  ClusterCache::Lock lock(cache_.mutex_);
-  const ClusterIndex& index = cache_.index_;
+  LockedCache cache(cache_);
+  const ClusterIndex& index = cache_.index();
   std::vector<bool> wanted(taken_.size());
   std::vector<UnitId> now;
   size_t on_the_way = 0, kept = bytes_;
   const size_t asked_bytes =
-      std::min(std::clamp(static_cast<size_t>(came_bytes_ + client_->stats.bytes_read),
+      std::min(std::clamp(static_cast<size_t>(came_bytes_ + user_->stats.bytes_read),
                           kFirstAskedBytes, kAskedBytes),
-               cache_.budget_bytes() / kOtherShare);
+               cache_.options().budget_bytes / kOtherShare);
   for (const UnitId u : order) {
-    const ClusterCache::Entry& entry = cache_.entries_[u];
-    if (client_->failures.contains(u) || client_->no_room.contains(u)) continue;
-    if (entry.state == ClusterCache::State::kReady) continue;
-    const size_t more = index.Has(u) ? cache_.EstimateBytes(u) : cache_.TypicalBytes();
+    if (user_->failures.contains(u) || user_->no_room.contains(u) || cache.units().ready(u)) {
+      continue;
+    }
+    const size_t more =
+        index.Has(u) ? cache.units().EstimateBytes(u) : cache.units().TypicalBytes();
     if (kept + more > most_bytes_) continue;
     kept += more;
-    const size_t bytes = index.Has(u) ? index.location(u).length : 0;
-    if (!cache_.CanLoad(u)) {
+    if (!cache.CanLoad(u)) {
       const bool first = on_the_way == 0;
-      on_the_way += bytes;
+      on_the_way += index.Has(u) ? index.location(u).length : 0;
       if (!first && on_the_way > asked_bytes) break;
-      if (entry.asked == nullptr) now.push_back(u);
+      if (!cache.payloads().on_its_way(u)) now.push_back(u);
     }
     wanted[u] = true;
   }
-  if (all) WithdrawUnwanted(wanted);
-  std::vector<UnitId> decode;
-  for (const UnitId u : order) {
-    if (wanted[u]) decode.push_back(u);
-  }
-  PushJobs(decode);
-  cache_.TellSource(lock);
-  if (!now.empty()) cache_.Ask(now, client_, ClusterCache::Asking::kToDecode, lock);
+  PushJobs(order, wanted, cache);
+  // Of this query, and of others that are over and took what was there: a later one is their heir.
+  cache.WithdrawIf([&](const PayloadDesk::Batch& batch) {
+    const CacheUser& user = *batch.user;
+    return all && (&user == user_.get() || (user.over && user.limits.available_only)) &&
+           std::ranges::none_of(batch.units, [&](UnitId u) {
+             return wanted[u] && cache.payloads().Expects(batch, u);
+           });
+  });
+  if (!now.empty()) cache.Ask(now, user_, Asking::kToDecode);
 }
 
 }  // namespace mtdb::internal

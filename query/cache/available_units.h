@@ -7,12 +7,32 @@
 #include <optional>
 #include <span>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "query/cache/cluster_cache.h"
 #include "query/extract_stats.h"
 
 namespace mtdb::internal {
+
+// Units that are missing, each once, and why.
+class MissingUnits {
+ public:
+  using Reason = MissingCluster::Reason;
+  explicit MissingUnits(uint32_t units) : noted_(units) {}
+
+  void Note(UnitId unit, Reason reason);
+  void Clear();
+  bool Has(UnitId unit) const { return noted_[unit]; }
+  // In no order.
+  std::span<const UnitId> list() const { return list_; }
+  Reason reason(UnitId unit) const;
+
+ private:
+  std::vector<bool> noted_;  // per unit: in list_
+  std::vector<UnitId> list_;
+  std::unordered_map<UnitId, Reason> reasons_;  // but for kNotRead
+};
 
 // A unit is available when it is decoded, or can be decoded now, when there is room to keep it, and
 // when all that it comes from is available. What was taken is kept, with what it comes from, until
@@ -22,18 +42,16 @@ namespace mtdb::internal {
 // answer at once. One thread.
 class AvailableUnits {
  public:
-  using TimePoint = std::chrono::steady_clock::time_point;
+  using TimePoint = CacheUser::TimePoint;
 
-  AvailableUnits(ClusterCache& cache, ClusterCache::ClientPtr client);
+  AvailableUnits(ClusterCache& cache, CacheUserPtr user);
   ~AvailableUnits();
   AvailableUnits(const AvailableUnits&) = delete;
   AvailableUnits& operator=(const AvailableUnits&) = delete;
 
-  // A call of the caller begins: what was missing is looked for again. After `until` Take decodes
-  // nothing, but for one unit a call.
-  void Begin(std::optional<TimePoint> until);
-  // Payloads that came in the calls before, for the amount to ask for.
-  void CountBytes(uint64_t bytes) { came_bytes_ += bytes; }
+  // A call of the caller begins: what was missing is looked for again, and what the cache does is
+  // counted anew. After `until` Take decodes nothing, but for one unit a call.
+  void Begin(QueryControl* control, std::optional<TimePoint> until);
   // Since Begin: what was there, and there was no time to decode.
   bool out_of_time() const { return out_of_time_; }
   // The time of the call begins now: what came before is not counted.
@@ -45,7 +63,6 @@ class AvailableUnits {
   // All pieces of the root, which are asked for at one time. Errors: that of one that failed,
   // kBudgetExceeded without room for them, kNotYet.
   Status TakeRoot();
-  bool taken(UnitId unit) const { return taken_[unit] != nullptr; }
   // What was taken and is kept; null: not this one.
   const LoadedUnit* Find(UnitId unit) const { return taken_[unit]; }
   // Lets go of all but these, those of Hold, and what they come from.
@@ -54,10 +71,7 @@ class AvailableUnits {
   void Hold(std::vector<UnitId> units) { held_ = std::move(units); }
 
   // Since Begin: what Take was asked for and did not find, and what that comes from. In no order.
-  std::span<const UnitId> missing() const { return missing_; }
-  bool missing(UnitId unit) const { return noted_[unit]; }
-  // Why, of a missing unit.
-  MissingCluster::Reason reason(UnitId unit) const;
+  const MissingUnits& missing() const { return missing_; }
   // Of one that failed.
   Status failure(UnitId unit) const;
   // What has failed is looked for again.
@@ -68,28 +82,25 @@ class AvailableUnits {
   void Ask(std::span<const UnitId> order, bool all);
 
  private:
-  void TakeOne(UnitId unit, ClusterCache::Lock& lock);
-  Status Load(UnitId unit, ClusterCache::Lock& lock);
-  void Note(UnitId unit, MissingCluster::Reason reason);
-  bool HasWorkers() const;
-  void WithdrawUnwanted(const std::vector<bool>& wanted);
-  void PushJobs(std::span<const UnitId> order);
+  void TakeOne(UnitId unit, LockedCache& cache);
+  // Why it is missing; nothing: it is ready, and pinned.
+  std::optional<MissingUnits::Reason> Pin(UnitId unit, LockedCache& cache);
+  Status Load(UnitId unit, LockedCache& cache);
+  void PushJobs(std::span<const UnitId> order, const std::vector<bool>& wanted, LockedCache& cache);
 
   ClusterCache& cache_;
-  const ClusterCache::ClientPtr client_;
+  const CacheUserPtr user_;
   const size_t most_bytes_;  // that is kept; the rest of the budget is for what is on its way
   std::optional<TimePoint> until_;
   TimePoint begun_;
   bool decoded_ = false;      // since Begin
   bool out_of_time_ = false;  // likewise
-  uint64_t came_bytes_ = 0;   // of payloads, in the calls before
+  uint64_t came_bytes_ = 0;   // of payloads, in the calls before, for the amount to ask for
   std::vector<UnitId> held_;
   std::vector<const LoadedUnit*> taken_;  // per unit
   std::vector<UnitId> list_;              // of these
   size_t bytes_ = 0;                      // likewise
-  std::vector<bool> noted_;               // per unit: in missing_
-  std::vector<UnitId> missing_;
-  std::unordered_map<UnitId, MissingCluster::Reason> reasons_;  // but for kNotRead
+  MissingUnits missing_;
   std::vector<UnitId> todo_;
 };
 

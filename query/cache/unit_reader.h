@@ -2,11 +2,10 @@
 // UnitReader: how one query holds units of the cache.
 #pragma once
 
-#include <chrono>
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "query/cache/cluster_cache.h"
@@ -17,20 +16,12 @@ namespace mtdb::internal {
 
 class AvailableUnits;
 
-struct ReaderLimits {
-  QueryControl* control = nullptr;
-  // To read from the source. Root pieces are read in any case, and count.
-  std::optional<uint64_t> max_bytes;
-  // Holds what is there, and keeps it; see available().
-  bool available_only = false;
-  // Goes over its units several times: what has to leave the cache meanwhile is put into a file.
-  bool spills = false;
-};
-
 // Holds the units that a step of a query works on. One thread. Waits for room only while it holds
 // nothing, so that readers cannot wait for each other in a circle.
 class UnitReader {
  public:
+  using TimePoint = CacheUser::TimePoint;
+
   UnitReader(ClusterCache& cache, const ReaderLimits& limits);
   ~UnitReader();
   UnitReader(const UnitReader&) = delete;
@@ -47,41 +38,35 @@ class UnitReader {
   // Lets go of all units.
   void Release();
   // A unit that this reader has let go of and will not want again.
-  void Forget(UnitId unit) { cache_.Forget(unit, *client_); }
-  // True when the cache has room for all of them.
-  bool Fit(std::span<const UnitId> units) const;
-  // For what the reader will want again beside units; null when it does not spill.
-  std::shared_ptr<SpillFile> spill_file() const;
+  void Forget(UnitId unit);
+  // For what the reader will want again beside these units; null when the cache has room for all
+  // of them, and when the reader does not spill.
+  std::shared_ptr<SpillFile> SpillBeside(std::span<const UnitId> units) const;
   // Not null: a reader that waits for nothing. Its Get fails with kNotYet for what is missing, and
   // is never crowded; Release keeps what was got.
   AvailableUnits* available() const { return available_.get(); }
   // True when the unit can be got, for a reader that waits as well.
   bool IsAvailable(UnitId unit);
-  // A call begins, of a reader that outlives them.
-  void BeginCall(QueryControl* control, std::optional<std::chrono::steady_clock::time_point> until);
   // With nothing held: waits until nobody else holds units, and keeps it so until Release.
   Status WaitForRoom();
   // Units that will be wanted soon, by and by: other threads load them. Cheap when they are there.
   void Prefetch(std::span<const UnitId> units);
   // Prefetch asks a source that answers later.
-  bool asks_ahead() const { return prefetch_units_ > 0 && !cache_.at_once_; }
+  bool asks_ahead() const { return prefetch_units_ > 0 && !cache_.at_once(); }
   // Whether it is decoded.
-  bool IsReady(UnitId unit);
+  bool IsReady(UnitId unit) const { return LockedCache(cache_).units().ready(unit); }
   // How many units ahead a caller should name.
   size_t prefetch_units() const { return prefetch_units_; }
 
   bool crowded() const { return crowded_; }
-  bool out_of_bytes() const { return out_of_bytes_; }
-  bool out_of_time() const { return out_of_time_; }
+  bool out_of_bytes() const { return user_->out_of_bytes; }
+  bool out_of_time() const { return user_->out_of_time; }
   // kCancelled when the caller asked to stop; notes when the deadline is over.
-  Status Check();
-  void SetDeadline(std::optional<std::chrono::steady_clock::time_point> deadline) {
-    deadline_ = deadline;
-  }
+  Status Check() { return user_->Check(); }
+  void SetDeadline(std::optional<TimePoint> deadline) { user_->deadline = deadline; }
 
-  // Bytes to be read before the unit can be held.
-  uint64_t BytesToRead(UnitId unit) const;
-  uint64_t bytes_left() const;
+  // With max_bytes: false when they do not allow what has to be read before the unit can be held.
+  bool MayRead(UnitId unit) const;
   // True when it should let go after this step: others wait, or it holds much.
   bool ShouldRelease() const;
   LoadStats stats() const;
@@ -89,35 +74,17 @@ class UnitReader {
   void FillStats(ExtractStats* stats) const;
 
  private:
-  friend class ClusterCache;
-  Status Enter(ClusterCache::Lock& lock);
-  // Holds a unit that is pinned; kBudgetExceeded when the cache could not hold it at all times.
-  Status Admit(UnitId unit);
-  void NoteLoad();
-  // Waits for a change, or a little when there is something to watch. kNotYet where nothing waits.
-  Status WaitOn(ConditionVariable& changed, ClusterCache::Lock& lock) const;
-  // Of units to be read in this order, those that max_bytes allows. With the cache's mutex held.
-  void CutToLimit(std::vector<UnitId>& units) const;
-  // The error of what max_bytes does not allow.
-  Status OverLimit(UnitId unit);
-  uint64_t BytesLeft() const;
+  // Pins the unit, loads it where it is not ready, and holds it; kBudgetExceeded, too, when the
+  // cache could not hold it at all times.
+  LoadOutcome Hold(UnitId unit, LockedCache& cache);
 
   ClusterCache& cache_;
-  ReaderLimits limits_;
-  std::optional<std::chrono::steady_clock::time_point> deadline_;
-  const ClusterCache::ClientPtr client_;
+  const CacheUserPtr user_;
   std::unique_ptr<AvailableUnits> available_;
   size_t prefetch_units_ = 0;
-  std::vector<UnitId> held_;
+  Holding held_;
   std::vector<bool> seen_;  // per unit: wanted before
-  // With max_bytes: what was read, so that nothing is read twice.
-  std::unordered_map<UnitId, ClusterCache::Payload> payloads_;
-  size_t held_bytes_ = 0;
-  size_t held_overhead_ = 0;  // the largest of what is held
-  bool exclusive_ = false;
   bool crowded_ = false;
-  bool out_of_bytes_ = false;
-  bool out_of_time_ = false;
 };
 
 }  // namespace mtdb::internal

@@ -39,12 +39,12 @@ std::vector<MissingCluster> RankMissing(const ClusterIndex& index, const Judge& 
                                         const AvailableUnits& units) {
   std::vector<MissingCluster> ranked;
   std::unordered_map<UnitId, size_t> places;
-  std::vector<UnitId> ids(units.missing().begin(), units.missing().end());
+  std::vector<UnitId> ids(units.missing().list().begin(), units.missing().list().end());
   std::ranges::sort(ids);  // children before parents
   ranked.reserve(ids.size());
   for (const UnitId id : ids) {
     places.emplace(id, ranked.size());
-    MissingCluster m{id, 0, 0, units.reason(id), {}};
+    MissingCluster m{id, 0, 0, units.missing().reason(id), {}};
     if (m.reason == MissingCluster::Reason::kFailed) m.failure = units.failure(id);
     if (index.Has(id)) {
       const UnitEntry& unit = index.unit(id);
@@ -77,7 +77,7 @@ void AskForMissing(const ClusterIndex& index, const Judge& judge,
   for (size_t i = 0; i < wishes.size() && wishes.size() < missing.size() + kMostAhead; ++i) {
     if (!index.Has(wishes[i].unit)) continue;
     for (const UnitId child : index.children(wishes[i].unit)) {
-      if (listed[child] || !index.Has(child) || units.taken(child)) continue;
+      if (listed[child] || !index.Has(child) || units.Find(child) != nullptr) continue;
       const UnitEntry& unit = index.unit(child);
       double error = 0;
       ErrorRange range;

@@ -202,7 +202,7 @@ Status Search::RunTask(const LevelTask& task) {
   CutUnit& u = cut_.Open(task.unit);
   if (!task.look) return Insert({&u, task.node});
   if (!pending_.Test(task.unit)) return Status::Ok();  // it has been, at a higher level
-  if (query_.max_bytes && reader.BytesToRead(task.unit) > reader.bytes_left()) {
+  if (query_.max_bytes && !reader.MayRead(task.unit)) {
     outcome_.limit = QueryLimit::kBytes;
     return Status::Ok();
   }

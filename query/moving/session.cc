@@ -185,7 +185,7 @@ Session::Impl::Impl(std::shared_ptr<const Surface> surface, const SessionOptions
   if (!options.available_only) return;
   available_ =
       std::make_unique<UnitReader>(surface_->cache(), ReaderLimits{nullptr, std::nullopt, true});
-  available_->BeginCall(nullptr, std::nullopt);
+  available_->available()->Begin(nullptr, std::nullopt);
 }
 
 Session::Impl::~Impl() {
@@ -229,10 +229,11 @@ Result<BaseMesh> Session::Impl::Base() const {
 
 Status Session::Impl::TakeRoot() const {
   AvailableUnits& units = *available_->available();
-  available_->BeginCall(nullptr, std::nullopt);
+  available_->available()->Begin(nullptr, std::nullopt);
   const Status status = units.TakeRoot();
-  if (!units.missing().empty()) {
-    units.Ask(std::vector<UnitId>(units.missing().begin(), units.missing().end()), false);
+  const std::span<const UnitId> missing = units.missing().list();
+  if (!missing.empty()) {
+    units.Ask(std::vector<UnitId>(missing.begin(), missing.end()), false);
   }
   return status;
 }
@@ -283,7 +284,7 @@ Result<SessionUpdate> Session::Impl::Update(const Query& query, bool rounds,
       hidden->query.reset();
     }
     if (at_cut && !budget) available_->available()->Hold({});
-    available_->BeginCall(query.control, DeadlineOf(query));
+    available_->available()->Begin(query.control, DeadlineOf(query));
   }
   UnitReader& reader = waits ? *waiting : *available_;
   if (!budget && at_cut) {
@@ -402,7 +403,7 @@ Status Session::Impl::MoveWithin(UnitReader& reader, const Query& query, const T
       FillStatsOnTheWay(hidden.shown, &stats);
       return Status::Ok();
     }
-    available_->BeginCall(query.control, DeadlineOf(query));
+    available_->available()->Begin(query.control, DeadlineOf(query));
   }
 }
 
