@@ -143,7 +143,7 @@ TEST_CASE("what a server says of a file is read, and nothing else", "[cli]") {
   report.origin = Vec3d{1, 2.5, -3};
   report.not_written = {"a, b (uint8)"};
   report.notes = {"a note"};
-  const MeshWriteReport back = ParseMeshFile(MeshFileJson(report).dump());
+  const MeshWriteReport back = ParseMeshFile(MeshFileJson(report).Text());
   CHECK(MeshFileJson(back) == MeshFileJson(report));
   CHECK(MeshFileText(back) ==
         "  float32 positions in the file are offsets from 1.0 2.5 -3.0\n"

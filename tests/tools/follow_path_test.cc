@@ -11,7 +11,7 @@ std::vector<std::string> Queries(const std::string& text) {
   const auto queries = ParseFollowPath(text);
   if (!queries.ok()) return {queries.status().message()};
   std::vector<std::string> texts;
-  for (const QueryJson& query : *queries) texts.push_back(query.dump());
+  for (const Json& query : *queries) texts.push_back(query.Text());
   return texts;
 }
 

@@ -18,7 +18,7 @@ std::string QueryFrom(const std::string& target, const std::string& body = "") {
   const auto parsed = ParseTarget(target);
   REQUIRE(parsed.ok());
   const auto request = ParseMeshRequest(*parsed, body);
-  return request.ok() ? request->format + " " + request->query.dump() : request.status().message();
+  return request.ok() ? request->format + " " + request->query.Text() : request.status().message();
 }
 
 TEST_CASE("a target is split into decoded segments and parameters", "[server]") {

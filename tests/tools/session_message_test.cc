@@ -37,7 +37,7 @@ TEST_CASE("a session's request is read as it was written", "[server]") {
   REQUIRE(request.ok());
   CHECK(id == 7u);
   CHECK(request->id == 7);
-  CHECK(request->query == R"({"region":{"point":[1,2,3]},"threshold":0.1})");
+  CHECK(request->query == R"({"threshold":0.1,"region":{"point":[1,2,3]}})");
 }
 
 TEST_CASE("a session's reply is read as it was written", "[server]") {
