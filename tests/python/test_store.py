@@ -107,6 +107,11 @@ def test_a_database_is_a_mapping(tmp_path: Path) -> None:
     packed = tmp_path / "p.mtdbp"
     assert copy.pack(packed, ["d"]) == packed.stat().st_size
     assert mtdb.open(packed)["d"].digest == db["c"].digest
+    unpacked = mtdb.open(packed).unpack(tmp_path / "u.mtdb")
+    assert unpacked["d"].digest == db["c"].digest
+    with pytest.raises(mtdb.AlreadyExists):
+        mtdb.open(packed).unpack(tmp_path / "u.mtdb", ["d"])
+    mtdb.open(packed).unpack(tmp_path / "u.mtdb", replace=True)
     before, after = db.compact()
     assert after < before == pytest.approx(before)
     assert db["c"].triangles == len(faces)

@@ -77,7 +77,7 @@ typedef struct mtdb_serve_options {
 MTDB_API mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options,
                               mtdb_server** server, mtdb_error* error);
 /* "http://127.0.0.1:8080"; lives as long as `server`. */
-MTDB_API const char* mtdb_server_url(const mtdb_server* server);
+MTDB_API const char* mtdb_get_server_url(const mtdb_server* server);
 /* Lets running requests finish for so long, cancels what is left, and waits for it. */
 MTDB_API mtdb_code mtdb_stop_server(mtdb_server* server, double grace_seconds, mtdb_error* error);
 /* Stops it at once when it is running. */

@@ -212,7 +212,7 @@ mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options, mtdb_s
   });
 }
 
-const char* mtdb_server_url(const mtdb_server* server) {
+const char* mtdb_get_server_url(const mtdb_server* server) {
   return server == nullptr ? nullptr : server->server->url().c_str();
 }
 

@@ -31,7 +31,7 @@ from ._mesh import (
 )
 from ._session import Session
 from ._terrain import HeightGrid, Profile
-from ._work import Progress, Watched, interruptible
+from ._work import Progress, Watched, interruptible, probe_options
 
 #: vertices, faces, and attributes of the vertices. Either may be empty; a face may name a vertex that
 #: comes later. Vertices are numbered through all chunks.
@@ -49,7 +49,8 @@ class Hit:
     """Where a probe met the surface."""
 
     point: Array  #: (3,)
-    distance: float  #: closest point: in units; ray: the parameter t of origin + t * direction
+    distance: float  #: of the point from that of the probe, or from the ray's origin
+    parameter: float  #: ray: the t of origin + t * direction; closest point: 0
     front: bool  #: the probe comes from outside
     triangle: Array  #: (3, 3): its corners
     error_bound: float
@@ -62,14 +63,14 @@ class Object:
 
     def __init__(self, database: L.Handle, name: Optional[str], cache_bytes: int, threads: int,
                  implicit: bool) -> None:
-        options = L.ObjectOptions(cache_bytes, threads, int(implicit))
+        options = L.ObjectOptions(cache_bytes=cache_bytes, threads=threads, form=int(implicit))
         self._handle = L.Handle(
-            "object", "open_object_with", database,
+            "object", "open_object", database,
             None if name is None else name.encode(), C.byref(options),
         )
         self._info = L.Info()
-        L.call("object_info", self._handle, C.byref(self._info))
-        text: bytes = L.ask("object_name", self._handle)
+        L.call("get_object_info", self._handle, C.byref(self._info))
+        text: bytes = L.ask("get_object_name", self._handle)
         #: Its name when it was opened.
         self.name = text.decode()
 
@@ -111,7 +112,7 @@ class Object:
     @property
     def info(self) -> dict[str, Any]:
         """All that is known of it, as `mtdb info --json` prints it: digest, grid, rounds ..."""
-        made: dict[str, Any] = json.loads(L.texts("object_json", self._handle)[0])
+        made: dict[str, Any] = L.json_of("get_object_json", self._handle)
         return made
 
     @property
@@ -158,7 +159,7 @@ class Object:
         base = self._origin(dtype, origin)
         with interruptible() as control:
             cut = self._select(text, control)
-            mesh = L.Handle("mesh", "cut_mesh", cut, base)
+            mesh = L.Handle("mesh", "get_cut_mesh", cut, base)
         return self._with_stats(Mesh._of(mesh), cut)
 
     def extract_to(self, path: "str | os.PathLike[str]",
@@ -171,7 +172,7 @@ class Object:
         normals = bool(json.loads(text).get("normals")) if text else False
         with interruptible() as control:
             cut = self._select(text, control)
-            file = Saved._of("cut_write_as", cut, path, normals, double)
+            file = Saved._of("write_cut", cut, path, normals, double)
         return replace(self._stats(cut)[0], file=file)
 
     def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
@@ -185,50 +186,49 @@ class Object:
         return triple("origin", self.bounds.mean(0) if origin is None else origin)
 
     def _query(self, text: str) -> L.Handle:
-        query = L.Handle("query", "create_query")
-        L.call("query_set_json", query, self._handle, text.encode())
-        return query
+        return L.Handle("query", "create_query", self._handle, text.encode())
 
     def _select(self, text: str, control: L.Handle) -> L.Handle:
-        query = self._query(text)
-        L.call("query_set_control", query, control)
-        return L.Handle("cut", "select", self._handle, query)
+        return L.Handle("cut", "select", self._handle, self._query(text), control)
 
     @staticmethod
-    def _stats(cut: L.Handle) -> tuple[ExtractStats, float, L.Details]:
-        stats, details = L.Stats(), L.Details()
-        L.call("cut_stats", cut, C.byref(stats))
-        L.call("cut_details", cut, C.byref(details))
+    def _stats(cut: L.Handle) -> tuple[ExtractStats, L.Stats]:
+        stats = L.Stats()
+        L.call("get_cut_stats", cut, C.byref(stats))
         made = ExtractStats(
-            LIMITS[details.limit], details.active_triangles, stats.nodes_applied,
-            stats.clusters_read, details.clusters_cached, details.clusters_used,
-            details.clusters_total, stats.bytes_read, details.select_seconds,
-            details.load_seconds, details.emit_seconds,
+            LIMITS[stats.limit], stats.active_triangles, stats.nodes_applied,
+            stats.clusters_read, stats.clusters_cached, stats.clusters_used,
+            stats.clusters_total, stats.bytes_read, stats.select_seconds,
+            stats.load_seconds, stats.emit_seconds,
         )
-        return made, stats.error_bound, details
+        return made, stats
 
     def _with_stats(self, mesh: Mesh, cut: L.Handle) -> Mesh:
-        mesh.stats, mesh.error_bound, details = self._stats(cut)
-        mesh.shortfall = shortfall_of(details.shortfall)
+        mesh.stats, stats = self._stats(cut)
+        mesh.error_bound, mesh.shortfall = stats.error_bound, shortfall_of(stats)
         return mesh
 
     def closest_point(self, point: Sequence[float], *, error: Optional[float] = None,
                       limit: float = np.inf) -> Optional[Hit]:
         """The point of the surface that is closest to `point`, at full resolution or on a surface
         within `error`; None when nothing is within `limit`."""
-        hit = L.Hit()
-        L.call("closest_point", self._handle, triple("point", point),
-               -1.0 if error is None else error, limit, C.byref(hit))
-        return _hit(hit)
+        return self._probe("find_closest_point", triple("point", point), limit, error=error)
 
     def cast_ray(self, origin: Sequence[float], direction: Sequence[float], *,
                  error: Optional[float] = None, limit: float = np.inf) -> Optional[Hit]:
         """The first hit of the ray at 0 <= t <= limit; None when there is none."""
+        return self._probe("cast_ray", triple("origin", origin), triple("direction", direction),
+                           limit, error=error)
+
+    def _probe(self, function: str, *place: Any, error: Optional[float]) -> Optional[Hit]:
         hit = L.Hit()
-        L.call("cast_ray", self._handle, triple("origin", origin),
-               triple("direction", direction), -1.0 if error is None else error, limit,
-               C.byref(hit))
-        return _hit(hit)
+        with interruptible() as control:
+            L.call(function, self._handle, *place, C.byref(probe_options(error, control)),
+                   C.byref(hit))
+        if not hit.found:
+            return None
+        return Hit(np.array(hit.point), hit.distance, hit.parameter, bool(hit.front),
+                   np.array(hit.triangle).reshape(3, 3), hit.error_bound, hit.excess)
 
     def heights(self, window: Optional[Sequence[float]] = None,
                 spacing: Union[float, Sequence[float], None] = None, *,
@@ -290,13 +290,6 @@ _STYLES = tuple(name for name, parameter in inspect.signature(Mesh.render).param
                 if parameter.kind == inspect.Parameter.KEYWORD_ONLY and name != "camera")
 
 
-def _hit(hit: L.Hit) -> Optional[Hit]:
-    if not hit.found:
-        return None
-    return Hit(np.array(hit.point), hit.distance, bool(hit.front),
-               np.array(hit.triangle).reshape(3, 3), hit.error_bound, hit.excess)
-
-
 class Database(Mapping[str, Object]):
     """A store or a packed file: a mapping of names to objects. Threads may share one; to write, it
     opens the store when the first change is asked for."""
@@ -319,7 +312,7 @@ class Database(Mapping[str, Object]):
     def _open(self) -> L.Handle:
         directory, size = self._cache
         options = L.OpenOptions(cache_directory=directory, cache_directory_bytes=size)
-        return L.Handle("database", "open_with_abi", L.ABI_VERSION, L.path_bytes(self.path),
+        return L.Handle("database", "open_abi", L.ABI_VERSION, L.path_bytes(self.path),
                         C.byref(options))
 
     def _open_writable(self) -> L.Handle:
@@ -520,16 +513,24 @@ class Database(Mapping[str, Object]):
     def pack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
              progress: Progress = None) -> int:
         """One file of the objects for any web server (docs/packed.md). Returns its bytes."""
-        chosen = [] if names is None else [L.without_zero(n.encode()) for n in names]
-        if names is not None and not chosen:
-            raise InvalidArgument("names: is empty")
-        array = (C.c_char_p * max(1, len(chosen)))(*chosen)
+        array, count = _names(names)
         sizes = L.Sizes()
         Watched(progress).run(
-            lambda watch: L.call("pack", self._read(), array, len(chosen),
+            lambda watch: L.call("pack", self._read(), array, count,
                                  L.path_bytes(path), watch, C.byref(sizes))
         )
         return int(sizes.bytes_after)
+
+    def unpack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
+               replace: bool = False, progress: Progress = None) -> "Database":
+        """Copies objects of a packed file into the store at `path`, which is made when it is not
+        there."""
+        array, count = _names(names)
+        Watched(progress).run(
+            lambda watch: L.call("unpack", self._read(), array, count, L.path_bytes(path),
+                                 int(replace), watch)
+        )
+        return Database(path)
 
     def verify(self, level: str = "fast") -> dict[str, list[str]]:
         """What is wrong, by object; nothing when it is empty."""
@@ -553,6 +554,14 @@ class Database(Mapping[str, Object]):
             f"<tr><td>{o.name}</td><td>{o.triangles:,}</td></tr>" for o in self.values()
         )
         return f"<table><tr><th>object</th><th>triangles</th></tr>{rows}</table>"
+
+
+def _names(names: Optional[Sequence[str]]) -> tuple[Any, int]:
+    """As C takes them; none: all."""
+    chosen = [] if names is None else [L.without_zero(n.encode()) for n in names]
+    if names is not None and not chosen:
+        raise InvalidArgument("names: is empty")
+    return (L.Text * max(1, len(chosen)))(*chosen), len(chosen)
 
 
 def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
@@ -584,7 +593,7 @@ class Ingest:
         self._name = name.encode()
         listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
-            *(L.AttributeStep(n, s) for n, s in listed)
+            *(L.AttributeStep(name=n, step=s) for n, s in listed)
         )
         for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits),
                            ("height_step", height_step), ("max_tmp", max_tmp)):
@@ -596,7 +605,7 @@ class Ingest:
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=0 if weld is None else -1 if weld is False else 1,
             weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
-            steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
+            attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory,
             tmp_directory=None if tmp is None else L.path_bytes(tmp),
             journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
@@ -715,7 +724,7 @@ class Server:
         self._handle: Optional[L.Handle] = L.Handle(
             "server", "serve", L.path_bytes(path), C.byref(options)
         )
-        url: bytes = L.ask("server_url", self._handle)
+        url: bytes = L.ask("get_server_url", self._handle)
         #: "http://127.0.0.1:8080"
         self.url = url.decode()
 

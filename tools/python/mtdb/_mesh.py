@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import ctypes as C
-import json
 import os
 import struct
 import zlib
@@ -95,10 +94,11 @@ class Shortfall:
     bounds: Array  #: (2, 3): smallest and largest corner
 
 
-def shortfall_of(s: L.Shortfall) -> Optional[Shortfall]:
-    if s.triangles == 0:
+def shortfall_of(s: "L.Stats | L.Update") -> Optional[Shortfall]:
+    if s.shortfall_triangles == 0:
         return None
-    return Shortfall(s.triangles, s.excess, np.array([list(s.bounds_min), list(s.bounds_max)]))
+    return Shortfall(s.shortfall_triangles, s.shortfall_excess,
+                     np.array([list(s.shortfall_bounds_min), list(s.shortfall_bounds_max)]))
 
 
 LIMITS = ("accuracy", "triangles", "bytes", "time", "missing")
@@ -137,7 +137,7 @@ class Saved(float):
         double: bool,
     ) -> Saved:
         options = L.FileOptions(normals=bool(normals), double_positions=bool(double))
-        told = json.loads(L.texts(function, handle, L.path_bytes(path), C.byref(options))[0])
+        told = L.json_of(function, handle, L.path_bytes(path), C.byref(options))
         made = cls(told["rounding"])
         made.positions = told["positions"]
         made.origin = None if told["origin"] is None else np.array(told["origin"])
@@ -190,7 +190,7 @@ class Mesh:
     @classmethod
     def _of(cls, handle: L.Handle) -> "Mesh":
         look = L.MeshView()
-        L.call("mesh_look", handle, C.byref(look))
+        L.call("view_mesh", handle, C.byref(look))
         mesh = cls.__new__(cls)
         n, m = look.vertices, look.triangles
         if look.positions_float:
@@ -201,7 +201,7 @@ class Mesh:
         mesh.faces = view(look.indices, (m, 3), "<i4", handle)
         mesh.error_bound = 0.0
         mesh.stats = mesh.shortfall = None
-        dtype = layout("mesh_attribute", handle, look.attributes, look.row_bytes)
+        dtype = layout("get_mesh_attribute", handle, look.attributes, look.row_bytes)
         mesh.attributes = MappingProxyType({})
         if dtype is not None and dtype.names is not None:
             rows = view(look.rows, (n, look.row_bytes), "|u1", handle)
@@ -266,7 +266,7 @@ class Mesh:
 
         normals: .off has them, too. double: .ply has float64 positions, also where float32 is enough.
         """
-        return Saved._of("write_mesh_as", self._c_mesh(), path, normals, double)
+        return Saved._of("write_mesh", self._c_mesh(), path, normals, double)
 
     def render(
         self,
@@ -473,7 +473,7 @@ class Layout:
         self._kept = [n.encode() for n in self.names]
         made = (L.Attribute * max(1, len(self.names)))()
         for i, (name, kind) in enumerate(zip(self._kept, self.formats)):
-            made[i] = L.Attribute(name, _TYPES.index(kind), 0)
+            made[i] = L.Attribute(name=name, type=_TYPES.index(kind))
         return made
 
     def pack(self, attributes: Mapping[str, Array], count: int) -> Optional[Array]:
