@@ -86,7 +86,7 @@ def test_arguments_are_queries(db: mtdb.Database) -> None:
         (dict(camera=camera),
          {"region": {"frustum": camera}, "threshold": {"screen": {"camera": camera, "pixels": 1}}}),
         (dict(camera=camera, error=0.5), {"region": {"frustum": camera}, "threshold": 0.5}),
-        (dict(triangles=np.int64(3000)), {"max_triangles": 3000}),
+        (dict(max_triangles=np.int64(3000)), {"max_triangles": 3000}),
         (dict(region={"point": np.array([5.0, 5.0, 0.0])}, threshold="full"),
          {"region": {"point": [5, 5, 0]}, "threshold": "full"}),
     ]
@@ -104,7 +104,7 @@ def test_arguments_are_queries(db: mtdb.Database) -> None:
             hill.extract(**wrong)  # type: ignore[arg-type]
     with pytest.raises(TypeError):
         hill.extract(region={"point": object()})  # type: ignore[dict-item]
-    mesh = hill.extract(triangles=3000, normals=True)
+    mesh = hill.extract(max_triangles=3000, normals=True)
     assert len(mesh.faces) <= 3000 and mesh.stats is not None and mesh.stats.limit == "triangles"
     assert mesh.shortfall is not None and mesh.shortfall.excess > 0
     assert mesh.normals is not None and mesh.normals.shape == mesh.vertices.shape
@@ -144,7 +144,7 @@ def test_arrays_are_read_only_and_keep_their_memory(store: Path) -> None:
     db = mtdb.open(store)
     mesh = db["hills"].extract(normals=True)
     handle = weakref.ref(mesh._handle)
-    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "colors": mesh.colors,
+    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "colours": mesh.colours,
               "normals": mesh.normals, **mesh.attributes}
     copies = {name: np.array(a) for name, a in arrays.items()}
     for name, array in arrays.items():
@@ -366,7 +366,7 @@ elif what == "chunks":
             yield v, f
     try:
         threading.Timer(0.3, kill).start()
-        db.ingest(endless(), name="x", memory=1 << 30)
+        db.ingest(endless(), name="x", memory_bytes=1 << 30)
     except KeyboardInterrupt:
         print("interrupted", "x" in db)
 elif what == "probe":

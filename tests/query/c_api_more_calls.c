@@ -551,8 +551,8 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   DIFFERS(smooth = 1)
   DIFFERS(draft = 1)
   DIFFERS(hillshade = 1)
-  DIFFERS(colours = MTDB_COLOURS_HEIGHT)
-  DIFFERS(colours = MTDB_COLOURS_NORMAL)
+  DIFFERS(colour = MTDB_COLOUR_HEIGHT)
+  DIFFERS(colour = MTDB_COLOUR_NORMAL)
   DIFFERS(scale_bar = 1)
   DIFFERS(has_background = 1)
   with = options;
@@ -564,19 +564,19 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   OK(mtdb_write_png(path(file, "clear.png"), drawn, 80, 60, 4, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "channels", mtdb_write_png(file, drawn, 80, 60, 2, &error));
   with = options;
-  with.colours = MTDB_COLOURS_DISTANCE;
+  with.colour = MTDB_COLOUR_DISTANCE;
   FAILS(MTDB_INVALID_ARGUMENT, "reference", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with.reference = mesh;
   with.has_range = 1;
   with.range[1] = 1;
   OK(mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   CHECK(differences(plain, drawn, sizeof(plain)) > 100);
-  with.colours = MTDB_COLOURS_ATTRIBUTE;
+  with.colour = MTDB_COLOUR_ATTRIBUTE;
   FAILS(MTDB_INVALID_ARGUMENT, "attribute", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with.attribute = "nothing";
   FAILS(MTDB_INVALID_ARGUMENT, "nothing", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
-  with.colours = 6;
-  FAILS(MTDB_INVALID_ARGUMENT, "colours", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with.colour = (mtdb_colour)6;
+  FAILS(MTDB_INVALID_ARGUMENT, "colour", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with = options;
   with.view = "behind";
   FAILS(MTDB_INVALID_ARGUMENT, "behind", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));

@@ -132,9 +132,9 @@ class Object:
         relative: Optional[float] = None,
         pixels: Optional[float] = None,
         threshold: _query.Json = None,
-        triangles: Optional[int] = None,
+        max_triangles: Optional[int] = None,
         max_bytes: Optional[int] = None,
-        milliseconds: Optional[float] = None,
+        max_milliseconds: Optional[float] = None,
         clip: bool = False,
         normals: bool = False,
         dtype: npt.DTypeLike = np.float64,
@@ -147,14 +147,14 @@ class Object:
         Elsewhere the mesh is as coarse as can be, or left out with `clip`.
         How accurate: `error` in units, `relative` to the diagonal, `pixels` of the camera (1 when
         there is nothing else), `threshold` as in docs/query.md.
-        How much: `triangles`, `max_bytes`, `milliseconds`; the largest errors are refined first.
+        How much: `max_triangles`, `max_bytes`, `max_milliseconds`; the largest errors are refined first.
         `query`: all of that as a dict or a JSON text instead.
         dtype: float32 gives vertices less `origin` (the bounds' centre, or the given one).
         """
         text = _query.build(
             query, box=box, sphere=sphere, region=region, camera=camera, error=error,
-            relative=relative, pixels=pixels, threshold=threshold, triangles=triangles,
-            max_bytes=max_bytes, milliseconds=milliseconds, clip=clip, normals=normals,
+            relative=relative, pixels=pixels, threshold=threshold, max_triangles=max_triangles,
+            max_bytes=max_bytes, max_milliseconds=max_milliseconds, clip=clip, normals=normals,
         )
         base = self._origin(dtype, origin)
         with interruptible() as control:
@@ -163,16 +163,16 @@ class Object:
         return self._with_stats(Mesh._of(mesh), cut)
 
     def extract_to(self, path: "str | os.PathLike[str]",
-                   query: Union[str, Mapping[str, Any], None] = None, *, double: bool = False,
+                   query: Union[str, Mapping[str, Any], None] = None, *, double_positions: bool = False,
                    **asked: Any) -> ExtractStats:
         """Writes what `extract` would return to a mesh file, without holding it in memory; with
-        `normals`, .off has them. double: .ply has float64 positions, also where float32 is enough.
+        `normals`, .off has them. double_positions: .ply has float64 positions, also where float32 is enough.
         `file` of the answer tells what became of the mesh."""
         text = _query.build(query, **asked)
         normals = bool(json.loads(text).get("normals")) if text else False
         with interruptible() as control:
             cut = self._select(text, control)
-            file = Saved._of("write_cut", cut, path, normals, double)
+            file = Saved._of("write_cut", cut, path, normals, double_positions)
         return replace(self._stats(cut)[0], file=file)
 
     def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
@@ -281,7 +281,7 @@ class Object:
         return f"<mtdb.Object {self.name!r}: {self.triangles} triangles>"
 
     def _repr_html_(self) -> str:
-        mesh = self.extract(relative=0.002, triangles=200_000)
+        mesh = self.extract(relative=0.002, max_triangles=200_000)
         return f"<b>{self.name}</b>: {self.triangles:,} triangles" + mesh._repr_html_()
 
 
@@ -296,11 +296,11 @@ class Database(Mapping[str, Object]):
 
     def __init__(self, path: "str | os.PathLike[str]", *, create: bool = False,
                  cache_bytes: int = 0, threads: int = 0,
-                 cache_dir: "str | os.PathLike[str] | None" = None,
-                 cache_dir_bytes: int = 4 << 30) -> None:
+                 cache_directory: "str | os.PathLike[str] | None" = None,
+                 cache_directory_bytes: int = 4 << 30) -> None:
         self.path = os.fspath(path)
         self._cache_bytes, self._threads = cache_bytes, threads
-        self._cache = (None if cache_dir is None else L.path_bytes(cache_dir), cache_dir_bytes)
+        self._cache = (None if cache_directory is None else L.path_bytes(cache_directory), cache_directory_bytes)
         self._lock = threading.RLock()
         self._writer: Optional[L.Handle] = None
         self._reader: Optional[L.Handle] = None
@@ -396,12 +396,12 @@ class Database(Mapping[str, Object]):
         step: Optional[float] = None,
         weld: Union[float, bool, None] = None,
         normal_bits: Optional[int] = None,
-        steps: Optional[Mapping[str, float]] = None,
-        memory: int = 1 << 30,
+        attribute_steps: Optional[Mapping[str, float]] = None,
+        memory_bytes: int = 1 << 30,
         threads: int = 0,
-        tmp: Optional[str] = None,
-        max_tmp: Optional[int] = None,
-        journal: Optional[str] = None,
+        tmp_directory: Optional[str] = None,
+        max_tmp_bytes: Optional[int] = None,
+        journal_path: Optional[str] = None,
         resume: bool = False,
         height_step: Optional[float] = None,
         fill: int = 0,
@@ -420,22 +420,23 @@ class Database(Mapping[str, Object]):
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance,
         0 or True those of equal positions; without, those of equal positions and attributes where
         the mesh was cut along edges; False keeps all as they are.
-        normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
+        normal_bits, attribute_steps: what rounds normals and attributes. memory_bytes: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples (without: as in
         `ingest_heights`). fill: holes of rasters of up to
         so many columns and rows are closed.
-        max_tmp: temporary files and the journal take at most so many bytes of the disk.
+        max_tmp_bytes: temporary files and the journal take at most so many bytes of the disk.
         up: what is up for who draws it: "x", "-y" ..., or a vector; else it is found from the shape.
         units: of lengths, "um", "mm", "cm", "m", "km", "in" or "ft"; kept, and changes no number.
-        journal, resume: a file by which an ingest that was killed goes on.
+        journal_path, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
-        with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
-                    normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
-                    journal=journal, resume=resume, height_step=height_step, fill=fill,
-                    terrain=terrain, max_tmp=max_tmp, up=up, units=units) as ingest:
-            ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
+        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
+               normal_bits=normal_bits, attribute_steps=attribute_steps, memory_bytes=memory_bytes,
+               threads=threads, tmp_directory=tmp_directory, journal_path=journal_path,
+               resume=resume, height_step=height_step, fill=fill, terrain=terrain,
+               max_tmp_bytes=max_tmp_bytes, up=up, units=units).run(
+            self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
 
@@ -444,32 +445,31 @@ class Database(Mapping[str, Object]):
         heights: npt.ArrayLike,
         *,
         name: str,
-        transform: Optional[Sequence[float]] = None,
-        step: Optional[float] = None,
+        geotransform: Optional[Sequence[float]] = None,
+        height_step: Optional[float] = None,
         crs: Optional[str] = None,
-        units: Optional[str] = None,
+        height_units: Optional[str] = None,
         fill: int = 0,
         replace: bool = False,
-        memory: int = 1 << 30,
+        memory_bytes: int = 1 << 30,
         threads: int = 0,
-        tmp: Optional[str] = None,
-        max_tmp: Optional[int] = None,
+        tmp_directory: Optional[str] = None,
+        max_tmp_bytes: Optional[int] = None,
         progress: Progress = None,
     ) -> Object:
         """Stores heights (rows, columns) as a terrain; NaN: a hole. Errors are vertical then.
 
-        transform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
+        geotransform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
         the next column and row, in the order of GDAL; without, x is the column
         and y minus the row.
-        step: heights are rounded to its multiples; without, integers and decimals stay as they are,
-        and other heights are rounded so that it is small beside their range and differences. crs: of x and y. units: of
+        height_step: heights are rounded to its multiples; without, integers and decimals stay as they are,
+        and other heights are rounded so that it is small beside their range and differences. crs: of x and y. height_units: of
         heights. fill and the rest: as in `ingest`.
         """
-        given, kept = _terrain.height_array(heights, transform, crs, units)
-        with Ingest(name, replace=replace, lossless=False, bits=None, step=None, weld=None,
-                    normal_bits=None, steps=None, memory=memory, threads=threads, tmp=tmp,
-                    journal=None, resume=False, height_step=step, fill=fill, max_tmp=max_tmp) as ingest:
-            ingest.run_heights(self._write(), given, Watched(progress))
+        given, kept = _terrain.height_array(heights, geotransform, crs, height_units)
+        Ingest(name, replace=replace, memory_bytes=memory_bytes, threads=threads,
+               tmp_directory=tmp_directory, height_step=height_step, fill=fill,
+               max_tmp_bytes=max_tmp_bytes).run_heights(self._write(), given, Watched(progress))
         del kept  # the struct pointed to it
         self._forget(name)
         return self[name]
@@ -583,20 +583,22 @@ def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
 class Ingest:
     """One ingest: its options, and the callback that hands chunks over."""
 
-    def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
-                 step: Optional[float], weld: Union[float, bool, None], normal_bits: Optional[int],
-                 replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
-                 journal: Optional[str], resume: bool, height_step: Optional[float],
-                 fill: int, terrain: bool = False, max_tmp: Optional[int] = None,
+    def __init__(self, name: str, *, attribute_steps: Optional[Mapping[str, float]] = None,
+                 bits: Optional[int] = None, step: Optional[float] = None,
+                 weld: Union[float, bool, None] = None, normal_bits: Optional[int] = None,
+                 replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
+                 tmp_directory: Optional[str], journal_path: Optional[str] = None,
+                 resume: bool = False, height_step: Optional[float], fill: int,
+                 terrain: bool = False, max_tmp_bytes: Optional[int],
                  up: Union[str, Sequence[float], None] = None,
                  units: Optional[str] = None) -> None:
         self._name = name.encode()
-        listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
+        listed = [(n.encode(), float(s)) for n, s in (attribute_steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
             *(L.AttributeStep(name=n, step=s) for n, s in listed)
         )
         for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits),
-                           ("height_step", height_step), ("max_tmp", max_tmp)):
+                           ("height_step", height_step), ("max_tmp_bytes", max_tmp_bytes)):
             if value is not None and value <= 0:
                 raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
         if not 0 <= fill < 1 << 32:
@@ -605,19 +607,13 @@ class Ingest:
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=0 if weld is None else -1 if weld is False else 1,
             weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
-            attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory,
-            tmp_directory=None if tmp is None else L.path_bytes(tmp),
-            journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
+            attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory_bytes,
+            tmp_directory=None if tmp_directory is None else L.path_bytes(tmp_directory),
+            journal_path=None if journal_path is None else L.path_bytes(journal_path), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
-            max_tmp_bytes=max_tmp or 0,
+            max_tmp_bytes=max_tmp_bytes or 0,
             up=(C.c_double * 3)(*_up_vector(up)), units=None if units is None else units.encode(),
         )
-
-    def __enter__(self) -> "Ingest":
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        pass
 
     def run(self, database: L.Handle, vertices: Any, faces: Any,
             attributes: Optional[Mapping[str, npt.ArrayLike]], watched: Watched) -> None:
@@ -742,14 +738,14 @@ class Server:
 
 
 def open_database(path: "str | os.PathLike[str]", *, create: bool = False, cache_bytes: int = 0,
-                  threads: int = 0, cache_dir: "str | os.PathLike[str] | None" = None,
-                  cache_dir_bytes: int = 4 << 30) -> Database:
+                  threads: int = 0, cache_directory: "str | os.PathLike[str] | None" = None,
+                  cache_directory_bytes: int = 4 << 30) -> Database:
     """Opens a store, a packed file, or the URL of one (http, https, s3).
 
     create: makes the store when it is not there. cache_bytes: of decoded clusters, for each object
     (0: 256 MiB). threads: that read and decode for one query (0: as many as the machine has).
-    cache_dir: what is read of a URL is kept in this folder, which databases and processes may
-    share, at most cache_dir_bytes of it.
+    cache_directory: what is read of a URL is kept in this folder, which databases and processes may
+    share, at most cache_directory_bytes of it.
     """
     return Database(path, create=create, cache_bytes=cache_bytes, threads=threads,
-                    cache_dir=cache_dir, cache_dir_bytes=cache_dir_bytes)
+                    cache_directory=cache_directory, cache_directory_bytes=cache_directory_bytes)

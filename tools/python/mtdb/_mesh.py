@@ -179,13 +179,13 @@ class Mesh:
         self.stats: Optional[ExtractStats] = None
         self.shortfall: Optional[Shortfall] = None
         self._normals: Optional[Array] = None
-        self._colors: Optional[Array] = None
+        self._colours: Optional[Array] = None
         self._handle: Optional[L.Handle] = None
 
     def __setattr__(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
         if name in ("vertices", "faces", "origin", "attributes"):  # no longer what the library has
-            self._handle = self._normals = self._colors = None
+            self._handle = self._normals = self._colours = None
 
     @classmethod
     def _of(cls, handle: L.Handle) -> "Mesh":
@@ -208,7 +208,7 @@ class Mesh:
             table = rows.view(dtype)[:, 0] if n else np.empty(0, dtype)
             mesh.attributes = MappingProxyType({name: table[name] for name in dtype.names})
             mesh._normals = columns(table, ("nx", "ny", "nz"), "<f4")
-            mesh._colors = columns(table, ("red", "green", "blue"), "u1")
+            mesh._colours = columns(table, ("red", "green", "blue"), "u1")
         mesh._handle = handle
         return mesh
 
@@ -220,11 +220,11 @@ class Mesh:
         return self._normals
 
     @property
-    def colors(self) -> Optional[Array]:
+    def colours(self) -> Optional[Array]:
         """(n, 3), uint8 as mostly: red, green, blue."""
-        if self._colors is None and all(n in self.attributes for n in ("red", "green", "blue")):
+        if self._colours is None and all(n in self.attributes for n in ("red", "green", "blue")):
             return np.stack([self.attributes[n] for n in ("red", "green", "blue")], axis=1)
-        return self._colors
+        return self._colours
 
     @property
     def bounds(self) -> Array:
@@ -259,21 +259,21 @@ class Mesh:
         return handle
 
     def save(
-        self, path: "str | os.PathLike[str]", *, normals: bool = False, double: bool = False
+        self, path: "str | os.PathLike[str]", *, normals: bool = False, double_positions: bool = False
     ) -> Saved:
         """Writes a mesh file: .ply, .obj, .stl, .off, .glb or .drc. Returns how far the format's
         float32 moved a vertex at most, with what else became of the mesh: `origin`, `not_written`.
 
-        normals: .off has them, too. double: .ply has float64 positions, also where float32 is enough.
+        normals: .off has them, too. double_positions: .ply has float64 positions, also where float32 is enough.
         """
-        return Saved._of("write_mesh", self._c_mesh(), path, normals, double)
+        return Saved._of("write_mesh", self._c_mesh(), path, normals, double_positions)
 
     def render(
         self,
         size: tuple[int, int] = (1200, 900),
         *,
         camera: Optional[Mapping[str, Any]] = None,
-        direction: Optional[Sequence[float]] = None,
+        view_direction: Optional[Sequence[float]] = None,
         view: str = "auto",
         up: Optional[Sequence[float]] = None,
         frame: Optional[npt.ArrayLike] = None,
@@ -282,7 +282,7 @@ class Mesh:
         hillshade: bool = False,
         draft: bool = False,
         colour: "str | Mesh | None" = None,
-        colour_range: Optional[tuple[float, float]] = None,
+        range: Optional[tuple[float, float]] = None,
         legend: bool = True,
         scale_bar: bool = False,
         background: "str | Sequence[int] | None" = None,
@@ -290,10 +290,10 @@ class Mesh:
         """Draws the mesh: (height, width, 3) uint8; (height, width, 4) without a background.
 
         camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
-        direction: of view, else; or view: "front", "back", "left", "right", "top", "bottom",
+        view_direction: else; or view: "front", "back", "left", "right", "top", "bottom",
         "iso", "auto". up: found from the mesh when it is not given. frame: (2, 3), the box that
         fills the picture. colour: "none", "normal", "height", an attribute's name, or a Mesh to show each
-        point's distance from; without, the mesh's own colours. colour_range: the values of the
+        point's distance from; without, the mesh's own colours. range: the values of the
         first and the last colour. hillshade: lit as maps are. background: (red, green, blue), or "transparent".
         """
         options = L.RenderOptions(
@@ -303,8 +303,8 @@ class Mesh:
         )
         if size[0] < 1 or size[1] < 1:
             raise InvalidArgument(f"size: expected width and height in pixels, found {size}")
-        if direction is not None:
-            options.view_direction = triple("direction", direction)
+        if view_direction is not None:
+            options.view_direction = triple("view_direction", view_direction)
         if up is not None:
             options.up = triple("up", up)
         if frame is not None:
@@ -314,8 +314,8 @@ class Mesh:
         if camera is not None:
             put_camera(options, camera)
         reference = put_colour(options, colour)
-        if colour_range is not None:
-            options.has_range, options.range = 1, (C.c_double * 2)(*colour_range)
+        if range is not None:
+            options.has_range, options.range = 1, (C.c_double * 2)(*range)
         if background == "transparent":
             options.transparent = 1
         elif background is not None:
@@ -422,17 +422,17 @@ def put_camera(options: L.RenderOptions, camera: Mapping[str, Any]) -> None:
     options.eye = triple("camera.eye", eye)
     options.target = triple("camera.target", target)
     options.up = triple("camera.up", camera.get("up", (0, 0, 1)))
-    options.vertical_fov_rad = float(np.radians(camera.get("fov", 45)))
+    options.fov = camera.get("fov", 45)
 
 
 def put_colour(options: L.RenderOptions, colour: "str | Mesh | None") -> Optional[L.Handle]:
     """Says what the colours mean. Returns what must live until the picture is drawn."""
     if isinstance(colour, Mesh):
         reference = colour._c_mesh()
-        options.colours, options.reference = 4, reference.value
+        options.colour, options.reference = 4, reference.value
         return reference
     if colour is not None:
-        options.colours = {"none": 1, "normal": 2, "height": 5}.get(colour, 3)
+        options.colour = {"none": 1, "normal": 2, "height": 5}.get(colour, 3)
         options.attribute = colour.encode()
     return None
 

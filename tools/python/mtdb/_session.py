@@ -175,24 +175,24 @@ class Session:
 
 
 def connect(url: str, *, name: Optional[str] = None, remembered_vertices: int = 65536,
-            max_triangles: int = 1 << 24, timeout: float = 600.0,
-            reconnect: float = 0.0) -> Session:
+            max_triangles: int = 1 << 24, timeout_seconds: float = 600.0,
+            reconnect_seconds: float = 0.0) -> Session:
     """A session at `mtdb serve`: "http://HOST:PORT/objects/NAME". Seconds for the server to answer,
     and for which an update tries to replace a lost connection."""
     options = L.ConnectOptions(
         name=None if name is None else name.encode(), remembered_vertices=remembered_vertices,
-        max_triangles=max_triangles, timeout_seconds=timeout, reconnect_seconds=reconnect,
+        max_triangles=max_triangles, timeout_seconds=timeout_seconds, reconnect_seconds=reconnect_seconds,
     )
     return Session(L.Handle("client", "connect", url.encode(), C.byref(options)), None, None)
 
 
 def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
-          path: "str | os.PathLike[str]", name: Optional[str] = None, timeout: float = 600.0, **asked: Any) -> Update:
+          path: "str | os.PathLike[str]", name: Optional[str] = None, timeout_seconds: float = 600.0, **asked: Any) -> Update:
     """Gets one mesh of a server into a file, in the format of its suffix (.ply, .glb ...). The file
     appears when it is complete. `read_mesh` reads it."""
     raised: list[BaseException] = []
     options = L.FetchOptions(
-        name=None if name is None else name.encode(), timeout_seconds=timeout,
+        name=None if name is None else name.encode(), timeout_seconds=timeout_seconds,
         format=os.fspath(path).rsplit(".", 1)[-1].lower().encode(),
     )
     made = L.Update()

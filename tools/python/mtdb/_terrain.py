@@ -96,8 +96,8 @@ def profile(terrain: "Object", line: npt.ArrayLike, error: Optional[float]) -> P
     return Profile(table[:, 0], table[:, 1], table[:, 2], table[:, 3], cost.error_bound)
 
 
-def height_array(array: npt.ArrayLike, transform: Optional[Sequence[float]], crs: Optional[str],
-                 units: Optional[str]) -> tuple[L.HeightArray, Floats]:
+def height_array(array: npt.ArrayLike, geotransform: Optional[Sequence[float]], crs: Optional[str],
+                 height_units: Optional[str]) -> tuple[L.HeightArray, Floats]:
     """The struct, and the array that it points to."""
     kept = np.ascontiguousarray(array, float)
     if kept.ndim != 2:
@@ -105,8 +105,8 @@ def height_array(array: npt.ArrayLike, transform: Optional[Sequence[float]], crs
     given = L.HeightArray(
         columns=kept.shape[1], rows=kept.shape[0], heights=kept.ctypes.data,
         crs=None if crs is None else crs.encode(),
-        height_units=None if units is None else units.encode(),
+        height_units=None if height_units is None else height_units.encode(),
     )
-    if transform is not None:
-        given.geotransform = _numbers("transform", transform, 6)
+    if geotransform is not None:
+        given.geotransform = _numbers("geotransform", geotransform, 6)
     return given, kept
