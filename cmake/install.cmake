@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` puts where. Components: query (headers and libraries of base, store, codecs
-# and query), builder, client, c (its headers, and what programs link by), runtime (libmtdb.so.0),
+# and query), builder, raster, client, show (pictures and the server), c (its headers, and what programs link by), runtime (libmtdb.so.0),
 # tools (the program, its manual and completion) and python; without --component, all of them.
 include(CMakePackageConfigHelpers)
 set(MTDB_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/mtdb)
@@ -31,7 +31,9 @@ endforeach()
 mtdb_install_targets(query mtdb_base ${mtdb_rooms_of_store} mtdb_store mtdb_coding mtdb_cluster
   mtdb_stream mtdb_mesh_file mtdb_codecs ${mtdb_rooms_of_query} mtdb_query)
 mtdb_install_targets(builder ${mtdb_rooms_of_builder} mtdb_builder)
+mtdb_install_targets(raster mtdb_raster_file mtdb_gdal)
 mtdb_install_targets(client mtdb_client)
+mtdb_install_targets(show mtdb_request mtdb_viewer mtdb_server mtdb_generate mtdb_render)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)
 if(GDAL_FOUND)

@@ -49,17 +49,17 @@ CopyProgress Shifted(const CopyProgress& progress, uint64_t before, uint64_t tot
   return [=](uint64_t done, uint64_t) { return progress(before + done, total); };
 }
 
-// Into the file that will be the store; closes it.
-Status FillPartial(const ObjectSources& objects, const std::string& path,
-                   const CopyProgress& progress) {
+// Into the store at `path`, which is made when it is not there, and closed.
+Status Fill(const ObjectSources& objects, const std::string& path, bool replace,
+            const CopyProgress& progress) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> target,
                         Database::Open(path, {.writable = true}));
   uint64_t total = 0, before = 0;
   for (const auto& object : objects) total += object->record().payload_bytes;
   for (const auto& object : objects) {
-    MTDB_RETURN_IF_ERROR(
-        CopyObject(*object, *target, object->record().name, false, Shifted(progress, before, total))
-            .status());
+    MTDB_RETURN_IF_ERROR(CopyObject(*object, *target, object->record().name, replace,
+                                    Shifted(progress, before, total))
+                             .status());
     before += object->record().payload_bytes;
   }
   return Status::Ok();
@@ -97,7 +97,7 @@ Result<CompactReport> Compact(const std::string& path, const CopyProgress& progr
     for (const ObjectRecord& r : records) {
       MTDB_ASSIGN_OR_RETURN(objects.emplace_back(), database->OpenObject(r.name));
     }
-    MTDB_RETURN_IF_ERROR(FillPartial(objects, partial->partial_path(), progress));
+    MTDB_RETURN_IF_ERROR(Fill(objects, partial->partial_path(), false, progress));
   }
   ReachTestPoint("partial written");
   MTDB_ASSIGN_OR_RETURN(const auto written,
@@ -139,7 +139,7 @@ Status CopyToNewStore(const ObjectSources& objects, const std::string& path,
       return {StatusCode::kAlreadyExists, path + ": is there already"};
     }
     MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<PartialStore> partial, PartialStore::Create(path));
-    MTDB_RETURN_IF_ERROR(FillPartial(objects, partial->partial_path(), progress));
+    MTDB_RETURN_IF_ERROR(Fill(objects, partial->partial_path(), false, progress));
     ReachTestPoint("partial written");
     return partial->Commit(false);
   });
@@ -147,6 +147,13 @@ Status CopyToNewStore(const ObjectSources& objects, const std::string& path,
 
 Result<CompactReport> CompactStore(const std::string& path, const CopyProgress& progress) {
   return CatchOutOfMemory([&] { return Compact(path, progress); });
+}
+
+Status CopyToStore(const ObjectSources& objects, const std::string& path, bool replace,
+                   const CopyProgress& progress) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) != 0) return CopyToNewStore(objects, path, progress);
+  return CatchOutOfMemory([&] { return Fill(objects, path, replace, progress); });
 }
 
 }  // namespace mtdb

@@ -32,6 +32,11 @@ Result<ObjectRecord> CopyObject(ClusterSource& source, Database& target, const s
 Status CopyToNewStore(const ObjectSources& objects, const std::string& path,
                       const CopyProgress& progress = {});
 
+// Copies objects into the store at `path`, which is made when it is not there. Those that were
+// copied before an error stay. Errors: those of CopyObject and of Database::Open.
+Status CopyToStore(const ObjectSources& objects, const std::string& path, bool replace,
+                   const CopyProgress& progress = {});
+
 struct CompactReport {
   uint64_t bytes_before = 0;  // of the file
   uint64_t bytes_after = 0;

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
     return std::fprintf(stderr, "%s\n", error.message), 1;
   }
   const std::unique_ptr<mtdb_server, void (*)(mtdb_server*)> server(started, mtdb_free_server);
-  std::printf("%s\n", mtdb_server_url(server.get()));
+  std::printf("%s\n", mtdb_get_server_url(server.get()));
   std::fflush(stdout);
   while (std::getchar() != EOF) {  // the program's own job
   }

@@ -71,13 +71,12 @@ int main(int argc, char** argv) {
   check(mtdb_open_writable(argv[1], &database, &error));
   check(mtdb_ingest_arrays(database, "hills", &input, &options, &watch, &error));
 
-  check(mtdb_open_object(database, "hills", 0, &object, &error));
-  check(mtdb_create_query(&query, &error));
-  check(mtdb_query_add_constant_error(query, 0.5, &error));
-  check(mtdb_select(object, query, &cut, &error));
-  check(mtdb_cut_mesh(cut, NULL, &mesh, &error));
+  check(mtdb_open_object(database, "hills", NULL, &object, &error));
+  check(mtdb_create_query(object, "{\"threshold\": 0.5}", &query, &error));
+  check(mtdb_select(object, query, NULL, &cut, &error));
+  check(mtdb_get_cut_mesh(cut, NULL, &mesh, &error));
   MTDB_INIT(view);
-  check(mtdb_mesh_look(mesh, &view, &error));
+  check(mtdb_view_mesh(mesh, &view, &error));
   printf("\nwithin 0.5: %llu of %llu triangles\n", (unsigned long long)view.triangles,
          (unsigned long long)input.triangles);
 

@@ -553,11 +553,11 @@ class TerrainWalk {
     mtdb_error why{};
     mtdb_database* database = nullptr;
     mtdb_object* object = nullptr;
-    mtdb_code code = mtdb_open(store.c_str(), &database, &why);
-    if (code == MTDB_OK) code = mtdb_open_object(database, "t", 0, &object, &why);
-    mtdb_height_options options{};
+    mtdb_code code = mtdb_open(store.c_str(), nullptr, &database, &why);
+    if (code == MTDB_OK) code = mtdb_open_object(database, "t", nullptr, &object, &why);
+    mtdb_probe_options options{};
     options.struct_bytes = sizeof(options);
-    options.largest_error = std::max(error, 0.0);
+    options.error = std::max(error, 0.0);
     mtdb_height_cost cost{};
     cost.struct_bytes = sizeof(cost);
     const auto height = [](double h) {
@@ -566,8 +566,8 @@ class TerrainWalk {
     const std::vector<double> places = SomePlaces();
     std::vector<double> heights(places.size() / 2);
     if (code == MTDB_OK) {
-      code = mtdb_heights_at(object, places.data(), heights.size(), &options, heights.data(), &cost,
-                             &why);
+      code = mtdb_find_heights(object, places.data(), heights.size(), &options, heights.data(),
+                               &cost, &why);
     }
     for (size_t i = 0; code == MTDB_OK && i < heights.size(); ++i) {
       CheckHeight("C's heights", places[2 * i], places[2 * i + 1], height(heights[i]), error,
@@ -576,7 +576,7 @@ class TerrainWalk {
     world_.counts().answers += 3;
     mtdb_raster raster{};
     raster.struct_bytes = sizeof(raster);
-    if (code == MTDB_OK) code = mtdb_terrain_raster(object, nullptr, nullptr, &raster, &why);
+    if (code == MTDB_OK) code = mtdb_get_raster(object, nullptr, nullptr, &raster, &why);
     Raster got = terrain_.raster;
     if (code == MTDB_OK && (raster.columns != got.columns || raster.rows != got.rows)) {
       world_.Fault("terrain: C's raster has another size", "");
@@ -589,8 +589,8 @@ class TerrainWalk {
     if (code == MTDB_OK) {
       code = mtdb_find_profile(object, places.data(), 3, &options, &profile, &cost, &why);
     }
-    for (size_t i = 0; code == MTDB_OK && i < mtdb_profile_count(profile); ++i) {
-      const double* const p = mtdb_profile_points(profile) + 4 * i;
+    for (size_t i = 0; code == MTDB_OK && i < mtdb_count_profile_points(profile); ++i) {
+      const double* const p = mtdb_get_profile_points(profile) + 4 * i;
       if (!std::isnan(p[3])) {
         CheckHeight("C's profile", p[1], p[2], height(p[3]), error, cost.error_bound);
       }

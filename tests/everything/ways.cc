@@ -211,33 +211,33 @@ struct CHandles {
 
 mtdb_code CAnswer(const Asked& asked, CHandles* c, Answer* answer, mtdb_error* error) {
   mtdb_code code = MTDB_OK;
-  const mtdb_object_options options{
-      0, 2,
-      static_cast<uint32_t>(asked.question->implicit ? MTDB_FORM_IMPLICIT : MTDB_FORM_EXPLICIT)};
+  mtdb_object_options options;
+  MTDB_INIT(options);
+  options.threads = 2;
+  if (asked.question->implicit) options.form = MTDB_FORM_IMPLICIT;
   const std::string text = asked.question->text();
-  mtdb_stats stats{};
-  mtdb_details details{};
-  if ((code = mtdb_open(asked.world->Store(asked.store).path.c_str(), &c->database, error)) ||
-      (code =
-           mtdb_open_object_with(c->database, asked.name.c_str(), &options, &c->object, error)) ||
-      (code = mtdb_create_query(&c->query, error)) ||
-      (code = mtdb_query_set_json(c->query, c->object, text.c_str(), error)) ||
-      (code = mtdb_select(c->object, c->query, &c->cut, error)) ||
-      (code = mtdb_cut_stats(c->cut, &stats, error)) ||
-      (code = mtdb_cut_details(c->cut, &details, error))) {
+  mtdb_stats stats;
+  MTDB_INIT(stats);
+  if ((code =
+           mtdb_open(asked.world->Store(asked.store).path.c_str(), nullptr, &c->database, error)) ||
+      (code = mtdb_open_object(c->database, asked.name.c_str(), &options, &c->object, error)) ||
+      (code = mtdb_create_query(c->object, text.c_str(), &c->query, error)) ||
+      (code = mtdb_select(c->object, c->query, nullptr, &c->cut, error)) ||
+      (code = mtdb_get_cut_stats(c->cut, &stats, error))) {
     return code;
   }
   TriangleMesh& mesh = answer->mesh;
   mesh.positions.resize(stats.vertices);
-  mesh.rows.resize(stats.vertices * details.row_bytes);
+  mesh.rows.resize(stats.vertices * stats.row_bytes);
   std::vector<uint32_t> indices(3 * stats.triangles);
-  mtdb_arrays arrays{};
+  mtdb_arrays arrays;
+  MTDB_INIT(arrays);
   arrays.vertex_capacity = stats.vertices;
   arrays.triangle_capacity = stats.triangles;
   arrays.positions = stats.vertices == 0 ? nullptr : &mesh.positions[0].x;
   arrays.indices = indices.data();
   arrays.rows = reinterpret_cast<unsigned char*>(mesh.rows.data());
-  if ((code = mtdb_cut_copy(c->cut, &arrays, error))) return code;
+  if ((code = mtdb_copy_cut(c->cut, &arrays, error))) return code;
   for (size_t i = 0; i < indices.size(); i += 3) {
     mesh.triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
   }
@@ -251,9 +251,9 @@ mtdb_code CAnswer(const Asked& asked, CHandles* c, Answer* answer, mtdb_error* e
   answer->exact = true;
   answer->triangles = stats.triangles;
   answer->bound = stats.error_bound;
-  answer->excess = details.shortfall.triangles > 0 ? details.shortfall.excess : 0;
+  answer->excess = stats.shortfall_triangles > 0 ? stats.shortfall_excess : 0;
   constexpr const char* kLimits[] = {"accuracy", "triangles", "bytes", "time"};
-  answer->limit = kLimits[details.limit];
+  answer->limit = kLimits[stats.limit];
   return MTDB_OK;
 }
 

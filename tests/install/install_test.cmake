@@ -60,6 +60,8 @@ foreach(program consumer consumer_c)
   run(${work}/build/${program} ${work}/a.mtdb)
   expect("${output}" "^${triangles} triangles\n$")
 endforeach()
+run(${work}/build/consumer_show ${work})
+expect("${output}" "^http://127.0.0.1:[0-9]+ serves 12 x 9 samples, drawn in 60 x 40 pixels\n$")
 # The example of C, without CMake.
 find_program(PKG_CONFIG pkg-config)
 if(PKG_CONFIG AND NOT MTDB_SANITIZE)

@@ -6,7 +6,9 @@
 #include <cctype>
 #include <map>
 #include <set>
+#include <sstream>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -132,10 +134,28 @@ Interface InterfaceOf(const Texts& texts) {
   return found;
 }
 
+// The rules at the beginning of mtdb.h: structs begin with their size, but for the room for a text;
+// functions with a verb, which is not the name of what they work on.
+Violations FalseForms(const Interface& c) {
+  Violations wrong;
+  for (const auto& [name, members] : c.structs) {
+    const bool sized = members.front().first == "struct_bytes";
+    if (sized == (name == "mtdb_error")) wrong.push_back(name + ": begins without its size");
+  }
+  static const std::set<std::string> kNouns{
+      "database", "object", "query",   "cut",   "mesh",    "control", "session", "client", "server",
+      "texts",    "json",   "profile", "store", "terrain", "heights", "raster",  "closest"};
+  for (const auto& [name, arguments] : c.functions) {
+    const std::string first = name.substr(5, name.find('_', 5) - 5);
+    if (kNouns.contains(first)) wrong.push_back(name + ": begins with a noun");
+  }
+  return wrong;
+}
+
 // ---- Python -------------------------------------------------------------------------------------
 
 // Structs that Python has no use for.
-const std::set<std::string> kNotInPython{"mtdb_arrays", "mtdb_sink", "mtdb_range", "mtdb_progress",
+const std::set<std::string> kNotInPython{"mtdb_arrays", "mtdb_sink", "mtdb_progress",
                                          "mtdb_client_options"};
 
 bool SameType(const std::string& python, const std::string& c) {
@@ -232,8 +252,7 @@ Violations FalseEnums(const Interface& c, const Texts& texts) {
                            const std::vector<std::string>& theirs) {
     if (ours != theirs || ours.empty()) wrong.push_back(what);
   };
-  std::vector<std::string> limits = WordsOfEnum(c.enums.at("mtdb_limit"), 11);
-  std::replace(limits.begin(), limits.end(), std::string("threshold"), std::string("accuracy"));
+  const std::vector<std::string> limits = WordsOfEnum(c.enums.at("mtdb_limit"), 11);
   compare("LIMITS of Python", limits, WordsOf(texts.at("tools/python/mtdb/_mesh.py"), "LIMITS = "));
   compare("kLimits of TypeScript", limits,
           WordsOf(texts.at("tools/web/src/mtdb.ts"), "const kLimits = "));
@@ -279,8 +298,9 @@ Violations FalseEnums(const Interface& c, const Texts& texts) {
 TEST_CASE("Python has the structs, functions and enums of the C headers", "[layers][documents]") {
   const Texts& texts = ProjectTexts();
   const Interface c = InterfaceOf(texts);
-  CHECK(c.structs.size() > 30);
-  CHECK(c.functions.size() > 70);
+  CHECK(c.structs.size() > 25);
+  CHECK(c.functions.size() > 60);
+  for (const std::string& violation : FalseForms(c)) FAIL_CHECK(violation);
   CHECK(c.enums.size() >= 6);
   const std::string& library = texts.at("tools/python/mtdb/_library.py");
   for (const std::string& violation : FalseStructs(c, library)) FAIL_CHECK(violation);
@@ -312,8 +332,16 @@ TEST_CASE("the comparison with the C headers finds what is wrong", "[layers][doc
   CHECK(structs("(\"weld\", C.c_int)", "(\"welds\", C.c_int)") == 1);
   CHECK(structs("class Sizes(Sized):", "class Sizess(Sized):") == 2);
   CHECK(structs("\"verify\": [_p, C.c_int, _p, _p]", "\"verify\": [_p, C.c_int, _p]") == 1);
-  CHECK(structs("\"names_at\": (Text, [_p, C.c_size_t])",
-                "\"name_at\": (Text, [_p, C.c_size_t])") == 1);
+  CHECK(structs("\"get_text\": (Text, [_p, C.c_size_t])",
+                "\"get_texts\": (Text, [_p, C.c_size_t])") == 1);
+  const auto forms = [&](const std::string& from, const std::string& to) {
+    Texts wrong = texts;
+    Replace(&wrong["tools/c/mtdb.h"], from, to);
+    return FalseForms(InterfaceOf(wrong)).size();
+  };
+  CHECK(forms("mtdb_code mtdb_copy_cut(", "mtdb_code mtdb_cut_copy(") == 1);
+  CHECK(forms("typedef struct mtdb_info {\n  size_t struct_bytes;", "typedef struct mtdb_info {") ==
+        1);
   const auto enums = [&](const std::string& file, const std::string& from, const std::string& to) {
     Texts wrong = texts;
     Replace(&wrong[file], from, to);
@@ -325,6 +353,193 @@ TEST_CASE("the comparison with the C headers finds what is wrong", "[layers][doc
   CHECK(enums("tools/python/mtdb/_database.py", "LEVELS = (\"fast\", ", "LEVELS = (") == 1);
   CHECK(enums("tools/web/src/mtdb.ts", " 201: 'corrupt'", " 202: 'corrupt'") == 1);
   CHECK(enums("tools/c/mtdb.h", "MTDB_LIMIT_MISSING = 4", "MTDB_LIMIT_MISSING = 5") == 3);
+}
+
+// ---- one name for one thing: tools/interfaces.md ------------------------------------------------
+
+using Names = std::set<std::string>;
+
+bool IsIn(const std::string& word, std::initializer_list<const char*> words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+Names NamesInC(const Interface& c) {
+  Names names;
+  for (const auto& [name, members] : c.structs) {
+    for (const auto& [member, type] : members) names.insert(member);
+  }
+  return names;
+}
+
+// Keywords and fields of one file of the package.
+void AddNamesInPython(const std::string& text, Names* names) {
+  std::string type;
+  size_t at = 0;
+  for (const std::string& line : LinesOf(text)) {
+    const auto begun = Matches(line, "^class ([A-Za-z_]+)");
+    if (!begun.empty()) {
+      type = begun[0][1];
+    } else if (!line.empty() && line.find_first_of(" @)#\"") != 0) {
+      type.clear();
+    }
+    const bool is_public =
+        type.empty() || (!type.starts_with("_") && !IsIn(type, {"Ingest", "Packed", "Layout"}));
+    const auto field = Matches(line, "^    ([a-z][a-z_]*): ");
+    if (!field.empty() && !type.empty() && is_public) names->insert(field[0][1]);
+    const auto function = Matches(line, "^(    )?def ([a-z_]+)\\(");
+    const size_t open = text.find('(', at);
+    at += line.size() + 1;
+    if (function.empty() || !is_public) continue;
+    const std::string& name = function[0][2];
+    const bool wanted =
+        function[0][1].empty()
+            ? IsIn(name, {"open_database", "connect", "fetch", "read_mesh", "png"})
+            : !type.empty() && (!name.starts_with("_") || (type == "Mesh" && name == "__init__"));
+    if (!wanted) continue;
+    size_t end = open;
+    for (int depth = 0; end < text.size(); ++end) {
+      if (text[end] == '(') ++depth;
+      if (text[end] == ')' && --depth == 0) break;
+    }
+    for (const std::string& argument : Split(text.substr(open + 1, end - open - 1), ',')) {
+      const auto word = Matches(Trimmed(argument), "^([a-z_]+)");
+      if (!word.empty() && !IsIn(word[0][1], {"self", "cls"})) names->insert(word[0][1]);
+    }
+  }
+}
+
+std::map<std::string, Names> NamesOf(const Texts& texts) {
+  std::map<std::string, Names> names;
+  names["C"] = NamesInC(InterfaceOf(texts));
+  for (const char* const file : {"_database", "_session", "_mesh", "_terrain"}) {
+    AddNamesInPython(texts.at("tools/python/mtdb/" + std::string(file) + ".py"), &names["Python"]);
+  }
+  for (const char* const page : {"docs/json.md", "docs/query.md"}) {
+    for (const auto& row : Matches(texts.at(page), "\n\\| `([a-z_0-9]+)` \\|"))
+      names["JSON"].insert(row[1]);
+  }
+  bool open = false;
+  for (const std::string& line : LinesOf(texts.at("tools/web/src/mtdb.ts"))) {
+    if (line.starts_with("export interface ")) open = true;
+    if (line == "}") open = false;
+    const auto member = Matches(line, "^  (?:readonly )?([a-zA-Z_]+)\\??:");
+    if (!open || member.empty()) continue;
+    std::string name;  // "maxBytes" -> "max_bytes"
+    for (const char c : member[0][1]) {
+      if (std::isupper(c)) name += '_';
+      name += static_cast<char>(std::tolower(c));
+    }
+    names["TypeScript"].insert(name);
+  }
+  for (const auto& [path, text] : texts) {
+    if (!path.starts_with("tools/cli/") || !path.ends_with(".cc")) continue;
+    for (const auto& option : Matches(Separate(text).code, "\"(-[a-zA-Z],)?(--[a-z][a-z-]*)\""))
+      names["command line"].insert(option[2]);
+  }
+  std::istringstream installed(texts.at("cmake/installed_headers.txt"));
+  for (std::string component, header; installed >> component >> header;) {
+    if (component == "c") continue;
+    for (const auto& word : Matches(Separate(texts.at(header)).code, "[a-z_0-9]+"))
+      names["C++"].insert(word[0]);
+  }
+  return names;
+}
+
+// "max_bytes" as a place spells it; of TypeScript as it was taken.
+std::string Spelled(const std::string& name, const std::string& place) {
+  if (place != "command line") return name;
+  std::string option = "--" + name;
+  std::replace(option.begin(), option.end(), '_', '-');
+  return option;
+}
+
+// Where the table and the places differ.
+Violations FalseNames(const std::string& table, const std::map<std::string, Names>& places) {
+  Violations wrong;
+  std::map<std::string, Names> told;
+  std::vector<std::string> head;
+  std::string before;
+  for (const std::string& line : LinesOf(table)) {
+    if (!line.starts_with("| ")) continue;
+    std::vector<std::string> cells;
+    for (std::string cell; const char c : line.substr(1)) {
+      if (c != '|') {
+        cell += c;
+        continue;
+      }
+      cells.push_back(Trimmed(cell));
+      cell.clear();
+    }
+    if (head.empty()) {
+      head = cells;
+      continue;
+    }
+    const std::string name = cells[0];
+    if (cells.size() != head.size()) {
+      wrong.push_back(name + ": has other columns");
+      continue;
+    }
+    if (name <= before) wrong.push_back(name + ": stands in a wrong place");
+    before = name;
+    if (cells[1].empty() || cells.back().empty()) wrong.push_back(name + ": says too little");
+    size_t found = 0;
+    for (size_t i = 4; i + 1 < head.size(); ++i) {
+      if (cells[i].empty()) continue;
+      const std::string spelled = cells[i] == "=" ? Spelled(name, head[i]) : cells[i];
+      told[head[i]].insert(spelled);
+      found += head[i] != "C++" ? 1 : 0;
+      const auto place = places.find(head[i]);
+      if (place == places.end() || !place->second.contains(spelled))
+        wrong.push_back(name + ": " + head[i] + " has no " + spelled);
+    }
+    if (found == 0) wrong.push_back(name + ": is nowhere");
+  }
+  for (const auto& [place, names] : places) {
+    if (place == "C++") continue;  // all words of the headers
+    for (const std::string& name : names) {
+      if (!told[place].contains(name))
+        wrong.push_back(place + ": " + name + " is not in the table");
+    }
+  }
+  return wrong;
+}
+
+TEST_CASE("tools/interfaces.md has every name that a user meets, and no other",
+          "[layers][documents]") {
+  const Texts& texts = ProjectTexts();
+  const auto places = NamesOf(texts);
+  for (const auto& [place, least] :
+       {std::pair("C", 130u), std::pair("Python", 90u), std::pair("JSON", 200u),
+        std::pair("TypeScript", 40u), std::pair("command line", 90u), std::pair("C++", 500u)}) {
+    INFO(place);
+    CHECK(places.at(place).size() > least);
+  }
+  const std::string& table = texts.at("tools/interfaces.md");
+  for (const std::string& violation : FalseNames(table, places)) FAIL_CHECK(violation);
+  const auto rows = Matches(table, "\n\\| fill \\|[^\n]*");
+  REQUIRE(rows.size() == 1);
+  const auto planted = [&](const std::string& from, const std::string& to) {
+    std::string wrong = table;
+    Replace(&wrong, from, to);
+    return FalseNames(wrong, places).size();
+  };
+  CHECK(planted(rows[0][0], "") == 3);  // C, Python and the command line
+  CHECK(planted(rows[0][0], rows[0][0] + rows[0][0]) == 1);
+  CHECK(planted("\n| fill |", "\n| fill_ |") == 7);
+  CHECK(planted("| --force |", "| = |") == 2);
+  CHECK(planted("| --force |", "|") == 1 + 3);
+  for (const auto& [file, from, to] :
+       {std::tuple("tools/c/mtdb.h", "int front;", "int front; int rear;"),
+        std::tuple("tools/python/mtdb/_database.py", "clip: bool = False", "clips: bool = False"),
+        std::tuple("docs/json.md", "| `diagonal` |", "| `diameter` |"),
+        std::tuple("docs/query.md", "| `clip` |", "| `cut` |"),
+        std::tuple("tools/web/src/mtdb.ts", "  rounding_error: number", "  rounding: number"),
+        std::tuple("tools/cli/options.cc", "\"--clip\"", "\"--cut\"")}) {
+    Texts wrong = texts;
+    Replace(&wrong[file], from, to);
+    INFO(file);
+    CHECK(!FalseNames(table, NamesOf(wrong)).empty());
+  }
 }
 
 // ---- the engine in WebAssembly ------------------------------------------------------------------

@@ -18,8 +18,8 @@ def coloured() -> mtdb.Mesh:
 def check(mesh: mtdb.Mesh, expected: mtdb.Mesh) -> None:
     np.testing.assert_allclose(mesh.vertices, expected.vertices)
     np.testing.assert_array_equal(mesh.faces, expected.faces)
-    assert mesh.colors is not None and expected.colors is not None
-    np.testing.assert_array_equal(mesh.colors, expected.colors)
+    assert mesh.colours is not None and expected.colours is not None
+    np.testing.assert_array_equal(mesh.colours, expected.colours)
 
 
 def test_open3d(db: mtdb.Database) -> None:
@@ -47,7 +47,7 @@ def test_vtk() -> None:
     for face in mesh.faces:
         cells.InsertNextCell(3, [int(v) for v in face])
     data.SetPolys(cells)
-    colours = support.numpy_to_vtk(np.ascontiguousarray(mesh.colors), deep=1)
+    colours = support.numpy_to_vtk(np.ascontiguousarray(mesh.colours), deep=1)
     colours.SetName("RGB")
     data.GetPointData().AddArray(colours)
     check(mtdb.Mesh.from_pyvista(data), mesh)
@@ -66,9 +66,9 @@ class FakeTrimesh:
 
     def __init__(self, mesh: mtdb.Mesh) -> None:
         self.vertices, self.faces = mesh.vertices, mesh.faces
-        assert mesh.colors is not None
+        assert mesh.colours is not None
         alpha = np.full((len(mesh.vertices), 1), 255, np.uint8)
-        colours = np.hstack([mesh.colors, alpha])
+        colours = np.hstack([mesh.colours, alpha])
         self.visual = type("Visual", (), {"kind": "vertex", "vertex_colors": colours})()
 
 

@@ -86,7 +86,7 @@ def test_arguments_are_queries(db: mtdb.Database) -> None:
         (dict(camera=camera),
          {"region": {"frustum": camera}, "threshold": {"screen": {"camera": camera, "pixels": 1}}}),
         (dict(camera=camera, error=0.5), {"region": {"frustum": camera}, "threshold": 0.5}),
-        (dict(triangles=np.int64(3000)), {"max_triangles": 3000}),
+        (dict(max_triangles=np.int64(3000)), {"max_triangles": 3000}),
         (dict(region={"point": np.array([5.0, 5.0, 0.0])}, threshold="full"),
          {"region": {"point": [5, 5, 0]}, "threshold": "full"}),
     ]
@@ -104,7 +104,7 @@ def test_arguments_are_queries(db: mtdb.Database) -> None:
             hill.extract(**wrong)  # type: ignore[arg-type]
     with pytest.raises(TypeError):
         hill.extract(region={"point": object()})  # type: ignore[dict-item]
-    mesh = hill.extract(triangles=3000, normals=True)
+    mesh = hill.extract(max_triangles=3000, normals=True)
     assert len(mesh.faces) <= 3000 and mesh.stats is not None and mesh.stats.limit == "triangles"
     assert mesh.shortfall is not None and mesh.shortfall.excess > 0
     assert mesh.normals is not None and mesh.normals.shape == mesh.vertices.shape
@@ -144,7 +144,7 @@ def test_arrays_are_read_only_and_keep_their_memory(store: Path) -> None:
     db = mtdb.open(store)
     mesh = db["hills"].extract(normals=True)
     handle = weakref.ref(mesh._handle)
-    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "colors": mesh.colors,
+    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "colours": mesh.colours,
               "normals": mesh.normals, **mesh.attributes}
     copies = {name: np.array(a) for name, a in arrays.items()}
     for name, array in arrays.items():
@@ -213,8 +213,12 @@ def test_probes(db: mtdb.Database) -> None:
     hill = db["hills"]
     hit = hill.cast_ray([10.1, 10.2, 500], [0, 0, -1])
     assert hit is not None and hit.front and abs(500 - hit.distance - hit.point[2]) < 1e-9
+    twice = hill.cast_ray([10.1, 10.2, 500], [0, 0, -2])
+    assert twice is not None and twice.parameter == hit.parameter / 2
+    assert twice.distance == pytest.approx(hit.distance)
     near = hill.closest_point(hit.point + [0, 0, 1e-3])
     assert near is not None and near.distance <= 1e-3 and near.triangle.shape == (3, 3)
+    assert near.parameter == 0
     assert hill.cast_ray([10, 10, 500], [0, 0, 1]) is None
     assert hill.closest_point([0, 0, 500], limit=1.0) is None
     with pytest.raises(mtdb.InvalidArgument):
@@ -362,9 +366,44 @@ elif what == "chunks":
             yield v, f
     try:
         threading.Timer(0.3, kill).start()
-        db.ingest(endless(), name="x", memory=1 << 30)
+        db.ingest(endless(), name="x", memory_bytes=1 << 30)
     except KeyboardInterrupt:
         print("interrupted", "x" in db)
+elif what == "probe":
+    # Nothing comes any more from where the packed file lies.
+    import http.server
+    data, stalled = open(path + "p", "rb").read(), threading.Event()
+    class Ranges(http.server.BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+        def do_GET(self):
+            if stalled.is_set():
+                time.sleep(60)
+            first, last = self.headers["Range"].removeprefix("bytes=").split("-")
+            first, last = int(first), min(int(last), len(data) - 1)
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")
+            self.send_header("Content-Length", str(last + 1 - first))
+            self.send_header("ETag", '"1"')
+            self.end_headers()
+            self.wfile.write(data[first:last + 1])
+        def log_message(self, *_):
+            pass
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Ranges)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    o = mtdb.open(f"http://127.0.0.1:{server.server_port}/a.mtdbp")["hills"]
+    stalled.set()
+    for probe in (lambda: o.cast_ray([10, 10, 500], [0, 0, -1]), lambda: o.closest_point([9, 9, 9])):
+        begin = time.monotonic()
+        threading.Timer(0.5, kill).start()
+        try:
+            probe()
+        except KeyboardInterrupt:
+            assert time.monotonic() - begin < 30
+            continue
+        raise AssertionError("the probe did not wait")
+    print("interrupted", flush=True)
+    os._exit(0)
 elif what == "late":
     # A signal that comes while no work is under way, or as it ends, cancels none that comes later.
     o = db["hills"]
@@ -397,9 +436,11 @@ else:
 """
 
 
-@pytest.mark.parametrize("what", ["ingest", "chunks", "extract", "late"])
+@pytest.mark.parametrize("what", ["ingest", "chunks", "extract", "late", "probe"])
 def test_control_c_cancels(store: Path, tmp_path: Path, what: str) -> None:
     path = store if what in ("extract", "late") else tmp_path / "a.mtdb"
+    if what == "probe":
+        mtdb.open(store).pack(f"{path}p")
     told = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, str(path), os.path.dirname(__file__), what],
         capture_output=True, text=True, timeout=300,

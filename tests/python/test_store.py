@@ -74,8 +74,8 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh.vertices[found], vertices[order])
     for name, values in attributes.items():
         np.testing.assert_array_equal(mesh.attributes[name][found], values[order])
-    assert mesh.colors is not None and mesh.colors.dtype == np.uint8
-    np.testing.assert_array_equal(mesh.colors[found][:, 1], attributes["green"][order])
+    assert mesh.colours is not None and mesh.colours.dtype == np.uint8
+    np.testing.assert_array_equal(mesh.colours[found][:, 1], attributes["green"][order])
 
 
 def test_a_database_is_a_mapping(tmp_path: Path) -> None:
@@ -107,6 +107,11 @@ def test_a_database_is_a_mapping(tmp_path: Path) -> None:
     packed = tmp_path / "p.mtdbp"
     assert copy.pack(packed, ["d"]) == packed.stat().st_size
     assert mtdb.open(packed)["d"].digest == db["c"].digest
+    unpacked = mtdb.open(packed).unpack(tmp_path / "u.mtdb")
+    assert unpacked["d"].digest == db["c"].digest
+    with pytest.raises(mtdb.AlreadyExists):
+        mtdb.open(packed).unpack(tmp_path / "u.mtdb", ["d"])
+    mtdb.open(packed).unpack(tmp_path / "u.mtdb", replace=True)
     before, after = db.compact()
     assert after < before == pytest.approx(before)
     assert db["c"].triangles == len(faces)
@@ -137,10 +142,10 @@ def test_what_makes_no_sense_is_refused(tmp_path: Path) -> None:
         lambda: db.ingest(vertices, faces, name="x", bits=99),
         lambda: db.ingest(vertices, faces, name="x", bits=-1),
         lambda: db.ingest(vertices, faces, name="x", lossless=True, bits=12),
-        lambda: db.ingest(vertices, faces, name="x", memory=5),
+        lambda: db.ingest(vertices, faces, name="x", memory_bytes=5),
         lambda: db.ingest(vertices, faces, name="x", attributes={"a": np.zeros(3)}),
         lambda: db.ingest(vertices, faces, name="x", attributes={"a": np.zeros(144, complex)}),
-        lambda: db.ingest(vertices, faces, name="x", steps={"none": 0.5}),
+        lambda: db.ingest(vertices, faces, name="x", attribute_steps={"none": 0.5}),
         lambda: db.ingest(iter([]), name="x"),
         lambda: db.ingest([(vertices,)], name="x"),
         lambda: mtdb.Mesh(vertices, faces.ravel()),
@@ -166,13 +171,13 @@ def test_what_c_would_cut_is_refused(tmp_path: Path) -> None:
         lambda: mtdb.open(f"{tmp_path}/a.mtdb\0b"),
         lambda: db.ingest(vertices, faces, name="b\0c"),
         lambda: db.ingest(vertices, faces, name="b", attributes={"a\0b": heat}),
-        lambda: db.ingest(vertices, faces, name="b", tmp=f"{tmp_path}\0b"),
-        lambda: db.ingest(vertices, faces, name="b", steps={"a\0b": 1}),
+        lambda: db.ingest(vertices, faces, name="b", tmp_directory=f"{tmp_path}\0b"),
+        lambda: db.ingest(vertices, faces, name="b", attribute_steps={"a\0b": 1}),
         lambda: db.__delitem__("a\0b"),
         lambda: db.rename("a", "b\0c"),
         lambda: db.pack(tmp_path / "a.mtdbp", ["a\0b"]),
         lambda: mesh.save(f"{tmp_path}/x.ply\0.obj"),
-        lambda: db.ingest(vertices, faces, name="b", memory=-1),
+        lambda: db.ingest(vertices, faces, name="b", memory_bytes=-1),
         lambda: db.ingest(vertices, faces, name="b", threads=2**32 + 1),
         lambda: db.open_object("a", cache_bytes=-1),
         lambda: db.open_object("a", cache_bytes=2**64 + 1),
@@ -197,7 +202,7 @@ def test_a_mesh_is_what_its_arrays_are(tmp_path: Path) -> None:
         assert np.allclose(mtdb.read_mesh(tmp_path / "x.ply").bounds, bounds + 8)
         mesh.faces = mesh.faces[::2]
         mesh.attributes = {"heat": mesh.attributes["heat"] * 2}
-        assert mesh.colors is None
+        assert mesh.colours is None
         mesh.save(tmp_path / "x.ply")
         saved = mtdb.read_mesh(tmp_path / "x.ply")
         assert (saved.faces == mesh.faces).all() and list(saved.attributes) == ["heat"]
@@ -280,7 +285,7 @@ def test_nothing_replaces_a_store(store: Path, tmp_path: Path) -> None:
         lambda: db.pack(link),
         lambda: mesh.save(link),
         lambda: db["small"].extract_to(link),
-        lambda: db.ingest(mesh, name="new", journal=str(path)),
+        lambda: db.ingest(mesh, name="new", journal_path=str(path)),
     ):
         with pytest.raises(mtdb.MtdbError) as error:
             write()
@@ -303,10 +308,10 @@ def test_temporary_files_are_limited(tmp_path: Path) -> None:
         packed.write(lines + "f 1 2 3\n")
     db = mtdb.open(tmp_path / "s.mtdb", create=True)
     with pytest.raises(mtdb.MtdbError) as error:
-        db.ingest(mesh, name="a", max_tmp=1 << 20)
+        db.ingest(mesh, name="a", max_tmp_bytes=1 << 20)
     assert error.value.code == mtdb.Code.BUDGET_EXCEEDED and "max_tmp" in str(error.value)
     assert "--" not in str(error.value)
-    db.ingest(mesh, name="a", max_tmp=1 << 30)
+    db.ingest(mesh, name="a", max_tmp_bytes=1 << 30)
 
 
 def test_verify_finds_what_is_damaged(store: Path, tmp_path: Path) -> None:
@@ -359,14 +364,14 @@ def test_a_packed_file_by_its_url(store: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(
             remote["hills"].extract(error=0.1).faces, db["hills"].extract(error=0.1).faces
         )
-        kept = mtdb.open(remote.path, cache_dir=tmp_path / "kept", cache_dir_bytes=1 << 26)
+        kept = mtdb.open(remote.path, cache_directory=tmp_path / "kept", cache_directory_bytes=1 << 26)
         kept["hills"].extract()
         assert list((tmp_path / "kept").iterdir())
         kept["hills"].verify("full")
         # Whoever opens without a folder keeps nothing, and finds nothing there.
         assert mtdb.open(remote.path)["small"].extract().faces.size
         with pytest.raises(mtdb.IoError):
-            mtdb.open(remote.path, cache_dir=tmp_path / "a.mtdbp")
+            mtdb.open(remote.path, cache_directory=tmp_path / "a.mtdbp")
         copy = mtdb.open(tmp_path / "copy.mtdb", create=True)
         assert copy.copy_from(remote["small"]).digest == db["small"].digest
         with pytest.raises(mtdb.MtdbError):
@@ -388,11 +393,11 @@ def test_a_saved_mesh_tells_what_the_file_has(tmp_path):
     assert mesh.save(tmp_path / "a.off").not_written == stl.not_written
     assert mesh.save(tmp_path / "a.off", normals=True).not_written == ["two words (int32)"]
     assert (tmp_path / "a.off").read_text().startswith("NOFF\n")
-    ply = mesh.save(tmp_path / "a.ply", double=True)
+    ply = mesh.save(tmp_path / "a.ply", double_positions=True)
     assert ply == 0 and ply.positions == "float64" and ply.origin is None
     assert ply.notes == ["attribute 'two words' is named 'two_words' in the file"]
     with pytest.raises(mtdb.InvalidArgument, match="float64"):
-        mesh.save(tmp_path / "b.stl", double=True)
+        mesh.save(tmp_path / "b.stl", double_positions=True)
     for name in ("x", "a\nproperty float b", ""):
         with pytest.raises(mtdb.InvalidArgument):
             mtdb.Mesh(vertices, [[0, 1, 2]], {name: np.arange(3)}).save(tmp_path / "b.ply")

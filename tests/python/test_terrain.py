@@ -25,7 +25,7 @@ def valley() -> Any:
 @pytest.fixture(scope="module")
 def terrain(tmp_path_factory: pytest.TempPathFactory) -> mtdb.Object:
     db = mtdb.open(tmp_path_factory.mktemp("terrain") / "t.mtdb", create=True)
-    return db.ingest_heights(valley(), name="valley", transform=TRANSFORM, step=0.5, units="m",
+    return db.ingest_heights(valley(), name="valley", geotransform=TRANSFORM, height_step=0.5, height_units="m",
                              crs="EPSG:25832")
 
 
@@ -123,7 +123,7 @@ def test_rasters_are_files_too(tmp_path: Path) -> None:
             db["mesh"].profile([[0, 0], [1, 1]])
         assert "x" not in db
         heights[1, 1] = np.nan
-        closed = db.ingest_heights(heights, name="closed", fill=1, step=1).heights().heights
+        closed = db.ingest_heights(heights, name="closed", fill=1, height_step=1).heights().heights
         assert closed[1, 1] == 5 and same(np.delete(closed, 5), np.delete(heights, 5))
         rows, columns = np.mgrid[0:5, 0:5]
         field = np.stack([columns, rows, columns * rows], -1).reshape(-1, 3).astype(float)

@@ -42,7 +42,7 @@ struct Square {
 };
 
 int Feed(void* client, const unsigned char* bytes, size_t size) {
-  return mtdb_client_feed(static_cast<mtdb_client*>(client), bytes, size, nullptr);
+  return mtdb_feed_client(static_cast<mtdb_client*>(client), bytes, size, nullptr);
 }
 
 // Each allocation of `run` fails in turn, at most some hundreds of them; it must say so, or have
@@ -83,12 +83,12 @@ TEST_CASE("C that lacks memory to write, follow and draw says so and goes on", "
   FailSome("ingest",
            [&] { return mtdb_ingest_arrays(database, "a", &input, &options, nullptr, nullptr); });
   mtdb_object* object = nullptr;
-  REQUIRE(mtdb_open_object(database, "a", 0, &object, nullptr) == MTDB_OK);
+  REQUIRE(mtdb_open_object(database, "a", nullptr, &object, nullptr) == MTDB_OK);
   FailSome("mesh", [&] {
     mtdb_cut* cut = nullptr;
     mtdb_mesh* mesh = nullptr;
-    mtdb_code code = mtdb_select(object, nullptr, &cut, nullptr);
-    if (code == MTDB_OK) code = mtdb_cut_mesh(cut, nullptr, &mesh, nullptr);
+    mtdb_code code = mtdb_select(object, nullptr, nullptr, &cut, nullptr);
+    if (code == MTDB_OK) code = mtdb_get_cut_mesh(cut, nullptr, &mesh, nullptr);
     mtdb_free_cut(cut);
     mtdb_free_mesh(mesh);
     return code;
@@ -99,19 +99,19 @@ TEST_CASE("C that lacks memory to write, follow and draw says so and goes on", "
     mtdb_code code = mtdb_open_session(object, nullptr, &session, nullptr);
     if (code == MTDB_OK) code = mtdb_create_client(nullptr, &client, nullptr);
     if (code == MTDB_OK) {
-      code = mtdb_session_update(session, nullptr, Feed, client, nullptr, nullptr);
+      code = mtdb_update_session(session, nullptr, nullptr, Feed, client, nullptr, nullptr);
     }
     mtdb_mesh* mesh = nullptr;
-    if (code == MTDB_OK) code = mtdb_client_mesh(client, &mesh, nullptr);
+    if (code == MTDB_OK) code = mtdb_get_client_mesh(client, &mesh, nullptr);
     mtdb_free_mesh(mesh);
     mtdb_free_client(client);
     mtdb_free_session(session);
     return code;
   });
   FailSome("json", [&] {
-    mtdb_names* json = nullptr;
-    const mtdb_code code = mtdb_object_json(object, &json, nullptr);
-    mtdb_free_names(json);
+    mtdb_json* json = nullptr;
+    const mtdb_code code = mtdb_get_object_json(object, &json, nullptr);
+    mtdb_free_json(json);
     return code;
   });
   mtdb_free_object(object);

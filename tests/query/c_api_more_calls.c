@@ -37,53 +37,18 @@ static int stop_at_once(void* user, const char* stage, double overall) {
   return 1;
 }
 
-/* The mesh in parts of 100 vertices and 77 triangles; triangles may come before their vertices. */
-typedef struct producing {
-  int stop_after; /* parts; 0: never */
-  int bad;
-} producing;
-static int produce(void* user, mtdb_ingest* ingest) {
-  const producing* how = (const producing*)user;
-  uint64_t at;
-  int parts = 0;
-  for (at = 0; at < kTriangles; at += 77) {
-    mtdb_input part;
-    MTDB_INIT(part);
-    part.triangles = kTriangles - at < 77 ? kTriangles - at : 77;
-    part.indices_long = indices_long + 3 * at;
-    if (how->bad && at > 0) part.indices = indices; /* both: wrong */
-    if (at < kVertices && at / 77 * 100 < kVertices) {
-      const uint64_t v = at / 77 * 100;
-      part.vertices = kVertices - v < 100 ? kVertices - v : 100;
-      part.positions_float = floats + 3 * v;
-      part.rows = (const unsigned char*)(rows + v);
-    }
-    if (mtdb_ingest_part(ingest, &part, &error) != MTDB_OK) return 7;
-    if (++parts == how->stop_after) return 1;
-  }
-  for (at = at / 77 * 100; at < kVertices; at += 100) {
-    mtdb_input part;
-    MTDB_INIT(part);
-    part.vertices = kVertices - at < 100 ? kVertices - at : 100;
-    part.positions_float = floats + 3 * at;
-    part.rows = (const unsigned char*)(rows + at);
-    if (mtdb_ingest_part(ingest, &part, &error) != MTDB_OK) return 7;
-  }
-  return 0;
-}
-
 /* The part of an object's JSON that tells its content. */
 static void digest_of(mtdb_database* database, const char* name, char digest[40]) {
   mtdb_object* object = NULL;
-  mtdb_names* json = NULL;
+  mtdb_json* json = NULL;
   const char* at;
-  OK(mtdb_open_object(database, name, 0, &object, &error));
-  OK(mtdb_object_json(object, &json, &error));
-  at = strstr(mtdb_names_at(json, 0), "\"digest\":\"");
+  OK(mtdb_open_object(database, name, NULL, &object, &error));
+  OK(mtdb_get_object_json(object, &json, &error));
+  at = strstr(mtdb_get_json_text(json), "\"digest\":\"");
   CHECK(at != NULL);
   memcpy(digest, at + 10, 32);
   digest[32] = '\0';
-  mtdb_free_names(json);
+  mtdb_free_json(json);
   mtdb_free_object(object);
 }
 
@@ -152,17 +117,17 @@ static void check_up_and_units(mtdb_database* database) {
   mtdb_input input = whole();
   mtdb_ingest_options options;
   mtdb_object* object = NULL;
-  mtdb_names* json = NULL;
+  mtdb_json* json = NULL;
   MTDB_INIT(options);
   options.up[1] = -2;
   options.units = "mm";
   OK(mtdb_ingest_arrays(database, "up", &input, &options, NULL, &error));
-  OK(mtdb_open_object(database, "up", 0, &object, &error));
-  OK(mtdb_object_json(object, &json, &error));
-  CHECK(strstr(mtdb_names_at(json, 0), "\"up\":[0.0,-1.0,0.0]") != NULL);
-  CHECK(strstr(mtdb_names_at(json, 0), "\"up_given\":true") != NULL);
-  CHECK(strstr(mtdb_names_at(json, 0), "\"units\":\"mm\"") != NULL);
-  mtdb_free_names(json);
+  OK(mtdb_open_object(database, "up", NULL, &object, &error));
+  OK(mtdb_get_object_json(object, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"up\":[0.0,-1.0,0.0]") != NULL);
+  CHECK(strstr(mtdb_get_json_text(json), "\"up_given\":true") != NULL);
+  CHECK(strstr(mtdb_get_json_text(json), "\"units\":\"mm\"") != NULL);
+  mtdb_free_json(json);
   mtdb_free_object(object);
   OK(mtdb_remove_object(database, "up", &error));
   options.units = "league";
@@ -213,6 +178,9 @@ static void check_wrong_input(mtdb_database* database) {
   attributes[1] = kAttributes[1];
   attributes[2].type = (mtdb_scalar)77;
   WRONG(MTDB_INVALID_ARGUMENT, "type");
+  attributes[2] = kAttributes[2];
+  attributes[3].struct_bytes = 8; /* all have the size of the first */
+  WRONG(MTDB_INVALID_ARGUMENT, "attributes[3].struct_bytes");
   input = whole();
   input.triangles = 1;
   input.indices = far_off;
@@ -243,7 +211,7 @@ static void check_wrong_input(mtdb_database* database) {
   options.memory_bytes = 1000;
   WRONG(MTDB_INVALID_ARGUMENT, "");
   MTDB_INIT(options);
-  options.step_count = 1;
+  options.attribute_step_count = 1;
   WRONG(MTDB_INVALID_ARGUMENT, "steps");
   FAILS(MTDB_INVALID_ARGUMENT, "database",
         mtdb_ingest_arrays(NULL, "no", &input, NULL, NULL, &error));
@@ -256,7 +224,7 @@ static void check_wrong_input(mtdb_database* database) {
 }
 
 static void check_objects(mtdb_database* database) {
-  mtdb_names* names = NULL;
+  mtdb_texts* names = NULL;
   mtdb_database* copy = NULL;
   mtdb_object* object = NULL;
   mtdb_sizes sizes;
@@ -273,7 +241,7 @@ static void check_objects(mtdb_database* database) {
   OK(mtdb_remove_object(copy, "b", &error));
   FAILS(MTDB_NOT_FOUND, "", mtdb_remove_object(copy, "b", &error));
   FAILS(MTDB_INVALID_ARGUMENT, "name", mtdb_remove_object(copy, NULL, &error));
-  OK(mtdb_open_object(database, "b", 0, &object, &error));
+  OK(mtdb_open_object(database, "b", NULL, &object, &error));
   OK(mtdb_copy_object(object, copy, "c", 0, NULL, &error));
   FAILS(MTDB_ALREADY_EXISTS, "", mtdb_copy_object(object, copy, "c", 0, NULL, &error));
   OK(mtdb_copy_object(object, copy, "c", 1, NULL, &error));
@@ -283,8 +251,8 @@ static void check_objects(mtdb_database* database) {
   digest_of(copy, "c", second);
   CHECK(strcmp(first, second) == 0);
   OK(mtdb_list_objects(copy, &names, &error));
-  CHECK(mtdb_names_count(names) == 2 && strcmp(mtdb_names_at(names, 1), "c") == 0);
-  mtdb_free_names(names);
+  CHECK(mtdb_count_texts(names) == 2 && strcmp(mtdb_get_text(names, 1), "c") == 0);
+  mtdb_free_texts(names);
   MTDB_INIT(sizes);
   OK(mtdb_pack(copy, which, 1, path(packed, "a.mtdbp"), NULL, &sizes, &error));
   CHECK(sizes.bytes_after > 0 && sizes.first_bytes > 0);
@@ -296,11 +264,20 @@ static void check_objects(mtdb_database* database) {
   OK(mtdb_compact_store(other, NULL, &sizes, &error));
   CHECK(sizes.bytes_after <= sizes.bytes_before);
   FAILS(MTDB_INVALID_ARGUMENT, "path", mtdb_compact_store(NULL, NULL, NULL, &error));
-  OK(mtdb_open(packed, &copy, &error));
+  OK(mtdb_open(packed, NULL, &copy, &error));
   digest_of(copy, "a", second);
   digest_of(database, "a", first);
   CHECK(strcmp(first, second) == 0);
-  FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_remove_object(copy, "a", &error)); /* is read only */
+  FAILS(MTDB_INVALID_ARGUMENT, "", mtdb_remove_object(copy, "a", &error));        /* is read only */
+  OK(mtdb_unpack(copy, which, 1, path(third, "unpacked.mtdb"), 0, NULL, &error)); /* a new one */
+  FAILS(MTDB_ALREADY_EXISTS, "a", mtdb_unpack(copy, which, 1, third, 0, NULL, &error));
+  OK(mtdb_unpack(copy, NULL, 0, third, 1, NULL, &error)); /* into it */
+  FAILS(MTDB_INVALID_ARGUMENT, "twice", mtdb_unpack(copy, twice, 2, third, 1, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "packed", mtdb_unpack(database, NULL, 0, third, 1, NULL, &error));
+  mtdb_free_database(copy);
+  OK(mtdb_open(third, NULL, &copy, &error));
+  digest_of(copy, "a", second);
+  CHECK(strcmp(first, second) == 0);
   mtdb_free_database(copy);
   FAILS(MTDB_UNSUPPORTED, "ABI", mtdb_open_writable_abi(0, store, &copy, &error));
 }
@@ -308,27 +285,26 @@ static void check_objects(mtdb_database* database) {
 /* What a file has of the mesh is told, and what cannot be as asked for is refused. */
 static void check_file_options(mtdb_cut* cut, const mtdb_mesh* mesh) {
   mtdb_file_options options;
-  mtdb_names* json = NULL;
+  mtdb_json* json = NULL;
   char file[600];
   MTDB_INIT(options);
-  OK(mtdb_write_mesh_as(mesh, path(file, "as.ply"), NULL, &json, &error));
-  CHECK(mtdb_names_count(json) == 1);
-  CHECK(strstr(mtdb_names_at(json, 0), "\"positions\":\"float32\"") != NULL);
-  mtdb_free_names(json);
+  OK(mtdb_write_mesh(mesh, path(file, "as.ply"), NULL, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"positions\":\"float32\"") != NULL);
+  CHECK(strstr(mtdb_get_json_text(json), "\"rounding\":") != NULL);
+  mtdb_free_json(json);
   options.double_positions = 1;
-  OK(mtdb_cut_write_as(cut, file, &options, &json, &error));
-  CHECK(strstr(mtdb_names_at(json, 0), "\"positions\":\"float64\"") != NULL);
-  mtdb_free_names(json);
-  OK(mtdb_write_mesh_as(mesh, file, &options, NULL, &error));
+  OK(mtdb_write_cut(cut, file, &options, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"positions\":\"float64\"") != NULL);
+  mtdb_free_json(json);
+  OK(mtdb_write_mesh(mesh, file, &options, NULL, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "float64",
-        mtdb_write_mesh_as(mesh, path(file, "as.stl"), &options, NULL, &error));
+        mtdb_write_mesh(mesh, path(file, "as.stl"), &options, NULL, &error));
   options.double_positions = 0;
-  OK(mtdb_cut_write_as(cut, file, &options, &json, &error));
-  CHECK(strstr(mtdb_names_at(json, 0), "heat") != NULL); /* not written */
-  mtdb_free_names(json);
+  OK(mtdb_write_cut(cut, file, &options, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "heat") != NULL); /* not written */
+  mtdb_free_json(json);
   options.struct_bytes = 0;
-  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes",
-        mtdb_cut_write_as(cut, file, &options, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes", mtdb_write_cut(cut, file, &options, NULL, &error));
 }
 
 static void check_meshes(mtdb_object* object) {
@@ -340,37 +316,37 @@ static void check_meshes(mtdb_object* object) {
   mtdb_attribute attribute;
   mtdb_input input = whole();
   mtdb_database* database = NULL;
-  double rounding = -1;
   uint64_t i;
   const double origin[3] = {1, 2, 0.5};
   const double bad_origin[3] = {1, HUGE_VAL, 0.5};
   char file[600], archive[600];
   MTDB_INIT(view);
   MTDB_INIT(again);
-  OK(mtdb_select(object, NULL, &cut, &error));
-  OK(mtdb_cut_stats(cut, &stats, &error));
-  OK(mtdb_cut_mesh(cut, NULL, &mesh, &error));
-  OK(mtdb_mesh_look(mesh, &view, &error));
+  MTDB_INIT(stats);
+  MTDB_INIT(attribute);
+  OK(mtdb_select(object, NULL, NULL, &cut, &error));
+  OK(mtdb_get_cut_stats(cut, &stats, &error));
+  OK(mtdb_get_cut_mesh(cut, NULL, &mesh, &error));
+  OK(mtdb_view_mesh(mesh, &view, &error));
   CHECK(view.vertices == stats.vertices && view.triangles == stats.triangles);
   CHECK(view.positions != NULL && view.positions_float == NULL && view.row_bytes == sizeof(row));
-  OK(mtdb_mesh_attribute(mesh, 3, &attribute, &error));
+  OK(mtdb_get_mesh_attribute(mesh, 3, &attribute, &error));
   CHECK(strcmp(attribute.name, "heat") == 0 && attribute.offset == 3);
-  FAILS(MTDB_NOT_FOUND, "4", mtdb_mesh_attribute(mesh, 4, &attribute, &error));
+  FAILS(MTDB_NOT_FOUND, "4", mtdb_get_mesh_attribute(mesh, 4, &attribute, &error));
   for (i = 0; i < view.vertices; ++i) { /* the rows belong to the positions */
     float heat;
     memcpy(&heat, view.rows + i * view.row_bytes + 3, sizeof(heat));
     CHECK(fabs(0.25 * heat - view.positions[3 * i]) < 0.01);
   }
-  OK(mtdb_write_mesh(mesh, path(file, "mesh.ply"), &rounding, &error));
-  CHECK(rounding >= 0);
-  FAILS(MTDB_UNSUPPORTED, "", mtdb_write_mesh(mesh, path(archive, "x.zip"), NULL, &error));
+  OK(mtdb_write_mesh(mesh, path(file, "mesh.ply"), NULL, NULL, &error));
+  FAILS(MTDB_UNSUPPORTED, "", mtdb_write_mesh(mesh, path(archive, "x.zip"), NULL, NULL, &error));
   OK(mtdb_read_mesh(file, &read, &error));
-  OK(mtdb_mesh_look(read, &again, &error));
+  OK(mtdb_view_mesh(read, &again, &error));
   CHECK(again.vertices == view.vertices && again.triangles == view.triangles);
   CHECK(memcmp(again.indices, view.indices, (size_t)view.triangles * 12) == 0);
   mtdb_free_mesh(read);
   check_file_options(cut, mesh);
-  OK(mtdb_cut_write(cut, path(file, "cut.ply"), NULL, &error));
+  OK(mtdb_write_cut(cut, path(file, "cut.ply"), NULL, NULL, &error));
   OK(mtdb_open_writable(path(archive, "file.mtdb"), &database, &error));
   OK(mtdb_ingest_file(database, "from file", file, NULL, NULL, &error));
   FAILS(MTDB_NOT_FOUND, "none.ply",
@@ -379,22 +355,22 @@ static void check_meshes(mtdb_object* object) {
   FAILS(MTDB_NOT_FOUND, "none.ply", mtdb_read_mesh("none.ply", &read, &error));
   mtdb_free_mesh(mesh);
 
-  OK(mtdb_cut_mesh(cut, origin, &mesh, &error));
-  OK(mtdb_mesh_look(mesh, &again, &error));
+  OK(mtdb_get_cut_mesh(cut, origin, &mesh, &error));
+  OK(mtdb_view_mesh(mesh, &again, &error));
   CHECK(again.positions == NULL && again.positions_float != NULL && again.origin[1] == 2);
   mtdb_free_mesh(mesh);
-  FAILS(MTDB_INVALID_ARGUMENT, "origin", mtdb_cut_mesh(cut, bad_origin, &mesh, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_cut_mesh(cut, NULL, NULL, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "cut", mtdb_cut_mesh(NULL, NULL, &mesh, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "origin", mtdb_get_cut_mesh(cut, bad_origin, &mesh, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "mesh", mtdb_get_cut_mesh(cut, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "cut", mtdb_get_cut_mesh(NULL, NULL, &mesh, &error));
   again.struct_bytes = 0;
   mtdb_free_cut(cut);
 
   OK(mtdb_create_mesh(&input, &mesh, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes", mtdb_mesh_look(mesh, &again, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "view", mtdb_mesh_look(mesh, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "struct_bytes", mtdb_view_mesh(mesh, &again, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "view", mtdb_view_mesh(mesh, NULL, &error));
   again.struct_bytes = offsetof(mtdb_mesh_view, positions); /* a program of an older version */
   again.positions = positions;
-  OK(mtdb_mesh_look(mesh, &again, &error));
+  OK(mtdb_view_mesh(mesh, &again, &error));
   CHECK(again.vertices == kVertices && again.positions == positions);
   mtdb_free_mesh(mesh);
   indices[5] = kVertices;
@@ -408,7 +384,7 @@ static int feed(void* user, const unsigned char* bytes, size_t size) {
   size_t at;
   for (at = 0; at < size; at += 1000) {
     const size_t some = size - at < 1000 ? size - at : 1000;
-    if (mtdb_client_feed((mtdb_client*)user, bytes + at, some, &error) != MTDB_OK) return 1;
+    if (mtdb_feed_client((mtdb_client*)user, bytes + at, some, &error) != MTDB_OK) return 1;
   }
   return 0;
 }
@@ -429,51 +405,54 @@ static void check_session(mtdb_object* object) {
   mtdb_mesh_view compact;
   mtdb_attribute attribute;
   mtdb_session_options options;
-  const double corner[3] = {0, 0, -9}, middle[3] = {5, 5, 9};
   uint64_t whole_triangles;
   MTDB_INIT(update);
   MTDB_INIT(view);
   MTDB_INIT(changes);
   MTDB_INIT(compact);
+  MTDB_INIT(attribute);
   MTDB_INIT(options);
   options.remembered_vertices = 1000;
   OK(mtdb_open_session(object, &options, &session, &error));
   OK(mtdb_create_client(NULL, &client, &error));
-  OK(mtdb_client_look(client, &view, &error));
+  OK(mtdb_view_client(client, &view, &error));
   CHECK(view.triangles == 0 && view.indices == NULL);
-  OK(mtdb_client_changes(client, &changes, &error));
+  OK(mtdb_take_changes(client, &changes, &error));
   CHECK(changes.triangle_ranges == 0);
-  FAILS(MTDB_INVALID_ARGUMENT, "begun", mtdb_client_mesh(client, &mesh, &error));
-  OK(mtdb_session_update(session, NULL, feed, client, &update, &error));
-  OK(mtdb_client_look(client, &view, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "begun", mtdb_get_client_mesh(client, &mesh, &error));
+  OK(mtdb_update_session(session, NULL, NULL, feed, client, &update, &error));
+  OK(mtdb_view_client(client, &view, &error));
   CHECK(update.insertions > 0 && update.bytes > 0 && view.triangles == update.triangles);
   whole_triangles = update.triangles;
-  OK(mtdb_client_changes(client, &changes, &error));
-  CHECK(changes.triangle_ranges > 0 && changes.triangles[0].end > changes.triangles[0].begin);
-  OK(mtdb_client_attribute(client, 0, &attribute, &error));
+  OK(mtdb_take_changes(client, &changes, &error));
+  CHECK(changes.triangle_ranges > 0 && changes.triangles[1] > changes.triangles[0]);
+  OK(mtdb_get_client_attribute(client, 0, &attribute, &error));
   CHECK(strcmp(attribute.name, "red") == 0);
-  OK(mtdb_create_query(&query, &error));
-  OK(mtdb_query_add_box(query, corner, middle, &error));
-  OK(mtdb_session_update(session, query, feed, client, &update, &error));
+  OK(mtdb_create_query(object, "{\"region\": {\"box\": {\"min\": [0, 0, -9], \"max\": [5, 5, 9]}}}",
+                       &query, &error));
+  OK(mtdb_update_session(session, query, NULL, feed, client, &update, &error));
   CHECK(update.removals > 0 && update.triangles < whole_triangles);
-  OK(mtdb_client_mesh(client, &mesh, &error));
-  OK(mtdb_mesh_look(mesh, &compact, &error));
+  OK(mtdb_get_client_mesh(client, &mesh, &error));
+  OK(mtdb_view_mesh(mesh, &compact, &error));
   CHECK(compact.triangles == update.triangles && compact.vertices == update.vertices);
   mtdb_free_mesh(mesh);
-  OK(mtdb_query_set_clip(query, 1, &error));
-  OK(mtdb_session_update(session, query, feed, client, &update, &error));
-  OK(mtdb_client_look(client, &view, &error));
+  mtdb_free_query(query);
+  OK(mtdb_create_query(
+      object, "{\"region\": {\"box\": {\"min\": [0, 0, -9], \"max\": [5, 5, 9]}}, \"clip\": true}",
+      &query, &error));
+  OK(mtdb_update_session(session, query, NULL, feed, client, &update, &error));
+  OK(mtdb_view_client(client, &view, &error));
   CHECK(view.triangles < update.triangles && view.triangles == update.active_triangles);
   FAILS(MTDB_CANCELLED, "callback",
-        mtdb_session_update(session, NULL, refuse, NULL, &update, &error));
+        mtdb_update_session(session, NULL, NULL, refuse, NULL, &update, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "lacks",
-        mtdb_session_update(session, NULL, feed, client, &update, &error));
+        mtdb_update_session(session, NULL, NULL, feed, client, &update, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "receive",
-        mtdb_session_update(session, NULL, NULL, client, &update, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "server", mtdb_client_ask(client, "{}", NULL, NULL, &error));
+        mtdb_update_session(session, NULL, NULL, NULL, client, &update, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "server", mtdb_update_client(client, "{}", NULL, NULL, &error));
   mtdb_free_client(client);
   OK(mtdb_create_client(NULL, &client, &error));
-  FAILS(MTDB_CORRUPT, "", mtdb_client_feed(client, (const unsigned char*)"nonsense", 8, &error));
+  FAILS(MTDB_CORRUPT, "", mtdb_feed_client(client, (const unsigned char*)"nonsense", 8, &error));
   mtdb_free_client(client);
   mtdb_free_session(session);
   mtdb_free_query(query);
@@ -509,24 +488,25 @@ static void check_server(void) {
   options.threads = 1;
   OK(mtdb_serve(store, &options, &server, &error));
   OK(mtdb_serve(store, &options, &second, &error)); /* several in one process */
-  CHECK(strcmp(mtdb_server_url(server), mtdb_server_url(second)) != 0);
+  CHECK(strcmp(mtdb_get_server_url(server), mtdb_get_server_url(second)) != 0);
   mtdb_free_server(second);
-  snprintf(url, sizeof(url), "%s/objects/a", mtdb_server_url(server));
+  snprintf(url, sizeof(url), "%s/objects/a", mtdb_get_server_url(server));
   connect.timeout_seconds = 60;
   OK(mtdb_connect(url, &connect, &client, &error));
-  OK(mtdb_client_look(client, &view, &error));
+  OK(mtdb_view_client(client, &view, &error));
   CHECK(view.triangles > 0);
-  OK(mtdb_client_ask(client, "{\"threshold\": \"full\"}", NULL, &update, &error));
-  OK(mtdb_client_look(client, &view, &error));
+  OK(mtdb_update_client(client, "{\"threshold\": \"full\"}", NULL, &update, &error));
+  OK(mtdb_view_client(client, &view, &error));
   CHECK(view.triangles == update.triangles && update.insertions > 0 && update.error_bound >= 0);
   FAILS(MTDB_INVALID_ARGUMENT, "nothing",
-        mtdb_client_ask(client, "{\"nothing\": 1}", NULL, &update, &error));
+        mtdb_update_client(client, "{\"nothing\": 1}", NULL, &update, &error));
   watch.progress = stop_at_once;
-  FAILS(MTDB_CANCELLED, "callback",
-        mtdb_client_ask(client, "{\"threshold\": {\"relative\": 0.1}}", &watch, &update, &error));
-  OK(mtdb_client_ask(client, "{\"threshold\": \"full\"}", NULL, NULL, &error));
+  FAILS(
+      MTDB_CANCELLED, "callback",
+      mtdb_update_client(client, "{\"threshold\": {\"relative\": 0.1}}", &watch, &update, &error));
+  OK(mtdb_update_client(client, "{\"threshold\": \"full\"}", NULL, NULL, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "server",
-        mtdb_client_feed(client, (const unsigned char*)"x", 1, &error));
+        mtdb_feed_client(client, (const unsigned char*)"x", 1, &error));
   mtdb_free_client(client);
   OK(mtdb_fetch(url, "{}", &fetch, count_bytes, &fetched, &update, &error));
   CHECK(fetched == update.bytes && update.triangles == kTriangles);
@@ -542,7 +522,7 @@ static void check_server(void) {
   FAILS(MTDB_INVALID_ARGUMENT, "port", mtdb_serve(store, &options, &server, &error));
   FAILS(MTDB_NOT_FOUND, "none.mtdb", mtdb_serve("none.mtdb", NULL, &server, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "server", mtdb_stop_server(NULL, 0, &error));
-  CHECK(mtdb_server_url(NULL) == NULL);
+  CHECK(mtdb_get_server_url(NULL) == NULL);
 }
 
 static size_t differences(const unsigned char* a, const unsigned char* b, size_t bytes) {
@@ -571,8 +551,8 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   DIFFERS(smooth = 1)
   DIFFERS(draft = 1)
   DIFFERS(hillshade = 1)
-  DIFFERS(colours = MTDB_COLOURS_HEIGHT)
-  DIFFERS(colours = MTDB_COLOURS_NORMAL)
+  DIFFERS(colour = MTDB_COLOUR_HEIGHT)
+  DIFFERS(colour = MTDB_COLOUR_NORMAL)
   DIFFERS(scale_bar = 1)
   DIFFERS(has_background = 1)
   with = options;
@@ -584,19 +564,19 @@ static void check_picture_styles(const mtdb_mesh* mesh) {
   OK(mtdb_write_png(path(file, "clear.png"), drawn, 80, 60, 4, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "channels", mtdb_write_png(file, drawn, 80, 60, 2, &error));
   with = options;
-  with.colours = MTDB_COLOURS_DISTANCE;
+  with.colour = MTDB_COLOUR_DISTANCE;
   FAILS(MTDB_INVALID_ARGUMENT, "reference", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with.reference = mesh;
   with.has_range = 1;
   with.range[1] = 1;
   OK(mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   CHECK(differences(plain, drawn, sizeof(plain)) > 100);
-  with.colours = MTDB_COLOURS_ATTRIBUTE;
+  with.colour = MTDB_COLOUR_ATTRIBUTE;
   FAILS(MTDB_INVALID_ARGUMENT, "attribute", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with.attribute = "nothing";
   FAILS(MTDB_INVALID_ARGUMENT, "nothing", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
-  with.colours = 6;
-  FAILS(MTDB_INVALID_ARGUMENT, "colours", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
+  with.colour = (mtdb_colour)6;
+  FAILS(MTDB_INVALID_ARGUMENT, "colour", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
   with = options;
   with.view = "behind";
   FAILS(MTDB_INVALID_ARGUMENT, "behind", mtdb_render(mesh, &with, drawn, sizeof(plain), &error));
@@ -660,7 +640,7 @@ static void write_grid(const char* file) {
 
 /* All heights come back as they were, by samples, by places and along a line. */
 static void check_heights(mtdb_object* terrain) {
-  mtdb_height_options options;
+  mtdb_probe_options options;
   mtdb_height_cost cost;
   mtdb_raster raster;
   mtdb_profile* profile = NULL;
@@ -670,7 +650,7 @@ static void check_heights(mtdb_object* terrain) {
   MTDB_INIT(options);
   MTDB_INIT(cost);
   MTDB_INIT(raster);
-  OK(mtdb_terrain_raster(terrain, NULL, NULL, &raster, &error));
+  OK(mtdb_get_raster(terrain, NULL, NULL, &raster, &error));
   CHECK(raster.columns == kColumns && raster.rows == kRows && raster.dx == 2 && raster.dy == -2);
   CHECK(raster.x0 == 100 && raster.y0 == 200 + 2 * (kRows - 1));
   OK(mtdb_sample_heights(terrain, &raster, NULL, read_heights, kRows * kColumns, &cost, &error));
@@ -678,7 +658,7 @@ static void check_heights(mtdb_object* terrain) {
   for (i = 0; i < kRows * kColumns; ++i) {
     CHECK(isnan(input_heights[i]) ? isnan(read_heights[i]) : read_heights[i] == input_heights[i]);
   }
-  options.largest_error = 3;
+  options.error = 3;
   OK(mtdb_sample_heights(terrain, &raster, &options, read_heights, kRows * kColumns, &cost,
                          &error));
   CHECK(cost.error_bound > 0 && cost.error_bound <= 3);
@@ -687,24 +667,23 @@ static void check_heights(mtdb_object* terrain) {
   }
   FAILS(MTDB_BUDGET_EXCEEDED, "600",
         mtdb_sample_heights(terrain, &raster, NULL, read_heights, 599, &cost, &error));
-  OK(mtdb_terrain_raster(terrain, window, spacing, &raster, &error));
+  OK(mtdb_get_raster(terrain, window, spacing, &raster, &error));
   CHECK(raster.columns == 5 && raster.rows == 5);
   window[0] = 1000;
-  FAILS(MTDB_INVALID_ARGUMENT, "window",
-        mtdb_terrain_raster(terrain, window, NULL, &raster, &error));
-  OK(mtdb_heights_at(terrain, places, 2, NULL, found, &cost, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "window", mtdb_get_raster(terrain, window, NULL, &raster, &error));
+  OK(mtdb_find_heights(terrain, places, 2, NULL, found, &cost, &error));
   CHECK(found[0] == input_heights[(kRows - 1) * kColumns] && isnan(found[1]));
-  options.largest_error = -1;
-  FAILS(MTDB_INVALID_ARGUMENT, "largest_error",
-        mtdb_heights_at(terrain, places, 2, &options, found, NULL, &error));
+  options.error = -1;
+  FAILS(MTDB_INVALID_ARGUMENT, "options.error",
+        mtdb_find_heights(terrain, places, 2, &options, found, NULL, &error));
   places[2] = 106, places[3] = 200; /* three samples on */
   OK(mtdb_find_profile(terrain, places, 2, NULL, &profile, &cost, &error));
-  CHECK(mtdb_profile_count(profile) >= 4);
+  CHECK(mtdb_count_profile_points(profile) >= 4);
   for (i = 0; i < 4; ++i) {
     size_t at;
     int seen = 0;
-    for (at = 0; at < mtdb_profile_count(profile); ++at) {
-      const double* point = mtdb_profile_points(profile) + 4 * at;
+    for (at = 0; at < mtdb_count_profile_points(profile); ++at) {
+      const double* point = mtdb_get_profile_points(profile) + 4 * at;
       seen |= fabs(point[0] - 2 * i) < 1e-9 && point[2] == 200 &&
               fabs(point[3] - input_heights[(kRows - 1) * kColumns + i]) < 1e-9;
     }
@@ -737,13 +716,13 @@ static void check_terrains(mtdb_database* database, mtdb_object* mesh) {
   memcpy(array.geotransform, step, sizeof(step));
   array.height_units = "m";
   OK(mtdb_ingest_heights(database, "array", &array, NULL, NULL, &error));
-  OK(mtdb_open_object(database, "array", 0, &terrain, &error));
+  OK(mtdb_open_object(database, "array", NULL, &terrain, &error));
   check_heights(terrain);
   mtdb_free_object(terrain);
   files[0] = files[1] = path(file, "grid.asc");
   write_grid(file);
   OK(mtdb_ingest_rasters(database, "joined", files, 2, NULL, NULL, &error));
-  OK(mtdb_open_object(database, "joined", 0, &terrain, &error));
+  OK(mtdb_open_object(database, "joined", NULL, &terrain, &error));
   check_heights(terrain);
   mtdb_free_object(terrain);
   OK(mtdb_ingest_file(database, "file", file, NULL, NULL, &error));
@@ -760,10 +739,10 @@ static void check_terrains(mtdb_database* database, mtdb_object* mesh) {
   array.rows = 1;
   FAILS(MTDB_INVALID_ARGUMENT, "rows",
         mtdb_ingest_heights(database, "x", &array, &options, NULL, &error));
-  FAILS(MTDB_INVALID_ARGUMENT, "raster", mtdb_terrain_raster(mesh, NULL, NULL, &raster, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "raster", mtdb_get_raster(mesh, NULL, NULL, &raster, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "terrain",
-        mtdb_heights_at(mesh, step, 1, NULL, read_heights, NULL, &error));
-  CHECK(mtdb_profile_count(NULL) == 0 && mtdb_profile_points(NULL) == NULL);
+        mtdb_find_heights(mesh, step, 1, NULL, read_heights, NULL, &error));
+  CHECK(mtdb_count_profile_points(NULL) == 0 && mtdb_get_profile_points(NULL) == NULL);
   mtdb_free_profile(NULL);
 }
 
@@ -778,7 +757,7 @@ int main(int argc, char** argv) {
   check_up_and_units(database);
   check_wrong_input(database);
   check_objects(database);
-  OK(mtdb_open_object(database, "a", 0, &object, &error));
+  OK(mtdb_open_object(database, "a", NULL, &object, &error));
   check_terrains(database, object);
   mtdb_free_database(database);
   check_meshes(object);

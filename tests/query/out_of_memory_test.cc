@@ -455,34 +455,36 @@ TEST_CASE("No exception leaves the C interface, which works again with memory") 
   const BuiltObject built = Build(MakeSculpture(600));
   mtdb_error error;
   mtdb_database* database = nullptr;
-  REQUIRE(mtdb_open(built.store->path().c_str(), &database, &error) == MTDB_OK);
+  REQUIRE(mtdb_open(built.store->path().c_str(), nullptr, &database, &error) == MTDB_OK);
   uint64_t vertices = 0;
   // All that a caller does with an object, from a cold cache.
   const auto run = [&]() -> Status {
     mtdb_object* object = nullptr;
     mtdb_query* query = nullptr;
     mtdb_cut* cut = nullptr;
-    mtdb_names* names = nullptr;
-    mtdb_stats stats{};
+    mtdb_texts* failures = nullptr;
+    mtdb_stats stats;
     mtdb_hit hit;
+    MTDB_INIT(stats);
+    MTDB_INIT(hit);
     const double point[3] = {0, 0, 0};
-    mtdb_code code = mtdb_open_object(database, nullptr, 0, &object, &error);
+    mtdb_code code = mtdb_open_object(database, nullptr, nullptr, &object, &error);
     const auto then = [&](auto&& call) {
       if (code == MTDB_OK) code = call();
     };
-    then([&] { return mtdb_create_query(&query, &error); });
     then([&] {
-      return mtdb_query_set_json(query, object, R"({"threshold": {"relative": 0.001}})", &error);
+      return mtdb_create_query(object, R"({"threshold": {"relative": 0.001}})", &query, &error);
     });
-    then([&] { return mtdb_select(object, query, &cut, &error); });
-    then([&] { return mtdb_cut_stats(cut, &stats, &error); });
+    then([&] { return mtdb_select(object, query, nullptr, &cut, &error); });
+    then([&] { return mtdb_get_cut_stats(cut, &stats, &error); });
     then([&] {
-      const mtdb_sink sink{};
-      return mtdb_cut_emit(cut, &sink, &error);
+      mtdb_sink sink;
+      MTDB_INIT(sink);
+      return mtdb_emit_cut(cut, &sink, &error);
     });
-    then([&] { return mtdb_closest_point(object, point, -1, 1e9, &hit, &error); });
-    then([&] { return mtdb_verify(object, MTDB_VERIFY_FULL, nullptr, &names, &error); });
-    mtdb_free_names(names);
+    then([&] { return mtdb_find_closest_point(object, point, 1e9, nullptr, &hit, &error); });
+    then([&] { return mtdb_verify(object, MTDB_VERIFY_FULL, nullptr, &failures, &error); });
+    mtdb_free_texts(failures);
     mtdb_free_cut(cut);
     mtdb_free_query(query);
     mtdb_free_object(object);

@@ -325,12 +325,12 @@ TEST_CASE("the C interface opens URLs") {
   mtdb_database* database = nullptr;
   mtdb_object* object = nullptr;
   mtdb_error error{};
-  REQUIRE(mtdb_open(files.url().c_str(), &database, &error) == MTDB_OK);
-  REQUIRE(mtdb_open_object(database, nullptr, 0, &object, &error) == MTDB_OK);
+  REQUIRE(mtdb_open(files.url().c_str(), nullptr, &database, &error) == MTDB_OK);
+  REQUIRE(mtdb_open_object(database, nullptr, nullptr, &object, &error) == MTDB_OK);
   mtdb_free_object(object);
   mtdb_free_database(database);
   database = nullptr;
-  CHECK(mtdb_open(files.url("/x y").c_str(), &database, &error) == MTDB_INVALID_ARGUMENT);
+  CHECK(mtdb_open(files.url("/x y").c_str(), nullptr, &database, &error) == MTDB_INVALID_ARGUMENT);
 }
 
 TEST_CASE("each database of a process keeps what it reads of a URL in its own folder, or nowhere") {
@@ -346,9 +346,9 @@ TEST_CASE("each database of a process keeps what it reads of a URL in its own fo
     mtdb_object* object = nullptr;
     mtdb_cut* cut = nullptr;
     mtdb_error error{};
-    REQUIRE(mtdb_open_with(files.url().c_str(), options, &database, &error) == MTDB_OK);
-    REQUIRE(mtdb_open_object(database, nullptr, 0, &object, &error) == MTDB_OK);
-    REQUIRE(mtdb_select(object, nullptr, &cut, &error) == MTDB_OK);
+    REQUIRE(mtdb_open(files.url().c_str(), options, &database, &error) == MTDB_OK);
+    REQUIRE(mtdb_open_object(database, nullptr, nullptr, &object, &error) == MTDB_OK);
+    REQUIRE(mtdb_select(object, nullptr, nullptr, &cut, &error) == MTDB_OK);
     mtdb_free_cut(cut);
     mtdb_free_object(object);
     mtdb_free_database(database);

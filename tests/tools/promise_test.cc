@@ -26,25 +26,23 @@ Json ByC(const std::string& store, const std::string& query) {
   mtdb_query* asked = nullptr;
   mtdb_cut* cut = nullptr;
   mtdb_stats stats;
-  mtdb_details details;
-  REQUIRE(mtdb_open(store.c_str(), &database, nullptr) == MTDB_OK);
-  REQUIRE(mtdb_open_object(database, nullptr, 0, &object, nullptr) == MTDB_OK);
-  REQUIRE(mtdb_create_query(&asked, nullptr) == MTDB_OK);
-  REQUIRE(mtdb_query_set_json(asked, object, query.c_str(), nullptr) == MTDB_OK);
-  REQUIRE(mtdb_select(object, asked, &cut, nullptr) == MTDB_OK);
-  REQUIRE(mtdb_cut_stats(cut, &stats, nullptr) == MTDB_OK);
-  REQUIRE(mtdb_cut_details(cut, &details, nullptr) == MTDB_OK);
+  MTDB_INIT(stats);
+  REQUIRE(mtdb_open(store.c_str(), nullptr, &database, nullptr) == MTDB_OK);
+  REQUIRE(mtdb_open_object(database, nullptr, nullptr, &object, nullptr) == MTDB_OK);
+  REQUIRE(mtdb_create_query(object, query.c_str(), &asked, nullptr) == MTDB_OK);
+  REQUIRE(mtdb_select(object, asked, nullptr, &cut, nullptr) == MTDB_OK);
+  REQUIRE(mtdb_get_cut_stats(cut, &stats, nullptr) == MTDB_OK);
   mtdb_free_cut(cut);
   mtdb_free_query(asked);
   mtdb_free_object(object);
   mtdb_free_database(database);
   Shortfall shortfall;
-  const mtdb_shortfall& s = details.shortfall;
-  if (s.triangles > 0) {
-    shortfall = {s.triangles,
-                 s.excess,
-                 {{s.bounds_min[0], s.bounds_min[1], s.bounds_min[2]},
-                  {s.bounds_max[0], s.bounds_max[1], s.bounds_max[2]}}};
+  if (stats.shortfall_triangles > 0) {
+    const double* const low = stats.shortfall_bounds_min;
+    const double* const high = stats.shortfall_bounds_max;
+    shortfall = {stats.shortfall_triangles,
+                 stats.shortfall_excess,
+                 {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}}};
   }
   return Said(stats.error_bound, shortfall);
 }

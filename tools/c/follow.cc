@@ -39,23 +39,12 @@ namespace mtdb::internal {
 
 namespace {
 
-mtdb_shortfall ShortfallOf(const Shortfall& s) {
-  mtdb_shortfall shortfall{};
-  shortfall.triangles = s.triangles;
-  shortfall.excess = s.excess;
-  if (s.any()) {
-    Put(s.bounds.min, shortfall.bounds_min);
-    Put(s.bounds.max, shortfall.bounds_max);
-  }
-  return shortfall;
-}
-
 // As the protocol names limits.
 mtdb_limit LimitOf(const std::string& name) {
   if (name == "triangles") return MTDB_LIMIT_TRIANGLES;
   if (name == "bytes") return MTDB_LIMIT_BYTES;
   if (name == "time") return MTDB_LIMIT_TIME;
-  return MTDB_LIMIT_THRESHOLD;
+  return MTDB_LIMIT_ACCURACY;
 }
 
 // What RemoteUpdate and FetchAnswer share.
@@ -67,7 +56,7 @@ mtdb_update UpdateOf(const Answered& a) {
   update.active_triangles = a.active_triangles;
   update.error_bound = a.error_bound;
   update.limit = LimitOf(a.limit);
-  update.shortfall = ShortfallOf(a.shortfall);
+  PutShortfall(a.shortfall, &update);
   return update;
 }
 
@@ -110,7 +99,7 @@ class Mover {
     update->milliseconds =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     update->limit = static_cast<mtdb_limit>(stats.limit);
-    update->shortfall = ShortfallOf(stats.shortfall);
+    PutShortfall(stats.shortfall, update);
     return Status::Ok();
   }
 
@@ -217,19 +206,21 @@ mtdb_code mtdb_open_session(mtdb_object* object, const mtdb_session_options* opt
 
 void mtdb_free_session(mtdb_session* session) { delete session; }
 
-mtdb_code mtdb_session_update(mtdb_session* session, const mtdb_query* query, mtdb_receive receive,
-                              void* user, mtdb_update* update, mtdb_error* error) {
+mtdb_code mtdb_update_session(mtdb_session* session, const mtdb_query* query,
+                              const mtdb_control* control, mtdb_receive receive, void* user,
+                              mtdb_update* update, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{session, "session"}}));
     if (receive == nullptr) return mtdb::InvalidArgument("receive: is NULL");
     if (session->broken) {
       return mtdb::InvalidArgument("session: its client lacks bytes of it; open another");
     }
-    const mtdb_query everything;
-    const mtdb::Query built = (query == nullptr ? everything : *query).Build();
+    mtdb::Query asked;
+    if (query != nullptr) asked = query->query;
+    asked.control = mtdb::internal::ControlOf(control);
     mtdb_update filled{};
-    mtdb::internal::Mover mover(session, built, receive, user);
-    MTDB_RETURN_IF_ERROR(mover.Run(built, &filled));
+    mtdb::internal::Mover mover(session, asked, receive, user);
+    MTDB_RETURN_IF_ERROR(mover.Run(asked, &filled));
     return mtdb::internal::PutUpdate(filled, update);
   });
 }
@@ -249,12 +240,12 @@ mtdb_code mtdb_create_client(const mtdb_client_options* options, mtdb_client** c
   });
 }
 
-mtdb_code mtdb_client_feed(mtdb_client* client, const unsigned char* bytes, size_t size,
+mtdb_code mtdb_feed_client(mtdb_client* client, const unsigned char* bytes, size_t size,
                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}}));
     if (client->decoder == nullptr) {
-      return mtdb::InvalidArgument("client: is fed by its server; call mtdb_client_ask");
+      return mtdb::InvalidArgument("client: is fed by its server; call mtdb_update_client");
     }
     if (size == 0) return Status::Ok();
     MTDB_RETURN_IF_ERROR(NeedAll({{bytes, "bytes"}}));
@@ -283,12 +274,12 @@ mtdb_code mtdb_connect(const char* url, const mtdb_connect_options* options, mtd
   });
 }
 
-mtdb_code mtdb_client_ask(mtdb_client* client, const char* json, const mtdb_watch* watch,
-                          mtdb_update* update, mtdb_error* error) {
+mtdb_code mtdb_update_client(mtdb_client* client, const char* json, const mtdb_watch* watch,
+                             mtdb_update* update, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}, {json, "json"}}));
     if (client->remote == nullptr) {
-      return mtdb::InvalidArgument("client: has no server; call mtdb_client_feed");
+      return mtdb::InvalidArgument("client: has no server; call mtdb_feed_client");
     }
     MTDB_ASSIGN_OR_RETURN(const auto watcher, mtdb::internal::Watch::Of(watch));
     MTDB_ASSIGN_OR_RETURN(
@@ -305,7 +296,7 @@ mtdb_code mtdb_client_ask(mtdb_client* client, const char* json, const mtdb_watc
 
 void mtdb_free_client(mtdb_client* client) { delete client; }
 
-mtdb_code mtdb_client_look(const mtdb_client* client, mtdb_client_view* view, mtdb_error* error) {
+mtdb_code mtdb_view_client(const mtdb_client* client, mtdb_client_view* view, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}}));
     MTDB_ASSIGN_OR_RETURN(const mtdb_client_view filled, mtdb::internal::LookAt(*client));
@@ -313,26 +304,26 @@ mtdb_code mtdb_client_look(const mtdb_client* client, mtdb_client_view* view, mt
   });
 }
 
-mtdb_code mtdb_client_attribute(const mtdb_client* client, uint32_t i, mtdb_attribute* attribute,
-                                mtdb_error* error) {
+mtdb_code mtdb_get_client_attribute(const mtdb_client* client, uint32_t i,
+                                    mtdb_attribute* attribute, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}, {attribute, "attribute"}}));
+    MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}}));
     const mtdb::AttributeLayout none;
     const mtdb::ClientMesh* const mesh = client->mesh();
-    return mtdb::internal::GetAttribute(mesh == nullptr ? none : mesh->options().attributes, i,
+    return mtdb::internal::PutAttribute(mesh == nullptr ? none : mesh->options().attributes, i,
                                         attribute);
   });
 }
 
-mtdb_code mtdb_client_changes(mtdb_client* client, mtdb_changes* changes, mtdb_error* error) {
+mtdb_code mtdb_take_changes(mtdb_client* client, mtdb_changes* changes, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    static_assert(sizeof(mtdb_range) == sizeof(mtdb::ClientMesh::Range));
+    static_assert(sizeof(mtdb::ClientMesh::Range) == 2 * sizeof(uint32_t));
     MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}, {changes, "changes"}}));
     client->changes = client->remote != nullptr   ? client->remote->TakeChanges()
                       : client->mesh() != nullptr ? client->decoder->TakeChanges()
                                                   : mtdb::ClientMesh::Changes{};
     const auto ranges = [](const std::vector<mtdb::ClientMesh::Range>& list) {
-      return reinterpret_cast<const mtdb_range*>(list.data());
+      return reinterpret_cast<const uint32_t*>(list.data());
     };
     mtdb_changes filled{};
     filled.triangles = ranges(client->changes.triangles);
@@ -343,7 +334,7 @@ mtdb_code mtdb_client_changes(mtdb_client* client, mtdb_changes* changes, mtdb_e
   });
 }
 
-mtdb_code mtdb_client_mesh(const mtdb_client* client, mtdb_mesh** mesh, mtdb_error* error) {
+mtdb_code mtdb_get_client_mesh(const mtdb_client* client, mtdb_mesh** mesh, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{client, "client"}, {mesh, "mesh"}}));
     const mtdb::ClientMesh* const held = client->mesh();

@@ -7,14 +7,6 @@
 #include "store/base/out_of_memory.h"
 #include "store/base/redact.h"
 
-mtdb::Query mtdb_query::Build() const {
-  mtdb::Query query = rest;
-  if (!regions.empty()) query.region = mtdb::UnionRegion(regions);
-  if (!thresholds.empty()) query.threshold = mtdb::MinThreshold(thresholds);
-  query.control = control.get();
-  return query;
-}
-
 namespace mtdb::internal {
 
 void SetMessage(mtdb_error* error, const std::string& text) {
@@ -82,7 +74,7 @@ Status PutBytes(const void* filled, size_t size, const char* name, void* out) {
   return Status::Ok();
 }
 
-Status GetAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* attribute) {
+Status PutAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* attribute) {
   const auto& attributes = layout.attributes;
   if (i >= attributes.size()) {
     return NotFound("attribute " + std::to_string(i) + ": there are " +
@@ -90,9 +82,10 @@ Status GetAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* a
   }
   size_t offset = 0;
   for (size_t k = 0; k < i; ++k) offset += ScalarSize(attributes[k].type);
-  *attribute = {attributes[i].name.c_str(), static_cast<mtdb_scalar>(attributes[i].type),
-                static_cast<uint32_t>(offset)};
-  return Status::Ok();
+  return PutStruct(
+      mtdb_attribute{0, attributes[i].name.c_str(), static_cast<mtdb_scalar>(attributes[i].type),
+                     static_cast<uint32_t>(offset)},
+      "attribute", attribute);
 }
 
 }  // namespace mtdb::internal

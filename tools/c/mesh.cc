@@ -133,7 +133,7 @@ Result<std::unique_ptr<mtdb_mesh>> MakeMesh(const MeshHeader& header, const doub
   }
   if (*header.vertex_count > uint64_t{1} << 32) {
     return InvalidArgument("32-bit indices cannot number " + std::to_string(*header.vertex_count) +
-                           " vertices; take the mesh in blocks (mtdb_cut_emit)");
+                           " vertices; take the mesh in blocks (mtdb_emit_cut)");
   }
   auto mesh = std::make_unique<mtdb_mesh>();
   mesh->position_step = header.position_step;
@@ -154,16 +154,16 @@ Result<std::unique_ptr<mtdb_mesh>> MakeMesh(const MeshHeader& header, const doub
 
 Result<AttributeLayout> LayoutOf(const mtdb_attribute* attributes, size_t count) {
   AttributeLayout layout;
-  if (count == 0) return layout;
-  MTDB_RETURN_IF_ERROR(NeedAll({{attributes, "attributes"}}));
   if (count > kMaxAttributes) {
     return InvalidArgument("attributes: " + std::to_string(count) + " are more than " +
                            std::to_string(kMaxAttributes));
   }
+  MTDB_ASSIGN_OR_RETURN(const std::vector<mtdb_attribute> all,
+                        TakeAll(attributes, count, "attributes"));
   for (size_t i = 0; i < count; ++i) {
     const std::string where = "attributes[" + std::to_string(i) + "]";
-    const int type = attributes[i].type;
-    if (attributes[i].name == nullptr || attributes[i].name[0] == '\0') {
+    const int type = all[i].type;
+    if (all[i].name == nullptr || all[i].name[0] == '\0') {
       return InvalidArgument(where + ": has no name");
     }
     if (type < MTDB_INT8 || type > MTDB_FLOAT64) {
@@ -171,7 +171,7 @@ Result<AttributeLayout> LayoutOf(const mtdb_attribute* attributes, size_t count)
                              std::to_string(type));
     }
     VertexAttribute attribute;
-    attribute.name = attributes[i].name;
+    attribute.name = all[i].name;
     attribute.type = static_cast<ScalarType>(type);
     for (const VertexAttribute& other : layout.attributes) {
       if (other.name == attribute.name) return InvalidArgument(where + ": the name is given twice");
@@ -240,7 +240,8 @@ using mtdb::internal::Guarded;
 using mtdb::internal::NeedAll;
 using mtdb::internal::Take;
 
-mtdb_code mtdb_cut_mesh(mtdb_cut* cut, const double* origin, mtdb_mesh** mesh, mtdb_error* error) {
+mtdb_code mtdb_get_cut_mesh(mtdb_cut* cut, const double* origin, mtdb_mesh** mesh,
+                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {mesh, "mesh"}}));
     std::unique_ptr<mtdb_mesh> made;
@@ -253,7 +254,7 @@ mtdb_code mtdb_cut_mesh(mtdb_cut* cut, const double* origin, mtdb_mesh** mesh, m
 
 void mtdb_free_mesh(mtdb_mesh* mesh) { delete mesh; }
 
-mtdb_code mtdb_mesh_look(const mtdb_mesh* mesh, mtdb_mesh_view* view, mtdb_error* error) {
+mtdb_code mtdb_view_mesh(const mtdb_mesh* mesh, mtdb_mesh_view* view, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}}));
     mtdb_mesh_view filled{};
@@ -270,11 +271,11 @@ mtdb_code mtdb_mesh_look(const mtdb_mesh* mesh, mtdb_mesh_view* view, mtdb_error
   });
 }
 
-mtdb_code mtdb_mesh_attribute(const mtdb_mesh* mesh, uint32_t i, mtdb_attribute* attribute,
-                              mtdb_error* error) {
+mtdb_code mtdb_get_mesh_attribute(const mtdb_mesh* mesh, uint32_t i, mtdb_attribute* attribute,
+                                  mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}, {attribute, "attribute"}}));
-    return mtdb::internal::GetAttribute(mesh->attributes, i, attribute);
+    MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}}));
+    return mtdb::internal::PutAttribute(mesh->attributes, i, attribute);
   });
 }
 
@@ -320,57 +321,39 @@ mtdb_code mtdb_read_mesh(const char* path, mtdb_mesh** mesh, mtdb_error* error) 
 
 namespace {
 
-using mtdb::internal::NeedAll;
-
 // Opens a file, lets `send` write to it, and says what became of the mesh.
 template <typename SendTo>
 Status WriteFile(const char* path, mtdb::MeshWriteOptions with, const mtdb_file_options* options,
-                 double* rounding, mtdb_names** json, SendTo&& send) {
+                 mtdb_json** json, SendTo&& send) {
+  MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}}));
   MTDB_ASSIGN_OR_RETURN(const mtdb_file_options given, Take(options, "options"));
   with.off_normals = given.normals != 0;
   with.double_positions = given.double_positions != 0;
   MTDB_ASSIGN_OR_RETURN(const auto writer, mtdb::CreateMeshFileWriter(path, with));
   MTDB_RETURN_IF_ERROR(send(*writer));
-  if (rounding != nullptr) *rounding = writer->rounding();
   if (json == nullptr) return Status::Ok();
   mtdb::Json report = mtdb::MeshFileJson(writer->report());
   report["rounding"] = writer->rounding();
-  *json = new mtdb_names{{report.Text()}};
+  *json = new mtdb_json{report.Text()};
   return Status::Ok();
-}
-
-Status WriteMesh(const mtdb_mesh* mesh, const char* path, const mtdb_file_options* options,
-                 double* rounding, mtdb_names** json) {
-  MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}, {path, "path"}}));
-  return WriteFile(path, {}, options, rounding, json,
-                   [&](mtdb::MeshSink& sink) { return mtdb::internal::Send(*mesh, sink); });
-}
-
-Status WriteCut(mtdb_cut* cut, const char* path, const mtdb_file_options* options, double* rounding,
-                mtdb_names** json) {
-  MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {path, "path"}}));
-  return WriteFile(path, mtdb::MeshOptionsOf(cut->surface->record(), false), options, rounding,
-                   json, [&](mtdb::MeshSink& sink) { return cut->cut.Emit(sink); });
 }
 
 }  // namespace
 
-mtdb_code mtdb_write_mesh(const mtdb_mesh* mesh, const char* path, double* rounding,
-                          mtdb_error* error) {
-  return Guarded(error, [&] { return WriteMesh(mesh, path, nullptr, rounding, nullptr); });
+mtdb_code mtdb_write_mesh(const mtdb_mesh* mesh, const char* path, const mtdb_file_options* options,
+                          mtdb_json** json, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}}));
+    return WriteFile(path, {}, options, json,
+                     [&](mtdb::MeshSink& sink) { return mtdb::internal::Send(*mesh, sink); });
+  });
 }
 
-mtdb_code mtdb_cut_write(mtdb_cut* cut, const char* path, double* rounding, mtdb_error* error) {
-  return Guarded(error, [&] { return WriteCut(cut, path, nullptr, rounding, nullptr); });
-}
-
-mtdb_code mtdb_write_mesh_as(const mtdb_mesh* mesh, const char* path,
-                             const mtdb_file_options* options, mtdb_names** json,
-                             mtdb_error* error) {
-  return Guarded(error, [&] { return WriteMesh(mesh, path, options, nullptr, json); });
-}
-
-mtdb_code mtdb_cut_write_as(mtdb_cut* cut, const char* path, const mtdb_file_options* options,
-                            mtdb_names** json, mtdb_error* error) {
-  return Guarded(error, [&] { return WriteCut(cut, path, options, nullptr, json); });
+mtdb_code mtdb_write_cut(mtdb_cut* cut, const char* path, const mtdb_file_options* options,
+                         mtdb_json** json, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}}));
+    return WriteFile(path, mtdb::MeshOptionsOf(cut->surface->record(), false), options, json,
+                     [&](mtdb::MeshSink& sink) { return cut->cut.Emit(sink); });
+  });
 }

@@ -32,8 +32,11 @@ typedef struct mtdb_update {
   uint64_t bytes; /* of the stream */
   double error_bound;
   double milliseconds;
-  mtdb_limit limit; /* what ended the refinement */
-  mtdb_shortfall shortfall;
+  mtdb_limit limit;             /* what ended the refinement */
+  uint64_t shortfall_triangles; /* as in mtdb_stats */
+  double shortfall_excess;
+  double shortfall_bounds_min[3];
+  double shortfall_bounds_max[3];
 } mtdb_update;
 
 /* Takes bytes, and returns 0; anything else stops. */
@@ -57,9 +60,9 @@ MTDB_API void mtdb_free_session(mtdb_session* session);
  * On an error of the query the session goes on, and so do bytes that `receive` got. When `receive`
  * stops, the client lacks bytes that it should have: the session is closed, and later calls are
  * MTDB_INVALID_ARGUMENT. */
-MTDB_API mtdb_code mtdb_session_update(mtdb_session* session, const mtdb_query* query,
-                                       mtdb_receive receive, void* user, mtdb_update* update,
-                                       mtdb_error* error);
+MTDB_API mtdb_code mtdb_update_session(mtdb_session* session, const mtdb_query* query,
+                                       const mtdb_control* control, mtdb_receive receive,
+                                       void* user, mtdb_update* update, mtdb_error* error);
 
 typedef struct mtdb_client_options {
   size_t struct_bytes;
@@ -71,7 +74,7 @@ MTDB_API mtdb_code mtdb_create_client(const mtdb_client_options* options, mtdb_c
                                       mtdb_error* error);
 /* Bytes may come in any portions, and may be hostile. After an error the mesh is conforming, as the
  * last whole update left it, and more bytes are refused. */
-MTDB_API mtdb_code mtdb_client_feed(mtdb_client* client, const unsigned char* bytes, size_t size,
+MTDB_API mtdb_code mtdb_feed_client(mtdb_client* client, const unsigned char* bytes, size_t size,
                                     mtdb_error* error);
 
 typedef struct mtdb_connect_options {
@@ -88,8 +91,9 @@ MTDB_API mtdb_code mtdb_connect(const char* url, const mtdb_connect_options* opt
 /* Asks the server (docs/query.md), and waits until the mesh is the answer. The watch is asked after
  * each message; the mesh is conforming then. Later calls go on after an error of the query, and
  * after the watch has stopped. MTDB_INVALID_ARGUMENT for a client that is fed by hand. */
-MTDB_API mtdb_code mtdb_client_ask(mtdb_client* client, const char* json, const mtdb_watch* watch,
-                                   mtdb_update* update, mtdb_error* error);
+MTDB_API mtdb_code mtdb_update_client(mtdb_client* client, const char* json,
+                                      const mtdb_watch* watch, mtdb_update* update,
+                                      mtdb_error* error);
 MTDB_API void mtdb_free_client(mtdb_client* client);
 
 /* Triangles and vertices lie in slots, which are used again: arrays for a GPU. A slot without a
@@ -105,31 +109,28 @@ typedef struct mtdb_client_view {
   double origin[3];
   const unsigned char* rows; /* vertex_slots * row_bytes */
   uint32_t row_bytes;
-  uint32_t attributes; /* how many: mtdb_client_attribute */
+  uint32_t attributes; /* how many: mtdb_get_client_attribute */
 } mtdb_client_view;
 /* Pointers are valid until the next call that changes the mesh. Before the stream's beginning all
  * is 0. */
-MTDB_API mtdb_code mtdb_client_look(const mtdb_client* client, mtdb_client_view* view,
+MTDB_API mtdb_code mtdb_view_client(const mtdb_client* client, mtdb_client_view* view,
                                     mtdb_error* error);
 /* Lives as long as the client. */
-MTDB_API mtdb_code mtdb_client_attribute(const mtdb_client* client, uint32_t i,
-                                         mtdb_attribute* attribute, mtdb_error* error);
+MTDB_API mtdb_code mtdb_get_client_attribute(const mtdb_client* client, uint32_t i,
+                                             mtdb_attribute* attribute, mtdb_error* error);
 
-typedef struct mtdb_range {
-  uint32_t begin, end; /* slots */
-} mtdb_range;
 typedef struct mtdb_changes {
   size_t struct_bytes;
-  const mtdb_range* triangles; /* ascending, apart */
+  const uint32_t* triangles; /* triangle_ranges * 2: begin and end of the slots, ascending, apart */
   size_t triangle_ranges;
-  const mtdb_range* vertices;
+  const uint32_t* vertices;
   size_t vertex_ranges;
 } mtdb_changes;
 /* The slots that were written since the last call. Valid until the next one. */
-MTDB_API mtdb_code mtdb_client_changes(mtdb_client* client, mtdb_changes* changes,
-                                       mtdb_error* error);
+MTDB_API mtdb_code mtdb_take_changes(mtdb_client* client, mtdb_changes* changes, mtdb_error* error);
 /* The mesh without gaps, its positions as in the store. */
-MTDB_API mtdb_code mtdb_client_mesh(const mtdb_client* client, mtdb_mesh** mesh, mtdb_error* error);
+MTDB_API mtdb_code mtdb_get_client_mesh(const mtdb_client* client, mtdb_mesh** mesh,
+                                        mtdb_error* error);
 
 typedef struct mtdb_fetch_options {
   size_t struct_bytes;

@@ -12,15 +12,14 @@ extern "C" {
 /* NOLINTBEGIN(readability-identifier-naming) */
 
 /* What a picture's colours say. */
-typedef enum mtdb_colours MTDB_INT {
-  MTDB_COLOURS_VERTEX =
-      0,                 /* attributes red, green, blue of type uint8; clay where there are none */
-  MTDB_COLOURS_NONE = 1, /* clay */
-  MTDB_COLOURS_NORMAL = 2,    /* x, y, z from -1 to 1 as red, green, blue from 0 to 255 */
-  MTDB_COLOURS_ATTRIBUTE = 3, /* `attribute`, through a colour map */
-  MTDB_COLOURS_DISTANCE = 4,  /* of each point from `reference`, through the same map */
-  MTDB_COLOURS_HEIGHT = 5     /* z as maps have it, from green to white */
-} mtdb_colours;
+typedef enum mtdb_colour MTDB_INT {
+  MTDB_COLOUR_VERTEX = 0, /* attributes red, green, blue of type uint8; clay where there are none */
+  MTDB_COLOUR_NONE = 1,   /* clay */
+  MTDB_COLOUR_NORMAL = 2, /* x, y, z from -1 to 1 as red, green, blue from 0 to 255 */
+  MTDB_COLOUR_ATTRIBUTE = 3, /* `attribute`, through a colour map */
+  MTDB_COLOUR_DISTANCE = 4,  /* of each point from `reference`, through the same map */
+  MTDB_COLOUR_HEIGHT = 5     /* z as maps have it, from green to white */
+} mtdb_colour;
 typedef struct mtdb_render_options {
   size_t struct_bytes;
   uint32_t width; /* pixels, at most 16384; 0: 1200 and 900 */
@@ -38,11 +37,11 @@ typedef struct mtdb_render_options {
   int has_camera;           /* not 0: what a camera sees instead */
   double eye[3];
   double target[3];
-  double vertical_fov_rad;    /* 0: 0.8 */
-  int colours;                /* an mtdb_colours */
-  const char* attribute;      /* of MTDB_COLOURS_ATTRIBUTE */
-  const mtdb_mesh* reference; /* of MTDB_COLOURS_DISTANCE */
-  double height_scale;        /* of MTDB_COLOURS_HEIGHT: what z was multiplied by; 0: 1 */
+  double fov; /* vertical, degrees; 0: 45.8, of 0.8 radians */
+  mtdb_colour colour;
+  const char* attribute;      /* of MTDB_COLOUR_ATTRIBUTE */
+  const mtdb_mesh* reference; /* of MTDB_COLOUR_DISTANCE */
+  double height_scale;        /* of MTDB_COLOUR_HEIGHT: what z was multiplied by; 0: 1 */
   const char* height_units;   /* in its legend; NULL: none */
   int has_range; /* not 0: the values of the first and the last colour; else those found */
   double range[2];
@@ -77,7 +76,7 @@ typedef struct mtdb_serve_options {
 MTDB_API mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options,
                               mtdb_server** server, mtdb_error* error);
 /* "http://127.0.0.1:8080"; lives as long as `server`. */
-MTDB_API const char* mtdb_server_url(const mtdb_server* server);
+MTDB_API const char* mtdb_get_server_url(const mtdb_server* server);
 /* Lets running requests finish for so long, cancels what is left, and waits for it. */
 MTDB_API mtdb_code mtdb_stop_server(mtdb_server* server, double grace_seconds, mtdb_error* error);
 /* Stops it at once when it is running. */

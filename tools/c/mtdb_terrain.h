@@ -43,11 +43,6 @@ MTDB_API mtdb_code mtdb_ingest_heights(mtdb_database* database, const char* name
 
 /* Heights from terrains. */
 
-typedef struct mtdb_height_options {
-  size_t struct_bytes;
-  double largest_error;  /* that is good enough, in units of height; 0: none */
-  mtdb_control* control; /* cancels; or NULL */
-} mtdb_height_options;
 /* What an answer took, and how good it is. */
 typedef struct mtdb_height_cost {
   size_t struct_bytes;
@@ -58,9 +53,9 @@ typedef struct mtdb_height_cost {
 
 /* The heights at `count` places, `points` as x y x y ...; NAN where there is a hole, and outside.
  * `options` and `cost` may be NULL. */
-MTDB_API mtdb_code mtdb_heights_at(mtdb_object* object, const double* points, size_t count,
-                                   const mtdb_height_options* options, double* heights,
-                                   mtdb_height_cost* cost, mtdb_error* error);
+MTDB_API mtdb_code mtdb_find_heights(mtdb_object* object, const double* points, size_t count,
+                                     const mtdb_probe_options* options, double* heights,
+                                     mtdb_height_cost* cost, mtdb_error* error);
 
 /* Samples at x = x0 + column * dx, y = y0 + row * dy. */
 typedef struct mtdb_raster {
@@ -72,27 +67,26 @@ typedef struct mtdb_raster {
 /* The samples of the raster that was ingested, or others that are spacing[0] apart in x and
  * spacing[1] in y (NULL: its own), in a window of least x and y, largest x and y (NULL: all).
  * Columns go east, rows south. MTDB_INVALID_ARGUMENT when none lies in the window. */
-MTDB_API mtdb_code mtdb_terrain_raster(const mtdb_object* object, const double* window,
-                                       const double* spacing, mtdb_raster* raster,
-                                       mtdb_error* error);
+MTDB_API mtdb_code mtdb_get_raster(const mtdb_object* object, const double* window,
+                                   const double* spacing, mtdb_raster* raster, mtdb_error* error);
 /* The heights of all samples, row after row, NAN where there is none, into `heights` with room for
  * `count`. Memory besides: some MB. */
 MTDB_API mtdb_code mtdb_sample_heights(mtdb_object* object, const mtdb_raster* raster,
-                                       const mtdb_height_options* options, double* heights,
+                                       const mtdb_probe_options* options, double* heights,
                                        size_t count, mtdb_height_cost* cost, mtdb_error* error);
 
 /* The heights along a line. */
 typedef struct mtdb_profile mtdb_profile;
 /* `corners`: two or more as x y x y ... */
 MTDB_API mtdb_code mtdb_find_profile(mtdb_object* object, const double* corners, size_t count,
-                                     const mtdb_height_options* options, mtdb_profile** profile,
+                                     const mtdb_probe_options* options, mtdb_profile** profile,
                                      mtdb_height_cost* cost, mtdb_error* error);
 /* How many points it has: one for each corner, and for each crossing with an edge of the surface,
  * so that heights between two points are on a straight line. */
-MTDB_API size_t mtdb_profile_count(const mtdb_profile* profile);
+MTDB_API size_t mtdb_count_profile_points(const mtdb_profile* profile);
 /* Four numbers a point: the distance from the first corner along the line, x, y, and the height;
  * NAN where a hole or the outside begins. They live as long as `profile`. */
-MTDB_API const double* mtdb_profile_points(const mtdb_profile* profile);
+MTDB_API const double* mtdb_get_profile_points(const mtdb_profile* profile);
 MTDB_API void mtdb_free_profile(mtdb_profile* profile);
 
 /* NOLINTEND(readability-identifier-naming) */

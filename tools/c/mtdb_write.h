@@ -43,6 +43,7 @@ typedef struct mtdb_watch {
 
 /* Rounds a float attribute to multiples of `step` > 0. */
 typedef struct mtdb_attribute_step {
+  size_t struct_bytes;
   const char* name;
   double step;
 } mtdb_attribute_step;
@@ -58,8 +59,8 @@ typedef struct mtdb_ingest_options {
                     positions and attributes where the mesh was cut along edges; < 0: none */
   double weld_distance;
   uint32_t normal_bits; /* 4..16: of nx ny nz the direction only; 0: lossless */
-  const mtdb_attribute_step* steps;
-  size_t step_count;
+  const mtdb_attribute_step* attribute_steps;
+  size_t attribute_step_count;
   uint32_t threads;      /* 0: as many as the machine has. The result does not depend on it */
   uint64_t memory_bytes; /* the most that the ingest takes, 256 MiB or more; 0: 1 GiB. The rest goes
                             to temporary files. The result does not depend on it */
@@ -68,7 +69,7 @@ typedef struct mtdb_ingest_options {
   int resume;                /* not 0: goes on with the journal, if there is one of this input */
   double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
                          or one that suits it (mtdb_terrain.h). Rasters take no bits, step,
-                         lossless, weld, normal_bits and steps */
+                         lossless, weld, normal_bits and attribute_steps */
   int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
                     vertical errors; MTDB_BAD_INPUT with the place where it is folded */
   uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
@@ -164,6 +165,11 @@ MTDB_API mtdb_code mtdb_compact_store(const char* path, const mtdb_watch* watch,
 MTDB_API mtdb_code mtdb_pack(mtdb_database* database, const char* const* names, size_t count,
                              const char* path, const mtdb_watch* watch, mtdb_sizes* sizes,
                              mtdb_error* error);
+/* Copies objects of a packed file into the store at `path`, which is made when it is not there:
+ * the same bytes, the same digests. `names`: which objects; `count` 0: all. */
+MTDB_API mtdb_code mtdb_unpack(mtdb_database* database, const char* const* names, size_t count,
+                               const char* path, int replace, const mtdb_watch* watch,
+                               mtdb_error* error);
 
 /* NOLINTEND(readability-identifier-naming) */
 

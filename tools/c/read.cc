@@ -24,7 +24,7 @@ static_assert(static_cast<int>(StatusCode::kCorrupt) == MTDB_CORRUPT);
 static_assert(static_cast<int>(StatusCode::kBusy) == MTDB_BUSY);
 static_assert(static_cast<int>(StatusCode::kNotYet) == MTDB_NOT_YET);
 static_assert(static_cast<int>(ScalarType::kFloat64) == MTDB_FLOAT64);
-static_assert(static_cast<int>(QueryLimit::kThreshold) == MTDB_LIMIT_THRESHOLD);
+static_assert(static_cast<int>(QueryLimit::kThreshold) == MTDB_LIMIT_ACCURACY);
 static_assert(static_cast<int>(QueryLimit::kTriangles) == MTDB_LIMIT_TRIANGLES);
 static_assert(static_cast<int>(QueryLimit::kBytes) == MTDB_LIMIT_BYTES);
 static_assert(static_cast<int>(QueryLimit::kTime) == MTDB_LIMIT_TIME);
@@ -103,36 +103,48 @@ class CallbackSink final : public MeshSink {
   const mtdb_sink sink_;
 };
 
-void PutAnswer(const ProbeAnswer& answer, mtdb_hit* hit) {
-  *hit = {};
-  if (!answer.hit) return;
-  hit->found = 1;
-  hit->error_bound = answer.error_bound;
-  hit->excess = answer.excess;
-  hit->front = answer.hit->front ? 1 : 0;
-  hit->distance = answer.hit->distance;
-  Put(answer.hit->point, hit->point);
-  for (size_t c = 0; c < 3; ++c) Put(answer.hit->triangle[c], hit->triangle + 3 * c);
+// `direction`: of a ray; null: of the closest point.
+Status PutAnswer(const Result<ProbeAnswer>& answer, const double* direction, mtdb_hit* hit) {
+  MTDB_RETURN_IF_ERROR(answer.status());
+  mtdb_hit filled{};
+  if (answer->hit) {
+    filled.found = 1;
+    filled.error_bound = answer->error_bound;
+    filled.excess = answer->excess;
+    filled.front = answer->hit->front ? 1 : 0;
+    filled.distance = answer->hit->distance;
+    if (direction != nullptr) {
+      filled.parameter = answer->hit->distance;
+      filled.distance = filled.parameter * Length(ToVec(direction));
+    }
+    Put(answer->hit->point, filled.point);
+    for (size_t c = 0; c < 3; ++c) Put(answer->hit->triangle[c], filled.triangle + 3 * c);
+  }
+  return PutStruct(filled, "hit", hit);
 }
 
-// What functions that change a query have in common.
-template <typename Change>
-mtdb_code Set(mtdb_query* query, mtdb_error* error, Change&& change) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
-    return change();
-  });
-}
-
-// What a query's region and threshold functions have in common.
-template <typename Pointer, typename Make>
-mtdb_code AddTo(std::vector<Pointer> mtdb_query::*list, mtdb_query* query, mtdb_error* error,
-                Make&& make) {
-  return Set(query, error, [&]() -> Status {
-    MTDB_ASSIGN_OR_RETURN(Pointer made, make());
-    (query->*list).push_back(std::move(made));
-    return Status::Ok();
-  });
+mtdb_stats StatsOf(const ExtractStats& s) {
+  mtdb_stats stats{};
+  stats.vertices = s.vertices;
+  stats.triangles = s.triangles;
+  stats.error_bound = s.error_bound;
+  stats.limit = static_cast<mtdb_limit>(s.limit);
+  stats.active_triangles = s.active_triangles;
+  stats.nodes_applied = s.nodes_applied;
+  stats.nodes_visited = s.nodes_visited;
+  stats.nodes_forced = s.nodes_forced;
+  stats.clusters_read = s.clusters_read;
+  stats.clusters_cached = s.clusters_cached;
+  stats.clusters_used = s.clusters_used;
+  stats.clusters_total = s.clusters_total;
+  stats.bytes_read = s.bytes_read;
+  stats.select_seconds = s.seconds.select;
+  stats.load_seconds = s.seconds.load;
+  stats.read_seconds = s.seconds.read;
+  stats.decode_seconds = s.seconds.decode;
+  stats.emit_seconds = s.seconds.emit;
+  PutShortfall(s.shortfall, &stats);
+  return stats;
 }
 
 }  // namespace
@@ -148,18 +160,16 @@ Status CheckAbi(uint32_t abi_version) {
 
 using mtdb::Result;
 using mtdb::Status;
-using mtdb::internal::AddTo;
 using mtdb::internal::Guarded;
 using mtdb::internal::NeedAll;
 using mtdb::internal::NeedFinite;
-using mtdb::internal::Set;
 using mtdb::internal::Take;
 using mtdb::internal::ToVec;
 
-uint32_t mtdb_abi_version() { return MTDB_ABI_VERSION; }
-const char* mtdb_version() { return MTDB_VERSION; }
+uint32_t mtdb_get_abi_version() { return MTDB_ABI_VERSION; }
+const char* mtdb_get_version() { return MTDB_VERSION; }
 
-mtdb_code mtdb_without_secrets(const char* text, char* shown, size_t size, mtdb_error* error) {
+mtdb_code mtdb_hide_secrets(const char* text, char* shown, size_t size, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{text, "text"}, {shown, "shown"}}));
     if (size == 0) return mtdb::InvalidArgument("size: expected room for a byte, found 0");
@@ -169,14 +179,8 @@ mtdb_code mtdb_without_secrets(const char* text, char* shown, size_t size, mtdb_
   });
 }
 
-mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, mtdb_database** database,
-                        mtdb_error* error) {
-  return mtdb_open_with_abi(abi_version, path, nullptr, database, error);
-}
-
-mtdb_code mtdb_open_with_abi(uint32_t abi_version, const char* path,
-                             const mtdb_open_options* options, mtdb_database** database,
-                             mtdb_error* error) {
+mtdb_code mtdb_open_abi(uint32_t abi_version, const char* path, const mtdb_open_options* options,
+                        mtdb_database** database, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(mtdb::internal::CheckAbi(abi_version));
     MTDB_RETURN_IF_ERROR(NeedAll({{path, "path"}, {database, "database"}}));
@@ -191,53 +195,47 @@ mtdb_code mtdb_open_with_abi(uint32_t abi_version, const char* path,
 
 void mtdb_free_database(mtdb_database* database) { delete database; }
 
-mtdb_code mtdb_list_objects(mtdb_database* database, mtdb_names** names, mtdb_error* error) {
+mtdb_code mtdb_list_objects(mtdb_database* database, mtdb_texts** names, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {names, "names"}}));
     MTDB_ASSIGN_OR_RETURN(const auto records, database->database->List());
-    auto list = std::make_unique<mtdb_names>();
-    for (const mtdb::ObjectRecord& r : records) list->names.push_back(r.name);
+    auto list = std::make_unique<mtdb_texts>();
+    for (const mtdb::ObjectRecord& r : records) list->texts.push_back(r.name);
     *names = list.release();
     return Status::Ok();
   });
 }
 
-size_t mtdb_names_count(const mtdb_names* names) {
-  return names == nullptr ? 0 : names->names.size();
+size_t mtdb_count_texts(const mtdb_texts* texts) {
+  return texts == nullptr ? 0 : texts->texts.size();
 }
 
-const char* mtdb_names_at(const mtdb_names* names, size_t i) {
-  return i < mtdb_names_count(names) ? names->names[i].c_str() : nullptr;
+const char* mtdb_get_text(const mtdb_texts* texts, size_t i) {
+  return i < mtdb_count_texts(texts) ? texts->texts[i].c_str() : nullptr;
 }
 
-void mtdb_free_names(mtdb_names* names) { delete names; }
+void mtdb_free_texts(mtdb_texts* texts) { delete texts; }
 
-mtdb_code mtdb_open_object(mtdb_database* database, const char* name, size_t cache_bytes,
-                           mtdb_object** object, mtdb_error* error) {
-  const mtdb_object_options options{cache_bytes, 0, MTDB_FORM_EXPLICIT};
-  return mtdb_open_object_with(database, name, &options, object, error);
-}
-
-mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
-                                const mtdb_object_options* options, mtdb_object** object,
-                                mtdb_error* error) {
+mtdb_code mtdb_open_object(mtdb_database* database, const char* name,
+                           const mtdb_object_options* options, mtdb_object** object,
+                           mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {object, "object"}}));
+    MTDB_ASSIGN_OR_RETURN(const mtdb_object_options given, Take(options, "options"));
     mtdb::SurfaceOptions with;
-    if (options != nullptr) {
-      if (options->cache_bytes != 0) with.cache_bytes = options->cache_bytes;
-      if (options->threads > mtdb::internal::kMostThreads) {
-        return mtdb::InvalidArgument("threads: " + std::to_string(options->threads) +
-                                     " are more than " +
-                                     std::to_string(mtdb::internal::kMostThreads));
-      }
-      with.threads = options->threads;
-      if (options->form > MTDB_FORM_IMPLICIT) {
-        return mtdb::InvalidArgument("form: expected an mtdb_form, found " +
-                                     std::to_string(options->form));
-      }
-      if (options->form == MTDB_FORM_IMPLICIT) with.form = mtdb::RuntimeForm::kImplicit;
+    if (given.cache_bytes != 0) with.cache_bytes = given.cache_bytes;
+    if (given.threads > mtdb::internal::kMostThreads) {
+      return mtdb::InvalidArgument("options.threads: " + std::to_string(given.threads) +
+                                   " are more than " +
+                                   std::to_string(mtdb::internal::kMostThreads));
     }
+    with.threads = given.threads;
+    const int form = given.form;
+    if (form < MTDB_FORM_EXPLICIT || form > MTDB_FORM_IMPLICIT) {
+      return mtdb::InvalidArgument("options.form: expected an mtdb_form, found " +
+                                   std::to_string(form));
+    }
+    if (form == MTDB_FORM_IMPLICIT) with.form = mtdb::RuntimeForm::kImplicit;
     MTDB_ASSIGN_OR_RETURN(auto source, database->database->OpenObject(name == nullptr ? "" : name));
     MTDB_ASSIGN_OR_RETURN(auto surface, mtdb::Surface::Open(std::move(source), with));
     *object = new mtdb_object{database->database, std::move(surface)};
@@ -247,49 +245,55 @@ mtdb_code mtdb_open_object_with(mtdb_database* database, const char* name,
 
 void mtdb_free_object(mtdb_object* object) { delete object; }
 
-const char* mtdb_object_name(const mtdb_object* object) {
+const char* mtdb_get_object_name(const mtdb_object* object) {
   return object == nullptr ? nullptr : object->surface->record().name.c_str();
 }
 
-mtdb_code mtdb_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error) {
+mtdb_code mtdb_get_object_info(const mtdb_object* object, mtdb_info* info, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {info, "info"}}));
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
     const mtdb::ObjectRecord& record = object->surface->record();
-    *info = {};
-    info->vertices = record.vertices;
-    info->triangles = record.triangles;
-    info->root_triangles = record.root_triangles;
-    info->clusters = record.clusters;
-    mtdb::internal::Put(record.bounds.min, info->bounds_min);
-    mtdb::internal::Put(record.bounds.max, info->bounds_max);
-    info->rounding_error = record.rounding_error;
-    info->error_max = record.grid.Error(record.error_code_max);
-    info->attributes = static_cast<uint32_t>(record.attributes.attributes.size());
-    info->row_bytes = static_cast<uint32_t>(record.attributes.row_bytes());
-    return Status::Ok();
+    mtdb_info filled{};
+    filled.vertices = record.vertices;
+    filled.triangles = record.triangles;
+    filled.root_triangles = record.root_triangles;
+    filled.clusters = record.clusters;
+    mtdb::internal::Put(record.bounds.min, filled.bounds_min);
+    mtdb::internal::Put(record.bounds.max, filled.bounds_max);
+    filled.rounding_error = record.rounding_error;
+    filled.error_max = record.grid.Error(record.error_code_max);
+    filled.attributes = static_cast<uint32_t>(record.attributes.attributes.size());
+    filled.row_bytes = static_cast<uint32_t>(record.attributes.row_bytes());
+    return mtdb::internal::PutStruct(filled, "info", info);
   });
 }
 
-mtdb_code mtdb_object_attribute(const mtdb_object* object, uint32_t i, mtdb_attribute* attribute,
-                                mtdb_error* error) {
+mtdb_code mtdb_get_object_attribute(const mtdb_object* object, uint32_t i,
+                                    mtdb_attribute* attribute, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {attribute, "attribute"}}));
-    return mtdb::internal::GetAttribute(object->surface->record().attributes, i, attribute);
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
+    return mtdb::internal::PutAttribute(object->surface->record().attributes, i, attribute);
   });
 }
 
-mtdb_code mtdb_object_json(const mtdb_object* object, mtdb_names** json, mtdb_error* error) {
+mtdb_code mtdb_get_object_json(const mtdb_object* object, mtdb_json** json, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
     const Result<uint64_t> file_bytes = object->database->FileBytes();
-    *json = new mtdb_names{
-        {mtdb::RecordJson(object->surface->record(), file_bytes.ok() ? *file_bytes : 0).Text()}};
+    *json = new mtdb_json{
+        mtdb::RecordJson(object->surface->record(), file_bytes.ok() ? *file_bytes : 0).Text()};
     return Status::Ok();
   });
 }
 
+const char* mtdb_get_json_text(const mtdb_json* json) {
+  return json == nullptr ? nullptr : json->text.c_str();
+}
+
+void mtdb_free_json(mtdb_json* json) { delete json; }
+
 mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, const mtdb_control* control,
-                      mtdb_names** failures, mtdb_error* error) {
+                      mtdb_texts** failures, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {failures, "failures"}}));
     const int number = level;
@@ -297,7 +301,7 @@ mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, const mtdb_c
       return mtdb::InvalidArgument("level: " + std::to_string(number) + " is none");
     }
     const mtdb::Surface& surface = *object->surface;
-    mtdb::QueryControl* const watch = control == nullptr ? nullptr : control->control.get();
+    mtdb::QueryControl* const watch = mtdb::internal::ControlOf(control);
     mtdb::CheckReport report;
     const mtdb::Database& database = *object->database;
     MTDB_RETURN_IF_ERROR(mtdb::VerifyStore(
@@ -309,131 +313,25 @@ mtdb_code mtdb_verify(mtdb_object* object, mtdb_verify_level level, const mtdb_c
     if (level >= MTDB_VERIFY_GLOBAL && report.ok()) {
       MTDB_RETURN_IF_ERROR(mtdb::VerifyObject(surface, mtdb::VerifyLevel::kGlobal, &report, watch));
     }
-    *failures = new mtdb_names{std::move(report.failures)};
+    *failures = new mtdb_texts{std::move(report.failures)};
     return Status::Ok();
   });
 }
 
-mtdb_code mtdb_create_query(mtdb_query** query, mtdb_error* error) {
+mtdb_code mtdb_create_query(const mtdb_object* object, const char* json, mtdb_query** query,
+                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{query, "query"}}));
-    *query = new mtdb_query;
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {query, "query"}}));
+    mtdb::Query asked;
+    if (json != nullptr) {
+      MTDB_ASSIGN_OR_RETURN(asked, mtdb::ParseQuery(json, object->surface->record()));
+    }
+    *query = new mtdb_query{std::move(asked)};
     return Status::Ok();
   });
 }
 
 void mtdb_free_query(mtdb_query* query) { delete query; }
-
-mtdb_code mtdb_query_add_box(mtdb_query* query, const double min[3], const double max[3],
-                             mtdb_error* error) {
-  return AddTo(&mtdb_query::regions, query, error, [&]() -> Result<mtdb::RegionPtr> {
-    MTDB_RETURN_IF_ERROR(NeedAll({{min, "min"}, {max, "max"}}));
-    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(min), "min"));
-    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(max), "max"));
-    const mtdb::Box3d box{ToVec(min), ToVec(max)};
-    if (box.empty()) return mtdb::InvalidArgument("box: min exceeds max");
-    return mtdb::BoxRegion(box);
-  });
-}
-
-mtdb_code mtdb_query_add_sphere(mtdb_query* query, const double centre[3], double radius,
-                                mtdb_error* error) {
-  return AddTo(&mtdb_query::regions, query, error, [&]() -> Result<mtdb::RegionPtr> {
-    MTDB_RETURN_IF_ERROR(NeedAll({{centre, "centre"}}));
-    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(centre), "centre"));
-    MTDB_RETURN_IF_ERROR(NeedFinite({radius}, "radius"));
-    if (radius < 0) return mtdb::InvalidArgument("radius: is negative");
-    return mtdb::SphereRegion(ToVec(centre), radius);
-  });
-}
-
-mtdb_code mtdb_query_add_constant_error(mtdb_query* query, double largest, mtdb_error* error) {
-  return AddTo(&mtdb_query::thresholds, query, error, [&]() -> Result<mtdb::ThresholdPtr> {
-    MTDB_RETURN_IF_ERROR(NeedFinite({largest}, "largest"));
-    if (largest < 0) return mtdb::InvalidArgument("largest: is negative");
-    return mtdb::ConstantThreshold(largest);
-  });
-}
-
-mtdb_code mtdb_query_add_full_resolution(mtdb_query* query, mtdb_error* error) {
-  return AddTo(&mtdb_query::thresholds, query, error,
-               []() -> Result<mtdb::ThresholdPtr> { return mtdb::FullResolution(); });
-}
-
-mtdb_code mtdb_query_add_coarsest(mtdb_query* query, mtdb_error* error) {
-  return AddTo(&mtdb_query::thresholds, query, error,
-               []() -> Result<mtdb::ThresholdPtr> { return mtdb::CoarsestThreshold(); });
-}
-
-mtdb_code mtdb_query_add_linear_error(mtdb_query* query, const double point[3], double base,
-                                      double slope, mtdb_error* error) {
-  return AddTo(&mtdb_query::thresholds, query, error, [&]() -> Result<mtdb::ThresholdPtr> {
-    MTDB_RETURN_IF_ERROR(NeedAll({{point, "point"}}));
-    MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(point), "point"));
-    MTDB_RETURN_IF_ERROR(NeedFinite({base, slope}, "base and slope"));
-    return mtdb::LinearThreshold(ToVec(point), base, slope);
-  });
-}
-
-mtdb_code mtdb_query_set_json(mtdb_query* query, const mtdb_object* object, const char* json,
-                              mtdb_error* error) {
-  return Set(query, error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {json, "json"}}));
-    MTDB_ASSIGN_OR_RETURN(mtdb::Query parsed, mtdb::ParseQuery(json, object->surface->record()));
-    mtdb_query taken;
-    if (parsed.region != nullptr) taken.regions.push_back(std::move(parsed.region));
-    if (parsed.threshold != nullptr) taken.thresholds.push_back(std::move(parsed.threshold));
-    taken.rest = std::move(parsed);
-    taken.control = query->control;
-    *query = std::move(taken);
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_max_triangles(mtdb_query* query, uint64_t count, mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->rest.max_triangles = count == 0 ? std::nullopt : std::optional<uint64_t>(count);
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_max_bytes(mtdb_query* query, uint64_t bytes, mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->rest.max_bytes = bytes == 0 ? std::nullopt : std::optional<uint64_t>(bytes);
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_max_milliseconds(mtdb_query* query, double milliseconds,
-                                          mtdb_error* error) {
-  return Set(query, error, [&]() -> Status {
-    if (!(milliseconds >= 0)) return mtdb::InvalidArgument("milliseconds: negative or NaN");
-    query->rest.max_milliseconds =
-        milliseconds == 0 ? std::nullopt : std::optional<double>(milliseconds);
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_clip(mtdb_query* query, int clip, mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->rest.clip = clip != 0;
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_normals(mtdb_query* query, int normals, mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->rest.normals = normals != 0;
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_query_set_available_only(mtdb_query* query, int available_only, mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->rest.available_only = available_only != 0;
-    return Status::Ok();
-  });
-}
 
 mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
@@ -445,140 +343,103 @@ mtdb_code mtdb_create_control(mtdb_control** control, mtdb_error* error) {
 
 void mtdb_free_control(mtdb_control* control) { delete control; }
 
-mtdb_code mtdb_query_set_control(mtdb_query* query, const mtdb_control* control,
-                                 mtdb_error* error) {
-  return Set(query, error, [&] {
-    query->control = control == nullptr ? nullptr : control->control;
-    return Status::Ok();
-  });
-}
-
 void mtdb_cancel(mtdb_control* control) {
   if (control != nullptr) control->control->Cancel();
 }
 
-mtdb_code mtdb_control_progress(const mtdb_control* control, mtdb_progress* progress,
-                                mtdb_error* error) {
+mtdb_code mtdb_get_progress(const mtdb_control* control, mtdb_progress* progress,
+                            mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{control, "control"}, {progress, "progress"}}));
+    MTDB_RETURN_IF_ERROR(NeedAll({{control, "control"}}));
     const mtdb::QueryControl& c = *control->control;
-    *progress = {c.clusters_loaded(), c.nodes_applied(), c.triangles_emitted(),
-                 c.cancelled() ? 1 : 0};
-    return Status::Ok();
+    return mtdb::internal::PutStruct(mtdb_progress{0, c.clusters_loaded(), c.nodes_applied(),
+                                                   c.triangles_emitted(), c.cancelled() ? 1 : 0},
+                                     "progress", progress);
   });
 }
 
-mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, mtdb_cut** cut,
-                      mtdb_error* error) {
+mtdb_code mtdb_select(mtdb_object* object, const mtdb_query* query, const mtdb_control* control,
+                      mtdb_cut** cut, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {cut, "cut"}}));
-    const mtdb_query everything;
-    const mtdb_query& asked = query == nullptr ? everything : *query;
-    MTDB_ASSIGN_OR_RETURN(mtdb::Cut selected, object->surface->Select(asked.Build()));
+    mtdb::Query asked;
+    if (query != nullptr) asked = query->query;
+    asked.control = mtdb::internal::ControlOf(control);
+    MTDB_ASSIGN_OR_RETURN(mtdb::Cut selected, object->surface->Select(asked));
     const size_t row_bytes = object->surface->record().attributes.row_bytes() +
-                             (asked.rest.normals ? mtdb::internal::kNormalBytes : 0);
-    *cut = new mtdb_cut{asked.control, object->surface, std::move(selected),
-                        static_cast<uint32_t>(row_bytes)};
+                             (asked.normals ? mtdb::internal::kNormalBytes : 0);
+    *cut = new mtdb_cut{control == nullptr ? nullptr : control->control, object->surface,
+                        std::move(selected), static_cast<uint32_t>(row_bytes)};
     return Status::Ok();
   });
 }
 
 void mtdb_free_cut(mtdb_cut* cut) { delete cut; }
 
-mtdb_code mtdb_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error) {
+mtdb_code mtdb_get_cut_stats(const mtdb_cut* cut, mtdb_stats* stats, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {stats, "stats"}}));
-    const mtdb::ExtractStats& s = cut->cut.stats();
-    *stats = {s.vertices,      s.triangles,  s.nodes_applied,
-              s.clusters_read, s.bytes_read, s.error_bound};
-    return Status::Ok();
+    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}}));
+    mtdb_stats filled = mtdb::internal::StatsOf(cut->cut.stats());
+    filled.row_bytes = cut->row_bytes;
+    return mtdb::internal::PutStruct(filled, "stats", stats);
   });
 }
 
-mtdb_code mtdb_cut_details(const mtdb_cut* cut, mtdb_details* details, mtdb_error* error) {
-  return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {details, "details"}}));
-    const mtdb::ExtractStats& s = cut->cut.stats();
-    mtdb_shortfall shortfall{};
-    shortfall.triangles = s.shortfall.triangles;
-    shortfall.excess = s.shortfall.excess;
-    if (s.shortfall.any()) {
-      mtdb::internal::Put(s.shortfall.bounds.min, shortfall.bounds_min);
-      mtdb::internal::Put(s.shortfall.bounds.max, shortfall.bounds_max);
-    }
-    *details = {static_cast<mtdb_limit>(s.limit),
-                cut->row_bytes,
-                s.active_triangles,
-                s.nodes_visited,
-                s.nodes_forced,
-                s.clusters_cached,
-                s.clusters_used,
-                s.clusters_total,
-                s.seconds.select,
-                s.seconds.load,
-                s.seconds.read,
-                s.seconds.decode,
-                s.seconds.emit,
-                shortfall};
-    return Status::Ok();
-  });
-}
-
-mtdb_code mtdb_cut_copy(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error) {
+mtdb_code mtdb_copy_cut(mtdb_cut* cut, const mtdb_arrays* arrays, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {arrays, "arrays"}}));
+    MTDB_ASSIGN_OR_RETURN(const mtdb_arrays given, Take(arrays, "arrays"));
     const uint64_t vertices = cut->cut.vertex_count();
     const uint64_t triangles = cut->cut.triangle_count();
-    if (arrays->vertex_capacity < vertices || arrays->triangle_capacity < triangles) {
+    if (given.vertex_capacity < vertices || given.triangle_capacity < triangles) {
       return {mtdb::StatusCode::kBudgetExceeded,
               "the cut has " + std::to_string(vertices) + " vertices and " +
                   std::to_string(triangles) + " triangles, but the arrays have room for " +
-                  std::to_string(arrays->vertex_capacity) + " and " +
-                  std::to_string(arrays->triangle_capacity)};
+                  std::to_string(given.vertex_capacity) + " and " +
+                  std::to_string(given.triangle_capacity)};
     }
-    if (arrays->indices != nullptr && vertices > uint64_t{1} << 32) {
+    if (given.indices != nullptr && vertices > uint64_t{1} << 32) {
       return mtdb::InvalidArgument("32-bit indices cannot number " + std::to_string(vertices) +
-                                   " vertices; use mtdb_cut_emit");
+                                   " vertices; use mtdb_emit_cut");
     }
-    if (arrays->positions_float != nullptr) {
-      MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(arrays->origin), "origin"));
+    if (given.positions_float != nullptr) {
+      MTDB_RETURN_IF_ERROR(NeedFinite(ToVec(given.origin), "origin"));
     }
-    mtdb::internal::ArraySink sink(*arrays);
+    mtdb::internal::ArraySink sink(given);
     return cut->cut.Emit(sink);
   });
 }
 
-mtdb_code mtdb_cut_emit(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error) {
+mtdb_code mtdb_emit_cut(mtdb_cut* cut, const mtdb_sink* sink, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{cut, "cut"}, {sink, "sink"}}));
-    mtdb::internal::CallbackSink callbacks(*sink);
+    MTDB_ASSIGN_OR_RETURN(const mtdb_sink given, Take(sink, "sink"));
+    mtdb::internal::CallbackSink callbacks(given);
     return cut->cut.Emit(callbacks);
   });
 }
 
-mtdb_code mtdb_closest_point(mtdb_object* object, const double point[3], double largest_error,
-                             double max_distance, mtdb_hit* hit, mtdb_error* error) {
+mtdb_code mtdb_find_closest_point(mtdb_object* object, const double point[3], double limit,
+                                  const mtdb_probe_options* options, mtdb_hit* hit,
+                                  mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
-    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {point, "point"}, {hit, "hit"}}));
-    MTDB_ASSIGN_OR_RETURN(
-        const mtdb::ProbeAnswer answer,
-        mtdb::FindClosestPoint(*object->surface, ToVec(point),
-                               {.error_model = largest_error, .limit = max_distance}));
-    mtdb::internal::PutAnswer(answer, hit);
-    return Status::Ok();
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {point, "point"}}));
+    MTDB_ASSIGN_OR_RETURN(auto with, mtdb::internal::ProbeOptionsOf<mtdb::ProbeOptions>(options));
+    with.limit = limit;
+    return mtdb::internal::PutAnswer(mtdb::FindClosestPoint(*object->surface, ToVec(point), with),
+                                     nullptr, hit);
   });
 }
 
 mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3], const double direction[3],
-                        double largest_error, double max_parameter, mtdb_hit* hit,
+                        double limit, const mtdb_probe_options* options, mtdb_hit* hit,
                         mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(
-        NeedAll({{object, "object"}, {origin, "origin"}, {direction, "direction"}, {hit, "hit"}}));
-    MTDB_ASSIGN_OR_RETURN(const mtdb::ProbeAnswer answer,
-                          mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction),
-                                        {.error_model = largest_error, .limit = max_parameter}));
-    mtdb::internal::PutAnswer(answer, hit);
-    return Status::Ok();
+        NeedAll({{object, "object"}, {origin, "origin"}, {direction, "direction"}}));
+    MTDB_ASSIGN_OR_RETURN(auto with, mtdb::internal::ProbeOptionsOf<mtdb::ProbeOptions>(options));
+    with.limit = limit;
+    return mtdb::internal::PutAnswer(
+        mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction), with), direction, hit);
   });
 }

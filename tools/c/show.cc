@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <string>
 
 #include "tools/c/internal/handles.h"
@@ -42,7 +43,7 @@ Status SetView(const mtdb_render_options& given, const TriangleMesh& mesh, Rende
     camera.eye = ToVec(given.eye);
     camera.direction = ToVec(given.target) - camera.eye;
     if (!IsZero(given.up)) camera.up = ToVec(given.up);
-    if (given.vertical_fov_rad != 0) camera.vertical_fov_rad = given.vertical_fov_rad;
+    if (given.fov != 0) camera.vertical_fov_rad = given.fov / 180 * std::numbers::pi;
     camera.width_px = options->width;
     camera.height_px = options->height;
     MTDB_RETURN_IF_ERROR(camera.Validate());
@@ -81,10 +82,11 @@ Result<RenderOptions> StyleOf(const mtdb_render_options& given, const TriangleMe
     options.height_scale = given.height_scale;
   }
   if (given.height_units != nullptr) options.height_units = given.height_units;
-  if (given.colours < MTDB_COLOURS_VERTEX || given.colours > MTDB_COLOURS_HEIGHT) {
-    return InvalidArgument("options.colours: is no mtdb_colours");
+  const int colour = given.colour;
+  if (colour < MTDB_COLOUR_VERTEX || colour > MTDB_COLOUR_HEIGHT) {
+    return InvalidArgument("options.colour: is no mtdb_colour");
   }
-  options.colour_by = static_cast<ColourBy>(given.colours);
+  options.colour_by = static_cast<ColourBy>(colour);
   if (options.colour_by == ColourBy::kAttribute) {
     if (given.attribute == nullptr) return InvalidArgument("options.attribute: is NULL");
     options.attribute = given.attribute;
@@ -100,12 +102,12 @@ Result<RenderOptions> StyleOf(const mtdb_render_options& given, const TriangleMe
   return options;
 }
 
-static_assert(static_cast<int>(ColourBy::kVertexColours) == MTDB_COLOURS_VERTEX &&
-              static_cast<int>(ColourBy::kNothing) == MTDB_COLOURS_NONE &&
-              static_cast<int>(ColourBy::kNormal) == MTDB_COLOURS_NORMAL &&
-              static_cast<int>(ColourBy::kAttribute) == MTDB_COLOURS_ATTRIBUTE &&
-              static_cast<int>(ColourBy::kDistance) == MTDB_COLOURS_DISTANCE &&
-              static_cast<int>(ColourBy::kHeight) == MTDB_COLOURS_HEIGHT);
+static_assert(static_cast<int>(ColourBy::kVertexColours) == MTDB_COLOUR_VERTEX &&
+              static_cast<int>(ColourBy::kNothing) == MTDB_COLOUR_NONE &&
+              static_cast<int>(ColourBy::kNormal) == MTDB_COLOUR_NORMAL &&
+              static_cast<int>(ColourBy::kAttribute) == MTDB_COLOUR_ATTRIBUTE &&
+              static_cast<int>(ColourBy::kDistance) == MTDB_COLOUR_DISTANCE &&
+              static_cast<int>(ColourBy::kHeight) == MTDB_COLOUR_HEIGHT);
 
 // The image as pixels of 3 bytes, or of 4 where it has alpha.
 void CopyPixels(const RenderImage& image, bool alpha, unsigned char* pixels) {
@@ -136,7 +138,7 @@ mtdb_code mtdb_render(const mtdb_mesh* mesh, const mtdb_render_options* options,
     MTDB_RETURN_IF_ERROR(NeedAll({{mesh, "mesh"}, {pixels, "pixels"}}));
     MTDB_ASSIGN_OR_RETURN(const mtdb_render_options given, Take(options, "options"));
     mtdb::TriangleMesh reference;
-    if (given.colours == MTDB_COLOURS_DISTANCE) {
+    if (given.colour == MTDB_COLOUR_DISTANCE) {
       MTDB_RETURN_IF_ERROR(NeedAll({{given.reference, "options.reference"}}));
       MTDB_ASSIGN_OR_RETURN(reference, mtdb::internal::ToTriangleMesh(*given.reference));
     }
@@ -212,7 +214,7 @@ mtdb_code mtdb_serve(const char* path, const mtdb_serve_options* options, mtdb_s
   });
 }
 
-const char* mtdb_server_url(const mtdb_server* server) {
+const char* mtdb_get_server_url(const mtdb_server* server) {
   return server == nullptr ? nullptr : server->server->url().c_str();
 }
 

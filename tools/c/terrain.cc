@@ -23,18 +23,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr uint32_t kMostSide = 1u << 28;
 
-Result<HeightOptions> OptionsOf(const mtdb_height_options* options) {
-  MTDB_ASSIGN_OR_RETURN(const mtdb_height_options given, Take(options, "options"));
-  HeightOptions with;
-  if (!(given.largest_error >= 0)) {
-    return InvalidArgument("options.largest_error: expected 0 or more");
-  }
-  // Without an error that is allowed: the raster's own surface.
-  with.error_model = given.largest_error == 0 ? -1 : given.largest_error;
-  if (given.control != nullptr) with.control = given.control->control.get();
-  return with;
-}
-
 Status PutCost(const HeightCost& cost, mtdb_height_cost* out) {
   if (out == nullptr) return Status::Ok();
   mtdb_height_cost filled{};
@@ -100,9 +88,10 @@ Status IngestOpened(mtdb_database* database, const char* name,
                     const mtdb_ingest_options* options, const mtdb_watch* watch) {
   MTDB_ASSIGN_OR_RETURN(const mtdb_ingest_options given, Take(options, "options"));
   if (given.bits != 0 || given.step != 0 || given.lossless != 0 || given.weld != 0 ||
-      given.normal_bits != 0 || given.step_count != 0) {
+      given.normal_bits != 0 || given.attribute_step_count != 0) {
     return InvalidArgument(
-        "options: bits, step, lossless, weld, normal_bits and steps are for meshes; a raster's "
+        "options: bits, step, lossless, weld, normal_bits and attribute_steps are for meshes; a "
+        "raster's "
         "samples lie where they are, and height_step says to which multiples heights are rounded");
   }
   std::optional<double> step;
@@ -170,13 +159,14 @@ mtdb_code mtdb_ingest_heights(mtdb_database* database, const char* name,
   });
 }
 
-mtdb_code mtdb_heights_at(mtdb_object* object, const double* points, size_t count,
-                          const mtdb_height_options* options, double* heights,
-                          mtdb_height_cost* cost, mtdb_error* error) {
+mtdb_code mtdb_find_heights(mtdb_object* object, const double* points, size_t count,
+                            const mtdb_probe_options* options, double* heights,
+                            mtdb_height_cost* cost, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
     if (count > 0) MTDB_RETURN_IF_ERROR(NeedAll({{points, "points"}, {heights, "heights"}}));
-    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with, mtdb::internal::OptionsOf(options));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with,
+                          mtdb::internal::ProbeOptionsOf<mtdb::HeightOptions>(options));
     mtdb::HeightCost told;
     MTDB_RETURN_IF_ERROR(mtdb::internal::HeightsAt(
         *object->surface, mtdb::internal::Places(points, count), with, heights, &told));
@@ -184,8 +174,8 @@ mtdb_code mtdb_heights_at(mtdb_object* object, const double* points, size_t coun
   });
 }
 
-mtdb_code mtdb_terrain_raster(const mtdb_object* object, const double* window,
-                              const double* spacing, mtdb_raster* raster, mtdb_error* error) {
+mtdb_code mtdb_get_raster(const mtdb_object* object, const double* window, const double* spacing,
+                          mtdb_raster* raster, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
     std::optional<std::array<double, 4>> within;
@@ -206,12 +196,13 @@ mtdb_code mtdb_terrain_raster(const mtdb_object* object, const double* window,
 }
 
 mtdb_code mtdb_sample_heights(mtdb_object* object, const mtdb_raster* raster,
-                              const mtdb_height_options* options, double* heights, size_t count,
+                              const mtdb_probe_options* options, double* heights, size_t count,
                               mtdb_height_cost* cost, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {raster, "raster"}, {heights, "heights"}}));
     MTDB_ASSIGN_OR_RETURN(const mtdb_raster given, Take(raster, "raster"));
-    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with, mtdb::internal::OptionsOf(options));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with,
+                          mtdb::internal::ProbeOptionsOf<mtdb::HeightOptions>(options));
     MTDB_RETURN_IF_ERROR(
         mtdb::internal::NeedFinite({given.x0, given.y0, given.dx, given.dy}, "raster"));
     if (given.columns == 0 || given.rows == 0 || given.columns > mtdb::internal::kMostSide ||
@@ -238,11 +229,12 @@ mtdb_code mtdb_sample_heights(mtdb_object* object, const mtdb_raster* raster,
 }
 
 mtdb_code mtdb_find_profile(mtdb_object* object, const double* corners, size_t count,
-                            const mtdb_height_options* options, mtdb_profile** profile,
+                            const mtdb_probe_options* options, mtdb_profile** profile,
                             mtdb_height_cost* cost, mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}, {corners, "corners"}, {profile, "profile"}}));
-    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with, mtdb::internal::OptionsOf(options));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightOptions with,
+                          mtdb::internal::ProbeOptionsOf<mtdb::HeightOptions>(options));
     MTDB_ASSIGN_OR_RETURN(
         const mtdb::Profile found,
         mtdb::FindProfile(*object->surface, mtdb::internal::Places(corners, count), with));
@@ -256,11 +248,11 @@ mtdb_code mtdb_find_profile(mtdb_object* object, const double* corners, size_t c
   });
 }
 
-size_t mtdb_profile_count(const mtdb_profile* profile) {
+size_t mtdb_count_profile_points(const mtdb_profile* profile) {
   return profile == nullptr ? 0 : profile->points.size();
 }
 
-const double* mtdb_profile_points(const mtdb_profile* profile) {
+const double* mtdb_get_profile_points(const mtdb_profile* profile) {
   return profile == nullptr || profile->points.empty() ? nullptr : profile->points.front().data();
 }
 

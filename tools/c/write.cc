@@ -56,10 +56,11 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
                            std::to_string(o.normal_bits));
   }
   if (o.normal_bits != 0) options.normal_bits = static_cast<int>(o.normal_bits);
-  if (o.step_count > 0) MTDB_RETURN_IF_ERROR(NeedAll({{o.steps, "options.steps"}}));
-  for (size_t i = 0; i < o.step_count; ++i) {
-    MTDB_RETURN_IF_ERROR(NeedAll({{o.steps[i].name, "options.steps.name"}}));
-    options.attribute_steps.push_back({o.steps[i].name, o.steps[i].step});
+  MTDB_ASSIGN_OR_RETURN(const auto steps, TakeAll(o.attribute_steps, o.attribute_step_count,
+                                                  "options.attribute_steps"));
+  for (const mtdb_attribute_step& step : steps) {
+    MTDB_RETURN_IF_ERROR(NeedAll({{step.name, "options.attribute_steps.name"}}));
+    options.attribute_steps.push_back({step.name, step.step});
   }
   if (o.threads > kMostThreads) {
     return InvalidArgument("options.threads: " + std::to_string(o.threads) + " are more than " +
@@ -338,5 +339,20 @@ mtdb_code mtdb_pack(mtdb_database* database, const char* const* names, size_t co
     if (sizes == nullptr) return Status::Ok();
     return mtdb::internal::PutStruct(mtdb_sizes{0, total, report.file_bytes, report.first_bytes},
                                      "sizes", sizes);
+  });
+}
+
+mtdb_code mtdb_unpack(mtdb_database* database, const char* const* names, size_t count,
+                      const char* path, int replace, const mtdb_watch* watch, mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{database, "database"}, {path, "path"}}));
+    MTDB_ASSIGN_OR_RETURN(const Watch watcher, Watch::Of(watch));
+    if (!database->database->is_packed()) {
+      return mtdb::InvalidArgument("database: expected a packed file, found a store");
+    }
+    MTDB_ASSIGN_OR_RETURN(const auto sources,
+                          mtdb::internal::SourcesOf(*database->database, names, count));
+    return mtdb::CopyToStore(sources, path, replace != 0,
+                             mtdb::internal::CopyWatch(watcher, "unpack"));
   });
 }

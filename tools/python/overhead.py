@@ -55,15 +55,13 @@ def main() -> None:
             count = len(surface.extract(error=error).faces)
             low, high = (error, high) if count > TRIANGLES else (low, error)
         text = ('{"threshold": %r}' % high).encode()
-        query = L.Handle("query", "create_query")
-        L.call("query_set_json", query, surface._handle, text)
-
+        query = L.Handle("query", "create_query", surface._handle, text)
         nothing = {"threshold": "coarsest", "clip": True,
                    "region": {"sphere": {"centre": [1e9, 1e9, 1e9], "radius": 1}}}
 
         def library(asked: L.Handle) -> None:
-            cut = L.Handle("cut", "select", surface._handle, asked)
-            L.Handle("mesh", "cut_mesh", cut, None)
+            cut = L.Handle("cut", "select", surface._handle, asked, None)
+            L.Handle("mesh", "get_cut_mesh", cut, None)
 
         empty = surface._query(json.dumps(nothing))
         works: dict[str, Callable[[], object]] = {

@@ -10,6 +10,7 @@
 #include "builder/build.h"
 #include "store/base/geometry.h"
 #include "store/base/status.h"
+#include "tools/request/endpoint.h"
 
 namespace mtdb {
 
@@ -19,13 +20,6 @@ struct Extent {
 
 struct Ray {
   Vec3d origin, direction;
-};
-
-// Where a server listens.
-struct Endpoint {
-  std::string address;  // IPv4 or IPv6
-  uint16_t port = 0;
-  std::string text() const;  // "127.0.0.1:8080", "[::1]:8080"
 };
 
 // "expected (what), found '(text)'".

@@ -10,7 +10,7 @@
 
 #include "store/base/status.h"
 #include "store/database.h"
-#include "tools/request/arguments.h"
+#include "tools/request/endpoint.h"
 
 namespace mtdb {
 

@@ -13,13 +13,14 @@ int main(int argc, char** argv) {
   mtdb_info info;
   mtdb_stats stats;
   if (argc != 2) return 2;
-  if (mtdb_open(argv[1], &database, &error) != MTDB_OK ||
-      mtdb_open_object(database, NULL, 0, &object, &error) != MTDB_OK ||
-      mtdb_object_info(object, &info, &error) != MTDB_OK ||
-      mtdb_create_query(&query, &error) != MTDB_OK ||
-      mtdb_query_set_json(query, object, "{\"threshold\": \"full\"}", &error) != MTDB_OK ||
-      mtdb_select(object, query, &cut, &error) != MTDB_OK ||
-      mtdb_cut_stats(cut, &stats, &error) != MTDB_OK) {
+  MTDB_INIT(info);
+  MTDB_INIT(stats);
+  if (mtdb_open(argv[1], NULL, &database, &error) != MTDB_OK ||
+      mtdb_open_object(database, NULL, NULL, &object, &error) != MTDB_OK ||
+      mtdb_get_object_info(object, &info, &error) != MTDB_OK ||
+      mtdb_create_query(object, "{\"threshold\": \"full\"}", &query, &error) != MTDB_OK ||
+      mtdb_select(object, query, NULL, &cut, &error) != MTDB_OK ||
+      mtdb_get_cut_stats(cut, &stats, &error) != MTDB_OK) {
     fprintf(stderr, "%s\n", error.message);
     return 1;
   }

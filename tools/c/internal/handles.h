@@ -22,8 +22,11 @@
 struct mtdb_database {
   std::shared_ptr<mtdb::Database> database;
 };
-struct mtdb_names {
-  std::vector<std::string> names;
+struct mtdb_texts {
+  std::vector<std::string> texts;
+};
+struct mtdb_json {
+  std::string text;
 };
 struct mtdb_object {
   std::shared_ptr<mtdb::Database> database;
@@ -33,12 +36,7 @@ struct mtdb_control {
   std::shared_ptr<mtdb::QueryControl> control;
 };
 struct mtdb_query {
-  std::vector<mtdb::RegionPtr> regions;
-  std::vector<mtdb::ThresholdPtr> thresholds;
-  mtdb::Query rest;  // without region, threshold and control
-  std::shared_ptr<mtdb::QueryControl> control;
-
-  mtdb::Query Build() const;
+  mtdb::Query query;  // without control
 };
 struct mtdb_cut {
   std::shared_ptr<mtdb::QueryControl> control;  // outlives the cut
@@ -96,7 +94,26 @@ Result<T> Take(const T* given, const char* name) {
   return taken;
 }
 
-// Likewise, for what the library fills in.
+// The structs of an array, which has its first one's size in between.
+template <typename T>
+Result<std::vector<T>> TakeAll(const T* given, size_t count, const std::string& name) {
+  std::vector<T> taken;
+  if (count == 0) return taken;
+  MTDB_RETURN_IF_ERROR(NeedAll({{given, name.c_str()}}));
+  const size_t size = given->struct_bytes;
+  for (size_t i = 0; i < count; ++i) {
+    const auto* const one =
+        reinterpret_cast<const T*>(reinterpret_cast<const unsigned char*>(given) + i * size);
+    const std::string where = name + "[" + std::to_string(i) + "]";
+    MTDB_ASSIGN_OR_RETURN(taken.emplace_back(), Take(one, where.c_str()));
+    if (taken.back().struct_bytes != size) {
+      return InvalidArgument(where + ".struct_bytes: differs from that of the first");
+    }
+  }
+  return taken;
+}
+
+// Fills a struct of the caller's. Errors: kInvalidArgument when its size is not set.
 Status PutBytes(const void* filled, size_t size, const char* name, void* out);
 template <typename T>
 Status PutStruct(T filled, const char* name, T* out) {
@@ -109,8 +126,34 @@ inline void SetCache(const char* directory, uint64_t bytes, OpenOptions* options
   if (bytes != 0) options->cache_directory_bytes = bytes;
 }
 
+// What cancels a call; null: nothing.
+inline QueryControl* ControlOf(const mtdb_control* control) {
+  return control == nullptr ? nullptr : control->control.get();
+}
+
+// The members of mtdb_stats and mtdb_update that tell a shortfall.
+template <typename T>
+void PutShortfall(const Shortfall& shortfall, T* out) {
+  out->shortfall_triangles = shortfall.triangles;
+  out->shortfall_excess = shortfall.excess;
+  if (!shortfall.any()) return;
+  Put(shortfall.bounds.min, out->shortfall_bounds_min);
+  Put(shortfall.bounds.max, out->shortfall_bounds_max);
+}
+
+// A probe's accuracy. Without an error that is allowed: full resolution, a raster's own surface.
+template <typename Options>
+Result<Options> ProbeOptionsOf(const mtdb_probe_options* options) {
+  MTDB_ASSIGN_OR_RETURN(const mtdb_probe_options given, Take(options, "options"));
+  if (!(given.error >= 0)) return InvalidArgument("options.error: expected 0 or more");
+  Options with;
+  with.error_model = given.error == 0 ? -1 : given.error;
+  with.control = ControlOf(given.control);
+  return with;
+}
+
 // Attribute i of the layout, whose names live as long as it does.
-Status GetAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* attribute);
+Status PutAttribute(const AttributeLayout& layout, uint32_t i, mtdb_attribute* attribute);
 
 // Passes blocks of bytes on to a function of the caller.
 inline Status Receive(int (*receive)(void*, const unsigned char*, size_t), void* user,

@@ -31,7 +31,7 @@ from ._mesh import (
 )
 from ._session import Session
 from ._terrain import HeightGrid, Profile
-from ._work import Progress, Watched, interruptible
+from ._work import Progress, Watched, interruptible, probe_options
 
 #: vertices, faces, and attributes of the vertices. Either may be empty; a face may name a vertex that
 #: comes later. Vertices are numbered through all chunks.
@@ -49,7 +49,8 @@ class Hit:
     """Where a probe met the surface."""
 
     point: Array  #: (3,)
-    distance: float  #: closest point: in units; ray: the parameter t of origin + t * direction
+    distance: float  #: of the point from that of the probe, or from the ray's origin
+    parameter: float  #: ray: the t of origin + t * direction; closest point: 0
     front: bool  #: the probe comes from outside
     triangle: Array  #: (3, 3): its corners
     error_bound: float
@@ -62,14 +63,14 @@ class Object:
 
     def __init__(self, database: L.Handle, name: Optional[str], cache_bytes: int, threads: int,
                  implicit: bool) -> None:
-        options = L.ObjectOptions(cache_bytes, threads, int(implicit))
+        options = L.ObjectOptions(cache_bytes=cache_bytes, threads=threads, form=int(implicit))
         self._handle = L.Handle(
-            "object", "open_object_with", database,
+            "object", "open_object", database,
             None if name is None else name.encode(), C.byref(options),
         )
         self._info = L.Info()
-        L.call("object_info", self._handle, C.byref(self._info))
-        text: bytes = L.ask("object_name", self._handle)
+        L.call("get_object_info", self._handle, C.byref(self._info))
+        text: bytes = L.ask("get_object_name", self._handle)
         #: Its name when it was opened.
         self.name = text.decode()
 
@@ -111,7 +112,7 @@ class Object:
     @property
     def info(self) -> dict[str, Any]:
         """All that is known of it, as `mtdb info --json` prints it: digest, grid, rounds ..."""
-        made: dict[str, Any] = json.loads(L.texts("object_json", self._handle)[0])
+        made: dict[str, Any] = L.json_of("get_object_json", self._handle)
         return made
 
     @property
@@ -131,9 +132,9 @@ class Object:
         relative: Optional[float] = None,
         pixels: Optional[float] = None,
         threshold: _query.Json = None,
-        triangles: Optional[int] = None,
+        max_triangles: Optional[int] = None,
         max_bytes: Optional[int] = None,
-        milliseconds: Optional[float] = None,
+        max_milliseconds: Optional[float] = None,
         clip: bool = False,
         normals: bool = False,
         dtype: npt.DTypeLike = np.float64,
@@ -146,32 +147,32 @@ class Object:
         Elsewhere the mesh is as coarse as can be, or left out with `clip`.
         How accurate: `error` in units, `relative` to the diagonal, `pixels` of the camera (1 when
         there is nothing else), `threshold` as in docs/query.md.
-        How much: `triangles`, `max_bytes`, `milliseconds`; the largest errors are refined first.
+        How much: `max_triangles`, `max_bytes`, `max_milliseconds`; the largest errors are refined first.
         `query`: all of that as a dict or a JSON text instead.
         dtype: float32 gives vertices less `origin` (the bounds' centre, or the given one).
         """
         text = _query.build(
             query, box=box, sphere=sphere, region=region, camera=camera, error=error,
-            relative=relative, pixels=pixels, threshold=threshold, triangles=triangles,
-            max_bytes=max_bytes, milliseconds=milliseconds, clip=clip, normals=normals,
+            relative=relative, pixels=pixels, threshold=threshold, max_triangles=max_triangles,
+            max_bytes=max_bytes, max_milliseconds=max_milliseconds, clip=clip, normals=normals,
         )
         base = self._origin(dtype, origin)
         with interruptible() as control:
             cut = self._select(text, control)
-            mesh = L.Handle("mesh", "cut_mesh", cut, base)
+            mesh = L.Handle("mesh", "get_cut_mesh", cut, base)
         return self._with_stats(Mesh._of(mesh), cut)
 
     def extract_to(self, path: "str | os.PathLike[str]",
-                   query: Union[str, Mapping[str, Any], None] = None, *, double: bool = False,
+                   query: Union[str, Mapping[str, Any], None] = None, *, double_positions: bool = False,
                    **asked: Any) -> ExtractStats:
         """Writes what `extract` would return to a mesh file, without holding it in memory; with
-        `normals`, .off has them. double: .ply has float64 positions, also where float32 is enough.
+        `normals`, .off has them. double_positions: .ply has float64 positions, also where float32 is enough.
         `file` of the answer tells what became of the mesh."""
         text = _query.build(query, **asked)
         normals = bool(json.loads(text).get("normals")) if text else False
         with interruptible() as control:
             cut = self._select(text, control)
-            file = Saved._of("cut_write_as", cut, path, normals, double)
+            file = Saved._of("write_cut", cut, path, normals, double_positions)
         return replace(self._stats(cut)[0], file=file)
 
     def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
@@ -185,50 +186,49 @@ class Object:
         return triple("origin", self.bounds.mean(0) if origin is None else origin)
 
     def _query(self, text: str) -> L.Handle:
-        query = L.Handle("query", "create_query")
-        L.call("query_set_json", query, self._handle, text.encode())
-        return query
+        return L.Handle("query", "create_query", self._handle, text.encode())
 
     def _select(self, text: str, control: L.Handle) -> L.Handle:
-        query = self._query(text)
-        L.call("query_set_control", query, control)
-        return L.Handle("cut", "select", self._handle, query)
+        return L.Handle("cut", "select", self._handle, self._query(text), control)
 
     @staticmethod
-    def _stats(cut: L.Handle) -> tuple[ExtractStats, float, L.Details]:
-        stats, details = L.Stats(), L.Details()
-        L.call("cut_stats", cut, C.byref(stats))
-        L.call("cut_details", cut, C.byref(details))
+    def _stats(cut: L.Handle) -> tuple[ExtractStats, L.Stats]:
+        stats = L.Stats()
+        L.call("get_cut_stats", cut, C.byref(stats))
         made = ExtractStats(
-            LIMITS[details.limit], details.active_triangles, stats.nodes_applied,
-            stats.clusters_read, details.clusters_cached, details.clusters_used,
-            details.clusters_total, stats.bytes_read, details.select_seconds,
-            details.load_seconds, details.emit_seconds,
+            LIMITS[stats.limit], stats.active_triangles, stats.nodes_applied,
+            stats.clusters_read, stats.clusters_cached, stats.clusters_used,
+            stats.clusters_total, stats.bytes_read, stats.select_seconds,
+            stats.load_seconds, stats.emit_seconds,
         )
-        return made, stats.error_bound, details
+        return made, stats
 
     def _with_stats(self, mesh: Mesh, cut: L.Handle) -> Mesh:
-        mesh.stats, mesh.error_bound, details = self._stats(cut)
-        mesh.shortfall = shortfall_of(details.shortfall)
+        mesh.stats, stats = self._stats(cut)
+        mesh.error_bound, mesh.shortfall = stats.error_bound, shortfall_of(stats)
         return mesh
 
     def closest_point(self, point: Sequence[float], *, error: Optional[float] = None,
                       limit: float = np.inf) -> Optional[Hit]:
         """The point of the surface that is closest to `point`, at full resolution or on a surface
         within `error`; None when nothing is within `limit`."""
-        hit = L.Hit()
-        L.call("closest_point", self._handle, triple("point", point),
-               -1.0 if error is None else error, limit, C.byref(hit))
-        return _hit(hit)
+        return self._probe("find_closest_point", triple("point", point), limit, error=error)
 
     def cast_ray(self, origin: Sequence[float], direction: Sequence[float], *,
                  error: Optional[float] = None, limit: float = np.inf) -> Optional[Hit]:
         """The first hit of the ray at 0 <= t <= limit; None when there is none."""
+        return self._probe("cast_ray", triple("origin", origin), triple("direction", direction),
+                           limit, error=error)
+
+    def _probe(self, function: str, *place: Any, error: Optional[float]) -> Optional[Hit]:
         hit = L.Hit()
-        L.call("cast_ray", self._handle, triple("origin", origin),
-               triple("direction", direction), -1.0 if error is None else error, limit,
-               C.byref(hit))
-        return _hit(hit)
+        with interruptible() as control:
+            L.call(function, self._handle, *place, C.byref(probe_options(error, control)),
+                   C.byref(hit))
+        if not hit.found:
+            return None
+        return Hit(np.array(hit.point), hit.distance, hit.parameter, bool(hit.front),
+                   np.array(hit.triangle).reshape(3, 3), hit.error_bound, hit.excess)
 
     def heights(self, window: Optional[Sequence[float]] = None,
                 spacing: Union[float, Sequence[float], None] = None, *,
@@ -281,7 +281,7 @@ class Object:
         return f"<mtdb.Object {self.name!r}: {self.triangles} triangles>"
 
     def _repr_html_(self) -> str:
-        mesh = self.extract(relative=0.002, triangles=200_000)
+        mesh = self.extract(relative=0.002, max_triangles=200_000)
         return f"<b>{self.name}</b>: {self.triangles:,} triangles" + mesh._repr_html_()
 
 
@@ -290,24 +290,17 @@ _STYLES = tuple(name for name, parameter in inspect.signature(Mesh.render).param
                 if parameter.kind == inspect.Parameter.KEYWORD_ONLY and name != "camera")
 
 
-def _hit(hit: L.Hit) -> Optional[Hit]:
-    if not hit.found:
-        return None
-    return Hit(np.array(hit.point), hit.distance, bool(hit.front),
-               np.array(hit.triangle).reshape(3, 3), hit.error_bound, hit.excess)
-
-
 class Database(Mapping[str, Object]):
     """A store or a packed file: a mapping of names to objects. Threads may share one; to write, it
     opens the store when the first change is asked for."""
 
     def __init__(self, path: "str | os.PathLike[str]", *, create: bool = False,
                  cache_bytes: int = 0, threads: int = 0,
-                 cache_dir: "str | os.PathLike[str] | None" = None,
-                 cache_dir_bytes: int = 4 << 30) -> None:
+                 cache_directory: "str | os.PathLike[str] | None" = None,
+                 cache_directory_bytes: int = 4 << 30) -> None:
         self.path = os.fspath(path)
         self._cache_bytes, self._threads = cache_bytes, threads
-        self._cache = (None if cache_dir is None else L.path_bytes(cache_dir), cache_dir_bytes)
+        self._cache = (None if cache_directory is None else L.path_bytes(cache_directory), cache_directory_bytes)
         self._lock = threading.RLock()
         self._writer: Optional[L.Handle] = None
         self._reader: Optional[L.Handle] = None
@@ -319,7 +312,7 @@ class Database(Mapping[str, Object]):
     def _open(self) -> L.Handle:
         directory, size = self._cache
         options = L.OpenOptions(cache_directory=directory, cache_directory_bytes=size)
-        return L.Handle("database", "open_with_abi", L.ABI_VERSION, L.path_bytes(self.path),
+        return L.Handle("database", "open_abi", L.ABI_VERSION, L.path_bytes(self.path),
                         C.byref(options))
 
     def _open_writable(self) -> L.Handle:
@@ -403,12 +396,12 @@ class Database(Mapping[str, Object]):
         step: Optional[float] = None,
         weld: Union[float, bool, None] = None,
         normal_bits: Optional[int] = None,
-        steps: Optional[Mapping[str, float]] = None,
-        memory: int = 1 << 30,
+        attribute_steps: Optional[Mapping[str, float]] = None,
+        memory_bytes: int = 1 << 30,
         threads: int = 0,
-        tmp: Optional[str] = None,
-        max_tmp: Optional[int] = None,
-        journal: Optional[str] = None,
+        tmp_directory: Optional[str] = None,
+        max_tmp_bytes: Optional[int] = None,
+        journal_path: Optional[str] = None,
         resume: bool = False,
         height_step: Optional[float] = None,
         fill: int = 0,
@@ -427,22 +420,23 @@ class Database(Mapping[str, Object]):
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance,
         0 or True those of equal positions; without, those of equal positions and attributes where
         the mesh was cut along edges; False keeps all as they are.
-        normal_bits, steps: what rounds normals and attributes. memory: at most so many bytes.
+        normal_bits, attribute_steps: what rounds normals and attributes. memory_bytes: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples (without: as in
         `ingest_heights`). fill: holes of rasters of up to
         so many columns and rows are closed.
-        max_tmp: temporary files and the journal take at most so many bytes of the disk.
+        max_tmp_bytes: temporary files and the journal take at most so many bytes of the disk.
         up: what is up for who draws it: "x", "-y" ..., or a vector; else it is found from the shape.
         units: of lengths, "um", "mm", "cm", "m", "km", "in" or "ft"; kept, and changes no number.
-        journal, resume: a file by which an ingest that was killed goes on.
+        journal_path, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
-        with Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
-                    normal_bits=normal_bits, steps=steps, memory=memory, threads=threads, tmp=tmp,
-                    journal=journal, resume=resume, height_step=height_step, fill=fill,
-                    terrain=terrain, max_tmp=max_tmp, up=up, units=units) as ingest:
-            ingest.run(self._write(), vertices, faces, attributes, Watched(progress))
+        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
+               normal_bits=normal_bits, attribute_steps=attribute_steps, memory_bytes=memory_bytes,
+               threads=threads, tmp_directory=tmp_directory, journal_path=journal_path,
+               resume=resume, height_step=height_step, fill=fill, terrain=terrain,
+               max_tmp_bytes=max_tmp_bytes, up=up, units=units).run(
+            self._write(), vertices, faces, attributes, Watched(progress))
         self._forget(name)
         return self[name]
 
@@ -451,32 +445,31 @@ class Database(Mapping[str, Object]):
         heights: npt.ArrayLike,
         *,
         name: str,
-        transform: Optional[Sequence[float]] = None,
-        step: Optional[float] = None,
+        geotransform: Optional[Sequence[float]] = None,
+        height_step: Optional[float] = None,
         crs: Optional[str] = None,
-        units: Optional[str] = None,
+        height_units: Optional[str] = None,
         fill: int = 0,
         replace: bool = False,
-        memory: int = 1 << 30,
+        memory_bytes: int = 1 << 30,
         threads: int = 0,
-        tmp: Optional[str] = None,
-        max_tmp: Optional[int] = None,
+        tmp_directory: Optional[str] = None,
+        max_tmp_bytes: Optional[int] = None,
         progress: Progress = None,
     ) -> Object:
         """Stores heights (rows, columns) as a terrain; NaN: a hole. Errors are vertical then.
 
-        transform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
+        geotransform: (x0, dx, 0, y0, 0, dy) gives the sample of row 0 and column 0, and the steps to
         the next column and row, in the order of GDAL; without, x is the column
         and y minus the row.
-        step: heights are rounded to its multiples; without, integers and decimals stay as they are,
-        and other heights are rounded so that it is small beside their range and differences. crs: of x and y. units: of
+        height_step: heights are rounded to its multiples; without, integers and decimals stay as they are,
+        and other heights are rounded so that it is small beside their range and differences. crs: of x and y. height_units: of
         heights. fill and the rest: as in `ingest`.
         """
-        given, kept = _terrain.height_array(heights, transform, crs, units)
-        with Ingest(name, replace=replace, lossless=False, bits=None, step=None, weld=None,
-                    normal_bits=None, steps=None, memory=memory, threads=threads, tmp=tmp,
-                    journal=None, resume=False, height_step=step, fill=fill, max_tmp=max_tmp) as ingest:
-            ingest.run_heights(self._write(), given, Watched(progress))
+        given, kept = _terrain.height_array(heights, geotransform, crs, height_units)
+        Ingest(name, replace=replace, memory_bytes=memory_bytes, threads=threads,
+               tmp_directory=tmp_directory, height_step=height_step, fill=fill,
+               max_tmp_bytes=max_tmp_bytes).run_heights(self._write(), given, Watched(progress))
         del kept  # the struct pointed to it
         self._forget(name)
         return self[name]
@@ -520,16 +513,24 @@ class Database(Mapping[str, Object]):
     def pack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
              progress: Progress = None) -> int:
         """One file of the objects for any web server (docs/packed.md). Returns its bytes."""
-        chosen = [] if names is None else [L.without_zero(n.encode()) for n in names]
-        if names is not None and not chosen:
-            raise InvalidArgument("names: is empty")
-        array = (C.c_char_p * max(1, len(chosen)))(*chosen)
+        array, count = _names(names)
         sizes = L.Sizes()
         Watched(progress).run(
-            lambda watch: L.call("pack", self._read(), array, len(chosen),
+            lambda watch: L.call("pack", self._read(), array, count,
                                  L.path_bytes(path), watch, C.byref(sizes))
         )
         return int(sizes.bytes_after)
+
+    def unpack(self, path: "str | os.PathLike[str]", names: Optional[Sequence[str]] = None, *,
+               replace: bool = False, progress: Progress = None) -> "Database":
+        """Copies objects of a packed file into the store at `path`, which is made when it is not
+        there."""
+        array, count = _names(names)
+        Watched(progress).run(
+            lambda watch: L.call("unpack", self._read(), array, count, L.path_bytes(path),
+                                 int(replace), watch)
+        )
+        return Database(path)
 
     def verify(self, level: str = "fast") -> dict[str, list[str]]:
         """What is wrong, by object; nothing when it is empty."""
@@ -555,6 +556,14 @@ class Database(Mapping[str, Object]):
         return f"<table><tr><th>object</th><th>triangles</th></tr>{rows}</table>"
 
 
+def _names(names: Optional[Sequence[str]]) -> tuple[Any, int]:
+    """As C takes them; none: all."""
+    chosen = [] if names is None else [L.without_zero(n.encode()) for n in names]
+    if names is not None and not chosen:
+        raise InvalidArgument("names: is empty")
+    return (L.Text * max(1, len(chosen)))(*chosen), len(chosen)
+
+
 def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
     """(0, 0, 0): not said."""
     if up is None:
@@ -574,20 +583,22 @@ def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
 class Ingest:
     """One ingest: its options, and the callback that hands chunks over."""
 
-    def __init__(self, name: str, *, steps: Optional[Mapping[str, float]], bits: Optional[int],
-                 step: Optional[float], weld: Union[float, bool, None], normal_bits: Optional[int],
-                 replace: bool, lossless: bool, memory: int, threads: int, tmp: Optional[str],
-                 journal: Optional[str], resume: bool, height_step: Optional[float],
-                 fill: int, terrain: bool = False, max_tmp: Optional[int] = None,
+    def __init__(self, name: str, *, attribute_steps: Optional[Mapping[str, float]] = None,
+                 bits: Optional[int] = None, step: Optional[float] = None,
+                 weld: Union[float, bool, None] = None, normal_bits: Optional[int] = None,
+                 replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
+                 tmp_directory: Optional[str], journal_path: Optional[str] = None,
+                 resume: bool = False, height_step: Optional[float], fill: int,
+                 terrain: bool = False, max_tmp_bytes: Optional[int],
                  up: Union[str, Sequence[float], None] = None,
                  units: Optional[str] = None) -> None:
         self._name = name.encode()
-        listed = [(n.encode(), float(s)) for n, s in (steps or {}).items()]
+        listed = [(n.encode(), float(s)) for n, s in (attribute_steps or {}).items()]
         self._steps = (L.AttributeStep * max(1, len(listed)))(
-            *(L.AttributeStep(n, s) for n, s in listed)
+            *(L.AttributeStep(name=n, step=s) for n, s in listed)
         )
         for key, value in (("bits", bits), ("step", step), ("normal_bits", normal_bits),
-                           ("height_step", height_step), ("max_tmp", max_tmp)):
+                           ("height_step", height_step), ("max_tmp_bytes", max_tmp_bytes)):
             if value is not None and value <= 0:
                 raise InvalidArgument(f"{key}: expected a number above 0, found {value}")
         if not 0 <= fill < 1 << 32:
@@ -596,19 +607,13 @@ class Ingest:
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=0 if weld is None else -1 if weld is False else 1,
             weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
-            steps=self._steps, step_count=len(listed), threads=threads, memory_bytes=memory,
-            tmp_directory=None if tmp is None else L.path_bytes(tmp),
-            journal_path=None if journal is None else L.path_bytes(journal), resume=int(resume),
+            attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory_bytes,
+            tmp_directory=None if tmp_directory is None else L.path_bytes(tmp_directory),
+            journal_path=None if journal_path is None else L.path_bytes(journal_path), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
-            max_tmp_bytes=max_tmp or 0,
+            max_tmp_bytes=max_tmp_bytes or 0,
             up=(C.c_double * 3)(*_up_vector(up)), units=None if units is None else units.encode(),
         )
-
-    def __enter__(self) -> "Ingest":
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        pass
 
     def run(self, database: L.Handle, vertices: Any, faces: Any,
             attributes: Optional[Mapping[str, npt.ArrayLike]], watched: Watched) -> None:
@@ -715,7 +720,7 @@ class Server:
         self._handle: Optional[L.Handle] = L.Handle(
             "server", "serve", L.path_bytes(path), C.byref(options)
         )
-        url: bytes = L.ask("server_url", self._handle)
+        url: bytes = L.ask("get_server_url", self._handle)
         #: "http://127.0.0.1:8080"
         self.url = url.decode()
 
@@ -733,14 +738,14 @@ class Server:
 
 
 def open_database(path: "str | os.PathLike[str]", *, create: bool = False, cache_bytes: int = 0,
-                  threads: int = 0, cache_dir: "str | os.PathLike[str] | None" = None,
-                  cache_dir_bytes: int = 4 << 30) -> Database:
+                  threads: int = 0, cache_directory: "str | os.PathLike[str] | None" = None,
+                  cache_directory_bytes: int = 4 << 30) -> Database:
     """Opens a store, a packed file, or the URL of one (http, https, s3).
 
     create: makes the store when it is not there. cache_bytes: of decoded clusters, for each object
     (0: 256 MiB). threads: that read and decode for one query (0: as many as the machine has).
-    cache_dir: what is read of a URL is kept in this folder, which databases and processes may
-    share, at most cache_dir_bytes of it.
+    cache_directory: what is read of a URL is kept in this folder, which databases and processes may
+    share, at most cache_directory_bytes of it.
     """
     return Database(path, create=create, cache_bytes=cache_bytes, threads=threads,
-                    cache_dir=cache_dir, cache_dir_bytes=cache_dir_bytes)
+                    cache_directory=cache_directory, cache_directory_bytes=cache_directory_bytes)

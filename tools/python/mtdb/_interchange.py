@@ -28,10 +28,10 @@ def to_open3d(mesh: Mesh) -> "open3d.geometry.TriangleMesh":
     )
     if mesh.normals is not None:
         made.vertex_normals = open3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
-    if mesh.colors is not None:
-        kind = mesh.colors.dtype
+    if mesh.colours is not None:
+        kind = mesh.colours.dtype
         scale = 1.0 if kind.kind == "f" else 65535.0 if kind == np.uint16 else 255.0
-        made.vertex_colors = open3d.utility.Vector3dVector(mesh.colors.astype(float) / scale)
+        made.vertex_colors = open3d.utility.Vector3dVector(mesh.colours.astype(float) / scale)
     return made
 
 
@@ -64,7 +64,7 @@ def to_trimesh(mesh: Mesh) -> "trimesh.Trimesh":
         vertices=_points(mesh),
         faces=np.asarray(mesh.faces, np.int64),
         vertex_normals=mesh.normals,
-        vertex_colors=mesh.colors,
+        vertex_colors=mesh.colours,
         process=False,
     )
 
@@ -86,8 +86,8 @@ def to_pyvista(mesh: Mesh) -> "pyvista.PolyData":
         made.point_data[name] = np.ascontiguousarray(values)
     if mesh.normals is not None:
         made.point_data["Normals"] = np.ascontiguousarray(mesh.normals)
-    if mesh.colors is not None:
-        made.point_data["RGB"] = np.ascontiguousarray(mesh.colors)
+    if mesh.colours is not None:
+        made.point_data["RGB"] = np.ascontiguousarray(mesh.colours)
     return made
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes as C
+import json
 import os
 from typing import Any
 
@@ -53,12 +54,18 @@ class OpenOptions(Sized):
     ]
 
 
-class ObjectOptions(Struct):
-    _fields_ = [("cache_bytes", C.c_size_t), ("threads", C.c_uint32), ("form", C.c_uint32)]
-
-
-class Info(Struct):
+class ObjectOptions(Sized):
     _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("cache_bytes", C.c_uint64),
+        ("threads", C.c_uint32),
+        ("form", C.c_int),
+    ]
+
+
+class Info(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
         ("vertices", C.c_uint64),
         ("triangles", C.c_uint64),
         ("root_triangles", C.c_uint64),
@@ -72,55 +79,60 @@ class Info(Struct):
     ]
 
 
-class Attribute(Struct):
-    _fields_ = [("name", Text), ("type", C.c_int), ("offset", C.c_uint32)]
-
-
-class Stats(Struct):
+class Attribute(Sized):
     _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("name", Text),
+        ("type", C.c_int),
+        ("offset", C.c_uint32),
+    ]
+
+
+class Stats(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
         ("vertices", C.c_uint64),
         ("triangles", C.c_uint64),
-        ("nodes_applied", C.c_uint64),
-        ("clusters_read", C.c_uint64),
-        ("bytes_read", C.c_uint64),
         ("error_bound", C.c_double),
-    ]
-
-
-class Shortfall(Struct):
-    _fields_ = [
-        ("triangles", C.c_uint64),
-        ("excess", C.c_double),
-        ("bounds_min", C.c_double * 3),
-        ("bounds_max", C.c_double * 3),
-    ]
-
-
-class Details(Struct):
-    _fields_ = [
         ("limit", C.c_int),
         ("row_bytes", C.c_uint32),
         ("active_triangles", C.c_uint64),
+        ("nodes_applied", C.c_uint64),
         ("nodes_visited", C.c_uint64),
         ("nodes_forced", C.c_uint64),
+        ("clusters_read", C.c_uint64),
         ("clusters_cached", C.c_uint64),
         ("clusters_used", C.c_uint64),
         ("clusters_total", C.c_uint64),
+        ("bytes_read", C.c_uint64),
         ("select_seconds", C.c_double),
         ("load_seconds", C.c_double),
         ("read_seconds", C.c_double),
         ("decode_seconds", C.c_double),
         ("emit_seconds", C.c_double),
-        ("shortfall", Shortfall),
+        ("shortfall_triangles", C.c_uint64),
+        ("shortfall_excess", C.c_double),
+        ("shortfall_bounds_min", C.c_double * 3),
+        ("shortfall_bounds_max", C.c_double * 3),
     ]
 
 
-class Hit(Struct):
+class ProbeOptions(Sized):
     _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("error", C.c_double),
+        ("control", Pointer),
+    ]
+
+
+class Hit(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
         ("found", C.c_int),
         ("front", C.c_int),
         ("point", C.c_double * 3),
         ("distance", C.c_double),
+        ("parameter", C.c_double),
         ("triangle", C.c_double * 9),
         ("error_bound", C.c_double),
         ("excess", C.c_double),
@@ -164,8 +176,8 @@ class Watch(Sized):
     ]
 
 
-class AttributeStep(Struct):
-    _fields_ = [("name", Text), ("step", C.c_double)]
+class AttributeStep(Sized):
+    _fields_ = [("struct_bytes", C.c_size_t), ("name", Text), ("step", C.c_double)]
 
 
 class IngestOptions(Sized):
@@ -178,8 +190,8 @@ class IngestOptions(Sized):
         ("weld", C.c_int),
         ("weld_distance", C.c_double),
         ("normal_bits", C.c_uint32),
-        ("steps", C.POINTER(AttributeStep)),
-        ("step_count", C.c_size_t),
+        ("attribute_steps", C.POINTER(AttributeStep)),
+        ("attribute_step_count", C.c_size_t),
         ("threads", C.c_uint32),
         ("memory_bytes", C.c_uint64),
         ("tmp_directory", Text),
@@ -242,7 +254,10 @@ class Update(Sized):
         ("error_bound", C.c_double),
         ("milliseconds", C.c_double),
         ("limit", C.c_int),
-        ("shortfall", Shortfall),
+        ("shortfall_triangles", C.c_uint64),
+        ("shortfall_excess", C.c_double),
+        ("shortfall_bounds_min", C.c_double * 3),
+        ("shortfall_bounds_max", C.c_double * 3),
     ]
 
 
@@ -309,14 +324,6 @@ class HeightArray(Sized):
     ]
 
 
-class HeightOptions(Sized):
-    _fields_ = [
-        ("struct_bytes", C.c_size_t),
-        ("largest_error", C.c_double),
-        ("control", Pointer),
-    ]
-
-
 class HeightCost(Sized):
     _fields_ = [
         ("struct_bytes", C.c_size_t),
@@ -356,8 +363,8 @@ class RenderOptions(Sized):
         ("has_camera", C.c_int),
         ("eye", C.c_double * 3),
         ("target", C.c_double * 3),
-        ("vertical_fov_rad", C.c_double),
-        ("colours", C.c_int),
+        ("fov", C.c_double),
+        ("colour", C.c_int),
         ("attribute", Text),
         ("reference", Pointer),
         ("height_scale", C.c_double),
@@ -406,37 +413,34 @@ _p = Pointer
 _double3 = C.POINTER(C.c_double)
 # Functions that return an mtdb_code and take an mtdb_error at last: what they take before it.
 _SIGNATURES: dict[str, list[Any]] = {
-    "open_with_abi": [C.c_uint32, Text, _p, _p],
+    "open_abi": [C.c_uint32, Text, _p, _p],
     "open_writable_abi": [C.c_uint32, Text, _p],
     "list_objects": [_p, _p],
-    "open_object_with": [_p, Text, _p, _p],
-    "object_info": [_p, _p],
-    "object_attribute": [_p, C.c_uint32, _p],
-    "object_json": [_p, _p],
+    "open_object": [_p, Text, _p, _p],
+    "get_object_info": [_p, _p],
+    "get_object_attribute": [_p, C.c_uint32, _p],
+    "get_object_json": [_p, _p],
     "verify": [_p, C.c_int, _p, _p],
-    "create_query": [_p],
-    "query_set_json": [_p, _p, Text],
+    "create_query": [_p, Text, _p],
     "create_control": [_p],
-    "query_set_control": [_p, _p],
-    "select": [_p, _p, _p],
-    "cut_stats": [_p, _p],
-    "cut_details": [_p, _p],
-    "cut_mesh": [_p, _p, _p],
-    "cut_write_as": [_p, Text, _p, _p],
-    "mesh_look": [_p, _p],
-    "mesh_attribute": [_p, C.c_uint32, _p],
+    "select": [_p, _p, _p, _p],
+    "get_cut_stats": [_p, _p],
+    "get_cut_mesh": [_p, _p, _p],
+    "write_cut": [_p, Text, _p, _p],
+    "view_mesh": [_p, _p],
+    "get_mesh_attribute": [_p, C.c_uint32, _p],
     "read_mesh": [Text, _p],
-    "write_mesh_as": [_p, Text, _p, _p],
+    "write_mesh": [_p, Text, _p, _p],
     "create_mesh": [_p, _p],
-    "closest_point": [_p, _p, C.c_double, C.c_double, _p],
-    "cast_ray": [_p, _p, _p, C.c_double, C.c_double, _p],
+    "find_closest_point": [_p, _p, C.c_double, _p, _p],
+    "cast_ray": [_p, _p, _p, C.c_double, _p, _p],
     "ingest_source": [_p, Text, _p, _p, _p],
     "ingest_part": [_p, _p],
     "ingest_file": [_p, Text, Text, _p, _p],
     "ingest_rasters": [_p, Text, C.POINTER(Text), C.c_size_t, _p, _p],
     "ingest_heights": [_p, Text, _p, _p, _p],
-    "heights_at": [_p, _p, C.c_size_t, _p, _p, _p],
-    "terrain_raster": [_p, _p, _p, _p],
+    "find_heights": [_p, _p, C.c_size_t, _p, _p, _p],
+    "get_raster": [_p, _p, _p, _p],
     "sample_heights": [_p, _p, _p, _p, C.c_size_t, _p],
     "find_profile": [_p, _p, C.c_size_t, _p, _p, _p],
     "remove_object": [_p, Text],
@@ -444,35 +448,37 @@ _SIGNATURES: dict[str, list[Any]] = {
     "copy_object": [_p, _p, Text, C.c_int, _p],
     "copy_store": [_p, Text, _p],
     "compact_store": [Text, _p, _p],
-    "without_secrets": [Text, _p, C.c_size_t],
+    "hide_secrets": [Text, _p, C.c_size_t],
     "pack": [_p, _p, C.c_size_t, Text, _p, _p],
+    "unpack": [_p, _p, C.c_size_t, Text, C.c_int, _p],
     "open_session": [_p, _p, _p],
-    "session_update": [_p, _p, ReceiveFunction, _p, _p],
+    "update_session": [_p, _p, _p, ReceiveFunction, _p, _p],
     "create_client": [_p, _p],
-    "client_feed": [_p, _p, C.c_size_t],
+    "feed_client": [_p, _p, C.c_size_t],
     "connect": [Text, _p, _p],
-    "client_ask": [_p, Text, _p, _p],
-    "client_look": [_p, _p],
-    "client_attribute": [_p, C.c_uint32, _p],
-    "client_changes": [_p, _p],
-    "client_mesh": [_p, _p],
+    "update_client": [_p, Text, _p, _p],
+    "view_client": [_p, _p],
+    "get_client_attribute": [_p, C.c_uint32, _p],
+    "take_changes": [_p, _p],
+    "get_client_mesh": [_p, _p],
     "fetch": [Text, Text, _p, ReceiveFunction, _p, _p],
     "render": [_p, _p, _p, C.c_size_t],
     "serve": [Text, _p, _p],
     "stop_server": [_p, C.c_double],
 }
 _OTHERS: dict[str, tuple[Any, list[Any]]] = {
-    "abi_version": (C.c_uint32, []),
-    "version": (Text, []),
-    "names_count": (C.c_size_t, [_p]),
-    "names_at": (Text, [_p, C.c_size_t]),
-    "object_name": (Text, [_p]),
+    "get_abi_version": (C.c_uint32, []),
+    "get_version": (Text, []),
+    "count_texts": (C.c_size_t, [_p]),
+    "get_text": (Text, [_p, C.c_size_t]),
+    "get_json_text": (Text, [_p]),
+    "get_object_name": (Text, [_p]),
     "cancel": (None, [_p]),
-    "server_url": (Text, [_p]),
-    "profile_count": (C.c_size_t, [_p]),
-    "profile_points": (_p, [_p]),
+    "get_server_url": (Text, [_p]),
+    "count_profile_points": (C.c_size_t, [_p]),
+    "get_profile_points": (_p, [_p]),
 }
-for _kind in "database names object query control cut mesh session client server profile".split():
+for _kind in "database texts json object query control cut mesh session client server profile".split():
     _OTHERS["free_" + _kind] = (None, [_p])
 
 
@@ -496,7 +502,7 @@ def _functions_of(loaded: C.CDLL) -> dict[str, Any]:
 
 
 _functions = _functions_of(library)
-if _functions["abi_version"]() != ABI_VERSION:
+if _functions["get_abi_version"]() != ABI_VERSION:
     raise ImportError(
         f"{library._name}: this package is for libmtdb of the ABI version {ABI_VERSION}, but the "
         f"library's is {_functions['abi_version']()}"
@@ -505,7 +511,7 @@ if _functions["abi_version"]() != ABI_VERSION:
 
 def version() -> str:
     """The version of the library."""
-    text: bytes = _functions["version"]()
+    text: bytes = _functions["get_version"]()
     return text.decode()
 
 
@@ -524,7 +530,7 @@ def shown(path: "str | os.PathLike[str]") -> str:
     """A path or a URL as messages show it: without passwords and signatures."""
     text = path_bytes(path)
     room = C.create_string_buffer(2 * len(text) + 64)
-    call("without_secrets", text, room, len(room))
+    call("hide_secrets", text, room, len(room))
     return os.fsdecode(room.value)
 
 
@@ -556,9 +562,15 @@ class Handle:
 
 def texts(make: str, *before: Any) -> list[str]:
     """The texts that a function makes."""
-    names = Handle("names", make, *before)
-    count: int = ask("names_count", names.value)
-    return [ask("names_at", names.value, i).decode() for i in range(count)]
+    made = Handle("texts", make, *before)
+    count: int = ask("count_texts", made.value)
+    return [ask("get_text", made.value, i).decode() for i in range(count)]
+
+
+def json_of(make: str, *before: Any) -> Any:
+    """The JSON that a function makes."""
+    made = Handle("json", make, *before)
+    return json.loads(ask("get_json_text", made))
 
 
 def path_bytes(path: str | os.PathLike[str]) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import ctypes as C
-import json
 import os
 import struct
 import zlib
@@ -95,10 +94,11 @@ class Shortfall:
     bounds: Array  #: (2, 3): smallest and largest corner
 
 
-def shortfall_of(s: L.Shortfall) -> Optional[Shortfall]:
-    if s.triangles == 0:
+def shortfall_of(s: "L.Stats | L.Update") -> Optional[Shortfall]:
+    if s.shortfall_triangles == 0:
         return None
-    return Shortfall(s.triangles, s.excess, np.array([list(s.bounds_min), list(s.bounds_max)]))
+    return Shortfall(s.shortfall_triangles, s.shortfall_excess,
+                     np.array([list(s.shortfall_bounds_min), list(s.shortfall_bounds_max)]))
 
 
 LIMITS = ("accuracy", "triangles", "bytes", "time", "missing")
@@ -137,7 +137,7 @@ class Saved(float):
         double: bool,
     ) -> Saved:
         options = L.FileOptions(normals=bool(normals), double_positions=bool(double))
-        told = json.loads(L.texts(function, handle, L.path_bytes(path), C.byref(options))[0])
+        told = L.json_of(function, handle, L.path_bytes(path), C.byref(options))
         made = cls(told["rounding"])
         made.positions = told["positions"]
         made.origin = None if told["origin"] is None else np.array(told["origin"])
@@ -179,18 +179,18 @@ class Mesh:
         self.stats: Optional[ExtractStats] = None
         self.shortfall: Optional[Shortfall] = None
         self._normals: Optional[Array] = None
-        self._colors: Optional[Array] = None
+        self._colours: Optional[Array] = None
         self._handle: Optional[L.Handle] = None
 
     def __setattr__(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
         if name in ("vertices", "faces", "origin", "attributes"):  # no longer what the library has
-            self._handle = self._normals = self._colors = None
+            self._handle = self._normals = self._colours = None
 
     @classmethod
     def _of(cls, handle: L.Handle) -> "Mesh":
         look = L.MeshView()
-        L.call("mesh_look", handle, C.byref(look))
+        L.call("view_mesh", handle, C.byref(look))
         mesh = cls.__new__(cls)
         n, m = look.vertices, look.triangles
         if look.positions_float:
@@ -201,14 +201,14 @@ class Mesh:
         mesh.faces = view(look.indices, (m, 3), "<i4", handle)
         mesh.error_bound = 0.0
         mesh.stats = mesh.shortfall = None
-        dtype = layout("mesh_attribute", handle, look.attributes, look.row_bytes)
+        dtype = layout("get_mesh_attribute", handle, look.attributes, look.row_bytes)
         mesh.attributes = MappingProxyType({})
         if dtype is not None and dtype.names is not None:
             rows = view(look.rows, (n, look.row_bytes), "|u1", handle)
             table = rows.view(dtype)[:, 0] if n else np.empty(0, dtype)
             mesh.attributes = MappingProxyType({name: table[name] for name in dtype.names})
             mesh._normals = columns(table, ("nx", "ny", "nz"), "<f4")
-            mesh._colors = columns(table, ("red", "green", "blue"), "u1")
+            mesh._colours = columns(table, ("red", "green", "blue"), "u1")
         mesh._handle = handle
         return mesh
 
@@ -220,11 +220,11 @@ class Mesh:
         return self._normals
 
     @property
-    def colors(self) -> Optional[Array]:
+    def colours(self) -> Optional[Array]:
         """(n, 3), uint8 as mostly: red, green, blue."""
-        if self._colors is None and all(n in self.attributes for n in ("red", "green", "blue")):
+        if self._colours is None and all(n in self.attributes for n in ("red", "green", "blue")):
             return np.stack([self.attributes[n] for n in ("red", "green", "blue")], axis=1)
-        return self._colors
+        return self._colours
 
     @property
     def bounds(self) -> Array:
@@ -259,21 +259,21 @@ class Mesh:
         return handle
 
     def save(
-        self, path: "str | os.PathLike[str]", *, normals: bool = False, double: bool = False
+        self, path: "str | os.PathLike[str]", *, normals: bool = False, double_positions: bool = False
     ) -> Saved:
         """Writes a mesh file: .ply, .obj, .stl, .off, .glb or .drc. Returns how far the format's
         float32 moved a vertex at most, with what else became of the mesh: `origin`, `not_written`.
 
-        normals: .off has them, too. double: .ply has float64 positions, also where float32 is enough.
+        normals: .off has them, too. double_positions: .ply has float64 positions, also where float32 is enough.
         """
-        return Saved._of("write_mesh_as", self._c_mesh(), path, normals, double)
+        return Saved._of("write_mesh", self._c_mesh(), path, normals, double_positions)
 
     def render(
         self,
         size: tuple[int, int] = (1200, 900),
         *,
         camera: Optional[Mapping[str, Any]] = None,
-        direction: Optional[Sequence[float]] = None,
+        view_direction: Optional[Sequence[float]] = None,
         view: str = "auto",
         up: Optional[Sequence[float]] = None,
         frame: Optional[npt.ArrayLike] = None,
@@ -282,7 +282,7 @@ class Mesh:
         hillshade: bool = False,
         draft: bool = False,
         colour: "str | Mesh | None" = None,
-        colour_range: Optional[tuple[float, float]] = None,
+        range: Optional[tuple[float, float]] = None,
         legend: bool = True,
         scale_bar: bool = False,
         background: "str | Sequence[int] | None" = None,
@@ -290,10 +290,10 @@ class Mesh:
         """Draws the mesh: (height, width, 3) uint8; (height, width, 4) without a background.
 
         camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
-        direction: of view, else; or view: "front", "back", "left", "right", "top", "bottom",
+        view_direction: else; or view: "front", "back", "left", "right", "top", "bottom",
         "iso", "auto". up: found from the mesh when it is not given. frame: (2, 3), the box that
         fills the picture. colour: "none", "normal", "height", an attribute's name, or a Mesh to show each
-        point's distance from; without, the mesh's own colours. colour_range: the values of the
+        point's distance from; without, the mesh's own colours. range: the values of the
         first and the last colour. hillshade: lit as maps are. background: (red, green, blue), or "transparent".
         """
         options = L.RenderOptions(
@@ -303,8 +303,8 @@ class Mesh:
         )
         if size[0] < 1 or size[1] < 1:
             raise InvalidArgument(f"size: expected width and height in pixels, found {size}")
-        if direction is not None:
-            options.view_direction = triple("direction", direction)
+        if view_direction is not None:
+            options.view_direction = triple("view_direction", view_direction)
         if up is not None:
             options.up = triple("up", up)
         if frame is not None:
@@ -314,8 +314,8 @@ class Mesh:
         if camera is not None:
             put_camera(options, camera)
         reference = put_colour(options, colour)
-        if colour_range is not None:
-            options.has_range, options.range = 1, (C.c_double * 2)(*colour_range)
+        if range is not None:
+            options.has_range, options.range = 1, (C.c_double * 2)(*range)
         if background == "transparent":
             options.transparent = 1
         elif background is not None:
@@ -422,17 +422,17 @@ def put_camera(options: L.RenderOptions, camera: Mapping[str, Any]) -> None:
     options.eye = triple("camera.eye", eye)
     options.target = triple("camera.target", target)
     options.up = triple("camera.up", camera.get("up", (0, 0, 1)))
-    options.vertical_fov_rad = float(np.radians(camera.get("fov", 45)))
+    options.fov = camera.get("fov", 45)
 
 
 def put_colour(options: L.RenderOptions, colour: "str | Mesh | None") -> Optional[L.Handle]:
     """Says what the colours mean. Returns what must live until the picture is drawn."""
     if isinstance(colour, Mesh):
         reference = colour._c_mesh()
-        options.colours, options.reference = 4, reference.value
+        options.colour, options.reference = 4, reference.value
         return reference
     if colour is not None:
-        options.colours = {"none": 1, "normal": 2, "height": 5}.get(colour, 3)
+        options.colour = {"none": 1, "normal": 2, "height": 5}.get(colour, 3)
         options.attribute = colour.encode()
     return None
 
@@ -473,7 +473,7 @@ class Layout:
         self._kept = [n.encode() for n in self.names]
         made = (L.Attribute * max(1, len(self.names)))()
         for i, (name, kind) in enumerate(zip(self._kept, self.formats)):
-            made[i] = L.Attribute(name, _TYPES.index(kind), 0)
+            made[i] = L.Attribute(name=name, type=_TYPES.index(kind))
         return made
 
     def pack(self, attributes: Mapping[str, Array], count: int) -> Optional[Array]:

@@ -50,16 +50,16 @@ def build(
     relative: Optional[float] = None,
     pixels: Optional[float] = None,
     threshold: Json = None,
-    triangles: Optional[int] = None,
+    max_triangles: Optional[int] = None,
     max_bytes: Optional[int] = None,
-    milliseconds: Optional[float] = None,
+    max_milliseconds: Optional[float] = None,
     clip: bool = False,
     normals: bool = False,
 ) -> str:
     """The JSON text of a query. Several regions: what lies in at least one of them. Several
     thresholds: all of them hold."""
     asked = (box, sphere, region, camera, error, relative, pixels, threshold)
-    limits = (triangles, max_bytes, milliseconds)
+    limits = (max_triangles, max_bytes, max_milliseconds)
     if query is not None:
         if any(a is not None for a in asked + limits) or clip:
             raise InvalidArgument("query: goes with normals only; put the rest into the query")

@@ -90,17 +90,17 @@ class Session:
             if stream is not None:
                 raise InvalidArgument("stream: a server's session has none")
             Watched(progress).run(
-                lambda watch: L.call("client_ask", client, text.encode(), watch,
+                lambda watch: L.call("update_client", client, text.encode(), watch,
                                      C.byref(made))
             )
         else:
             self._move(client, text, stream, made)
         changes = L.Changes()
-        L.call("client_changes", client, C.byref(changes))
+        L.call("take_changes", client, C.byref(changes))
         return Update(
             made.triangles, made.vertices, made.active_triangles, made.insertions, made.removals,
             made.bytes, made.error_bound, made.milliseconds, LIMITS[made.limit],
-            shortfall_of(made.shortfall),
+            shortfall_of(made),
             view(changes.triangles, (changes.triangle_ranges, 2), "<u4", None).copy(),
             view(changes.vertices, (changes.vertex_ranges, 2), "<u4", None).copy(),
         )
@@ -112,7 +112,7 @@ class Session:
 
         def receive(_user: Any, data: Any, size: int) -> int:
             try:
-                L.call("client_feed", client, data, size)
+                L.call("feed_client", client, data, size)
                 if stream is not None:
                     stream(C.string_at(data, size))
                 return 0
@@ -124,8 +124,7 @@ class Session:
         query = self._object._query(text)
         try:
             with interruptible() as control:
-                L.call("query_set_control", query, control)
-                L.call("session_update", self._session, query, function, None,
+                L.call("update_session", self._session, query, control, function, None,
                        C.byref(made))
         except Exception:
             if raised:
@@ -134,7 +133,7 @@ class Session:
 
     def _look(self) -> L.ClientView:
         look = L.ClientView()
-        L.call("client_look", self._open(), C.byref(look))
+        L.call("view_client", self._open(), C.byref(look))
         return look
 
     @property
@@ -157,7 +156,7 @@ class Session:
     def attributes(self) -> Mapping[str, Array]:
         """(slots,) each: copies."""
         look = self._look()
-        dtype = layout("client_attribute", self._open(), look.attributes, look.row_bytes)
+        dtype = layout("get_client_attribute", self._open(), look.attributes, look.row_bytes)
         if dtype is None or dtype.names is None:
             return MappingProxyType({})
         rows = view(look.rows, (look.vertex_slots, look.row_bytes), "|u1", None)
@@ -166,7 +165,7 @@ class Session:
 
     def mesh(self) -> Mesh:
         """The mesh without gaps, in float64."""
-        return Mesh._of(L.Handle("mesh", "client_mesh", self._open()))
+        return Mesh._of(L.Handle("mesh", "get_client_mesh", self._open()))
 
     def __repr__(self) -> str:
         if self._client is None:
@@ -176,24 +175,24 @@ class Session:
 
 
 def connect(url: str, *, name: Optional[str] = None, remembered_vertices: int = 65536,
-            max_triangles: int = 1 << 24, timeout: float = 600.0,
-            reconnect: float = 0.0) -> Session:
+            max_triangles: int = 1 << 24, timeout_seconds: float = 600.0,
+            reconnect_seconds: float = 0.0) -> Session:
     """A session at `mtdb serve`: "http://HOST:PORT/objects/NAME". Seconds for the server to answer,
     and for which an update tries to replace a lost connection."""
     options = L.ConnectOptions(
         name=None if name is None else name.encode(), remembered_vertices=remembered_vertices,
-        max_triangles=max_triangles, timeout_seconds=timeout, reconnect_seconds=reconnect,
+        max_triangles=max_triangles, timeout_seconds=timeout_seconds, reconnect_seconds=reconnect_seconds,
     )
     return Session(L.Handle("client", "connect", url.encode(), C.byref(options)), None, None)
 
 
 def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
-          path: "str | os.PathLike[str]", name: Optional[str] = None, timeout: float = 600.0, **asked: Any) -> Update:
+          path: "str | os.PathLike[str]", name: Optional[str] = None, timeout_seconds: float = 600.0, **asked: Any) -> Update:
     """Gets one mesh of a server into a file, in the format of its suffix (.ply, .glb ...). The file
     appears when it is complete. `read_mesh` reads it."""
     raised: list[BaseException] = []
     options = L.FetchOptions(
-        name=None if name is None else name.encode(), timeout_seconds=timeout,
+        name=None if name is None else name.encode(), timeout_seconds=timeout_seconds,
         format=os.fspath(path).rsplit(".", 1)[-1].lower().encode(),
     )
     made = L.Update()
@@ -217,7 +216,7 @@ def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
             raise
     none = np.empty((0, 2), np.uint32)
     return Update(made.triangles, made.vertices, made.active_triangles, 0, 0, made.bytes,
-                  made.error_bound, 0.0, LIMITS[made.limit], shortfall_of(made.shortfall), none,
+                  made.error_bound, 0.0, LIMITS[made.limit], shortfall_of(made), none,
                   none)
 
 

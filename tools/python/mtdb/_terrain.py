@@ -12,7 +12,7 @@ import numpy.typing as npt
 from . import _library as L
 from ._errors import InvalidArgument
 from ._mesh import view
-from ._work import interruptible
+from ._work import interruptible, probe_options
 
 if TYPE_CHECKING:
     from ._database import Object
@@ -53,10 +53,6 @@ def _numbers(name: str, values: Any, count: int) -> Any:
     return (C.c_double * count)(*array)
 
 
-def _options(error: Optional[float], control: L.Handle) -> L.HeightOptions:
-    return L.HeightOptions(largest_error=error or 0.0, control=control.value)
-
-
 def _places(name: str, points: npt.ArrayLike) -> Floats:
     places = np.ascontiguousarray(points, float)
     if places.ndim != 2 or places.shape[1] != 2:
@@ -71,10 +67,10 @@ def heights(terrain: "Object", window: Optional[Sequence[float]],
         spacing = (float(spacing),) * 2  # type: ignore[arg-type]
     apart = None if spacing is None else _numbers("spacing", spacing, 2)
     raster, cost = L.Raster(), L.HeightCost()
-    L.call("terrain_raster", terrain._handle, within, apart, C.byref(raster))
+    L.call("get_raster", terrain._handle, within, apart, C.byref(raster))
     found = np.empty((raster.rows, raster.columns))
     with interruptible() as control:
-        L.call("sample_heights", terrain._handle, C.byref(raster), C.byref(_options(error, control)),
+        L.call("sample_heights", terrain._handle, C.byref(raster), C.byref(probe_options(error, control)),
                found.ctypes.data, found.size, C.byref(cost))
     return HeightGrid(found, raster.x0 + raster.dx * np.arange(raster.columns),
                       raster.y0 + raster.dy * np.arange(raster.rows), cost.error_bound)
@@ -84,8 +80,8 @@ def heights_at(terrain: "Object", points: npt.ArrayLike, error: Optional[float])
     places = _places("points", points)
     found = np.empty(len(places))
     with interruptible() as control:
-        L.call("heights_at", terrain._handle, places.ctypes.data, len(places),
-               C.byref(_options(error, control)), found.ctypes.data, None)
+        L.call("find_heights", terrain._handle, places.ctypes.data, len(places),
+               C.byref(probe_options(error, control)), found.ctypes.data, None)
     return found
 
 
@@ -94,14 +90,14 @@ def profile(terrain: "Object", line: npt.ArrayLike, error: Optional[float]) -> P
     cost = L.HeightCost()
     with interruptible() as control:
         found = L.Handle("profile", "find_profile", terrain._handle, corners.ctypes.data,
-                         len(corners), C.byref(_options(error, control)), after=(C.byref(cost),))
-    count = L.ask("profile_count", found)
-    table = view(L.ask("profile_points", found), (count, 4), "<f8", found)
+                         len(corners), C.byref(probe_options(error, control)), after=(C.byref(cost),))
+    count = L.ask("count_profile_points", found)
+    table = view(L.ask("get_profile_points", found), (count, 4), "<f8", found)
     return Profile(table[:, 0], table[:, 1], table[:, 2], table[:, 3], cost.error_bound)
 
 
-def height_array(array: npt.ArrayLike, transform: Optional[Sequence[float]], crs: Optional[str],
-                 units: Optional[str]) -> tuple[L.HeightArray, Floats]:
+def height_array(array: npt.ArrayLike, geotransform: Optional[Sequence[float]], crs: Optional[str],
+                 height_units: Optional[str]) -> tuple[L.HeightArray, Floats]:
     """The struct, and the array that it points to."""
     kept = np.ascontiguousarray(array, float)
     if kept.ndim != 2:
@@ -109,8 +105,8 @@ def height_array(array: npt.ArrayLike, transform: Optional[Sequence[float]], crs
     given = L.HeightArray(
         columns=kept.shape[1], rows=kept.shape[0], heights=kept.ctypes.data,
         crs=None if crs is None else crs.encode(),
-        height_units=None if units is None else units.encode(),
+        height_units=None if height_units is None else height_units.encode(),
     )
-    if transform is not None:
-        given.geotransform = _numbers("transform", transform, 6)
+    if geotransform is not None:
+        given.geotransform = _numbers("geotransform", geotransform, 6)
     return given, kept

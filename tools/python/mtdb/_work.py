@@ -11,7 +11,7 @@ from typing import Any, Callable, Iterator, Optional, Union
 from contextlib import contextmanager
 
 from ._errors import Cancelled
-from ._library import Handle, ProgressFunction, Watch, ask
+from ._library import Handle, ProbeOptions, ProgressFunction, Watch, ask
 
 #: Called with what is done now and 0..1 (negative: nobody knows); False stops the work. True: a
 #: progress bar by tqdm, when it is installed.
@@ -109,6 +109,11 @@ def interruptible() -> Iterator[Handle]:
     control = Handle("control", "create_control")
     with _interrupts.cancel(control):
         yield control
+
+
+def probe_options(error: Optional[float], control: Handle) -> ProbeOptions:
+    """Without an error: at full resolution."""
+    return ProbeOptions(error=error or 0.0, control=control.value)
 
 
 class Watched:

@@ -58,7 +58,7 @@ export interface FileOptions {
    * file, whose answers may be kept. Default: the same URL. */
   urlOf?: (etag: string) => string | URL;
   /** Milliseconds without an answer after which a request is tried again; default 15000. */
-  timeout?: number;
+  timeoutMilliseconds?: number;
   /** In place of the global fetch. */
   fetch?: typeof fetch;
   signal?: AbortSignal;
@@ -296,7 +296,7 @@ class FileRanges {
     const control = new AbortController();
     const stop = () => control.abort();
     outer?.addEventListener('abort', stop);
-    const wait = () => setTimeout(stop, this.options.timeout ?? 15000);
+    const wait = () => setTimeout(stop, this.options.timeoutMilliseconds ?? 15000);
     let timer = wait();
     try {
       ++this.requests;
