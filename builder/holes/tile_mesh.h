@@ -21,8 +21,10 @@ namespace mtdb::internal {
 // ForbidEdges. A vertex on the tile's seam or at a non-manifold place is locked: it stays.
 class TileMesh {
  public:
-  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
-  void Load(std::span<const TileTriangle> tile, const Grid& grid);
+  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless. Of a
+  // height field, edges are segments in the plane, so that no two of them have the same ends: all
+  // that are asked for are free.
+  void Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field);
 
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
   uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
@@ -96,6 +98,7 @@ class TileMesh {
   // Of removals.
   std::vector<uint32_t> holes_, stars_;
   uint32_t live_triangles_ = 0;
+  bool is_height_field_ = false;
 };
 
 // Pairs half-edges with their twins; kNone32 where there is none or where an edge occurs more than

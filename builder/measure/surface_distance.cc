@@ -17,8 +17,9 @@ double SquaredDistance(const Hole& hole, const Hole::Triangle& triangle, Vec3d p
 }
 }  // namespace
 
-void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                           const TileSurface* surface, const Grid& grid) {
+void SurfaceDistance::Begin(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                            const Grid& grid, const MeasureOptions& options) {
+  const TileSurface* const surface = options.surface;
   const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
   std::vector<uint32_t> numbers(mesh.vertex_numbers().begin(), mesh.vertex_numbers().end());
   std::vector<Chord> chords;
@@ -39,8 +40,8 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
   map_.AddChords(std::move(chords), mesh, numbers);
 }
 
-void SurfaceDistance::Hold(TileResult& result) const {
-  TileMeasure::Hold(result);
+void SurfaceDistance::End(TileResult& result) const {
+  TileMeasure::End(result);
   map_.Hold(result.alive, result.chords);
 }
 

@@ -207,9 +207,11 @@ void TileMeasure::LowerHeightsOfNeedles() {
   }
 }
 
-void TileMeasure::Hold(TileResult& result) const {
+void TileMeasure::End(TileResult& result) const {
+  result.errors.reserve(triangles_.size());
   result.edge_errors.reserve(3 * triangles_.size());
   for (uint32_t t = 0; t < triangles_.size(); ++t) {
+    result.errors.push_back(triangles_[t].error);
     for (const double error : triangles_[t].edge_errors) {
       result.edge_errors.push_back(RoundedUp(error));
     }
@@ -219,13 +221,6 @@ void TileMeasure::Hold(TileResult& result) const {
       ForEachOnChain(3 * t + c, [&](uint32_t w) { result.held.push_back({w, t, c}); });
     }
   }
-}
-
-std::vector<float> TileMeasure::errors() const {
-  std::vector<float> errors;
-  errors.reserve(triangles_.size());
-  for (const Triangle& t : triangles_) errors.push_back(t.error);
-  return errors;
 }
 
 void TileMeasure::GatherSamples(const Hole& hole) {

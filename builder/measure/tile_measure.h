@@ -12,6 +12,7 @@
 #include "builder/holes/hole.h"
 #include "builder/holes/tile_mesh.h"
 #include "builder/measure/filling_lanes.h"
+#include "builder/measure/filling_measure.h"
 #include "builder/measure/tile_surface.h"
 #include "store/base/geometry.h"
 #include "store/base/grid.h"
@@ -22,14 +23,12 @@ namespace mtdb::internal {
 // Keeps, of a tile's triangles, the errors of their edges and the removed vertices that they stand
 // for; guesses the errors of diagonals. The surface that errors are measured against is the tile or
 // a TileSurface; its vertices are the mesh's and others behind them.
-class TileMeasure {
+class TileMeasure : public MeasureDefaults {
  public:
   double FirstGuess(uint32_t v) const { return kFirstGuess * heights_[v] + vertex_error(v); }
   // Of edges alone.
   double LowerBound(const Hole& hole, const Filling& filling) const;
-  // Sets what the next round has to know to go on.
-  void Hold(TileResult& result) const;
-  std::vector<float> errors() const;
+  void End(TileResult& result) const;
 
  protected:
   static constexpr double kUnknown = -2;      // of a diagonal's error
