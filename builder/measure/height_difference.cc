@@ -160,7 +160,7 @@ bool HeightDifference::PriceEdges(Hole& hole) {
     GuessEdges(hole);
     return false;
   }
-  MeasureOverSpokes(hole);
+  MeasureOverSpokes<true>(hole);
   hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
     if (hole.edge_error[i][j] == kUnknown) MeasureEdge(hole, i, j);
   });

@@ -83,7 +83,7 @@ void SurfaceDistance::MeasureBorder(Hole& hole) const {
 // used then.
 bool SurfaceDistance::PriceEdges(Hole& hole) {
   if (fresh_) {
-    MeasureOverSpokes(hole);
+    MeasureOverSpokes<false>(hole);
   } else {
     GuessEdges(hole);
   }

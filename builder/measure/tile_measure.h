@@ -66,6 +66,7 @@ class TileMeasure : public MeasureDefaults {
   // True when the star is a part of the surface, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   // Of such a star: diagonals that leave it get kUnknown.
+  template <bool kIsVertical>
   void MeasureOverSpokes(Hole& hole) const;
   // From the samples that lie near an edge, spread.
   void GuessEdges(Hole& hole) const;
@@ -104,12 +105,8 @@ class TileMeasure : public MeasureDefaults {
   SpreadPoints spread_;            // the same, when they are set
 
  private:
-  template <bool kIsVertical>
-  void MeasureOverSpokes(Hole& hole) const;
   void LoadHeld(const TileSurface& surface, std::span<const uint32_t> local);
   void MeasureVertices(const Surface& surface);
-  void MeasureHeights();
-  void LowerHeightsOfNeedles();
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {
     const Triangle& t = triangles_[triangle];
