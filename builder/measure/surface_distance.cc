@@ -204,7 +204,7 @@ void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling, const Hol
 void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
                                        std::array<double, Hole::kMaxRing>& errors) const {
   const auto cross = [&](uint32_t e, uint32_t crossed) {
-    const SurfaceMap::Edge& edge = map_.edge(e);
+    const SurfaceEdges::Edge& edge = map_.edge(e);
     for (; crossed != 0; crossed &= crossed - 1) {
       const auto t = static_cast<uint32_t>(std::countr_zero(crossed));
       const auto [i, m, j] = filling.triangles[t];
