@@ -90,7 +90,7 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     Place& a = places_[Origin(h)];
     Place& b = places_[Origin(Next(h))];
     if (opposite(h) == kNone32) {
-      if (IsBorderEdge(h)) {
+      if (triangles_[h / 3].IsBorder(h % 3)) {
         a.on_border = b.on_border = true;
         a.half_edge = h;
       } else {
@@ -247,7 +247,7 @@ void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, u
         const uint32_t beyond = opposite(old);
         opposite(h) = beyond;
         if (beyond != kNone32) opposite(beyond) = h;
-        triangles_[id].border |= static_cast<uint8_t>(IsBorderEdge(old) << c);
+        triangles_[id].border |= static_cast<uint8_t>(triangles_[old / 3].IsBorder(old % 3) << c);
       } else if (hole.IsNewBorder(a, b)) {
         triangles_[id].border |= static_cast<uint8_t>(1 << c);
       } else {

@@ -13,7 +13,6 @@ constexpr uint8_t kSpoke = 255;
 // Of scans and sculptures the longest path crosses 15 edges. Where longer ones are many, a build
 // would be spent with them: holes that they pass stay.
 constexpr size_t kLongestPath = 128;
-constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 constexpr uint32_t Twin(uint32_t crossing) { return MeshCrossings::Twin(crossing); }
 
 // The chords of an edge of S in a tile, in any order, and how they follow each other.

@@ -108,7 +108,7 @@ struct JoinResult {
 };
 
 Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const RoundCurve& curve,
-                        InputSpool& input) {
+                        InputMesh& input) {
   const BuildOptions& options = build.options;
   const MemoryPlan& plan = read.plan;
   JoinResult result;
@@ -159,7 +159,7 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
   return result;
 }
 
-ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const InputSpool& input,
+ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const InputMesh& input,
                       const JoinResult& joined) {
   const JoinTotals& totals = joined.totals;
   ObjectRecord record;
