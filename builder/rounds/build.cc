@@ -47,7 +47,7 @@ Result<RoundsResult> RunRounds(const RoundTools& tools, IntakeResult intake) {
   RoundsResult result{std::move(intake.record), std::move(intake.triangles)};
   ObjectRecord& record = result.record;
   std::unique_ptr<TriangleSorter>& triangles = result.triangles;
-  SurfaceWindow surfaces(tools.build.is_terrain());
+  SurfaceWindow surfaces(IsTerrain(tools.build.options));
   TilingChoice tiling(
       options.tile_triangles *
       TileCutter::WindowTiles(options.tile_triangles, record.attributes.row_bytes()));
@@ -109,11 +109,11 @@ Result<RootTopology> WriteRoot(const RoundTools& tools, TriangleSorter& triangle
     uint64_t code = 0;
     MTDB_RETURN_IF_ERROR(triangles.Next(size, &piece, &code));
     MTDB_RETURN_IF_ERROR(root.AddPiece(piece.triangles, piece.rows));
-    if (build.up != nullptr) build.up->Add(piece.triangles);
+    build.up.Add(piece.triangles);
     MTDB_RETURN_IF_ERROR(check(root.memory_bytes()));
     done += size;
   }
-  if (build.up != nullptr) build.up->End(true);
+  build.up.End(true);
   return root.Finish();
 }
 
@@ -128,7 +128,7 @@ void AddRoot(const RootTopology& root, ObjectRecord& record) {
 
 ObjectUp UpOf(const BuildContext& build, const Grid& grid) {
   const bool given = build.options.up.has_value();
-  const Vec3d up = given ? *build.options.up : build.up ? build.up->Find(grid) : Vec3d{0, 0, 1};
+  const Vec3d up = given ? *build.options.up : build.up.Find(grid);
   return {up * (1 / Length(up)), given};
 }
 
@@ -186,9 +186,8 @@ Result<ObjectRecord> internal::BuildObjectWith(const DecimatorFactory& make_deci
     BuildReport unread;
     BuildReport& filled = report != nullptr ? *report : unread;
     StageClock clock(progress, space, filled.stages);
-    UpFinder up;
-    BuildContext build{options, space, clock};
-    if (!options.up && !build.is_terrain()) build.up = &up;
+    UpFinder up(!options.up && !IsTerrain(options));
+    const BuildContext build{options, space, clock, up};
     return Build(make_decimator, input, build, writer, filled);
   });
 }

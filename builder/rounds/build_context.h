@@ -17,13 +17,15 @@
 
 namespace mtdb::internal {
 
+inline bool IsTerrain(const BuildOptions& options) {
+  return options.terrain.has_value() || options.height_field;
+}
+
 struct BuildContext {
   const BuildOptions& options;
   const SpoolSpace& space;
   StageClock& clock;
-  UpFinder* up = nullptr;  // null: it is known what is up
-
-  bool is_terrain() const { return options.terrain.has_value() || options.height_field; }
+  UpFinder& up;
 };
 
 // Where the curves of rounds run.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -13,7 +14,6 @@
 #include "builder/intake/grid_choice.h"
 #include "builder/intake/height_field.h"
 #include "builder/intake/input_spool.h"
-#include "builder/intake/looking_sink.h"
 #include "builder/intake/read_mesh.h"
 #include "store/base/bytes.h"
 #include "store/base/hash.h"
@@ -44,6 +44,34 @@ void SetRasterGrid(const TerrainInput& terrain, MeshSurvey& survey) {
   survey.store_bytes = survey.vertices * kTerrainVertexBytes;
 }
 
+// Hands a mesh on and asks before each block whether to go on.
+class LookingSink final : public MeshSink {
+ public:
+  // `sink` must outlive it. An error of `look` is the block's.
+  LookingSink(MeshSink* sink, std::function<Status()> look) : sink_(sink), look_(std::move(look)) {}
+
+  Status Begin(const MeshHeader& header) override { return sink_->Begin(header); }
+  Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
+    MTDB_RETURN_IF_ERROR(look_());
+    return sink_->AddVertices(positions, rows);
+  }
+  Status AddTriangles(std::span<const TriangleVertices> triangles) override {
+    MTDB_RETURN_IF_ERROR(look_());
+    return sink_->AddTriangles(triangles);
+  }
+  Status End() override { return sink_->End(); }
+  bool joins_soup() const override { return sink_->joins_soup(); }
+  uint64_t soup_bytes() const override { return sink_->soup_bytes(); }
+  double LargestRounding(const MeshHeader& header) const override {
+    return sink_->LargestRounding(header);
+  }
+  double rounding() const override { return sink_->rounding(); }
+
+ private:
+  MeshSink* sink_;
+  std::function<Status()> look_;
+};
+
 Result<ReadResult> Read(const MeshProducer& produce, const BuildContext& build, InputSpool& input) {
   const BuildOptions& options = build.options;
   ReadResult read;
@@ -73,7 +101,7 @@ Result<ReadResult> Read(const MeshProducer& produce, const BuildContext& build, 
   const Grid& grid = read.curves.grid;
   read.curves.bounds = {grid.Position(grid.Quantize(input.bounds().min)),
                         grid.Position(grid.Quantize(input.bounds().max))};
-  if (build.is_terrain()) read.curves.bounds.min.z = read.curves.bounds.max.z = 0;
+  if (IsTerrain(build.options)) read.curves.bounds.min.z = read.curves.bounds.max.z = 0;
   return read;
 }
 
@@ -126,7 +154,7 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
     result.digest.Merge(joined.digest);
     result.bounds.Add(joined.bounds);
     result.hash = Mix64(result.hash ^ joined.hash);
-    if (build.up != nullptr) build.up->Add(triangles);
+    build.up.Add(triangles);
     for (size_t i = 0; i < triangles.size(); ++i) {
       result.level->Sample(triangles[i], joined.codes[i]);
       if (border) MTDB_RETURN_IF_ERROR(border->Add(triangles[i]));
@@ -152,7 +180,7 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
   };
   MTDB_RETURN_IF_ERROR(JoinCorners(input, read.curves.grid, join, &result.totals, receive));
   while (pipeline.in_flight() > 0) MTDB_RETURN_IF_ERROR(take());
-  if (build.up != nullptr) build.up->End(false);
+  build.up.End(false);
   if (!border) return result;
   if (result.totals.nonmanifold_edges > 0) return OverlappingFaces(result.totals.nonmanifold_edges);
   MTDB_RETURN_IF_ERROR(border->Check(read.survey.grid));
@@ -215,7 +243,7 @@ std::optional<BorderPlane> BorderOf(const ObjectRecord& record) {
 double LargestError(const ObjectRecord& record, const Box3i& bounds, const BuildContext& build,
                     const std::optional<BorderPlane>& border) {
   const double step = record.grid.is_linear() ? record.grid.step : 1.0;
-  if (!build.is_terrain()) return kLargestError * record.diagonal() / step;
+  if (!IsTerrain(build.options)) return kLargestError * record.diagonal() / step;
   const double heights = static_cast<double>(bounds.max.z) - bounds.min.z + 1;
   if (!border) return heights;
   const Vec3d size = border->Place(ToDouble(bounds.max) - ToDouble(bounds.min));
@@ -277,7 +305,7 @@ Result<IntakeResult> TakeIn(const MeshProducer& produce, const BuildContext& bui
   record.error_measure = decimator.measure();
   const std::optional<BorderPlane> border = BorderOf(record);
   joined.level->Begin(decimator, record.grid, LargestError(record, joined.bounds, build, border));
-  if (!build.is_terrain()) read.curves.bounds = record.bounds;
+  if (!IsTerrain(build.options)) read.curves.bounds = record.bounds;
   const JournalKey key = JournalKeyOf(build.options, record, joined.hash);
   return IntakeResult{std::move(read.survey),
                       read.plan,

@@ -76,7 +76,7 @@ Status Append(const RoundTools& tools, Tile& tile, RoundResult& result) {
   for (TileTriangle& t : cluster.left.triangles) {
     if (t.child == TileCluster::kOwnCluster) t.child = own;
   }
-  if (tools.build.up != nullptr) tools.build.up->Add(cluster.left.triangles);
+  tools.build.up.Add(cluster.left.triangles);
   return result.triangles->Add(cluster.left, tile.codes);
 }
 
@@ -96,7 +96,7 @@ Result<RoundResult> RunRound(const RoundTools& tools, const RoundInput& input) {
       input.round, &build.space, tools.plan.spool_bytes / (4 * SurfaceWindow::kMostRounds));
   TileCutter cutter(
       input.triangles, input.curve, tools.curves.grid,
-      {tiles, input.round, size, tools.setting.attributes.row_bytes(), build.is_terrain()});
+      {tiles, input.round, size, tools.setting.attributes.row_bytes(), IsTerrain(build.options)});
   OrderedPipeline<Tile> pipeline(tools.plan.threads, [&](unsigned worker, Tile& tile) {
     if (!tile.replayed) tile.status = Work(input.surfaces, *tools.decimators[worker], tile);
     tile.codes = input.next_curve.Codes(tile.outcome.cluster.left.triangles, tools.curves.grid);
@@ -119,7 +119,7 @@ Result<RoundResult> RunRound(const RoundTools& tools, const RoundInput& input) {
     MTDB_RETURN_IF_ERROR(
         build.clock.Report({"round", input.round, done, count, input.done + input.share * part}));
   }
-  if (build.up != nullptr) build.up->End(false);
+  build.up.End(false);
   MTDB_RETURN_IF_ERROR(result.surfaces->Finish());
   result.report.triangles_out = result.triangles->count();
   return result;
