@@ -50,6 +50,7 @@ struct MeasureOptions {
 // and when all removals are made:
 //   End         sets the errors of all local triangles, current and past, and, if the measure goes
 //               on from round to round, what the next one has to know for that (TileSurface)
+// A vertical measure is one of height fields, whose edges are all free (TileMesh::Load).
 //
 // What a measure promises: the error of a filling is a bound on the distance, in the sense of
 // kMeasure, between each of its triangles and the part of the tile that the triangle stands for,
