@@ -27,17 +27,16 @@
 
 namespace mtdb::internal {
 
-struct DecimateOptions {
+// Where removals of a tile end.
+struct RemovalLimits {
   uint32_t target_triangles = 0;  // stop at this many, or when no legal removal is left
   // Stop before the first removal beyond this error when at most so many triangles are left.
   double level_error = 0;  // work units
   uint32_t level_triangles = 0;
-  double largest_error = 0;  // work units; removals beyond it are not made
-  // The surface that errors are measured against; null: the tile itself. Of measures that go on.
-  const TileSurface* surface = nullptr;
-  const BorderPlane* border = nullptr;  // null: borders keep their shape. Of height fields
-  uint32_t degree_limit = 12;           // a removed vertex has at most this many neighbours; <= 16
+  double largest_error = 0;    // work units; removals beyond it are not made
+  uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
+struct DecimateOptions : RemovalLimits, MeasureOptions {};
 
 // Removes vertices of a tile until the target is met. Topology and orientation are kept; vertices
 // on the tile's seam and at non-manifold places stay; vertices of the surface's border go like
@@ -85,9 +84,8 @@ class Decimator final : public TileDecimator {
     bool valid() const { return parts[0].valid; }
   };
 
-  void Load(std::span<const TileTriangle> tile, const Grid& grid, const TileSurface* surface);
+  void Begin(std::span<const TileTriangle> tile, const Grid& grid, const MeasureOptions& options);
   uint32_t LevelTriangles(const DecimateOptions& options, const TileResult& counted) const;
-  bool IsFree() const { return Measure::kIsHeightField ? hole_.k >= 3 : mesh_.EdgesAreFree(hole_); }
   void Evaluate(uint32_t v);
   bool FillSeen(Vertex& state);
   bool MeasureBest();
@@ -120,22 +118,17 @@ extern template class Decimator<HeightDifference, DelaunayFilling>;
 extern template class Decimator<HeightDifference, FreeFilling>;
 
 template <FillingMeasure Measure, FillingRule Rule>
-void Decimator<Measure, Rule>::Load(std::span<const TileTriangle> tile, const Grid& grid,
-                                    const TileSurface* surface) {
-  mesh_.Load(tile, grid);
-  if constexpr (Measure::kGoesOn) {
-    measure_.Load(mesh_, tile, surface, grid);
-  } else {
-    measure_.Load(mesh_, tile);
-  }
+void Decimator<Measure, Rule>::Begin(std::span<const TileTriangle> tile, const Grid& grid,
+                                     const MeasureOptions& options) {
+  mesh_.Load(tile, grid, Measure::kMeasure == ErrorMeasure::kVertical);
+  measure_.Begin(mesh_, tile, grid, options);
 }
 
 template <FillingMeasure Measure, FillingRule Rule>
 TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile, const Grid& grid,
                                               const DecimateOptions& options) {
   degree_limit_ = std::min(options.degree_limit, Hole::kMaxRing);
-  if constexpr (Measure::kIsHeightField) measure_.MoveBorders(options.border);
-  Load(tile, grid, options.surface);
+  Begin(tile, grid, options);
   const uint32_t vertices = mesh_.vertices();
   states_.assign(vertices, Vertex{});
   kept_.resize(vertices);
@@ -164,7 +157,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     if (filling_.error > options.level_error && mesh_.live_triangles() <= level_triangles) {
       break;
     }
-    if (!Measure::kIsHeightField && mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
+    if (mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
       // Rare, and found out here only: plan again without the edges that exist.
       states_[*v].careful = true;
       Evaluate(*v);
@@ -179,9 +172,8 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     result.stuck_degree += states_[v].verdict == Verdict::kDegree;
   }
   mesh_.CopyTo(result);
-  result.errors = measure_.errors();
   result.removals = removals_;
-  if constexpr (Measure::kGoesOn) measure_.Hold(result);
+  measure_.End(result);
   return result;
 }
 
@@ -199,7 +191,7 @@ uint32_t Decimator<Measure, Rule>::LevelTriangles(const DecimateOptions& options
 template <FillingMeasure Measure, FillingRule Rule>
 std::vector<double> Decimator<Measure, Rule>::FirstGuesses(std::span<const TileTriangle> tile,
                                                            const Grid& grid) {
-  Load(tile, grid, nullptr);
+  Begin(tile, grid, {});
   std::vector<double> guesses;
   for (uint32_t v = 0; v < mesh_.vertices(); ++v) {
     if (!mesh_.locked(v)) guesses.push_back(measure_.FirstGuess(v));
@@ -235,17 +227,13 @@ void Decimator<Measure, Rule>::Evaluate(uint32_t v) {
   state.verdict = Verdict::kDegree;
   if (!mesh_.OpenHole(v, degree_limit_, hole_)) return;
   state.verdict = Verdict::kTopology;
-  if (!IsFree()) return;
+  if (!mesh_.EdgesAreFree(hole_)) return;
   measure_.Open(hole_);
-  if constexpr (Measure::kIsHeightField) {
-    for (auto& row : hole_.forbidden) row.fill(0);
-  } else {
-    mesh_.ForbidEdges(hole_, state.careful);
-  }
+  mesh_.ForbidEdges(hole_, state.careful);
   measured_ = false;
   if (measure_.Sees(hole_) && FillSeen(state)) {
     if (!state.bounded) measure_.Measure(hole_, filling_);
-  } else if (!Measure::kMeasuresFolds || !FillFolded()) {
+  } else if (!measure_.MeasuresFolds() || !FillFolded()) {
     return;
   }
   state.verdict = Verdict::kLegal;
@@ -326,7 +314,7 @@ void Decimator<Measure, Rule>::PutBack(uint32_t v) {
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   mesh_.OpenHole(v, degree_limit_, hole_);
-  if (!IsFree()) return false;
+  if (!mesh_.EdgesAreFree(hole_)) return false;
   measure_.Open(hole_);
   const KeptFilling& kept = kept_[v];
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {

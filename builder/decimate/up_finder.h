@@ -22,6 +22,8 @@ class UpFinder {
  public:
   static constexpr size_t kMostTriangles = 50'000;
 
+  explicit UpFinder(bool wanted) : found_(!wanted) {}  // not wanted: it looks at nothing
+
   void Add(std::span<const TileTriangle> triangles);
   // All triangles of a mesh were added; another one begins. The root is the last.
   void End(bool is_root);
@@ -32,7 +34,7 @@ class UpFinder {
   std::vector<std::array<Vec3i, 3>> kept_;
   uint64_t seen_ = 0;
   uint64_t every_ = 1;  // so many triangles are seen for each that is kept
-  bool found_ = false;
+  bool found_;
 };
 
 }  // namespace mtdb::internal

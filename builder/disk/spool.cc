@@ -2,6 +2,7 @@
 #include "builder/disk/spool.h"
 
 #include <cerrno>
+#include <sys/statvfs.h>
 #include <unistd.h>
 #include <utility>
 
@@ -28,6 +29,22 @@ Status SpoolSpace::Take(uint64_t bytes) const {
           directory + ": temporary files have reached " + std::to_string(before >> 20) +
               " MiB and need more, but " + std::to_string(max_bytes >> 20) +
               " MiB are allowed; allow more temporary files (--max-tmp) or more --memory"};
+}
+
+Status SpoolSpace::CheckRoom(uint64_t bytes) const {
+  if (bytes == 0) return Status::Ok();
+  struct statvfs fs;
+  if (statvfs(directory.c_str(), &fs) != 0) {
+    return IoError(directory + ": " + std::strerror(errno) +
+                   "; name a folder for temporary files with --tmp");
+  }
+  const uint64_t have = static_cast<uint64_t>(fs.f_bavail) * fs.f_frsize;
+  if (bytes <= have) return Status::Ok();
+  return {StatusCode::kNoSpace, directory + ": temporary files need up to " +
+                                    std::to_string(bytes >> 20) + " MiB, but only " +
+                                    std::to_string(have >> 20) +
+                                    " MiB are free; name another folder with --tmp, or allow "
+                                    "more --memory"};
 }
 
 Spool::~Spool() { Close(); }

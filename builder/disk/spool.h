@@ -27,6 +27,8 @@ struct SpoolSpace {
   // Before so many bytes are written; kBudgetExceeded when all files would have more than
   // max_bytes.
   Status Take(uint64_t bytes) const;
+  // kNoSpace when the file system has not so many bytes left.
+  Status CheckRoom(uint64_t bytes) const;
 };
 
 class Spool {

@@ -68,6 +68,14 @@ Status TriangleSorter::Add(const TileTriangle& triangle, const std::byte* rows, 
   return Status::Ok();
 }
 
+Status TriangleSorter::Add(const TriangleBlock& block, std::span<const uint64_t> codes) {
+  const std::byte* rows = block.rows.data();
+  for (size_t i = 0; i < codes.size(); ++i, rows += 3 * options_.row_bytes) {
+    MTDB_RETURN_IF_ERROR(Add(block.triangles[i], rows, codes[i]));
+  }
+  return Status::Ok();
+}
+
 bool TriangleSorter::KeyBefore::operator()(const Key& a, const Key& b) const {
   return a.code != b.code ? a.code < b.code
                           : VerticesBefore(sorter->Record(a.index), sorter->Record(b.index));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "builder/disk/packed_triangle.h"
@@ -26,6 +27,7 @@ class TriangleSorter {
 
   // `code` is the triangle's on the round's curve; `rows` those of its corners.
   Status Add(const TileTriangle& triangle, const std::byte* rows, uint64_t code);
+  Status Add(const TriangleBlock& block, std::span<const uint64_t> codes);
   uint64_t count() const { return count_; }
   // After the last Add.
   Status Finish();

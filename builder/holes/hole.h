@@ -36,6 +36,8 @@ struct Hole {
   uint32_t border_in = kNone32;           // ... and from ring[k - 1]
   Vec3d apex;                             // the vertex, in work units
   std::array<Vec3d, kMaxRing> positions;  // the ring, likewise
+  // Of a height field, which is seen along z: shapes are those of what is seen, without heights.
+  bool flat = false;
   // Set by TileMesh::ForbidEdges: diagonals (i, j), in both orders, that no filling may use.
   PerEdge<uint8_t> forbidden;
 
@@ -44,8 +46,6 @@ struct Hole {
   double area = 0;                     // twice the star's, seen along `normal`
   std::array<Vec3d, kMaxRing> points;  // the ring in the hole's frame: z along `normal`
   bool folded = false;                 // not seen whole: projections mean nothing
-  // Of a height field, which is seen along z: shapes are those of what is seen, without heights.
-  bool flat = false;
   // Of the edge (i, j), i < j; negative where there can be none. edge_error[0][k - 1] is the new
   // border edge's.
   PerEdge<double> edge_error;

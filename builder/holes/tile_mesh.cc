@@ -69,7 +69,8 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
   }
 }
 
-void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid) {
+void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field) {
+  is_height_field_ = is_height_field;
   NumberVertices(tile);
   const auto n = static_cast<uint32_t>(tile.size());
   places_.assign(vertices(), Place{});
@@ -89,7 +90,7 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid) {
     Place& a = places_[Origin(h)];
     Place& b = places_[Origin(Next(h))];
     if (opposite(h) == kNone32) {
-      if (IsBorderEdge(h)) {
+      if (triangles_[h / 3].IsBorder(h % 3)) {
         a.on_border = b.on_border = true;
         a.half_edge = h;
       } else {
@@ -129,6 +130,7 @@ bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
   hole.boundary = places_[v].on_border;
   hole.border_out = first;
   hole.folded = false;
+  hole.flat = is_height_field_;
   hole.apex = places_[v].position;
   for (uint32_t i = 0; i < hole.k; ++i) hole.positions[i] = places_[hole.ring[i]].position;
   return true;
@@ -155,6 +157,7 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
   const uint32_t k = hole.k;
   const std::vector<uint32_t>& ring = hole.ring;
   if (k < 3) return false;
+  if (hole.flat) return true;
   if (hole.boundary) {
     const uint32_t a = ring[0];
     const uint32_t b = ring[k - 1];
@@ -172,6 +175,10 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
 void TileMesh::ForbidEdges(Hole& hole, bool existing) {
   const uint32_t k = hole.k;
   const std::vector<uint32_t>& ring = hole.ring;
+  if (hole.flat) {
+    for (auto& row : hole.forbidden) row.fill(0);
+    return;
+  }
   for (uint32_t i = 0; i < k; ++i) {
     for (uint32_t j = 0; j < k; ++j) {
       hole.forbidden[i][j] = locked(ring[i]) && locked(ring[j]);
@@ -193,6 +200,7 @@ void TileMesh::ForbidEdges(Hole& hole, bool existing) {
 }
 
 bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const {
+  if (hole.flat) return false;
   for (uint32_t t = 1; t < hole.k - 2; ++t) {
     const uint32_t a = hole.ring[triangles[t][0]];
     const uint32_t b = hole.ring[triangles[t][2]];
@@ -239,7 +247,7 @@ void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, u
         const uint32_t beyond = opposite(old);
         opposite(h) = beyond;
         if (beyond != kNone32) opposite(beyond) = h;
-        triangles_[id].border |= static_cast<uint8_t>(IsBorderEdge(old) << c);
+        triangles_[id].border |= static_cast<uint8_t>(triangles_[old / 3].IsBorder(old % 3) << c);
       } else if (hole.IsNewBorder(a, b)) {
         triangles_[id].border |= static_cast<uint8_t>(1 << c);
       } else {

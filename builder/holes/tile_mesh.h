@@ -15,14 +15,20 @@
 
 namespace mtdb::internal {
 
+// Half-edges of a triangle, in its orientation.
+constexpr uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
+constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
+
 // Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
 // made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
 // + 1. Keeps topology and orientation: what it is asked to do is legal, see EdgesAreFree and
 // ForbidEdges. A vertex on the tile's seam or at a non-manifold place is locked: it stays.
 class TileMesh {
  public:
-  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless.
-  void Load(std::span<const TileTriangle> tile, const Grid& grid);
+  // `grid` gives the tile's positions in work units: grid steps, or model units when lossless. Of a
+  // height field, edges are segments in the plane, so that no two of them have the same ends: all
+  // that are asked for are free.
+  void Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field);
 
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
   uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
@@ -60,8 +66,9 @@ class TileMesh {
   struct alignas(32) Triangle {  // current or past
     std::array<uint32_t, 3> corners;
     std::array<uint32_t, 3> opposites{kNone32, kNone32, kNone32};
-    uint8_t border = 0;
+    uint8_t border = 0;  // a bit for each side
     bool alive = true;
+    bool IsBorder(uint32_t side) const { return border >> side & 1; }
   };
   struct alignas(32) Place {  // of a vertex
     Vec3d position;
@@ -79,9 +86,6 @@ class TileMesh {
   uint32_t Origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
   uint32_t opposite(uint32_t h) const { return triangles_[h / 3].opposites[h % 3]; }
   uint32_t& opposite(uint32_t h) { return triangles_[h / 3].opposites[h % 3]; }
-  static uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
-  static uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
-  bool IsBorderEdge(uint32_t h) const { return triangles_[h / 3].border >> (h % 3) & 1; }
 
   std::vector<Triangle> triangles_;
   std::vector<std::array<uint32_t, 3>> input_corners_;
@@ -96,6 +100,7 @@ class TileMesh {
   // Of removals.
   std::vector<uint32_t> holes_, stars_;
   uint32_t live_triangles_ = 0;
+  bool is_height_field_ = false;
 };
 
 // Pairs half-edges with their twins; kNone32 where there is none or where an edge occurs more than

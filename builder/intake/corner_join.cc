@@ -244,7 +244,7 @@ class Link {
 
 class Join {
  public:
-  Join(InputSpool& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
+  Join(InputMesh& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
       : input_(input), grid_(grid), options_(options), totals_(totals) {
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
@@ -461,7 +461,7 @@ class Join {
     return out.triangles.empty() ? Status::Ok() : receive(std::move(out));
   }
 
-  InputSpool& input_;
+  InputMesh& input_;
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
@@ -474,7 +474,7 @@ class Join {
 
 }  // namespace
 
-Status JoinCorners(InputSpool& input, const Grid& grid, const JoinOptions& options,
+Status JoinCorners(InputMesh& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive) {
   return Join(input, grid, options, *totals).Run(receive);
 }

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "builder/disk/tile.h"
-#include "builder/intake/input_spool.h"
+#include "builder/intake/input_mesh.h"
 #include "store/base/grid.h"
 #include "store/base/status.h"
 #include "store/object_record.h"
@@ -49,7 +49,7 @@ struct JoinOptions {
 // border_edges, fixed_corners are set. All totals but the number of kept triangles are there before
 // the first block.
 using BlockReceiver = std::function<Status(TriangleBlock)>;
-Status JoinCorners(InputSpool& input, const Grid& grid, const JoinOptions& options,
+Status JoinCorners(InputMesh& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);
 
 }  // namespace mtdb::internal

@@ -74,7 +74,7 @@ class AxisCells {
 
 class Search {
  public:
-  explicit Search(const InputSpool& input) : input_(input) {}
+  explicit Search(const InputMesh& input) : input_(input) {}
 
   Result<std::optional<FarVertices>> Run(const std::function<bool(const Box3d&)>& suits) {
     MTDB_RETURN_IF_ERROR(FindUsed());
@@ -161,13 +161,13 @@ class Search {
     return far;
   }
 
-  const InputSpool& input_;
+  const InputMesh& input_;
   std::vector<bool> used_;
 };
 
 }  // namespace
 
-Result<std::optional<FarVertices>> FindFarVertices(const InputSpool& input,
+Result<std::optional<FarVertices>> FindFarVertices(const InputMesh& input,
                                                    const std::function<bool(const Box3d&)>& suits) {
   return Search(input).Run(suits);
 }

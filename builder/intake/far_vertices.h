@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "builder/intake/input_spool.h"
+#include "builder/intake/input_mesh.h"
 #include "builder/mesh_survey.h"
 
 namespace mtdb::internal {
@@ -15,7 +15,7 @@ namespace mtdb::internal {
 // the length and more; and again in that box, until it `suits`. None when no gap is left before
 // that: the mesh is too long for its edges all over. Reads the vertices once a round, of which
 // there are few.
-Result<std::optional<FarVertices>> FindFarVertices(const InputSpool& input,
+Result<std::optional<FarVertices>> FindFarVertices(const InputMesh& input,
                                                    const std::function<bool(const Box3d&)>& suits);
 
 }  // namespace mtdb::internal

@@ -125,7 +125,7 @@ bool OnOneLine(Vec3i a, Vec3i b, Vec3i c) {
 
 class GridChoice {
  public:
-  GridChoice(const InputSpool& input, const BuildOptions& options, MeshSurvey* survey)
+  GridChoice(const InputMesh& input, const BuildOptions& options, MeshSurvey* survey)
       : input_(input), options_(options), survey_(*survey), bounds_(input.bounds()) {}
 
   Status Choose(const SpoolSpace* space, size_t memory_bytes) {
@@ -334,7 +334,7 @@ class GridChoice {
     return text;
   }
 
-  const InputSpool& input_;
+  const InputMesh& input_;
   const BuildOptions& options_;
   MeshSurvey& survey_;
   const Box3d bounds_;
@@ -373,7 +373,7 @@ uint64_t EstimateStoreBytes(const MeshSurvey& survey) {
 
 }  // namespace
 
-Status ChooseGrid(const InputSpool& input, const BuildOptions& options, const SpoolSpace* space,
+Status ChooseGrid(const InputMesh& input, const BuildOptions& options, const SpoolSpace* space,
                   size_t memory_bytes, MeshSurvey* survey) {
   if (options.mode == PositionMode::kLossless) {
     survey->grid.mode = options.mode;

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "builder/intake/input_spool.h"
+#include "builder/intake/input_mesh.h"
 #include "builder/mesh_survey.h"
 
 namespace mtdb::internal {
@@ -25,7 +25,7 @@ namespace mtdb::internal {
 //
 // Deterministic: the triangles' order and the memory do not matter. Errors: kBadInput (bounds that
 // are too large for double), and those of GatherCorners().
-Status ChooseGrid(const InputSpool& input, const BuildOptions& options, const SpoolSpace* space,
+Status ChooseGrid(const InputMesh& input, const BuildOptions& options, const SpoolSpace* space,
                   size_t memory_bytes, MeshSurvey* survey);
 
 }  // namespace mtdb::internal

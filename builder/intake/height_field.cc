@@ -50,7 +50,7 @@ struct FacesReport {
 
 // Looks at each face. Where the grid alone is to blame for a fold, there is no error, but
 // report.rounding.
-Result<FacesReport> LookAtFaces(const InputSpool& input, const Grid& grid, const SpoolSpace* space,
+Result<FacesReport> LookAtFaces(const InputMesh& input, const Grid& grid, const SpoolSpace* space,
                                 size_t memory_bytes) {
   const CornerTable table{&input.vertex_spool(), input.vertices(), input.vertex_bytes(),
                           input.position_bytes()};
@@ -96,7 +96,7 @@ Status OverlappingFaces(uint64_t edges) {
 }
 
 Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* space,
-                               size_t memory_bytes, InputSpool* input, MeshSurvey* survey) {
+                               size_t memory_bytes, InputMesh* input, MeshSurvey* survey) {
   MTDB_ASSIGN_OR_RETURN(FacesReport faces, LookAtFaces(*input, survey->grid, space, memory_bytes));
   if (faces.rounding && !options.bits && !options.step) {
     BuildOptions finest = options;
@@ -106,11 +106,11 @@ Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* sp
     MTDB_ASSIGN_OR_RETURN(faces, LookAtFaces(*input, survey->grid, space, memory_bytes));
   }
   if (faces.rounding) return FoldedByGrid(survey->grid);
-  if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver());
+  if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver(space, memory_bytes / 8));
   return faces.steepest;
 }
 
-Status CheckHeights(InputSpool& input, const Grid& grid, const JoinOptions& join,
+Status CheckHeights(InputMesh& input, const Grid& grid, const JoinOptions& join,
                     uint64_t memory_bytes) {
   BorderSweep border(memory_bytes);
   JoinTotals totals;

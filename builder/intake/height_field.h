@@ -9,7 +9,7 @@
 
 #include "builder/disk/tile.h"
 #include "builder/intake/corner_join.h"
-#include "builder/intake/input_spool.h"
+#include "builder/intake/input_mesh.h"
 #include "builder/mesh_survey.h"
 #include "store/base/grid.h"
 #include "store/base/status.h"
@@ -21,7 +21,7 @@ namespace mtdb::internal {
 // look up, or all down: kBadInput names the first place where one does not. Returns the largest
 // slope, height by distance.
 Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* space,
-                               size_t memory_bytes, InputSpool* input, MeshSurvey* survey);
+                               size_t memory_bytes, InputMesh* input, MeshSurvey* survey);
 
 // The error of an edge with more than two faces.
 Status OverlappingFaces(uint64_t edges);
@@ -79,7 +79,7 @@ class BorderSweep {
 
 // Whether a mesh whose faces look up has no more than one height at each place; kBadInput names one
 // that has two. The input is gone afterwards. `memory_bytes`: of a BorderSweep.
-Status CheckHeights(InputSpool& input, const Grid& grid, const JoinOptions& join,
+Status CheckHeights(InputMesh& input, const Grid& grid, const JoinOptions& join,
                     uint64_t memory_bytes);
 
 }  // namespace mtdb::internal

@@ -2,9 +2,6 @@
 #include "builder/intake/input_spool.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
-#include <string_view>
 #include <utility>
 
 #include "builder/intake/corner_gather.h"
@@ -15,37 +12,8 @@
 
 namespace mtdb::internal {
 
-namespace {
-
-// Whether `value`, read from text, may be how a program has written `single`: rounded to the last
-// of its digits. Their number is that of the value's, less zeros, of 15 at most.
-bool IsTextOf(double value, float single) {
-  if (!std::isfinite(single)) return false;
-  char buffer[32];
-  const auto end =
-      std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::scientific, 14);
-  const std::string_view text(buffer, static_cast<size_t>(end.ptr - buffer));
-  const size_t mark = text.find('e');
-  const std::string_view mantissa = text.substr(0, text.find_last_not_of("0.", mark - 1) + 1);
-  const auto digits = std::max<ptrdiff_t>(
-      1,
-      std::count_if(mantissa.begin(), mantissa.end(), [](char c) { return c >= '0' && c <= '9'; }));
-  int power = 0;
-  const char* const exponent = buffer + mark + 1;
-  std::from_chars(*exponent == '+' ? exponent + 1 : exponent, end.ptr, power);
-  const double unit = std::pow(10.0, static_cast<double>(power + 1 - digits));
-  return std::abs(static_cast<double>(single) - value) <= 0.5 * unit * (1 + 1e-9);
-}
-
-}  // namespace
-
 InputSpool::InputSpool(const SpoolSpace* space, size_t memory_bytes, bool lossless)
-    : space_(space),
-      memory_bytes_(memory_bytes),
-      soup_spool_(space, 0),
-      vertex_spool_(space, 0),
-      triangle_spool_(space, 0),
-      lossless_(lossless) {}
+    : space_(space), memory_bytes_(memory_bytes), soup_spool_(space, 0), lossless_(lossless) {}
 
 Status InputSpool::Begin(const MeshHeader& header) {
   MTDB_CHECK(!begun_, "a mesh begins once");
@@ -55,7 +23,6 @@ Status InputSpool::Begin(const MeshHeader& header) {
     *spool = Spool(space_, memory_bytes_ / 4);
   }
   doubles_ = header.double_positions || (header.from_text && !lossless_);
-  position_bytes_ = doubles_ ? sizeof(Vec3d) : sizeof(Vec3f);
   row_bytes_ = header.attributes.row_bytes();
   return Status::Ok();
 }
@@ -79,34 +46,16 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
     const void* const position = doubles_ ? static_cast<const void*>(&p) : &f;
     if (header_.soup) {
       ++report_.vertices;
-      MTDB_RETURN_IF_ERROR(soup_spool_.Append(position, position_bytes_));
+      MTDB_RETURN_IF_ERROR(soup_spool_.Append(position, position_bytes()));
       continue;
     }
-    MTDB_RETURN_IF_ERROR(vertex_spool_.Append(position, position_bytes_));
+    MTDB_RETURN_IF_ERROR(vertex_spool_.Append(position, position_bytes()));
     if (row_bytes_ != 0) {
       MTDB_RETURN_IF_ERROR(vertex_spool_.Append(rows.data() + i * row_bytes_, row_bytes_));
     }
     if (++report_.vertices > kMaxVertices) return TooManyVertices();
   }
   return Status::Ok();
-}
-
-bool InputSpool::MayMean(Vec3d p, Vec3f f) const {
-  return header_.from_text && !header_.double_positions && IsTextOf(p.x, f.x) &&
-         IsTextOf(p.y, f.y) && IsTextOf(p.z, f.z);
-}
-
-Result<bool> InputSpool::FitsSingle() const {
-  if (!doubles_) return rounding_ == 0;
-  SpoolReader reader(&vertex_spool_);
-  for (uint64_t v = 0; v < vertices_; ++v) {
-    const std::byte* bytes = reader.Next(vertex_bytes());
-    if (bytes == nullptr) return reader.status();
-    const Vec3d p = Position(bytes);
-    const Vec3f f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
-    if (Vec3d{f.x, f.y, f.z} != p && !MayMean(p, f)) return false;
-  }
-  return true;
 }
 
 Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
@@ -240,29 +189,6 @@ Status InputSpool::Renumber(Spool& numbers) {
         return AppendTriangle(t);
       }));
   return triangle_spool_.Finish();
-}
-
-Status InputSpool::TurnOver() {
-  const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
-  SpoolReader reader(&old);
-  for (uint64_t left = old.size() / kTriangleBytes; left > 0; --left) {
-    std::array<uint32_t, 3> t;
-    if (!reader.Get(&t)) return reader.status();
-    std::swap(t[1], t[2]);
-    MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
-  }
-  return triangle_spool_.Finish();
-}
-
-Vec3d InputSpool::Position(const std::byte* vertex) const {
-  if (doubles_) {
-    Vec3d p;
-    std::memcpy(&p, vertex, 24);
-    return p;
-  }
-  Vec3f p;
-  std::memcpy(&p, vertex, 12);
-  return {p.x, p.y, p.z};
 }
 
 }  // namespace mtdb::internal

@@ -17,7 +17,7 @@ using namespace internal;
 namespace {
 
 // Vertices that triangles join.
-Result<uint64_t> CountComponents(const InputSpool& input) {
+Result<uint64_t> CountComponents(const InputMesh& input) {
   DisjointSets sets(input.vertices());
   std::vector<bool> used(input.vertices(), false);
   uint64_t count = 0;

@@ -67,9 +67,10 @@ class TriangleLanes {
 
 }  // namespace
 
-void HeightDifference::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                            const TileSurface* surface, const Grid& grid) {
-  const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
+void HeightDifference::Begin(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                             const Grid& grid, const MeasureOptions& options) {
+  border_plane_ = options.border;
+  const auto [triangles, errors, local] = LoadTile(mesh, tile, options.surface, grid);
   raster_.Clear();
   if (raster_.Build(triangles, positions_, errors)) return;
   std::vector<uint32_t> opposites;
@@ -80,7 +81,6 @@ void HeightDifference::Load(const TileMesh& mesh, std::span<const TileTriangle> 
 void HeightDifference::Open(Hole& hole) {
   Close();
   if (hole.boundary) MeasureBorder(hole);
-  hole.flat = true;
   double area = 0;
   for (uint32_t i = 0; i < hole.star.size(); ++i) {
     area += Hole::Side(hole.apex, hole.positions[i], hole.positions[i + 1 == hole.k ? 0 : i + 1]);
@@ -160,7 +160,7 @@ bool HeightDifference::PriceEdges(Hole& hole) {
     GuessEdges(hole);
     return false;
   }
-  MeasureOverSpokes(hole);
+  MeasureOverSpokes<true>(hole);
   hole.ForEachDiagonal([&](uint32_t i, uint32_t j) {
     if (hole.edge_error[i][j] == kUnknown) MeasureEdge(hole, i, j);
   });

@@ -15,39 +15,24 @@
 
 namespace mtdb::internal {
 
-// Of a height field whose border moves: work units along x and y to lengths in units of height.
-struct BorderPlane {
-  std::array<double, 4> plane{1, 0, 0, 1};
-  Vec3d Place(Vec3d p) const {
-    return {plane[0] * p.x + plane[1] * p.y, plane[2] * p.x + plane[3] * p.y, p.z};
-  }
-};
-
 // The largest difference in height between a triangle and what lies above and below it, of height
 // fields whose work units are integers along x and y. It is exact against the round's input: a
 // difference of two piecewise linear functions is largest at a corner of their overlay, and those
 // are the crossings of the triangle's edges' curves (RoundMesh) and the removed vertices. Border
-// vertices go where the border is straight; with MoveBorders also others that make the surface
+// vertices go where the border is straight; where borders move also others that make the surface
 // smaller: then the new border edge runs inside of it, and its error is that of its heights, or how
 // far the vertices that it leaves outside are from it in space, whichever is larger.
 class HeightDifference : public TileMeasure {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kVertical;
-  static constexpr bool kMeasuresFolds = false;
-  static constexpr bool kIsHeightField = true;
-  static constexpr bool kGoesOn = true;
 
   HeightDifference() : TileMeasure(true) {}
 
-  // Until it is called again; null: borders keep their shape.
-  void MoveBorders(const BorderPlane* plane) { border_plane_ = plane; }
-  // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
-  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile, const TileSurface* surface,
-            const Grid& grid);
+  void Begin(const TileMesh& mesh, std::span<const TileTriangle> tile, const Grid& grid,
+             const MeasureOptions& options);
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const;
   bool PriceEdges(Hole& hole);
-  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>& known) const;
   void Measure(const Hole& hole, Filling& filling);
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);

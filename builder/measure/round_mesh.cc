@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-namespace mtdb::internal {
+#include "builder/holes/tile_mesh.h"
 
-namespace {
-constexpr uint32_t Next(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
-}  // namespace
+namespace mtdb::internal {
 
 void RoundMesh::Build(std::span<const std::array<uint32_t, 3>> triangles,
                       std::span<const uint32_t> opposites, std::span<const Vec3d> positions,

@@ -17,8 +17,9 @@ double SquaredDistance(const Hole& hole, const Hole::Triangle& triangle, Vec3d p
 }
 }  // namespace
 
-void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> tile,
-                           const TileSurface* surface, const Grid& grid) {
+void SurfaceDistance::Begin(const TileMesh& mesh, std::span<const TileTriangle> tile,
+                            const Grid& grid, const MeasureOptions& options) {
+  const TileSurface* const surface = options.surface;
   const auto [triangles, errors, local] = LoadTile(mesh, tile, surface, grid);
   std::vector<uint32_t> numbers(mesh.vertex_numbers().begin(), mesh.vertex_numbers().end());
   std::vector<Chord> chords;
@@ -39,8 +40,8 @@ void SurfaceDistance::Load(const TileMesh& mesh, std::span<const TileTriangle> t
   map_.AddChords(std::move(chords), mesh, numbers);
 }
 
-void SurfaceDistance::Hold(TileResult& result) const {
-  TileMeasure::Hold(result);
+void SurfaceDistance::End(TileResult& result) const {
+  TileMeasure::End(result);
   map_.Hold(result.alive, result.chords);
 }
 
@@ -82,7 +83,7 @@ void SurfaceDistance::MeasureBorder(Hole& hole) const {
 // used then.
 bool SurfaceDistance::PriceEdges(Hole& hole) {
   if (fresh_) {
-    MeasureOverSpokes(hole);
+    MeasureOverSpokes<false>(hole);
   } else {
     GuessEdges(hole);
   }
@@ -203,7 +204,7 @@ void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling, const Hol
 void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
                                        std::array<double, Hole::kMaxRing>& errors) const {
   const auto cross = [&](uint32_t e, uint32_t crossed) {
-    const SurfaceMap::Edge& edge = map_.edge(e);
+    const SurfaceEdges::Edge& edge = map_.edge(e);
     for (; crossed != 0; crossed &= crossed - 1) {
       const auto t = static_cast<uint32_t>(std::countr_zero(crossed));
       const auto [i, m, j] = filling.triangles[t];

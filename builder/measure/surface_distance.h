@@ -23,18 +23,15 @@ namespace mtdb::internal {
 class SurfaceDistance : public TileMeasure {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
-  static constexpr bool kMeasuresFolds = true;
-  static constexpr bool kIsHeightField = false;
-  static constexpr bool kGoesOn = true;
 
   SurfaceDistance() : TileMeasure(false) {}
 
-  // `surface`: null, or a tile's of a round that goes on; `grid` gives its positions.
-  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile, const TileSurface* surface,
-            const Grid& grid);
-  void Hold(TileResult& result) const;
+  void Begin(const TileMesh& mesh, std::span<const TileTriangle> tile, const Grid& grid,
+             const MeasureOptions& options);
+  void End(TileResult& result) const;
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const { return hole.area > 0; }
+  bool MeasuresFolds() const { return true; }
   bool PriceEdges(Hole& hole);
   double FirstBound(const Hole& hole, const Filling& filling, double enough);
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>& known);

@@ -13,8 +13,7 @@ constexpr uint8_t kSpoke = 255;
 // Of scans and sculptures the longest path crosses 15 edges. Where longer ones are many, a build
 // would be spent with them: holes that they pass stay.
 constexpr size_t kLongestPath = 128;
-constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
-constexpr uint32_t Twin(uint32_t crossing) { return crossing ^ 1; }
+constexpr uint32_t Twin(uint32_t crossing) { return MeshCrossings::Twin(crossing); }
 
 // The chords of an edge of S in a tile, in any order, and how they follow each other.
 class ChordChain {
@@ -100,66 +99,10 @@ void SurfaceMap::Masks::Set(const Hole& hole, const Hole::Triangles& triangles,
 void SurfaceMap::Build(const TileMesh& mesh, std::span<const std::array<uint32_t, 3>> triangles,
                        std::span<const uint32_t> opposites, std::span<const float> errors,
                        std::span<const uint32_t> numbers) {
-  const auto vertices = static_cast<uint32_t>(numbers.size());
-  AddEdges(triangles, opposites, errors, numbers);
-  edges_begin_.assign(vertices + 1, 0);
-  for (const Edge& e : edges_) {
-    for (const uint32_t v : {e.from, e.to}) ++edges_begin_[v + 1];
-  }
-  for (uint32_t v = 0; v < vertices; ++v) edges_begin_[v + 1] += edges_begin_[v];
-  edges_at_.resize(2 * edges_.size());
-  std::vector<uint32_t> at(edges_begin_.begin(), edges_begin_.end() - 1);
-  for (uint32_t e = 0; e < edges_.size(); ++e) {
-    const auto [from, to] = std::pair(edges_[e].from, edges_[e].to);
-    edges_at_[at[from]++] = {1, e, to};
-    edges_at_[at[to]++] = {0, e, from};
-  }
-  pool_.clear();
-  pool_unused_ = 0;
-  NumberMeshEdges(mesh);
+  edges_.Build(triangles, opposites, errors, numbers);
+  crossings_.Build(mesh);
   opened_ = 0;
-  places_.assign(vertices, {});
-}
-
-void SurfaceMap::AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
-                          std::span<const uint32_t> opposites, std::span<const float> errors,
-                          std::span<const uint32_t> numbers) {
-  edges_.clear();
-  for (uint32_t h = 0; h < opposites.size(); ++h) {
-    const uint32_t o = opposites[h];
-    if (o != kNone32 && o < h) continue;
-    const auto& t = triangles[h / 3];
-    const uint32_t a = t[h % 3];
-    const uint32_t b = t[h % 3 == 2 ? 0 : h % 3 + 1];
-    const float error = o == kNone32 ? errors[h / 3] : std::max(errors[h / 3], errors[o / 3]);
-    const auto [from, to] = numbers[a] < numbers[b] ? std::pair(a, b) : std::pair(b, a);
-    edges_.push_back({.from = from, .to = to, .error = error});
-  }
-}
-
-void SurfaceMap::NumberMeshEdges(const TileMesh& mesh) {
-  const std::span<const uint32_t> opposites = mesh.input_opposites();
-  mesh_edges_.clear();
-  crossers_.clear();
-  free_crossers_ = kNone32;
-  crossing_of_.assign(opposites.size(), 0);
-  for (uint32_t h = 0; h < opposites.size(); ++h) {
-    const uint32_t o = opposites[h];
-    crossing_of_[h] = o != kNone32 && o < h ? Twin(crossing_of_[o]) : 2 * NewMeshEdge();
-  }
-  first_made_ = static_cast<uint32_t>(mesh_edges_.size());
-}
-
-// Around the end that has fewer of them.
-uint32_t SurfaceMap::FindEdge(uint32_t from, uint32_t to) const {
-  const auto count = [&](uint32_t v) { return edges_begin_[v + 1] - edges_begin_[v]; };
-  const bool at_begin = count(from) <= count(to);
-  const auto [here, there] = at_begin ? std::pair(from, to) : std::pair(to, from);
-  for (uint32_t i = edges_begin_[here]; i < edges_begin_[here + 1]; ++i) {
-    const EdgeAt& at = edges_at_[i];
-    if (at.other_end == there && at.begins_here == at_begin) return at.edge;
-  }
-  return kNone32;
+  places_.assign(numbers.size(), {});
 }
 
 void SurfaceMap::AddChords(std::vector<Chord> chords, const TileMesh& mesh,
@@ -173,12 +116,9 @@ void SurfaceMap::AddChords(std::vector<Chord> chords, const TileMesh& mesh,
     size_t end = begin;
     const auto [from, to] = std::pair(chords[begin].from, chords[begin].to);
     while (end < chords.size() && chords[end].from == from && chords[end].to == to) ++end;
-    uint32_t edge = FindEdge(from, to);
-    if (edge == kNone32) {
-      // It only passes through the tile: none of its ends will go.
-      edge = static_cast<uint32_t>(edges_.size());
-      edges_.push_back({.from = from, .to = to});
-    }
+    uint32_t edge = edges_.Find(from, to);
+    // One that only passes through the tile: none of its ends will go.
+    if (edge == kNone32) edge = edges_.Add(from, to);
     JoinChords(edge, std::span(chords).subspan(begin, end - begin), mesh);
     begin = end;
   }
@@ -193,10 +133,10 @@ void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const 
     uint32_t in = kNone32;
     uint32_t out = kNone32;
     bool to_outside = false;
-    if (chord.enters < 3) in = Twin(crossing_of_[3 * chord.triangle + chord.enters]);
+    if (chord.enters < 3) in = Twin(crossings_.Of(3 * chord.triangle + chord.enters));
     if (chord.leaves < 3) {
       const uint32_t h = 3 * chord.triangle + chord.leaves;
-      out = crossing_of_[h];
+      out = crossings_.Of(h);
       to_outside = mesh.input_opposites()[h] == kNone32;
     }
     chain.Add({in, out, to_outside});
@@ -210,19 +150,20 @@ void SurfaceMap::JoinChords(uint32_t edge, std::span<const Chord> chords, const 
       }
     }
   }
-  SetPath(edges_[edge], path);
+  edges_.SetPath(edge, path);
   for (const uint32_t x : path) {
-    if (x != kGap) AddCrosser(x, edge);
+    if (x != kGap) crossings_.AddCrosser(x, edge);
   }
 }
 
 void SurfaceMap::Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const {
-  std::vector<uint32_t> half_edges(2 * mesh_edges_.size(), kNone32);
-  for (uint32_t h = 0; h < crossing_of_.size(); ++h) {
-    if (alive[h / 3] != 0) half_edges[crossing_of_[h]] = h;
+  std::vector<uint32_t> half_edges(2 * crossings_.edges(), kNone32);
+  for (uint32_t h = 0; h < crossings_.half_edges(); ++h) {
+    if (alive[h / 3] != 0) half_edges[crossings_.Of(h)] = h;
   }
-  for (const Edge& edge : edges_) {
-    const std::span<const uint32_t> path = this->path(edge);
+  for (uint32_t e = 0; e < edges_.size(); ++e) {
+    const SurfaceEdges::Edge& edge = edges_[e];
+    const std::span<const uint32_t> path = edges_.path(edge);
     if (path.empty()) continue;
     for (size_t i = 0; i <= path.size(); ++i) {
       // Between two crossings.
@@ -254,7 +195,7 @@ void SurfaceMap::Open(const Hole& hole) {
     place = {opened_, RingVertex(r)};
   }
   for (uint32_t r = 0; r < hole.ring_edges.size(); ++r) {
-    leaving_[r] = crossing_of_[hole.ring_edges[r]];
+    leaving_[r] = crossings_.Of(hole.ring_edges[r]);
     MarkMeshEdge(hole.ring_edges[r], static_cast<uint8_t>(r));
     MarkMeshEdge(Previous(hole.ring_edges[r]), kSpoke);
   }
@@ -262,9 +203,9 @@ void SurfaceMap::Open(const Hole& hole) {
 }
 
 void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
-  const uint32_t edge = crossing_of_[half_edge] / 2;
-  mesh_edges_[edge].coded_in = opened_;
-  mesh_edges_[edge].code = code;
+  const uint32_t edge = crossings_.Of(half_edge) / 2;
+  crossings_[edge].coded_in = opened_;
+  crossings_[edge].code = code;
   star_edges_.push_back(edge);
 }
 
@@ -272,15 +213,14 @@ void SurfaceMap::MarkMeshEdge(uint32_t half_edge, uint8_t code) {
 bool SurfaceMap::FindParts() {
   found_.clear();
   for (const uint32_t mesh_edge : star_edges_) {
-    for (uint32_t c = mesh_edges_[mesh_edge].head; c != kNone32; c = crossers_[c].next) {
-      const uint32_t e = crossers_[c].edge;
+    crossings_.ForEachCrosser(mesh_edge, [&](uint32_t e) {
       __builtin_prefetch(&edges_[e], 1);
       found_.push_back(e);
-    }
+    });
   }
   FindInnerEdges();
   for (const uint32_t e : found_) {
-    Edge& edge = edges_[e];
+    SurfaceEdges::Edge& edge = edges_[e];
     if (std::exchange(edge.looked_at_in, opened_) == opened_ || edge.length == 0) continue;
     known_ &= FindParts(e);
   }
@@ -289,14 +229,13 @@ bool SurfaceMap::FindParts() {
 
 // An edge between two vertices that are marked is seen from where it begins.
 void SurfaceMap::FindInnerEdges() {
-  for (const uint32_t v : marked_) __builtin_prefetch(edges_at_.data() + edges_begin_[v]);
+  for (const uint32_t v : marked_) __builtin_prefetch(edges_.At(v).data());
   size_t count = 0;
   for (const uint32_t v : marked_) {
     const End here = places_[v].end;
-    const auto edges =
-        std::span(edges_at_).subspan(edges_begin_[v], edges_begin_[v + 1] - edges_begin_[v]);
+    const std::span<const SurfaceEdges::EdgeAt> edges = edges_.At(v);
     if (inner_edges_.size() < count + edges.size()) inner_edges_.resize(2 * (count + edges.size()));
-    for (const EdgeAt& at : edges) {
+    for (const SurfaceEdges::EdgeAt& at : edges) {
       const End other = EndOf(at.other_end);
       inner_edges_[count] = {at.edge, at.begins_here ? here : other, at.begins_here ? other : here};
       // Half of them are none; no branch could be foretold.
@@ -309,15 +248,15 @@ void SurfaceMap::FindInnerEdges() {
 
 // The parts of an edge's path that lie in the star. It enters and leaves through the ring.
 bool SurfaceMap::FindParts(uint32_t e) {
-  const Edge& edge = edges_[e];
+  const SurfaceEdges::Edge& edge = edges_[e];
   if (edge.length > kLongestPath) return false;
-  const std::span<const uint32_t> path = this->path(edge);
+  const std::span<const uint32_t> path = edges_.path(edge);
   const End first = EndOf(edge.from);
   const End last = EndOf(edge.to);
   constexpr uint32_t kElsewhere = 256;
   const auto code_of = [&](uint32_t crossing) -> uint32_t {
     if (crossing == kGap) return kElsewhere;
-    const MeshEdge& mesh_edge = mesh_edges_[crossing / 2];
+    const MeshCrossings::MeshEdge& mesh_edge = crossings_[crossing / 2];
     return mesh_edge.coded_in == opened_ ? mesh_edge.code : kElsewhere;
   };
   bool inside = IsInside(first);
@@ -350,67 +289,12 @@ bool SurfaceMap::FindParts(uint32_t e) {
   return last != kOutside;
 }
 
-void SurfaceMap::SetPath(Edge& edge, std::span<const uint32_t> path) {
-  const bool was_long = edge.length > Edge::kShort;
-  const uint32_t room = was_long ? edge.crossings[1] : 0;
-  const auto length = static_cast<uint32_t>(path.size());
-  edge.length = length;
-  if (length <= Edge::kShort) {
-    pool_unused_ += room;
-    std::copy(path.begin(), path.end(), edge.crossings.begin());
-    return;
-  }
-  if (length > room) {
-    pool_unused_ += room;
-    edge.crossings = {static_cast<uint32_t>(pool_.size()), length, 0};
-    pool_.insert(pool_.end(), path.begin(), path.end());
-    return;
-  }
-  std::copy(path.begin(), path.end(), pool_.begin() + edge.crossings[0]);
-}
-
-void SurfaceMap::DropUnused() {
-  constexpr size_t kSpare = 1 << 16;
-  if (pool_unused_ * 4 < pool_.size() * 3 || pool_.size() < kSpare) return;
-  std::vector<uint32_t> kept;
-  for (Edge& edge : edges_) {
-    if (edge.length <= Edge::kShort) continue;
-    const std::span<const uint32_t> path = this->path(edge);
-    edge.crossings = {static_cast<uint32_t>(kept.size()), edge.length, 0};
-    kept.insert(kept.end(), path.begin(), path.end());
-  }
-  pool_ = std::move(kept);
-  pool_unused_ = 0;
-}
-
-void SurfaceMap::AddCrosser(uint32_t crossing, uint32_t edge) {
-  uint32_t& head = mesh_edges_[crossing / 2].head;
-  if (head != kNone32 && crossers_[head].edge == edge) return;
-  if (free_crossers_ == kNone32) {
-    crossers_.push_back({edge, head});
-    head = static_cast<uint32_t>(crossers_.size() - 1);
-    return;
-  }
-  const uint32_t c = free_crossers_;
-  free_crossers_ = crossers_[c].next;
-  crossers_[c] = {edge, head};
-  head = c;
-}
-
-void SurfaceMap::FreeCrossers(uint32_t mesh_edge) {
-  uint32_t c = std::exchange(mesh_edges_[mesh_edge].head, kNone32);
-  while (c != kNone32) {
-    const uint32_t next = std::exchange(crossers_[c].next, free_crossers_);
-    free_crossers_ = std::exchange(c, next);
-  }
-}
-
 // Takes out where the path crosses an edge there and back. Not of edges that triangles have which
 // the tile began with: others have noted down what crosses these.
 void SurfaceMap::Reduce(std::vector<uint32_t>& path) const {
   size_t n = 0;
   for (const uint32_t x : path) {
-    if (n > 0 && x != kGap && path[n - 1] == Twin(x) && x / 2 >= first_made_) {
+    if (n > 0 && x != kGap && path[n - 1] == Twin(x) && x / 2 >= crossings_.first_made()) {
       --n;
     } else {
       path[n++] = x;
@@ -419,49 +303,20 @@ void SurfaceMap::Reduce(std::vector<uint32_t>& path) const {
   path.resize(n);
 }
 
-// Numbers the edges of the filling. Gives the crossings of diagonals, by the triangle that hangs on
-// each, towards triangle 0.
-std::array<uint32_t, Hole::kMaxRing> SurfaceMap::NumberFilling(const Hole& hole,
-                                                               const Hole::Triangles& triangles,
-                                                               uint32_t first) {
-  const uint32_t count = hole.k - 2;
-  std::array<uint32_t, Hole::kMaxRing> diagonals{};
-  for (uint32_t t = 1; t < count; ++t) diagonals[t] = 2 * NewMeshEdge();
-  crossing_of_.resize(3 * (first + count));
-  for (uint32_t t = 0; t < count; ++t) {
-    for (uint32_t c = 0; c < 3; ++c) {
-      const auto [a, b] = Hole::Edge(triangles[t], c);
-      uint32_t& crossing = crossing_of_[3 * (first + t) + c];
-      if (hole.OnRing(a, b)) {
-        crossing = leaving_[a];
-      } else if (hole.IsNewBorder(a, b)) {
-        crossing = 2 * NewMeshEdge();
-      } else if (a > b) {  // the diagonal that t hangs on
-        crossing = diagonals[t];
-      } else {
-        uint32_t s = t + 1;
-        while (triangles[s][0] != a || triangles[s][2] != b) ++s;
-        crossing = Twin(diagonals[s]);
-      }
-    }
-  }
-  return diagonals;
-}
-
 // Sets the path of an edge of S to changed_; edges of the mesh from `made` on are new to it.
 void SurfaceMap::Change(uint32_t edge, uint32_t made) {
-  SetPath(edges_[edge], changed_);
+  edges_.SetPath(edge, changed_);
   for (const uint32_t x : changed_) {
-    if (x != kGap && x / 2 >= made) AddCrosser(x, edge);
+    if (x != kGap && x / 2 >= made) crossings_.AddCrosser(x, edge);
   }
 }
 
 void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, const Masks& masks,
                         uint32_t first) {
-  const auto made = static_cast<uint32_t>(mesh_edges_.size());
-  const auto diagonals = NumberFilling(hole, triangles, first);
+  const uint32_t made = crossings_.edges();
+  const auto diagonals = crossings_.NumberFilling(hole, triangles, leaving_, first);
   for (const uint32_t edge : star_edges_) {
-    if (mesh_edges_[edge].code == kSpoke) FreeCrossers(edge);
+    if (crossings_[edge].code == kSpoke) crossings_.FreeCrossers(edge);
   }
   const auto append = [&](End a, End b) {
     const Behind from = masks.Of(a);
@@ -484,7 +339,7 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
   }
   for (size_t p = 0; p < parts_.size();) {
     const uint32_t edge = parts_[p].edge;
-    const std::span<const uint32_t> old = path(edges_[edge]);
+    const std::span<const uint32_t> old = edges_.path(edges_[edge]);
     changed_.clear();
     uint32_t from = 0;
     for (; p < parts_.size() && parts_[p].edge == edge; ++p) {
@@ -497,7 +352,7 @@ void SurfaceMap::HandOn(const Hole& hole, const Hole::Triangles& triangles, cons
     Reduce(changed_);
     Change(edge, made);
   }
-  DropUnused();
+  edges_.DropUnused();
 }
 
 }  // namespace mtdb::internal

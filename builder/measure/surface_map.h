@@ -11,6 +11,8 @@
 #include "builder/disk/tile.h"
 #include "builder/holes/hole.h"
 #include "builder/holes/tile_mesh.h"
+#include "builder/measure/mesh_crossings.h"
+#include "builder/measure/surface_edges.h"
 #include "store/base/ids.h"
 
 namespace mtdb::internal {
@@ -21,8 +23,7 @@ namespace mtdb::internal {
 // it crosses, one after the other. Where exactly homes and crossings lie is nobody's business:
 // docs/design.md, section 3, says what follows for the distance.
 //
-// A crossing names an edge of the mesh and the triangle that is left through it; so each half-edge
-// has a crossing, and its twin the one in the other direction. Work of one thread.
+// Work of one thread.
 class SurfaceMap {
  public:
   // Where a part of a path that lies in the star begins or ends: outside of it (0), on an edge of
@@ -76,17 +77,7 @@ class SurfaceMap {
   // What the next round needs, of the triangles that are there.
   void Hold(std::span<const uint8_t> alive, std::vector<Chord>& chords) const;
 
-  // Of S; what is read of one lies in half a cache line.
-  struct alignas(32) Edge {
-    static constexpr uint32_t kShort = 3;
-    uint32_t from = 0, to = 0;  // from the end with the smaller number in the input to the other
-    float error = 0;            // the largest that its triangles have accumulated
-    uint32_t length = 0;        // of its path
-    // The path; of a longer one, where it is in pool_, and for how many there is room.
-    std::array<uint32_t, kShort> crossings{};
-    uint32_t looked_at_in = 0;  // the last hole
-  };
-  const Edge& edge(uint32_t e) const { return edges_[e]; }
+  const SurfaceEdges::Edge& edge(uint32_t e) const { return edges_[e]; }
   // Whether the edge crosses something.
   bool HasPath(uint32_t e) const { return edges_[e].length != 0; }
 
@@ -108,24 +99,12 @@ class SurfaceMap {
 
  private:
   static constexpr uint32_t kGap = kNone32;  // in a path: a part of it that is outside the tile
-  struct Crosser {                           // of an edge of the mesh, with others in a list
-    uint32_t edge = 0, next = kNone32;
-  };
 
-  void AddEdges(std::span<const std::array<uint32_t, 3>> triangles,
-                std::span<const uint32_t> opposites, std::span<const float> errors,
-                std::span<const uint32_t> numbers);
-  void NumberMeshEdges(const TileMesh& mesh);
-  uint32_t FindEdge(uint32_t from, uint32_t to) const;
   void JoinChords(uint32_t edge, std::span<const Chord> chords, const TileMesh& mesh);
-  uint32_t NewMeshEdge() {
-    mesh_edges_.push_back({});
-    return static_cast<uint32_t>(mesh_edges_.size() - 1);
-  }
   void Mark(uint32_t vertex, End end) {
     places_[vertex] = {opened_, end};
     marked_.push_back(vertex);
-    __builtin_prefetch(&edges_begin_[vertex]);
+    edges_.PrefetchAt(vertex);
   }
   End EndOf(uint32_t v) const {
     // No branch, which could not be foretold.
@@ -137,42 +116,11 @@ class SurfaceMap {
   void MarkMeshEdge(uint32_t half_edge, uint8_t code);
   void FindInnerEdges();
   bool FindParts(uint32_t e);
-  std::span<const uint32_t> path(const Edge& edge) const {
-    if (edge.length <= Edge::kShort) return std::span(edge.crossings).first(edge.length);
-    return std::span(pool_).subspan(edge.crossings[0], edge.length);
-  }
-  std::array<uint32_t, Hole::kMaxRing> NumberFilling(const Hole& hole,
-                                                     const Hole::Triangles& triangles,
-                                                     uint32_t first);
   void Change(uint32_t edge, uint32_t made);
-  void SetPath(Edge& edge, std::span<const uint32_t> path);
-  void DropUnused();
-  void AddCrosser(uint32_t crossing, uint32_t edge);
-  void FreeCrossers(uint32_t mesh_edge);
   void Reduce(std::vector<uint32_t>& path) const;
 
-  // Of S.
-  struct EdgeAt {  // a vertex
-    uint32_t begins_here : 1 = 0;
-    uint32_t edge : 31 = 0;
-    uint32_t other_end = 0;
-  };
-  std::vector<Edge> edges_;
-  std::vector<uint32_t> edges_begin_;  // of the vertices
-  std::vector<EdgeAt> edges_at_;
-  std::vector<uint32_t> pool_;  // paths that are not short
-  size_t pool_unused_ = 0;
-  // Of the mesh's half-edges: twice the edge's number, and 1 for one of its two.
-  std::vector<uint32_t> crossing_of_;
-  struct MeshEdge {
-    uint32_t head = kNone32;  // of a list: edges of S that cross it, or did
-    uint32_t coded_in = 0;    // the last hole that has it
-    uint8_t code = 0;         // there: a ring position, or kSpoke
-  };
-  std::vector<MeshEdge> mesh_edges_;
-  std::vector<Crosser> crossers_;
-  uint32_t free_crossers_ = kNone32;
-  uint32_t first_made_ = 0;  // edges of the mesh from here on were made in this tile
+  SurfaceEdges edges_;
+  MeshCrossings crossings_;
 
   // Of the open hole.
   uint32_t opened_ = 0;

@@ -6,18 +6,12 @@
 #include <cmath>
 #include <limits>
 
+#include "builder/measure/vertex_heights.h"
 #include "store/base/float4.h"
 
 namespace mtdb::internal {
 
 namespace {
-constexpr double kNowhere = std::numeric_limits<double>::infinity();
-// So many times as far as the two nearest neighbours of a vertex are others that say little of its
-// height, where one vertex of kFew has such, and where fewer do.
-constexpr double kFar = 16;
-constexpr double kVeryFar = 128;
-constexpr size_t kFew = 8;
-
 // The next larger float than that nearest to x, which is at least 0.
 float RoundedUp(double x) {
   return std::bit_cast<float>(std::bit_cast<uint32_t>(static_cast<float>(x)) + 1);
@@ -70,7 +64,8 @@ TileMeasure::Surface TileMeasure::LoadTile(const TileMesh& mesh, std::span<const
     error = twin_error = std::max(error, twin_error);
   }
   MeasureVertices(all);
-  MeasureHeights();
+  heights_ =
+      VertexHeights(mesh.input_corners(), std::span(positions_).first(mesh.vertices()), vertical_);
   opened_in_.assign(positions_.size(), 0);
   opened_ = 0;
   Close();
@@ -137,79 +132,11 @@ void TileMeasure::FreeHeld(std::span<const uint32_t> triangles) {
   held_ = std::move(kept);
 }
 
-// How far the mesh's vertices stand off the mean of their neighbours, along the mean normal; or, of
-// vertices whose other neighbours are far away, off the line between the two nearest.
-void TileMeasure::MeasureHeights() {
-  const uint32_t vertices = mesh_->vertices();
-  std::vector<Vec3d> sums(vertices);
-  std::vector<Vec3d> normals(vertices);
-  std::vector<uint32_t> counts(vertices, 0);
-  for (const auto& t : mesh_->input_corners()) {
-    const Vec3d a = positions_[t[0]];
-    const Vec3d b = positions_[t[1]];
-    const Vec3d c = positions_[t[2]];
-    const Vec3d normal = Cross(b - a, c - a);
-    for (const uint32_t v : t) {
-      sums[v] += a + b + c - positions_[v] * 3;
-      normals[v] += normal;
-      counts[v] += 2;
-    }
-  }
-  heights_.assign(vertices, 0);
-  for (uint32_t v = 0; v < vertices; ++v) {
-    if (vertical_) {
-      heights_[v] = std::abs(sums[v].z) / counts[v];
-      continue;
-    }
-    const double length = Length(normals[v]);
-    if (length > 0) heights_[v] = std::abs(Dot(sums[v], normals[v])) / (length * counts[v]);
-  }
-  if (!vertical_) LowerHeightsOfNeedles();
-}
-
-void TileMeasure::LowerHeightsOfNeedles() {
-  struct Reach {
-    std::array<uint32_t, 2> nearest{kNone32, kNone32};
-    std::array<double, 2> squared{kNowhere, kNowhere};
-    double farthest = 0;  // squared
-  };
-  std::vector<Reach> reaches(mesh_->vertices());
-  for (const auto& t : mesh_->input_corners()) {
-    for (size_t c = 0; c < 3; ++c) {
-      const uint32_t a = t[c];
-      const uint32_t b = t[c == 2 ? 0 : c + 1];
-      const double squared = SquaredLength(positions_[b] - positions_[a]);
-      for (const auto& [v, other] : {std::pair(a, b), std::pair(b, a)}) {
-        Reach& reach = reaches[v];
-        reach.farthest = std::max(reach.farthest, squared);
-        if (squared >= reach.squared[1] || other == reach.nearest[0]) continue;
-        const size_t at = squared < reach.squared[0] ? 0 : 1;
-        if (at == 0) {
-          reach.nearest[1] = reach.nearest[0];
-          reach.squared[1] = reach.squared[0];
-        }
-        reach.nearest[at] = other;
-        reach.squared[at] = squared;
-      }
-    }
-  }
-  const auto is_farther = [](const Reach& r, double times) {
-    return r.farthest > times * times * r.squared[1];
-  };
-  const auto far = static_cast<size_t>(
-      std::ranges::count_if(reaches, [&](const Reach& r) { return is_farther(r, kFar); }));
-  const double least = far * kFew < reaches.size() ? kVeryFar : kFar;
-  for (uint32_t v = 0; v < reaches.size(); ++v) {
-    if (!is_farther(reaches[v], least)) continue;
-    const auto [a, b] = reaches[v].nearest;
-    const double squared = SquaredDistancePointSegment(positions_[v], positions_[a], positions_[b]);
-    heights_[v] = std::min(heights_[v], std::sqrt(squared));
-  }
-}
-
-void TileMeasure::Hold(TileResult& result) const {
+void TileMeasure::End(TileResult& result) const {
+  result.errors.reserve(triangles_.size());
   result.edge_errors.reserve(3 * triangles_.size());
   for (uint32_t t = 0; t < triangles_.size(); ++t) {
+    result.errors.push_back(triangles_[t].error);
     for (const double error : triangles_[t].edge_errors) {
       result.edge_errors.push_back(RoundedUp(error));
     }
@@ -219,13 +146,6 @@ void TileMeasure::Hold(TileResult& result) const {
       ForEachOnChain(3 * t + c, [&](uint32_t w) { result.held.push_back({w, t, c}); });
     }
   }
-}
-
-std::vector<float> TileMeasure::errors() const {
-  std::vector<float> errors;
-  errors.reserve(triangles_.size());
-  for (const Triangle& t : triangles_) errors.push_back(t.error);
-  return errors;
 }
 
 void TileMeasure::GatherSamples(const Hole& hole) {
@@ -334,13 +254,8 @@ void TileMeasure::MeasureOverSpokes(Hole& hole) const {
   });
 }
 
-void TileMeasure::MeasureOverSpokes(Hole& hole) const {
-  if (vertical_) {
-    MeasureOverSpokes<true>(hole);
-  } else {
-    MeasureOverSpokes<false>(hole);
-  }
-}
+template void TileMeasure::MeasureOverSpokes<true>(Hole&) const;
+template void TileMeasure::MeasureOverSpokes<false>(Hole&) const;
 
 double TileMeasure::EdgeError(const Hole& hole, uint32_t a, uint32_t b) const {
   if (b == a + 1) return edge_error(hole.ring_edges[a]);

@@ -12,6 +12,7 @@
 #include "builder/holes/hole.h"
 #include "builder/holes/tile_mesh.h"
 #include "builder/measure/filling_lanes.h"
+#include "builder/measure/filling_measure.h"
 #include "builder/measure/tile_surface.h"
 #include "store/base/geometry.h"
 #include "store/base/grid.h"
@@ -22,14 +23,12 @@ namespace mtdb::internal {
 // Keeps, of a tile's triangles, the errors of their edges and the removed vertices that they stand
 // for; guesses the errors of diagonals. The surface that errors are measured against is the tile or
 // a TileSurface; its vertices are the mesh's and others behind them.
-class TileMeasure {
+class TileMeasure : public MeasureDefaults {
  public:
   double FirstGuess(uint32_t v) const { return kFirstGuess * heights_[v] + vertex_error(v); }
   // Of edges alone.
   double LowerBound(const Hole& hole, const Filling& filling) const;
-  // Sets what the next round has to know to go on.
-  void Hold(TileResult& result) const;
-  std::vector<float> errors() const;
+  void End(TileResult& result) const;
 
  protected:
   static constexpr double kUnknown = -2;      // of a diagonal's error
@@ -67,6 +66,7 @@ class TileMeasure {
   // True when the star is a part of the surface, so that diagonals cross nothing but its spokes.
   bool IsFresh(const Hole& hole) const;
   // Of such a star: diagonals that leave it get kUnknown.
+  template <bool kIsVertical>
   void MeasureOverSpokes(Hole& hole) const;
   // From the samples that lie near an edge, spread.
   void GuessEdges(Hole& hole) const;
@@ -105,12 +105,8 @@ class TileMeasure {
   SpreadPoints spread_;            // the same, when they are set
 
  private:
-  template <bool kIsVertical>
-  void MeasureOverSpokes(Hole& hole) const;
   void LoadHeld(const TileSurface& surface, std::span<const uint32_t> local);
   void MeasureVertices(const Surface& surface);
-  void MeasureHeights();
-  void LowerHeightsOfNeedles();
   // The samples of a triangle, the last one that was charged to it first.
   std::span<const uint32_t> HeldBy(uint32_t triangle) const {
     const Triangle& t = triangles_[triangle];

@@ -57,19 +57,19 @@ void RoundLevel::Next(uint64_t left, bool hindered) {
 
 double RoundLevel::MostLeft(double reduction) { return 1 / std::sqrt(reduction); }
 
-DecimateOptions RoundLevel::Options(size_t tile_triangles, bool alone) const {
+RemovalLimits RoundLevel::Limits(size_t tile_triangles, bool alone) const {
   const auto triangles = static_cast<double>(tile_triangles);
-  DecimateOptions options;
-  options.largest_error = largest_error_;
-  options.degree_limit = degree_limit_;
+  RemovalLimits limits;
+  limits.largest_error = largest_error_;
+  limits.degree_limit = degree_limit_;
   if (alone) {
-    options.target_triangles = static_cast<uint32_t>(triangles / reduction_);
+    limits.target_triangles = static_cast<uint32_t>(triangles / reduction_);
   } else {
-    options.target_triangles = static_cast<uint32_t>(triangles / (reduction_ * reduction_));
-    options.level_error = error_;
-    options.level_triangles = static_cast<uint32_t>(triangles * MostLeft(reduction_));
+    limits.target_triangles = static_cast<uint32_t>(triangles / (reduction_ * reduction_));
+    limits.level_error = error_;
+    limits.level_triangles = static_cast<uint32_t>(triangles * MostLeft(reduction_));
   }
-  return options;
+  return limits;
 }
 
 }  // namespace mtdb::internal

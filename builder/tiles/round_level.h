@@ -33,8 +33,8 @@ class RoundLevel {
   // was not reached.
   void Next(uint64_t left, bool hindered = false);
 
-  // How a tile of the round is decimated; `alone` when it holds the round's whole mesh.
-  DecimateOptions Options(size_t tile_triangles, bool alone) const;
+  // Where removals of a tile of the round end; `alone` when it holds the round's whole mesh.
+  RemovalLimits Limits(size_t tile_triangles, bool alone) const;
   double error() const { return error_; }
   // The largest part of a tile's triangles that a round leaves, where vertices can be removed.
   static double MostLeft(double reduction);

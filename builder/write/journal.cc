@@ -190,12 +190,13 @@ Result<JournalInfo> Examine(int file, const std::string& path,
 
 }  // namespace
 
-Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const JournalKey& key,
-                                               const std::string& note, bool resume) {
+Result<std::unique_ptr<Journal>> Journal::Open(const BuildOptions& options, const JournalKey& key,
+                                               const SpoolSpace* space) {
+  const std::string& path = options.journal_path;
   // The folder may be open to all: a link or a file of somebody else's is not followed or believed.
   const GuardedFile there = RecogniseFileAt(path);
   if (there != GuardedFile::kJournal) MTDB_RETURN_IF_ERROR(RefuseToReplace(there, path));
-  std::unique_ptr<Journal> journal(new Journal(path));
+  std::unique_ptr<Journal> journal(new Journal(path, space));
   MTDB_RETURN_IF_ERROR(journal->Lock());
   const int file = journal->file_;
   struct stat info;
@@ -203,7 +204,7 @@ Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const Jo
   if (!S_ISREG(info.st_mode) || info.st_uid != geteuid()) {
     return IoError(path + ": is no journal of yours; remove it, or choose another folder");
   }
-  if (resume && info.st_size > 0) {
+  if (options.resume && info.st_size > 0) {
     Header header;
     int error = 0;
     const auto refuse = [&](const char* difference) {
@@ -225,7 +226,7 @@ Result<std::unique_ptr<Journal>> Journal::Open(const std::string& path, const Jo
         return journal;
     }
   }
-  const Status begun = journal->Begin(key, note);
+  const Status begun = journal->Begin(key, options.journal_note);
   if (!begun.ok()) {
     (void)unlink(path.c_str());  // there is nothing in it to go on with
     return begun;
@@ -346,7 +347,8 @@ Status Journal::Append(const TileOutcome& outcome) {
   header.Put(uint64_t{body.size()});
   header.Put(chain_);
   MTDB_RETURN_IF_ERROR(Write(header.bytes()));
-  return Write(body.bytes());
+  MTDB_RETURN_IF_ERROR(Write(body.bytes()));
+  return space_->Take(at_ - std::exchange(counted_, at_));
 }
 
 Status Journal::Write(ByteSpan bytes) {

@@ -20,20 +20,12 @@
 #include <string>
 
 #include "builder/build_options.h"
+#include "builder/disk/spool.h"
 #include "builder/journal_info.h"
 #include "builder/write/tile_cluster.h"
 #include "store/base/status.h"
 
 namespace mtdb::internal {
-
-// One tile's result.
-struct TileOutcome {
-  TileCluster cluster;  // without what only the encoder needs
-  uint64_t locked_vertices = 0;
-  uint64_t seam_vertices = 0;
-  uint64_t stuck_topology = 0;
-  uint64_t stuck_degree = 0;
-};
 
 // What a journal stands on: a build whose key differs can take nothing from it.
 struct JournalKey {
@@ -44,27 +36,27 @@ struct JournalKey {
 // A file, locked while it is open. Single thread.
 class Journal {
  public:
-  // Opens `path` for the build of this key. With `resume`, a journal of another build is
-  // kInvalidArgument, which says what differs, and none at all, or one without a whole header,
+  // Opens options.journal_path for the build of this key. With `resume`, a journal of another build
+  // is kInvalidArgument, which says what differs, and none at all, or one without a whole header,
   // begins a new one; without, what is there is overwritten. kBusy when another process has it
-  // open. `note` is kept for ReadJournalInfo().
-  static Result<std::unique_ptr<Journal>> Open(const std::string& path, const JournalKey& key,
-                                               const std::string& note, bool resume);
+  // open. The note is kept for ReadJournalInfo(). The journal counts among the files of `space`.
+  static Result<std::unique_ptr<Journal>> Open(const BuildOptions& options, const JournalKey& key,
+                                               const SpoolSpace* space);
   ~Journal();
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
 
   // The next tile's result, or none when the journal ends here; after that, only Append.
   Result<std::optional<TileOutcome>> Next();
+  // Errors: those of writing, and of SpoolSpace::Take.
   Status Append(const TileOutcome& outcome);
-  uint64_t bytes() const { return at_; }  // that are read or written
   // Notes what is about to be published, on the disk when this returns.
   Status Finish(const ObjectRecord& record);
   // Removes the file: the object is published, or never will be.
   void Remove();
 
  private:
-  explicit Journal(std::string path) : path_(std::move(path)) {}
+  Journal(std::string path, const SpoolSpace* space) : path_(std::move(path)), space_(space) {}
   Status Error(const char* what, int error) const;
   Status Lock();
   Status CheckContent() const;
@@ -74,6 +66,8 @@ class Journal {
 
   int file_ = -1;
   std::string path_;
+  const SpoolSpace* space_;
+  uint64_t counted_ = 0;   // of the bytes, in space_
   uint64_t at_ = 0;        // where the next record begins
   uint64_t size_ = 0;      // of what was there when it was opened
   uint64_t chain_ = 0;     // checksum of what is before at_

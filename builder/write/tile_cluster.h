@@ -24,6 +24,15 @@ struct TileCluster {
   static constexpr uint32_t kOwnCluster = 0xfffffffe;
 };
 
+// What simplifying a tile leaves.
+struct TileOutcome {
+  TileCluster cluster;  // of one from a journal without what only the encoder needs
+  uint64_t locked_vertices = 0;
+  uint64_t seam_vertices = 0;  // of these, those that only the tile's seam locks
+  uint64_t stuck_topology = 0;
+  uint64_t stuck_degree = 0;
+};
+
 // The surface that a tile was measured against.
 struct MeasuredAgainst {
   uint32_t round = 0;  // that began with it; 0: the next round need not go on from it

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "builder/intake/corner_join.h"
+#include "builder/intake/input_spool.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 

@@ -355,14 +355,12 @@ TEST_CASE("Decimation stops at its level, once few enough triangles are left") {
 
 // Guesses nothing of diagonals, whose errors are as good as random; finds out whether a filling is
 // the best of all, whose errors are these.
-class HiddenErrors {
+class HiddenErrors : public MeasureDefaults {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kTwoSidedDistance;
-  static constexpr bool kMeasuresFolds = false;
-  static constexpr bool kGoesOn = false;
-  static constexpr bool kIsHeightField = false;
 
-  void Load(const TileMesh& mesh, std::span<const TileTriangle>) {
+  void Begin(const TileMesh& mesh, std::span<const TileTriangle>, const Grid&,
+             const MeasureOptions&) {
     errors_.assign(mesh.triangles(), 0);
   }
   double FirstGuess(uint32_t) const { return 0; }
@@ -379,7 +377,6 @@ class HiddenErrors {
     chosen_ = true;
     return false;
   }
-  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) const {
     for (uint32_t t = 1; t < hole.k - 2; ++t) {
       MeasureEdge(hole, filling.triangles[t][0], filling.triangles[t][2]);
@@ -389,7 +386,6 @@ class HiddenErrors {
     const uint64_t random = Mix64(Mix64(hole.ring[i] ^ hole.ring[j]) + hole.vertex);
     hole.edge_error[i][j] = random % 10 == 0 ? -1 : 100.0 * static_cast<double>(random % 1000);
   }
-  double LowerBound(const Hole&, const Filling&) const { return 0; }
   void Measure(const Hole& hole, Filling& filling) {
     filling.error = 1;
     filling.errors.fill(1);
@@ -415,7 +411,7 @@ class HiddenErrors {
   void HandOn(const Hole& hole, const Filling&, uint32_t first) {
     errors_.resize(first + hole.k - 2, 1);
   }
-  const std::vector<float>& errors() const { return errors_; }
+  void End(TileResult& result) const { result.errors = errors_; }
 
   static inline int measured = 0;
 

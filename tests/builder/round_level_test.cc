@@ -137,14 +137,14 @@ TEST_CASE("The sample of a large mesh gives nearly the level that all of it give
 
 TEST_CASE("A tile is decimated to its round's level, within a half and a sixteenth") {
   RoundLevel level = LevelOf(MakeSculpture(20000), 4);
-  const DecimateOptions options = level.Options(8000, false);
-  REQUIRE(options.level_error == level.error());
-  REQUIRE(options.level_triangles == 4000);
-  REQUIRE(options.target_triangles == 500);
-  REQUIRE(options.degree_limit == 12);
+  const RemovalLimits limits = level.Limits(8000, false);
+  REQUIRE(limits.level_error == level.error());
+  REQUIRE(limits.level_triangles == 4000);
+  REQUIRE(limits.target_triangles == 500);
+  REQUIRE(limits.degree_limit == 12);
   // One tile has nothing to be in step with.
-  REQUIRE(level.Options(8000, true).target_triangles == 2000);
-  REQUIRE(level.Options(8000, true).level_triangles == 0);
+  REQUIRE(level.Limits(8000, true).target_triangles == 2000);
+  REQUIRE(level.Limits(8000, true).level_triangles == 0);
   REQUIRE(RoundLevel::MostLeft(4) == 0.5);
 }
 

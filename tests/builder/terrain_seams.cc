@@ -66,7 +66,8 @@ size_t VerticalMeasure::BinOf(double value, int axis) const {
   return static_cast<size_t>(std::clamp(bin, 0.0, kBins - 1.0));
 }
 
-void VerticalMeasure::Load(const TileMesh& mesh, std::span<const TileTriangle> tile) {
+void VerticalMeasure::Begin(const TileMesh& mesh, std::span<const TileTriangle> tile, const Grid&,
+                            const MeasureOptions&) {
   input_.clear();
   errors_.clear();
   for (auto& bin : bins_) bin.clear();

@@ -20,26 +20,22 @@ double HeightDifference(const std::array<Vec3d, 3>& a, const std::array<Vec3d, 3
 
 // The largest |height difference| between a triangle and the round's input above and below it,
 // found by cutting it with every input triangle near by.
-class VerticalMeasure {
+class VerticalMeasure : public MeasureDefaults {
  public:
   static constexpr ErrorMeasure kMeasure = ErrorMeasure::kVertical;
-  static constexpr bool kMeasuresFolds = false;
-  static constexpr bool kGoesOn = false;
-  static constexpr bool kIsHeightField = false;
 
-  void Load(const TileMesh& mesh, std::span<const TileTriangle> tile);
+  void Begin(const TileMesh& mesh, std::span<const TileTriangle> tile, const Grid& grid,
+             const MeasureOptions& options);
   double FirstGuess(uint32_t) const { return 0; }
   void Open(Hole& hole);
   bool Sees(const Hole& hole) const { return !hole.boundary; }
   bool PriceEdges(Hole& hole) const;
-  double FirstBound(const Hole&, const Filling&, double) const { return 0; }
   void MeasureEdges(Hole& hole, const Filling&, const Hole::PerEdge<bool>&) const {
     hole.ForEachDiagonal([&](uint32_t i, uint32_t j) { hole.edge_error[i][j] = 0; });
   }
-  double LowerBound(const Hole&, const Filling&) const { return 0; }
   void Measure(const Hole& hole, Filling& filling) const;
   void HandOn(const Hole& hole, const Filling& filling, uint32_t first);
-  const std::vector<float>& errors() const { return errors_; }
+  void End(TileResult& result) const { result.errors = errors_; }
 
  private:
   static constexpr size_t kBins = 24;  // along a side
