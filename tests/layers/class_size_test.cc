@@ -29,7 +29,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLarger{
     {{"builder/measure/surface_map.h", "SurfaceMap"}, kBeingSplit},
     {{"builder/rounds/build.cc", "Builder"}, kBeingSplit},
     {{"codecs/stream/client_mesh.h", "ClientMesh"}, kBeingSplit},
-    {{"codecs/stream/encode/update_sender.h", "UpdateSender"}, kBeingSplit},
     {{"query/cache/available_units.h", "AvailableUnits"}, kBeingSplit},
     {{"query/cache/cluster_cache.h", "ClusterCache"}, kBeingSplit},
     {{"query/cache/unit_reader.h", "UnitReader"}, kBeingSplit},
