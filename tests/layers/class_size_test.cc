@@ -28,7 +28,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLarger{
     // Being split.
     {{"builder/measure/surface_map.h", "SurfaceMap"}, kBeingSplit},
     {{"builder/rounds/build.cc", "Builder"}, kBeingSplit},
-    {{"codecs/stream/client_mesh.h", "ClientMesh"}, kBeingSplit},
     {{"query/cache/available_units.h", "AvailableUnits"}, kBeingSplit},
     {{"query/cache/cluster_cache.h", "ClusterCache"}, kBeingSplit},
     {{"query/cache/unit_reader.h", "UnitReader"}, kBeingSplit},
@@ -65,6 +64,8 @@ const std::map<std::pair<std::string, std::string>, std::string> kLarger{
      "the base of the formats: a third of it is what they override, a third what they ask"},
     {{"codecs/stream/encode/delaunay_encoder.h", "DelaunayEncoder"},
      "notes, and then sends: members are scratch that lasts, so that nothing is allocated"},
+    {{"codecs/stream/internal/replayed_mesh.h", "ReplayedMesh"},
+     "one half-edge mesh in slots, whose changes are the codec's innermost loops"},
     {{"codecs/stream/internal/update_coder.h", "UpdateModels"}, "a model for each kind of symbol"},
     {{"codecs/stream/update_decoder.cc", "UpdateDecoder::Impl"},
      "a reader of one grammar, with scratch that lasts, so that nothing is allocated"},

@@ -89,7 +89,7 @@ class AttachedSide {
   uint32_t WholeOpposite(uint32_t half_edge) const {
     const VertexIndex from =
         s_.vertices.key(s_.mesh.triangle(half_edge >> 2).corners[half_edge & 3]);
-    const ClientMesh::Triangle& t = whole_.mesh().triangle(whole_.held(half_edge >> 2).whole);
+    const ReplayedMesh::Triangle& t = whole_.mesh().triangle(whole_.held(half_edge >> 2).whole);
     for (size_t i = 0; i < 3; ++i) {
       if (whole_.vertex_key(t.corners[i]) == from) return t.opposite[i];
     }

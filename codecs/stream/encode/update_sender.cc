@@ -185,6 +185,7 @@ size_t UpdateSender::memory_bytes() const {
 class UpdateEncoder::Impl : public UpdateSender {
  public:
   using UpdateSender::UpdateSender;
+  const ClientMesh mesh{stream().mesh};
 };
 
 UpdateEncoder::UpdateEncoder(const ClientMeshOptions& options, const BaseMesh& base,
@@ -202,7 +203,7 @@ const Bytes& UpdateEncoder::start() const { return impl_->start(); }
 Bytes UpdateEncoder::Encode(std::span<const UpdateBatch> batches, const MeetsRegion& region) {
   return impl_->Encode(batches, region);
 }
-const ClientMesh& UpdateEncoder::mesh() const { return impl_->stream().mesh; }
+const ClientMesh& UpdateEncoder::mesh() const { return impl_->mesh; }
 uint64_t UpdateEncoder::listed_updates() const { return impl_->listed(); }
 size_t UpdateEncoder::memory_bytes() const { return impl_->memory_bytes(); }
 uint64_t UpdateEncoder::sent_vertices() const { return impl_->stream().sent; }
