@@ -236,7 +236,7 @@ TriangleMesh NewTriangles(const ClientMesh& mesh, uint64_t born) {
   TriangleMesh result;
   std::vector<VertexIndex> number(mesh.vertex_slots(), ~VertexIndex{0});
   for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    if (!mesh.has_triangle(slot) || mesh.triangle(slot).born() <= born) continue;
+    if (!mesh.has_triangle(slot) || mesh.triangle(slot).born <= born) continue;
     TriangleVertices& t = result.triangles.emplace_back();
     for (size_t c = 0; c < 3; ++c) {
       const uint32_t v = mesh.triangle(slot).corners[c];
@@ -255,7 +255,7 @@ TriangleMesh NewTriangles(const ClientMesh& mesh, uint64_t born) {
 uint64_t NewestBorn(const ClientMesh& mesh) {
   uint64_t born = 0;
   for (uint32_t slot = 0; slot < mesh.triangle_slots(); ++slot) {
-    born = std::max(born, mesh.triangle(slot).born());
+    born = std::max(born, mesh.triangle(slot).born);
   }
   return born;
 }

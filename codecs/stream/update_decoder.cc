@@ -26,6 +26,7 @@ class UpdateDecoder::Impl {
   bool at_record() const { return started_ && buffer_.empty(); }
 
   ReplayedMesh mesh_;
+  const ClientMesh shown_{mesh_};
 
  private:
   class AttachedSide;
@@ -599,7 +600,7 @@ UpdateDecoder::~UpdateDecoder() = default;
 Status UpdateDecoder::Feed(ByteSpan bytes) { return impl_->Feed(bytes); }
 bool UpdateDecoder::started() const { return impl_->started(); }
 bool UpdateDecoder::at_record() const { return impl_->at_record(); }
-const ClientMesh& UpdateDecoder::mesh() const { return impl_->mesh_; }
+const ClientMesh& UpdateDecoder::mesh() const { return impl_->shown_; }
 ClientMesh::Changes UpdateDecoder::TakeChanges() { return impl_->mesh_.TakeChanges(); }
 
 }  // namespace mtdb

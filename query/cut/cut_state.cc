@@ -2,43 +2,11 @@
 #include "query/cut/cut_state.h"
 
 #include <algorithm>
-#include <string>
 
 #include "query/cut/unit_pins.h"
 #include "query/fields/make_room.h"
 
 namespace mtdb::internal {
-
-CutState::CutState(const ClusterSource& source, bool remembers)
-    : source_(source),
-      index_(source.index()),
-      remembers_(remembers),
-      units_(source.index().unit_count()) {}
-
-CutUnit& CutState::Open(UnitId id) {
-  return units_[id] != nullptr ? *units_[id] : Add(id, std::make_unique<CutUnit>());
-}
-
-CutUnit& CutState::Add(UnitId id, std::unique_ptr<CutUnit> unit) {
-  CutUnit& u = *unit;
-  u.id = id;
-  u.place = static_cast<uint32_t>(open_.size());
-  u.applied = u.wanted = Bits(index_.unit(id).nodes);
-  if (remembers_) u.known = u.refusing = u.strong = u.applied;
-  MakeRoomForOne(open_);
-  MakeRoomForOne(touched_);
-  units_[id] = std::move(unit);
-  open_.push_back(id);
-  touched_.push_back(id);
-  return u;
-}
-
-void CutState::Size(CutUnit& u, const LoadedUnit& unit) const {
-  Bits present(unit.own_slots());
-  if (remembers_) u.refused = Bits(static_cast<uint32_t>(unit.cluster.hole_slots.size()));
-  u.first_own = unit.first_own_slot();
-  u.present = std::move(present);
-}
 
 bool CutState::AnyPresent(const CutUnit& u, const LoadedUnit& unit, NodeIndex node) const {
   const std::span<const LocalNumber> hole = unit.cluster.hole(node);
@@ -56,7 +24,7 @@ CutState::NodeRef CutState::CreatorOf(CutUnit& u, const LoadedUnit& unit, uint32
 void CutState::InsertRoot(CutUnit& u, const LoadedUnit& unit) {
   u.present.SetRange(0, unit.own_slots());
   counts_.triangles += unit.own_slots();
-  if (!remembers_) return;
+  if (!remembers()) return;
   for (uint32_t slot = 0; slot < unit.removers().size(); ++slot) {
     const uint32_t remover = unit.removers()[slot];
     ++counts_.by_code[remover == kDrain ? 0 : LargestCode(unit.children()[ChildOrdinal(remover)])];
@@ -136,7 +104,7 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   counts_.applied += n;
   counts_.vertices += n * cluster.created_vertices(node).size();
   counts_.triangles += n * (end - begin - hole.size());
-  if (!remembers_) return;
+  if (!remembers()) return;
   const uint8_t* const codes = cluster.error_codes.data();
   counts_.by_code[codes[node]] -= n * (hole.size() - entering);
   counts_.by_code[u.looked ? codes[node] : LargestCode(u.id)] -= n * entering;  // as SetLooked does
@@ -160,26 +128,10 @@ Result<uint32_t> CutState::InSlotOf(const LoadedUnit& unit, const Arc& arc) cons
   return slot;
 }
 
-Status CutState::NotArriving(UnitId unit) const {
-  return Inconsistent(unit, "an arc to it does not arrive");
-}
-
-void CutState::Keep(CutUnit& u) {
-  MakeRoomForOne(touched_);
-  if (spare_.empty()) {
-    u.before = std::make_unique<CutFlags>(u);
-  } else {
-    *spare_.back() = u;
-    u.before = std::move(spare_.back());
-    spare_.pop_back();
-  }
-  touched_.push_back(u.id);
-}
-
 void CutState::CountRound() {
-  spare_.reserve(touched_.size());
-  for (const UnitId id : touched_) {
-    CutUnit& u = *units_[id];
+  PrepareEnd();
+  for (const UnitId id : touched()) {
+    CutUnit& u = *Find(id);
     const uint32_t forced = u.applied_count == 0 ? 0 : u.applied.CountWithout(u.refusing.words());
     counts_.forced += forced;
     counts_.forced -= u.forced;
@@ -187,42 +139,6 @@ void CutState::CountRound() {
     counts_.clusters_used += u.applied_count > 0 ? 1 : 0;
     counts_.clusters_used -= u.before != nullptr && u.before->applied_count > 0 ? 1 : 0;
   }
-}
-
-void CutState::EndRound() {
-  spare_.clear();
-  for (const UnitId id : touched_) {
-    CutUnit& u = *units_[id];
-    if (u.before != nullptr) spare_.push_back(std::move(u.before));
-    u.fresh = false;
-  }
-  touched_.clear();
-  counts_before_ = counts_;
-}
-
-void CutState::Undo() {
-  for (const UnitId id : touched_) {
-    CutUnit& u = *units_[id];
-    if (u.fresh) {
-      units_[id].reset();
-    } else {
-      static_cast<CutFlags&>(u) = std::move(*u.before);
-      u.before.reset();
-    }
-  }
-  touched_.clear();
-  counts_ = counts_before_;
-  DropClosed();
-  for (const UnitId id : open_) {
-    CutUnit& u = *units_[id];
-    u.queued = false;
-    u.arrivals.clear();
-    u.wanted.ClearAll();
-  }
-}
-
-Status CutState::Inconsistent(UnitId unit, const char* what) const {
-  return Corrupt(UnitName(source_.record(), unit) + ": " + what + "; rebuild the object");
 }
 
 uint8_t LargestCodeLeft(const CutState& cut) {

@@ -46,7 +46,7 @@ Search::Search(const ClusterSource& source, UnitReader& reader, const Query& que
   judge_.SetMeter(&meter_);
   if (by_level_) {
     level_.cutoff = {judge_.levels().top(), index_.unit_count()};
-    look_levels_.assign(judge_.levels().in_pixels() ? index_.unit_count() : 0, 0);
+    level_.looks.assign(judge_.levels().in_pixels() ? index_.unit_count() : 0, 0);
   }
 }
 
@@ -182,8 +182,8 @@ Status Search::TakeBackLevel() {
 Status Search::RunByLevel() {
   QueryLimit& limit = outcome_.limit;
   UnitReader& reader = pins_.reader();
-  while (!by_levels_.empty() && limit == QueryLimit::kThreshold) {
-    const LevelTask task = by_levels_.Pop();
+  while (!level_.queue.empty() && limit == QueryLimit::kThreshold) {
+    const LevelTask task = level_.queue.Pop();
     EnterLevel(task);
     const Status status = RunStep([&] { return RunTask(task); });
     if (reader.out_of_bytes()) {
@@ -279,7 +279,7 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, N
   if (remover == kDrain) return;
   const UnitId id = unit.children()[ChildOrdinal(remover)];
   const bool pending = pending_.Test(id);
-  const bool asks_level = by_level_ && (!pending || !look_levels_.empty());
+  const bool asks_level = by_level_ && (!pending || !level_.looks.empty());
   // The first look at a cluster passes all its in-triangles, later ones only its arrivals.
   if (pending && !cut_.Looked(id) && !asks_level) return;
   const uint8_t largest = cut_.LargestCode(id);
@@ -290,12 +290,12 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, N
   }
   CutUnit& child = cut_.Open(id);
   if (child.looked) child.arrivals.push_back({u.id, slot});
-  const bool waits = pending && (look_levels_.empty() || level <= look_levels_[id]);
+  const bool waits = pending && (level_.looks.empty() || level <= level_.looks[id]);
   pending_.Set(id);
   if (waits) return;
   if (by_level_) {
-    if (!look_levels_.empty()) look_levels_[id] = static_cast<int16_t>(level);
-    by_levels_.Push({level, true, id, 0});
+    if (!level_.looks.empty()) level_.looks[id] = static_cast<int16_t>(level);
+    level_.queue.Push({level, true, id, 0});
   } else {
     queue_.Add(child);
   }
@@ -303,10 +303,10 @@ void Search::ExamineOutSlot(const LoadedUnit& unit, CutUnit& u, uint32_t slot, N
 
 // In pixels each of the triangles that a node removes has its level; the highest comes first.
 void Search::Want(CutUnit& u, NodeIndex node, int level) {
-  if (u.wanted.Test(node) && look_levels_.empty()) return;
+  if (u.wanted.Test(node) && level_.looks.empty()) return;
   u.wanted.Set(node);
   if (by_level_) {
-    by_levels_.Push({level, false, u.id, node});
+    level_.queue.Push({level, false, u.id, node});
   } else {
     queue_.Add(u);
   }

@@ -86,11 +86,11 @@ class Search {
   const bool by_level_;  // there is a budget
   Outcome outcome_;
   UnitQueue queue_;
-  LevelQueue by_levels_;
-  Bits pending_;                      // per unit: waits to be looked at
-  std::vector<int16_t> look_levels_;  // in pixels, per unit: the highest that it waits at
-  // How far the levels have come, and what has come since the cutoff was reached.
+  Bits pending_;  // per unit: waits to be looked at
+  // By level: how far that has come, and what has come since the cutoff was reached.
   struct {
+    LevelQueue queue;
+    std::vector<int16_t> looks;  // in pixels, per unit: the highest that it waits at
     Cutoff cutoff;
     std::vector<NodeRef> inserted;
     uint64_t forced_before = 0;

@@ -33,19 +33,19 @@ Status BudgetCut::Move(UnitReader& reader, const Query& query, bool goes_on, Mov
     in_pixels_ = in_pixels;
     top_ = Levels::TopOf(in_pixels);
     end_ = static_cast<uint64_t>(top_ + 1) * units();
-    good_ = 0;
-    too_far_ = end_ + 1;
-    tries_ = 0;
+    known_.good = 0;
+    known_.too_far = end_ + 1;
+    known_.tries = 0;
     // Of a query that was left on the way, or had a larger budget.
     if (triangles() > most_) position_ -= std::min(StepsAway(), position_);
   }
   MTDB_RETURN_IF_ERROR(To(position_, true));
   const AvailableUnits* const available = reader.available();
   for (bool stepped = !goes_on; Note(); stepped = true) {
-    const bool last = good_ == end_ || good_ + 1 == too_far_;
-    done_ = last && position_ == good_;
+    const bool last = known_.good == end_ || known_.good + 1 == known_.too_far;
+    done_ = last && position_ == known_.good;
     if (done_ || (stepped && available != nullptr && available->time_is_over())) break;
-    MTDB_RETURN_IF_ERROR(To(last ? good_ : Next(), false));
+    MTDB_RETURN_IF_ERROR(To(last ? known_.good : Next(), false));
   }
   return cut_->EndMoves(*reader_, done_, !ended_by_budget());
 }
@@ -59,7 +59,7 @@ Status BudgetCut::To(uint64_t position, bool first) {
   evaluated_ += cut_->evaluated();
   const double places = static_cast<double>(position) - static_cast<double>(from);
   const double more = static_cast<double>(triangles()) - static_cast<double>(before);
-  if (tries_ > 0 && places != 0 && std::abs(places) < static_cast<double>(units()) &&
+  if (known_.tries > 0 && places != 0 && std::abs(places) < static_cast<double>(units()) &&
       more / places > 1) {
     per_place_ = more / places;
   }
@@ -74,14 +74,14 @@ bool BudgetCut::Note() {
   // What is on the way is a part of where it leads.
   if (!too_large) {
     if (cut_->unfinished() || (available != nullptr && available->out_of_time())) return false;
-    good_ = std::max(good_, position_);
-    if (good_ >= too_far_) too_far_ = end_ + 1;  // less is there than before
+    known_.good = std::max(known_.good, position_);
+    if (known_.good >= known_.too_far) known_.too_far = end_ + 1;  // less is there than before
   } else {
-    too_far_ = std::min(too_far_, position_);
+    known_.too_far = std::min(known_.too_far, position_);
     // More has come since it fitted.
-    if (good_ >= too_far_) good_ = 0;
+    if (known_.good >= known_.too_far) known_.good = 0;
   }
-  ++tries_;
+  ++known_.tries;
   return true;
 }
 
@@ -98,14 +98,15 @@ uint64_t BudgetCut::StepsAway() const {
 
 // By what the triangles say, in longer and longer steps; in the end by halves.
 uint64_t BudgetCut::Next() const {
-  const uint64_t between = good_ + (too_far_ - good_) / 2;
-  const bool bounded = too_far_ <= end_ && (good_ > 0 || too_far_ <= 1);
-  if (bounded && tries_ > 3) return between;
-  const uint64_t steps = StepsAway() << std::min(std::max(tries_ - 2, 0), 16);
-  const uint64_t next = position_ == too_far_ ? too_far_ - std::min(steps, too_far_)
-                                              : position_ + std::min(steps, end_ - position_);
-  if (!bounded) return std::min(next, too_far_ - 1);
-  return std::clamp(next, good_ + 1, too_far_ - 1);
+  const uint64_t between = known_.good + (known_.too_far - known_.good) / 2;
+  const bool bounded = known_.too_far <= end_ && (known_.good > 0 || known_.too_far <= 1);
+  if (bounded && known_.tries > 3) return between;
+  const uint64_t steps = StepsAway() << std::min(std::max(known_.tries - 2, 0), 16);
+  const uint64_t next = position_ == known_.too_far
+                            ? known_.too_far - std::min(steps, known_.too_far)
+                            : position_ + std::min(steps, end_ - position_);
+  if (!bounded) return std::min(next, known_.too_far - 1);
+  return std::clamp(next, known_.good + 1, known_.too_far - 1);
 }
 
 }  // namespace mtdb::internal

@@ -52,9 +52,11 @@ class BudgetCut {
   uint64_t most_ = 0;
   // Of this query: the last place that is known to fit, the first that is known not to; how often
   // it was tried.
-  uint64_t good_ = 0;
-  uint64_t too_far_ = 0;
-  int tries_ = 0;
+  struct {
+    uint64_t good = 0;
+    uint64_t too_far = 0;
+    int tries = 0;
+  } known_;
   bool done_ = false;
   bool fits_ = false;
   double per_place_ = 0;  // triangles, as it was last; 0: not known

@@ -160,7 +160,7 @@ void DelaunayEncoder::Encode(ByteWriter& out) {
 }
 
 void DelaunayEncoder::BeginSection(bool insert, size_t left, ByteWriter& out) {
-  s_.make_room(std::min<uint64_t>(left, s_.section), out);
+  s_.MakeRoomOrEnd(std::min<uint64_t>(left, section()), out);
   s_.coder.Bit(s_.models.more, true);
   s_.coder.Bit(s_.models.other, true);
   s_.coder.Bit(s_.models.clip, false);
@@ -173,8 +173,8 @@ void DelaunayEncoder::EncodeRemovals(ByteWriter& out) {
   std::vector<uint32_t> slots;
   going_.ForEach([&](VertexIndex vertex, Nothing) { slots.push_back(s_.vertices.Find(vertex)); });
   std::sort(slots.begin(), slots.end());
-  for (size_t begin = 0; begin < slots.size(); begin += s_.section) {
-    const size_t end = std::min<size_t>(begin + s_.section, slots.size());
+  for (size_t begin = 0; begin < slots.size(); begin += section()) {
+    const size_t end = std::min<size_t>(begin + section(), slots.size());
     BeginSection(false, end - begin, out);
     uint32_t next = 0;
     for (size_t i = begin; i < end; ++i) {
@@ -295,7 +295,7 @@ void DelaunayEncoder::EncodeNamed(ByteWriter& out) {
       do {
         ++i;
       } while (i < named.size() && s_.mesh.triangle(named[i].first).born() != named[i].second);
-      if (!s_.coder.Bit(models.next, i < named.size() && n < s_.section)) break;
+      if (!s_.coder.Bit(models.next, i < named.size() && n < section())) break;
     }
   }
 }
@@ -318,7 +318,7 @@ void DelaunayEncoder::EncodeAsked(ByteWriter& out) {
         sweep_.GetsNone(s_.mesh, slot);
       }
       EncodeInsertion(slot);
-      if (!s_.coder.Bit(models.next, left_ > 0 && n < s_.section)) break;
+      if (!s_.coder.Bit(models.next, left_ > 0 && n < section())) break;
     }
   }
 }
@@ -350,7 +350,7 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
 
   uint32_t vertex = s_.mesh.RememberedAt(p);
   if (vertex != kNone32) {
-    s_.recall_vertex(vertex);
+    s_.RecallVertex(vertex);
   } else {
     CodeHeight(s_.coder, models, GuessHeight(s_.mesh, hole_.ring, p), coming.position.z);
     if (s_.row_bytes != 0) {
@@ -359,7 +359,7 @@ void DelaunayEncoder::EncodeInsertion(uint32_t slot) {
       s_.models.attribute_coder.Encode(s_.coder, {coming.position, hole_.ring, ring_},
                                        s_.mesh.rows(), coming.row);
     }
-    vertex = s_.add_vertex(coming.vertex, coming.position, coming.row);
+    vertex = s_.AddVertex(coming.vertex, coming.position, coming.row);
   }
   std::vector<uint32_t> moving;
   for (const uint32_t gone : hole_.slots) {

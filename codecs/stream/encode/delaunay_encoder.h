@@ -4,16 +4,15 @@
 // no connectivity.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
 
-#include "codecs/coding/rans.h"
 #include "codecs/stream/encode/flat_map.h"
-#include "codecs/stream/encode/key_table.h"
+#include "codecs/stream/encode/sent_stream.h"
 #include "codecs/stream/internal/delaunay_coder.h"
 #include "codecs/stream/mesh_update.h"
 
@@ -22,21 +21,7 @@ namespace mtdb::internal {
 class DelaunayEncoder {
  public:
   using Corners = std::array<VertexIndex, 3>;
-  // What it works on: the parts of an UpdateEncoder.
-  struct Stream {
-    ReplayedMesh& mesh;
-    RansEncoder& coder;
-    UpdateModels& models;
-    KeyTable& triangles;
-    KeyTable& vertices;
-    RecordCost& cost;
-    size_t row_bytes;
-    uint64_t section;  // updates between two calls of make_room
-    std::function<uint32_t(VertexIndex, Vec3i, const std::byte*)> add_vertex;
-    std::function<void(uint32_t)> recall_vertex;
-    std::function<void(uint64_t, ByteWriter&)> make_room;  // for so many updates
-  };
-  explicit DelaunayEncoder(Stream stream) : s_(std::move(stream)) {}
+  explicit DelaunayEncoder(SentStream& stream) : s_(stream) {}
 
   // Whether the client's mesh, which is the whole cut, is what the rule says.
   bool IsMeshLawful() const;
@@ -64,6 +49,8 @@ class DelaunayEncoder {
       return h;
     }
   };
+  // So many updates are coded in one piece.
+  uint64_t section() const { return std::min<uint64_t>(1024, s_.max_updates); }
   static Corners Rotated(Corners c);
   Corners CornersOf(uint32_t slot) const;
   LatticePoint PlaceOf(VertexIndex vertex) const;
@@ -83,7 +70,7 @@ class DelaunayEncoder {
   void EncodeNamed(ByteWriter& out);
   void EncodeAsked(ByteWriter& out);
 
-  Stream s_;
+  SentStream& s_;
   DelaunaySweep sweep_;
   DelaunayWalk walk_;
   NearPlaces near_places_;

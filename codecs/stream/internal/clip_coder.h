@@ -56,7 +56,7 @@ class DropWalk {
       next = slot + 1;
       Decide(static_cast<uint32_t>(slot), true);
       while (!stack_.empty()) {
-        const ClientMesh::Triangle& t = mesh_.triangle(stack_.back());
+        const ReplayedMesh::Triangle& t = mesh_.triangle(stack_.back());
         stack_.pop_back();
         for (const uint32_t o : t.opposite) {
           if (o == kNone32 || s_.state[o >> 2] != DropScratch::kOpen) continue;
@@ -80,7 +80,7 @@ class DropWalk {
   }
   // What is known of the neighbours across the other edges, and at the third corner.
   size_t Context(uint32_t half_edge) const {
-    const ClientMesh::Triangle& t = mesh_.triangle(half_edge >> 2);
+    const ReplayedMesh::Triangle& t = mesh_.triangle(half_edge >> 2);
     const auto beyond = [&](uint32_t h) {
       const uint32_t o = t.opposite[h & 3];
       return o == kNone32 ? size_t{3} : size_t{s_.state[o >> 2]};
@@ -150,7 +150,7 @@ struct BorderEnd {
 class BorderView {
  public:
   BorderView(const ReplayedMesh& mesh, uint32_t h) : mesh_(mesh) {
-    const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
+    const ReplayedMesh::Triangle& t = mesh.triangle(h >> 2);
     const uint32_t next = Patch::Next(h);
     const uint32_t third = Patch::Next(next);
     a_ = t.corners[h & 3];
@@ -182,7 +182,7 @@ class BorderView {
   // Around the vertex from a half-edge that leaves it (enters it) on, to one without an opposite.
   void SetEnd(BorderEnd& end, uint32_t h, uint32_t vertex, bool leaves) {
     for (int step = 0; step < kMaxSteps; ++step) {
-      const ClientMesh::Triangle& t = mesh_.triangle(h >> 2);
+      const ReplayedMesh::Triangle& t = mesh_.triangle(h >> 2);
       const uint32_t o = t.opposite[h & 3];
       if (o == kNone32) {
         const uint32_t other = t.corners[(leaves ? Patch::Next(h) : h) & 3];

@@ -147,7 +147,7 @@ class DelaunayWalk {
     while (!stack_.empty()) {
       const uint32_t h = stack_.back();
       stack_.pop_back();
-      const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
+      const ReplayedMesh::Triangle& t = mesh.triangle(h >> 2);
       const uint32_t o = t.opposite[h & 3];
       const LatticePoint a = mesh.place(t.corners[h & 3]);
       const LatticePoint b = mesh.place(t.corners[Patch::Next(h) & 3]);
@@ -210,7 +210,7 @@ class DelaunayWalk {
     };
     const uint32_t first = h;
     do {
-      const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
+      const ReplayedMesh::Triangle& t = mesh.triangle(h >> 2);
       const uint32_t toward = Patch::Next(Patch::Next(h));
       star.slots.push_back(h >> 2);
       if (!add(t.corners[Patch::Next(h) & 3])) return false;
@@ -297,7 +297,7 @@ class DelaunaySweep {
     // Beyond ring edge j lies outer[j]; within, the hole's triangle that has this edge.
     for (size_t i = 0; i < hole.slots.size(); ++i) {
       const uint32_t slot = hole.slots[i];
-      const ClientMesh::Triangle& t = mesh.triangle(slot);
+      const ReplayedMesh::Triangle& t = mesh.triangle(slot);
       const bool none = (slot < none_.size() && none_[slot] == t.born()) ||
                         (t.born() < first_born_ && slot < next_slot_ && i > 0);
       if (none) near_none_.insert(near_none_.end(), t.corners.begin(), t.corners.end());
@@ -310,7 +310,7 @@ class DelaunaySweep {
       return std::binary_search(near_none_.begin(), near_none_.end(), v);
     };
     for (const uint32_t slot : star) {
-      const ClientMesh::Triangle& t = mesh.triangle(slot);
+      const ReplayedMesh::Triangle& t = mesh.triangle(slot);
       queue_.push_back({slot, near(t.corners[1]) && near(t.corners[2]), t.born()});
     }
     if (queue_.size() <= 64 + 2 * size_t{mesh.triangle_count()} + front_) return;

@@ -255,7 +255,7 @@ template <typename Take>
   slots.Add(anchor);
   bool repeats = false;
   for (uint32_t h = 4 * anchor;;) {
-    const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
+    const ReplayedMesh::Triangle& t = mesh.triangle(h >> 2);
     const uint32_t o = t.opposite[h & 3];
     if (o != kNone32 && take(hole.slot_count, o >> 2, h)) {
       if (hole.slot_count + 2 >= kMaxRing || Has(hole.slot_span(), o >> 2)) return false;
@@ -304,7 +304,7 @@ inline bool WalkStar(const ReplayedMesh& mesh, uint32_t vertex, UpdateHole& out)
   const uint32_t first = h;
   for (;;) {
     if (star.ring_count + 2 > kMaxRing + 1) return false;
-    const ClientMesh::Triangle& t = mesh.triangle(h >> 2);
+    const ReplayedMesh::Triangle& t = mesh.triangle(h >> 2);
     const uint32_t toward = Patch::Next(Patch::Next(h));
     star.slots[star.slot_count++] = h >> 2;
     star.ring[star.ring_count++] = t.corners[Patch::Next(h) & 3];
@@ -337,12 +337,12 @@ class UpdateShapes {
 
   // LengthClass << 3 | SharpnessClass; the half-edge has an opposite.
   uint32_t Shape(uint32_t h) const {
-    const ClientMesh::Triangle& t = mesh_.triangle(h >> 2);
+    const ReplayedMesh::Triangle& t = mesh_.triangle(h >> 2);
     return LengthClass(t.exponents[h & 3]) << 3 | SharpnessClass(t, h & 3);
   }
   // What an anchor's context is made of: opposites that are older than the slot are 0.
   Patch::Triangle AnchorView(uint32_t slot) const {
-    const ClientMesh::Triangle& t = mesh_.triangle(slot);
+    const ReplayedMesh::Triangle& t = mesh_.triangle(slot);
     const uint64_t born = t.born();
     Patch::Triangle view;
     uint32_t longest = 0;
@@ -361,18 +361,18 @@ class UpdateShapes {
   int LongestExponent(uint32_t slot) const {
     int longest = 0;
     for (const uint8_t e : mesh_.triangle(slot).exponents) {
-      longest = std::max<int>(longest, e == ClientMesh::Triangle::kNoLength ? 0 : e);
+      longest = std::max<int>(longest, e == ReplayedMesh::Triangle::kNoLength ? 0 : e);
     }
     return longest;
   }
 
  private:
   uint32_t LengthClass(uint8_t exponent) const {
-    return exponent == ClientMesh::Triangle::kNoLength
+    return exponent == ReplayedMesh::Triangle::kNoLength
                ? 0
                : static_cast<uint32_t>(std::clamp(exponent - shortest_, 0, 7));
   }
-  uint8_t SharpnessClass(const ClientMesh::Triangle& t, uint32_t i) const {
+  uint8_t SharpnessClass(const ReplayedMesh::Triangle& t, uint32_t i) const {
     // Of the sum of two bluntnesses.
     static constexpr auto kClasses = [] {
       std::array<uint8_t, 256> classes{};
