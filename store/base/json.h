@@ -34,6 +34,12 @@ class Json {
   static Json ParseObject(std::string_view text);
 
   Json() = default;  // null
+  // By assignment: when a variant's copy constructor throws, libstdc++ 12 destroys what is not
+  // there.
+  Json(const Json& other) { *this = other; }
+  Json(Json&&) = default;
+  Json& operator=(const Json&) = default;
+  Json& operator=(Json&&) = default;
   Json(std::nullptr_t) {}
   Json(std::same_as<bool> auto value) : value_(value) {}
   template <std::integral T>
