@@ -344,6 +344,7 @@ class CommandLine {
   mtdb::ProbeArguments probe_;
   mtdb::ProfileArguments profile_;
   mtdb::TileArguments tile_;
+  std::string tiles_;  // verify
   mtdb::ServerOptions serve_;
   mtdb::ViewArguments view_;
   mtdb::FollowArguments follow_;
@@ -498,8 +499,11 @@ void CommandLine::AddExtractVerb() {
 }
 
 void CommandLine::AddVerifyVerb() {
-  CLI::App* verb = AddVerb("verify", "check a store's bytes and meshes", "",
-                           [this](bool* ok) { return mtdb::Verify(inspect_, ok); });
+  CLI::App* verb =
+      AddVerb("verify", "check a store's bytes and meshes, or tiles", "", [this](bool* ok) {
+        return tiles_.empty() ? mtdb::Verify(inspect_, ok)
+                              : mtdb::VerifyTilesVerb(inspect_, tiles_, ok);
+      });
   AddStore(verb, &inspect_.store);
   AddName(verb, &inspect_.name, "this object only");
   AddJson(verb, &inspect_.json);
@@ -509,6 +513,11 @@ void CommandLine::AddVerifyVerb() {
       ->type_name("LEVEL")
       ->check(CLI::IsMember({"fast", "full", "global"}))
       ->capture_default_str();
+  verb->add_option(
+          "--tiles", tiles_,
+          "instead check the tiles in DIR ('mtdb tile'): files, boxes, errors, and distances "
+          "from the object")
+      ->type_name("DIR");
 }
 
 void CommandLine::AddRenderVerb() {

@@ -9,6 +9,7 @@
 
 #include "store/base/status.h"
 #include "store/database.h"
+#include "tools/cli/verbs.h"
 #include "tools/tiles/geodesy.h"
 
 namespace mtdb {
@@ -32,5 +33,8 @@ struct TileArguments {
 void AddTile(CLI::App* verb, TileArguments* arguments);
 // Prints what was written.
 Status TileVerb(const TileArguments& arguments);
+
+// `mtdb verify --tiles`: as Verify(), of the tiles in `folder`.
+Status VerifyTilesVerb(const InspectArguments& arguments, const std::string& folder, bool* ok);
 
 }  // namespace mtdb

@@ -18,6 +18,7 @@
 #include "tools/tiles/three_d_tiles.h"
 #include "tools/tiles/tile_placement.h"
 #include "tools/tiles/tile_set.h"
+#include "tools/tiles/verify_tiles.h"
 
 namespace mtdb {
 
@@ -197,6 +198,28 @@ Status TileVerb(const TileArguments& arguments) {
   line.Finish();
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   PrintTileReport(arguments, record, report, seconds.count());
+  return Status::Ok();
+}
+
+Status VerifyTilesVerb(const InspectArguments& arguments, const std::string& folder, bool* ok) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));
+  CheckReport report;
+  MTDB_RETURN_IF_ERROR(VerifyTiles(*surface, folder, &report));
+  *ok = report.ok();
+  if (arguments.json) {
+    Json json = {{"store", arguments.store}, {"level", "tiles"}};
+    json.update(ChecksJson(report));
+    PrintAnswer("verify", json);
+    return Status::Ok();
+  }
+  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
+  for (const std::string& failure : report.failures) std::printf("FAILED: %s\n", failure.c_str());
+  std::printf("%s: %s\n", folder.c_str(),
+              report.ok() ? "ok" : "damaged; remove it, and 'mtdb tile' writes it anew");
   return Status::Ok();
 }
 
