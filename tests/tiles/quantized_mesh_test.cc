@@ -212,6 +212,17 @@ TEST_CASE("what is no terrain in degrees is told what to do", "[tile]") {
   RunFails(1, {"tile", TheTerrain().store, folder.File("q"), "--at=1,2,3"}, {"lies on the globe"});
 }
 
+TEST_CASE("verify measures terrain of both formats", "[tile]") {
+  const TiledTerrain& terrain = TheTerrain();
+  const Folder folder;
+  RunOk({"tile", terrain.store, folder.File("t"), "--tile-triangles", "2000"});
+  for (const std::string& tiles : {terrain.tiles, folder.File("t")}) {
+    const Json report = RunJson({"verify", terrain.store, "--tiles", tiles});
+    INFO(report.dump(1));
+    CHECK(report.at("ok") == true);
+  }
+}
+
 TEST_CASE("tiles of Web Mercator", "[tile]") {
   const Folder folder;
   RunOk({"tile", TheTerrain().store, folder.File("q"), "--as", "quantized-mesh", "--mercator",

@@ -191,6 +191,46 @@ TEST_CASE("what is in the folder is not written over", "[tile]") {
   CHECK(ReadTileset(tiles).children.empty());
 }
 
+TEST_CASE("verify holds tiles against the object, and finds what is wrong", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const Json report = RunJson({"verify", tiles.example.store, "--tiles", tiles.folder});
+  CHECK(report.at("ok") == true);
+  CHECK(report.at("level") == "tiles");
+  const Folder folder;
+  const std::string copy = folder.File("copy");
+  const auto damaged = [&](const std::string& name, const auto& change, const std::string& what) {
+    INFO(what);
+    std::filesystem::remove_all(copy);
+    std::filesystem::copy(tiles.folder, copy, std::filesystem::copy_options::recursive);
+    std::string text = ReadText(copy + "/" + name);
+    change(&text);
+    WriteText(copy + "/" + name, text);
+    const Outcome outcome = Run({"verify", tiles.example.store, "--tiles", copy});
+    CHECK(outcome.exit_code == 1);
+    CHECK_THAT(outcome.out, Catch::Contains("FAILED: ") && Catch::Contains(what));
+  };
+  const std::string root = tiles.root.uri;
+  damaged(
+      root, [](std::string* text) { text->resize(text->size() / 2); }, root);
+  damaged(
+      root, [](std::string* text) { text->clear(); }, root);
+  // The root's glTF in the place of a finer tile, which promises more.
+  const std::string fine = tiles.levels.at(1)[0]->uri;
+  damaged(
+      fine, [&](std::string* text) { *text = ReadText(tiles.folder + "/" + root); },
+      "another bound");
+  damaged(
+      "tileset.json",
+      [](std::string* text) {
+        const std::string key = "\"geometricError\":";
+        size_t at = text->find(key);
+        for (int i = 0; i < 2; ++i) at = text->find(key, at + 1);
+        text->insert(at + key.size(), "9");
+      },
+      "does not fall");
+  RunFails(1, {"verify", tiles.example.store, "--tiles", folder.File("none")}, {"no tiles"});
+}
+
 TEST_CASE("a place on the globe becomes the root's matrix", "[tile]") {
   const Example& example = SmallExample();
   const Folder folder;

@@ -29,6 +29,20 @@ inline Vec3d EarthCentred(const GlobePlace& place) {
           (n * (1 - kEarthSquaredEccentricity) + place.height) * s};
 }
 
+// The other way round; not at the poles' axis.
+inline GlobePlace PlaceOnGlobe(Vec3d p) {
+  constexpr int kSteps = 6;  // each leaves some hundredth of the error
+  const double across = std::hypot(p.x, p.y);
+  double lat = std::atan2(p.z, across * (1 - kEarthSquaredEccentricity)), height = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double s = std::sin(lat);
+    const double n = kEarthRadius / std::sqrt(1 - kEarthSquaredEccentricity * s * s);
+    height = across / std::cos(lat) - n;
+    lat = std::atan2(p.z, across * (1 - kEarthSquaredEccentricity * n / (n + height)));
+  }
+  return {std::atan2(p.y, p.x) / kRadOfDegree, lat / kRadOfDegree, height};
+}
+
 // East, north and up at a place.
 struct LocalFrame {
   Vec3d origin;  // earth-centred

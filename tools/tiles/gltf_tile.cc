@@ -8,8 +8,8 @@
 #include <string>
 #include <utility>
 
-#include "store/base/json.h"
 #include "store/base/vertex_meaning.h"
+#include "tools/tiles/json_reading.h"
 
 namespace mtdb {
 
@@ -22,6 +22,8 @@ constexpr int kByte = 5120, kUnsignedShort = 5123, kUnsignedInt = 5125, kFloat =
 constexpr int kArrayBuffer = 34962, kElementBuffer = 34963;
 constexpr int32_t kLargestShort = 65535;
 constexpr uint32_t kNone = ~uint32_t{0};
+constexpr size_t kMostElements = 1u << 30;
+constexpr float kLargestFloat = 1 << 24;
 
 const std::array<uint16_t, 256>& LinearBytes() {
   static const std::array<uint16_t, 256> kLinear = [] {
@@ -226,7 +228,92 @@ class GltfBuilder {
   Json views_{Json::Array{}}, accessors_{Json::Array{}};
 };
 
+// The bytes of a view, decompressed; empty where they are damaged.
+std::vector<unsigned char> Unpacked(const Json& json, ByteSpan binary, const Json& accessor) {
+  const Json& view = At(At(json, "bufferViews"), CountOf(At(accessor, "bufferView")));
+  const Json& packed = At(At(view, "extensions"), "EXT_meshopt_compression");
+  const size_t count = CountOf(At(packed, "count")), stride = CountOf(At(packed, "byteStride"));
+  const size_t begin = CountOf(At(packed, "byteOffset")), size = CountOf(At(packed, "byteLength"));
+  const bool is_index = At(packed, "mode") == Json("TRIANGLES");
+  const bool is_sound = begin <= binary.size() && size <= binary.size() - begin &&
+                        count == CountOf(At(accessor, "count")) && count <= kMostElements &&
+                        (is_index ? stride == 2 || stride == 4 : stride % 4 == 0 && stride <= 256);
+  if (!is_sound || stride == 0 || (is_index && count % 3 != 0)) return {};
+  std::vector<unsigned char> bytes(count * stride);
+  const auto* const from = reinterpret_cast<const unsigned char*>(binary.data()) + begin;
+  const int failed = is_index ? meshopt_decodeIndexBuffer(bytes.data(), count, stride, from, size)
+                              : meshopt_decodeVertexBuffer(bytes.data(), count, stride, from, size);
+  return failed == 0 ? bytes : std::vector<unsigned char>();
+}
+
+template <typename T>
+T NumberAt(const std::vector<unsigned char>& bytes, size_t offset) {
+  T number{};
+  if (offset + sizeof(T) <= bytes.size()) std::memcpy(&number, bytes.data() + offset, sizeof(T));
+  return number;
+}
+
+// Throws UnexpectedJson where a member is missing.
+Result<GltfTile> DecodeChunks(const Json& json, ByteSpan binary) {
+  const Json& primitive = At(At(At(At(json, "meshes"), 0), "primitives"), 0);
+  const Json& matrix = At(At(At(json, "nodes"), 0), "matrix");
+  const auto accessor = [&](const Json& index) -> const Json& {
+    return At(At(json, "accessors"), CountOf(index));
+  };
+  GltfTile tile;
+  tile.step = NumberOf(At(matrix, 0));
+  tile.origin = {NumberOf(At(matrix, 12)), -NumberOf(At(matrix, 14)), NumberOf(At(matrix, 13))};
+  tile.error_bound = NumberOf(At(At(primitive, "extras"), "errorBound"));
+  tile.surface_triangles = CountOf(At(At(primitive, "extras"), "surfaceTriangles"));
+  const Json& positions = accessor(At(At(primitive, "attributes"), "POSITION"));
+  const Json& indices = accessor(At(primitive, "indices"));
+  const std::vector<unsigned char> p = Unpacked(json, binary, positions);
+  const std::vector<unsigned char> t = Unpacked(json, binary, indices);
+  const bool is_short = At(positions, "componentType") == Json(kUnsignedShort);
+  const size_t stride = is_short ? 4 * sizeof(uint16_t) : sizeof(Vec3f);
+  for (size_t at = 0; at + stride <= p.size(); at += stride) {
+    Vec3i q;
+    for (int c = 0; c < 3; ++c) {
+      const auto i = static_cast<size_t>(c);
+      q[c] = is_short ? NumberAt<uint16_t>(p, at + i * sizeof(uint16_t))
+                      : static_cast<int32_t>(std::clamp(NumberAt<float>(p, at + i * sizeof(float)),
+                                                        0.0f, kLargestFloat));
+    }
+    tile.positions.push_back(q);
+  }
+  const bool is_short_index = At(indices, "componentType") == Json(kUnsignedShort);
+  const size_t index_bytes = is_short_index ? sizeof(uint16_t) : sizeof(uint32_t);
+  for (size_t at = 0; at < t.size(); at += index_bytes) {
+    const uint32_t v = is_short_index ? NumberAt<uint16_t>(t, at) : NumberAt<uint32_t>(t, at);
+    if (v >= tile.positions.size()) return Corrupt("an index is beyond the vertices");
+    tile.indices.push_back(v);
+  }
+  if (tile.indices.empty() || tile.surface_triangles > tile.indices.size() / 3) {
+    return Corrupt("vertices or triangles are damaged");
+  }
+  return tile;
+}
+
 }  // namespace
+
+Result<GltfTile> DecodeGltfTile(ByteSpan bytes) {
+  ByteReader in(bytes);
+  const bool is_gltf = in.Get<uint32_t>() == kMagic && in.Get<uint32_t>() == 2;
+  in.Get<uint32_t>();
+  const auto json_bytes = in.Get<uint32_t>();
+  in.Get<uint32_t>();
+  const ByteSpan text = in.GetBytes(json_bytes);
+  const auto binary_bytes = in.Get<uint32_t>();
+  in.Get<uint32_t>();
+  const ByteSpan binary = in.GetBytes(binary_bytes);
+  const Json json = Json::ParseObject(AsString(text));
+  if (!is_gltf || in.failed() || !json.is_object()) return Corrupt("no glTF as mtdb writes it");
+  try {
+    return DecodeChunks(json, binary);
+  } catch (const UnexpectedJson& error) {
+    return Corrupt(std::string("a tile's description: ") + error.what());
+  }
+}
 
 Bytes EncodeGltfTile(GltfTile tile) {
   Reorder(&tile);

@@ -8,6 +8,7 @@
 
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
+#include "store/base/status.h"
 
 namespace mtdb {
 
@@ -29,5 +30,8 @@ struct GltfTile {
 // EXT_meshopt_compression). The node has z up become y up, as clients of 3D Tiles expect it, and
 // `extras` have "errorBound" and "surfaceTriangles".
 Bytes EncodeGltfTile(GltfTile tile);
+
+// Positions, triangles and what is said of them; without normals and colours. kCorrupt.
+Result<GltfTile> DecodeGltfTile(ByteSpan bytes);
 
 }  // namespace mtdb

@@ -192,4 +192,45 @@ void QuantizedTile::PutExtensions(ByteWriter* out, const std::string& metadata) 
   out->PutBytes(AsBytes(metadata));
 }
 
+Result<std::vector<Triangle3d>> DecodeQuantizedTile(ByteSpan bytes,
+                                                    const GlobeRectangle& rectangle) {
+  ByteReader in(bytes);
+  in.GetBytes(sizeof(Vec3d));
+  const double low = in.Get<float>(), high = in.Get<float>();
+  in.GetBytes(sizeof(Header) - sizeof(Vec3d) - 2 * sizeof(float));
+  const auto count = in.Get<uint32_t>();
+  if (in.failed() || count > in.remaining() / (3 * sizeof(uint16_t))) {
+    return Corrupt("has fewer bytes than it says, or is not there");
+  }
+  std::vector<Vec3d> positions(count);
+  for (int c = 0; c < 3; ++c) {
+    const double first = c == 0 ? rectangle.west : c == 1 ? rectangle.south : low;
+    const double last = c == 0 ? rectangle.east : c == 1 ? rectangle.north : high;
+    int32_t units = 0;
+    for (Vec3d& p : positions) {
+      const auto code = in.Get<uint16_t>();
+      units += code >> 1 ^ -(code & 1);
+      if (units < 0 || units > kTileUnits) return Corrupt("a vertex is outside of the tile");
+      p[c] = first + (last - first) * units / kTileUnits;
+    }
+  }
+  const bool is_long = count > kMostShortVertices;
+  while (is_long && in.position() % sizeof(uint32_t) != 0) in.Get<uint8_t>();
+  const auto triangles = in.Get<uint32_t>();
+  if (in.failed() || triangles > in.remaining() / (3 * (is_long ? 4 : 2))) {
+    return Corrupt("has fewer triangles than it says");
+  }
+  std::vector<Triangle3d> corners(triangles);
+  uint32_t highest = 0;
+  for (Triangle3d& t : corners) {
+    for (Vec3d& corner : t) {
+      const uint32_t code = is_long ? in.Get<uint32_t>() : in.Get<uint16_t>();
+      if (code > highest || highest - code >= count) return Corrupt("an index is wrong");
+      corner = positions[highest - code];
+      if (code == 0) ++highest;
+    }
+  }
+  return corners;
+}
+
 }  // namespace mtdb

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "store/base/bytes.h"
+#include "store/base/status.h"
 #include "tools/tiles/terrain_clip.h"
 
 namespace mtdb {
@@ -49,5 +50,9 @@ class QuantizedTile {
   std::vector<std::array<uint32_t, 3>> triangles_;
   std::unordered_map<uint64_t, uint32_t> numbers_;
 };
+
+// The tile's triangles: longitude, latitude, metres. kCorrupt.
+Result<std::vector<Triangle3d>> DecodeQuantizedTile(ByteSpan bytes,
+                                                    const GlobeRectangle& rectangle);
 
 }  // namespace mtdb

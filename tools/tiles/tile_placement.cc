@@ -95,6 +95,12 @@ Vec3d TilePlacement::Place(Vec3d p) const {
   return frame_->FromEarth(EarthCentred({p.x, p.y, p.z * metres_}));
 }
 
+Vec3d TilePlacement::Unplace(Vec3d p) const {
+  if (!in_degrees_) return p * (1 / metres_);
+  const GlobePlace place = PlaceOnGlobe(frame_->origin + frame_->ToEarth(p));
+  return {place.longitude, place.latitude, place.height / metres_};
+}
+
 // Of a terrain in degrees: around places of its border and middle, and what bulges between them.
 Box3d TilePlacement::PlacedBounds(const Box3d& box) const {
   Box3d placed;

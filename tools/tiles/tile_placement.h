@@ -26,6 +26,8 @@ class TilePlacement {
   TilePlacement(const ObjectRecord& record, const std::optional<GlobePlace>& at);
 
   Vec3d Place(Vec3d p) const;
+  // Back again, up to rounding.
+  Vec3d Unplace(Vec3d p) const;
   const Box3d& bounds() const { return bounds_; }  // around all places
   double metres() const { return metres_; }        // of a unit of errors
   Vec3d origin() const { return origin_; }         // of all lattices

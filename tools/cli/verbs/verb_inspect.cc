@@ -24,6 +24,7 @@
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 #include "tools/request/root_reason.h"
+#include "tools/tiles/verify_tiles.h"
 
 namespace mtdb {
 
@@ -265,6 +266,22 @@ Status List(const InspectArguments& arguments) {
 }
 
 // `*failed`: a check did; an error: nothing could be examined.
+// `damaged`: what to do with `place` then.
+void TellChecks(const InspectArguments& arguments, const std::string& level,
+                const CheckReport& report, const std::string& place, const char* damaged) {
+  if (arguments.json) {
+    Json json = {{"store", arguments.store}, {"level", level}};
+    json.Update(ChecksJson(report));
+    PrintAnswer("verify", json);
+    return;
+  }
+  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
+  for (const std::string& failure : report.failures) {
+    std::printf("FAILED: %s\n", WithoutSecrets(failure).c_str());
+  }
+  std::printf("%s: %s\n", WithoutSecrets(place).c_str(), report.ok() ? "ok" : damaged);
+}
+
 Status Verify(const InspectArguments& arguments, bool* failed) {
   CheckReport report;
   if (!arguments.name.empty()) {
@@ -296,18 +313,8 @@ Status Verify(const InspectArguments& arguments, bool* failed) {
     }
   }
   *failed = !report.ok();
-  if (arguments.json) {
-    Json json = {{"store", arguments.store}, {"level", arguments.level}};
-    json.Update(ChecksJson(report));
-    PrintAnswer("verify", json);
-    return Status::Ok();
-  }
-  for (const std::string& check : report.checks) std::printf("checked: %s\n", check.c_str());
-  for (const std::string& failure : report.failures) {
-    std::printf("FAILED: %s\n", WithoutSecrets(failure).c_str());
-  }
-  std::printf("%s: %s\n", WithoutSecrets(arguments.store).c_str(),
-              report.ok() ? "ok" : "damaged; restore it from a copy, or ingest again");
+  TellChecks(arguments, arguments.level, report, arguments.store,
+             "damaged; restore it from a copy, or ingest again");
   return Status::Ok();
 }
 
@@ -336,8 +343,24 @@ RunVerb AddList(CLI::App* verb) {
   return [a](Invocation&) { return List(*a); };
 }
 
+Status VerifyTileFolder(const InspectArguments& arguments, const std::string& folder,
+                        bool* failed) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.store, arguments.open));
+  MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source,
+                        database->OpenObject(arguments.name));
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));
+  CheckReport report;
+  MTDB_RETURN_IF_ERROR(VerifyTiles(*surface, folder, &report));
+  *failed = !report.ok();
+  TellChecks(arguments, "tiles", report, folder,
+             "damaged; remove it, and 'mtdb tile' writes it anew");
+  return Status::Ok();
+}
+
 RunVerb AddVerify(CLI::App* verb) {
   const auto a = std::make_shared<InspectArguments>();
+  const auto tiles = std::make_shared<std::string>();
   AddStore(verb, &a->store);
   AddOnly(verb, &a->name);
   AddJson(verb, &a->json);
@@ -347,8 +370,15 @@ RunVerb AddVerify(CLI::App* verb) {
       ->type_name("LEVEL")
       ->check(CLI::IsMember({"fast", "full", "global"}))
       ->capture_default_str();
+  verb->add_option("--tiles", *tiles,
+                   "instead check the tiles in DIR ('mtdb tile'): files, boxes, errors, and "
+                   "distances from the object")
+      ->type_name("DIR");
   AddCacheDirectory(verb, &a->open);
-  return [a](Invocation& invocation) { return Verify(*a, &invocation.failed); };
+  return [a, tiles](Invocation& invocation) {
+    return tiles->empty() ? Verify(*a, &invocation.failed)
+                          : VerifyTileFolder(*a, *tiles, &invocation.failed);
+  };
 }
 
 }  // namespace
@@ -358,6 +388,6 @@ const Verb kInfoVerb{"info", "tell what a store holds, or what a mesh file is li
 const Verb kListVerb{"list", "list the objects of a store, and ingests that were interrupted", "",
                      AddList};
 
-const Verb kVerifyVerb{"verify", "check a store's bytes and meshes", "", AddVerify};
+const Verb kVerifyVerb{"verify", "check a store's bytes and meshes, or tiles", "", AddVerify};
 
 }  // namespace mtdb

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/tiles/verify_tiles.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "query/heights.h"
+#include "query/probe.h"
+#include "tools/tiles/globe_grid.h"
+#include "tools/tiles/gltf_tile.h"
+#include "tools/tiles/json_reading.h"
+#include "tools/tiles/quantized_tile.h"
+#include "tools/tiles/tile_folder.h"
+#include "tools/tiles/tile_placement.h"
+
+namespace mtdb {
+
+namespace {
+
+constexpr size_t kPointsOfTile = 24;
+constexpr double kSlack = 1e-9;  // of sizes
+constexpr size_t kMostFailures = 100;
+
+std::string ContentOf(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+// Centre and half sides.
+struct TileBox {
+  Vec3d centre, half;
+  explicit TileBox(const Json& volume) {
+    const Json& box = At(volume, "box");
+    for (int i = 0; i < 3; ++i) {
+      centre[i] = NumberOf(At(box, static_cast<size_t>(i)));
+      half[i] = NumberOf(At(box, 3 + 4 * static_cast<size_t>(i)));
+    }
+  }
+  // How far outside of the box, which is larger by `margin`.
+  bool Contains(Vec3d p, Vec3d margin) const {
+    for (int i = 0; i < 3; ++i) {
+      const double slack = kSlack * (std::abs(centre[i]) + half[i]);
+      if (std::abs(p[i] - centre[i]) + margin[i] > half[i] + slack) return false;
+    }
+    return true;
+  }
+};
+
+class TileVerifier {
+ public:
+  TileVerifier(const Surface& surface, std::string folder, CheckReport* report)
+      : surface_(surface),
+        folder_(std::move(folder)),
+        report_(*report),
+        placement_(surface.record(), std::nullopt),
+        is_terrain_(IsTerrain(surface.record())) {}
+
+  Status Run(const Json& record) {
+    const Json& of = record["of"];
+    if (of["digest"] != Json(surface_.record().digest_hex())) {
+      Fail(kTileRecord, "the tiles are of another version of the object; write them anew");
+      return Status::Ok();
+    }
+    report_.checks.push_back("tiles are of this version of " + surface_.record().name);
+    try {
+      const bool is_globe = of["format"] == Json("quantized-mesh");
+      MTDB_RETURN_IF_ERROR(is_globe ? VerifyLayer() : VerifyTileset("tileset.json", nullptr));
+    } catch (const UnexpectedJson& error) {
+      Fail("a file of JSON", error.what());
+    }
+    report_.checks.push_back(std::to_string(tiles_) +
+                             " tiles are there, lie in their boxes, and "
+                             "have falling errors");
+    char line[160];
+    std::snprintf(line, sizeof(line),
+                  "%zu points of them are within what they state; the farthest at %.3f of it",
+                  points_, largest_part_);
+    report_.checks.emplace_back(line);
+    return Status::Ok();
+  }
+
+ private:
+  void Fail(const std::string& file, const std::string& what) {
+    if (report_.failures.size() < kMostFailures) report_.failures.push_back(file + ": " + what);
+  }
+
+  // `above`: of the tile whose content the file is.
+  Status VerifyTileset(const std::string& name, const Json* above) {
+    const Json tileset = Json::ParseObject(ContentOf(folder_ + "/" + name));
+    if (!tileset.is_object()) {
+      Fail(name, "is not there, or no JSON");
+      return Status::Ok();
+    }
+    return VerifyTile(At(tileset, "root"), above, name);
+  }
+
+  Status VerifyTile(const Json& tile, const Json* parent, const std::string& file) {
+    const TileBox box(At(tile, "boundingVolume"));
+    const double error = NumberOf(At(tile, "geometricError"));
+    const std::string uri = tile.contains("content") ? TextOf(At(At(tile, "content"), "uri")) : "";
+    const bool is_link = uri.ends_with(".json");
+    if (parent != nullptr) {
+      const bool same = parent->contains("content") &&
+                        TextOf(At(At(*parent, "content"), "uri")).ends_with(".json");
+      const double above = NumberOf(At(*parent, "geometricError"));
+      if (same ? error != above : error >= above) {
+        Fail(file, "an error of " + std::to_string(error) + " below one of " +
+                       std::to_string(above) + " does not fall");
+      }
+      if (!TileBox(At(*parent, "boundingVolume")).Contains(box.centre, box.half)) {
+        Fail(file, "a box reaches out of its parent's");
+      }
+    }
+    const std::string path = std::filesystem::path(file).parent_path() / uri;
+    if (is_link) {
+      return VerifyTileset(std::filesystem::path(path).lexically_normal(), &tile);
+    }
+    if (!uri.empty()) {
+      MTDB_RETURN_IF_ERROR(
+          VerifyContent(std::filesystem::path(path).lexically_normal(), box,
+                        NumberOf(At(At(At(tile, "metadata"), "properties"), "errorBound"))));
+    }
+    if (!tile.contains("children")) return Status::Ok();
+    for (const Json& child : ElementsOf(At(tile, "children"))) {
+      MTDB_RETURN_IF_ERROR(VerifyTile(child, &tile, file));
+    }
+    return Status::Ok();
+  }
+
+  Status VerifyContent(const std::string& name, const TileBox& box, double bound) {
+    ++tiles_;
+    const std::string bytes = ContentOf(folder_ + "/" + name);
+    const Result<GltfTile> tile = DecodeGltfTile(AsBytes(bytes));
+    if (!tile.ok()) {
+      Fail(name, tile.status().message());
+      return Status::Ok();
+    }
+    if (tile->error_bound != bound) Fail(name, "states another bound than the tree");
+    const auto position = [&](uint32_t v) {
+      return tile->origin + ToDouble(tile->positions[v]) * tile->step;
+    };
+    for (uint32_t v = 0; v < tile->positions.size(); ++v) {
+      if (!box.Contains(position(v), {})) {
+        Fail(name, "a vertex lies outside of the tile's box");
+        break;
+      }
+    }
+    std::vector<Vec3d> points;
+    const size_t step = std::max<size_t>(tile->surface_triangles / kPointsOfTile, 1);
+    for (size_t t = 0; t < tile->surface_triangles; t += step) {
+      const Vec3d middle = (position(tile->indices[3 * t]) + position(tile->indices[3 * t + 1]) +
+                            position(tile->indices[3 * t + 2])) *
+                           (1.0 / 3);
+      points.push_back(placement_.Unplace(middle));
+    }
+    return is_terrain_ ? MeasureHeights(name, points, bound)
+                       : MeasureDistances(name, points, bound);
+  }
+
+  void Judge(const std::string& name, double distance, double bound) {
+    ++points_;
+    const double slack = kSlack * Diagonal(surface_.record().bounds) * placement_.metres();
+    if (bound > slack) largest_part_ = std::max(largest_part_, distance / bound);
+    if (distance <= bound + slack) return;
+    Fail(name, "a point is " + std::to_string(distance) + " m off, but the tile states " +
+                   std::to_string(bound));
+  }
+
+  Status MeasureDistances(const std::string& name, const std::vector<Vec3d>& points, double bound) {
+    for (const Vec3d& p : points) {
+      MTDB_ASSIGN_OR_RETURN(const ProbeAnswer answer, FindClosestPoint(surface_, p));
+      if (answer.hit) Judge(name, answer.hit->distance * placement_.metres(), bound);
+    }
+    return Status::Ok();
+  }
+
+  // Where there is a height: a border may have moved.
+  Status MeasureHeights(const std::string& name, const std::vector<Vec3d>& points, double bound) {
+    std::vector<std::array<double, 2>> places;
+    for (const Vec3d& p : points) places.push_back({p.x, p.y});
+    HeightCost cost;
+    MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
+                          FindHeights(surface_, places, {}, &cost));
+    for (size_t i = 0; i < points.size(); ++i) {
+      if (!answers[i].height) continue;
+      Judge(name, std::abs(*answers[i].height - points[i].z) * placement_.metres(), bound);
+    }
+    return Status::Ok();
+  }
+
+  Status VerifyLayer() {
+    const Json layer = Json::ParseObject(ContentOf(folder_ + "/layer.json"));
+    if (!layer.is_object()) {
+      Fail("layer.json", "is not there, or no JSON");
+      return Status::Ok();
+    }
+    const bool mercator = At(layer, "projection") == Json("EPSG:3857");
+    const Json& available = At(layer, "available");
+    double last = std::numeric_limits<double>::infinity();
+    for (uint32_t level = 0; level < available.size(); ++level) {
+      const double bound = NumberOf(At(At(layer, "errorBounds"), level));
+      if (bound > last) Fail("layer.json", "the errors of levels do not fall");
+      last = bound;
+      const Json& range = At(At(available, level), 0);
+      for (uint64_t x = CountOf(At(range, "startX")); x <= CountOf(At(range, "endX")); ++x) {
+        for (uint64_t y = CountOf(At(range, "startY")); y <= CountOf(At(range, "endY")); ++y) {
+          MTDB_RETURN_IF_ERROR(VerifySquare(GlobeGrid(mercator), level, static_cast<uint32_t>(x),
+                                            static_cast<uint32_t>(y), bound));
+        }
+      }
+    }
+    return Status::Ok();
+  }
+
+  Status VerifySquare(const GlobeGrid& grid, uint32_t level, uint32_t x, uint32_t y, double bound) {
+    ++tiles_;
+    const std::string name =
+        std::to_string(level) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".terrain";
+    const std::string bytes = ContentOf(folder_ + "/" + name);
+    const auto triangles = DecodeQuantizedTile(AsBytes(bytes), grid.Rectangle(level, x, y));
+    if (!triangles.ok()) {
+      Fail(name, triangles.status().message());
+      return Status::Ok();
+    }
+    const Box3d& data = surface_.record().bounds;
+    std::vector<Vec3d> points;
+    const size_t step = std::max<size_t>(triangles->size() / kPointsOfTile, 1);
+    for (size_t t = 0; t < triangles->size(); t += step) {
+      const Triangle3d& c = (*triangles)[t];
+      const double twice =
+          (c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[2].x - c[0].x) * (c[1].y - c[0].y);
+      Vec3d p = (c[0] + c[1] + c[2]) * (1.0 / 3);
+      // Not walls, nor the ground beside the raster.
+      const bool is_inside =
+          p.x > data.min.x && p.x < data.max.x && p.y > data.min.y && p.y < data.max.y;
+      if (!is_inside || !(twice > 0)) continue;
+      p.z /= placement_.metres();
+      points.push_back(p);
+    }
+    return MeasureHeights(name, points, bound);
+  }
+
+  const Surface& surface_;
+  const std::string folder_;
+  CheckReport& report_;
+  const TilePlacement placement_;
+  const bool is_terrain_;
+  size_t tiles_ = 0, points_ = 0;
+  double largest_part_ = 0;
+};
+
+}  // namespace
+
+Status VerifyTiles(const Surface& surface, const std::string& folder, CheckReport* report) {
+  MTDB_ASSIGN_OR_RETURN(const Json record, ReadTileRecord(folder));
+  return TileVerifier(surface, folder, report).Run(record);
+}
+
+}  // namespace mtdb
