@@ -226,7 +226,7 @@ bool MaySeeInternal(const std::string& file, const std::string& owner) {
          (file == "tests/codecs/decode_check/decode_dump.cc" && folder == "query") ||
          (file.starts_with("tests/") && (folder == "tools" || folder == "bench")) ||
          // Codes records that no honest server sends.
-         (file == "tests/tools/hostile_server_test.cc" && folder == "codecs");
+         (file == "tests/tools/server/hostile_server_test.cc" && folder == "codecs");
 }
 
 // What is between the quotes or brackets of an #include line; empty for other lines.
@@ -446,7 +446,7 @@ TEST_CASE("the checker of includes finds what is wrong", "[layers]") {
       {"tools/cli/main.cc",
        "#include \"tools/server/server.h\"\n#include \"tools/client/client.h\"\n"
        "#include \"query/cut.h\"\n#include \"builder/build.h\"\n"},
-      {"tests/codecs/rans_test.cc",
+      {"tests/codecs/coding/rans_test.cc",
        "#include <catch2/catch.hpp>\n"
        "#include \"codecs/coding/rans.h\"\n"},
       {"bench/codecs_bench.cc", "#include \"codecs/coding/rans.h\"\n#include <CGAL/Kernel.h>\n"},

@@ -83,7 +83,7 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   const Outcome damaged = Run({"verify", store, "--json"});
   CHECK(damaged.exit_code == 1);
   if (!damaged.out.empty()) tables.Check(Json::parse(damaged.out));
-  // Nothing is documented that no verb says. Journals: tests/tools/cli_resume_test.cc.
+  // Nothing is documented that no verb says. Journals: tests/tools/cli/cli_resume_test.cc.
   for (const std::string& field : tables.NeverSeen()) {
     if (field.starts_with("journal.") || field == "mtdb/list/1.journals") continue;
     FAIL_CHECK("docs/json.md has a field that no answer had: " << field);
