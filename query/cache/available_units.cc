@@ -64,6 +64,11 @@ void AvailableUnits::Begin(QueryControl* control, std::optional<TimePoint> until
   cache.loaders().Start();
 }
 
+void AvailableUnits::End() {
+  const LockedCache cache(cache_);
+  user_->limits.control = nullptr;
+}
+
 void AvailableUnits::BeginRefining() {
   if (!until_) return;
   const TimePoint now = std::chrono::steady_clock::now();

@@ -52,6 +52,8 @@ class AvailableUnits {
   // A call of the caller begins: what was missing is looked for again, and what the cache does is
   // counted anew. After `until` Take decodes nothing, but for one unit a call.
   void Begin(QueryControl* control, std::optional<TimePoint> until);
+  // The call is over, and with it its control; what was asked for stays on its way.
+  void End();
   // Since Begin: what was there, and there was no time to decode.
   bool out_of_time() const { return out_of_time_; }
   // The time of the call begins now: what came before is not counted.

@@ -34,12 +34,16 @@ template <typename Work>
 Status MovingCut::RunWith(UnitReader& reader, Work&& work) {
   WorkMeter meter([&reader] { return reader.Check(); });
   UnitPins pins(units_, reader, meter);
+  struct Lent {
+    MovingUnits& units;
+    ~Lent() {
+      units.SetPins(nullptr);
+      units.judge().SetMeter(nullptr);
+    }
+  } const lent{units_};
   units_.judge().SetMeter(&meter);
   units_.SetPins(&pins);
-  const Status status = work();
-  units_.SetPins(nullptr);
-  units_.judge().SetMeter(nullptr);
-  return status;
+  return work();
 }
 
 Status MovingCut::Move(UnitReader& reader, const Query& query, const Goal& goal,

@@ -125,8 +125,8 @@ std::vector<UnitId> UnitsOf(const ClusterIndex& index, const Selected& selected)
 //
 // A session begins at the root: AtCut. After Hidden it comes to AtCut when the hidden cut is that
 // of the query, or as large as what the client has; one that waits does so in the same update. An
-// error leaves it where it is, but for AtCut, which a budget turns into Hidden, and Hidden, which
-// other budgets turn into Selected, before they fail.
+// error leaves it where it is, but that AtCut and Selected may have become Hidden, and Hidden,
+// under other budgets or where the client refuses the cut, Selected.
 class Session::Impl {
  public:
   using TakeBatches = std::function<Status(std::vector<UpdateBatch>)>;
@@ -166,6 +166,7 @@ class Session::Impl {
   Status Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                 SessionUpdate* update);
   Hidden& Hide();
+  void DropHidden();  // of Hidden: only what the client has is left
   Result<Selected> Show(const CutState& cut, UnitReader& reader, const TakeBatches& take,
                         SessionUpdate* update) const;
   Status Follow(MovingCut& cut, const TakeBatches& take, SessionUpdate* update) const;
@@ -286,6 +287,13 @@ Result<SessionUpdate> Session::Impl::Update(const Query& query, bool rounds,
     if (at_cut && !budget) available_->available()->Hold({});
     available_->available()->Begin(query.control, DeadlineOf(query));
   }
+  // The control is the caller's, and jobs go on after the call.
+  struct Over {
+    AvailableUnits* units;
+    ~Over() {
+      if (units != nullptr) units->End();
+    }
+  } const over{waits ? nullptr : available_->available()};
   UnitReader& reader = waits ? *waiting : *available_;
   if (!budget && at_cut) {
     MTDB_RETURN_IF_ERROR(Move(*at_cut->cut, reader, query, rounds, take, &result));
@@ -326,7 +334,12 @@ Status Session::Impl::MoveHidden(UnitReader& reader, const Query& query, const T
   for (UnitId c = 0; c < hidden.shown.applied.size(); ++c) {
     changes.AddUnit(c, hidden.shown.applied[c], cut.applied(c));
   }
-  MTDB_RETURN_IF_ERROR(changes.Send(OneByOne(reader), Releasing(reader, take), update));
+  const Status sent = changes.Send(OneByOne(reader), Releasing(reader, take), update);
+  if (!sent.ok()) {
+    // It may be far larger than what the client has or wants.
+    if (available_ == nullptr) DropHidden();
+    return sent;
+  }
   state_ = AtCut{std::move(hidden.cut)};
   if (available_ != nullptr) available_->available()->Hold({});
   FillStatsOf(cut, &update->stats);
@@ -420,11 +433,17 @@ Session::Impl::Hidden& Session::Impl::Hide() {
   return *std::get_if<Hidden>(&state_);
 }
 
+void Session::Impl::DropHidden() {
+  // Not from a part of the state into the state, which would be gone by then.
+  Selected shown = std::move(std::get_if<Hidden>(&state_)->shown);
+  state_ = std::move(shown);
+}
+
 // Under other budgets the cut is not the least one of any query, and cannot move on.
 Status Session::Impl::Select(UnitReader& reader, const Query& query, const TakeBatches& take,
                              SessionUpdate* update) {
   within_.reset();
-  if (Hidden* const hidden = std::get_if<Hidden>(&state_)) state_ = std::move(hidden->shown);
+  if (std::holds_alternative<Hidden>(state_)) DropHidden();
   const ObjectRecord& record = surface_->record();
   CutState cut(*surface_->source(), false);
   Search search(*surface_->source(), reader, query, record.rounding_error, &cut);

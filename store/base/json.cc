@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <numeric>
 #include <optional>
 
@@ -28,8 +29,14 @@ double DoubleOf(const std::string& number) {
 #ifdef __cpp_lib_to_chars
   double value = 0;
   const auto end = std::from_chars(number.data(), number.data() + number.size(), value);
-  if (end.ec == std::errc::result_out_of_range) return std::strtod(number.c_str(), nullptr);
-  return value;
+  if (end.ec != std::errc::result_out_of_range) return value;
+  // Too large, or too small: of a number without an exponent, as it has digits before its point.
+  const size_t exponent = number.find_first_of("eE");
+  const bool is_small = exponent != std::string::npos
+                            ? number[exponent + 1] == '-'
+                            : number.find_first_of("123456789") > number.find('.');
+  const double size = is_small ? 0 : std::numeric_limits<double>::infinity();
+  return number[0] == '-' ? -size : size;
 #else  // libc++ of WebAssembly, where there is one locale
   return std::strtod(number.c_str(), nullptr);
 #endif

@@ -74,6 +74,8 @@ class Json {
   const std::string* string() const { return std::get_if<std::string>(&value_); }
   double number() const;  // of is_number()
 
+  // elements() is for what is_array() says, and members() for what is_object() says; of other
+  // values they throw std::bad_variant_access.
   // Of an array; a null becomes one by push_back().
   const Array& elements() const { return std::get<Array>(value_); }
   Array& elements() { return std::get<Array>(value_); }

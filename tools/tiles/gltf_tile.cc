@@ -238,7 +238,9 @@ std::vector<unsigned char> Unpacked(const Json& json, ByteSpan binary, const Jso
   const bool is_sound = begin <= binary.size() && size <= binary.size() - begin &&
                         count == CountOf(At(accessor, "count")) && count <= kMostElements &&
                         (is_index ? stride == 2 || stride == 4 : stride % 4 == 0 && stride <= 256);
-  if (!is_sound || stride == 0 || (is_index && count % 3 != 0)) return {};
+  // The codecs need a byte for a triangle, and one for 64 bytes of vertices, at least.
+  const bool is_large_enough = is_index ? count / 3 <= size : count * stride / 64 <= size + stride;
+  if (!is_sound || !is_large_enough || stride == 0 || (is_index && count % 3 != 0)) return {};
   std::vector<unsigned char> bytes(count * stride);
   const auto* const from = reinterpret_cast<const unsigned char*>(binary.data()) + begin;
   const int failed = is_index ? meshopt_decodeIndexBuffer(bytes.data(), count, stride, from, size)
@@ -275,6 +277,9 @@ Result<GltfTile> DecodeChunks(const Json& json, ByteSpan binary) {
     Vec3i q;
     for (int c = 0; c < 3; ++c) {
       const auto i = static_cast<size_t>(c);
+      if (!is_short && std::isnan(NumberAt<float>(p, at + i * sizeof(float)))) {
+        return Corrupt("a position is not a number");
+      }
       q[c] = is_short ? NumberAt<uint16_t>(p, at + i * sizeof(uint16_t))
                       : static_cast<int32_t>(std::clamp(NumberAt<float>(p, at + i * sizeof(float)),
                                                         0.0f, kLargestFloat));

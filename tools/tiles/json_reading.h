@@ -42,6 +42,11 @@ inline uint64_t CountOf(const Json& number) {
   }
   return *number.whole_number();
 }
+inline bool FlagOf(const Json& flag) {
+  if (flag.boolean() == nullptr)
+    throw UnexpectedJson("expected true or false, found " + flag.Text());
+  return *flag.boolean();
+}
 inline const std::string& TextOf(const Json& text) {
   if (text.string() == nullptr) throw UnexpectedJson("expected a text, found " + text.Text());
   return *text.string();

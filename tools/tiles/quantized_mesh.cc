@@ -10,6 +10,7 @@
 
 #include "tools/tiles/geodesy.h"
 #include "tools/tiles/globe_grid.h"
+#include "tools/tiles/json_reading.h"
 #include "tools/tiles/quantized_tile.h"
 #include "tools/tiles/terrain_clip.h"
 #include "tools/tiles/tile_placement.h"
@@ -135,13 +136,14 @@ class QuantizedMesh final : public TileFormat {
 
   Json State() const override { return {{"bounds", bounds_}, {"ranges", ranges_}}; }
   Status Restore(const Json& state) override {
-    for (const Json& bound : state["bounds"].elements()) bounds_.push_back(bound.number());
-    for (const Json& r : state["ranges"].elements()) {
-      ranges_.push_back({static_cast<uint32_t>(*r[size_t{0}].whole_number()),
-                         static_cast<uint32_t>(*r[size_t{1}].whole_number()),
-                         static_cast<uint32_t>(*r[size_t{2}].whole_number()),
-                         static_cast<uint32_t>(*r[size_t{3}].whole_number())});
+    for (const Json& bound : ElementsOf(At(state, "bounds"))) bounds_.push_back(NumberOf(bound));
+    for (const Json& r : ElementsOf(At(state, "ranges"))) {
+      ranges_.push_back({static_cast<uint32_t>(CountOf(At(r, size_t{0}))),
+                         static_cast<uint32_t>(CountOf(At(r, size_t{1}))),
+                         static_cast<uint32_t>(CountOf(At(r, size_t{2}))),
+                         static_cast<uint32_t>(CountOf(At(r, size_t{3})))});
     }
+    if (bounds_.size() != ranges_.size()) throw UnexpectedJson("expected a range for each level");
     return Status::Ok();
   }
 

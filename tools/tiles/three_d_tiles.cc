@@ -10,6 +10,7 @@
 #include "store/metres_of_unit.h"
 #include "tools/request/mesh_output.h"
 #include "tools/tiles/gltf_tile.h"
+#include "tools/tiles/json_reading.h"
 #include "tools/tiles/tile_mesh.h"
 #include "tools/tiles/tile_placement.h"
 #include "tools/tiles/tile_tree.h"
@@ -94,6 +95,10 @@ class ThreeDTiles final : public TileFormat {
     options.skirt_is_vertical = is_terrain_;
     options.inside = tree_.CellOf(at);
     GltfTile gltf = MakeTileMesh(mesh, triangles, options, &at.content);
+    if (gltf.indices.empty()) {  // all of them are too small for the lattice
+      at.content = {};
+      return TileFile{};
+    }
     gltf.error_bound = frame.bound;
     TileFile file;
     file.path = PathOf(level, at) + ".glb";
@@ -132,13 +137,14 @@ class ThreeDTiles final : public TileFormat {
   }
 
   Status Restore(const Json& state) override {
-    next_triangles_ = *state["next"].whole_number();
-    is_full_ = *state["full"].boolean();
-    for (const Json& f : state["frames"].elements()) {
-      frames_.push_back({f["bound"].number(), f["step"].number(), f["skirt"].number(), true,
-                         *f["colours"].boolean()});
+    next_triangles_ = CountOf(At(state, "next"));
+    is_full_ = FlagOf(At(state, "full"));
+    for (const Json& f : ElementsOf(At(state, "frames"))) {
+      frames_.push_back({NumberOf(At(f, "bound")), NumberOf(At(f, "step")),
+                         NumberOf(At(f, "skirt")), true, FlagOf(At(f, "colours"))});
     }
-    tree_.Restore(state["tree"]);
+    tree_.Restore(At(state, "tree"));
+    if (tree_.levels() != frames_.size()) throw UnexpectedJson("expected a frame for each level");
     return Status::Ok();
   }
 

@@ -5,8 +5,6 @@
 #include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <system_error>
@@ -15,6 +13,7 @@
 
 #include "store/base/hash.h"
 #include "store/files/posix_file.h"
+#include "tools/request/read_file.h"
 
 namespace mtdb {
 
@@ -32,7 +31,7 @@ bool IsOfTree(const std::string& name) {
          name == "tileset.json" || name == "layer.json";
 }
 
-// Of a record without it: a damaged one is none, and what is read of others has its shape.
+// Of a record without it: one that is damaged is none.
 std::string CheckOf(const Json& record) {
   const std::string text = record.Text();
   return std::to_string(Hash64(AsBytes(text), 0));
@@ -96,10 +95,11 @@ Status TileFolder::ReadRecord(bool force) {
 
 Status TileFolder::Clear() const {
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(path_, error)) {
-    if (!IsOfTree(entry.path().filename())) continue;
-    fs::remove_all(entry.path(), error);
-    if (error) return FileError(entry.path(), error.value());
+  for (fs::directory_iterator entry(path_, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (!IsOfTree(entry->path().filename())) continue;
+    fs::remove_all(entry->path(), error);
+    if (error) return FileError(entry->path(), error.value());
   }
   return error ? FileError(path_, error.value()) : Status::Ok();
 }
@@ -135,9 +135,9 @@ Status TileFolder::Record(const Json& progress) {
 }
 
 Result<Json> ReadTileRecord(const std::string& path) {
-  std::ifstream in(path + "/" + kTileRecord, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  Json record = Json::ParseObject(text);
+  const Result<std::string> text = ReadFile(path + "/" + kTileRecord);
+  if (!text.ok()) return NotFound(path + ": no tiles by mtdb are there");
+  Json record = Json::ParseObject(*text);
   const Json check = record.is_object() ? record.Take("check") : Json();
   const bool has_schema = std::as_const(record)["schema"] == Json("mtdb/tile_record/1");
   if (has_schema && check == Json(CheckOf(record))) return record;

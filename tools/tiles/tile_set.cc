@@ -7,9 +7,12 @@
 #include <condition_variable>
 #include <mutex>
 #include <optional>
+#include <system_error>
 #include <thread>
 #include <utility>
 
+#include "store/base/out_of_memory.h"
+#include "tools/tiles/json_reading.h"
 #include "tools/tiles/tile_buckets.h"
 #include "tools/tiles/tile_folder.h"
 
@@ -28,9 +31,9 @@ Json LevelJson(const TileLevel& level) {
 }
 
 TileLevel LevelOf(const Json& json) {
-  return {json["error_bound"].number(), *json["triangles"].whole_number(),
-          *json["tiles"].whole_number(), *json["written_triangles"].whole_number(),
-          *json["bytes"].whole_number()};
+  return {NumberOf(At(json, "error_bound")), CountOf(At(json, "triangles")),
+          CountOf(At(json, "tiles")), CountOf(At(json, "written_triangles")),
+          CountOf(At(json, "bytes"))};
 }
 
 // One tree, level after level.
@@ -58,11 +61,18 @@ class TileWriter {
   Status TakeEarlierLevels() {
     const Json& progress = folder_.progress();
     if (!progress.contains("levels")) return Status::Ok();
-    for (const Json& level : progress["levels"].elements())
-      report_.levels.push_back(LevelOf(level));
+    try {
+      for (const Json& level : ElementsOf(progress["levels"])) {
+        report_.levels.push_back(LevelOf(level));
+      }
+      MTDB_RETURN_IF_ERROR(format_.Restore(At(progress, "state")));
+    } catch (const UnexpectedJson& error) {
+      return Corrupt(std::string("the record of the tiles: ") + error.what() +
+                     "; --force writes them anew");
+    }
     report_.levels_found = static_cast<uint32_t>(report_.levels.size());
     for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
-    return format_.Restore(progress["state"]);
+    return Status::Ok();
   }
 
   Status Record() {
@@ -132,12 +142,13 @@ class TileWriter {
     std::mutex mutex;
     std::condition_variable changed;
     Status failure;
-    unsigned working = std::max(options_.threads, 1u);
+    unsigned working = 0;
     const auto work = [&] {
       std::vector<LevelTriangle> triangles;
       for (uint32_t tile = next++; tile < tiles; tile = next++) {
         uint64_t bytes = 0, written = 0;
-        const Status status = EncodeTile(mesh, buckets, tile, &triangles, &bytes, &written);
+        const Status status = CatchOutOfMemory(
+            [&] { return EncodeTile(mesh, buckets, tile, &triangles, &bytes, &written); });
         const std::lock_guard lock(mutex);
         level->tiles += bytes > 0 ? 1 : 0;
         level->bytes += bytes;
@@ -149,20 +160,39 @@ class TileWriter {
       --working;
       changed.notify_all();
     };
-    std::vector<std::thread> threads;
-    for (unsigned i = 0; i < std::max(options_.threads, 1u); ++i) threads.emplace_back(work);
+    const unsigned wanted = std::max(options_.threads, 1u);
+    std::vector<std::jthread> threads;  // joined before what they use goes
+    threads.reserve(wanted);
+    while (threads.size() < wanted) {
+      {
+        const std::lock_guard lock(mutex);
+        ++working;
+      }
+      try {
+        threads.emplace_back(work);
+      } catch (const std::system_error&) {  // no more threads
+        if (threads.empty()) {
+          work();
+          break;
+        }
+        const std::lock_guard lock(mutex);
+        --working;
+        break;
+      }
+    }
     {
       std::unique_lock lock(mutex);
       while (working > 0) {
         changed.wait_for(lock, std::chrono::milliseconds(100));
         const uint64_t part =
             mesh.triangle_count() * std::min(next.load(), tiles) / std::max(tiles, 1u);
-        const Status told = Tell(mesh.triangle_count() + part, "write tiles");
+        const Status told =
+            CatchOutOfMemory([&] { return Tell(mesh.triangle_count() + part, "write tiles"); });
         if (!told.ok() && failure.ok()) failure = told;
         mesh.Release();
       }
     }
-    for (std::thread& thread : threads) thread.join();
+    threads.clear();
     return failure;
   }
 
@@ -189,13 +219,15 @@ class TileWriter {
 
 Result<TileSetReport> WriteTileSet(const Surface& surface, const std::string& path,
                                    TileFormat& format, const TileSetOptions& options) {
-  Json identity = {{"format", format.name()},
-                   {"object", surface.record().name},
-                   {"digest", surface.record().digest_hex()}};
-  if (options.identity.is_object()) identity.Update(options.identity);
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<TileFolder> folder,
-                        TileFolder::Open(path, identity, options.force));
-  return TileWriter(surface, format, options, *folder).Run();
+  return CatchOutOfMemory([&]() -> Result<TileSetReport> {
+    Json identity = {{"format", format.name()},
+                     {"object", surface.record().name},
+                     {"digest", surface.record().digest_hex()}};
+    if (options.identity.is_object()) identity.Update(options.identity);
+    MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<TileFolder> folder,
+                          TileFolder::Open(path, identity, options.force));
+    return TileWriter(surface, format, options, *folder).Run();
+  });
 }
 
 }  // namespace mtdb

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "tools/tiles/json_reading.h"
 namespace mtdb {
 
 namespace {
@@ -293,24 +294,39 @@ Json TileTree::State() const {
 
 void TileTree::Restore(const Json& state) {
   levels_.clear();
-  for (const Json& from : state.elements()) {
+  for (const Json& from : ElementsOf(state)) {
     Level level;
-    level.margin = from["margin"].number();
-    for (const Json& t : from["tiles"].elements()) {
-      const auto number = [&](size_t i) { return static_cast<uint32_t>(*t[i].whole_number()); };
+    level.margin = NumberOf(At(from, "margin"));
+    for (const Json& t : ElementsOf(At(from, "tiles"))) {
+      const auto number = [&](size_t i) { return static_cast<uint32_t>(CountOf(At(t, i))); };
       TreeTile tile{number(0), {number(1), number(2), number(3)}, number(4), number(5), number(6),
                     {}};
       if (t.size() == 13) {
         for (int i = 0; i < 3; ++i) {
-          tile.content.min[i] = t[7 + static_cast<size_t>(i)].number();
-          tile.content.max[i] = t[10 + static_cast<size_t>(i)].number();
+          tile.content.min[i] = NumberOf(At(t, 7 + static_cast<size_t>(i)));
+          tile.content.max[i] = NumberOf(At(t, 10 + static_cast<size_t>(i)));
         }
       }
       level.tiles.push_back(tile);
     }
+    CheckLinks(level);
     RestoreParts(&level);
     levels_.push_back(std::move(level));
   }
+}
+
+// Of a level that is to follow those that there are.
+void TileTree::CheckLinks(const Level& level) const {
+  const bool is_first = levels_.empty();
+  const size_t parents = is_first ? 1 : levels_.back().tiles.size();
+  bool right = is_first ? level.tiles.size() == 1 : !level.tiles.empty();
+  for (const TreeTile& t : level.tiles) right = right && t.parent < parents;
+  for (size_t i = 0; !is_first && i < parents; ++i) {
+    const TreeTile& t = levels_.back().tiles[i];
+    right = right && t.children <= kParts && t.children <= level.tiles.size() &&
+            t.first_child <= level.tiles.size() - t.children;
+  }
+  if (!right) throw UnexpectedJson("tiles and their parents do not belong to each other");
 }
 
 // Which parts of its parent a tile has follows from the two cells.

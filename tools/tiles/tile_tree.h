@@ -44,6 +44,7 @@ class TileTree {
   double margin(size_t i) const { return levels_[i].margin; }
 
   Json State() const;
+  // Throws UnexpectedJson (json_reading.h).
   void Restore(const Json& state);
 
  private:
@@ -80,6 +81,7 @@ class TileTree {
   void SplitCell(const std::vector<uint32_t>& counts, uint32_t parent, uint32_t depth,
                  std::array<uint32_t, 3> at, Level* level) const;
   void FillParts(Level* level) const;
+  void CheckLinks(const Level& level) const;
   void RestoreParts(Level* level) const;
 
   // Where the last triangle was alone in a tile: most are near the one before.

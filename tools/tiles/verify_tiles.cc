@@ -4,15 +4,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "query/heights.h"
 #include "query/probe.h"
+#include "store/base/coordinate_limit.h"
+#include "store/base/out_of_memory.h"
+#include "tools/request/read_file.h"
 #include "tools/tiles/globe_grid.h"
 #include "tools/tiles/gltf_tile.h"
 #include "tools/tiles/json_reading.h"
@@ -27,10 +30,16 @@ namespace {
 constexpr size_t kPointsOfTile = 24;
 constexpr double kSlack = 1e-9;  // of sizes
 constexpr size_t kMostFailures = 100;
+// Files that link to files, each of which is a call within a call.
+constexpr size_t kMostTilesets = 10'000;
+constexpr size_t kMostLevels = 23;
 
-std::string ContentOf(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+// Below the folder, whatever a tileset calls it.
+Result<std::string> ContentOf(const std::string& folder, const std::string& name) {
+  if (name.empty() || name.starts_with("/") || name.starts_with("..")) {
+    return BadInput("lies outside of the folder");
+  }
+  return ReadFile(folder + "/" + name);
 }
 
 // Centre and half sides.
@@ -43,7 +52,7 @@ struct TileBox {
       half[i] = NumberOf(At(box, 3 + 4 * static_cast<size_t>(i)));
     }
   }
-  // How far outside of the box, which is larger by `margin`.
+  // Whether a box with this centre, of half sides `margin`, lies inside.
   bool Contains(Vec3d p, Vec3d margin) const {
     for (int i = 0; i < 3; ++i) {
       const double slack = kSlack * (std::abs(centre[i]) + half[i]);
@@ -93,7 +102,12 @@ class TileVerifier {
 
   // `above`: of the tile whose content the file is.
   Status VerifyTileset(const std::string& name, const Json* above) {
-    const Json tileset = Json::ParseObject(ContentOf(folder_ + "/" + name));
+    if (!seen_.insert(name).second || seen_.size() > kMostTilesets) {
+      Fail(name, "is a file of several tiles, or one of too many");
+      return Status::Ok();
+    }
+    const Result<std::string> text = ContentOf(folder_, name);
+    const Json tileset = text.ok() ? Json::ParseObject(*text) : Json();
     if (!tileset.is_object()) {
       Fail(name, "is not there, or no JSON");
       return Status::Ok();
@@ -136,8 +150,9 @@ class TileVerifier {
 
   Status VerifyContent(const std::string& name, const TileBox& box, double bound) {
     ++tiles_;
-    const std::string bytes = ContentOf(folder_ + "/" + name);
-    const Result<GltfTile> tile = DecodeGltfTile(AsBytes(bytes));
+    const Result<std::string> bytes = ContentOf(folder_, name);
+    const Result<GltfTile> tile =
+        bytes.ok() ? DecodeGltfTile(AsBytes(*bytes)) : Result<GltfTile>(bytes.status());
     if (!tile.ok()) {
       Fail(name, tile.status().message());
       return Status::Ok();
@@ -149,7 +164,7 @@ class TileVerifier {
     for (uint32_t v = 0; v < tile->positions.size(); ++v) {
       if (!box.Contains(position(v), {})) {
         Fail(name, "a vertex lies outside of the tile's box");
-        break;
+        return Status::Ok();
       }
     }
     std::vector<Vec3d> points;
@@ -159,6 +174,9 @@ class TileVerifier {
                             position(tile->indices[3 * t + 2])) *
                            (1.0 / 3);
       points.push_back(placement_.Unplace(middle));
+      if (AreCoordinates(points.back())) continue;
+      Fail(name, "a point is beyond all coordinates");
+      return Status::Ok();
     }
     return is_terrain_ ? MeasureHeights(name, points, bound)
                        : MeasureDistances(name, points, bound);
@@ -196,19 +214,25 @@ class TileVerifier {
   }
 
   Status VerifyLayer() {
-    const Json layer = Json::ParseObject(ContentOf(folder_ + "/layer.json"));
+    const Result<std::string> text = ContentOf(folder_, "layer.json");
+    const Json layer = text.ok() ? Json::ParseObject(*text) : Json();
     if (!layer.is_object()) {
       Fail("layer.json", "is not there, or no JSON");
       return Status::Ok();
     }
     const bool mercator = At(layer, "projection") == Json("EPSG:3857");
     const Json& available = At(layer, "available");
+    if (available.size() > kMostLevels) throw UnexpectedJson("expected at most 23 levels");
     double last = std::numeric_limits<double>::infinity();
     for (uint32_t level = 0; level < available.size(); ++level) {
       const double bound = NumberOf(At(At(layer, "errorBounds"), level));
       if (bound > last) Fail("layer.json", "the errors of levels do not fall");
       last = bound;
       const Json& range = At(At(available, level), 0);
+      const uint64_t most = uint64_t{2} << level;  // of columns, and more than rows
+      if (CountOf(At(range, "endX")) >= most || CountOf(At(range, "endY")) >= most) {
+        throw UnexpectedJson("a level has more tiles than the globe");
+      }
       for (uint64_t x = CountOf(At(range, "startX")); x <= CountOf(At(range, "endX")); ++x) {
         for (uint64_t y = CountOf(At(range, "startY")); y <= CountOf(At(range, "endY")); ++y) {
           MTDB_RETURN_IF_ERROR(VerifySquare(GlobeGrid(mercator), level, static_cast<uint32_t>(x),
@@ -223,8 +247,12 @@ class TileVerifier {
     ++tiles_;
     const std::string name =
         std::to_string(level) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".terrain";
-    const std::string bytes = ContentOf(folder_ + "/" + name);
-    const auto triangles = DecodeQuantizedTile(AsBytes(bytes), grid.Rectangle(level, x, y));
+    const Result<std::string> bytes = ContentOf(folder_, name);
+    if (!bytes.ok()) {
+      Fail(name, bytes.status().message());
+      return Status::Ok();
+    }
+    const auto triangles = DecodeQuantizedTile(AsBytes(*bytes), grid.Rectangle(level, x, y));
     if (!triangles.ok()) {
       Fail(name, triangles.status().message());
       return Status::Ok();
@@ -242,6 +270,7 @@ class TileVerifier {
           p.x > data.min.x && p.x < data.max.x && p.y > data.min.y && p.y < data.max.y;
       if (!is_inside || !(twice > 0)) continue;
       p.z /= placement_.metres();
+      if (!AreCoordinates(p)) continue;
       points.push_back(p);
     }
     return MeasureHeights(name, points, bound);
@@ -254,13 +283,16 @@ class TileVerifier {
   const bool is_terrain_;
   size_t tiles_ = 0, points_ = 0;
   double largest_part_ = 0;
+  std::set<std::string> seen_;  // tilesets
 };
 
 }  // namespace
 
 Status VerifyTiles(const Surface& surface, const std::string& folder, CheckReport* report) {
-  MTDB_ASSIGN_OR_RETURN(const Json record, ReadTileRecord(folder));
-  return TileVerifier(surface, folder, report).Run(record);
+  return CatchOutOfMemory([&]() -> Status {
+    MTDB_ASSIGN_OR_RETURN(const Json record, ReadTileRecord(folder));
+    return TileVerifier(surface, folder, report).Run(record);
+  });
 }
 
 }  // namespace mtdb

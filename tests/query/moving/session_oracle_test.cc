@@ -72,6 +72,41 @@ TEST_CASE("a session's cuts are those of Select and its updates lead from one to
   }
 }
 
+TEST_CASE("a session goes from any budget to any other, and after errors, with its client") {
+  std::mt19937 random(77);
+  for (uint32_t seed = 0; seed < 6; ++seed) {
+    MtOptions options;
+    options.shape = static_cast<Shape>(seed % 4);
+    options.seed = 300 + seed;
+    const MtFixture f = MakeMt(options);
+    const auto surface = *Surface::Open(f.source);
+    const auto session = *Session::Open(surface);
+    ExplicitMesh mesh(*session->Base());
+    for (int step = 0; step < 120; ++step) {
+      Query query = RandomQuery(f, random);
+      switch (random() % 5) {
+        case 0: query.max_triangles = random() % 400; break;
+        case 1: query.max_bytes = random() % 20000; break;
+        case 2: query.max_milliseconds = 1000 * (random() % 2); break;
+        default: break;
+      }
+      const bool refuses = random() % 4 == 0;
+      const auto take = [&](std::vector<UpdateBatch> batches) {
+        if (refuses) return Status(StatusCode::kBudgetExceeded, "the client has no room");
+        for (const UpdateBatch& batch : batches) mesh.Apply(batch);
+        return Status::Ok();
+      };
+      const Result<SessionUpdate> update = session->Update(query, take);
+      REQUIRE((update.ok() || update.status().code() == StatusCode::kBudgetExceeded));
+      std::vector<bool> applied;
+      for (const InMemoryMt::Node& node : f.mt.nodes) {
+        applied.push_back(session->applied(node.cluster, node.index));
+      }
+      REQUIRE(mesh.Positions() == CutPositions(f, applied));
+    }
+  }
+}
+
 TEST_CASE("an update that fails or is cancelled leaves the session's cut as it was") {
   const MtFixture f = MakeMt({});
   const auto surface = *Surface::Open(AsTested(f.source), {.cache_bytes = 1});
