@@ -98,8 +98,7 @@ class QuantizedMesh final : public TileFormat {
     file.path =
         std::to_string(level_) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".terrain";
     file.triangles = quantized.triangle_count();
-    const Json metadata = {{"errorBound", bounds_.back()}};
-    file.bytes = quantized.Encode(metadata.dump());
+    file.bytes = quantized.Encode();
     return file;
   }
 
@@ -126,7 +125,7 @@ class QuantizedMesh final : public TileFormat {
                   {"bounds", {data_.west, data_.south, data_.east, data_.north}},
                   {"minzoom", 0},
                   {"maxzoom", max_level_},
-                  {"extensions", {"octvertexnormals", "metadata"}},
+                  {"extensions", {"octvertexnormals"}},
                   {"available", available},
                   {"description", warning},
                   {"errorBounds", bounds_}};

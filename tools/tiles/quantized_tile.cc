@@ -11,7 +11,7 @@ namespace mtdb {
 
 namespace {
 
-constexpr uint8_t kNormalsExtension = 1, kMetadataExtension = 4;
+constexpr uint8_t kNormalsExtension = 1;
 constexpr size_t kMostShortVertices = 65536;
 constexpr double kNeverHidden =
     1e6;  // of the point that tells whether the tile is behind the globe
@@ -123,7 +123,7 @@ void QuantizedTile::Add(const ClipPolygon& polygon) {
   }
 }
 
-Bytes QuantizedTile::Encode(const std::string& metadata) const {
+Bytes QuantizedTile::Encode() const {
   std::vector<Vec3d> points;
   for (const Vertex& v : vertices_) {
     const auto part = [](uint16_t units) { return static_cast<double>(units) / kTileUnits; };
@@ -149,6 +149,17 @@ Bytes QuantizedTile::Encode(const std::string& metadata) const {
       last = v.units[c];
     }
   }
+  PutIndices(&out);
+  out.Put(kNormalsExtension);
+  out.Put(static_cast<uint32_t>(2 * vertices_.size()));
+  for (const Vertex& v : vertices_) {
+    for (const uint8_t byte : Octahedral(v.normal)) out.Put(byte);
+  }
+  return out.Take();
+}
+
+void QuantizedTile::PutIndices(ByteWriter* to) const {
+  ByteWriter& out = *to;
   const bool is_long = vertices_.size() > kMostShortVertices;
   const auto put = [&](uint32_t index) {
     is_long ? out.Put(index) : out.Put(static_cast<uint16_t>(index));
@@ -175,21 +186,6 @@ Bytes QuantizedTile::Encode(const std::string& metadata) const {
     out.Put(static_cast<uint32_t>(side.size()));
     for (const uint32_t v : side) put(v);
   }
-  PutExtensions(&out, metadata);
-  return out.Take();
-}
-
-void QuantizedTile::PutExtensions(ByteWriter* out, const std::string& metadata) const {
-  out->Put(kNormalsExtension);
-  out->Put(static_cast<uint32_t>(2 * vertices_.size()));
-  for (const Vertex& v : vertices_) {
-    for (const uint8_t byte : Octahedral(v.normal)) out->Put(byte);
-  }
-  if (metadata.empty()) return;
-  out->Put(kMetadataExtension);
-  out->Put(static_cast<uint32_t>(sizeof(uint32_t) + metadata.size()));
-  out->Put(static_cast<uint32_t>(metadata.size()));
-  out->PutBytes(AsBytes(metadata));
 }
 
 Result<std::vector<Triangle3d>> DecodeQuantizedTile(ByteSpan bytes,
