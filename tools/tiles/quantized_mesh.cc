@@ -133,13 +133,13 @@ class QuantizedMesh final : public TileFormat {
   }
 
   Json State() const override { return {{"bounds", bounds_}, {"ranges", ranges_}}; }
-  Status Restore(const Json& state) override {
+  bool Restore(const Json& state, size_t levels) override {
     for (const Json& bound : state.at("bounds")) bounds_.push_back(bound.get<double>());
     for (const Json& r : state.at("ranges")) {
       ranges_.push_back({r.at(0).get<uint32_t>(), r.at(1).get<uint32_t>(), r.at(2).get<uint32_t>(),
                          r.at(3).get<uint32_t>()});
     }
-    return Status::Ok();
+    return bounds_.size() == levels && ranges_.size() == levels;
   }
 
  private:

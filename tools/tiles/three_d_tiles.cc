@@ -131,15 +131,14 @@ class ThreeDTiles final : public TileFormat {
         {"next", next_triangles_}, {"full", is_full_}, {"frames", frames}, {"tree", tree_.State()}};
   }
 
-  Status Restore(const Json& state) override {
+  bool Restore(const Json& state, size_t levels) override {
     next_triangles_ = state.at("next").get<uint64_t>();
     is_full_ = state.at("full").get<bool>();
     for (const Json& f : state.at("frames")) {
       frames_.push_back({f.at("bound").get<double>(), f.at("step").get<double>(),
                          f.at("skirt").get<double>(), true, f.at("colours").get<bool>()});
     }
-    tree_.Restore(state.at("tree"));
-    return Status::Ok();
+    return tree_.Restore(state.at("tree")) && tree_.levels() == levels && frames_.size() == levels;
   }
 
  private:

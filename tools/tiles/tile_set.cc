@@ -58,10 +58,16 @@ class TileWriter {
   Status TakeEarlierLevels() {
     const Json& progress = folder_.progress();
     if (!progress.contains("levels")) return Status::Ok();
-    for (const Json& level : progress.at("levels")) report_.levels.push_back(LevelOf(level));
-    report_.levels_found = static_cast<uint32_t>(report_.levels.size());
-    for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
-    return format_.Restore(progress.at("state"));
+    try {
+      for (const Json& level : progress.at("levels")) report_.levels.push_back(LevelOf(level));
+      report_.levels_found = static_cast<uint32_t>(report_.levels.size());
+      for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
+      if (format_.Restore(progress.at("state"), report_.levels_found)) return Status::Ok();
+    } catch (const Json::exception&) {
+      // It lacks a member, or has one of another type.
+    }
+    return Corrupt(folder_.path() + "/" + kTileRecord +
+                   ": the record of what is written is damaged; remove the folder, and begin anew");
   }
 
   Status Record() {

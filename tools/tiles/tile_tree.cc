@@ -291,7 +291,7 @@ Json TileTree::State() const {
   return state;
 }
 
-void TileTree::Restore(const Json& state) {
+bool TileTree::Restore(const Json& state) {
   levels_.clear();
   for (const Json& from : state) {
     Level level;
@@ -308,9 +308,38 @@ void TileTree::Restore(const Json& state) {
       }
       level.tiles.push_back(tile);
     }
+    if (!IsSound(level)) return false;
     RestoreParts(&level);
     levels_.push_back(std::move(level));
   }
+  if (levels_.empty()) return false;
+  for (const TreeTile& t : levels_.back().tiles) {
+    if (t.children != 0) return false;
+  }
+  return true;
+}
+
+// Of a level that follows those there are: parents have their children in order, and no others.
+bool TileTree::IsSound(const Level& level) const {
+  if (level.tiles.empty() || (levels_.empty() && level.tiles.size() != 1)) return false;
+  for (const TreeTile& t : level.tiles) {
+    if (t.depth >= 32 || (!levels_.empty() && t.parent >= levels_.back().tiles.size())) {
+      return false;
+    }
+  }
+  if (levels_.empty()) return true;
+  uint64_t next = 0;
+  for (uint32_t p = 0; p < levels_.back().tiles.size(); ++p) {
+    const TreeTile& parent = levels_.back().tiles[p];
+    if (parent.first_child != next || parent.children == 0 || parent.children > kParts ||
+        next + parent.children > level.tiles.size()) {
+      return false;
+    }
+    for (uint32_t c = 0; c < parent.children; ++c, ++next) {
+      if (level.tiles[next].parent != p) return false;
+    }
+  }
+  return next == level.tiles.size();
 }
 
 // Which parts of its parent a tile has follows from the two cells.

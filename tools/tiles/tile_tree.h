@@ -44,7 +44,8 @@ class TileTree {
   double margin(size_t i) const { return levels_[i].margin; }
 
   Json State() const;
-  void Restore(const Json& state);
+  // False, or what nlohmann throws, where it is damaged.
+  bool Restore(const Json& state);
 
  private:
   static constexpr uint32_t kParts = 64;  // of a cell: 4 x 4 x 4, or 8 x 8
@@ -80,6 +81,7 @@ class TileTree {
   void SplitCell(const std::vector<uint32_t>& counts, uint32_t parent, uint32_t depth,
                  std::array<uint32_t, 3> at, Level* level) const;
   void FillParts(Level* level) const;
+  bool IsSound(const Level& level) const;
   void RestoreParts(Level* level) const;
 
   // Where the last triangle was alone in a tile: most are near the one before.
