@@ -213,7 +213,7 @@ class QuantizedMesh final : public TileFormat {
     const Vec3d n{v.normal.x, v.normal.y, v.normal.z};
     const double length = Length(n);
     const Vec3d unit = length > 0 ? n * (1 / length) : Vec3d{0, 0, 1};
-    return {v.position, LocalFrame({v.position.x, v.position.y, 0}).ToEarth(unit)};
+    return {v.position, unit};
   }
 
   static size_t FirstPart(const std::vector<double>& lines, double at) {
@@ -285,7 +285,7 @@ class QuantizedMesh final : public TileFormat {
         if (is_covered) continue;
         ClipPolygon cell;
         for (const Vec3d p : {Vec3d{x0, y0, 0}, {x1, y0, 0}, {x1, y1, 0}, {x0, y1, 0}}) {
-          cell.Add({p, LocalFrame({p.x, p.y, 0}).up});
+          cell.Add({p, {0, 0, 1}});
         }
         tile->Add(cell);
       }

@@ -125,12 +125,15 @@ void QuantizedTile::Add(const ClipPolygon& polygon) {
 
 Bytes QuantizedTile::Encode() const {
   std::vector<Vec3d> points;
+  std::vector<std::array<uint8_t, 2>> normals;
   for (const Vertex& v : vertices_) {
     const auto part = [](uint16_t units) { return static_cast<double>(units) / kTileUnits; };
-    points.push_back(
-        EarthCentred({rectangle_.west + (rectangle_.east - rectangle_.west) * part(v.units[0]),
-                      rectangle_.south + (rectangle_.north - rectangle_.south) * part(v.units[1]),
-                      low_ + step_ * v.units[2]}));
+    const LocalFrame frame(
+        {rectangle_.west + (rectangle_.east - rectangle_.west) * part(v.units[0]),
+         rectangle_.south + (rectangle_.north - rectangle_.south) * part(v.units[1]),
+         low_ + step_ * v.units[2]});
+    points.push_back(frame.origin);
+    normals.push_back(Octahedral(frame.ToEarth(v.normal)));
   }
   const Sphere sphere = SphereAround(points);
   ByteWriter out;
@@ -152,8 +155,8 @@ Bytes QuantizedTile::Encode() const {
   PutIndices(&out);
   out.Put(kNormalsExtension);
   out.Put(static_cast<uint32_t>(2 * vertices_.size()));
-  for (const Vertex& v : vertices_) {
-    for (const uint8_t byte : Octahedral(v.normal)) out.Put(byte);
+  for (const std::array<uint8_t, 2>& normal : normals) {
+    for (const uint8_t byte : normal) out.Put(byte);
   }
   return out.Take();
 }

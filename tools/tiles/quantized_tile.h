@@ -29,7 +29,8 @@ class QuantizedTile {
   QuantizedTile(const GlobeRectangle& rectangle, double low_height, double height_step)
       : rectangle_(rectangle), low_(low_height), step_(height_step) {}
 
-  // As a fan; what rounding makes a line is left out. Normals are earth-centred, of any length.
+  // As a fan; what rounding makes a line is left out. Normals are east, north and up, of any
+  // length.
   void Add(const ClipPolygon& polygon);
   uint64_t triangle_count() const { return triangles_.size(); }
   // With octvertexnormals. The extension "metadata" is for trees whose tiles say which tiles there
