@@ -148,7 +148,6 @@ async function checkTerrain() {
         const vertices = tile.vertexData.length / 3;
         assert.ok(tile.triangleIndices.every(v => v < vertices));
         assert.equal(tile.extensions.vertexNormals.length, 2 * vertices);
-        assert.ok(tile.extensions.metadata.errorBound > 0);
         for (const v of tile.westIndices) assert.equal(tile.vertexData[v], 0);
         for (const v of tile.eastIndices) assert.equal(tile.vertexData[v], 32767);
         for (const v of tile.southIndices) assert.equal(tile.vertexData[vertices + v], 0);

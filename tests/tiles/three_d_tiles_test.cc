@@ -191,6 +191,30 @@ TEST_CASE("what is in the folder is not written over", "[tile]") {
   CHECK(ReadTileset(tiles).children.empty());
 }
 
+TEST_CASE("a damaged record of what is written is told", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const Folder folder;
+  const std::string copy = folder.File("copy"), record = copy + "/mtdb-tiles.json";
+  std::filesystem::copy(tiles.folder, copy, std::filesystem::copy_options::recursive);
+  const std::string text = ReadText(record);
+  const Arguments again{"tile", tiles.example.store, copy, "--tile-triangles", "1000"};
+  RunOk(again);
+  const Json whole = Json::parse(text);
+  const auto refused = [&](const auto& change) {
+    Json json = whole;
+    change(json.at("progress"));
+    WriteText(record, json.dump());
+    RunFails(1, again, {"damaged", "remove the folder"});
+  };
+  refused([](Json& progress) { progress.erase("state"); });
+  refused([](Json& progress) { progress["levels"][0]["bytes"] = "many"; });
+  refused([](Json& progress) { progress["state"]["tree"][1]["tiles"][0][4] = 7; });
+  refused([](Json& progress) { progress["state"]["tree"][0]["tiles"][0][6] = 1000; });
+  refused([](Json& progress) { progress["state"]["tree"].erase(1); });
+  WriteText(record, text.substr(0, text.size() / 2));
+  RunFails(1, again, {"not empty"});
+}
+
 TEST_CASE("verify holds tiles against the object, and finds what is wrong", "[tile]") {
   const TiledSculpture& tiles = TheTiles();
   const Json report = RunJson({"verify", tiles.example.store, "--tiles", tiles.folder});

@@ -99,8 +99,7 @@ class QuantizedMesh final : public TileFormat {
     file.path =
         std::to_string(level_) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".terrain";
     file.triangles = quantized.triangle_count();
-    const Json metadata = {{"errorBound", bounds_.back()}};
-    file.bytes = quantized.Encode(metadata.Text());
+    file.bytes = quantized.Encode();
     return file;
   }
 
@@ -127,7 +126,7 @@ class QuantizedMesh final : public TileFormat {
                   {"bounds", {data_.west, data_.south, data_.east, data_.north}},
                   {"minzoom", 0},
                   {"maxzoom", max_level_},
-                  {"extensions", {"octvertexnormals", "metadata"}},
+                  {"extensions", {"octvertexnormals"}},
                   {"available", available},
                   {"description", warning},
                   {"errorBounds", bounds_}};
@@ -135,7 +134,7 @@ class QuantizedMesh final : public TileFormat {
   }
 
   Json State() const override { return {{"bounds", bounds_}, {"ranges", ranges_}}; }
-  Status Restore(const Json& state) override {
+  bool Restore(const Json& state, size_t levels) override {
     for (const Json& bound : ElementsOf(At(state, "bounds"))) bounds_.push_back(NumberOf(bound));
     for (const Json& r : ElementsOf(At(state, "ranges"))) {
       ranges_.push_back({static_cast<uint32_t>(CountOf(At(r, size_t{0}))),
@@ -143,8 +142,7 @@ class QuantizedMesh final : public TileFormat {
                          static_cast<uint32_t>(CountOf(At(r, size_t{2}))),
                          static_cast<uint32_t>(CountOf(At(r, size_t{3})))});
     }
-    if (bounds_.size() != ranges_.size()) throw UnexpectedJson("expected a range for each level");
-    return Status::Ok();
+    return bounds_.size() == levels && ranges_.size() == levels;
   }
 
  private:
@@ -218,7 +216,7 @@ class QuantizedMesh final : public TileFormat {
     const Vec3d n{v.normal.x, v.normal.y, v.normal.z};
     const double length = Length(n);
     const Vec3d unit = length > 0 ? n * (1 / length) : Vec3d{0, 0, 1};
-    return {v.position, LocalFrame({v.position.x, v.position.y, 0}).ToEarth(unit)};
+    return {v.position, unit};
   }
 
   static size_t FirstPart(const std::vector<double>& lines, double at) {
@@ -290,7 +288,7 @@ class QuantizedMesh final : public TileFormat {
         if (is_covered) continue;
         ClipPolygon cell;
         for (const Vec3d p : {Vec3d{x0, y0, 0}, {x1, y0, 0}, {x1, y1, 0}, {x0, y1, 0}}) {
-          cell.Add({p, LocalFrame({p.x, p.y, 0}).up});
+          cell.Add({p, {0, 0, 1}});
         }
         tile->Add(cell);
       }

@@ -11,7 +11,7 @@ namespace mtdb {
 
 namespace {
 
-constexpr uint8_t kNormalsExtension = 1, kMetadataExtension = 4;
+constexpr uint8_t kNormalsExtension = 1;
 constexpr size_t kMostShortVertices = 65536;
 constexpr double kNeverHidden =
     1e6;  // of the point that tells whether the tile is behind the globe
@@ -123,14 +123,17 @@ void QuantizedTile::Add(const ClipPolygon& polygon) {
   }
 }
 
-Bytes QuantizedTile::Encode(const std::string& metadata) const {
+Bytes QuantizedTile::Encode() const {
   std::vector<Vec3d> points;
+  std::vector<std::array<uint8_t, 2>> normals;
   for (const Vertex& v : vertices_) {
     const auto part = [](uint16_t units) { return static_cast<double>(units) / kTileUnits; };
-    points.push_back(
-        EarthCentred({rectangle_.west + (rectangle_.east - rectangle_.west) * part(v.units[0]),
-                      rectangle_.south + (rectangle_.north - rectangle_.south) * part(v.units[1]),
-                      low_ + step_ * v.units[2]}));
+    const LocalFrame frame(
+        {rectangle_.west + (rectangle_.east - rectangle_.west) * part(v.units[0]),
+         rectangle_.south + (rectangle_.north - rectangle_.south) * part(v.units[1]),
+         low_ + step_ * v.units[2]});
+    points.push_back(frame.origin);
+    normals.push_back(Octahedral(frame.ToEarth(v.normal)));
   }
   const Sphere sphere = SphereAround(points);
   ByteWriter out;
@@ -149,6 +152,17 @@ Bytes QuantizedTile::Encode(const std::string& metadata) const {
       last = v.units[c];
     }
   }
+  PutIndices(&out);
+  out.Put(kNormalsExtension);
+  out.Put(static_cast<uint32_t>(2 * vertices_.size()));
+  for (const std::array<uint8_t, 2>& normal : normals) {
+    for (const uint8_t byte : normal) out.Put(byte);
+  }
+  return out.Take();
+}
+
+void QuantizedTile::PutIndices(ByteWriter* to) const {
+  ByteWriter& out = *to;
   const bool is_long = vertices_.size() > kMostShortVertices;
   const auto put = [&](uint32_t index) {
     is_long ? out.Put(index) : out.Put(static_cast<uint16_t>(index));
@@ -175,21 +189,6 @@ Bytes QuantizedTile::Encode(const std::string& metadata) const {
     out.Put(static_cast<uint32_t>(side.size()));
     for (const uint32_t v : side) put(v);
   }
-  PutExtensions(&out, metadata);
-  return out.Take();
-}
-
-void QuantizedTile::PutExtensions(ByteWriter* out, const std::string& metadata) const {
-  out->Put(kNormalsExtension);
-  out->Put(static_cast<uint32_t>(2 * vertices_.size()));
-  for (const Vertex& v : vertices_) {
-    for (const uint8_t byte : Octahedral(v.normal)) out->Put(byte);
-  }
-  if (metadata.empty()) return;
-  out->Put(kMetadataExtension);
-  out->Put(static_cast<uint32_t>(sizeof(uint32_t) + metadata.size()));
-  out->Put(static_cast<uint32_t>(metadata.size()));
-  out->PutBytes(AsBytes(metadata));
 }
 
 Result<std::vector<Triangle3d>> DecodeQuantizedTile(ByteSpan bytes,

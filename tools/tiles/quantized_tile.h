@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -30,11 +29,13 @@ class QuantizedTile {
   QuantizedTile(const GlobeRectangle& rectangle, double low_height, double height_step)
       : rectangle_(rectangle), low_(low_height), step_(height_step) {}
 
-  // As a fan; what rounding makes a line is left out. Normals are earth-centred, of any length.
+  // As a fan; what rounding makes a line is left out. Normals are east, north and up, of any
+  // length.
   void Add(const ClipPolygon& polygon);
   uint64_t triangle_count() const { return triangles_.size(); }
-  // With octvertexnormals, and `metadata` as JSON where it is not empty.
-  Bytes Encode(const std::string& metadata) const;
+  // With octvertexnormals. The extension "metadata" is for trees whose tiles say which tiles there
+  // are; in others CesiumJS fails at it.
+  Bytes Encode() const;
 
  private:
   struct Vertex {
@@ -43,7 +44,7 @@ class QuantizedTile {
   };
   std::array<uint16_t, 3> UnitsAt(Vec3d p) const;
   uint32_t NumberOf(const Vertex& vertex);
-  void PutExtensions(ByteWriter* out, const std::string& metadata) const;
+  void PutIndices(ByteWriter* to) const;
   GlobeRectangle rectangle_;
   double low_, step_;
   std::vector<Vertex> vertices_;  // in the order in which triangles name them

@@ -136,16 +136,14 @@ class ThreeDTiles final : public TileFormat {
         {"next", next_triangles_}, {"full", is_full_}, {"frames", frames}, {"tree", tree_.State()}};
   }
 
-  Status Restore(const Json& state) override {
+  bool Restore(const Json& state, size_t levels) override {
     next_triangles_ = CountOf(At(state, "next"));
     is_full_ = FlagOf(At(state, "full"));
     for (const Json& f : ElementsOf(At(state, "frames"))) {
       frames_.push_back({NumberOf(At(f, "bound")), NumberOf(At(f, "step")),
                          NumberOf(At(f, "skirt")), true, FlagOf(At(f, "colours"))});
     }
-    tree_.Restore(At(state, "tree"));
-    if (tree_.levels() != frames_.size()) throw UnexpectedJson("expected a frame for each level");
-    return Status::Ok();
+    return tree_.Restore(At(state, "tree")) && tree_.levels() == levels && frames_.size() == levels;
   }
 
  private:

@@ -68,7 +68,8 @@ class TileFormat {
   virtual Result<std::vector<std::pair<std::string, std::string>>> Finish() = 0;
   // What the levels that are written leave, for a later run that goes on after them.
   virtual Json State() const = 0;
-  virtual Status Restore(const Json& state) = 0;
+  // False, or UnexpectedJson, where it is damaged or not of so many levels.
+  virtual bool Restore(const Json& state, size_t levels) = 0;
 };
 
 }  // namespace mtdb

@@ -62,17 +62,16 @@ class TileWriter {
     const Json& progress = folder_.progress();
     if (!progress.contains("levels")) return Status::Ok();
     try {
-      for (const Json& level : ElementsOf(progress["levels"])) {
+      for (const Json& level : ElementsOf(At(progress, "levels")))
         report_.levels.push_back(LevelOf(level));
-      }
-      MTDB_RETURN_IF_ERROR(format_.Restore(At(progress, "state")));
-    } catch (const UnexpectedJson& error) {
-      return Corrupt(std::string("the record of the tiles: ") + error.what() +
-                     "; --force writes them anew");
+      report_.levels_found = static_cast<uint32_t>(report_.levels.size());
+      for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
+      if (format_.Restore(At(progress, "state"), report_.levels_found)) return Status::Ok();
+    } catch (const UnexpectedJson&) {
+      // It lacks a member, or has one of another type.
     }
-    report_.levels_found = static_cast<uint32_t>(report_.levels.size());
-    for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
-    return Status::Ok();
+    return Corrupt(folder_.path() + "/" + kTileRecord +
+                   ": the record of what is written is damaged; remove the folder, and begin anew");
   }
 
   Status Record() {

@@ -292,7 +292,7 @@ Json TileTree::State() const {
   return state;
 }
 
-void TileTree::Restore(const Json& state) {
+bool TileTree::Restore(const Json& state) {
   levels_.clear();
   for (const Json& from : ElementsOf(state)) {
     Level level;
@@ -309,24 +309,38 @@ void TileTree::Restore(const Json& state) {
       }
       level.tiles.push_back(tile);
     }
-    CheckLinks(level);
+    if (!IsSound(level)) return false;
     RestoreParts(&level);
     levels_.push_back(std::move(level));
   }
+  if (levels_.empty()) return false;
+  for (const TreeTile& t : levels_.back().tiles) {
+    if (t.children != 0) return false;
+  }
+  return true;
 }
 
-// Of a level that is to follow those that there are.
-void TileTree::CheckLinks(const Level& level) const {
-  const bool is_first = levels_.empty();
-  const size_t parents = is_first ? 1 : levels_.back().tiles.size();
-  bool right = is_first ? level.tiles.size() == 1 : !level.tiles.empty();
-  for (const TreeTile& t : level.tiles) right = right && t.parent < parents;
-  for (size_t i = 0; !is_first && i < parents; ++i) {
-    const TreeTile& t = levels_.back().tiles[i];
-    right = right && t.children <= kParts && t.children <= level.tiles.size() &&
-            t.first_child <= level.tiles.size() - t.children;
+// Of a level that follows those there are: parents have their children in order, and no others.
+bool TileTree::IsSound(const Level& level) const {
+  if (level.tiles.empty() || (levels_.empty() && level.tiles.size() != 1)) return false;
+  for (const TreeTile& t : level.tiles) {
+    if (t.depth >= 32 || (!levels_.empty() && t.parent >= levels_.back().tiles.size())) {
+      return false;
+    }
   }
-  if (!right) throw UnexpectedJson("tiles and their parents do not belong to each other");
+  if (levels_.empty()) return true;
+  uint64_t next = 0;
+  for (uint32_t p = 0; p < levels_.back().tiles.size(); ++p) {
+    const TreeTile& parent = levels_.back().tiles[p];
+    if (parent.first_child != next || parent.children == 0 || parent.children > kParts ||
+        next + parent.children > level.tiles.size()) {
+      return false;
+    }
+    for (uint32_t c = 0; c < parent.children; ++c, ++next) {
+      if (level.tiles[next].parent != p) return false;
+    }
+  }
+  return next == level.tiles.size();
 }
 
 // Which parts of its parent a tile has follows from the two cells.

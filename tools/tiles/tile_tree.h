@@ -44,8 +44,8 @@ class TileTree {
   double margin(size_t i) const { return levels_[i].margin; }
 
   Json State() const;
-  // Throws UnexpectedJson (json_reading.h).
-  void Restore(const Json& state);
+  // False, or UnexpectedJson (json_reading.h), where it is damaged.
+  bool Restore(const Json& state);
 
  private:
   static constexpr uint32_t kParts = 64;  // of a cell: 4 x 4 x 4, or 8 x 8
@@ -81,7 +81,7 @@ class TileTree {
   void SplitCell(const std::vector<uint32_t>& counts, uint32_t parent, uint32_t depth,
                  std::array<uint32_t, 3> at, Level* level) const;
   void FillParts(Level* level) const;
-  void CheckLinks(const Level& level) const;
+  bool IsSound(const Level& level) const;
   void RestoreParts(Level* level) const;
 
   // Where the last triangle was alone in a tile: most are near the one before.
