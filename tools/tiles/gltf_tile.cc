@@ -225,7 +225,7 @@ class GltfBuilder {
   GltfTile tile_;
   Bytes bytes_;
   size_t fallback_bytes_ = 0;
-  Json views_{Json::Array{}}, accessors_{Json::Array{}};
+  Json views_ = Json(Json::Array{}), accessors_ = Json(Json::Array{});
 };
 
 // The bytes of a view, decompressed; empty where they are damaged.
