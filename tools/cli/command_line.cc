@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <iostream>
 #include <memory>
 #include <poll.h>
 #include <system_error>
@@ -128,6 +129,15 @@ CommandLine::CommandLine(std::span<const Verb* const> verbs, const std::string& 
   }
 }
 
+namespace {
+
+int CannotWrite() {
+  PrintError("standard output cannot be written; is the disk full?");
+  return kExitError;
+}
+
+}  // namespace
+
 std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
   if (arguments.empty()) {
     std::fprintf(stderr, "%s", app_.help().c_str());
@@ -152,7 +162,8 @@ std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
   try {
     app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::Success& e) {
-    return app_.exit(e);
+    const int exit_status = app_.exit(e);
+    return std::cout.flush() ? exit_status : CannotWrite();
   } catch (const CLI::ParseError& e) {
     const auto verbs = app_.get_subcommands();
     for (const std::string& text :
@@ -186,8 +197,7 @@ int CommandLine::RunParsed(const CLI::App& verb, const RunVerb& run, const std::
   errno = 0;
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     if (errno == EPIPE || ReaderIsGone()) return exit_status;
-    PrintError("standard output cannot be written; is the disk full?");
-    return kExitError;
+    return CannotWrite();
   }
   return exit_status;
 }

@@ -4,7 +4,9 @@
 
 #include <csignal>
 #include <cstdio>
+#include <fcntl.h>
 #include <new>
+#include <unistd.h>
 
 #include "tools/cli/command_line.h"
 #include "tools/cli/verbs.h"
@@ -20,10 +22,19 @@ constexpr const mtdb::Verb* kVerbs[] = {
     &mtdb::kRenameVerb, &mtdb::kCopyVerb,   &mtdb::kCompactVerb, &mtdb::kGenerateVerb,
 };
 
+// A store that is opened where standard input, output or error is closed would get its number, and
+// what is printed.
+void OccupyStandardDescriptors() {
+  int file = ::open("/dev/null", O_RDWR);
+  while (file >= 0 && file <= STDERR_FILENO) file = ::open("/dev/null", O_RDWR);
+  if (file > STDERR_FILENO) ::close(file);
+}
+
 }  // namespace
 
 // What memory runs out in unwinds, and so leaves nothing behind.
 int main(int argc, char** argv) {
+  OccupyStandardDescriptors();
   // A store on a full quota or a closed pipe is an error to report, not a reason to die.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);

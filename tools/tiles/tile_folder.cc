@@ -11,7 +11,6 @@
 #include <unistd.h>
 #include <utility>
 
-#include "store/base/hash.h"
 #include "store/files/posix_file.h"
 #include "tools/request/read_file.h"
 
@@ -25,16 +24,35 @@ Status FileError(const std::string& path, int error) {
   return {FileErrorCode(error), path + ": " + std::generic_category().message(error)};
 }
 
-// What a tree has at its top: levels, and the files that name them.
-bool IsOfTree(const std::string& name) {
-  return name.find_first_not_of("0123456789") == std::string::npos || name == kTileRecord ||
-         name == "tileset.json" || name == "layer.json";
+bool IsNumber(const std::string& name) {
+  return name.find_first_not_of("0123456789") == std::string::npos;
 }
 
-// Of a record without it: one that is damaged is none.
-std::string CheckOf(const Json& record) {
-  const std::string text = record.Text();
-  return std::to_string(Hash64(AsBytes(text), 0));
+// What a tree has: files of tiles in folders with numbers, those that name them, and such as were
+// being written.
+bool IsOfTree(std::string name, bool at_top) {
+  if (name.ends_with(".tmp")) name.resize(name.size() - 4);
+  if (at_top) return name == "tileset.json" || name == "layer.json";
+  return name.ends_with(".glb") || name.ends_with(".json") || name.ends_with(".terrain");
+}
+
+// Whatever else is there stays, and its folders with it.
+Status ClearFolder(const std::string& path, bool at_top) {
+  std::error_code error;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename();
+    const fs::file_status status = entry->symlink_status(error);
+    if (fs::is_directory(status) && IsNumber(name)) {
+      MTDB_RETURN_IF_ERROR(ClearFolder(entry->path(), false));
+      std::error_code not_empty;
+      fs::remove(entry->path(), not_empty);
+    } else if (fs::is_regular_file(status) && IsOfTree(name, at_top)) {
+      fs::remove(entry->path(), error);
+    }
+    if (error) return FileError(entry->path(), error.value());
+  }
+  return error ? FileError(path, error.value()) : Status::Ok();
 }
 
 }  // namespace
@@ -73,35 +91,26 @@ Status TileFolder::ReadRecord(bool force) {
   std::error_code error;
   const auto record = ReadTileRecord(path_);
   if (!record.ok()) {
+    // A run that was killed at its beginning may have left this.
+    fs::remove(path_ + "/" + kTileRecord + ".tmp", error);
     if (fs::is_empty(path_, error)) return Status::Ok();
     return {StatusCode::kAlreadyExists,
-            path_ +
-                ": the folder is not empty and has no tiles by mtdb; nothing was written: name "
-                "another folder, or one that is not there"};
+            path_ + "/" + kTileRecord +
+                ": not there, or no record of tiles by mtdb, but the folder is not empty; nothing "
+                "was written: name another folder, or one that is not there"};
   }
   if ((*record)["of"] == identity_) {
     progress_ = (*record)["progress"];
-    if (progress_.is_null()) progress_ = Json(Json::Object{});
-    return Status::Ok();
-  }
-  if (!force) {
+  } else if (!force) {
     return {StatusCode::kAlreadyExists,
             path_ +
                 ": the folder has tiles of another object, version or accuracy; --force "
                 "replaces them"};
   }
-  return Clear();
-}
-
-Status TileFolder::Clear() const {
-  std::error_code error;
-  for (fs::directory_iterator entry(path_, error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (!IsOfTree(entry->path().filename())) continue;
-    fs::remove_all(entry->path(), error);
-    if (error) return FileError(entry->path(), error.value());
-  }
-  return error ? FileError(path_, error.value()) : Status::Ok();
+  if (progress_.is_object() && progress_.contains("levels")) return Status::Ok();
+  // First it is said whose folder it is: a run that is killed while it clears is gone on with.
+  MTDB_RETURN_IF_ERROR(Record(Json(Json::Object{})));
+  return ClearFolder(path_, true);
 }
 
 Status TileFolder::Write(const std::string& name, ByteSpan bytes) const {
@@ -128,8 +137,7 @@ Status TileFolder::Write(const std::string& name, ByteSpan bytes) const {
 Status TileFolder::Record(const Json& progress) {
   progress_ = progress;
   if (::syncfs(folder_) != 0) return FileError(path_, errno);
-  Json record = {{"schema", "mtdb/tile_record/1"}, {"of", identity_}, {"progress", progress}};
-  record["check"] = CheckOf(record);
+  const Json record = {{"schema", "mtdb/tile_record/1"}, {"of", identity_}, {"progress", progress}};
   MTDB_RETURN_IF_ERROR(Write(kTileRecord, AsBytes(record.Text() + "\n")));
   return Status::Ok();
 }
@@ -138,9 +146,7 @@ Result<Json> ReadTileRecord(const std::string& path) {
   const Result<std::string> text = ReadFile(path + "/" + kTileRecord);
   if (!text.ok()) return NotFound(path + ": no tiles by mtdb are there");
   Json record = Json::ParseObject(*text);
-  const Json check = record.is_object() ? record.Take("check") : Json();
-  const bool has_schema = std::as_const(record)["schema"] == Json("mtdb/tile_record/1");
-  if (has_schema && check == Json(CheckOf(record))) return record;
+  if (std::as_const(record)["schema"] == Json("mtdb/tile_record/1")) return record;
   return NotFound(path + ": no tiles by mtdb are there");
 }
 

@@ -20,8 +20,8 @@ class TileFolder {
  public:
   // `identity` is what the tiles follow from: the format, the object with its digest, options. A
   // folder that is not there is made; one with tiles of the same identity is gone on with; one with
-  // others is emptied where `force` is set, else kAlreadyExists, as is whatever is not empty and
-  // has no such record. kBusy: another process writes there.
+  // others loses its tiles where `force` is set, else kAlreadyExists, as is whatever is not empty
+  // and has no such record. kBusy: another process writes there.
   static Result<std::unique_ptr<TileFolder>> Open(const std::string& path, const Json& identity,
                                                   bool force);
   ~TileFolder();
@@ -39,7 +39,6 @@ class TileFolder {
  private:
   explicit TileFolder(std::string path) : path_(std::move(path)) {}
   Status Lock();
-  Status Clear() const;
   Status ReadRecord(bool force);
 
   std::string path_;

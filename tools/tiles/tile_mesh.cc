@@ -77,7 +77,7 @@ class TileMeshMaker {
   }
 
   void AddTriangles(std::span<const LevelTriangle> triangles) {
-    VertexTable table(triangles.size());
+    VertexTable table(3 * triangles.size());
     tile_.indices.reserve(3 * triangles.size());
     for (const LevelTriangle& t : triangles) {
       std::array<uint32_t, 3> v{};

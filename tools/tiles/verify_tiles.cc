@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <numbers>
 #include <set>
 #include <utility>
 #include <vector>
@@ -33,13 +34,25 @@ constexpr size_t kMostFailures = 100;
 // Files that link to files, each of which is a call within a call.
 constexpr size_t kMostTilesets = 10'000;
 constexpr size_t kMostLevels = 23;
+constexpr double kHalfUnit = 0.51 / 32767;  // of a square's side
 
 // Below the folder, whatever a tileset calls it.
 Result<std::string> ContentOf(const std::string& folder, const std::string& name) {
   if (name.empty() || name.starts_with("/") || name.starts_with("..")) {
     return BadInput("lies outside of the folder");
   }
-  return ReadFile(folder + "/" + name);
+  std::error_code error;
+  const std::string path = folder + "/" + name;
+  if (!std::filesystem::is_regular_file(path, error)) return BadInput("is not there, or no file");
+  return ReadFile(path);
+}
+
+// Empty where the record is damaged.
+Json::Array RecordedLevels(const Json& record) {
+  const Json& progress = record["progress"];
+  const Json none;
+  const Json& levels = progress.is_object() ? progress["levels"] : none;
+  return levels.is_array() ? levels.elements() : Json::Array();
 }
 
 // Centre and half sides.
@@ -83,6 +96,14 @@ class TileVerifier {
       MTDB_RETURN_IF_ERROR(is_globe ? VerifyLayer() : VerifyTileset("tileset.json", nullptr));
     } catch (const UnexpectedJson& error) {
       Fail("a file of JSON", error.what());
+    }
+    uint64_t recorded = 0;
+    for (const Json& level : RecordedLevels(record)) {
+      if (const uint64_t* const tiles = level["tiles"].whole_number()) recorded += *tiles;
+    }
+    if (recorded != tiles_) {
+      Fail(kTileRecord, "has " + std::to_string(recorded) + " tiles written, but the tree names " +
+                            std::to_string(tiles_));
     }
     report_.checks.push_back(std::to_string(tiles_) +
                              " tiles are there, lie in their boxes, and "
@@ -178,7 +199,7 @@ class TileVerifier {
       Fail(name, "a point is beyond all coordinates");
       return Status::Ok();
     }
-    return is_terrain_ ? MeasureHeights(name, points, bound)
+    return is_terrain_ ? MeasureHeights(name, points, bound, HalfStep(tile->step, box.centre))
                        : MeasureDistances(name, points, bound);
   }
 
@@ -199,18 +220,49 @@ class TileVerifier {
     return Status::Ok();
   }
 
-  // Where there is a height: a border may have moved.
-  Status MeasureHeights(const std::string& name, const std::vector<Vec3d>& points, double bound) {
-    std::vector<std::array<double, 2>> places;
-    for (const Vec3d& p : points) places.push_back({p.x, p.y});
-    HeightCost cost;
-    MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
-                          FindHeights(surface_, places, {}, &cost));
-    for (size_t i = 0; i < points.size(); ++i) {
-      if (!answers[i].height) continue;
-      Judge(name, std::abs(*answers[i].height - points[i].z) * placement_.metres(), bound);
+  // Of a lattice of `step` metres at a place of it, in the coordinates of the object.
+  std::array<double, 2> HalfStep(double step, Vec3d place) const {
+    const ObjectRecord& record = surface_.record();
+    if (!IsInDegrees(record))
+      return {step / 2 / placement_.metres(), step / 2 / placement_.metres()};
+    constexpr double kMetresOfDegree = 111'000;  // a little less
+    const double latitude = placement_.Unplace(place).y * std::numbers::pi / 180;
+    return {step / 2 / (kMetresOfDegree * std::max(std::cos(latitude), 1e-3)),
+            step / 2 / kMetresOfDegree};
+  }
+
+  // Where there is a height: a border may have moved. A tile's lattice puts its vertices up to
+  // `near` beside where they were; so heights around count, too, where a cliff is.
+  Status MeasureHeights(const std::string& name, const std::vector<Vec3d>& points, double bound,
+                        std::array<double, 2> near) {
+    for (const Vec3d& p : points) {
+      MTDB_ASSIGN_OR_RETURN(double distance, HeightDistance(p, {0, 0}));
+      for (int i = 0; i < 9 && distance * placement_.metres() > bound; ++i) {
+        MTDB_ASSIGN_OR_RETURN(const double beside,
+                              HeightDistance(p, {(i % 3 - 1) * near[0], (i / 3 - 1) * near[1]}));
+        distance = std::min(distance, beside);
+      }
+      if (std::isfinite(distance)) Judge(name, distance * placement_.metres(), bound);
     }
     return Status::Ok();
+  }
+
+  // Infinite where there is no height. 0 where the surface passes the point between the two places.
+  Result<double> HeightDistance(Vec3d p, std::array<double, 2> beside) {
+    HeightCost cost;
+    MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
+                          FindHeights(surface_,
+                                      std::vector<std::array<double, 2>>{
+                                          {p.x, p.y}, {p.x + beside[0], p.y + beside[1]}},
+                                      {}, &cost));
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const HeightAnswer& answer : answers) {
+      if (!answer.height) continue;
+      low = std::min(low, *answer.height);
+      high = std::max(high, *answer.height);
+    }
+    if (low > high) return low;
+    return std::max({low - p.z, p.z - high, 0.0});
   }
 
   Status VerifyLayer() {
@@ -273,7 +325,10 @@ class TileVerifier {
       if (!AreCoordinates(p)) continue;
       points.push_back(p);
     }
-    return MeasureHeights(name, points, bound);
+    const GlobeRectangle square = grid.Rectangle(level, x, y);
+    return MeasureHeights(
+        name, points, bound,
+        {kHalfUnit * (square.east - square.west), kHalfUnit * (square.north - square.south)});
   }
 
   const Surface& surface_;

@@ -70,6 +70,9 @@ export class Scene {
   limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity}; // of all objects together
   wireframe = false;
   moving = false;
+  // Turned by itself, without an end: what fits the budget is asked for as a whole, at once, since a
+  // query that changes with each frame is never answered.
+  turning = false;
   changes = 0; // counts what would be drawn otherwise now
   private factor = 1;
   private refused = 0; // a factor that was too small for this camera
@@ -216,6 +219,7 @@ export class Scene {
   private wanted(): number {
     if (this.pixels !== null) return this.pixels * this.factor * (this.moving ? kWhileMoving : 1);
     const whole = this.total(o => o.info.triangles);
+    if (this.turning && this.fits()) return 0;
     if (this.moving) {
       if (this.fits() && whole <= this.room)
         return this.fill === 'full' || whole <= kLeastMoving ? 0 : kFirstPixels;

@@ -78,6 +78,7 @@ export class Visitor {
 
   private turn(on: boolean) {
     this.turning = on;
+    this.viewer.scene.turning = on;
     byId('visit-turn').setAttribute('aria-pressed', String(on));
   }
 
