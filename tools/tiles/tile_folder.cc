@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/tiles/tile_folder.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <fcntl.h>
@@ -22,6 +23,14 @@ namespace fs = std::filesystem;
 
 Status FileError(const std::string& path, int error) {
   return {FileErrorCode(error), path + ": " + std::generic_category().message(error)};
+}
+
+// In any order.
+bool HaveSameMembers(const Json& a, const Json& b) {
+  return a.is_object() && b.is_object() && a.size() == b.size() &&
+         std::all_of(a.members().begin(), a.members().end(), [&](const Json::Member& member) {
+           return b.contains(member.name) && b[member.name] == member.value;
+         });
 }
 
 bool IsNumber(const std::string& name) {
@@ -99,7 +108,7 @@ Status TileFolder::ReadRecord(bool force) {
                 ": not there, or no record of tiles by mtdb, but the folder is not empty; nothing "
                 "was written: name another folder, or one that is not there"};
   }
-  if ((*record)["of"] == identity_) {
+  if (HaveSameMembers((*record)["of"], identity_)) {
     progress_ = (*record)["progress"];
   } else if (!force) {
     return {StatusCode::kAlreadyExists,

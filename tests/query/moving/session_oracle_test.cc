@@ -91,7 +91,7 @@ TEST_CASE("a session goes from any budget to any other, and after errors, with i
         default: break;
       }
       const bool refuses = random() % 4 == 0;
-      const auto take = [&](std::vector<UpdateBatch> batches) {
+      const BatchSink take = [&](std::span<const UpdateBatch> batches) {
         if (refuses) return Status(StatusCode::kBudgetExceeded, "the client has no room");
         for (const UpdateBatch& batch : batches) mesh.Apply(batch);
         return Status::Ok();
