@@ -376,6 +376,14 @@ test('visitors get the picture, and what the notes beside the page tell', async 
     check(page.wrong.length === 0, page.wrong.join('; '));
     await close(page);
   }
+  const turning = await open(at('&ui=simple&turn'));
+  const from = (await camera(turning)).eye;
+  await until(
+    () => turning.evaluate(() => viewer.scene.exactness().by === 'whole'),
+    'what turns from the beginning is whole',
+  );
+  await until(async () => distance((await camera(turning)).eye, from) > 0.5, 'and turns');
+  await close(turning);
   const plain = await open(at('&ui=none'));
   await exact(plain);
   for (const id of ['panel', 'toggle', 'title', 'tools', 'status', 'scale', 'axes', 'visit'])

@@ -163,7 +163,9 @@ std::optional<int> CommandLine::Parse(std::vector<std::string> arguments) {
     app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::Success& e) {
     const int exit_status = app_.exit(e);
-    return std::cout.flush() ? exit_status : CannotWrite();
+    errno = 0;
+    if (std::cout.flush()) return exit_status;
+    return errno == EPIPE || ReaderIsGone() ? exit_status : CannotWrite();
   } catch (const CLI::ParseError& e) {
     const auto verbs = app_.get_subcommands();
     for (const std::string& text :

@@ -215,11 +215,16 @@ export class Scene {
     );
   }
 
+  // By itself, with all of it.
+  private turns() {
+    return this.turning && this.pixels === null && this.fits();
+  }
+
   // The error to ask for, in pixels; 0: none at all.
   private wanted(): number {
     if (this.pixels !== null) return this.pixels * this.factor * (this.moving ? kWhileMoving : 1);
     const whole = this.total(o => o.info.triangles);
-    if (this.turning && this.fits()) return 0;
+    if (this.turns()) return 0;
     if (this.moving) {
       if (this.fits() && whole <= this.room)
         return this.fill === 'full' || whole <= kLeastMoving ? 0 : kFirstPixels;
@@ -257,7 +262,7 @@ export class Scene {
       this.lastMove = now;
       this.refused = 0;
     }
-    const moving = now - this.lastMove < kRest;
+    const moving = now - this.lastMove < kRest && !this.turns();
     if (moving !== this.moving) this.changed();
     this.moving = moving;
     this.watch(now);
