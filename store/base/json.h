@@ -18,11 +18,19 @@
 
 namespace mtdb {
 
+// Of an object. A template, as it has a value and is needed where a value is defined.
+template <typename Value>
+struct JsonMember {
+  std::string name;
+  Value value;
+  friend bool operator==(const JsonMember&, const JsonMember&) = default;
+};
+
 // A value goes away without asking for memory, as nlohmann's do not, which end the process when
 // there is none.
 class Json {
  public:
-  struct Member;
+  using Member = JsonMember<Json>;
   using Array = std::vector<Json>;
   using Object = std::vector<Member>;  // in the order of the text, or as they were added
 
@@ -112,12 +120,6 @@ class Json {
   friend class JsonReader;
   friend class JsonWriter;
   std::variant<std::nullptr_t, bool, uint64_t, int64_t, double, std::string, Array, Object> value_;
-};
-
-struct Json::Member {
-  std::string name;
-  Json value;
-  friend bool operator==(const Member&, const Member&) = default;
 };
 
 }  // namespace mtdb
