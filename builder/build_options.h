@@ -61,8 +61,8 @@ struct BuildOptions {
   std::optional<double> weld;
   // Without `weld`, a mesh that was cut along edges, at seams of textures or face by face, is
   // joined there: vertices of equal positions and equal attributes become one where an edge between
-  // such has two opposed triangles, that do not lie back to back (builder/intake/seam_join.h). This keeps
-  // the vertices as they are.
+  // such has two opposed triangles, that do not lie back to back (builder/intake/seam_join.h). This
+  // keeps the vertices as they are.
   bool keep_apart = false;
   // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
   // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
@@ -82,8 +82,8 @@ struct BuildOptions {
   std::string units;     // of lengths, one of kLengthUnits, or empty: not said; kept, likewise
   unsigned threads = 0;  // 0: one per core. The result does not depend on it
   // The most memory that the build may take, at least 256 MiB; the rest goes to temporary files. A
-  // thread takes some 24 MiB, and more with attributes (builder/intake/memory_plan.h); when the memory
-  // does not suffice for all threads, fewer work. The result does not depend on it.
+  // thread takes some 24 MiB, and more with attributes (builder/intake/memory_plan.h); when the
+  // memory does not suffice for all threads, fewer work. The result does not depend on it.
   uint64_t memory_bytes = uint64_t{1} << 30;
   // The folder of temporary files. They have no names, so that the system deletes them with the
   // process.
