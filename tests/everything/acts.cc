@@ -583,6 +583,7 @@ constexpr NamedAct kActs[] = {{"ingest", Ingest},
                               {"picture", PictureAct},
                               {"pack-onto", PackOntoAct},
                               {"page", PageAct},
+                              {"tile", TileAct},
                               {"aim", AimAct},
                               {"pour", PourAct},
                               {"beside", BesideAct}};

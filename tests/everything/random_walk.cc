@@ -62,7 +62,8 @@ class Maker {
   }
 
   void Act() {
-    switch (Between(0, 26)) {
+    switch (Between(0, 27)) {
+      case 27: return Tile();
       case 26: return Aim();
       case 25: return Pour();
       case 24: {
@@ -102,6 +103,14 @@ class Maker {
       case 7: Add("restart"); return;
       default: return Ingest(Chance(0.4));
     }
+  }
+
+  void Tile() {
+    Step& step = Add("tile");
+    step.Set("triangles", static_cast<int64_t>(Scaled(100, 20000)));
+    step.Set("harm", Between(0, 1000));
+    if (Chance(0.3)) step.Set("at", 1);
+    if (Chance(0.5)) step.Set("operation", static_cast<int64_t>(Scaled(1, 300)));
   }
 
   void Picture() {

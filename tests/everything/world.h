@@ -137,6 +137,8 @@ void AimAct(World& world, const Step& step);
 void PourAct(World& world, const Step& step);
 // The viewer's files for any web server, written twice.
 void PageAct(World& world, const Step& step);
+// tile_acts.cc: trees of tiles, of the store and of its packed file, also after a kill.
+void TileAct(World& world, const Step& step);
 // beside_acts.cc: an object is read while an act changes it.
 void BesideAct(World& world, const Step& step);
 // terrain_acts.cc: rasters of heights, from the files to every answer.

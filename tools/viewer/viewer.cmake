@@ -44,12 +44,12 @@ else()
   endforeach()
   list(REMOVE_DUPLICATES viewer_client_sources)
   list(TRANSFORM viewer_client_sources PREPEND ${PROJECT_SOURCE_DIR}/)
-  file(GLOB viewer_headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/codecs/stream/*.h
-    ${PROJECT_SOURCE_DIR}/codecs/stream/internal/*.h ${PROJECT_SOURCE_DIR}/codecs/coding/*.h
-    ${PROJECT_SOURCE_DIR}/codecs/coding/*.inc ${PROJECT_SOURCE_DIR}/codecs/cluster/*.h
-    ${PROJECT_SOURCE_DIR}/codecs/cluster/internal/*.h ${PROJECT_SOURCE_DIR}/query/*.h
-    ${PROJECT_SOURCE_DIR}/query/internal/*.h ${PROJECT_SOURCE_DIR}/store/*.h
-    ${PROJECT_SOURCE_DIR}/store/internal/*.h ${PROJECT_SOURCE_DIR}/store/base/*.h)
+  set(viewer_headers "")
+  foreach(folder codecs/stream codecs/coding codecs/cluster query store)
+    file(GLOB_RECURSE headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.h
+      ${PROJECT_SOURCE_DIR}/${folder}/*.inc)
+    list(APPEND viewer_headers ${headers})
+  endforeach()
   add_custom_command(OUTPUT ${viewer_files}
     COMMAND ${MTDB_NODE} ${viewer_source}/build.mjs --build ${viewer_build}
       --npm ${MTDB_NPM} --wasm-cxx ${MTDB_WASM_CXX}

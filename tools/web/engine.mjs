@@ -9,15 +9,25 @@ const root = join(source, '../..');
 
 export const engineSources = () => [...readLines(join(root, 'query/engine_sources.txt')), ...readLines(join(source, 'engine_sources.txt'))];
 
-// What runs seldom is made small.
-const isSeldom = file => /^tools|^store|json|region|camera|probe|promise|missing|query\/cut\.cc|surface\.cc|cluster_cache|reads|unit_reader|available|session|batches|root_codec|streams|explicit|circle_masks|convex|segment_tree|threshold|spill|kept_triangles|unit_image|compact_cluster|strength|survey|insertion|removal|search|moving|budget|levels|scaled|cut_impl|root_numbering|loaded_unit|attribute_coder|lattice|vertical|stored_order|update_batches/.test(file);
-// What a flight does for each node, and where a cluster's bits are decoded.
-const isFlown = file => /internal\/(survey|convex|judge)\.cc|query\/threshold\.cc|wasm\/engine\.cc/.test(file);
-const isDecoding = file => file.startsWith('codecs/c') && !/lattice/.test(file) && !isSeldom(file);
+// What a flight does for each node, and where a cluster's bits are decoded, is made fast.
+const kFast = [
+  'codecs/cluster/cluster.cc', 'codecs/cluster/cluster_codec.cc', 'codecs/coding/cluster_model.cc',
+  'codecs/coding/hole_frame.cc', 'codecs/coding/patch.cc', 'codecs/coding/rans.cc',
+  'query/cut/judge.cc', 'query/cut/survey.cc', 'query/fields/convex.cc', 'query/moving/moving_survey.cc',
+  'tools/web/wasm/engine.cc',
+];
+// What comes next; all else is made small.
+const kLessSmall = ['query/fields/threshold.cc'];
+const optionsOf = sources => {
+  for (const file of [...kFast, ...kLessSmall]) {
+    if (!sources.includes(file)) throw new Error(`tools/web/engine.mjs: ${file} is no source of the engine`);
+  }
+  return file => (kFast.includes(file) ? ['-O2', '-msimd128'] : [kLessSmall.includes(file) ? '-Os' : '-Oz']);
+};
 
 export const compileEngine = ({build, cxx, launcher, out}) => compileWasm({
   root, build, cxx, launcher, out, stackBytes: 1048576, sources: engineSources(),
   headers: ['xxhash.h', 'zstd.h', 'zstd_errors.h'],
-  optimize: file => (isFlown(file) || isDecoding(file) ? ['-O2', '-msimd128'] : isSeldom(file) ? ['-Oz'] : ['-Os']),
+  optimize: optionsOf(engineSources()),
   flags: [],
 });
